@@ -1,0 +1,1 @@
+"""Data: measured logs in and out, checked before any computation."""

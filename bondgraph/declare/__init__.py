@@ -1,0 +1,1 @@
+"""Declare: domains, units, quantities, elements, graphs, composition and graph files."""

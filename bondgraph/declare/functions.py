@@ -1,0 +1,132 @@
+"""Functions of laws beyond sympy's own: two-argument minimum and maximum, clip, and tabulated functions.
+
+sympy's ``Min`` and ``Max`` compare their arguments with each other whenever one is built, which costs milliseconds for
+symbolic ones and orders them by an internal key; the two-argument forms here keep what the engineer wrote.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import sympy
+from sympy import Expr, Float, Function, Integer, Piecewise
+
+
+def _is_number(*values: Expr) -> bool:
+    return all(value.is_Number for value in values)
+
+
+class minimum(Function):  # type: ignore[misc]
+    """The smaller of two values.
+
+    Examples
+    --------
+    >>> minimum(sympy.Symbol("a"), 2)
+    minimum(a, 2)
+    >>> minimum(1, 2)
+    1
+    """
+
+    nargs = 2
+    is_real = True
+
+    @classmethod
+    def eval(cls, a: Expr, b: Expr) -> Expr | None:
+        """Evaluate where both arguments are numbers or equal."""
+        if a == b:
+            return a
+        return sympy.Min(a, b) if _is_number(a, b) else None
+
+    def fdiff(self, argindex: int = 1) -> Expr:
+        """One where the argument is the smaller, zero elsewhere."""
+        a, b = self.args
+        chosen = a <= b if argindex == 1 else b < a
+        return Piecewise((Integer(1), chosen), (Integer(0), True))
+
+
+class maximum(Function):  # type: ignore[misc]
+    """The larger of two values.
+
+    Examples
+    --------
+    >>> maximum(1, 2)
+    2
+    """
+
+    nargs = 2
+    is_real = True
+
+    @classmethod
+    def eval(cls, a: Expr, b: Expr) -> Expr | None:
+        """Evaluate where both arguments are numbers or equal."""
+        if a == b:
+            return a
+        return sympy.Max(a, b) if _is_number(a, b) else None
+
+    def fdiff(self, argindex: int = 1) -> Expr:
+        """One where the argument is the larger, zero elsewhere."""
+        a, b = self.args
+        chosen = a >= b if argindex == 1 else b > a
+        return Piecewise((Integer(1), chosen), (Integer(0), True))
+
+
+def clip(value: Any, lower: Any, upper: Any) -> Expr:
+    """``value`` held between ``lower`` and ``upper``.
+
+    Examples
+    --------
+    >>> clip(sympy.Symbol("x"), 0, 1)
+    minimum(maximum(x, 0), 1)
+    """
+    return minimum(maximum(sympy.sympify(value), sympy.sympify(lower)), sympy.sympify(upper))
+
+
+class TableFunction(Function):  # type: ignore[misc]
+    """A declared table used in a law: ``name(argument)`` or ``name(argument_1, argument_2)``.
+
+    Subclasses are made by :func:`table_function`; ``slope_of`` holds the name of the table and ``argument`` which
+    derivative is meant (0: the value itself).
+    """
+
+    table_name: str = ""
+    derivative: tuple[int, ...] = ()
+    is_real = True
+
+    def fdiff(self, argindex: int = 1) -> Expr:
+        """The slope of the table in one argument, again a table function."""
+        orders = list(self.derivative or (0,) * len(self.args))
+        orders[argindex - 1] += 1
+        return table_function(self.table_name, len(self.args), tuple(orders))(*self.args)
+
+
+_TABLE_CLASSES: dict[tuple[str, int, tuple[int, ...]], type[TableFunction]] = {}
+
+
+def table_function(name: str, arguments: int = 1, derivative: tuple[int, ...] = ()) -> type[TableFunction]:
+    """The function class of the table ``name``; the same class for the same name, so that expressions compare equal.
+
+    Examples
+    --------
+    >>> table_function("torque")(sympy.Symbol("w"))
+    torque(w)
+    >>> table_function("torque")(sympy.Symbol("w")).diff(sympy.Symbol("w"))
+    torque_d1(w)
+    """
+    orders = derivative if any(derivative) else ()
+    key = (name, arguments, orders)
+    if key not in _TABLE_CLASSES:
+        suffix = "_d" + "".join(str(i + 1) * order for i, order in enumerate(orders)) if orders else ""
+        fields = {"table_name": name, "derivative": orders, "nargs": arguments, "is_real": True}
+        _TABLE_CLASSES[key] = type(name + suffix, (TableFunction,), fields)
+    return _TABLE_CLASSES[key]
+
+
+def number(value: float) -> Expr:
+    """An exact sympy number for a declared value: integers stay integers.
+
+    Examples
+    --------
+    >>> number(2.0), number(0.5)
+    (2, 0.500000000000000)
+    """
+    return Integer(int(value)) if float(value).is_integer() and abs(value) < 2**53 else Float(value)

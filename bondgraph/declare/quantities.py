@@ -1,0 +1,74 @@
+"""Declared quantities: inputs, parameters, tables. One declaration holds everything that is known about each."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+from sympy import Symbol
+
+Interpolation = Literal["linear", "hold"]
+
+
+def symbol(name: str) -> Symbol:
+    """The sympy symbol of a declared name; all quantities of a bond graph are real.
+
+    Examples
+    --------
+    >>> symbol("J").is_real
+    True
+    """
+    return Symbol(name, real=True)
+
+
+@dataclass(frozen=True)
+class Input:
+    """A signal that comes from outside and is known: throttle, voltage, grade.
+
+    ``letters`` maps the codes of a text signal (a gear lever) to values; such an input is always held between samples.
+    """
+
+    name: str
+    unit: str
+    meaning: str = ""
+    default: float = 0.0
+    interpolation: Interpolation = "linear"
+    letters: tuple[tuple[str, float], ...] = ()
+
+    @property
+    def symbol(self) -> Symbol:
+        """Symbol by which laws use the input."""
+        return symbol(self.name)
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """A constant with its unit; with ``bounds`` it may be estimated, without it is known and stays fixed."""
+
+    name: str
+    value: float
+    unit: str
+    meaning: str = ""
+    bounds: tuple[float, float] | None = None
+
+    @property
+    def symbol(self) -> Symbol:
+        """Symbol by which laws use the parameter."""
+        return symbol(self.name)
+
+
+@dataclass(frozen=True)
+class Table:
+    """A tabulated function of one or two arguments, C1-smooth between its points and held at its ends.
+
+    ``values`` is flat for one argument, one row per ``x`` for two. Between the points the interpolant is the monotone
+    piecewise cubic of Fritsch and Carlson (1980), SIAM J. Numer. Anal. 17(2).
+    """
+
+    name: str
+    x: tuple[float, ...]
+    values: tuple[float, ...] | tuple[tuple[float, ...], ...]
+    y: tuple[float, ...] = ()
+    unit: str = ""
+    argument_units: tuple[str, ...] = ()
+    meaning: str = ""

@@ -1,0 +1,1 @@
+"""Derive: causality, state equations, dependent storages, algebraic loops, dimensions, Jacobians."""

@@ -1,0 +1,84 @@
+"""The value that passes from derivation to generation: ordered assignments and state derivatives.
+
+Named bond variables are the common subexpressions: an assignment uses states, inputs, parameters, ``t`` and symbols
+assigned before it, nothing else.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+from sympy import Expr, Symbol
+
+from bondgraph.declare.quantities import Input, Parameter, Table
+
+StateVariable = Literal["flow", "momentum", "displacement", "effort", "integral"]
+
+
+@dataclass(frozen=True)
+class Assignment:
+    """``symbol = expression``; the unit is empty where it is not known (then it is not checked)."""
+
+    symbol: Symbol
+    expression: Expr
+    unit: str
+    meaning: str
+
+
+@dataclass(frozen=True)
+class ImplicitLoop:
+    """A nonlinear algebraic loop without closed form: ``residuals(unknowns) = 0``, solved by Newton's method.
+
+    ``body`` holds assignments that depend on the unknowns and that the residuals use, in order. ``guesses`` are
+    expressions in symbols known before the loop.
+    """
+
+    name: str
+    unknowns: tuple[Symbol, ...]
+    guesses: tuple[Expr, ...]
+    residuals: tuple[Expr, ...]
+    units: tuple[str, ...]
+    body: tuple[Assignment, ...]
+    meaning: str
+
+
+@dataclass(frozen=True)
+class State:
+    """One state: the symbol it has in the equations, its unit, start value and the storage it belongs to."""
+
+    symbol: Symbol
+    unit: str
+    initial: float
+    meaning: str
+    element: str
+    variable: StateVariable
+
+
+@dataclass(frozen=True)
+class OutputEquation:
+    """A measured quantity as an expression of states, inputs, parameters and assigned symbols."""
+
+    symbol: Symbol
+    expression: Expr
+    unit: str
+    meaning: str
+
+
+@dataclass(frozen=True)
+class StateEquations:
+    """Explicit state equations of one graph, ready to be printed.
+
+    ``derivatives[i]`` is the time derivative of ``states[i]``; ``assignments`` are in order of computation.
+    """
+
+    name: str
+    doc: str
+    source: str
+    states: tuple[State, ...]
+    inputs: tuple[Input, ...]
+    parameters: tuple[Parameter, ...]
+    tables: tuple[Table, ...]
+    assignments: tuple[Assignment | ImplicitLoop, ...]
+    derivatives: tuple[Expr, ...]
+    outputs: tuple[OutputEquation, ...]

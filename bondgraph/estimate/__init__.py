@@ -1,0 +1,1 @@
+"""Estimate: parameters that maximise the likelihood of measured logs."""

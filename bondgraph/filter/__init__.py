@@ -1,0 +1,1 @@
+"""Filter: unscented Kalman filters over compiled models, innovations and consistency."""

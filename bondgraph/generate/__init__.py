@@ -1,0 +1,1 @@
+"""Generate: readable numpy modules from state equations, and the check that they have not drifted."""

@@ -1,0 +1,1 @@
+"""Report: plots, drawings, tables and the self-contained HTML page."""

@@ -1,0 +1,1 @@
+"""Simulate: load and compile generated modules, integrate them over inputs."""

@@ -1,0 +1,1 @@
+"""Vehicles and effects declared as bond graphs."""
