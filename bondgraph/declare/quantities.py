@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-from sympy import Symbol
+from sympy import Expr, Symbol
 
 Interpolation = Literal["linear", "hold"]
 
@@ -71,4 +71,35 @@ class Table:
     y: tuple[float, ...] = ()
     unit: str = ""
     argument_units: tuple[str, ...] = ()
+    meaning: str = ""
+
+
+@dataclass(frozen=True)
+class Integral:
+    """An extra state whose rate is an expression: the angle of a shaft, a distance travelled."""
+
+    name: str
+    of: Expr
+    unit: str = ""
+    meaning: str = ""
+    initial: float = 0.0
+
+
+@dataclass(frozen=True)
+class NamedSignal:
+    """An expression with a name; it carries no power."""
+
+    name: str
+    expression: Expr
+    unit: str = ""
+    meaning: str = ""
+
+
+@dataclass(frozen=True)
+class Output:
+    """A measured quantity."""
+
+    name: str
+    expression: Expr
+    unit: str = ""
     meaning: str = ""

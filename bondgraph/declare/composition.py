@@ -1,0 +1,124 @@
+"""Flattening: a graph with parts becomes one graph whose inner names carry the part's name and a dot."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+from sympy import Expr, Symbol
+
+from bondgraph.declare.elements import Bond, Node
+from bondgraph.declare.expressions import is_local, normalise, signal, signal_name
+from bondgraph.declare.functions import TableFunction, table_function
+from bondgraph.declare.quantities import Integral, NamedSignal, Output, symbol
+
+if TYPE_CHECKING:
+    from bondgraph.declare.graph import BondGraph, SubGraph
+
+
+def flatten(graph: BondGraph) -> BondGraph:
+    """The same machine without parts; a graph without parts is returned as it is.
+
+    Examples
+    --------
+    >>> from bondgraph.declare.graph import BondGraph
+    >>> wheel = BondGraph("wheel")
+    >>> hub = wheel.one_junction("hub")
+    >>> _ = wheel.inertance("disc", wheel.parameter("J", 2.0, "kg m^2"), at=hub)
+    >>> car = BondGraph("car")
+    >>> _ = car.include("front", wheel, {"hub": "hub"})
+    >>> flat = flatten(car)
+    >>> list(flat.nodes), [p.name for p in flat.parameters]
+    (['front.hub', 'front.disc'], ['front.J'])
+    """
+    if not graph.subgraphs:
+        return graph
+    flat = type(graph)(graph.name, graph.doc, graph.source)
+    parts = {part.name: (part, flatten(part.graph)) for part in graph.subgraphs}
+
+    def resolve(name: str) -> str:
+        part_name, _, inner = name.partition(".")
+        if not inner or part_name not in parts:
+            return name
+        part, inside = parts[part_name]
+        inner = dict(part.ports).get(inner, inner)
+        return f"{part_name}.{_resolve_inside(part.graph, inner)}" if inner not in inside.nodes else f"{part_name}.{inner}"
+
+    outer = _Renaming(lambda name: name, resolve, {})
+    for quantity in graph.quantities.values():
+        flat._quantities[quantity.name] = outer.quantity(quantity)
+    for part, inside in parts.values():
+        _copy_part(flat, part, inside, outer)
+    for node in graph.nodes.values():
+        flat._nodes[node.name] = outer.node(node, node.name)
+    flat._bonds += [Bond(resolve(bond.source), resolve(bond.target)) for bond in graph.bonds]
+    for output in graph.outputs:
+        flat._outputs[output.name] = dataclasses.replace(output, expression=outer.expression(output.expression))
+    return flat
+
+
+def _resolve_inside(graph: BondGraph, name: str) -> str:
+    part_name, _, inner = name.partition(".")
+    for part in graph.subgraphs:
+        if part.name == part_name:
+            inner = dict(part.ports).get(inner, inner)
+            return f"{part_name}.{_resolve_inside(part.graph, inner)}"
+    return name
+
+
+def _copy_part(flat: BondGraph, part: SubGraph, inside: BondGraph, outer: _Renaming) -> None:
+    bound = {name: outer.expression(expression) for name, expression in part.bind}
+    renaming = _Renaming(lambda name: f"{part.name}.{name}", lambda name: f"{part.name}.{name}", bound)
+    for quantity in inside.quantities.values():
+        if quantity.name not in bound:
+            renamed = renaming.quantity(quantity)
+            flat._quantities[renamed.name] = renamed
+    for node in inside.nodes.values():
+        name = f"{part.name}.{node.name}"
+        flat._nodes[name] = renaming.node(node, name)
+    flat._bonds += [Bond(f"{part.name}.{b.source}", f"{part.name}.{b.target}") for b in inside.bonds]
+    for output in inside.outputs:
+        name = f"{part.name}.{output.name}"
+        flat._outputs[name] = dataclasses.replace(
+            output, name=name, expression=renaming.expression(output.expression)
+        )
+
+
+class _Renaming:
+    """New names for the quantities, nodes and tables that expressions mention."""
+
+    def __init__(
+        self, quantity_name: Callable[[str], str], node_name: Callable[[str], str], bound: dict[str, Expr]
+    ) -> None:
+        self.quantity_name, self.node_name, self.bound = quantity_name, node_name, bound
+
+    def _symbol(self, used: Symbol) -> Expr:
+        read = signal_name(used)
+        if read is not None:
+            return signal(read.variable, self.node_name(read.node), read.port)
+        if used.name == "t" or is_local(used):
+            return used
+        return self.bound.get(used.name, symbol(self.quantity_name(used.name)))
+
+    def expression(self, expression: Expr) -> Expr:
+        replaced = expression.xreplace({used: self._symbol(used) for used in expression.free_symbols})
+        tables = {
+            used: table_function(self.quantity_name(used.table_name), len(used.args), used.derivative)
+            for used in sorted(replaced.atoms(TableFunction), key=str)
+        }
+        for used, function in tables.items():
+            replaced = replaced.replace(used.func, function)
+        return normalise(replaced)
+
+    def node(self, node: Node, name: str) -> Node:
+        laws = tuple((given, self.expression(law)) for given, law in node.laws)
+        return dataclasses.replace(node, name=name, laws=laws)
+
+    def quantity(self, quantity: Any) -> Any:
+        name = self.quantity_name(quantity.name)
+        if isinstance(quantity, Integral):
+            return dataclasses.replace(quantity, name=name, of=self.expression(quantity.of))
+        if isinstance(quantity, NamedSignal | Output):
+            return dataclasses.replace(quantity, name=name, expression=self.expression(quantity.expression))
+        return dataclasses.replace(quantity, name=name)

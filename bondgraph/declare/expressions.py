@@ -1,0 +1,292 @@
+"""Expressions of laws: safe parsing, signals, and text that parses back to the same expression.
+
+Nothing is evaluated as Python: the text is parsed to a syntax tree and only arithmetic, comparisons, the functions in
+:data:`FUNCTIONS`, declared names, declared tables and signals are accepted.
+"""
+
+from __future__ import annotations
+
+import ast
+import functools
+import keyword
+import re
+from collections.abc import Callable, Mapping
+from typing import Any, NamedTuple
+
+import sympy
+from sympy import Expr, Float, Integer, Symbol
+from sympy.printing.str import StrPrinter
+
+from bondgraph.declare.functions import clip, maximum, minimum, number
+from bondgraph.declare.quantities import symbol
+from bondgraph.errors import DeclarationError, suggest
+
+_SIGNAL = re.compile(r"\b(effort|flow|displacement|momentum)(\d*)\(\s*([A-Za-z0-9_.]+)\s*\)")
+_SIGNAL_NAME = re.compile(r"(effort|flow|displacement|momentum)(\d*)\(([A-Za-z0-9_.]+)\)\Z")
+_LOCAL_NAME = re.compile(r"(effort|flow|displacement|momentum)\d*\Z")
+_KEPT_WORDS = {"True", "False", "and", "or", "not", "if", "else"}
+_ESCAPED = "__word_"
+
+
+def _nested(function: Any) -> Callable[..., Expr]:
+    def fold(*arguments: Expr) -> Expr:
+        return functools.reduce(function, arguments)
+
+    return fold
+
+
+#: Functions that laws may use, by the names accepted in text.
+FUNCTIONS: dict[str, Callable[..., Expr]] = {
+    "sin": sympy.sin, "cos": sympy.cos, "tan": sympy.tan,
+    "asin": sympy.asin, "acos": sympy.acos, "atan": sympy.atan, "atan2": sympy.atan2,
+    "sinh": sympy.sinh, "cosh": sympy.cosh, "tanh": sympy.tanh,
+    "exp": sympy.exp, "log": sympy.log, "ln": sympy.log, "sqrt": sympy.sqrt,
+    "abs": sympy.Abs, "Abs": sympy.Abs, "sign": sympy.sign, "floor": sympy.floor,
+    "min": _nested(minimum), "Min": _nested(minimum), "minimum": _nested(minimum),
+    "max": _nested(maximum), "Max": _nested(maximum), "maximum": _nested(maximum),
+    "clip": clip, "pow": sympy.Pow, "Heaviside": lambda x: sympy.Piecewise((Integer(1), x >= 0), (Integer(0), True)),
+}  # fmt: skip
+
+_BINARY: dict[type[ast.operator], Callable[[Expr, Expr], Expr]] = {
+    ast.Add: lambda a, b: a + b,
+    ast.Sub: lambda a, b: a - b,
+    ast.Mult: lambda a, b: a * b,
+    ast.Div: lambda a, b: a / b,
+    ast.Pow: lambda a, b: a**b,
+}
+_COMPARE: dict[type[ast.cmpop], Callable[[Expr, Expr], Any]] = {
+    ast.Lt: sympy.Lt, ast.LtE: sympy.Le, ast.Gt: sympy.Gt, ast.GtE: sympy.Ge, ast.Eq: sympy.Eq, ast.NotEq: sympy.Ne,
+}  # fmt: skip
+
+
+class SignalName(NamedTuple):
+    """What a signal reads: the variable (``flow``), the port (0 where there is one) and the node."""
+
+    variable: str
+    port: int
+    node: str
+
+
+def signal(variable: str, node: str, port: int = 0) -> Symbol:
+    """The symbol of a signal such as ``flow(shaft)`` or ``displacement2(field)``.
+
+    Examples
+    --------
+    >>> signal("flow", "shaft")
+    flow(shaft)
+    """
+    return symbol(f"{variable}{port or ''}({node})")
+
+
+def signal_name(candidate: Symbol) -> SignalName | None:
+    """What a symbol reads if it is a signal, else None.
+
+    Examples
+    --------
+    >>> signal_name(signal("momentum", "rotor", 2))
+    SignalName(variable='momentum', port=2, node='rotor')
+    """
+    found = _SIGNAL_NAME.match(candidate.name)
+    return SignalName(found[1], int(found[2] or 0), found[3]) if found else None
+
+
+def is_local(candidate: Symbol) -> bool:
+    """Whether a symbol is an element's own variable (``flow``, ``displacement2``) and not a signal or quantity."""
+    return _LOCAL_NAME.match(candidate.name) is not None
+
+
+def signals_in(expression: Expr) -> list[Symbol]:
+    """Signals used by an expression, sorted by name."""
+    return sorted((s for s in expression.free_symbols if signal_name(s)), key=lambda s: s.name)
+
+
+def normalise(expression: Any) -> Expr:
+    """A sympy expression in the vocabulary of the toolkit: numbers exact or floats, Min/Max as nested pairs.
+
+    Examples
+    --------
+    >>> normalise(sympy.Max(sympy.Symbol("x", real=True), 0))
+    maximum(0, x)
+    """
+    result = number(expression) if isinstance(expression, int | float) else sympy.sympify(expression)
+    if result.has(sympy.Min, sympy.Max, sympy.Heaviside):
+        order = sympy.default_sort_key
+        result = result.replace(sympy.Min, lambda *a: functools.reduce(minimum, sorted(a, key=order)))
+        result = result.replace(sympy.Max, lambda *a: functools.reduce(maximum, sorted(a, key=order)))
+        result = result.replace(sympy.Heaviside, lambda x, *_: FUNCTIONS["Heaviside"](x))
+    return result
+
+
+def parse(text: str, names: Mapping[str, Any], where: str) -> Expr:
+    """Parse the text of an expression safely.
+
+    Parameters
+    ----------
+    text
+        Arithmetic in declared names, local variables, signals, tables and :data:`FUNCTIONS`.
+    names
+        What each declared name stands for: a symbol, or a callable for a table.
+    where
+        Name of the element or output, for messages.
+
+    Raises
+    ------
+    DeclarationError
+        If the text does not parse, uses an unknown name or anything but arithmetic.
+
+    Examples
+    --------
+    >>> parse("b*flow + max(flow, 0)", {"b": symbol("b"), "flow": symbol("flow")}, "bearing")
+    b*flow + maximum(flow, 0)
+    """
+    if not isinstance(text, str):
+        return normalise(_checked_number(text, where))
+    signals: dict[str, Symbol] = {}
+
+    def hide(found: re.Match[str]) -> str:
+        placeholder = f"__signal_{len(signals)}"
+        signals[placeholder] = signal(found[1], found[3], int(found[2] or 0))
+        return placeholder
+
+    source = _SIGNAL.sub(hide, text.strip())
+    source = re.sub(r"\b[A-Za-z_]\w*\b", _escape_word, source)
+    try:
+        tree = ast.parse(source, mode="eval").body
+    except (SyntaxError, ValueError) as error:
+        raise DeclarationError(
+            f"{where}: expression {text!r} cannot be read ({error.args[0]}) - write it as in Python, with * and **",
+            where=(where,),
+        ) from None
+    return normalise(_Reader(names, signals, where, text).read(tree))
+
+
+def _checked_number(value: Any, where: str) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise DeclarationError(f"{where}: expected an expression or a number but got {value!r}", where=(where,))
+    return value
+
+
+def _escape_word(found: re.Match[str]) -> str:
+    word = found[0]
+    return _ESCAPED + word if keyword.iskeyword(word) and word not in _KEPT_WORDS else word
+
+
+class _Reader:
+    """Turns the accepted part of a Python syntax tree into a sympy expression."""
+
+    def __init__(self, names: Mapping[str, Any], signals: Mapping[str, Symbol], where: str, text: str) -> None:
+        self.names, self.signals, self.where, self.text = names, signals, where, text
+
+    def read(self, node: ast.expr) -> Any:
+        if isinstance(node, ast.Constant):
+            return self._constant(node.value)
+        if isinstance(node, ast.Name | ast.Attribute):
+            return self._name(self._dotted(node))
+        if isinstance(node, ast.BinOp) and type(node.op) in _BINARY:
+            return _BINARY[type(node.op)](self.read(node.left), self.read(node.right))
+        if isinstance(node, ast.UnaryOp):
+            return self._unary(node)
+        if isinstance(node, ast.Compare):
+            return self._comparison(node)
+        if isinstance(node, ast.BoolOp):
+            join = sympy.And if isinstance(node.op, ast.And) else sympy.Or
+            return join(*(self.read(value) for value in node.values))
+        if isinstance(node, ast.IfExp):
+            return sympy.Piecewise((self.read(node.body), self.read(node.test)), (self.read(node.orelse), True))
+        if isinstance(node, ast.Call):
+            return self._call(node)
+        raise self._refusal(f"{type(node).__name__} is not arithmetic")
+
+    def _constant(self, value: Any) -> Any:
+        if isinstance(value, bool):
+            return sympy.true if value else sympy.false
+        if isinstance(value, int):
+            return Integer(value)
+        if isinstance(value, float):
+            return Float(value)
+        raise self._refusal(f"{value!r} is not a number")
+
+    def _dotted(self, node: ast.expr) -> str:
+        if isinstance(node, ast.Name):
+            return node.id.removeprefix(_ESCAPED)
+        if isinstance(node, ast.Attribute):
+            return f"{self._dotted(node.value)}.{node.attr.removeprefix(_ESCAPED)}"
+        raise self._refusal("only names may have dots")
+
+    def _name(self, name: str) -> Any:
+        if name in self.signals:
+            return self.signals[name]
+        if name in self.names and not callable(self.names[name]):
+            return self.names[name]
+        if name == "pi":
+            return sympy.pi
+        known = [*self.names, *FUNCTIONS, "pi", "t"]
+        raise self._refusal(
+            f"name {name!r} is not declared{suggest(name, known)}", todo="declare it as a parameter, input or signal"
+        )
+
+    def _unary(self, node: ast.UnaryOp) -> Any:
+        value = self.read(node.operand)
+        if isinstance(node.op, ast.USub):
+            return -value
+        if isinstance(node.op, ast.UAdd):
+            return value
+        if isinstance(node.op, ast.Not):
+            return sympy.Not(value)
+        raise self._refusal("~ is not arithmetic")
+
+    def _comparison(self, node: ast.Compare) -> Any:
+        values = [self.read(node.left), *(self.read(value) for value in node.comparators)]
+        parts = []
+        for operator, left, right in zip(node.ops, values[:-1], values[1:], strict=True):
+            if type(operator) not in _COMPARE:
+                raise self._refusal("only < <= > >= == != compare")
+            parts.append(_COMPARE[type(operator)](left, right))
+        return sympy.And(*parts) if len(parts) > 1 else parts[0]
+
+    def _call(self, node: ast.Call) -> Any:
+        name = self._dotted(node.func)
+        if node.keywords:
+            raise self._refusal(f"{name} takes no keyword arguments")
+        if name == "Piecewise":
+            return sympy.Piecewise(*(self._branch(argument) for argument in node.args))
+        function = self.names[name] if callable(self.names.get(name)) else FUNCTIONS.get(name)
+        if function is None:
+            known = [*FUNCTIONS, *(known for known, value in self.names.items() if callable(value))]
+            raise self._refusal(f"function {name!r} is not known{suggest(name, known)}", todo="declare it as a table")
+        try:
+            return function(*(self.read(argument) for argument in node.args))
+        except TypeError:
+            raise self._refusal(f"{name} does not take {len(node.args)} argument(s)") from None
+
+    def _branch(self, node: ast.expr) -> tuple[Any, Any]:
+        if not isinstance(node, ast.Tuple) or len(node.elts) != 2:
+            raise self._refusal("Piecewise takes pairs (value, condition)")
+        return self.read(node.elts[0]), self.read(node.elts[1])
+
+    def _refusal(self, what: str, todo: str = "use arithmetic, declared names and known functions") -> DeclarationError:
+        return DeclarationError(f"{self.where}: {what} in {self.text!r} - {todo}", where=(self.where,))
+
+
+class _TextPrinter(StrPrinter):  # type: ignore[misc]
+    """Text of an expression that :func:`parse` reads back to the same value."""
+
+    def _print_Float(self, expression: Float) -> str:
+        return repr(float(expression))
+
+    def _print_Heaviside(self, expression: Expr) -> str:
+        return f"Heaviside({self._print(expression.args[0])})"
+
+
+_PRINTER = _TextPrinter()
+
+
+def to_text(expression: Expr) -> str:
+    """Text of an expression; parsing it gives the expression back.
+
+    Examples
+    --------
+    >>> to_text(symbol("a") / 2 + 0.1)
+    'a/2 + 0.1'
+    """
+    return str(_PRINTER.doprint(expression))

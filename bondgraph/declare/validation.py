@@ -1,0 +1,190 @@
+"""Checks of declared quantities and of complete graphs."""
+
+from __future__ import annotations
+
+import itertools
+import math
+import re
+from typing import TYPE_CHECKING, Any
+
+import networkx as nx
+
+from bondgraph.declare.domains import Domain
+from bondgraph.declare.elements import SOURCES, STORAGES, TWO_PORTS, Node
+from bondgraph.declare.expressions import signal_name, signals_in
+from bondgraph.declare.quantities import Input, Integral, NamedSignal, Output, Parameter, Table
+from bondgraph.errors import DeclarationError, suggest
+from bondgraph.units import parse_unit
+
+if TYPE_CHECKING:
+    from bondgraph.declare.graph import BondGraph
+
+_NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*(\.[A-Za-z0-9_]+)*\Z")
+_RESERVED = re.compile(r"(t|pi|(effort|flow|displacement|momentum)\d*)\Z")
+
+Quantity = Input | Parameter | Table | Integral | NamedSignal | Output
+
+
+def check_quantity(quantity: Quantity, graph: str) -> None:
+    """Raise DeclarationError unless name, unit, values and bounds of a quantity are possible."""
+    name = quantity.name
+    where = f"{graph}: {name}"
+    if not _NAME.match(name):
+        raise DeclarationError(f"{graph}: name {name!r} - use letters, digits and underscores", where=(name,))
+    if _RESERVED.match(name):
+        raise DeclarationError(
+            f"{where}: this name is reserved for time, pi and the elements' own variables - use another", where=(name,)
+        )
+    try:
+        parse_unit(quantity.unit)
+        for unit in getattr(quantity, "argument_units", ()):
+            parse_unit(unit)
+    except DeclarationError as error:
+        raise DeclarationError(f"{where}: {error.message}", where=(name,)) from None
+    for label in ("value", "default", "initial"):
+        value = getattr(quantity, label, 0.0)
+        if not math.isfinite(value):
+            raise DeclarationError(f"{where}: {label} {value} must be a finite number", where=(name,))
+    if isinstance(quantity, Parameter) and quantity.bounds is not None:
+        _check_bounds(quantity, where)
+
+
+def _check_bounds(parameter: Parameter, where: str) -> None:
+    assert parameter.bounds is not None
+    lower, upper = parameter.bounds
+    if not (math.isfinite(lower) and math.isfinite(upper) and lower < upper):
+        raise DeclarationError(
+            f"{where}: bounds ({lower}, {upper}) must be two finite numbers, the lower first", where=(parameter.name,)
+        )
+    if not lower <= parameter.value <= upper:
+        raise DeclarationError(
+            f"{where}: value {parameter.value} {parameter.unit} lies outside its bounds ({lower}, {upper}) - "
+            "correct the value or widen the bounds",
+            where=(parameter.name,),
+        )
+
+
+def check_table(table: Table, graph: str) -> None:
+    """Raise DeclarationError unless a table has increasing arguments and one finite value for each."""
+    where = f"{graph}: table {table.name}"
+    for label, points in (("x", table.x), ("y", table.y)):
+        if label == "y" and not points:
+            continue
+        if len(points) < 2 or any(b <= a for a, b in itertools.pairwise(points)):
+            raise DeclarationError(
+                f"{where}: {label} must have at least 2 strictly increasing points, got {list(points)[:6]}",
+                where=(table.name,),
+            )
+    rows: Any = table.values
+    if len(rows) != len(table.x) or (table.y and any(len(row) != len(table.y) for row in rows)):
+        shape = f"{len(table.x)} rows of {len(table.y)}" if table.y else str(len(table.x))
+        raise DeclarationError(f"{where}: needs {shape} values, got {len(rows)}", where=(table.name,))
+    flat = [value for row in rows for value in row] if table.y else list(rows)
+    if not all(math.isfinite(value) for value in (*flat, *table.x, *table.y)):
+        raise DeclarationError(f"{where}: all points and values must be finite", where=(table.name,))
+
+
+def validate(graph: BondGraph) -> None:
+    """Raise DeclarationError for what can only be known when the (flat) graph is complete."""
+    if not graph.nodes:
+        raise DeclarationError(f"{graph.name}: the graph has no nodes - declare junctions and elements", (graph.name,))
+    incidence = graph.incidence()
+    for node in graph.nodes.values():
+        _check_degree(graph, node, incidence[node.name])
+    node_domains(graph)
+    _check_signals(graph)
+
+
+def _check_degree(graph: BondGraph, node: Node, bonds: list[tuple[int, bool]]) -> None:
+    degree = len(bonds)
+    incoming = sum(inward for _, inward in bonds)
+    where = f"{graph.name}: {node.name}"
+    if node.is_junction:
+        if degree == 0:
+            raise DeclarationError(f"{where}: {node.kind}-junction without bonds - bond it or remove it", (node.name,))
+    elif node.kind in TWO_PORTS:
+        if degree != 2 or incoming != 1:
+            raise DeclarationError(
+                f"{where}: a {node.kind} has one incoming and one outgoing bond, this one has {incoming} in and "
+                f"{degree - incoming} out",
+                where=(node.name,),
+            )
+    elif degree != node.ports:
+        kind = "source" if node.kind in SOURCES else "storage" if node.kind in STORAGES else "element"
+        raise DeclarationError(
+            f"{where}: the {node.kind} {kind} has {node.ports} port(s) but {degree} bond(s) - "
+            "each port takes exactly one bond; use a junction to share it",
+            where=(node.name,),
+        )
+
+
+def node_domains(graph: BondGraph) -> dict[str, Domain | None]:
+    """The domain of every junction and one-port, spread along bonds; two-ports and fields take None.
+
+    Raises
+    ------
+    DeclarationError
+        If a bond joins two domains without a transformer, gyrator or field between them.
+    """
+    network: nx.Graph = nx.Graph()
+    network.add_nodes_from(graph.nodes)
+    couplers = {n.name for n in graph.nodes.values() if n.kind in TWO_PORTS or n.ports > 1}
+    network.add_edges_from((b.source, b.target) for b in graph.bonds if not {b.source, b.target} & couplers)
+    domains: dict[str, Domain | None] = dict.fromkeys(graph.nodes)
+    for component in nx.connected_components(network):
+        declared = [n for n in graph.nodes if n in component and graph.nodes[n].domain is not None]
+        found = {graph.nodes[n].domain for n in declared}
+        if len(found) > 1:
+            _refuse_mixed(graph, network, declared)
+        for name in component:
+            domains[name] = next(iter(found)) if found and name not in couplers else None
+    return domains
+
+
+def _refuse_mixed(graph: BondGraph, network: nx.Graph, declared: list[str]) -> None:
+    first = declared[0]
+    other = next(n for n in declared if graph.nodes[n].domain != graph.nodes[first].domain)
+    path = nx.shortest_path(network, first, other)
+    raise DeclarationError(
+        f"{graph.name}: bond {path[-2]} -> {path[-1]} joins {graph.nodes[first].domain.name} and "  # type: ignore[union-attr]
+        f"{graph.nodes[other].domain.name}; put a transformer or gyrator between them",  # type: ignore[union-attr]
+        where=(f"bond {path[-2]} -> {path[-1]}",),
+    )
+
+
+def _check_signals(graph: BondGraph) -> None:
+    users: list[tuple[str, Any]] = [(n.name, law) for n in graph.nodes.values() for _, law in n.laws]
+    users += [(i.name, i.of) for i in graph.integrals]
+    users += [(s.name, s.expression) for s in (*graph.signals, *graph.outputs)]
+    for user, expression in users:
+        for used in signals_in(expression):
+            _check_signal(graph, user, used)
+
+
+def _check_signal(graph: BondGraph, user: str, used: Any) -> None:
+    read = signal_name(used)
+    assert read is not None
+    node = graph.nodes.get(read.node)
+    where = f"{graph.name}: {user}"
+    if node is None:
+        raise DeclarationError(
+            f"{where}: signal {used.name}: no node {read.node!r}{suggest(read.node, graph.nodes)}", where=(user,)
+        )
+    storage = {"displacement": "C", "momentum": "I"}.get(read.variable)
+    if storage is not None and node.kind != storage:
+        raise DeclarationError(
+            f"{where}: signal {used.name}: {read.node} is a {node.kind}, only a {storage} has a {read.variable}",
+            where=(user,),
+        )
+    common = {"0": "effort", "1": "flow"}.get(node.kind)
+    if common is not None and read.variable != common:
+        raise DeclarationError(
+            f"{where}: signal {used.name}: the bonds of a {node.kind}-junction differ in {read.variable} - read the "
+            f"{read.variable} of one element instead",
+            where=(user,),
+        )
+    if (node.kind in TWO_PORTS or node.ports > 1) and not 1 <= read.port <= max(node.ports, 2):
+        raise DeclarationError(
+            f"{where}: signal {used.name}: {read.node} has several ports - write {read.variable}1({read.node})", (user,)
+        )
+
