@@ -1,13 +1,15 @@
 """Units: one registry (pint), conversion to SI, and dimensions as exponent vectors.
 
-Inside the toolkit every number is in SI; other units appear only where a unit string is written next to a declared value
-or in the header of a log. Angles are dimensionless, as in the SI.
+Inside the toolkit every number is in SI; other units appear only where a unit string is written next to a declared
+value or in the header of a log. Angles are dimensionless, as in the SI.
 """
 
 from __future__ import annotations
 
 import functools
+from collections.abc import Mapping
 from fractions import Fraction
+from typing import Any
 
 import pint
 
@@ -23,9 +25,9 @@ DIMENSIONLESS: Dimension = (Fraction(0),) * len(_BASE)
 
 
 @functools.cache
-def registry() -> pint.UnitRegistry:
+def registry() -> pint.UnitRegistry[Any]:
     """The unit registry of the toolkit (built once, on first use)."""
-    units: pint.UnitRegistry = pint.UnitRegistry(autoconvert_offset_to_baseunit=True)
+    units: pint.UnitRegistry[Any] = pint.UnitRegistry(autoconvert_offset_to_baseunit=True)
     return units
 
 
@@ -40,14 +42,15 @@ def parse_unit(unit: str) -> pint.Unit:
 
     Examples
     --------
-    >>> str(parse_unit("N m / A"))
-    'newton * meter / ampere'
+    >>> parse_unit("N m / A").is_compatible_with("V s")
+    True
     """
     try:
         return registry().Unit("dimensionless" if unit.strip() in ("", "1") else unit)
     except Exception as error:  # pint raises many kinds: undefined unit, tokenizer and syntax errors
         raise DeclarationError(
-            f"unit {unit!r} is not known ({type(error).__name__}) - write SI units such as 'N m', 'rad/s', 'kg m^2' or '1'",
+            f"unit {unit!r} is not known ({type(error).__name__}) - "
+            "write SI units such as 'N m', 'rad/s', 'kg m^2' or '1'",
             where=(unit,),
         ) from None
 
@@ -61,7 +64,7 @@ def dimension(unit: str) -> Dimension:
     >>> dimension("N m") == dimension("W s")
     True
     """
-    powers = dict(parse_unit(unit).dimensionality)
+    powers: Mapping[str, Any] = parse_unit(unit).dimensionality
     return tuple(Fraction(powers.get(base, 0)).limit_denominator(1000) for base in _BASE)
 
 
