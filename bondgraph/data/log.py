@@ -1,0 +1,214 @@
+"""Logs as values: what was measured, in the units in which it was written, and what a model sees of it.
+
+A ``Log`` is a table with one time column; a ``MatchedLog`` is the same table in the order and units of one model. Both
+are immutable. This module imports nothing but numpy, so every run-time room may use it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from bondgraph.errors import DataError, suggest
+
+FloatArray = npt.NDArray[np.float64]
+TextArray = npt.NDArray[np.str_]
+
+#: Row of a table in which its first sample stands: row 1 is the header.
+FIRST_ROW = 2
+
+
+@dataclass(frozen=True)
+class LogChannel:
+    """One signal of a log.
+
+    ``values`` has shape (n,): floats with NaN where nothing was measured, or text (gear codes) with ``""`` there.
+    """
+
+    name: str
+    unit: str
+    values: FloatArray | TextArray
+
+    @property
+    def is_text(self) -> bool:
+        """Whether the channel holds codes rather than numbers."""
+        return self.values.dtype.kind == "U"
+
+    @property
+    def missing(self) -> npt.NDArray[np.bool_]:
+        """Where nothing was measured, shape (n,)."""
+        empty: npt.NDArray[np.bool_] = self.values == "" if self.is_text else np.isnan(self.values)
+        return empty
+
+    @property
+    def numbers(self) -> FloatArray:
+        """The values of a numeric channel.
+
+        Raises
+        ------
+        DataError
+            If the channel holds text.
+        """
+        if self.is_text:
+            first = int(np.argmax(~self.missing))
+            raise DataError(
+                f"column {self.name!r} holds text such as {str(self.values[first])!r} (row {first + FIRST_ROW}) "
+                "where a number is needed",
+                where=(self.name,),
+            )
+        return self.values.astype(np.float64, copy=False)
+
+
+@dataclass(frozen=True)
+class Log:
+    """A measured or simulated log: time in seconds, strictly increasing, and channels in their own units.
+
+    Parameters
+    ----------
+    name
+        Short name used in messages and reports.
+    time
+        Shape (n,), seconds.
+    channels
+        By name; each has n values.
+    source
+        File the log came from, empty for a simulated one.
+    metadata
+        Anything else worth keeping (vehicle, date, tune), as text.
+
+    Raises
+    ------
+    DataError
+        If times do not strictly increase (with the rows), a channel has another length, or a value is infinite.
+
+    Examples
+    --------
+    >>> log = Log("run", np.array([0.0, 0.1]), {"speed": LogChannel("speed", "km/h", np.array([36.0, np.nan]))})
+    >>> log.channel("speed").missing.tolist()
+    [False, True]
+    """
+
+    name: str
+    time: FloatArray
+    channels: Mapping[str, LogChannel]
+    source: str = ""
+    metadata: Mapping[str, str] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        _require_increasing(self.name, self.time)
+        for channel in self.channels.values():
+            _require_fitting(self.name, channel, self.time.size)
+
+    def __len__(self) -> int:
+        return int(self.time.size)
+
+    def channel(self, name: str) -> LogChannel:
+        """The channel called ``name``.
+
+        Raises
+        ------
+        DataError
+            If there is none.
+        """
+        if name not in self.channels:
+            raise DataError(
+                f"{self.name}: no column {name!r}{suggest(name, self.channels)} - the columns are "
+                + ", ".join(self.channels),
+                where=(self.name, name),
+            )
+        return self.channels[name]
+
+    def rows(self, chosen: npt.NDArray[np.bool_]) -> Log:
+        """The log at the chosen rows only, shape (n,) of truth values."""
+        channels = {name: replace(channel, values=channel.values[chosen]) for name, channel in self.channels.items()}
+        return replace(self, time=self.time[chosen], channels=channels)
+
+
+@dataclass(frozen=True)
+class MatchedLog:
+    """A log in the order and units of one model.
+
+    Parameters
+    ----------
+    name
+        Name of the log.
+    time
+        Shape (n,), seconds.
+    u
+        Inputs, shape (n_u, n), complete: between samples of a slower signal filled as the input declares.
+    y
+        Measured outputs, shape (n_y, n), NaN where nothing was measured; never interpolated.
+    theta_overrides
+        Parameters that this log knows (a tune, a payload), by name.
+    unmatched
+        Columns of the log that the model does not use.
+    notes
+        What deserves attention and did not stop the match.
+    """
+
+    name: str
+    time: FloatArray
+    u: FloatArray
+    y: FloatArray
+    theta_overrides: Mapping[str, float] = field(default_factory=dict)
+    unmatched: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
+
+    def __len__(self) -> int:
+        return int(self.time.size)
+
+    def rows(self, chosen: npt.NDArray[np.bool_]) -> MatchedLog:
+        """The log at the chosen rows only, shape (n,) of truth values."""
+        return replace(self, time=self.time[chosen], u=self.u[:, chosen], y=self.y[:, chosen])
+
+
+def _require_increasing(name: str, time: FloatArray) -> None:
+    if time.ndim != 1 or time.size == 0:
+        raise DataError(f"{name}: the log has no samples", where=(name,))
+    bad = np.flatnonzero(~np.isfinite(time))
+    if bad.size:
+        raise DataError(
+            f"{name}: column 'time' has no value in {row_list(bad)} - every sample needs its time", where=(name, "time")
+        )
+    back = np.flatnonzero(np.diff(time) <= 0) + 1
+    if back.size:
+        first = int(back[0])
+        raise DataError(
+            f"{name}: time does not increase in {row_list(back)} ({time[first - 1]:.10g} s, then {time[first]:.10g} s)"
+            " - sort the samples and drop repeated ones",
+            where=(name, "time"),
+        )
+
+
+def _require_fitting(name: str, channel: LogChannel, size: int) -> None:
+    if channel.values.shape != (size,):
+        raise DataError(
+            f"{name}: column {channel.name!r} has {channel.values.size} values for {size} times",
+            where=(name, channel.name),
+        )
+    if not channel.is_text:
+        infinite = np.flatnonzero(np.isinf(channel.numbers))
+        if infinite.size:
+            raise DataError(
+                f"{name}: column {channel.name!r} is infinite in {row_list(infinite)}"
+                " - leave the cell empty where nothing was measured",
+                where=(name, channel.name),
+            )
+
+
+def row_list(indices: npt.NDArray[np.intp], shown: int = 3) -> str:
+    """Row numbers of samples as one reads them in a table, for messages.
+
+    Examples
+    --------
+    >>> row_list(np.array([0])), row_list(np.array([3, 4, 8, 9, 11]))
+    ('row 2', 'rows 5, 6, 10 and 2 more')
+    """
+    rows = [str(int(index) + FIRST_ROW) for index in indices]
+    if len(rows) == 1:
+        return f"row {rows[0]}"
+    more = f" and {len(rows) - shown} more" if len(rows) > shown else ""
+    return "rows " + ", ".join(rows[:shown]) + more

@@ -1,0 +1,281 @@
+"""Bring a log into the order and units of a model.
+
+Columns are matched to inputs, outputs and parameters by name, after a mapping for logs that use other names. Nothing is
+dropped or invented in silence: what the model does not use and what the log does not hold is listed.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Protocol
+
+import numpy as np
+
+from bondgraph.data.checks import check_log
+from bondgraph.data.header import TEXT_UNIT, convert_unit
+from bondgraph.data.log import FIRST_ROW, FloatArray, Log, LogChannel, MatchedLog
+from bondgraph.errors import DataError, OptionError, suggest
+
+
+class Quantity(Protocol):
+    """Name and unit of anything a model declares."""
+
+    @property
+    def name(self) -> str:
+        """Name as declared."""
+
+    @property
+    def unit(self) -> str:
+        """SI unit as declared."""
+
+
+class InputQuantity(Quantity, Protocol):
+    """An input: its default and how it runs between samples."""
+
+    @property
+    def default(self) -> float:
+        """Value where no log gives one."""
+
+    @property
+    def interpolation(self) -> str:
+        """Either ``linear`` or ``hold`` between samples."""
+
+    @property
+    def letters(self) -> Mapping[str, float] | Sequence[tuple[str, float]] | None:
+        """Values of codes, if any."""
+
+
+class Signals(Protocol):
+    """What matching needs to know of a model."""
+
+    @property
+    def name(self) -> str:
+        """Name of the model."""
+
+    @property
+    def inputs(self) -> Sequence[InputQuantity]:
+        """Inputs in the order of ``u``."""
+
+    @property
+    def parameters(self) -> Sequence[Quantity]:
+        """Parameters in the order of ``theta``."""
+
+    @property
+    def outputs(self) -> Sequence[Quantity]:
+        """Outputs in the order of ``y``."""
+
+
+def match(log: Log, model: Signals, mapping: Mapping[str, str] | None = None) -> MatchedLog:
+    """A log in the order and units of a model.
+
+    Parameters
+    ----------
+    log
+        As read.
+    model
+        Anything with ``inputs``, ``outputs`` and ``parameters``, such as a ``Model``.
+    mapping
+        Name of the column -> name in the model, where they differ (``read_mapping``).
+
+    Returns
+    -------
+    MatchedLog
+        Inputs complete, shape (n_u, n); outputs NaN where not measured, shape (n_y, n); a column that is called like a
+        parameter and holds one value sets that parameter for this log.
+
+    Raises
+    ------
+    DataError
+        If a unit has another dimension than the model's, a code is unknown, a column called like a parameter varies,
+        the mapping names what does not exist, or the log measures no output of the model.
+    """
+    channels, renamed = _rename(log, model, mapping or {})
+    _require_outputs(log, model, channels)
+    notes = [finding.message for finding in check_log(log) if renamed.get(finding.channel, "") in _names(model)]
+    u = np.array([_input(log, channels, quantity, notes) for quantity in model.inputs]).reshape(-1, len(log))
+    y = np.array([_output(log, channels, quantity, notes) for quantity in model.outputs]).reshape(-1, len(log))
+    overrides = {
+        quantity.name: _known_value(log, channels[quantity.name], quantity)
+        for quantity in model.parameters
+        if quantity.name in channels
+    }
+    unmatched = tuple(old for old, new in renamed.items() if new not in _names(model))
+    if unmatched:
+        notes.append("columns the model does not use: " + ", ".join(unmatched))
+    return MatchedLog(log.name, log.time, u, y, overrides, unmatched, tuple(notes))
+
+
+def read_mapping(options: Iterable[str]) -> dict[str, str]:
+    """A mapping from the options of a command.
+
+    Parameters
+    ----------
+    options
+        Each ``column=name`` or the name of a JSON file that holds an object of such pairs.
+
+    Raises
+    ------
+    OptionError
+        If an option is neither, or a column is mapped twice.
+
+    Examples
+    --------
+    >>> read_mapping(["engine_rpm=engine_speed"])
+    {'engine_rpm': 'engine_speed'}
+    """
+    mapping: dict[str, str] = {}
+    for option in options:
+        column, equals, name = (part.strip() for part in option.partition("="))
+        if not equals and not option.endswith(".json"):
+            raise OptionError(
+                f"--map {option}: write it as column=name, such as engine_rpm=engine_speed, or name a JSON file",
+                where=("--map", option),
+            )
+        for old, new in ({column: name} if equals else _mapping_file(Path(option))).items():
+            if mapping.get(old, new) != new:
+                raise OptionError(f"--map: column {old!r} is mapped to {mapping[old]!r} and to {new!r}", where=(old,))
+            mapping[old] = new
+    return mapping
+
+
+def _mapping_file(path: Path) -> dict[str, str]:
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise OptionError(f"--map {path}: the file cannot be read ({error})", where=("--map", str(path))) from None
+    if not isinstance(content, dict) or not all(isinstance(name, str) for name in content.values()):
+        raise OptionError(
+            f'--map {path}: the file must hold an object such as {{"engine_rpm": "engine_speed"}}',
+            where=("--map", str(path)),
+        )
+    return content
+
+
+def _names(model: Signals) -> list[str]:
+    return [quantity.name for group in (model.inputs, model.outputs, model.parameters) for quantity in group]
+
+
+def _rename(log: Log, model: Signals, mapping: Mapping[str, str]) -> tuple[dict[str, LogChannel], dict[str, str]]:
+    """Channels by their names in the model, and new names by old names."""
+    known = _names(model)
+    for column, name in mapping.items():
+        if name not in known:
+            raise DataError(
+                f"{log.name}: column {column!r} is mapped to {name!r}, which {model.name} does not have"
+                f"{suggest(name, known)} - it has {', '.join(known)}",
+                where=(log.name, column, name),
+            )
+        if column not in log.channels and name not in log.channels:
+            hint = suggest(column, log.channels)
+            raise DataError(
+                f"{log.name}: no column {column!r} to map to {name!r}{hint} - the columns are "
+                + ", ".join(log.channels),
+                where=(log.name, column),
+            )
+    renamed = {name: mapping.get(name, name) for name in log.channels}
+    channels: dict[str, LogChannel] = {}
+    for old, new in renamed.items():
+        if new in channels:
+            raise DataError(
+                f"{log.name}: columns {channels[new].name!r} and {old!r} both give {new!r} - map one of them elsewhere",
+                where=(log.name, old),
+            )
+        channels[new] = log.channels[old]
+    return channels, renamed
+
+
+def _require_outputs(log: Log, model: Signals, channels: Mapping[str, LogChannel]) -> None:
+    outputs = [quantity.name for quantity in model.outputs]
+    if outputs and not any(name in channels and not channels[name].missing.all() for name in outputs):
+        hint = next((text for name in outputs if (text := suggest(name, channels))), "")
+        raise DataError(
+            f"{log.name}: none of the outputs of {model.name} ({', '.join(outputs)}) is measured{hint}"
+            f" - the columns are {', '.join(channels)}; map them with --map column=name",
+            where=(log.name, *outputs),
+        )
+
+
+def _input(log: Log, channels: Mapping[str, LogChannel], quantity: InputQuantity, notes: list[str]) -> FloatArray:
+    channel = channels.get(quantity.name)
+    if channel is None or channel.missing.all():
+        notes.append(
+            f"input {quantity.name!r} is not in the log; its default {quantity.default:g} {quantity.unit} is used"
+        )
+        return np.full(len(log), quantity.default)
+    letters = dict(quantity.letters or ())
+    values = _coded(log, channel, letters) if letters else _converted(log, channel, quantity)
+    missing = np.isnan(values)
+    if missing.any():
+        way = "held" if letters or quantity.interpolation == "hold" else "interpolated"
+        notes.append(f"input {quantity.name!r} is {way} over {int(missing.sum())} of {len(log)} samples")
+        values = _filled(log.time, values, held=way == "held")
+    return values
+
+
+def _filled(time: FloatArray, values: FloatArray, held: bool) -> FloatArray:
+    """An input between its samples, as it is declared to run; before the first sample it has the first value."""
+    valid = np.flatnonzero(~np.isnan(values))
+    if not held:
+        return np.interp(time, time[valid], values[valid])
+    latest = np.searchsorted(valid, np.arange(time.size), side="right") - 1
+    return values[valid[np.maximum(latest, 0)]]
+
+
+def _output(log: Log, channels: Mapping[str, LogChannel], quantity: Quantity, notes: list[str]) -> FloatArray:
+    channel = channels.get(quantity.name)
+    if channel is None:
+        notes.append(f"output {quantity.name!r} is not in the log; it counts as not measured")
+        return np.full(len(log), np.nan)
+    return _converted(log, channel, quantity)
+
+
+def _converted(log: Log, channel: LogChannel, quantity: Quantity) -> FloatArray:
+    if channel.unit == TEXT_UNIT or channel.is_text:
+        first = int(np.argmax(~channel.missing))
+        raise DataError(
+            f"{log.name}: column {channel.name!r} holds codes such as {str(channel.values[first])!r} "
+            f"(row {first + FIRST_ROW}) but {quantity.name!r} is a number in {quantity.unit}",
+            where=(log.name, channel.name),
+        )
+    factor, offset = convert_unit(channel.name, channel.unit, quantity.unit, log.name)
+    return channel.numbers * factor + offset
+
+
+def _coded(log: Log, channel: LogChannel, letters: Mapping[str, float]) -> FloatArray:
+    """Values of a code signal; numbers are taken as codes where they all are, else as values."""
+    if not channel.is_text:
+        codes = [f"{value:g}" for value in np.unique(channel.numbers[~channel.missing])]
+        if not all(code in letters for code in codes):
+            return channel.numbers.copy()
+    text = channel.values if channel.is_text else np.array([f"{value:g}" for value in channel.numbers])
+    values = np.full(len(log), np.nan)
+    values[~channel.missing] = [letters.get(str(code), np.inf) for code in text[~channel.missing]]
+    unknown = np.flatnonzero(np.isinf(values))
+    if unknown.size:
+        first = int(unknown[0])
+        raise DataError(
+            f"{log.name}: column {channel.name!r} has {str(text[first])!r} (row {first + FIRST_ROW})"
+            f"{suggest(str(text[first]), letters)} - the model knows {', '.join(letters)}",
+            where=(log.name, channel.name),
+        )
+    return values
+
+
+def _known_value(log: Log, channel: LogChannel, quantity: Quantity) -> float:
+    values = _converted(log, channel, quantity)
+    values = values[~np.isnan(values)]
+    if values.size == 0:
+        raise DataError(
+            f"{log.name}: column {channel.name!r} sets parameter {quantity.name!r} but is empty - fill or drop it",
+            where=(log.name, channel.name),
+        )
+    lowest, highest = float(values.min()), float(values.max())
+    if highest - lowest > 1e-9 * max(abs(lowest), abs(highest)):
+        raise DataError(
+            f"{log.name}: column {channel.name!r} sets parameter {quantity.name!r}, which is one value per log, but "
+            f"varies from {lowest:.6g} to {highest:.6g} {quantity.unit} - declare an input for it, or split the log",
+            where=(log.name, channel.name),
+        )
+    return float(values[0])

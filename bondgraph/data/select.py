@@ -1,0 +1,100 @@
+"""Parts of logs: a window, the two sides of a cut, a lower rate. Measurements are left out, never interpolated."""
+
+from __future__ import annotations
+
+from typing import TypeVar
+
+import numpy as np
+import numpy.typing as npt
+
+from bondgraph.data.log import FloatArray, Log, MatchedLog
+from bondgraph.errors import DataError
+
+AnyLog = TypeVar("AnyLog", Log, MatchedLog)
+
+
+def window(log: AnyLog, start: float, end: float) -> AnyLog:
+    """The samples from ``start`` to before ``end``, in seconds of the log's own time.
+
+    Raises
+    ------
+    DataError
+        If there are none.
+    """
+    chosen = (log.time >= start) & (log.time < end)
+    if not chosen.any():
+        raise DataError(
+            f"{log.name}: no samples from {start:g} s to {end:g} s; the log runs from {log.time[0]:g} s "
+            f"to {log.time[-1]:g} s",
+            where=(log.name,),
+        )
+    return log.rows(chosen)
+
+
+def split(log: AnyLog, fraction: float) -> tuple[AnyLog, AnyLog]:
+    """The log before and after a point in time: ``fraction`` of its duration, between 0 and 1.
+
+    Raises
+    ------
+    DataError
+        If either side would be empty.
+
+    Examples
+    --------
+    >>> first, second = split(Log("run", np.arange(10.0), {}), 0.7)
+    >>> len(first), len(second), float(second.time[0])
+    (7, 3, 7.0)
+    """
+    cut = float(log.time[0] + fraction * (log.time[-1] - log.time[0]))
+    before = log.time < cut
+    if not 0.0 < fraction < 1.0 or before.all() or not before.any():
+        raise DataError(
+            f"{log.name}: {len(log)} samples cannot be split at {fraction:g} of their time - choose a fraction "
+            "between 0 and 1 with samples on both sides",
+            where=(log.name,),
+        )
+    return log.rows(before), log.rows(~before)
+
+
+def decimate(log: AnyLog, rate: float) -> AnyLog:
+    """The log at a lower rate: of every signal the samples that are due, and all that stands in their rows.
+
+    Signals of different rates or in alternating rows are thinned each by itself, so none vanishes. White measurement
+    noise stays white; nothing is averaged.
+
+    Parameters
+    ----------
+    log
+        As read, or matched (there the outputs decide).
+    rate
+        Samples per second to keep of each signal.
+
+    Raises
+    ------
+    DataError
+        If the rate is not positive.
+
+    Examples
+    --------
+    >>> len(decimate(Log("run", np.arange(100) / 100, {}), 10.0))
+    10
+    """
+    if not rate > 0.0:
+        raise DataError(f"{log.name}: a rate of {rate:g} samples per second is not possible", where=(log.name,))
+    if isinstance(log, MatchedLog):
+        missing = [np.isnan(row) for row in log.y]
+    else:
+        missing = [channel.missing for channel in log.channels.values()]
+    chosen = np.zeros(log.time.size, dtype=bool)
+    for valid in (np.flatnonzero(~empty) for empty in missing or [np.zeros(log.time.size, dtype=bool)]):
+        chosen[valid[_due(log.time[valid], 1.0 / rate)]] = True
+    return log.rows(chosen)
+
+
+def _due(time: FloatArray, step: float) -> npt.NDArray[np.intp]:
+    """Of each interval of length ``step`` the first sample."""
+    if time.size == 0:
+        return np.zeros(0, dtype=np.intp)
+    # A sample that is due but a rounding error early still belongs to its own interval.
+    interval = np.floor((time - time[0]) / step + 1e-6)
+    return np.flatnonzero(np.concatenate(([True], np.diff(interval) > 0)))
