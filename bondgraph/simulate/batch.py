@@ -1,0 +1,120 @@
+"""Simulate many members at once with fixed steps: compiled, or the same in numpy."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from bondgraph.errors import OptionError
+from bondgraph.simulate import batch_kernel, rk4_kernel
+from bondgraph.simulate.arrays import FloatArray, IntArray, count_members, member_columns
+from bondgraph.simulate.compile import load_kernels
+from bondgraph.simulate.inputs import InputSegment
+from bondgraph.simulate.integrators import RK4
+from bondgraph.simulate.model import Model
+from bondgraph.simulate.outcome import Outcome
+from bondgraph.simulate.task import Inputs, Task
+from bondgraph.simulate.trajectory import BatchTrajectory
+
+
+def simulate_batch(
+    model: Model,
+    time: npt.ArrayLike,
+    inputs: Inputs = None,
+    theta: npt.ArrayLike | None = None,
+    x0: npt.ArrayLike | None = None,
+    *,
+    substeps: int = 1,
+    compiled: bool = True,
+) -> BatchTrajectory:
+    """Integrate many members at once with fixed Runge-Kutta steps; members differ in parameters or initial state.
+
+    Parameters
+    ----------
+    model, time, inputs
+        As for :func:`bondgraph.simulate.simulate.simulate`; the inputs are the same for all members.
+    theta, x0
+        Shape (n_theta,) or (n_theta, members), and (n_x,) or (n_x, members); None: declared values.
+    substeps
+        Runge-Kutta steps between neighbouring times (and break points of the inputs).
+    compiled
+        Use the compiled kernel; without numba, or with False, numpy gives the same results.
+
+    Returns
+    -------
+    BatchTrajectory
+        A member that diverged is NaN after its end; the others are not touched by it.
+
+    Raises
+    ------
+    ModelError, OptionError
+        If names, shapes or options are wrong.
+
+    Examples
+    --------
+    >>> from bondgraph.simulate.example import pendulum
+    >>> model = pendulum()
+    >>> lengths = np.stack([model.theta(length=length) for length in (0.5, 1.0, 2.0)], axis=1)
+    >>> simulate_batch(model, np.linspace(0.0, 1.0, 11), theta=lengths, substeps=4).x.shape
+    (2, 11, 3)
+    """
+    if substeps < 1:
+        raise OptionError(f"substeps={substeps}: at least one step is needed between two times")
+    task = Task.of(model, time, inputs, theta, x0)
+    members = count_members((task.theta, task.x0))
+    parameters = member_columns("theta", task.theta, len(model.parameters), members)
+    start = member_columns("x0", task.x0, len(model.states), members)
+    grid = np.union1d(task.times, task.signal.break_points(task.times[0], task.times[-1]))
+    kernels = load_kernels(model, (rk4_kernel, batch_kernel)) if compiled else None
+    if kernels is None:
+        x, y, last = _in_numpy(task, grid, parameters, start, substeps)
+    else:
+        x, y, last = _in_kernel(kernels, task, grid, parameters, start, substeps)
+    chosen = np.searchsorted(grid, task.times)
+    outcomes = tuple(Outcome.OK if end == grid.size - 1 else Outcome.DIVERGED for end in last)
+    return BatchTrajectory(model, task.times, x[:, chosen], y[:, chosen], outcomes, grid[np.maximum(last, 0)])
+
+
+def _in_numpy(
+    task: Task, grid: FloatArray, theta: FloatArray, start: FloatArray, substeps: int
+) -> tuple[FloatArray, FloatArray, IntArray]:
+    """All members in one array; states, outputs and the index of each member's last finite sample."""
+
+    def rhs(t: float, x: FloatArray, u: FloatArray) -> FloatArray:
+        return task.model.rhs(t, x, u, theta)
+
+    integrator = RK4(substeps)
+    x = np.empty((start.shape[0], grid.size, start.shape[1]))
+    x[:, 0] = start
+    left, right = task.signal.intervals(grid)
+    state = integrator.init(float(grid[0]), start)
+    with np.errstate(all="ignore"):
+        for k in range(1, grid.size):
+            segment = InputSegment(float(grid[k - 1]), float(grid[k]), left[:, k - 1], right[:, k - 1])
+            values, state = integrator.step(rhs, segment, grid[k : k + 1], state)
+            x[:, k] = values[:, 0]
+    finite = np.logical_and.accumulate(np.isfinite(x).all(axis=0), axis=0)
+    x[:, ~finite] = np.nan
+    u = task.signal.at(grid)[:, :, np.newaxis]
+    y = task.model.output(grid[:, np.newaxis], x, u, theta)
+    y[:, ~finite] = np.nan
+    return x, y, finite.sum(axis=0) - 1
+
+
+def _in_kernel(
+    kernels: Any, task: Task, grid: FloatArray, theta: FloatArray, start: FloatArray, substeps: int
+) -> tuple[FloatArray, FloatArray, IntArray]:
+    """The same in the compiled kernel, member by member."""
+    n_x, members = start.shape
+    n_y, n_u = len(task.model.outputs), len(task.model.inputs)
+    x = np.full((n_x, grid.size, members), np.nan)
+    x[:, 0] = start
+    y = np.full((n_y, grid.size, members), np.nan)
+    last = np.empty(members, dtype=np.int64)
+    left, right = (np.ascontiguousarray(values.T) for values in task.signal.intervals(grid))
+    u = np.ascontiguousarray(task.signal.at(grid).T)
+    scratch = (np.empty(n_x), np.empty(n_y), np.empty(n_u), np.empty(theta.shape[0]), np.empty((5, n_x)))
+    kernels.simulate_members(grid, u, left, right, substeps, theta, (0, members), x, y, last, scratch)
+    return x, y, last

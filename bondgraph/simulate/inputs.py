@@ -1,0 +1,162 @@
+"""Inputs over time: tables that run linearly or are held between their points, as each input declares.
+
+Between two neighbouring break points every input is a straight line, so an integrator that starts anew at each of them
+never steps over a bend or a jump.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from bondgraph.errors import ModelError
+from bondgraph.simulate.arrays import BoolArray, FloatArray
+from bondgraph.simulate.model import Model
+
+#: Slopes that differ by less than this share of the steepest one are the same line.
+_SAME_SLOPE = 1e-12
+
+
+@dataclass(frozen=True)
+class InputSegment:
+    """All inputs over a stretch of time without break points: lines from ``left`` to ``right``, (n_u,) each."""
+
+    start: float
+    end: float
+    left: FloatArray
+    right: FloatArray
+
+    def at(self, t: float) -> FloatArray:
+        """Inputs at ``t``, shape (n_u,)."""
+        values: FloatArray = self.left + (self.right - self.left) * ((t - self.start) / (self.end - self.start))
+        return values
+
+
+@dataclass(frozen=True)
+class InputSignal:
+    """Inputs over time.
+
+    Parameters
+    ----------
+    time
+        Shape (n,), s, not decreasing; a time given twice is a jump at which the later value counts.
+    values
+        Shape (n_u, n). Before the first and after the last time the end values hold.
+    hold
+        Shape (n_u,): whether an input keeps its value until the next time, instead of running linearly to it.
+
+    Raises
+    ------
+    ModelError
+        If shapes do not fit, times decrease, or a value is not finite.
+
+    Examples
+    --------
+    >>> ramp = InputSignal(np.array([0.0, 2.0]), np.array([[0.0, 4.0], [1.0, 5.0]]), np.array([False, True]))
+    >>> ramp.at(1.0), ramp.at(9.0)
+    (array([2., 1.]), array([4., 5.]))
+    """
+
+    time: FloatArray
+    values: FloatArray
+    hold: BoolArray
+
+    def __post_init__(self) -> None:
+        if self.time.ndim != 1 or self.time.size == 0 or self.values.shape != (self.hold.size, self.time.size):
+            raise ModelError(
+                f"inputs: values of shape {self.values.shape} do not fit {self.hold.size} inputs at"
+                f" {self.time.size} times - give one row per input and one column per time"
+            )
+        if not np.isfinite(self.time).all() or np.any(np.diff(self.time) < 0):
+            raise ModelError("inputs: times must be finite and must not decrease - sort the table by time")
+        bad = np.argwhere(~np.isfinite(self.values))
+        if bad.size:
+            row, column = bad[0]
+            raise ModelError(
+                f"inputs: input {row} has no finite value at t = {self.time[column]:.6g} s - fill or cut the gap"
+            )
+
+    @classmethod
+    def of(cls, model: Model, time: npt.ArrayLike = (0.0,), **signals: float | str | npt.ArrayLike) -> InputSignal:
+        """Inputs of a model by name: a number, a letter, or one value per time; those not named keep their default.
+
+        Examples
+        --------
+        >>> from bondgraph.simulate.example import pendulum
+        >>> InputSignal.of(pendulum(), [0.0, 1.0], drive=[0.0, 2.0]).at(0.5)
+        array([1.])
+        """
+        times = np.array(time, dtype=np.float64)
+        values = np.repeat(model.u0()[:, np.newaxis], times.size, axis=1)
+        for name, signal in signals.items():
+            row = model.index("input", name)
+            values[row] = _numbers(model, name, signal, times.size)
+        return cls(times, values, hold_flags(model))
+
+    def at(self, t: npt.ArrayLike) -> FloatArray:
+        """Inputs at one time (n_u,) or several (n_u, k); at a jump, the value after it."""
+        times = np.asarray(t, dtype=np.float64)
+        return self._evaluate(self._interval(times), times)
+
+    def break_points(self, start: float, end: float) -> FloatArray:
+        """Times strictly between ``start`` and ``end`` at which an input bends or jumps, increasing."""
+        lengths = np.diff(self.time)
+        rises = np.diff(self.values, axis=1)
+        jumps = np.any((rises != 0) & (self.hold[:, np.newaxis] | (lengths == 0)), axis=0)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            slopes = np.where(self.hold[:, np.newaxis] | (lengths == 0), 0.0, rises / lengths)
+        edge = np.zeros((self.hold.size, 1))
+        padded = np.hstack([edge, slopes, edge])
+        steepest = np.max(np.abs(padded), axis=1, keepdims=True, initial=0.0)
+        bends = np.any(np.abs(np.diff(padded, axis=1)) > _SAME_SLOPE * steepest, axis=0)
+        breaks = bends
+        breaks[1:] |= jumps
+        times = np.unique(self.time[breaks])
+        return times[(times > start) & (times < end)]
+
+    def segment(self, start: float, end: float) -> InputSegment:
+        """The straight lines between two times that have no break point between them."""
+        left, right = self.intervals(np.array([start, end]))
+        return InputSegment(start, end, left[:, 0], right[:, 0])
+
+    def intervals(self, grid: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Left and right input values of each interval of a grid that contains all break points, (n_u, n-1) each."""
+        interval = self._interval(0.5 * (grid[:-1] + grid[1:]))
+        return self._evaluate(interval, grid[:-1]), self._evaluate(interval, grid[1:])
+
+    def _interval(self, times: FloatArray) -> npt.NDArray[np.intp]:
+        """Index of the last point of the table at or before each time; -1 before the first."""
+        return np.asarray(np.searchsorted(self.time, times, side="right") - 1)
+
+    def _evaluate(self, interval: npt.NDArray[np.intp], times: FloatArray) -> FloatArray:
+        """The lines of the given intervals of the table, evaluated at ``times``; constant outside the table."""
+        left = np.maximum(interval, 0)
+        right = np.minimum(interval + 1, self.time.size - 1)
+        length = self.time[right] - self.time[left]
+        share = np.where(length > 0, times - self.time[left], 0.0) / np.where(length > 0, length, 1.0)
+        start = self.values[:, left]
+        hold = self.hold.reshape(-1, *(1,) * (start.ndim - 1))
+        values: FloatArray = start + np.where(hold, 0.0, self.values[:, right] - start) * share
+        return values
+
+
+def hold_flags(model: Model) -> BoolArray:
+    """Which inputs of a model are held between samples, shape (n_u,)."""
+    return np.array([info.interpolation == "hold" for info in model.inputs], dtype=np.bool_)
+
+
+def _numbers(model: Model, name: str, signal: float | str | npt.ArrayLike, size: int) -> FloatArray:
+    if isinstance(signal, str):
+        return np.full(size, model.input_value(name, signal))
+    listed = np.asarray(signal)
+    if listed.dtype.kind in "US":
+        listed = np.array([model.input_value(name, str(letter)) for letter in listed.ravel()])
+    if listed.shape not in ((), (size,)):
+        raise ModelError(
+            f"{model.name}: input {name!r} has {listed.size} values for {size} times - give one number or one per time",
+            where=(model.name, name),
+        )
+    numbers: FloatArray = np.broadcast_to(listed, (size,)).astype(np.float64)
+    return numbers

@@ -1,0 +1,312 @@
+"""A generated module as a value: names, units, defaults, bounds and its equations.
+
+text of a generated module  ->  Model  ->  model.rhs(t, x, u, theta), model.output(...)   (numpy, any batch)
+                                       ->  model.compiled.rhs_into(...)                   (numba, one state)
+"""
+
+from __future__ import annotations
+
+import functools
+import hashlib
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal, TypeVar, get_args
+
+import numpy as np
+import numpy.typing as npt
+
+from bondgraph.errors import ModelError, suggest
+from bondgraph.simulate.arrays import FloatArray
+from bondgraph.simulate.loader import parse_module, require_function, run_module
+
+if TYPE_CHECKING:
+    from bondgraph.simulate.compile import CompiledModel
+
+Kind = Literal["state", "input", "parameter", "output"]
+
+
+@dataclass(frozen=True)
+class StateInfo:
+    """One state: its unit and value at the start."""
+
+    name: str
+    unit: str
+    initial: float
+    meaning: str
+
+
+@dataclass(frozen=True)
+class InputInfo:
+    """One input: its default, how it runs between samples (``linear`` or ``hold``), and its letters if it is a code."""
+
+    name: str
+    unit: str
+    default: float
+    interpolation: str
+    letters: Mapping[str, float] | None
+    meaning: str
+
+
+@dataclass(frozen=True)
+class ParameterInfo:
+    """One parameter: its value and its bounds; without bounds it was measured and stays fixed."""
+
+    name: str
+    unit: str
+    value: float
+    lower: float | None
+    upper: float | None
+    meaning: str
+
+
+@dataclass(frozen=True)
+class OutputInfo:
+    """One measured quantity."""
+
+    name: str
+    unit: str
+    meaning: str
+
+
+_Info = TypeVar("_Info", StateInfo, InputInfo, ParameterInfo, OutputInfo)
+
+
+@dataclass(frozen=True)
+class Model:
+    """State equations of one generated module: ``dx/dt = rhs(t, x, u, theta)``, ``y = output(t, x, u, theta)``.
+
+    Build one with :meth:`from_file` or :meth:`from_text`. Two models are equal when their texts are.
+
+    Examples
+    --------
+    >>> from bondgraph.simulate.example import pendulum
+    >>> model = pendulum()
+    >>> model.names("state"), model.names("parameter")
+    (('angle', 'rate'), ('length', 'damping', 'gravity'))
+    >>> model.rhs(0.0, model.x0(angle=0.1), model.u0(), model.theta(length=2.0)).shape
+    (2,)
+    """
+
+    name: str
+    text: str
+    doc: str = field(compare=False, repr=False)
+    states: tuple[StateInfo, ...] = field(compare=False, repr=False)
+    inputs: tuple[InputInfo, ...] = field(compare=False, repr=False)
+    parameters: tuple[ParameterInfo, ...] = field(compare=False, repr=False)
+    outputs: tuple[OutputInfo, ...] = field(compare=False, repr=False)
+    _rhs: Callable[..., Any] = field(compare=False, repr=False)
+    _output: Callable[..., Any] = field(compare=False, repr=False)
+
+    @classmethod
+    def from_text(cls, text: str, source: str = "generated module") -> Model:
+        """Load the text of a generated module.
+
+        Raises
+        ------
+        ModelError
+            If it is not a generated module of the format this version reads.
+        """
+        tree = parse_module(text, source)
+        names = run_module(tree, source)
+        model = cls(
+            name=str(names["NAME"]),
+            text=text,
+            doc=str(names.get("__doc__") or ""),
+            states=_rows(names, "STATES", StateInfo, source),
+            inputs=_rows(names, "INPUTS", InputInfo, source),
+            parameters=_rows(names, "PARAMETERS", ParameterInfo, source),
+            outputs=_rows(names, "OUTPUTS", OutputInfo, source),
+            _rhs=require_function(names, "rhs", source),
+            _output=require_function(names, "output", source),
+        )
+        _check_rows(model, source)
+        _check_shapes(model, source)
+        return model
+
+    @classmethod
+    def from_file(cls, path: str | Path) -> Model:
+        """Load a generated module.
+
+        Raises
+        ------
+        ModelError
+            If the file cannot be read or is not a generated module.
+        """
+        try:
+            text = Path(path).read_text(encoding="utf-8")
+        except (OSError, UnicodeDecodeError) as error:
+            raise ModelError(f"{path}: cannot be read as a generated module: {error}", where=(str(path),)) from None
+        return cls.from_text(text, source=Path(path).name)
+
+    def __reduce__(self) -> tuple[Callable[[str], Model], tuple[str]]:
+        return Model.from_text, (self.text,)
+
+    @functools.cached_property
+    def digest(self) -> str:
+        """Digest of the text; the key of everything that is cached for this model."""
+        return hashlib.sha256(self.text.encode()).hexdigest()[:16]
+
+    @functools.cached_property
+    def compiled(self) -> CompiledModel:
+        """Scalar in-place functions, compiled with numba where it is installed; cached between runs."""
+        from bondgraph.simulate.compile import compile_model  # here: numba is imported only by those who need it
+
+        return compile_model(self)
+
+    def rhs(self, t: float | FloatArray, x: npt.ArrayLike, u: npt.ArrayLike, theta: npt.ArrayLike) -> FloatArray:
+        """Time derivatives of the states.
+
+        Parameters
+        ----------
+        t
+            Time, s; one for all, or one per member of the batch.
+        x
+            States, shape (n_x, *batch).
+        u, theta
+            Inputs and parameters, shapes (n_u,) or (n_u, *batch) and (n_theta,) or (n_theta, *batch).
+
+        Returns
+        -------
+        FloatArray
+            dx/dt, shape (n_x, *batch).
+        """
+        result: FloatArray = self._rhs(t, np.asarray(x, np.float64), np.asarray(u), np.asarray(theta))
+        return result
+
+    def output(self, t: float | FloatArray, x: npt.ArrayLike, u: npt.ArrayLike, theta: npt.ArrayLike) -> FloatArray:
+        """Measured quantities, shape (n_y, *batch); arguments as for :meth:`rhs`."""
+        result: FloatArray = self._output(t, np.asarray(x, np.float64), np.asarray(u), np.asarray(theta))
+        return result
+
+    def names(self, kind: Kind) -> tuple[str, ...]:
+        """Names of the states, inputs, parameters or outputs, in the order of their vector."""
+        return tuple(info.name for info in self._infos(kind))
+
+    def index(self, kind: Kind, name: str) -> int:
+        """Position of a name in its vector.
+
+        Raises
+        ------
+        ModelError
+            If there is no such name, with the closest one there is.
+        """
+        names = self.names(kind)
+        if name not in names:
+            raise ModelError(
+                f"{self.name}: no {kind} {name!r}{suggest(name, names)} - there are {', '.join(names) or 'none'}",
+                where=(self.name, name),
+            )
+        return names.index(name)
+
+    def theta(self, **overrides: float) -> FloatArray:
+        """Parameter vector (n_theta,): declared values, with those given by name in their place."""
+        return self._vector("parameter", [info.value for info in self.parameters], overrides)
+
+    def x0(self, **overrides: float) -> FloatArray:
+        """Initial state (n_x,): declared values, with those given by name in their place."""
+        return self._vector("state", [info.initial for info in self.states], overrides)
+
+    def u0(self, **overrides: float | str) -> FloatArray:
+        """Input vector (n_u,): defaults, with those given by name in their place; codes may be given as letters."""
+        numbers = {name: self.input_value(name, value) for name, value in overrides.items()}
+        return self._vector("input", [info.default for info in self.inputs], numbers)
+
+    def input_value(self, name: str, value: float | str) -> float:
+        """The number an input takes for a value or a letter.
+
+        Raises
+        ------
+        ModelError
+            If the input is unknown or does not know the letter.
+        """
+        info = self.inputs[self.index("input", name)]
+        if not isinstance(value, str):
+            return float(value)
+        letters = info.letters or {}
+        if value not in letters:
+            known = ", ".join(letters) or "none: it takes numbers"
+            raise ModelError(
+                f"{self.name}: input {name!r} has no letter {value!r} - it knows {known}", where=(self.name, name)
+            )
+        return letters[value]
+
+    def _infos(self, kind: Kind) -> tuple[StateInfo | InputInfo | ParameterInfo | OutputInfo, ...]:
+        groups: dict[str, tuple[StateInfo | InputInfo | ParameterInfo | OutputInfo, ...]] = {
+            "state": self.states,
+            "input": self.inputs,
+            "parameter": self.parameters,
+            "output": self.outputs,
+        }
+        return groups[kind]
+
+    def _vector(self, kind: Kind, defaults: list[float], overrides: Mapping[str, float]) -> FloatArray:
+        vector = np.array(defaults, dtype=np.float64)
+        for name, value in overrides.items():
+            vector[self.index(kind, name)] = value
+        return vector
+
+
+def _rows(names: Mapping[str, Any], table: str, kind: type[_Info], source: str) -> tuple[_Info, ...]:
+    try:
+        return tuple(kind(*row) for row in names[table])
+    except TypeError:
+        fields = ", ".join(kind.__dataclass_fields__)
+        raise ModelError(
+            f"{source}: a row of {table} does not have the columns ({fields}) - regenerate the module",
+            where=(source, table),
+        ) from None
+
+
+def _check_rows(model: Model, source: str) -> None:
+    """Names are identifiers and used once, numbers finite, bounds and interpolation meaningful."""
+
+    def require(condition: bool, name: str, problem: str) -> None:
+        if not condition:
+            raise ModelError(f"{source}: {name!r}: {problem} - regenerate the module", where=(source, name))
+
+    for kind in get_args(Kind):
+        names = model.names(kind)
+        for name in names:
+            require(isinstance(name, str) and name.isidentifier(), str(name), f"is no name for a {kind}")
+            require(names.count(name) == 1, name, f"names two {kind}s")
+    for state in model.states:
+        require(_is_finite(state.initial), state.name, f"initial value {state.initial!r} is not a finite number")
+    for signal in model.inputs:
+        require(_is_finite(signal.default), signal.name, f"default {signal.default!r} is not a finite number")
+        between = f"interpolation {signal.interpolation!r} is neither 'linear' nor 'hold'"
+        require(signal.interpolation in ("linear", "hold"), signal.name, between)
+    for parameter in model.parameters:
+        require(_is_finite(parameter.value), parameter.name, f"value {parameter.value!r} is not a finite number")
+        bounds = (parameter.lower, parameter.upper)
+        both = bounds == (None, None) or (_is_finite(bounds[0]) and _is_finite(bounds[1]))
+        require(both, parameter.name, f"bounds {bounds} must be two numbers or both None")
+        if parameter.lower is not None and parameter.upper is not None:
+            require(parameter.lower < parameter.upper, parameter.name, f"bounds {bounds} are not in order")
+
+
+def _is_finite(value: object) -> bool:
+    return isinstance(value, int | float) and math.isfinite(value)
+
+
+def _check_shapes(model: Model, source: str) -> None:
+    """The functions run and give one row per state and per output, for one state and for a batch."""
+    x, u, theta = model.x0(), model.u0(), model.theta()
+    for name, function, rows in (("rhs", model.rhs, len(model.states)), ("output", model.output, len(model.outputs))):
+        for state in (x, np.repeat(x[:, np.newaxis], 2, axis=1)):
+            expected = (rows, *state.shape[1:])
+            try:
+                shape = np.shape(function(0.0, state, u, theta))
+            except Exception as error:  # any failure of the text's own functions is reported as the module's
+                raise ModelError(
+                    f"{source}: {name} fails at the declared values: {type(error).__name__}: {error}"
+                    " - regenerate the module",
+                    where=(source, name),
+                ) from error
+            if shape != expected:
+                raise ModelError(
+                    f"{source}: {name} gives shape {shape} for a state of shape {state.shape}, not {expected}"
+                    " - regenerate the module",
+                    where=(source, name),
+                )

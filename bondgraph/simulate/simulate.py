@@ -1,0 +1,147 @@
+"""Integrate a model over its inputs, with any method, to one trajectory."""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import replace
+
+import numpy as np
+import numpy.typing as npt
+
+from bondgraph.errors import ModelError
+from bondgraph.simulate.arrays import FloatArray
+from bondgraph.simulate.batch import simulate_batch
+from bondgraph.simulate.integrators import RK4, AbstractIntegrator, Adaptive, Equations
+from bondgraph.simulate.model import Model
+from bondgraph.simulate.outcome import Outcome
+from bondgraph.simulate.task import Inputs, Task, Vector
+from bondgraph.simulate.trajectory import Trajectory
+
+#: Tolerance of the pilot run that finds the size of each state.
+_PILOT_RTOL = 1e-4
+
+
+def simulate(
+    model: Model,
+    time: npt.ArrayLike,
+    inputs: Inputs = None,
+    theta: Vector = None,
+    x0: Vector = None,
+    method: str | AbstractIntegrator = "adaptive",
+    *,
+    substeps: int = 1,
+    rtol: float = 1e-9,
+    atol: float | tuple[float, ...] | None = None,
+    compiled: bool = False,
+) -> Trajectory:
+    """Integrate a model over ``time``.
+
+    Parameters
+    ----------
+    model
+        The model.
+    time
+        Increasing times (n,), s; the initial state is at the first.
+    inputs
+        An ``InputSignal``, values by input name, or an array (n_u, n) at ``time``; None: defaults.
+    theta, x0
+        Parameters and initial state: by name, or whole vectors; None: declared values.
+    method
+        ``"adaptive"`` (LSODA), ``"rk4"``, the name of a method of scipy, or an integrator.
+    substeps
+        Steps of ``"rk4"`` between neighbouring times.
+    rtol, atol
+        Tolerances of the adaptive methods; without ``atol`` errors count relative to the size each state reaches.
+    compiled
+        Use compiled equations: worth it for long runs, at the price of a compilation on the first use of a model.
+
+    Returns
+    -------
+    Trajectory
+        With an outcome; a failure is told there and not raised.
+
+    Raises
+    ------
+    ModelError, OptionError
+        If names, shapes or options are wrong.
+
+    Examples
+    --------
+    >>> from bondgraph.simulate.example import pendulum
+    >>> swing = simulate(pendulum(), np.linspace(0.0, 1.0, 5), theta={"damping": 0.0}, x0={"angle": 1e-4})
+    >>> bool(abs(swing.state("angle")[-1] - 1e-4 * np.cos(np.sqrt(9.81))) < 1e-10)
+    True
+    """
+    task = Task.of(model, time, inputs, theta, x0)
+    if task.theta.ndim > 1 or task.x0.ndim > 1:
+        raise ModelError(f"{model.name}: simulate takes one member - use simulate_batch for many", where=(model.name,))
+    if method == "rk4" or isinstance(method, RK4):
+        steps = method.substeps if isinstance(method, RK4) else substeps
+        return _fixed(task, steps, compiled)
+    integrator = method if isinstance(method, AbstractIntegrator) else _named(method, rtol, atol)
+    rhs = _compiled_equations(task) if compiled else _equations(task)
+    if isinstance(integrator, Adaptive) and integrator.atol is None and integrator.scale is None:
+        integrator = replace(integrator, scale=_reached_sizes(rhs, integrator, task))
+    x, outcome, ended_at = _integrate(rhs, integrator, task)
+    return _trajectory(task, x, outcome, ended_at)
+
+
+def _named(method: str, rtol: float, atol: float | tuple[float, ...] | None) -> Adaptive:
+    return Adaptive("LSODA" if method == "adaptive" else method, rtol=rtol, atol=atol)
+
+
+def _fixed(task: Task, substeps: int, compiled: bool) -> Trajectory:
+    batch = simulate_batch(
+        task.model, task.times, task.signal, task.theta, task.x0, substeps=substeps, compiled=compiled
+    )
+    return _trajectory(task, batch.x[..., 0], batch.outcomes[0], float(batch.ended_at[0]))
+
+
+def _trajectory(task: Task, x: FloatArray, outcome: Outcome, ended_at: float) -> Trajectory:
+    u = task.signal.at(task.times)
+    y = task.model.output(task.times, x, u, task.theta)
+    y[:, ~np.isfinite(x).all(axis=0)] = np.nan
+    return Trajectory(task.model, task.times, x, y, u, outcome, ended_at)
+
+
+def _reached_sizes(rhs: Equations, integrator: Adaptive, task: Task) -> tuple[float, ...]:
+    """Largest magnitude of each state in a coarse pilot run; 1 for a state that stays at zero."""
+    x, _, _ = _integrate(rhs, replace(integrator, rtol=max(_PILOT_RTOL, integrator.rtol)), task)
+    size = np.nanmax(np.abs(np.column_stack([task.x0, x])), axis=1)
+    return tuple(float(value) if value > 0 else 1.0 for value in size)
+
+
+def _integrate(rhs: Equations, integrator: AbstractIntegrator, task: Task) -> tuple[FloatArray, Outcome, float]:
+    """From break point to break point of the inputs; states at the times, outcome and time of the end."""
+    times = task.times
+    breaks = task.signal.break_points(times[0], times[-1])
+    edges = np.unique(np.concatenate([times[:1], breaks, times[-1:]]))
+    x = np.full((task.x0.size, times.size), np.nan)
+    x[:, 0] = task.x0
+    state = integrator.init(float(times[0]), task.x0)
+    for left, right in itertools.pairwise(edges.tolist()):
+        inside = np.flatnonzero((times > left) & (times <= right))
+        asked = np.union1d(times[inside], right)
+        values, state = integrator.step(rhs, task.signal.segment(left, right), asked, state)
+        x[:, inside] = values[:, : inside.size]
+        if state.outcome is not Outcome.OK:
+            break
+    return x, state.outcome, state.time
+
+
+def _equations(task: Task) -> Equations:
+    def rhs(t: float, x: FloatArray, u: FloatArray) -> FloatArray:
+        return task.model.rhs(t, x, u, task.theta)
+
+    return rhs
+
+
+def _compiled_equations(task: Task) -> Equations:
+    rhs_into = task.model.compiled.rhs_into
+
+    def rhs(t: float, x: FloatArray, u: FloatArray) -> FloatArray:
+        dx = np.empty(x.size)
+        rhs_into(float(t), np.ascontiguousarray(x), np.ascontiguousarray(u), task.theta, dx)
+        return dx
+
+    return rhs

@@ -1,0 +1,92 @@
+"""What is to be simulated: the arguments of the public functions, checked and brought into one form."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from bondgraph.errors import ModelError
+from bondgraph.simulate.arrays import FloatArray
+from bondgraph.simulate.inputs import InputSignal, hold_flags
+from bondgraph.simulate.model import Model
+
+#: Inputs as a signal, by name, as an array (n_u, n), or None for the defaults.
+Inputs = InputSignal | Mapping[str, float | str | npt.ArrayLike] | npt.ArrayLike | None
+
+#: A vector by name (the rest as declared), as an array, or None for the declared values.
+Vector = Mapping[str, float] | npt.ArrayLike | None
+
+
+@dataclass(frozen=True)
+class Task:
+    """A model with its inputs over ``times`` (n,), parameters and initial state (rows, or rows x members)."""
+
+    model: Model
+    times: FloatArray
+    signal: InputSignal
+    theta: FloatArray
+    x0: FloatArray
+
+    @classmethod
+    def of(cls, model: Model, time: npt.ArrayLike, inputs: Inputs, theta: Vector, x0: Vector) -> Task:
+        """Check the arguments of a simulation.
+
+        Raises
+        ------
+        ModelError
+            If times do not increase, a name is unknown or a shape does not fit.
+        """
+        times = np.array(time, dtype=np.float64)
+        if times.ndim != 1 or times.size == 0 or not np.isfinite(times).all() or np.any(np.diff(times) <= 0):
+            raise ModelError(f"{model.name}: times must be a vector of finite, increasing numbers", where=(model.name,))
+        signal = as_signal(model, times, inputs)
+        return cls(model, times, signal, as_vector(model, "parameter", theta), as_vector(model, "state", x0))
+
+
+def as_signal(model: Model, times: FloatArray, inputs: Inputs) -> InputSignal:
+    """Inputs in any of the accepted forms as a signal.
+
+    Raises
+    ------
+    ModelError
+        If a name is unknown or the number of inputs does not fit.
+    """
+    if isinstance(inputs, InputSignal):
+        signal = inputs
+    elif inputs is None or isinstance(inputs, Mapping):
+        signal = InputSignal.of(model, times, **(inputs or {}))
+    else:
+        signal = InputSignal(times, np.array(inputs, dtype=np.float64), hold_flags(model))
+    if signal.hold.size != len(model.inputs):
+        raise ModelError(
+            f"{model.name}: {signal.hold.size} inputs were given, the model has {len(model.inputs)}"
+            f" ({', '.join(model.names('input'))})",
+            where=(model.name,),
+        )
+    return signal
+
+
+def as_vector(model: Model, kind: Literal["parameter", "state"], values: Vector) -> FloatArray:
+    """Parameters or initial states in any of the accepted forms, shape (rows,) or (rows, members).
+
+    Raises
+    ------
+    ModelError
+        If a name is unknown or the number of rows does not fit.
+    """
+    build = model.theta if kind == "parameter" else model.x0
+    if values is None or isinstance(values, Mapping):
+        return build(**(values or {}))
+    vector = np.array(values, dtype=np.float64)
+    size = len(model.names(kind))
+    if vector.ndim not in (1, 2) or vector.shape[0] != size:
+        raise ModelError(
+            f"{model.name}: {kind} values of shape {vector.shape} were given, {size} rows are needed"
+            f" ({', '.join(model.names(kind))})",
+            where=(model.name,),
+        )
+    return vector
