@@ -1,0 +1,248 @@
+"""Derivation: from a causal graph to explicit state equations.
+
+Causality is the order of computation: a topological sort of the definitions. Only real algebraic loops and dependent
+storages (whose rates form linear loops) are solved, each on its own, never the whole system.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from sympy import Expr, Symbol
+
+from bondgraph.declare.expressions import signal
+from bondgraph.declare.quantities import Input, symbol
+from bondgraph.derive.causality import CausalGraph
+from bondgraph.derive.definitions import Definition, Key, Law, Residual
+from bondgraph.derive.equations import Assignment, ImplicitLoop, OutputEquation, StateEquations
+from bondgraph.derive.loops import Loop, LoopSolver
+from bondgraph.derive.order import components
+from bondgraph.derive.variables import BondVariables
+from bondgraph.errors import DerivationError
+
+
+
+def derive(causal: CausalGraph, bonds: bool = False) -> StateEquations:
+    """State equations of a causal graph.
+
+    Parameters
+    ----------
+    causal
+        Graph with all strokes placed.
+    bonds
+        Add the effort and flow of every bond to the outputs, named ``effort(a->b)`` and ``flow(a->b)``.
+
+    Raises
+    ------
+    DerivationError
+        If a loop has no unique solution or a storage's equation cannot be made explicit; the elements are named.
+
+    Examples
+    --------
+    >>> from bondgraph.declare.graph import BondGraph
+    >>> from bondgraph.derive.causality import assign_causality
+    >>> g = BondGraph("mass")
+    >>> F, m = g.input("F", "N"), g.parameter("m", 2.0, "kg")
+    >>> body = g.one_junction("body")
+    >>> _ = g.effort_source("push", F, at=body)
+    >>> _ = g.inertance("mass", m, at=body)
+    >>> derive(assign_causality(g)).derivatives
+    (F/m,)
+    """
+    return Derivation(causal).equations(bonds)
+
+
+class Derivation:
+    """Values of the variables computed so far, in order, as expressions in named symbols."""
+
+    def __init__(self, causal: CausalGraph) -> None:
+        self.causal = causal
+        self.variables = BondVariables(causal)
+        self.values: dict[Key, Expr] = {}
+        self.assignments: list[Assignment | ImplicitLoop] = []
+        self.loops: list[Loop] = []
+        self.uses: dict[Key, int] = {}
+        self.taken: dict[str, None] = dict.fromkeys([*causal.graph.quantities, "t", "x", "u", "theta"])
+        for state in self.variables.states:
+            self.values["x", state.symbol.name] = state.symbol
+            self.taken[state.symbol.name] = None
+
+    # ------------------------------------------------------------------ the whole
+
+    def equations(self, bonds: bool = False) -> StateEquations:
+        """All state derivatives and outputs."""
+        graph, variables = self.causal.graph, self.variables
+        rates = [("d", ("x", state.symbol.name)) for state in variables.states]
+        measured = [(output, variables.law(output.expression)) for output in graph.outputs]
+        every = [key for b in range(len(graph.bonds)) for key in (variables.effort(b), variables.flow(b))] if bonds else []
+        roots: list[Key] = [*rates, *(key for _, law in measured for key in law.depends), *every]
+        self.compute(roots)
+        outputs = [
+            OutputEquation(symbol(output.name), law.build(self.values), output.unit, output.meaning)
+            for output, law in measured
+        ]
+        outputs += self._bond_outputs() if bonds else []
+        derivatives = tuple(self.values[rate] for rate in rates)
+        return StateEquations(
+            graph.name, graph.doc, graph.source, tuple(variables.states), (*graph.inputs, *self._input_rates(derivatives)),
+            graph.parameters, graph.tables, tuple(self.assignments), derivatives, tuple(outputs),
+        )  # fmt: skip
+
+    def compute(self, roots: Sequence[Key]) -> None:
+        """Give every variable that the roots need a value, in order."""
+        order = components(roots, self._depends)
+        for members in order:
+            for key in members:
+                for used in self._depends(key):
+                    self.uses[used] = self.uses.get(used, 0) + 1
+        for root in roots:
+            self.uses[root] = self.uses.get(root, 0) + 1
+        for members in order:
+            if len(members) == 1 and not self._is_implicit(members[0]):
+                self.assign(members[0])
+            else:
+                LoopSolver(self, members).solve()
+
+    def _depends(self, key: Key) -> Sequence[Key]:
+        rule = self.variables.definition(key)
+        return () if rule is None else rule.depends
+
+    def _is_implicit(self, key: Key) -> bool:
+        return isinstance(self.variables.definition(key), Residual) or key in self._depends(key)
+
+    # ------------------------------------------------------------------ one variable
+
+    def assign(self, key: Key) -> None:
+        """Give one variable its value; name it unless it is small or used once."""
+        rule = self.variables.definition(key)
+        if rule is None:
+            return
+        assert not isinstance(rule, Residual)
+        self.values[key] = self.named(key, rule, rule.build(self.values))
+
+    def named(self, key: Key, rule: Definition, value: Expr) -> Expr:
+        """The value itself where it may be repeated, else the symbol of a new assignment."""
+        used = self.uses.get(key, 0)
+        if is_small(value) or (used <= 1 and not _is_physical(key, rule)):
+            return value
+        return self.name(key, value)
+
+    def name(self, key: Key, value: Expr) -> Symbol:
+        """A new assignment under the variable's own name."""
+        wanted, unit, meaning = self.label(key)
+        return self.assign_as(wanted, value, unit, meaning)
+
+    def assign_as(self, wanted: str, value: Expr, unit: str, meaning: str) -> Symbol:
+        """A new assignment; the name gives way to declared ones."""
+        target = self.fresh(wanted)
+        self.assignments.append(Assignment(target, value, unit, meaning))
+        return target
+
+    def fresh(self, wanted: str) -> Symbol:
+        """A symbol whose name is not taken."""
+        while wanted in self.taken:
+            wanted += "_"
+        self.taken[wanted] = None
+        return symbol(wanted)
+
+    def label(self, key: Key) -> tuple[str, str, str]:
+        """Name, unit and meaning of a variable."""
+        return self.variables.labels.get(key, ("value", "", ""))
+
+    # ------------------------------------------------------------------ outputs
+
+    def _bond_outputs(self) -> list[OutputEquation]:
+        outputs = []
+        for variable, read in (("effort", self.variables.effort), ("flow", self.variables.flow)):
+            for bond, label in enumerate(bond_labels(self.causal)):
+                domain = self.variables.bond_domain(bond)
+                unit = "" if domain is None else getattr(domain, f"{variable}_unit")
+                value = self.values[read(bond)]
+                outputs.append(OutputEquation(signal(variable, label), value, unit, f"{variable} of bond {label}"))
+        return outputs
+
+    def _input_rates(self, derivatives: Sequence[Expr]) -> list[Input]:
+        """Inputs whose own rate a dependent storage needs: the rate becomes an input."""
+        used: set[Any] = set()
+        for assignment in self.assignments:
+            parts = (
+                (assignment.expression,)
+                if isinstance(assignment, Assignment)
+                else (*assignment.residuals, *(a.expression for a in assignment.body))
+            )
+            used.update(*(part.free_symbols for part in parts))
+        used.update(*(value.free_symbols for value in derivatives)) if derivatives else None
+        found = []
+        for declared in self.causal.graph.inputs:
+            rate = self.variables.input_rates.get(declared.symbol)
+            if rate is not None and rate in used:
+                unit = f"({declared.unit})/s" if declared.unit not in ("", "1") else ("1/s" if declared.unit else "")
+                found.append(Input(rate.name, unit, f"rate of {declared.name} (a storage depends on it)"))
+        return found
+
+
+def bond_labels(causal: CausalGraph) -> list[str]:
+    """``a->b`` for every bond; parallel bonds between the same nodes are numbered ``a->b#2``."""
+    seen: dict[str, int] = {}
+    labels = []
+    for bond in causal.graph.bonds:
+        label = f"{bond.source}->{bond.target}"
+        seen[label] = seen.get(label, 0) + 1
+        labels.append(label if seen[label] == 1 else f"{label}#{seen[label]}")
+    return labels
+
+
+def is_small(value: Expr) -> bool:
+    """Whether repeating an expression is clearer than naming it.
+
+    Examples
+    --------
+    >>> a, b = symbol("a"), symbol("b")
+    >>> is_small(-a), is_small(a / b), is_small(a * b + b)
+    (True, False, False)
+    """
+    if value.is_Atom:
+        return True
+    return bool(value.is_Mul and len(value.args) == 2 and value.args[0] == -1 and value.args[1].is_Atom)
+
+
+def _is_physical(key: Key, rule: Definition) -> bool:
+    """Efforts and flows given by an element's law keep their names, so that the physics stays readable."""
+    if not isinstance(rule, Law) or key[0] not in ("e", "f"):
+        return False
+    return bool(rule.arguments)
+
+
+def check_closed(equations: StateEquations) -> None:
+    """Raise DerivationError unless the equations use only states, inputs, parameters, ``t`` and assigned symbols."""
+    known = {symbol("t"), *(s.symbol for s in equations.states), *(i.symbol for i in equations.inputs)}
+    known |= {p.symbol for p in equations.parameters}
+    for step in equations.assignments:
+        if isinstance(step, Assignment):
+            _check_known(equations, step.expression, known, step.symbol.name)
+            known.add(step.symbol)
+            continue
+        inside = known | set(step.unknowns)
+        for local in step.body:
+            _check_known(equations, local.expression, inside, local.symbol.name)
+            inside.add(local.symbol)
+        for residual in step.residuals:
+            _check_known(equations, residual, inside, step.name)
+        known |= set(step.unknowns)
+    for state, value in zip(equations.states, equations.derivatives, strict=True):
+        _check_known(equations, value, known, f"d({state.symbol.name})/dt")
+    for output in equations.outputs:
+        _check_known(equations, output.expression, known, output.symbol.name)
+
+
+def _check_known(equations: StateEquations, value: Expr, known: set[Any], where: str) -> None:
+    foreign = sorted(str(used) for used in value.free_symbols - known)
+    if foreign:
+        raise DerivationError(
+            f"{equations.name}: the equation of {where} uses {', '.join(foreign)}, which is neither a state, input nor "
+            "parameter - please report this graph",
+            where=(where,),
+        )
+
+

@@ -1,0 +1,155 @@
+"""Exact decisions about expressions, and small linear systems solved symbolically."""
+
+from __future__ import annotations
+
+import random
+from collections.abc import Callable, Sequence
+from fractions import Fraction
+
+import sympy
+from sympy import Add, Expr, Integer, Mul, Pow, Rational
+
+from bondgraph.derive.definitions import ONE, ZERO
+
+_PRIME = (1 << 61) - 1
+_TRIALS = 3
+
+
+def is_zero(expression: Expr) -> bool:
+    """Whether an expression vanishes identically, decided exactly and never by comparing floats with zero.
+
+    A rational expression is evaluated at random points in a field of prime order, where a non-zero one vanishes with a
+    probability below degree/2**61 (Schwartz 1980, J. ACM 27(4)); any other is expanded and simplified.
+
+    Examples
+    --------
+    >>> a, b = sympy.symbols("a b", real=True)
+    >>> is_zero((a + b) ** 2 - a**2 - 2 * a * b - b**2), is_zero(a - b)
+    (True, False)
+    """
+    if expression.is_Number:
+        return bool(expression == 0)
+    try:
+        return all(_modular(expression, _point(expression, trial), {}) == 0 for trial in range(_TRIALS))
+    except (_NotRational, ZeroDivisionError):
+        return bool(sympy.simplify(expression) == 0)
+
+
+class _NotRational(Exception):
+    pass
+
+
+def _point(expression: Expr, trial: int) -> dict[Expr, int]:
+    draw = random.Random(trial)
+    return {used: draw.randrange(1, _PRIME) for used in sorted(expression.free_symbols, key=str)}
+
+
+def _modular(expression: Expr, point: dict[Expr, int], known: dict[Expr, int]) -> int:
+    """Value of a rational expression in the field of integers modulo a prime."""
+    if expression in point:
+        return point[expression]
+    if expression in known:
+        return known[expression]
+    if expression.is_Float or isinstance(expression, Rational):
+        fraction = Fraction(float(expression)) if expression.is_Float else Fraction(int(expression.p), int(expression.q))
+        value = fraction.numerator * _reciprocal(fraction.denominator)
+    elif isinstance(expression, Add):
+        value = sum(_modular(term, point, known) for term in expression.args)
+    elif isinstance(expression, Mul):
+        value = 1
+        for factor in expression.args:
+            value = value * _modular(factor, point, known) % _PRIME
+    elif isinstance(expression, Pow) and expression.exp.is_Integer:
+        base = _modular(expression.base, point, known)
+        exponent = int(expression.exp)
+        value = pow(base if exponent > 0 else _reciprocal(base), abs(exponent), _PRIME)
+    else:
+        raise _NotRational
+    known[expression] = value % _PRIME
+    return known[expression]
+
+
+def _reciprocal(value: int) -> int:
+    if value % _PRIME == 0:
+        raise ZeroDivisionError
+    return pow(value, -1, _PRIME)
+
+
+def quotient(numerator: Expr, denominator: Expr) -> Expr:
+    """``numerator/denominator`` with the fractions inside the denominator cleared.
+
+    Examples
+    --------
+    >>> tau, J, m, I = sympy.symbols("tau J m I", real=True)
+    >>> quotient(tau / J, 1 + m**2 * I / J)
+    tau/(I*m**2 + J)
+    """
+    denominator = sympy.expand(denominator)
+    scale = ONE
+    for term in Add.make_args(denominator):
+        below = (term * scale).as_numer_denom()[1]
+        scale = scale * below
+    if scale == 1:
+        return numerator / denominator
+    above = Add(*(term * scale for term in Add.make_args(numerator)))
+    return above / Add(*(term * scale for term in Add.make_args(denominator)))
+
+
+def solve_linear(
+    matrix: list[list[Expr]],
+    right: list[Expr],
+    name_it: Callable[[Expr, str], Expr],
+    singular: Callable[[list[int]], Exception],
+) -> list[Expr]:
+    """Solve ``matrix x = right`` by elimination, naming intermediate results so that nothing swells.
+
+    Parameters
+    ----------
+    matrix, right
+        Square system of expressions; changed in place.
+    name_it
+        Turns an intermediate expression into a named one (or leaves a small one alone).
+    singular
+        Makes the error for the columns that have no pivot.
+    """
+    n = len(right)
+    rows = list(range(n))
+    pivots: list[tuple[int, int]] = []
+    for column in range(n):
+        candidates = [row for row in rows if matrix[row][column] != 0 and not is_zero(matrix[row][column])]
+        if not candidates:
+            raise singular([column])
+        row = column if column in candidates else min(candidates, key=lambda r: _cost(matrix[r]))
+        rows.remove(row)
+        pivots.append((row, column))
+        _eliminate(matrix, right, row, column, rows, name_it)
+    solution: list[Expr] = [ZERO] * n
+    for row, column in reversed(pivots):
+        known = [-matrix[row][other] * solution[other] for other in range(n) if other != column and matrix[row][other] != 0]
+        value = quotient(Add(right[row], *known), matrix[row][column])
+        solution[column] = name_it(value, f"solution_{column}") if n > 1 else value
+    return solution
+
+
+def _eliminate(
+    matrix: list[list[Expr]],
+    right: list[Expr],
+    row: int,
+    column: int,
+    rows: Sequence[int],
+    name_it: Callable[[Expr, str], Expr],
+) -> None:
+    n = len(right)
+    for other in rows:
+        if matrix[other][column] == 0:
+            continue
+        ratio = name_it(quotient(matrix[other][column], matrix[row][column]), f"ratio_{other}_{column}")
+        for k in range(column + 1, n):
+            if matrix[row][k] != 0:
+                matrix[other][k] = name_it(matrix[other][k] - ratio * matrix[row][k], f"pivot_{other}_{k}")
+        matrix[other][column] = Integer(0)
+        right[other] = name_it(right[other] - ratio * right[row], f"right_{other}_{column}")
+
+
+def _cost(row: Sequence[Expr]) -> int:
+    return sum(entry != 0 for entry in row)
