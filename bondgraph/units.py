@@ -15,10 +15,10 @@ import pint
 
 from bondgraph.errors import DeclarationError
 
-_BASE = ("[length]", "[mass]", "[time]", "[current]", "[temperature]", "[substance]", "[luminosity]")
-_SYMBOLS = ("m", "kg", "s", "A", "K", "mol", "cd")
+_BASE = ("[mass]", "[length]", "[time]", "[current]", "[temperature]", "[substance]", "[luminosity]")
+_SYMBOLS = ("kg", "m", "s", "A", "K", "mol", "cd")
 
-#: Exponents of m, kg, s, A, K, mol, cd.
+#: Exponents of kg, m, s, A, K, mol, cd.
 Dimension = tuple[Fraction, ...]
 
 DIMENSIONLESS: Dimension = (Fraction(0),) * len(_BASE)
@@ -99,7 +99,7 @@ def dimension_text(exponents: Dimension) -> str:
     Examples
     --------
     >>> dimension_text(dimension("N"))
-    'm kg s^-2'
+    'kg m s^-2'
     """
     parts = [
         symbol if power == 1 else f"{symbol}^{power}"
