@@ -49,7 +49,7 @@ class LoopSolver:
     def solve(self) -> None:
         """Give every member a value."""
         linear = self._linear_system()
-        of_rates = all(key[0] == "d" for key in self.torn)
+        of_rates = any(key[0] == "d" for key in self.members)
         if linear is None:
             self._newton()
         else:
