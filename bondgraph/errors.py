@@ -1,7 +1,7 @@
 """Errors of the toolkit: where it happened, what is wrong, what to do.
 
-Every message reads ``where: what is wrong, with which values - what to do`` in the user's own names. Library code raises
-these; inside numerics a failure is a value (an ``Outcome``) so that one diverging member does not stop a swarm.
+Every message reads ``where: what is wrong, with which values - what to do`` in the user's own names. Library code
+raises these; inside numerics a failure is a value (an ``Outcome``) so that one diverging member does not stop a swarm.
 """
 
 from __future__ import annotations

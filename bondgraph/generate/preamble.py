@@ -1,0 +1,94 @@
+"""Head of a generated module: docstring, import, and the tables of states, inputs, parameters and outputs."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+from bondgraph.derive.equations import StateEquations
+from bondgraph.generate.literals import number, one_line, string
+
+#: Names this form of generated modules; who loads one looks at it first.
+FORMAT = "bondgraph-module/1"
+
+
+def preamble(equations: StateEquations) -> str:
+    """All that stands before the functions."""
+    return "\n".join(
+        [
+            _docstring(equations),
+            "import numpy as np",
+            "",
+            f"NAME = {string(equations.name)}",
+            f"FORMAT = {string(FORMAT)}",
+            "# name, unit, initial value, meaning",
+            _table("STATES", _state_rows(equations)),
+            '# name, unit, default, between samples ("linear" or "hold"), letters of a text signal, meaning',
+            _table("INPUTS", _input_rows(equations)),
+            "# name, unit, value, lower and upper bound (None: known, stays fixed), meaning",
+            _table("PARAMETERS", _parameter_rows(equations)),
+            "# name, unit, meaning",
+            _table("OUTPUTS", _output_rows(equations)),
+        ]
+    )
+
+
+def _docstring(equations: StateEquations) -> str:
+    summary = one_line(equations.doc.strip().partition("\n")[0]) or f"{one_line(equations.name)}."
+    sections = {
+        "States x": [(state.symbol.name, state.unit, state.meaning) for state in equations.states],
+        "Inputs u": [(item.name, item.unit, item.meaning) for item in equations.inputs],
+        "Parameters theta": [(item.name, item.unit, item.meaning) for item in equations.parameters],
+        "Outputs y": [(item.symbol.name, item.unit, item.meaning) for item in equations.outputs],
+    }
+    lines = [f'"""{summary}']
+    for title, rows in sections.items():
+        if rows:
+            lines += ["", f"{title}:", *_listed(rows)]
+    return "\n".join([*lines, '"""'])
+
+
+def _listed(rows: Sequence[tuple[str, str, str]]) -> Iterable[str]:
+    width = max(len(name) for name, _, _ in rows)
+    for index, (name, unit, meaning) in enumerate(rows):
+        yield f"    {index:3d}  {name:{width}}  [{one_line(unit) or '?'}]  {one_line(meaning)}".rstrip()
+
+
+def _table(name: str, rows: Iterable[Sequence[str]]) -> str:
+    lines = [f"    ({', '.join(row)})," for row in rows]
+    return "\n".join([f"{name} = (", *lines, ")"]) if lines else f"{name} = ()"
+
+
+def _state_rows(equations: StateEquations) -> Iterable[Sequence[str]]:
+    for state in equations.states:
+        name = state.symbol.name
+        yield string(name), string(state.unit), number(state.initial, f"initial value of {name}"), string(state.meaning)
+
+
+def _input_rows(equations: StateEquations) -> Iterable[Sequence[str]]:
+    for item in equations.inputs:
+        letters = [f"{string(letter)}: {number(value, f'letter {letter}')}" for letter, value in item.letters]
+        yield (
+            string(item.name),
+            string(item.unit),
+            number(item.default, f"default of {item.name}"),
+            string(item.interpolation),
+            f"{{{', '.join(letters)}}}" if letters else "None",
+            string(item.meaning),
+        )
+
+
+def _parameter_rows(equations: StateEquations) -> Iterable[Sequence[str]]:
+    for item in equations.parameters:
+        lower, upper = item.bounds or (None, None)
+        yield (
+            string(item.name),
+            string(item.unit),
+            number(item.value, f"value of {item.name}"),
+            number(lower, f"lower bound of {item.name}"),
+            number(upper, f"upper bound of {item.name}"),
+            string(item.meaning),
+        )
+
+
+def _output_rows(equations: StateEquations) -> Iterable[Sequence[str]]:
+    return [(string(item.symbol.name), string(item.unit), string(item.meaning)) for item in equations.outputs]
