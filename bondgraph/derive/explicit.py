@@ -1,0 +1,99 @@
+"""Explicit equations: derivatives and outputs in states, inputs and parameters alone, and the answer of ``bondgraph equations``."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from sympy import Expr, Symbol
+
+from bondgraph.declare.expressions import to_text
+from bondgraph.derive.derivation import Derivation, bond_labels
+from bondgraph.derive.equations import Assignment, StateEquations
+
+
+@dataclass(frozen=True)
+class ImplicitEquations:
+    """Unknowns of a nonlinear loop and the residuals that vanish at them."""
+
+    unknowns: tuple[Symbol, ...]
+    residuals: tuple[Expr, ...]
+
+
+@dataclass(frozen=True)
+class ExplicitEquations:
+    """Derivatives and outputs with all assignments substituted; only nonlinear loops keep their unknowns."""
+
+    derivatives: tuple[tuple[Symbol, Expr], ...]
+    outputs: tuple[tuple[Symbol, Expr], ...]
+    implicit: tuple[ImplicitEquations, ...]
+
+
+def explicit(equations: StateEquations) -> ExplicitEquations:
+    """Substitute all assignments.
+
+    Expressions grow where intermediate results are used often; generated code keeps the assignments instead.
+
+    Examples
+    --------
+    >>> from bondgraph.declare.graph import BondGraph
+    >>> from bondgraph.derive.causality import assign_causality
+    >>> from bondgraph.derive.derivation import derive
+    >>> g = BondGraph("sliding")
+    >>> m, b = g.parameter("m", 2.0, "kg"), g.parameter("b", 0.1, "N s/m")
+    >>> body = g.one_junction("body")
+    >>> _ = g.inertance("mass", m, at=body)
+    >>> _ = g.resistance("film", b, at=body)
+    >>> explicit(derive(assign_causality(g))).derivatives
+    ((f_mass, -b*f_mass/m),)
+    """
+    known: dict[Symbol, Expr] = {}
+    loops = []
+    for step in equations.assignments:
+        if isinstance(step, Assignment):
+            known[step.symbol] = step.expression.xreplace(known)
+            continue
+        inside = dict(known)
+        for local in step.body:
+            inside[local.symbol] = local.expression.xreplace(inside)
+        loops.append(ImplicitEquations(step.unknowns, tuple(r.xreplace(inside) for r in step.residuals)))
+    states = (state.symbol for state in equations.states)
+    return ExplicitEquations(
+        tuple((state, value.xreplace(known)) for state, value in zip(states, equations.derivatives, strict=True)),
+        tuple((output.symbol, output.expression.xreplace(known)) for output in equations.outputs),
+        tuple(loops),
+    )
+
+
+def equations_json(derivation: Derivation, equations: StateEquations) -> dict[str, Any]:
+    """What ``bondgraph equations --json`` prints."""
+    causal = derivation.causal
+    found = explicit(equations)
+    strokes = zip(causal.graph.bonds, causal.strokes, bond_labels(causal), causal.reasons, strict=True)
+    return {
+        "name": equations.name,
+        "states": [
+            {
+                "name": state.symbol.name, "element": state.element, "variable": state.variable, "unit": state.unit,
+            }
+            for state in equations.states
+        ],
+        "inputs": [declared.name for declared in equations.inputs],
+        "parameters": {parameter.name: parameter.value for parameter in equations.parameters},
+        "derivatives": {state.name: to_text(value) for state, value in found.derivatives},
+        "implicit": [
+            {"unknowns": [unknown.name for unknown in loop.unknowns], "residuals": [to_text(r) for r in loop.residuals]}
+            for loop in found.implicit
+        ],
+        "outputs": {output.name: to_text(value) for output, value in found.outputs},
+        "causality": {
+            "bonds": [
+                {"source": bond.source, "target": bond.target, "stroke": stroke, "bond": label, "why": reason.text}
+                for bond, stroke, label, reason in strokes
+            ],
+            "derivative": [
+                name if causal.graph.nodes[name].ports == 1 else f"{name}.{port}" for name, port in causal.derivative
+            ],
+            "loops": [list(loop.elements) for loop in derivation.loops if not loop.of_rates],
+        },
+    }  # fmt: skip

@@ -1,0 +1,206 @@
+"""Evaluate a derived model at given points, in energy variables, with the effort and flow of every bond."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from sympy import Expr
+
+from bondgraph.declare.elements import ENERGY_VARIABLE, STORAGES
+from bondgraph.declare.graph import BondGraph
+from bondgraph.declare.quantities import symbol
+from bondgraph.derive.causality import CausalGraph, assign_causality
+from bondgraph.derive.derivation import Derivation, bond_labels
+from bondgraph.derive.equations import StateEquations
+from bondgraph.errors import DataError, suggest
+from bondgraph.generate.module import render
+from bondgraph.simulate.model import Model
+
+_POINT_KEYS = ("t", "states", "inputs", "input_derivatives", "parameters")
+_ENERGY = re.compile(r"(displacement|momentum)(\d*)\((.+)\)\Z")
+
+
+def evaluate(graph: BondGraph, points: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
+    """Derivatives, outputs, signals and bond variables of a graph at given points.
+
+    Parameters
+    ----------
+    graph
+        The declared graph.
+    points
+        Objects with ``t``, ``states`` (by ``displacement(X)``, ``momentum(X)`` or a state's own name), ``inputs``,
+        ``input_derivatives`` and ``parameters``; what is left out has its default.
+
+    Raises
+    ------
+    DataError
+        If a point names something that the model does not have.
+    BondGraphError
+        If the graph is refused.
+
+    Examples
+    --------
+    >>> g = BondGraph("mass")
+    >>> body = g.one_junction("body")
+    >>> _ = g.effort_source("weight", -9.81, at=body)
+    >>> _ = g.inertance("mass", g.parameter("m", 2.0, "kg"), at=body)
+    >>> evaluate(g, [{"states": {"momentum(mass)": 4.0}}])[0]["derivatives"]
+    {'momentum(mass)': -9.81}
+    """
+    evaluator = _Evaluator(assign_causality(graph, _wanted_independent(graph.flatten(), points)))
+    return [evaluator.at(point, index) for index, point in enumerate(points)]
+
+
+def _wanted_independent(flat: BondGraph, points: Sequence[Mapping[str, Any]]) -> list[str]:
+    """Storages whose energy variables the points give: these are to be the independent ones."""
+    named: dict[str, None] = {}
+    for point in points[:1]:
+        for key in point.get("states", {}):
+            found = _ENERGY.match(key)
+            if found and found[3] in flat.nodes and flat.nodes[found[3]].kind in STORAGES:
+                named[found[3]] = None
+    return list(named)
+
+
+class _Evaluator:
+    def __init__(self, causal: CausalGraph) -> None:
+        self.causal = causal
+        derivation = Derivation(causal)
+        equations = derivation.equations(bonds=True)
+        self.variables = derivation.variables
+        self.model = Model.from_text(render(equations), source=f"{causal.graph.name} (derived)")
+        self.own = len(causal.graph.outputs)
+        self.energy = self._energy_states(equations)
+
+    def _energy_states(self, equations: StateEquations) -> dict[str, tuple[int, Expr | None]]:
+        """Energy variable -> index of its state, and the inertia by which a flow state is multiplied."""
+        found: dict[str, tuple[int, Expr | None]] = {}
+        index = {state.symbol: i for i, state in enumerate(equations.states)}
+        for node in self.causal.graph.nodes.values():
+            for port in range(1, node.ports + 1) if node.kind in STORAGES else ():
+                state = self.variables.state_of(node.name, port)
+                if state is not None:
+                    name = f"{ENERGY_VARIABLE[node.kind]}{port if node.ports > 1 else ''}({node.name})"
+                    inertia = self.variables.constant_inertia(node) if state.variable == "flow" else None
+                    found[name] = (index[state.symbol], inertia)
+        return found
+
+    def at(self, point: Mapping[str, Any], number: int) -> dict[str, Any]:
+        where = f"point {number}"
+        _require(point, _POINT_KEYS, where)
+        theta = self._vector(point.get("parameters", {}), "parameter", self.model.theta(), where)
+        values = {p.name: float(v) for p, v in zip(self.model.parameters, theta, strict=True)}
+        x = self._states(point.get("states", {}), values, where)
+        u = self._inputs(point, where)
+        t = float(point.get("t", 0.0))
+        with np.errstate(all="ignore"):  # a point outside a law's domain gives nan in the answer
+            dx = self.model.rhs(t, x, u, theta)
+            y = self.model.output(t, x, u, theta)
+        bonds = self._bonds(y[self.own :])
+        return {
+            "derivatives": self._derivatives(point.get("states", {}), dx, values, bonds),
+            "outputs": {info.name: float(v) for info, v in zip(self.model.outputs[: self.own], y[: self.own], strict=True)},
+            "signals": self._signals(bonds),
+            "bonds": bonds,
+        }
+
+    def _vector(self, given: Mapping[str, Any], kind: Any, start: Any, where: str) -> Any:
+        names = self.model.names(kind)
+        for name, value in given.items():
+            if name not in names:
+                raise DataError(f"{where}: no {kind} {name!r}{suggest(name, names)}", where=(name,))
+            start[names.index(name)] = float(value)
+        return start
+
+    def _inputs(self, point: Mapping[str, Any], where: str) -> Any:
+        letters = {info.name: info.letters for info in self.model.inputs if info.letters}
+        given = dict(point.get("inputs", {}))
+        for name, codes in letters.items():
+            if isinstance(given.get(name), str):
+                if given[name] not in codes:
+                    raise DataError(f"{where}: {name} {given[name]!r} is none of {', '.join(codes)}", where=(name,))
+                given[name] = codes[given[name]]
+        names = self.model.names("input")
+        rates = {f"d_{name}": value for name, value in point.get("input_derivatives", {}).items()}
+        declared = [quantity.name for quantity in self.causal.graph.inputs]
+        for name in point.get("input_derivatives", {}):
+            if name not in declared:
+                raise DataError(f"{where}: no input {name!r}{suggest(name, declared)}", where=(name,))
+        given |= {name: value for name, value in rates.items() if name in names}
+        return self._vector(given, "input", self.model.u0(), where)
+
+    def _states(self, given: Mapping[str, Any], parameters: Mapping[str, float], where: str) -> Any:
+        names = self.model.names("state")
+        x = self.model.x0()
+        dependent = {f"{ENERGY_VARIABLE[self.causal.graph.nodes[n].kind]}({n})" for n, _ in self.causal.derivative}
+        for name, value in given.items():
+            if name in self.energy:
+                index, inertia = self.energy[name]
+                x[index] = float(value) / (1.0 if inertia is None else _number(inertia, parameters))
+            elif name in names:
+                x[names.index(name)] = float(value)
+            elif name not in dependent:
+                known = [*self.energy, *names]
+                raise DataError(f"{where}: no state {name!r}{suggest(name, known)} - use {', '.join(known)}", where=(name,))
+        return x
+
+    def _derivatives(
+        self, given: Mapping[str, Any], dx: Any, parameters: Mapping[str, float], bonds: Mapping[str, Any]
+    ) -> dict[str, float]:
+        names = self.model.names("state")
+        by_energy = {
+            name: float(dx[i]) * (1.0 if inertia is None else _number(inertia, parameters))
+            for name, (i, inertia) in self.energy.items()
+        }
+        by_name = {name: float(value) for name, value in zip(names, dx, strict=True)}
+        inverse = {index: name for name, (index, _) in self.energy.items()}
+        keys = list(given) or [inverse.get(i, name) for i, name in enumerate(names)]
+        keys += [
+            key
+            for i, name in enumerate(names)
+            if (key := inverse.get(i, name)) not in keys and name not in keys
+        ]
+        known = {**by_name, **by_energy}
+        return {key: known[key] if key in known else self._dependent_rate(key, bonds) for key in keys}
+
+    def _dependent_rate(self, key: str, bonds: Mapping[str, Any]) -> float:
+        found = _ENERGY.match(key)
+        assert found is not None
+        port = self.variables.ports(self.causal.graph.nodes[found[3]])[int(found[2] or 1) - 1]
+        bond = bonds[bond_labels(self.causal)[port.bond]]
+        return float(port.sign * bond["flow"]) if found[1] == "displacement" else float(bond["effort"])
+
+    def _bonds(self, values: Any) -> dict[str, dict[str, float]]:
+        labels = bond_labels(self.causal)
+        count = len(labels)
+        return {
+            label: {"effort": float(values[i]), "flow": float(values[count + i])} for i, label in enumerate(labels)
+        }
+
+    def _signals(self, bonds: Mapping[str, Mapping[str, float]]) -> dict[str, float]:
+        """The common variable of every junction."""
+        labels = bond_labels(self.causal)
+        found = {}
+        for node in self.causal.graph.nodes.values():
+            if node.is_junction:
+                variable = "effort" if node.kind == "0" else "flow"
+                first = self.variables.incidence[node.name][0][0]
+                found[f"{variable}({node.name})"] = bonds[labels[first]][variable]
+        return found
+
+
+def _number(expression: Expr, parameters: Mapping[str, float]) -> float:
+    return float(expression.subs({symbol(name): value for name, value in parameters.items()}))
+
+
+def _require(point: Mapping[str, Any], known: Sequence[str], where: str) -> None:
+    if not isinstance(point, Mapping):
+        raise DataError(f"{where}: expected an object with {', '.join(known)}", where=(where,))
+    for key in point:
+        if key not in known:
+            raise DataError(f"{where}: unknown key {key!r}{suggest(key, known)}", where=(key,))
+
+
