@@ -1,0 +1,206 @@
+"""What the searches minimise: a negative log-likelihood over a box of coordinates, many points at once.
+
+A Gaussian likelihood factorises over its scalar measurements, each given all before it: with the innovation e_i, its
+standard deviation s_i and z_i = e_i / s_i,
+
+    nll = sum_i ( z_i^2 / 2 + log s_i + log(2 pi) / 2 ).
+
+So its exact gradient, and the Fisher information by which a scoring step is scaled, need nothing but the derivatives of
+z and of log s:
+
+    gradient    = sum_i ( z_i dz_i + dlog s_i )
+    information = sum_i ( (dz_i + z_i dlog s_i)' (dz_i + z_i dlog s_i) + 2 dlog s_i' dlog s_i ),
+
+where dz_i + z_i dlog s_i is the derivative of the innovation itself over its standard deviation. Least squares are the
+case s_i = 1. Reference: Gupta and Mehra (1974), Computational aspects of maximum likelihood estimation and reduction in
+sensitivity function calculations, IEEE Trans. Automatic Control 19(6).
+"""
+
+from __future__ import annotations
+
+import enum
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+FloatArray = npt.NDArray[np.float64]
+BoolArray = npt.NDArray[np.bool_]
+
+
+class SearchOutcome(enum.Enum):
+    """How a search ended; the value is the message."""
+
+    CONVERGED = "converged: no step promises a better likelihood"
+    STALLED = "stopped: the likelihood did not improve for the number of iterations given as patience"
+    ITERATION_LIMIT = "stopped at the limit of iterations - raise it, or resume, if the trace still falls"
+    INTERRUPTED = "interrupted: this is the best point so far - continue with resume"
+    NO_PROGRESS = "stopped: no step along the gradient improves the likelihood, which is not smooth here"
+    NO_FINITE_POINT = "failed: the model diverges at every point tried - narrow the bounds or use more substeps"
+
+    @property
+    def succeeded(self) -> bool:
+        """Whether the point returned is an optimum as far as the search can tell."""
+        return self in (SearchOutcome.CONVERGED, SearchOutcome.STALLED)
+
+
+@dataclass(frozen=True)
+class Terms:
+    """Scalar terms of a likelihood at several points.
+
+    ``innovations`` are the z_i and ``log_scales`` the log s_i, both (n_terms, members); zero where nothing was
+    measured, NaN in the column of a member that failed.
+    """
+
+    innovations: FloatArray
+    log_scales: FloatArray
+
+    def members(self, columns: npt.NDArray[np.intp]) -> Terms:
+        """The terms of some members."""
+        return Terms(self.innovations[:, columns], self.log_scales[:, columns])
+
+    def sums(self) -> FloatArray:
+        """Values of the likelihood but for its constant, shape (members,); infinite where a member failed."""
+        with np.errstate(over="ignore", invalid="ignore"):
+            sums: FloatArray = 0.5 * (self.innovations**2).sum(axis=0) + self.log_scales.sum(axis=0)
+        return np.where(np.isfinite(sums), sums, np.inf)
+
+
+class Objective(Protocol):
+    """A negative log-likelihood over a box; ``lower`` equal to ``upper`` holds a coordinate fixed."""
+
+    @property
+    def lower(self) -> FloatArray:
+        """Lower bounds, shape (n,)."""
+
+    @property
+    def upper(self) -> FloatArray:
+        """Upper bounds, shape (n,)."""
+
+    def nll(self, points: FloatArray) -> FloatArray:
+        """Values at points (n, members), shape (members,); infinite where the model fails."""
+
+    def terms(self, points: FloatArray) -> Terms:
+        """Scalar terms at points (n, members)."""
+
+
+@dataclass(frozen=True)
+class Expansion:
+    """Gradient (n,) and Fisher information (n, n) of an objective at one point, and the evaluations they took.
+
+    ``terms``, if known, holds the terms there in its first column and their derivatives in n more; with them a search
+    can correct its steps for the curvature of the model.
+    """
+
+    gradient: FloatArray
+    information: FloatArray
+    evaluations: int
+    terms: Terms | None = None
+
+    @property
+    def sum(self) -> float:
+        """The likelihood there but for its constant; NaN where the terms are not known."""
+        return float(self.terms.members(np.array([0])).sums()[0]) if self.terms is not None else float("nan")
+
+
+#: Expansions of an objective at points (n, members) with difference steps (n, members).
+Expand = Callable[[Objective, FloatArray, FloatArray], tuple[Expansion, ...]]
+
+
+@dataclass(frozen=True)
+class TraceRow:
+    """State of a search after an iteration."""
+
+    stage: str
+    iteration: int
+    evaluations: int
+    nll: float
+    point: tuple[float, ...]
+
+
+#: Called after every iteration.
+Progress = Callable[[TraceRow], None]
+
+
+def silent(row: TraceRow) -> None:
+    """Report nothing."""
+
+
+def central_differences(objective: Objective, points: FloatArray, steps: FloatArray) -> tuple[Expansion, ...]:
+    """Expansions by differences of the scalar terms, of second order also at a bound.
+
+    Parameters
+    ----------
+    objective
+        The objective.
+    points
+        Where, shape (n, members), inside the bounds.
+    steps
+        Difference steps, shape (n, members), positive.
+
+    Examples
+    --------
+    >>> class Line:
+    ...     lower, upper = np.array([-10.0]), np.array([10.0])
+    ...     def terms(self, points):
+    ...         return Terms(2.0 * points - 6.0, np.zeros(points.shape))
+    >>> (expansion,) = central_differences(Line(), np.array([[0.0]]), np.array([[1e-4]]))
+    >>> expansion.gradient.round(6).tolist(), expansion.information.round(6).tolist()
+    ([-12.0], [[4.0]])
+    """
+    return tuple(_expand_one(objective, points[:, member], steps[:, member]) for member in range(points.shape[1]))
+
+
+def _expand_one(objective: Objective, point: FloatArray, step: FloatArray) -> Expansion:
+    free = np.flatnonzero(objective.upper > objective.lower)
+    offsets = [_offsets(point[j], step[j], objective.lower[j], objective.upper[j]) for j in free]
+    members = np.repeat(point[:, np.newaxis], 2 * free.size + 1, axis=1)
+    for k, j in enumerate(free):
+        members[j, 2 * k + 1 : 2 * k + 3] += offsets[k]
+    terms = objective.terms(members)
+    innovations = np.zeros((terms.innovations.shape[0], 1 + point.size))
+    log_scales = np.zeros(innovations.shape)
+    innovations[:, 0], log_scales[:, 0] = terms.innovations[:, 0], terms.log_scales[:, 0]
+    for k, j in enumerate(free):
+        weights = _weights(members[j, 2 * k + 1 : 2 * k + 3] - point[j], terms.innovations[:, 2 * k + 1 : 2 * k + 3])
+        columns = [0, 2 * k + 1, 2 * k + 2]
+        used = [column for column, weight in zip(columns, weights, strict=True) if weight != 0.0]
+        kept = np.array([weight for weight in weights if weight != 0.0])
+        innovations[:, 1 + j] = terms.innovations[:, used] @ kept
+        log_scales[:, 1 + j] = terms.log_scales[:, used] @ kept
+    return expansion_of(innovations, log_scales, members.shape[1])
+
+
+def expansion_of(innovations: FloatArray, log_scales: FloatArray, evaluations: int) -> Expansion:
+    """Gradient and information from terms and their derivatives, both (n_terms, 1 + n)."""
+    z, slopes_z, slopes_s = innovations[:, 0], innovations[:, 1:], log_scales[:, 1:]
+    slopes_e = slopes_z + z[:, np.newaxis] * slopes_s
+    gradient = slopes_z.T @ z + slopes_s.sum(axis=0)
+    information = slopes_e.T @ slopes_e + 2.0 * slopes_s.T @ slopes_s
+    return Expansion(gradient, information, evaluations, Terms(innovations, log_scales))
+
+
+def _offsets(value: float, step: float, lower: float, upper: float) -> tuple[float, float]:
+    """Two points for a derivative: either side, or both on the inner side of a bound."""
+    step = min(step, 0.25 * (upper - lower))
+    if value - step < lower:
+        return step, 2.0 * step
+    if value + step > upper:
+        return -step, -2.0 * step
+    return step, -step
+
+
+def _weights(offsets: FloatArray, values: FloatArray) -> tuple[float, float, float]:
+    """Weights of the value itself and of two neighbours in its derivative; a neighbour that failed gets none."""
+    a, b = float(offsets[0]), float(offsets[1])
+    good_a, good_b = (bool(np.isfinite(values[:, column]).all()) for column in (0, 1))
+    if good_a and good_b:
+        # Derivative at 0 of the parabola through (0, a, b).
+        return -(a + b) / (a * b), b / (a * (b - a)), -a / (b * (b - a))
+    if good_a:
+        return -1.0 / a, 1.0 / a, 0.0
+    if good_b:
+        return -1.0 / b, 0.0, 1.0 / b
+    return 0.0, 0.0, 0.0

@@ -1,0 +1,137 @@
+"""Steps of the gradient search: from an expansion of the likelihood at a point to trial points inside the box."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from bondgraph.estimate.objective import BoolArray, Expansion, FloatArray, Objective, Terms
+
+
+def newton_decrement(objective: Objective, point: FloatArray, expansion: Expansion) -> float:
+    """Nats by which the likelihood would improve if it were quadratic and the box had no further walls."""
+    held = _held(objective, point, expansion.gradient)
+    free = ~held
+    gradient = expansion.gradient[free]
+    information = expansion.information[np.ix_(free, free)]
+    scale = np.sqrt(np.maximum(np.diag(information), 1e-300))
+    values, vectors = np.linalg.eigh(information / np.outer(scale, scale))
+    shares = vectors.T @ (gradient / scale)
+    # Directions of which the data say nothing but rounding promise nothing.
+    told = values > 1e-14 * max(float(values.max(initial=0.0)), 1e-300)
+    return 0.5 * float(np.sum(shares[told] ** 2 / values[told]))
+
+
+def damped_step(objective: Objective, point: FloatArray, expansion: Expansion, damping: float) -> FloatArray:
+    """The trial point for one damping: a step in the free coordinates, the others stopped at their walls.
+
+    Returns
+    -------
+    FloatArray
+        Shape (n,), inside the box.
+    """
+    held = _held(objective, point, expansion.gradient)
+    width = np.where(objective.upper > objective.lower, objective.upper - objective.lower, 1.0)
+    scale = np.diag(expansion.information) + 1e-6 / width**2
+    rates = noise_level_rates(expansion)
+    trial = point.copy()
+    while not held.all():
+        free = ~held
+        matrix = expansion.information[np.ix_(free, free)] + damping * np.diag(scale[free])
+        # The step that coordinates already at a wall take pulls on the others.
+        push = expansion.gradient[free] + expansion.information[np.ix_(free, held)] @ (trial - point)[held]
+        trial[free] = point[free] + _noise_level_steps(-_solve(matrix, push, scale[free]), rates[free])
+        outside = free & ((trial < objective.lower) | (trial > objective.upper))
+        if not outside.any():
+            break
+        trial = np.clip(trial, objective.lower, objective.upper)
+        held = held | outside
+    return trial
+
+
+def noise_level_rates(expansion: Expansion) -> FloatArray:
+    """Of coordinates that set noise levels, how fast log s follows them; zero for all others. Shape (n,)."""
+    size = expansion.gradient.size
+    if expansion.terms is None:
+        return np.zeros(size)
+    slopes = expansion.terms.log_scales[:, 1:]
+    squares = np.sum(slopes**2, axis=0)
+    is_level = 2.0 * squares > 0.5 * np.diag(expansion.information)
+    mean = squares / np.maximum(np.abs(slopes).sum(axis=0), 1e-300)
+    return np.where(is_level, np.sign(slopes.sum(axis=0)) * mean, 0.0)
+
+
+def _noise_level_steps(steps: FloatArray, rates: FloatArray) -> FloatArray:
+    """Steps of noise levels in closed form.
+
+    With S = sum of z^2 / n, a scoring step moves log s by (S - 1) / 2: never below -1/2 and far too far up, while the
+    optimum is (log S) / 2 away.
+    """
+    ratio = np.maximum(1.0 + 2.0 * rates * steps, 1e-3)
+    return np.where(rates == 0.0, steps, 0.5 * np.log(ratio) / np.where(rates == 0.0, 1.0, rates))
+
+
+def _solve(matrix: FloatArray, right: FloatArray, scale: FloatArray) -> FloatArray:
+    root = np.sqrt(scale)
+    scaled: FloatArray = np.linalg.lstsq(matrix / np.outer(root, root), right / root, rcond=1e-15)[0]
+    return scaled / root
+
+
+def _held(objective: Objective, point: FloatArray, gradient: FloatArray) -> BoolArray:
+    """Coordinates at a wall through which the likelihood would still rise, and those that are fixed."""
+    at_lower = (point <= objective.lower) & (gradient > 0.0)
+    at_upper = (point >= objective.upper) & (gradient < 0.0)
+    return at_lower | at_upper | (objective.upper <= objective.lower)
+
+
+def promised_gain(expansion: Expansion, move: FloatArray) -> float:
+    """Nats that a move (n,) would gain if the likelihood were quadratic."""
+    return -float(expansion.gradient @ move + 0.5 * move @ expansion.information @ move)
+
+
+def bent_steps(
+    objective: Objective,
+    point: FloatArray,
+    expansion: Expansion,
+    trials: FloatArray,
+    dampings: FloatArray,
+    seen: Terms,
+) -> FloatArray:
+    """Trials corrected to second order: terms seen at a trial minus their linear prediction tell the curvature.
+
+    Where good parameters lie along a curved valley, straight steps must be short; bent ones follow it. Reference:
+    Transtrum and Sethna (2012), Improvements to the Levenberg-Marquardt algorithm for nonlinear least-squares
+    minimization, arXiv:1201.5885; here the trial itself serves as the point at which curvature is measured.
+
+    Parameters
+    ----------
+    objective
+        For its box.
+    point, expansion
+        Where the search stands, shape (n,), and what is known there, with its terms.
+    trials, dampings
+        Straight trials, shape (n, trials), and the damping of each.
+    seen
+        Terms at the trials.
+
+    Returns
+    -------
+    FloatArray
+        Shape (n, trials), inside the box.
+    """
+    if expansion.terms is None:
+        return trials
+    known_z, known_s = expansion.terms.innovations, expansion.terms.log_scales
+    moves = trials - point[:, np.newaxis]
+    with np.errstate(invalid="ignore", over="ignore"):
+        miss_z = seen.innovations - (known_z[:, :1] + known_z[:, 1:] @ moves)
+        miss_s = seen.log_scales - (known_s[:, :1] + known_s[:, 1:] @ moves)
+        slopes_e = known_z[:, 1:] + known_z[:, :1] * known_s[:, 1:]
+        pulls = slopes_e.T @ (miss_z + known_z[:, :1] * miss_s) + 2.0 * known_s[:, 1:].T @ miss_s
+    pulls = np.where(np.isfinite(pulls), pulls, 0.0)
+    bent = [
+        damped_step(objective, point, replace(expansion, gradient=expansion.gradient + pull), float(damping))
+        for pull, damping in zip(pulls.T, dampings, strict=True)
+    ]
+    return np.array(bent).T

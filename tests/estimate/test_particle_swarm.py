@@ -1,0 +1,186 @@
+"""The swarm finds known optima, stays in its box, and is the same for a seed however it is run."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
+
+from bondgraph.errors import EstimationError
+from bondgraph.estimate.objective import SearchOutcome
+from bondgraph.estimate.particle_swarm import (
+    SwarmSettings,
+    initial_swarm,
+    particle_swarm,
+    reflect,
+    step_swarm,
+    swarm_ended,
+)
+
+FINE = SwarmSettings(members=60, iterations=400, patience=60, tolerance=1e-13)
+
+
+class Function:
+    """An analytic function over a box as an objective."""
+
+    def __init__(self, function: Callable, lower: list[float], upper: list[float]) -> None:
+        self.function, self.lower, self.upper = function, np.array(lower, float), np.array(upper, float)
+
+    def nll(self, points: np.ndarray) -> np.ndarray:
+        return self.function(points)
+
+
+def rastrigin(x: np.ndarray) -> np.ndarray:
+    return 10.0 * len(x) + (x**2 - 10.0 * np.cos(2.0 * np.pi * x)).sum(axis=0)
+
+
+def rosenbrock(x: np.ndarray) -> np.ndarray:
+    return (100.0 * (x[1:] - x[:-1] ** 2) ** 2 + (1.0 - x[:-1]) ** 2).sum(axis=0)
+
+
+def ackley(x: np.ndarray) -> np.ndarray:
+    smooth = -20.0 * np.exp(-0.2 * np.sqrt((x**2).mean(axis=0)))
+    return smooth - np.exp(np.cos(2.0 * np.pi * x).mean(axis=0)) + 20.0 + np.e
+
+
+def branin(x: np.ndarray) -> np.ndarray:
+    bend = x[1] - 5.1 / (4.0 * np.pi**2) * x[0] ** 2 + 5.0 / np.pi * x[0] - 6.0
+    return bend**2 + 10.0 * (1.0 - 1.0 / (8.0 * np.pi)) * np.cos(x[0]) + 10.0
+
+
+def six_hump_camel(x: np.ndarray) -> np.ndarray:
+    a, b = x
+    return (4.0 - 2.1 * a**2 + a**4 / 3.0) * a**2 + a * b + (4.0 * b**2 - 4.0) * b**2
+
+
+def hartmann3(x: np.ndarray) -> np.ndarray:
+    steep = np.array([[3, 10, 30], [0.1, 10, 35], [3, 10, 30], [0.1, 10, 35]])
+    centre = 1e-4 * np.array([[3689, 1170, 2673], [4699, 4387, 7470], [1091, 8732, 5547], [381.5, 5743, 8828]])
+    distance = (steep[:, :, None] * (x[None] - centre[:, :, None]) ** 2).sum(axis=1)
+    return -(np.array([1.0, 1.2, 3.0, 3.2])[:, None] * np.exp(-distance)).sum(axis=0)
+
+
+def styblinski_tang(x: np.ndarray) -> np.ndarray:
+    return (x**4 - 16.0 * x**2 + 5.0 * x).sum(axis=0) / 2.0
+
+
+PROBLEMS = {
+    "sphere": (Function(lambda x: (x**2).sum(axis=0), [-100] * 5, [100] * 5), 0.0),
+    "rosenbrock": (Function(rosenbrock, [-30] * 2, [30] * 2), 0.0),
+    "rastrigin": (Function(rastrigin, [-5.12] * 3, [5.12] * 3), 0.0),
+    "ackley": (Function(ackley, [-32.768] * 4, [32.768] * 4), 0.0),
+    "branin": (Function(branin, [-5, 0], [10, 15]), 0.39788735772973816),
+    "six-hump camel": (Function(six_hump_camel, [-3, -2], [3, 2]), -1.0316284534898774),
+    "hartmann3": (Function(hartmann3, [0] * 3, [1] * 3), -3.86278214782076),
+    "styblinski-tang": (Function(styblinski_tang, [-5] * 2, [5] * 2), -39.16616570377142 * 2),
+}
+
+
+@pytest.mark.parametrize("name", PROBLEMS)
+def test_known_optima_are_found(name: str) -> None:
+    problem, optimum = PROBLEMS[name]
+    start = problem.lower + 0.9 * (problem.upper - problem.lower)
+    state, outcome = particle_swarm(problem, start, seed=3, settings=FINE)
+    assert state.swarm_best_nll == pytest.approx(optimum, abs=1e-6)
+    assert outcome in (SearchOutcome.STALLED, SearchOutcome.ITERATION_LIMIT)
+
+
+def test_published_optima_are_those_used_here(shared_data: Path) -> None:
+    cases = json.loads((shared_data / "published" / "cases.json").read_text())["cases"]
+    expected = next(case for case in cases if case["id"] == "global_optimisation_functions")["expected"]
+    for name in ("sphere", "rosenbrock", "rastrigin", "ackley", "branin", "six-hump camel", "hartmann3"):
+        assert PROBLEMS[name][1] == pytest.approx(expected[name], abs=1e-12)
+
+
+def test_a_seed_gives_one_search_and_another_seed_another() -> None:
+    problem, _ = PROBLEMS["rastrigin"]
+    runs = [particle_swarm(problem, np.zeros(3) + 3.0, seed=seed, settings=FINE)[0] for seed in (5, 5, 6)]
+    assert runs[0].trace == runs[1].trace
+    assert runs[0].trace != runs[2].trace
+
+
+def test_threads_do_not_change_the_search() -> None:
+    problem, _ = PROBLEMS["ackley"]
+
+    class Threaded(Function):
+        def nll(self, points: np.ndarray) -> np.ndarray:
+            return np.concatenate(list(pool.map(self.function, np.array_split(points, 7, axis=1))))
+
+    threaded = Threaded(ackley, problem.lower.tolist(), problem.upper.tolist())
+    start = np.full(4, 20.0)
+    one, _ = particle_swarm(problem, start, seed=2, settings=FINE)
+    with ThreadPoolExecutor(4) as pool:
+        many, _ = particle_swarm(threaded, start, seed=2, settings=FINE)
+    assert one.trace == many.trace
+
+
+def test_a_search_continues_from_any_state_as_if_never_stopped() -> None:
+    problem, _ = PROBLEMS["hartmann3"]
+    short = replace(FINE, iterations=20)
+    state = initial_swarm(problem, np.full(3, 0.5), short, seed=4)
+    for _ in range(7):
+        state = step_swarm(problem, state, short, seed=4)
+    while swarm_ended(state, short) is None:
+        state = step_swarm(problem, state, short, seed=4)
+    assert state.trace == particle_swarm(problem, np.full(3, 0.5), seed=4, settings=short)[0].trace
+
+
+def test_progress_tells_every_iteration_and_never_gets_worse() -> None:
+    problem, _ = PROBLEMS["rastrigin"]
+    rows = []
+    state, _ = particle_swarm(problem, np.zeros(3) + 3.0, 1, replace(FINE, iterations=30), rows.append)
+    assert tuple(rows) == state.trace
+    assert [row.iteration for row in rows] == list(range(31))
+    assert [row.evaluations for row in rows] == [60 * (k + 1) for k in range(31)]
+    assert (np.diff([row.nll for row in rows]) <= 0.0).all()
+
+
+def test_members_that_fail_do_not_stop_the_others() -> None:
+    def partly(x: np.ndarray) -> np.ndarray:
+        return np.where(x[0] > 0.0, np.nan, (x**2).sum(axis=0))
+
+    state, _ = particle_swarm(Function(partly, [-4, -4], [4, 4]), np.array([3.0, 3.0]), 1, FINE)
+    assert state.swarm_best_nll < 1e-6
+
+
+def test_a_model_that_always_diverges_is_an_outcome() -> None:
+    never = Function(lambda x: np.full(x.shape[1], np.inf), [0, 0], [1, 1])
+    state, outcome = particle_swarm(never, np.array([0.5, 0.5]), 1, replace(FINE, patience=3))
+    assert outcome is SearchOutcome.NO_FINITE_POINT and not outcome.succeeded
+    assert state.iteration == 3
+
+
+@settings(max_examples=50, deadline=None)
+@given(
+    positions=hnp.arrays(float, (2, 5), elements=st.floats(-50, 50)),
+    velocities=hnp.arrays(float, (2, 5), elements=st.floats(-50, 50)),
+)
+def test_reflection_ends_inside_and_keeps_what_was_inside(positions: np.ndarray, velocities: np.ndarray) -> None:
+    lower, upper = np.array([-1.0, 2.0]), np.array([1.0, 7.0])
+    inside = (positions >= lower[:, None]) & (positions <= upper[:, None])
+    after, speed = reflect(positions, velocities, lower, upper)
+    assert (after >= lower[:, None]).all() and (after <= upper[:, None]).all()
+    np.testing.assert_array_equal(after[inside], positions[inside])
+    np.testing.assert_array_equal(speed, np.where(inside, velocities, -velocities))
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"members": 1}, "members = 1 must be at least 2"),
+        ({"patience": 0}, "patience = 0 must be at least 1"),
+        ({"cognitive": 3.0}, r"makes the swarm explode - keep .* below 3\.35"),
+        ({"inertia_weight": 1.1}, "makes the swarm explode"),
+    ],
+)
+def test_settings_that_cannot_work_are_refused(change: dict, message: str) -> None:
+    with pytest.raises(EstimationError, match=message):
+        SwarmSettings(**change)
