@@ -102,7 +102,9 @@ class _Evaluator:
         bonds = self._bonds(y[self.own :])
         return {
             "derivatives": self._derivatives(point.get("states", {}), dx, values, bonds),
-            "outputs": {info.name: float(v) for info, v in zip(self.model.outputs[: self.own], y[: self.own], strict=True)},
+            "outputs": {
+                info.name: float(v) for info, v in zip(self.model.outputs[: self.own], y[: self.own], strict=True)
+            },
             "signals": self._signals(bonds),
             "bonds": bonds,
         }
@@ -144,7 +146,9 @@ class _Evaluator:
                 x[names.index(name)] = float(value)
             elif name not in dependent:
                 known = [*self.energy, *names]
-                raise DataError(f"{where}: no state {name!r}{suggest(name, known)} - use {', '.join(known)}", where=(name,))
+                raise DataError(
+                    f"{where}: no state {name!r}{suggest(name, known)} - use {', '.join(known)}", where=(name,)
+                )
         return x
 
     def _derivatives(
@@ -158,11 +162,7 @@ class _Evaluator:
         by_name = {name: float(value) for name, value in zip(names, dx, strict=True)}
         inverse = {index: name for name, (index, _) in self.energy.items()}
         keys = list(given) or [inverse.get(i, name) for i, name in enumerate(names)]
-        keys += [
-            key
-            for i, name in enumerate(names)
-            if (key := inverse.get(i, name)) not in keys and name not in keys
-        ]
+        keys += [key for i, name in enumerate(names) if (key := inverse.get(i, name)) not in keys and name not in keys]
         known = {**by_name, **by_energy}
         return {key: known[key] if key in known else self._dependent_rate(key, bonds) for key in keys}
 
@@ -176,9 +176,7 @@ class _Evaluator:
     def _bonds(self, values: Any) -> dict[str, dict[str, float]]:
         labels = bond_labels(self.causal)
         count = len(labels)
-        return {
-            label: {"effort": float(values[i]), "flow": float(values[count + i])} for i, label in enumerate(labels)
-        }
+        return {label: {"effort": float(values[i]), "flow": float(values[count + i])} for i, label in enumerate(labels)}
 
     def _signals(self, bonds: Mapping[str, Mapping[str, float]]) -> dict[str, float]:
         """The common variable of every junction."""
@@ -202,5 +200,3 @@ def _require(point: Mapping[str, Any], known: Sequence[str], where: str) -> None
     for key in point:
         if key not in known:
             raise DataError(f"{where}: unknown key {key!r}{suggest(key, known)}", where=(key,))
-
-

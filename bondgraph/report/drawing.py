@@ -1,0 +1,212 @@
+"""Bond graphs as pictures: SVG, PNG or PDF.
+
+Half arrows point the way of positive power, with the barb on the flow side (below or to the right). The causal stroke
+is the bar across the end of the bond that receives the effort. Dashed full arrows are signals without power. Notation
+after D. Karnopp, D. Margolis, R. Rosenberg (2012), System Dynamics, 5th ed., Wiley.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from pathlib import Path as FilePath
+from typing import TYPE_CHECKING
+
+from bondgraph.errors import DeclarationError, OptionError, suggest
+from bondgraph.report.canvas import Line, Picture, Primitive, Rectangle, Text, figure, svg_text
+from bondgraph.report.drawn import JUNCTIONS, DrawnBond, DrawnNode, Drawing, Kind, Stroke
+from bondgraph.report.geometry import Box
+from bondgraph.report.layout import Layout, lay_out
+from bondgraph.report.symbols import (
+    ADDED,
+    ADDED_FILL,
+    COLOURS,
+    INK,
+    QUIET,
+    SIGNAL,
+    bond_parts,
+    branch_part,
+    domain_colour,
+    frame_parts,
+    node_parts,
+    signal_parts,
+)
+from bondgraph.report.text import break_lines, text_width
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+__all__ = [
+    "DrawnBond",
+    "DrawnNode",
+    "Drawing",
+    "Kind",
+    "Stroke",
+    "draw_figure",
+    "draw_svg",
+    "picture_of",
+    "save_drawing",
+]
+
+PAGE_MARGIN, HEADER = 28.0, 56.0
+
+
+def draw_svg(drawing: Drawing, highlight: frozenset[str] = frozenset()) -> str:
+    """The drawing as an SVG document.
+
+    Parameters
+    ----------
+    drawing
+        What to draw.
+    highlight
+        Names of nodes to mark as added.
+
+    Raises
+    ------
+    DeclarationError
+        If a highlighted name is not a node of the drawing.
+
+    Examples
+    --------
+    >>> rotor = Drawing("rotor", (DrawnNode("shaft", "1", "rotation"), DrawnNode("J", "I")), (DrawnBond("shaft", "J"),))
+    >>> draw_svg(rotor).startswith("<svg")
+    True
+    """
+    return svg_text(picture_of(drawing, highlight))
+
+
+def draw_figure(drawing: Drawing, highlight: frozenset[str] = frozenset()) -> Figure:
+    """The drawing as a matplotlib figure, for formats other than SVG."""
+    return figure(picture_of(drawing, highlight))
+
+
+def save_drawing(drawing: Drawing, path: FilePath, highlight: frozenset[str] = frozenset()) -> None:
+    """Write the drawing to a file whose suffix is ``.svg``, ``.png`` or ``.pdf``.
+
+    Raises
+    ------
+    OptionError
+        If the suffix is another one.
+    """
+    suffix = path.suffix.lower()
+    if suffix == ".svg":
+        path.write_text(draw_svg(drawing, highlight), encoding="utf-8")
+    elif suffix == ".png":
+        draw_figure(drawing, highlight).savefig(path, dpi=192)
+    elif suffix == ".pdf":
+        draw_figure(drawing, highlight).savefig(path, metadata={"CreationDate": None})
+    else:
+        raise OptionError(
+            f"{path.name}: a drawing cannot be written as {suffix or 'a file without suffix'} - use .svg, .png or .pdf",
+            where=(path.name,),
+        )
+
+
+def picture_of(drawing: Drawing, highlight: frozenset[str] = frozenset()) -> Picture:
+    """The primitives of a drawing with title, legend and the laws too long for their labels.
+
+    Raises
+    ------
+    DeclarationError
+        If a highlighted name is not a node of the drawing.
+    """
+    known = [node.name for node in drawing.nodes]
+    for name in sorted(highlight):
+        if name not in known:
+            raise DeclarationError(
+                f"{drawing.title}: cannot mark {name!r}, which is not a node of the drawing{suggest(name, known)}",
+                where=(name,),
+            )
+    layout = lay_out(drawing, highlight)
+    layout = layout.moved(PAGE_MARGIN - layout.extent.left, HEADER - layout.extent.top)
+    extent = layout.extent
+    domains = _bond_domains(drawing)
+    legend = _legend(drawing, domains, bool(highlight), extent.bottom + 30)
+    laws = _long_laws(drawing, layout, extent.bottom + 58, max(extent.right, 480.0))
+    title = Text(PAGE_MARGIN, 32.0, drawing.title, 17.0, INK, bold=True, role="title")
+    widest = max(
+        extent.right, *(part.x + text_width(part.text, part.size, part.bold) for part in (title, *legend, *laws)
+                        if isinstance(part, Text)),
+    )  # fmt: skip
+    height = (laws[-1].y if laws else extent.bottom + 30) + 24
+    parts = (*_graph_parts(drawing, layout, domains, highlight), title, *legend, *laws)
+    return Picture(math.ceil(widest + PAGE_MARGIN), math.ceil(height), drawing.title, parts)
+
+
+def _graph_parts(
+    drawing: Drawing, layout: Layout, domains: Sequence[str], highlight: frozenset[str]
+) -> Iterable[Primitive]:
+    """Frames, signals, bonds and nodes, from back to front."""
+    for frame in layout.frames:
+        yield from frame_parts(frame.name, frame.box, frame.depth)
+    for (source, target), path in zip(drawing.signals, layout.signals, strict=True):
+        yield from signal_parts(path, ADDED if source in highlight or target in highlight else SIGNAL)
+    for source, point in layout.branches:
+        yield branch_part(point, ADDED if source in highlight else SIGNAL)
+    for bond, path, domain in zip(drawing.bonds, layout.bonds, domains, strict=True):
+        marked = bond.source in highlight or bond.target in highlight
+        yield from bond_parts(path, bond.stroke, ADDED if marked else domain_colour(domain), 2.4 if marked else 1.6)
+    node_domains = _node_domains(drawing, domains)
+    for node in drawing.nodes:
+        colour = domain_colour(node_domains[node.name])
+        yield from node_parts(node, layout.labels[node.name], layout.boxes[node.name], colour, node.name in highlight)
+
+
+def _bond_domains(drawing: Drawing) -> list[str]:
+    """Domain of every bond: that of the junction at one of its ends, or else of any end."""
+    nodes = {node.name: node for node in drawing.nodes}
+    domains = []
+    for bond in drawing.bonds:
+        ends = sorted((nodes[bond.source], nodes[bond.target]), key=lambda node: node.kind not in JUNCTIONS)
+        domains.append(next((node.domain for node in ends if node.domain), ""))
+    return domains
+
+
+def _node_domains(drawing: Drawing, bond_domains: Sequence[str]) -> dict[str, str]:
+    """Domain of every node: its own, else that of its bonds where they agree."""
+    near: dict[str, set[str]] = {node.name: set() for node in drawing.nodes}
+    for bond, domain in zip(drawing.bonds, bond_domains, strict=True):
+        near[bond.source].add(domain)
+        near[bond.target].add(domain)
+    return {
+        node.name: node.domain or (next(iter(near[node.name])) if len(near[node.name]) == 1 else "")
+        for node in drawing.nodes
+    }
+
+
+def _legend(drawing: Drawing, domains: Sequence[str], added: bool, y: float) -> list[Primitive]:
+    """One row that explains colours and marks."""
+    parts: list[Primitive] = []
+    x = PAGE_MARGIN
+    used = [name for name in COLOURS if name in domains] + sorted(set(domains) - set(COLOURS))
+    entries = [(name or "no domain", domain_colour(name), "domain") for name in used]
+    entries.append(("positive power; the bar marks the end that receives the effort", INK, "bond"))
+    if drawing.signals:
+        entries.append(("signal", SIGNAL, "signal"))
+    if added:
+        entries.append(("added to the declared model", ADDED, "added"))
+    for text, colour, mark in entries:
+        start, end = (x, y - 4), (x + 34, y - 4)
+        if mark == "bond":
+            parts += bond_parts((start, end), "target", colour, 1.6)
+        elif mark == "signal":
+            parts += signal_parts((start, end), colour)
+        elif mark == "added":
+            parts.append(Rectangle(Box(x, y - 12, 34, 15), ADDED_FILL, ADDED, 1.2, 5.0, (4.0, 3.0)))
+        else:
+            parts.append(Line(((x + 10, y - 4), end), colour, 4.0))
+        parts.append(Text(x + 42, y, text, 11.0, QUIET, role="legend"))
+        x += 42 + text_width(text, 11.0) + 26
+    return parts
+
+
+def _long_laws(drawing: Drawing, layout: Layout, y: float, width: float) -> list[Text]:
+    """The laws that were cut in their labels, in full below the graph."""
+    letters = max(int(width / 6.2), 60)
+    lines: list[Text] = []
+    for node in drawing.nodes:
+        if layout.labels[node.name].cut:
+            broken, _ = break_lines(f"{node.name}:  {node.law}", letters, 40)
+            for line in broken:
+                lines.append(Text(PAGE_MARGIN, y + 15 * len(lines), line, 10.0, QUIET, role="law"))
+    return lines

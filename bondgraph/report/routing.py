@@ -1,0 +1,235 @@
+"""Routes of modulating signals: shortest paths on a grid around labels, with few bends and few crossings.
+
+A* search (P. Hart, N. Nilsson, B. Raphael (1968), IEEE Trans. SSC 4(2)) over cells and directions. Signals of the same
+source may share their way and branch off.
+"""
+
+from __future__ import annotations
+
+import heapq
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+from bondgraph.report.geometry import Box, Path, Point, bounding_box, segments, simplified
+
+STEP = 8.0
+MARGIN = 5
+BLOCKED = math.inf
+ON_BOND, NEAR_BOND, ON_MARK, ON_SIGNAL, ON_OUTLINE, BEND = 9.0, 2.5, 40.0, 9.0, 2.5, 5.0
+MARK_LENGTH = 15.0
+_MOVES = ((1, 0), (0, 1), (-1, 0), (0, -1))
+
+
+@dataclass(frozen=True)
+class Signals:
+    """Polylines of the signals, each from the edge of its source's box to that of its target's, and where they branch."""
+
+    paths: tuple[Path, ...] = ()
+    branches: tuple[tuple[str, Point], ...] = ()
+
+
+def route_signals(
+    signals: Sequence[tuple[str, str]],
+    boxes: Mapping[str, Box],
+    bonds: Sequence[Path],
+    keep_out: Sequence[Box] = (),
+    frames: Sequence[Box] = (),
+) -> Signals:
+    """Route the signals; each branch is given with the name of the source.
+
+    Parameters
+    ----------
+    signals
+        Pairs (from, to) of box names.
+    boxes
+        Labels, which no signal may cross.
+    bonds
+        Polylines that may be crossed where needed.
+    keep_out
+        Further areas that no signal may cross (titles of frames).
+    frames
+        Rectangles whose outline signals may cross but not follow.
+    """
+    if not signals:
+        return Signals()
+    field_ = _Field.around([*boxes.values(), *keep_out], bonds)
+    order = sorted(range(len(signals)), key=lambda k: (_distance(boxes, signals[k]), k))
+    for frame in frames:
+        field_.mark_outline(frame)
+    routes: dict[int, Path] = {}
+    branches: list[tuple[str, Point]] = []
+    for k in order:
+        source, target = signals[k]
+        cells = _search(field_, source, boxes[source], boxes[target])
+        if cells is None:
+            routes[k] = (boxes[source].centre, boxes[target].centre)
+            continue
+        shared = [cell for cell in cells if source in field_.users.get(cell, ())]
+        if shared:
+            branches.append((source, field_.point(shared[-1])))
+        field_.occupy(cells, source)
+        routes[k] = _attached(field_, cells, boxes[source], boxes[target])
+    return Signals(tuple(routes[k] for k in range(len(signals))), tuple(branches))
+
+
+def _distance(boxes: Mapping[str, Box], signal: tuple[str, str]) -> float:
+    (x1, y1), (x2, y2) = boxes[signal[0]].centre, boxes[signal[1]].centre
+    return abs(x2 - x1) + abs(y2 - y1)
+
+
+Cell = tuple[int, int]
+
+
+@dataclass
+class _Field:
+    """Cost of entering each cell of a regular grid, and which sources' signals run through it."""
+
+    left: float
+    top: float
+    columns: int
+    rows: int
+    cost: list[float]
+    users: dict[Cell, set[str]] = field(default_factory=dict)
+
+    @staticmethod
+    def around(boxes: Sequence[Box], bonds: Sequence[Path]) -> _Field:
+        whole = bounding_box(boxes)
+        columns = math.ceil(whole.width / STEP) + 2 * MARGIN
+        rows = math.ceil(whole.height / STEP) + 2 * MARGIN
+        made = _Field(whole.left - MARGIN * STEP, whole.top - MARGIN * STEP, columns, rows, [1.0] * (columns * rows))
+        for path in bonds:
+            made._mark_bond(path)
+        for box in boxes:
+            made._block(box.grown(4))
+        return made
+
+    def cell(self, point: Point) -> Cell:
+        return round((point[0] - self.left) / STEP), round((point[1] - self.top) / STEP)
+
+    def point(self, cell: Cell) -> Point:
+        return self.left + cell[0] * STEP, self.top + cell[1] * STEP
+
+    def inside(self, cell: Cell) -> bool:
+        return 0 <= cell[0] < self.columns and 0 <= cell[1] < self.rows
+
+    def _raise(self, cell: Cell, cost: float) -> None:
+        if self.inside(cell):
+            place = cell[1] * self.columns + cell[0]
+            self.cost[place] = max(self.cost[place], cost)
+
+    def _mark_bond(self, path: Path) -> None:
+        """Crossing a bond costs, running along it costs at every cell, and its ends with their marks cost most."""
+        length = sum(math.dist(a, b) for a, b in segments(path))
+        done = 0.0
+        for a, b in segments(path):
+            piece = math.dist(a, b)
+            for k in range(max(int(piece / (STEP / 2)), 1) + 1):
+                along = min(k * STEP / 2, piece)
+                share = along / piece if piece else 0.0
+                x, y = self.cell((a[0] + share * (b[0] - a[0]), a[1] + share * (b[1] - a[1])))
+                at_end = min(done + along, length - done - along) < MARK_LENGTH
+                self._raise((x, y), ON_MARK if at_end else ON_BOND)
+                for dx, dy in _MOVES:
+                    self._raise((x + dx, y + dy), ON_BOND if at_end else NEAR_BOND)
+            done += piece
+
+    def mark_outline(self, box: Box) -> None:
+        """Make following the outline of a frame dearer than crossing it."""
+        left, top = self.cell((box.left, box.top))
+        right, bottom = self.cell((box.right, box.bottom))
+        for x in range(left, right + 1):
+            self._raise((x, top), ON_OUTLINE)
+            self._raise((x, bottom), ON_OUTLINE)
+        for y in range(top, bottom + 1):
+            self._raise((left, y), ON_OUTLINE)
+            self._raise((right, y), ON_OUTLINE)
+
+    def _block(self, box: Box) -> None:
+        for x in range(math.ceil((box.left - self.left) / STEP), math.floor((box.right - self.left) / STEP) + 1):
+            for y in range(math.ceil((box.top - self.top) / STEP), math.floor((box.bottom - self.top) / STEP) + 1):
+                self._raise((x, y), BLOCKED)
+
+    def price(self, cell: Cell, source: str) -> float:
+        """Cost of entering a cell for a signal of ``source``: cheap on its own earlier signals, dear on others'."""
+        cost = self.cost[cell[1] * self.columns + cell[0]]
+        users = self.users.get(cell)
+        if users is None or cost == BLOCKED:
+            return cost
+        return 0.3 if users == {source} else cost + ON_SIGNAL
+
+    def occupy(self, cells: Sequence[Cell], source: str) -> None:
+        for cell in cells:
+            self.users.setdefault(cell, set()).add(source)
+
+    @staticmethod
+    def _cells_between(low: float, high: float) -> range:
+        return range(math.ceil(low / STEP), math.floor(high / STEP) + 1)
+
+    def doors(self, box: Box) -> list[tuple[Cell, int]]:
+        """Free cells next to a box, each with the direction that leads away from it."""
+        grown = box.grown(4)
+        left, right = math.floor((grown.left - self.left) / STEP), math.ceil((grown.right - self.left) / STEP)
+        top, bottom = math.floor((grown.top - self.top) / STEP), math.ceil((grown.bottom - self.top) / STEP)
+        corner = min(7.0, box.height / 2 - STEP / 2)
+        inner_x = self._cells_between(box.left + corner - self.left, box.right - corner - self.left)
+        inner_y = self._cells_between(box.top + corner - self.top, box.bottom - corner - self.top)
+        found = [((x, bottom), 1) for x in inner_x] + [((x, top), 3) for x in inner_x]
+        found += [((right, y), 0) for y in inner_y] + [((left, y), 2) for y in inner_y]
+        return [(cell, way) for cell, way in found if self.inside(cell)]
+
+
+def _search(grid: _Field, source: str, start: Box, goal: Box) -> list[Cell] | None:
+    """Cheapest cells from one box to another, or None if there is no way."""
+    ends = {cell: (way + 2) % 4 for cell, way in grid.doors(goal)}
+    low, high = grid.cell((goal.left, goal.top)), grid.cell((goal.right, goal.bottom))
+
+    def remaining(cell: Cell) -> float:
+        dx = max(low[0] - cell[0], cell[0] - high[0], 0)
+        dy = max(low[1] - cell[1], cell[1] - high[1], 0)
+        return 0.3 * (dx + dy)
+
+    queue: list[tuple[float, float, Cell, int]] = []
+    reached: dict[tuple[Cell, int], float] = {}
+    came: dict[tuple[Cell, int], tuple[Cell, int] | None] = {}
+    for cell, way in grid.doors(start):
+        cost = grid.price(cell, source)
+        if cost < BLOCKED:
+            reached[cell, way], came[cell, way] = cost, None
+            heapq.heappush(queue, (cost + remaining(cell), cost, cell, way))
+    while queue:
+        _, cost, cell, way = heapq.heappop(queue)
+        if way == -1:
+            return _walk_back(came, (cell, way))
+        if cost > reached[cell, way]:
+            continue
+        steps = [(cell, -1, BEND * (ends[cell] != way))] if cell in ends else []
+        for turn, (dx, dy) in enumerate(_MOVES):
+            onto = (cell[0] + dx, cell[1] + dy)
+            if turn != (way + 2) % 4 and grid.inside(onto):
+                steps.append((onto, turn, grid.price(onto, source) + BEND * (turn != way)))
+        for onto, turn, step in steps:
+            if cost + step < reached.get((onto, turn), BLOCKED):
+                reached[onto, turn], came[onto, turn] = cost + step, (cell, way)
+                heapq.heappush(queue, (cost + step + remaining(onto), cost + step, onto, turn))
+    return None
+
+
+def _walk_back(came: Mapping[tuple[Cell, int], tuple[Cell, int] | None], last: tuple[Cell, int]) -> list[Cell]:
+    cells: list[Cell] = []
+    state: tuple[Cell, int] | None = last
+    while state is not None:
+        if not cells or cells[-1] != state[0]:
+            cells.append(state[0])
+        state = came[state]
+    return cells[::-1]
+
+
+def _attached(grid: _Field, cells: Sequence[Cell], start: Box, goal: Box) -> Path:
+    """The route as points, from box edge to box edge."""
+    points = [grid.point(cell) for cell in cells]
+    return simplified((_edge_point(start, points[0]), *points, _edge_point(goal, points[-1])))
+
+
+def _edge_point(box: Box, point: Point) -> Point:
+    return min(max(point[0], box.left), box.right), min(max(point[1], box.top), box.bottom)
