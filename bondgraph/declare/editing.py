@@ -1,0 +1,69 @@
+"""Editing: a graph extended without touching the original, for effects that are added to a declared machine."""
+
+from __future__ import annotations
+
+from bondgraph.declare.elements import Bond, Node
+from bondgraph.declare.graph import BondGraph, Handle
+from bondgraph.declare.validation import node_domains
+from bondgraph.errors import DeclarationError, suggest
+
+
+def copy(graph: BondGraph) -> BondGraph:
+    """A graph equal to ``graph`` that can grow on its own.
+
+    Examples
+    --------
+    >>> g = BondGraph("machine")
+    >>> _ = g.one_junction("shaft")
+    >>> h = copy(g)
+    >>> _ = h.one_junction("wheel")
+    >>> list(g.nodes), list(h.nodes)
+    (['shaft'], ['shaft', 'wheel'])
+    """
+    twin = BondGraph(graph.name, graph.doc, graph.source)
+    twin._nodes = dict(graph._nodes)
+    twin._bonds = list(graph._bonds)
+    twin._quantities = dict(graph._quantities)
+    twin._outputs = dict(graph._outputs)
+    twin._subgraphs = dict(graph._subgraphs)
+    return twin
+
+
+def handle(graph: BondGraph, name: str) -> Handle:
+    """The handle of a declared node, its domain found through its bonds where it is not declared.
+
+    Raises
+    ------
+    DeclarationError
+        If there is no such node.
+    """
+    flat = graph.flatten()
+    if name not in flat.nodes:
+        raise DeclarationError(f"{graph.name}: no node {name!r}{suggest(name, flat.nodes)}", where=(name,))
+    return Handle(name, flat.nodes[name].kind, node_domains(flat)[name])
+
+
+def split_bond(graph: BondGraph, bond: Bond, junction: Node) -> Handle:
+    """Put a junction into the middle of a bond: ``a -> b`` becomes ``a -> junction -> b``.
+
+    Raises
+    ------
+    DeclarationError
+        If the graph does not have the bond, or the node is not a junction.
+
+    Examples
+    --------
+    >>> g = BondGraph("line")
+    >>> a, b = g.one_junction("a"), g.one_junction("b")
+    >>> middle = split_bond(g, g.bond(a, b), Node("z", "0"))
+    >>> [str(bond) for bond in g.bonds]
+    ['a -> z', 'z -> b']
+    """
+    if bond not in graph._bonds:
+        raise DeclarationError(f"{graph.name}: there is no bond {bond}", where=(f"bond {bond}",))
+    if not junction.is_junction:
+        raise DeclarationError(f"{graph.name}: {junction.name} is a {junction.kind}, not a junction", (junction.name,))
+    middle = graph.add_node(junction)
+    index = graph._bonds.index(bond)
+    graph._bonds[index : index + 1] = [Bond(bond.source, middle.name), Bond(middle.name, bond.target)]
+    return middle
