@@ -1,0 +1,113 @@
+"""States of a search on disk, so that an interrupted estimation continues as if it had never stopped."""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import json
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from bondgraph.errors import EstimationError
+from bondgraph.estimate.gauss_newton import GaussNewtonState
+from bondgraph.estimate.objective import SearchOutcome, TraceRow
+from bondgraph.estimate.particle_swarm import SwarmState
+from bondgraph.estimate.problem import EstimationProblem
+
+FILE = "checkpoint.npz"
+_KINDS: Mapping[str, type[SwarmState] | type[GaussNewtonState]] = {
+    "swarm": SwarmState,
+    "gauss-newton": GaussNewtonState,
+}
+
+
+@dataclasses.dataclass(frozen=True)
+class Checkpoint:
+    """What is on disk: the states reached by stage, and the time spent so far in seconds."""
+
+    digest: str
+    seconds: float
+    states: Mapping[str, SwarmState | GaussNewtonState]
+
+
+def problem_digest(problem: EstimationProblem, options: Mapping[str, object]) -> str:
+    """Digest of everything on which the course of a search depends."""
+    content = hashlib.sha256()
+    content.update(repr((problem.filter_model, problem.free, problem.initial, sorted(options.items()))).encode())
+    for log in problem.logs:
+        content.update(repr((log.name, sorted(log.theta_overrides.items()))).encode())
+        for array in (log.time, log.u, log.y):
+            content.update(np.ascontiguousarray(array).tobytes())
+    return content.hexdigest()
+
+
+def save_checkpoint(folder: Path, checkpoint: Checkpoint) -> None:
+    """Write a checkpoint in one step: a reader finds the old one or the new one, never half of it."""
+    folder.mkdir(parents=True, exist_ok=True)
+    arrays: dict[str, np.ndarray[Any, Any]] = {}
+    plain: dict[str, Any] = {"digest": checkpoint.digest, "seconds": checkpoint.seconds, "states": {}}
+    for stage, state in checkpoint.states.items():
+        plain["states"][stage] = entry = {}
+        for field in dataclasses.fields(state):
+            value = getattr(state, field.name)
+            if isinstance(value, np.ndarray):
+                arrays[f"{stage}.{field.name}"] = value
+            else:
+                entry[field.name] = _encoded(value)
+    arrays["plain"] = np.array(json.dumps(plain))
+    temporary = folder / f".{FILE}.{os.getpid()}"
+    with temporary.open("wb") as stream:
+        np.savez(stream, **arrays)  # type: ignore[arg-type]
+    temporary.replace(folder / FILE)
+
+
+def load_checkpoint(folder: Path, digest: str) -> Checkpoint | None:
+    """The checkpoint in a folder, None if there is none.
+
+    Raises
+    ------
+    EstimationError
+        If it belongs to another estimation or cannot be read.
+    """
+    path = folder / FILE
+    if not path.is_file():
+        return None
+    try:
+        with np.load(path) as content:
+            arrays = {name: content[name] for name in content.files}
+        plain = json.loads(str(arrays.pop("plain")))
+        states = {stage: _decoded(stage, entry, arrays) for stage, entry in plain["states"].items()}
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise EstimationError(
+            f"{path}: the checkpoint cannot be read ({error}) - delete it to start anew", where=(str(path),)
+        ) from None
+    if plain["digest"] != digest:
+        raise EstimationError(
+            f"{path}: the checkpoint belongs to another estimation (model, logs, free parameters, method, settings or "
+            "seed differ) - give these again as they were, choose another folder, or start without resume",
+            where=(str(path),),
+        )
+    return Checkpoint(digest, float(plain["seconds"]), states)
+
+
+def _encoded(value: object) -> object:
+    if isinstance(value, tuple):
+        return [_encoded(item) for item in value]
+    if isinstance(value, SearchOutcome):
+        return value.name
+    return dataclasses.astuple(value) if isinstance(value, TraceRow) else value
+
+
+def _decoded(
+    stage: str, entry: Mapping[str, Any], arrays: Mapping[str, np.ndarray[Any, Any]]
+) -> SwarmState | GaussNewtonState:
+    known: dict[str, Any] = dict(entry)
+    known |= {name.removeprefix(f"{stage}."): array for name, array in arrays.items() if name.startswith(f"{stage}.")}
+    known["trace"] = tuple(TraceRow(*row[:-1], point=tuple(row[-1])) for row in entry["trace"])
+    if "outcomes" in entry:
+        known["outcomes"] = tuple(None if name is None else SearchOutcome[name] for name in entry["outcomes"])
+    return _KINDS[stage](**known)

@@ -1,0 +1,256 @@
+"""Estimate: a global search that hands over to a gradient search, then how well the result is known."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Literal, get_args
+
+import numpy as np
+
+from bondgraph.errors import OptionError, suggest
+from bondgraph.estimate.checkpoint import Checkpoint, load_checkpoint, problem_digest, save_checkpoint
+from bondgraph.estimate.gauss_newton import (
+    GaussNewtonSettings,
+    GaussNewtonState,
+    finish_starts,
+    initial_starts,
+    starts_ended,
+    step_starts,
+)
+from bondgraph.estimate.objective import (
+    Expand,
+    FloatArray,
+    Progress,
+    SearchOutcome,
+    TraceRow,
+    central_differences,
+    silent,
+)
+from bondgraph.estimate.particle_swarm import SwarmSettings, SwarmState, initial_swarm, step_swarm, swarm_ended
+from bondgraph.estimate.problem import EstimationProblem
+from bondgraph.estimate.result import Estimate, Found, describe
+
+Method = Literal["both", "pso", "gradient"]
+
+#: Points closer than this share of the bounds in every coordinate count as one start.
+_DISTINCT = 0.02
+
+
+@dataclass(frozen=True)
+class Settings:
+    """Settings of an estimation.
+
+    Parameters
+    ----------
+    method
+        ``"both"``: a short swarm, whose best distinct particles start gradient searches; ``"pso"``: the swarm alone;
+        ``"gradient"``: gradient searches from the declared start and from points spread over the bounds.
+    seed
+        The same seed gives the same estimate, on any number of threads.
+    starts
+        Gradient searches at once.
+    swarm, gradient
+        Settings of the two searches. With ``"both"`` the swarm only needs to find the right valleys.
+    """
+
+    method: Method = "both"
+    seed: int = 0
+    starts: int = 4
+    swarm: SwarmSettings = field(default_factory=lambda: SwarmSettings(iterations=30, patience=10, tolerance=1.0))
+    gradient: GaussNewtonSettings = field(default_factory=GaussNewtonSettings)
+
+    def __post_init__(self) -> None:
+        if self.method not in get_args(Method):
+            raise OptionError(
+                f"estimate: method {self.method!r} is not known{suggest(self.method, get_args(Method))}"
+                f" - choose {', '.join(get_args(Method))}",
+                where=("method", self.method),
+            )
+        if self.starts < 1:
+            raise OptionError(f"estimate: starts = {self.starts} must be at least 1", where=("starts",))
+
+
+@dataclass
+class _Run:
+    """What changes while an estimation runs."""
+
+    problem: EstimationProblem
+    settings: Settings
+    progress: Progress
+    folder: Path | None
+    digest: str
+    jacobian: Expand
+    states: dict[str, SwarmState | GaussNewtonState]
+    started: float
+    interrupted: bool = False
+
+    @property
+    def seconds(self) -> float:
+        """Time spent, with that before an interruption."""
+        return time.perf_counter() - self.started
+
+    def keep(self, stage: str, state: SwarmState | GaussNewtonState) -> None:
+        """Note a new state, on disk too, and tell."""
+        self.states[stage] = state
+        if self.folder is not None:
+            save_checkpoint(self.folder, Checkpoint(self.digest, self.seconds, self.states))
+        self.progress(state.trace[-1])
+
+
+def estimate(
+    problem: EstimationProblem,
+    settings: Settings | None = None,
+    *,
+    progress: Progress = silent,
+    folder: Path | None = None,
+    resume: bool = False,
+    jacobian: Expand = central_differences,
+) -> Estimate:
+    """Estimate the free parameters of a problem.
+
+    Parameters
+    ----------
+    problem
+        What is free, and the logs.
+    settings
+        Method, seed and stop rules.
+    progress
+        Called after every iteration. An interruption (Ctrl-C) ends the search with the best point so far.
+    folder
+        Where the state of the search is kept after every iteration; None keeps nothing.
+    resume
+        Continue from the state in ``folder``, if there is one; the result is that of an uninterrupted search.
+    jacobian
+        Gradient and Fisher information for the gradient search; by default central differences.
+
+    Returns
+    -------
+    Estimate
+        With its outcome; a search that fails is a value, not an exception.
+
+    Raises
+    ------
+    OptionError
+        If ``resume`` is asked for without a folder.
+    EstimationError
+        If the folder holds the state of another estimation.
+
+    Examples
+    --------
+    >>> from bondgraph.data.log import MatchedLog
+    >>> from bondgraph.estimate.problem import pose
+    >>> from bondgraph.filter.filter_model import FilterModel
+    >>> from bondgraph.simulate.example import pendulum
+    >>> swing = FilterModel(pendulum(), {"rate": 0.05}, {"deflection": 0.05}, {"angle": 0.1, "rate": 0.1}, substeps=2)
+    >>> time = np.arange(100) * 0.05
+    >>> log = MatchedLog("swing", time, np.zeros((1, 100)), 0.45 * np.cos(3.1 * time)[np.newaxis])
+    >>> fit = estimate(pose(swing, log, ["length"]), Settings(method="gradient", starts=1))
+    >>> fit.outcome.name, round(fit.values["length"], 1)
+    ('CONVERGED', 1.0)
+    """
+    settings = settings or Settings()
+    if resume and folder is None:
+        raise OptionError(
+            "estimate: resume needs the folder in which the interrupted search was kept", where=("resume",)
+        )
+    # Only searches by differences can be repeated from what a digest knows.
+    digest = problem_digest(problem, {"settings": settings, "differences": jacobian is central_differences})
+    found = load_checkpoint(folder, digest) if resume and folder is not None else None
+    states = dict(found.states) if found is not None else {}
+    started = time.perf_counter() - (found.seconds if found is not None else 0.0)
+    run = _Run(problem, settings, progress, folder, digest, jacobian, states, started)
+    return describe(problem, _search(run), jacobian, lambda: run.seconds)
+
+
+def _search(run: _Run) -> Found:
+    """Both stages; Ctrl-C ends them with what is best so far."""
+    outcome = SearchOutcome.INTERRUPTED
+    try:
+        if run.settings.method != "gradient":
+            outcome = _swarm(run)
+        if run.settings.method != "pso" and outcome is not SearchOutcome.NO_FINITE_POINT:
+            outcome = _gradient(run)
+    except KeyboardInterrupt:
+        outcome = SearchOutcome.INTERRUPTED
+    return _found(run, outcome)
+
+
+def _swarm(run: _Run) -> SearchOutcome:
+    settings, seed = run.settings.swarm, run.settings.seed
+    state = run.states.get("swarm")
+    if not isinstance(state, SwarmState):
+        state = initial_swarm(run.problem, run.problem.start, settings, seed)
+        run.keep("swarm", state)
+    while (outcome := swarm_ended(state, settings)) is None:
+        state = step_swarm(run.problem, state, settings, seed)
+        run.keep("swarm", state)
+    return outcome
+
+
+def _gradient(run: _Run) -> SearchOutcome:
+    settings = run.settings.gradient
+    state = run.states.get("gauss-newton")
+    if not isinstance(state, GaussNewtonState):
+        swarm = run.states.get("swarm")
+        starts = (
+            distinct_starts(run.problem, swarm, run.settings.starts)
+            if isinstance(swarm, SwarmState)
+            else spread_starts(run.problem, run.settings.starts, run.settings.seed)
+        )
+        state = initial_starts(run.problem, starts, settings)
+        run.keep("gauss-newton", state)
+    while not starts_ended(state, settings):
+        state = step_starts(run.problem, state, settings, run.jacobian)
+        run.keep("gauss-newton", state)
+    ended = finish_starts(state)
+    return ended.outcomes[ended.best] or SearchOutcome.ITERATION_LIMIT
+
+
+def spread_starts(problem: EstimationProblem, count: int, seed: int) -> FloatArray:
+    """The declared start and a Latin hypercube over the bounds, shape (n, count)."""
+    rng = np.random.default_rng([seed, 1])
+    others = max(count - 1, 1)
+    strata = np.array([rng.permutation(others) for _ in problem.free])
+    shares = (strata + rng.random(strata.shape)) / others
+    spread = problem.lower[:, np.newaxis] + (problem.upper - problem.lower)[:, np.newaxis] * shares
+    return np.concatenate([problem.start[:, np.newaxis], spread], axis=1)[:, :count]
+
+
+def distinct_starts(problem: EstimationProblem, state: SwarmState, count: int) -> FloatArray:
+    """The best particles that are not near a better one, shape (n, up to count)."""
+    width = problem.upper - problem.lower
+    chosen: list[FloatArray] = []
+    for member in np.argsort(state.personal_best_nll, kind="stable"):
+        point = state.personal_best[:, member]
+        near = (bool(np.all(np.abs(point - other) < _DISTINCT * width)) for other in chosen)
+        if np.isfinite(state.personal_best_nll[member]) and not any(near):
+            chosen.append(point)
+        if len(chosen) == count:
+            break
+    return np.array(chosen).T
+
+
+def _found(run: _Run, outcome: SearchOutcome) -> Found:
+    """The best point of all stages, and every end of a gradient search."""
+    swarm, gradient = run.states.get("swarm"), run.states.get("gauss-newton")
+    trace: tuple[TraceRow, ...] = ()
+    points, values = [run.problem.start], [float("inf")]
+    ends: list[tuple[FloatArray, float]] = []
+    evaluations = 0
+    if isinstance(swarm, SwarmState):
+        trace, evaluations = swarm.trace, swarm.evaluations
+        points.append(swarm.swarm_best)
+        values.append(swarm.swarm_best_nll)
+    if isinstance(gradient, GaussNewtonState):
+        before = evaluations
+        trace += tuple(replace(row, evaluations=row.evaluations + before) for row in gradient.trace)
+        evaluations += gradient.evaluations
+        points.append(gradient.points[:, gradient.best])
+        values.append(float(gradient.values.min()))
+        ends = [(gradient.points[:, k], float(value)) for k, value in enumerate(gradient.values) if np.isfinite(value)]
+    # Equal values: the later stage counts.
+    best = len(values) - 1 - int(np.argmin(values[::-1]))
+    steps = gradient.steps[:, gradient.best] if isinstance(gradient, GaussNewtonState) else None
+    return Found(points[best], values[best], outcome, evaluations, trace, tuple(ends), steps)

@@ -1,0 +1,218 @@
+"""Free parameters: what an estimation may move, by name, within bounds.
+
+A name is that of a model parameter, or ``std(output)`` for the standard deviation of a measured output,
+``process(state)`` for that of the noise that drives a state, ``x0(state)`` for an initial state shared by all logs, or
+``x0(state, log)`` for that of one log.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Literal
+
+import numpy as np
+
+from bondgraph.errors import EstimationError, suggest
+from bondgraph.estimate.objective import FloatArray
+from bondgraph.filter.filter_model import FilterModel
+
+Kind = Literal["parameter", "std", "process", "x0"]
+Scale = Literal["linear", "log"]
+
+_CALL = re.compile(r"^(std|process|x0)\(\s*([^(),]+?)\s*(?:,\s*([^()]+?)\s*)?\)$")
+
+#: Bounds that span more than this factor, all above zero, are searched on a logarithmic scale.
+_WIDE = 20.0
+#: Noise levels are searched within this factor of their declared value.
+_NOISE_SPAN = 100.0
+#: Initial states are searched within this many of the filter's initial standard deviations.
+_INITIAL_SPAN = 6.0
+
+
+@dataclass(frozen=True)
+class Target:
+    """What a name stands for: a kind, the parameter, output or state, and the log if it is for one only."""
+
+    kind: Kind
+    name: str
+    log: str | None = None
+
+
+def parse_target(name: str) -> Target:
+    """What the name of a free parameter stands for.
+
+    Examples
+    --------
+    >>> parse_target("std(speed)"), parse_target("x0(speed, run7)").log
+    (Target(kind='std', name='speed', log=None), 'run7')
+    """
+    match = _CALL.match(name.strip())
+    if match is None:
+        return Target("parameter", name.strip())
+    kind, inner, log = match.groups()
+    return Target(kind, inner, log)  # type: ignore[arg-type]
+
+
+@dataclass(frozen=True)
+class FreeParameter:
+    """One quantity to estimate, in the unit of the model.
+
+    Parameters
+    ----------
+    name
+        See the module's first lines.
+    lower, upper
+        Bounds; the estimate never leaves them.
+    start
+        Where a search starts.
+    prior_mean, prior_std
+        Gaussian knowledge from elsewhere (a data sheet); both or neither.
+    scale
+        ``"log"`` searches the logarithm, for quantities known to an order of magnitude; bounds must be positive.
+
+    Raises
+    ------
+    EstimationError
+        If the numbers contradict each other.
+
+    Examples
+    --------
+    >>> FreeParameter("mass", 200.0, 320.0, 260.0).coordinate(300.0)
+    300.0
+    """
+
+    name: str
+    lower: float
+    upper: float
+    start: float
+    prior_mean: float | None = None
+    prior_std: float | None = None
+    scale: Scale = "linear"
+
+    def __post_init__(self) -> None:
+        def require(condition: bool, problem: str) -> None:
+            if not condition:
+                raise EstimationError(f"free parameter {self.name!r}: {problem}", where=(self.name,))
+
+        bounds = f"{self.lower:.6g} to {self.upper:.6g}"
+        finite = math.isfinite(self.lower) and math.isfinite(self.upper)
+        require(finite and self.lower < self.upper, f"bounds {bounds} must be two finite numbers, the lower first")
+        inside = self.lower <= self.start <= self.upper
+        require(inside, f"start {self.start:.6g} lies outside its bounds {bounds} - move either")
+        require(self.scale in ("linear", "log"), f"scale {self.scale!r} is neither 'linear' nor 'log'")
+        require(
+            self.scale == "linear" or self.lower > 0.0, f"a logarithmic scale needs bounds above zero, not {bounds}"
+        )
+        both = (self.prior_mean is None) == (self.prior_std is None)
+        require(both, "a prior needs both its mean and its standard deviation")
+        require(self.prior_std is None or self.prior_std > 0.0, f"prior_std {self.prior_std} must be above zero")
+
+    @cached_property
+    def target(self) -> Target:
+        """What the name stands for."""
+        return parse_target(self.name)
+
+    def coordinate(self, value: float) -> float:
+        """The coordinate that searches move: the value, or its logarithm."""
+        return math.log(value) if self.scale == "log" else float(value)
+
+    def values(self, coordinates: FloatArray) -> FloatArray:
+        """Values at coordinates of any shape."""
+        return np.exp(coordinates) if self.scale == "log" else coordinates
+
+
+def declared_free(name: str, filter_model: FilterModel, start: float | None = None) -> FreeParameter:
+    """A free parameter with the bounds that the model declares.
+
+    Parameters
+    ----------
+    name
+        See the module's first lines.
+    filter_model
+        Declares bounds and values of parameters, noise levels and initial uncertainties; noise levels are searched
+        within a factor of 100, initial states within six standard deviations.
+    start
+        Where to start instead of the declared value.
+
+    Raises
+    ------
+    EstimationError
+        If there is no such quantity, or nothing bounds it.
+
+    Examples
+    --------
+    >>> from bondgraph.simulate.example import pendulum
+    >>> swing = FilterModel(pendulum(), {"rate": 0.1}, {"deflection": 0.02}, {"angle": 0.1})
+    >>> level = declared_free("std(deflection)", swing)
+    >>> level.lower, level.start, level.upper, level.scale
+    (0.0002, 0.02, 2.0, 'log')
+    """
+    target = parse_target(name)
+    require_known(target, name, filter_model)
+    if target.kind == "parameter":
+        return _declared_parameter(name, filter_model, start)
+    if target.kind == "x0":
+        return _declared_initial(name, target, filter_model, start)
+    group = filter_model.measurement_noise if target.kind == "std" else filter_model.process_noise
+    level = group.get(target.name, 0.0) if start is None else start
+    if level <= 0.0:
+        raise EstimationError(
+            f"free parameter {name!r}: the filter model declares no such noise"
+            " - declare its level, or give a FreeParameter with bounds",
+            where=(name,),
+        )
+    return FreeParameter(name, level / _NOISE_SPAN, level * _NOISE_SPAN, level, scale="log")
+
+
+def _declared_parameter(name: str, filter_model: FilterModel, start: float | None) -> FreeParameter:
+    model = filter_model.model
+    info = model.parameters[model.index("parameter", name.strip())]
+    if info.lower is None or info.upper is None:
+        bounded = [other.name for other in model.parameters if other.lower is not None]
+        raise EstimationError(
+            f"free parameter {name!r}: {model.name} declares no bounds for it, so it counts as measured and stays fixed"
+            f" - declare bounds where the parameter is declared, or free one of {', '.join(bounded) or 'none'}",
+            where=(name,),
+        )
+    scale: Scale = "log" if info.lower > 0.0 and info.upper / info.lower > _WIDE else "linear"
+    return FreeParameter(info.name, info.lower, info.upper, info.value if start is None else start, scale=scale)
+
+
+def _declared_initial(name: str, target: Target, filter_model: FilterModel, start: float | None) -> FreeParameter:
+    model = filter_model.model
+    reach = _INITIAL_SPAN * filter_model.initial_std.get(target.name, 0.0)
+    if reach <= 0.0:
+        raise EstimationError(
+            f"free parameter {name!r}: the filter model gives this state no initial uncertainty, so nothing bounds it"
+            " - declare its initial_std, or give a FreeParameter with bounds",
+            where=(name,),
+        )
+    middle = model.states[model.index("state", target.name)].initial if start is None else start
+    return FreeParameter(name, middle - reach, middle + reach, middle)
+
+
+def require_known(target: Target, name: str, filter_model: FilterModel) -> None:
+    """Refuse a name that the model does not have.
+
+    Raises
+    ------
+    EstimationError
+        With the closest name there is.
+    """
+    model = filter_model.model
+    known = {
+        "parameter": model.names("parameter"),
+        "std": model.names("output"),
+        "process": model.names("state"),
+        "x0": model.names("state"),
+    }[target.kind]
+    if target.name not in known:
+        word = {"parameter": "parameter", "std": "output", "process": "state", "x0": "state"}[target.kind]
+        raise EstimationError(
+            f"free parameter {name!r}: {model.name} has no {word} {target.name!r}{suggest(target.name, known)}"
+            f" - it has {', '.join(known)}",
+            where=(name,),
+        )

@@ -1,0 +1,314 @@
+"""Estimation problems: which quantities are free, what is known of them, and which logs speak about them.
+
+A problem is an ``Objective``: its coordinates are the free parameters (or their logarithms) in order, its value the
+negative log-likelihood of all logs plus the priors.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Protocol
+
+import numpy as np
+
+from bondgraph.data.log import MatchedLog
+from bondgraph.errors import EstimationError, suggest
+from bondgraph.estimate.free import FreeParameter, declared_free, parse_target, require_known
+from bondgraph.estimate.initial import InitialRule, initial_states
+from bondgraph.estimate.objective import FloatArray, Terms
+from bondgraph.filter.filter_model import FilterModel
+from bondgraph.filter.likelihood import innovations, negative_log_likelihood
+
+
+@dataclass(frozen=True)
+class Batch:
+    """Numbers of several members: theta (n_theta, members), noise_std (n_y, members), process_std (n_s, members).
+
+    ``x0`` has one array (n_x, members) per log.
+    """
+
+    theta: FloatArray
+    noise_std: FloatArray
+    process_std: FloatArray
+    x0: tuple[FloatArray, ...]
+
+
+class LikelihoodFunction(Protocol):
+    """How likely logs are, for the members of a batch."""
+
+    def nll(self, filter_model: FilterModel, logs: Sequence[MatchedLog], batch: Batch) -> FloatArray:
+        """Negative log-likelihood, shape (members,), infinite for members that fail."""
+
+    def terms(self, filter_model: FilterModel, logs: Sequence[MatchedLog], batch: Batch) -> Terms:
+        """Scalar terms, rows ordered by log, output, sample."""
+
+
+@dataclass(frozen=True)
+class FilterLikelihood:
+    """The likelihood by the unscented Kalman filter.
+
+    ``threads`` None uses every core and changes no number; ``compiled`` False filters in plain numpy, slowly.
+    """
+
+    threads: int | None = None
+    compiled: bool = True
+
+    def nll(self, filter_model: FilterModel, logs: Sequence[MatchedLog], batch: Batch) -> FloatArray:
+        """Negative log-likelihood, shape (members,)."""
+        values, _ = negative_log_likelihood(
+            filter_model,
+            logs,
+            batch.theta,
+            threads=self.threads,
+            compiled=self.compiled,
+            noise_std=batch.noise_std,
+            process_std=batch.process_std,
+            x0=list(batch.x0),
+        )
+        return values
+
+    def terms(self, filter_model: FilterModel, logs: Sequence[MatchedLog], batch: Batch) -> Terms:
+        """Scalar terms, rows ordered by log, output, sample."""
+        records = innovations(
+            filter_model,
+            logs,
+            batch.theta,
+            threads=self.threads,
+            compiled=self.compiled,
+            noise_std=batch.noise_std,
+            process_std=batch.process_std,
+            x0=list(batch.x0),
+        )
+        members = batch.theta.shape[1]
+        return Terms(
+            np.concatenate([record.values.reshape(-1, members) for record in records]),
+            np.concatenate([record.log_scales.reshape(-1, members) for record in records]),
+        )
+
+
+@dataclass(frozen=True)
+class EstimationProblem:
+    """Free parameters of a filter model and the logs that speak about them; build one with :func:`pose`.
+
+    Parameters
+    ----------
+    filter_model
+        Model and noises; what is not free keeps its value.
+    logs
+        Matched logs. A parameter that a log knows (``theta_overrides``) has that value there, free or not.
+    free
+        What to estimate, in this order.
+    initial
+        Where initial states that are not free come from, see :func:`bondgraph.estimate.initial.initial_states`.
+    likelihood
+        How likely logs are.
+
+    Raises
+    ------
+    EstimationError
+        If a free parameter does not exist, is named twice, or no log speaks about it.
+    """
+
+    filter_model: FilterModel
+    logs: tuple[MatchedLog, ...]
+    free: tuple[FreeParameter, ...]
+    initial: InitialRule = "measured"
+    likelihood: LikelihoodFunction = FilterLikelihood()
+
+    def __post_init__(self) -> None:
+        _check_logs(self)
+        names: set[str] = set()
+        for parameter in self.free:
+            require_known(parameter.target, parameter.name, self.filter_model)
+            if parameter.name in names:
+                raise EstimationError(f"free parameter {parameter.name!r} is named twice", where=(parameter.name,))
+            names.add(parameter.name)
+            _check_spoken_of(self, parameter)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the free parameters, in the order of the coordinates."""
+        return tuple(parameter.name for parameter in self.free)
+
+    @cached_property
+    def lower(self) -> FloatArray:
+        """Lower bounds of the coordinates, shape (n,)."""
+        return np.array([parameter.coordinate(parameter.lower) for parameter in self.free])
+
+    @cached_property
+    def upper(self) -> FloatArray:
+        """Upper bounds of the coordinates, shape (n,)."""
+        return np.array([parameter.coordinate(parameter.upper) for parameter in self.free])
+
+    @cached_property
+    def start(self) -> FloatArray:
+        """Coordinates at which searches start, shape (n,)."""
+        return np.array([parameter.coordinate(parameter.start) for parameter in self.free])
+
+    @cached_property
+    def initial_states(self) -> list[FloatArray]:
+        """Initial state of each log, shape (n_x,), where it is not free."""
+        starts = {
+            parameter.target.name: parameter.start for parameter in self.free if parameter.target.kind == "parameter"
+        }
+        model = self.filter_model.model
+        return initial_states(model, self.logs, model.theta(**starts), self.initial)
+
+    def values(self, points: FloatArray) -> FloatArray:
+        """Values of the free parameters at coordinates (n, *batch), in the units of the model."""
+        rows = [parameter.values(row) for parameter, row in zip(self.free, points, strict=True)]
+        return np.array(rows).reshape(points.shape)
+
+    def batch(self, points: FloatArray) -> Batch:
+        """All numbers that the members at coordinates (n, members) need."""
+        members, model = points.shape[1], self.filter_model.model
+
+        def spread(vector: FloatArray) -> FloatArray:
+            return np.repeat(vector[:, np.newaxis], members, axis=1)
+
+        theta, x0 = spread(model.theta()), tuple(spread(start) for start in self.initial_states)
+        noise_std, process_std = spread(self.filter_model.noise_std), spread(self.filter_model.process_std)
+        # Initial states of one log come after those shared by all, so that the more specific one counts.
+        order = sorted(range(len(self.free)), key=lambda k: self.free[k].target.log is not None)
+        values = self.values(points)
+        for target, row in ((self.free[k].target, values[k]) for k in order):
+            if target.kind == "parameter":
+                theta[model.index("parameter", target.name)] = row
+            elif target.kind == "std":
+                noise_std[model.index("output", target.name)] = row
+            elif target.kind == "process":
+                process_std[model.index("state", target.name)] = row
+            else:
+                for log, start in zip(self.logs, x0, strict=True):
+                    if target.log in (None, log.name):
+                        start[model.index("state", target.name)] = row
+        return Batch(theta, noise_std, process_std, x0)
+
+    def nll(self, points: FloatArray) -> FloatArray:
+        """Negative log-likelihood plus priors at coordinates (n, members), shape (members,)."""
+        values = self.likelihood.nll(self.filter_model, self.logs, self.batch(points))
+        total: FloatArray = values + 0.5 * np.sum(self._prior_terms(points) ** 2, axis=0)
+        return total
+
+    def terms(self, points: FloatArray) -> Terms:
+        """Scalar terms at coordinates (n, members): innovations by log, output and sample, then priors."""
+        terms = self.likelihood.terms(self.filter_model, self.logs, self.batch(points))
+        priors = self._prior_terms(points)
+        return Terms(
+            np.concatenate([terms.innovations, priors]),
+            np.concatenate([terms.log_scales, np.zeros(priors.shape)]),
+        )
+
+    def _prior_terms(self, points: FloatArray) -> FloatArray:
+        rows = [
+            (row - parameter.prior_mean) / parameter.prior_std
+            for parameter, row in zip(self.free, self.values(points), strict=True)
+            if parameter.prior_mean is not None and parameter.prior_std is not None
+        ]
+        return np.array(rows).reshape(len(rows), points.shape[1])
+
+
+def pose(
+    filter_model: FilterModel,
+    logs: MatchedLog | Sequence[MatchedLog],
+    free: Sequence[str | FreeParameter],
+    initial: InitialRule = "measured",
+    likelihood: LikelihoodFunction | None = None,
+) -> EstimationProblem:
+    """Pose an estimation problem.
+
+    Parameters
+    ----------
+    filter_model
+        Model and noises.
+    logs
+        One or several matched logs.
+    free
+        Names, which take the bounds that the model declares, or ``FreeParameter`` values with their own.
+    initial
+        Where initial states that are not free come from.
+    likelihood
+        How likely logs are; by default the unscented Kalman filter on all cores.
+
+    Returns
+    -------
+    EstimationProblem
+        Checked.
+
+    Raises
+    ------
+    EstimationError
+        If a name is unknown, has no bounds, is named twice, or no log speaks about it.
+
+    Examples
+    --------
+    >>> from bondgraph.simulate.example import pendulum
+    >>> swing = FilterModel(pendulum(), {"rate": 0.1}, {"deflection": 0.02}, {"angle": 0.1, "rate": 0.1})
+    >>> time = np.arange(40) * 0.05
+    >>> log = MatchedLog("swing", time, np.zeros((1, 40)), 0.5 * np.cos(3.1 * time)[np.newaxis])
+    >>> pose(swing, log, ["length", "std(deflection)"]).values(np.array([0.0, 0.0])).tolist()
+    [1.0, 1.0]
+    """
+    listed = (logs,) if isinstance(logs, MatchedLog) else tuple(logs)
+    starts = initial_states(filter_model.model, listed, filter_model.model.theta(), initial)
+    chosen = tuple(
+        item
+        if isinstance(item, FreeParameter)
+        else declared_free(item, filter_model, _start(item, filter_model, listed, starts))
+        for item in free
+    )
+    return EstimationProblem(filter_model, listed, chosen, initial, likelihood or FilterLikelihood())
+
+
+def _start(
+    name: str, filter_model: FilterModel, logs: Sequence[MatchedLog], starts: Sequence[FloatArray]
+) -> float | None:
+    """Where an initial state starts: where its log does, or the mean over logs that share it."""
+    target, states = parse_target(name), filter_model.model.names("state")
+    if target.kind != "x0" or target.name not in states:
+        return None
+    row = states.index(target.name)
+    values = [float(x0[row]) for log, x0 in zip(logs, starts, strict=True) if target.log in (None, log.name)]
+    return sum(values) / len(values) if values else None
+
+
+def _check_logs(problem: EstimationProblem) -> None:
+    if not problem.logs or not problem.free:
+        missing = "log" if not problem.logs else "free parameter"
+        raise EstimationError(f"{problem.filter_model.model.name}: an estimation needs at least one {missing}")
+    names = [log.name for log in problem.logs]
+    twice = next((name for name in names if names.count(name) > 1), None)
+    if twice is not None:
+        raise EstimationError(f"two logs are called {twice!r} - rename one, so that results can tell them apart")
+
+
+def _check_spoken_of(problem: EstimationProblem, parameter: FreeParameter) -> None:
+    """Some log must depend on a free parameter."""
+    target, model = parameter.target, problem.filter_model.model
+    names = [log.name for log in problem.logs]
+    if target.log is not None and target.log not in names:
+        raise EstimationError(
+            f"free parameter {parameter.name!r}: no log is called {target.log!r}{suggest(target.log, names)}"
+            f" - the logs are {', '.join(names)}",
+            where=(parameter.name,),
+        )
+    if target.kind == "parameter" and all(target.name in log.theta_overrides for log in problem.logs):
+        raise EstimationError(
+            f"free parameter {parameter.name!r}: every log states its value, so there is nothing to estimate"
+            " - drop it from the free parameters, or its column from a log",
+            where=(parameter.name,),
+        )
+    if target.kind == "parameter" and target.name in problem.filter_model.appended:
+        raise EstimationError(
+            f"free parameter {parameter.name!r}: the filter already follows it as a state - choose one of the two",
+            where=(parameter.name,),
+        )
+    if target.kind == "std":
+        row = model.index("output", target.name)
+        if all(np.isnan(log.y[row]).all() for log in problem.logs):
+            raise EstimationError(
+                f"free parameter {parameter.name!r}: no log measures {target.name!r} - drop it, or map its column",
+                where=(parameter.name,),
+            )

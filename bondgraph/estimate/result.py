@@ -1,0 +1,244 @@
+"""The result of an estimation: values with their uncertainty in the units of the model, and as JSON."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from bondgraph.estimate.free import FreeParameter
+from bondgraph.estimate.objective import Expand, Expansion, FloatArray, SearchOutcome, TraceRow
+from bondgraph.estimate.problem import Batch, EstimationProblem
+from bondgraph.estimate.uncertainty import Uncertainty, UncertaintyOutcome, uncertainty
+
+#: 97.5 % point of the standard normal distribution.
+_Z95 = 1.959963984540054
+#: Optima whose coordinates all agree within this share of the bounds are one.
+_SAME = 1e-3
+
+
+@dataclass(frozen=True)
+class Found:
+    """What a search found: its best point (n,) with value and outcome, its trace, and the end of every start."""
+
+    point: FloatArray
+    nll: float
+    outcome: SearchOutcome
+    evaluations: int
+    trace: tuple[TraceRow, ...]
+    ends: tuple[tuple[FloatArray, float], ...]
+    steps: FloatArray | None
+
+
+@dataclass(frozen=True)
+class Optimum:
+    """One end of a gradient search: values by name, its negative log-likelihood, and how many starts ended there."""
+
+    values: Mapping[str, float]
+    nll: float
+    starts: int
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """An estimate of the free parameters of a problem.
+
+    Parameters
+    ----------
+    problem
+        What was estimated from what.
+    point
+        Coordinates of the optimum, shape (n,).
+    nll
+        Negative log-likelihood plus priors there.
+    covariance
+        Of the values, shape (n, n), in products of their units; NaN for what is not identifiable.
+    correlation
+        Shape (n, n).
+    at_bound
+        Names that rest on a bound: their optimum may lie outside.
+    not_identifiable
+        Groups of names that the data cannot tell apart, or single ones about which they say nothing.
+    optima
+        Distinct ends of the gradient searches, best first.
+    evaluations, seconds, trace, outcome
+        Of the search; evaluations count members, uncertainty included.
+    uncertainty_outcome
+        Where the covariance comes from.
+    """
+
+    problem: EstimationProblem
+    point: FloatArray
+    nll: float
+    covariance: FloatArray
+    correlation: FloatArray
+    at_bound: tuple[str, ...]
+    not_identifiable: tuple[tuple[str, ...], ...]
+    optima: tuple[Optimum, ...]
+    evaluations: int
+    seconds: float
+    trace: tuple[TraceRow, ...]
+    outcome: SearchOutcome
+    uncertainty_outcome: UncertaintyOutcome
+
+    @cached_property
+    def values(self) -> Mapping[str, float]:
+        """Values by name, in the units of the model."""
+        values = self.problem.values(self.point)
+        return {name: float(value) for name, value in zip(self.problem.names, values, strict=True)}
+
+    @cached_property
+    def std(self) -> Mapping[str, float]:
+        """Standard deviations by name; NaN where not identifiable."""
+        with np.errstate(invalid="ignore"):
+            deviations = np.sqrt(np.diag(self.covariance))
+        return {name: float(value) for name, value in zip(self.problem.names, deviations, strict=True)}
+
+    @cached_property
+    def ci95(self) -> Mapping[str, tuple[float, float]]:
+        """95 % intervals by name, within the bounds; the bounds themselves where not identifiable."""
+        return {parameter.name: self._interval(parameter) for parameter in self.problem.free}
+
+    @property
+    def batch(self) -> Batch:
+        """All numbers of the estimated model and filter, as a batch of one member."""
+        return self.problem.batch(self.point[:, np.newaxis])
+
+    def _interval(self, parameter: FreeParameter) -> tuple[float, float]:
+        value, std = self.values[parameter.name], self.std[parameter.name]
+        if not math.isfinite(std):
+            return parameter.lower, parameter.upper
+        if parameter.scale == "log":
+            factor = math.exp(min(_Z95 * std / value, 700.0))
+            lower, upper = value / factor, value * factor
+        else:
+            lower, upper = value - _Z95 * std, value + _Z95 * std
+        return max(lower, parameter.lower), min(upper, parameter.upper)
+
+    def to_dict(self, innovations: Mapping[str, Mapping[str, Any]] | None = None) -> dict[str, Any]:
+        """The estimate as ``result.json`` holds it; numbers that do not exist are null.
+
+        Parameters
+        ----------
+        innovations
+            Per output ``rmse``, ``nis_mean``, ``nis_band`` and ``whiteness_p`` of the filter at the estimate.
+        """
+        names = self.problem.names
+        parameters = {
+            parameter.name: {
+                "value": self.values[parameter.name],
+                "unit": unit_of(self.problem, parameter),
+                "std": _number(self.std[parameter.name]),
+                "ci95": list(self.ci95[parameter.name]),
+                "bounds": [parameter.lower, parameter.upper],
+                "at_bound": parameter.name in self.at_bound,
+            }
+            for parameter in self.problem.free
+        }
+        return {
+            "parameters": parameters,
+            "nll": _number(self.nll),
+            "evaluations": self.evaluations,
+            "seconds": round(self.seconds, 3),
+            "innovations": {name: dict(values) for name, values in (innovations or {}).items()},
+            "correlation": {
+                name: {other: _number(float(self.correlation[i, j])) for j, other in enumerate(names)}
+                for i, name in enumerate(names)
+            },
+            "not_identifiable": [list(group) for group in self.not_identifiable],
+            "outcome": self.outcome.value,
+            "converged": self.outcome.succeeded,
+            "uncertainty": self.uncertainty_outcome.value,
+            "optima": [{"values": dict(o.values), "nll": o.nll, "starts": o.starts} for o in self.optima],
+            "logs": [log.name for log in self.problem.logs],
+        }
+
+
+def describe(problem: EstimationProblem, found: Found, jacobian: Expand, seconds: Callable[[], float]) -> Estimate:
+    """The estimate at the point that a search found, with its uncertainty."""
+    size = found.point.size
+    known = Uncertainty(np.full((size, size), np.nan), np.zeros(size, bool), (), UncertaintyOutcome.NOT_AVAILABLE, 0)
+    evaluations = found.evaluations
+    if math.isfinite(found.nll):
+        expansion = _expand(problem, found, jacobian)
+        known = uncertainty(problem, found.point, expansion, curvature=found.outcome is not SearchOutcome.INTERRUPTED)
+        evaluations += known.evaluations + expansion.evaluations
+    values = problem.values(found.point)
+    slopes = np.array(
+        [value if parameter.scale == "log" else 1.0 for parameter, value in zip(problem.free, values, strict=True)]
+    )
+    covariance = known.covariance * np.outer(slopes, slopes)
+    return Estimate(
+        problem=problem,
+        point=found.point,
+        nll=found.nll,
+        covariance=covariance,
+        correlation=_correlation(covariance),
+        at_bound=tuple(name for name, at in zip(problem.names, known.at_bound, strict=True) if at),
+        not_identifiable=tuple(tuple(problem.names[index] for index in group) for group in known.groups),
+        optima=_distinct_optima(problem, found),
+        evaluations=evaluations,
+        seconds=seconds(),
+        trace=found.trace,
+        outcome=found.outcome,
+        uncertainty_outcome=known.outcome,
+    )
+
+
+def unit_of(problem: EstimationProblem, parameter: FreeParameter) -> str:
+    """Unit of a free parameter."""
+    model, target = problem.filter_model.model, parameter.target
+    if target.kind == "parameter":
+        return model.parameters[model.index("parameter", target.name)].unit
+    if target.kind == "std":
+        return model.outputs[model.index("output", target.name)].unit
+    unit = model.states[model.index("state", target.name)].unit
+    if target.kind == "x0":
+        return unit
+    return f"({unit})/s^0.5" if unit != "1" else "1/s^0.5"
+
+
+def _expand(problem: EstimationProblem, found: Found, jacobian: Expand) -> Expansion:
+    """The expansion at the optimum, with the steps of the search or, after a swarm, with steps fitted in between."""
+    point = found.point[:, np.newaxis]
+    if found.steps is not None:
+        return jacobian(problem, point, found.steps[:, np.newaxis])[0]
+    coarse = 1e-4 * (problem.upper - problem.lower)[:, np.newaxis]
+    (first,) = jacobian(problem, point, coarse)
+    told = np.maximum(np.diag(first.information), 1e-300)[:, np.newaxis]
+    (second,) = jacobian(problem, point, np.clip(0.1 / np.sqrt(told), 1e-5 * coarse, coarse))
+    return Expansion(second.gradient, second.information, first.evaluations + second.evaluations, second.terms)
+
+
+def _distinct_optima(problem: EstimationProblem, found: Found) -> tuple[Optimum, ...]:
+    width = problem.upper - problem.lower
+    groups: list[list[tuple[FloatArray, float]]] = []
+    for point, value in sorted(found.ends, key=lambda end: end[1]):
+        home = next((group for group in groups if np.all(np.abs(group[0][0] - point) < _SAME * width)), None)
+        if home is None:
+            groups.append([(point, value)])
+        else:
+            home.append((point, value))
+    return tuple(
+        Optimum(
+            {name: float(value) for name, value in zip(problem.names, problem.values(group[0][0]), strict=True)},
+            group[0][1],
+            len(group),
+        )
+        for group in groups
+    )
+
+
+def _correlation(covariance: FloatArray) -> FloatArray:
+    with np.errstate(invalid="ignore", divide="ignore"):
+        std = np.sqrt(np.diag(covariance))
+        correlation: FloatArray = covariance / np.outer(std, std)
+    return correlation
+
+
+def _number(value: float) -> float | None:
+    return float(value) if math.isfinite(value) else None

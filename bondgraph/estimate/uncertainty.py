@@ -1,0 +1,182 @@
+"""How well an optimum is known: covariance, intervals, and what the data cannot tell apart.
+
+The covariance of a maximum-likelihood estimate is the inverse of the curvature of the negative log-likelihood. It is
+taken by differences along directions in which the Fisher information is the unit matrix, so that one step, a third of
+a standard deviation, suits all of them; where that curvature is not positive the Fisher information itself is used.
+
+Directions along which the data leave more than the bounds do are named instead of inverted.
+"""
+
+from __future__ import annotations
+
+import enum
+from dataclasses import dataclass
+
+import numpy as np
+
+from bondgraph.estimate.objective import BoolArray, Expansion, FloatArray, Objective
+
+#: Curvature is measured over this many standard deviations.
+_REACH = 0.3
+#: Smallest reach that bounds may force before the Fisher information is preferred.
+_LEAST_REACH = 0.01
+#: A direction is not identifiable when its standard deviation is more than that of a uniform law over the bounds.
+_WEAK = 12.0
+#: Share of the largest eigenvalue below which an eigenvalue is rounding.
+_ROUNDING = 1e-12
+#: Coordinates belong to a weak group when they take this share of its direction.
+_SHARE = 0.1
+#: Within this share of its bounds a coordinate lies at a bound.
+_AT_BOUND = 1e-6
+
+
+class UncertaintyOutcome(enum.Enum):
+    """Where a covariance comes from; the value is the message."""
+
+    CURVATURE = "from the curvature of the negative log-likelihood at the optimum"
+    FISHER = (
+        "from the Fisher information: the likelihood is not curved like that of an optimum here"
+        " - search longer, or look at its profiles"
+    )
+    NOT_AVAILABLE = "not available: the likelihood cannot be expanded at this point"
+
+
+@dataclass(frozen=True)
+class Uncertainty:
+    """Uncertainty of an optimum in the coordinates of its objective.
+
+    ``covariance`` (n, n) is NaN for coordinates that are not identifiable; ``at_bound`` (n,) marks those that rest on a
+    bound, whose variance is Fisher's and uncorrelated; ``groups`` holds indices of coordinates that the data cannot
+    tell apart (or, alone, not at all); ``evaluations`` counts what it took.
+    """
+
+    covariance: FloatArray
+    at_bound: BoolArray
+    groups: tuple[tuple[int, ...], ...]
+    outcome: UncertaintyOutcome
+    evaluations: int
+
+
+def uncertainty(objective: Objective, point: FloatArray, expansion: Expansion, curvature: bool = True) -> Uncertainty:
+    """Uncertainty of an optimum.
+
+    Parameters
+    ----------
+    objective
+        What was minimised.
+    point
+        The optimum, shape (n,).
+    expansion
+        Gradient and Fisher information there.
+    curvature
+        Measure the curvature, at 2 m^2 evaluations for m interior coordinates; else use the Fisher information.
+
+    Examples
+    --------
+    >>> class Bowl:
+    ...     lower, upper = np.full(2, -5.0), np.full(2, 5.0)
+    ...     def nll(self, points):
+    ...         return 0.5 * (25.0 * points[0] ** 2 + 4.0 * points[1] ** 2)
+    >>> expansion = Expansion(np.zeros(2), np.diag([20.0, 5.0]), 0)
+    >>> uncertainty(Bowl(), np.zeros(2), expansion).covariance.round(6).tolist()
+    [[0.04, 0.0], [0.0, 0.25]]
+    """
+    size = point.size
+    width = objective.upper - objective.lower
+    at_bound = (point - objective.lower <= _AT_BOUND * width) | (objective.upper - point <= _AT_BOUND * width)
+    if not np.isfinite(expansion.information).all():
+        empty = np.full((size, size), np.nan)
+        return Uncertainty(empty, at_bound, (), UncertaintyOutcome.NOT_AVAILABLE, 0)
+    scaled = expansion.information * np.outer(width, width)
+    groups = weak_groups(scaled)
+    weak = np.isin(np.arange(size), [index for group in groups for index in group])
+    fisher = _strong_inverse(scaled) * np.outer(width, width)
+    covariance = np.where(np.outer(at_bound, at_bound), np.diag(np.diag(fisher)), 0.0)
+    interior = np.flatnonzero(~at_bound)
+    inner = _strong_inverse(scaled[np.ix_(interior, interior)])
+    block, outcome, spent = inner * np.outer(width[interior], width[interior]), UncertaintyOutcome.FISHER, 0
+    if curvature and interior.size:
+        measured, spent = _from_curvature(objective, point, scaled, interior)
+        if measured is not None:
+            block, outcome = measured, UncertaintyOutcome.CURVATURE
+    elif not interior.size:
+        outcome = UncertaintyOutcome.CURVATURE
+    covariance[np.ix_(interior, interior)] = block
+    covariance[weak, :] = np.nan
+    covariance[:, weak] = np.nan
+    return Uncertainty(covariance, at_bound, groups, outcome, spent)
+
+
+def weak_groups(scaled: FloatArray) -> tuple[tuple[int, ...], ...]:
+    """Groups of coordinates that the information (n, n), in units of the bounds' widths, does not tell apart.
+
+    Coordinates that share a weak direction belong together. The projector on all weak directions says which do,
+    whatever basis of these directions an eigenvalue solver returns.
+
+    Examples
+    --------
+    >>> weak_groups(1e6 * np.array([[1.0, 1.0, 0.0], [1.0, 1.0, 0.0], [0.0, 0.0, 1.0]]))
+    ((0, 1),)
+    """
+    values, vectors = np.linalg.eigh(scaled)
+    weak = vectors[:, _is_weak(values)]
+    projector = np.abs(weak @ weak.T)
+    members = np.flatnonzero(np.diag(projector) > _SHARE**2)
+    groups: list[list[int]] = []
+    for index in members:
+        joined = [group for group in groups if any(projector[index, other] > _SHARE**2 for other in group)]
+        merged = sorted([int(index), *(other for group in joined for other in group)])
+        groups = [*(group for group in groups if group not in joined), merged]
+    return tuple(tuple(group) for group in sorted(groups))
+
+
+def _is_weak(values: FloatArray) -> BoolArray:
+    weak: BoolArray = values < max(_WEAK, _ROUNDING * float(values.max(initial=0.0)))
+    return weak
+
+
+def _strong_inverse(scaled: FloatArray) -> FloatArray:
+    """Inverse of an information on the directions of which the data say something."""
+    values, vectors = np.linalg.eigh(scaled)
+    strong = ~_is_weak(values)
+    inverse: FloatArray = (vectors[:, strong] / values[strong]) @ vectors[:, strong].T
+    return inverse
+
+
+def _from_curvature(
+    objective: Objective, point: FloatArray, scaled: FloatArray, interior: np.ndarray[tuple[int], np.dtype[np.intp]]
+) -> tuple[FloatArray | None, int]:
+    """Covariance (m, m) of the interior coordinates from second differences; None where they are not positive."""
+    width = (objective.upper - objective.lower)[interior]
+    values, vectors = np.linalg.eigh(scaled[np.ix_(interior, interior)])
+    strong = ~_is_weak(values)
+    # Columns are moves of one standard deviation each, uncorrelated under the Fisher information.
+    moves = width[:, np.newaxis] * vectors[:, strong] / np.sqrt(values[strong])
+    room = np.minimum(point - objective.lower, objective.upper - point)[interior]
+    reaches = np.minimum(_REACH, 0.5 * np.min(room[:, np.newaxis] / np.maximum(np.abs(moves), 1e-300), axis=0))
+    if not strong.any() or reaches.min() < _LEAST_REACH:
+        return None, 0
+    hessian, spent = _second_differences(objective, point, interior, moves * reaches)
+    hessian /= np.outer(reaches, reaches)
+    if not np.isfinite(hessian).all() or np.linalg.eigvalsh(hessian).min() < 0.05:
+        return None, spent
+    return moves @ np.linalg.inv(hessian) @ moves.T, spent
+
+
+def _second_differences(
+    objective: Objective, point: FloatArray, interior: np.ndarray[tuple[int], np.dtype[np.intp]], moves: FloatArray
+) -> tuple[FloatArray, int]:
+    """Second differences of the objective along pairs of moves (m, k), all in one batch."""
+    count = moves.shape[1]
+    pairs = [(a, b) for a in range(count) for b in range(a)]
+    offsets = [np.zeros(moves.shape[0])]
+    offsets += [sign * moves[:, a] for a in range(count) for sign in (1.0, -1.0)]
+    offsets += [first * moves[:, a] + second * moves[:, b] for a, b in pairs for first in (1, -1) for second in (1, -1)]
+    members = np.repeat(point[:, np.newaxis], len(offsets), axis=1)
+    members[interior] += np.array(offsets).T
+    values = objective.nll(members)
+    hessian = np.diag(values[1 : 1 + 2 * count : 2] + values[2 : 2 + 2 * count : 2] - 2.0 * values[0])
+    for k, (a, b) in enumerate(pairs):
+        corners = values[1 + 2 * count + 4 * k : 5 + 2 * count + 4 * k]
+        hessian[a, b] = hessian[b, a] = 0.25 * (corners[0] - corners[1] - corners[2] + corners[3])
+    return hessian, members.shape[1]
