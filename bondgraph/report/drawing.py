@@ -13,11 +13,12 @@ from pathlib import Path as FilePath
 from typing import TYPE_CHECKING
 
 from bondgraph.errors import DeclarationError, OptionError, suggest
-from bondgraph.report.canvas import Line, Picture, Primitive, Rectangle, Text, figure, svg_text
-from bondgraph.report.drawn import JUNCTIONS, DrawnBond, DrawnNode, Drawing, Kind, Stroke
-from bondgraph.report.geometry import Box
-from bondgraph.report.layout import Layout, lay_out
-from bondgraph.report.symbols import (
+from bondgraph.report.declared import drawing_of
+from bondgraph.report.diagram.canvas import Line, Picture, Primitive, Rectangle, Text, figure, svg_text
+from bondgraph.report.diagram.drawn import JUNCTIONS, Drawing, DrawnBond, DrawnNode, Kind, Stroke
+from bondgraph.report.diagram.geometry import Box
+from bondgraph.report.diagram.layout import Layout, lay_out
+from bondgraph.report.diagram.symbols import (
     ADDED,
     ADDED_FILL,
     COLOURS,
@@ -31,19 +32,20 @@ from bondgraph.report.symbols import (
     node_parts,
     signal_parts,
 )
-from bondgraph.report.text import break_lines, text_width
+from bondgraph.report.diagram.text import break_lines, text_width
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 __all__ = [
+    "Drawing",
     "DrawnBond",
     "DrawnNode",
-    "Drawing",
     "Kind",
     "Stroke",
     "draw_figure",
     "draw_svg",
+    "drawing_of",
     "picture_of",
     "save_drawing",
 ]
@@ -103,7 +105,7 @@ def save_drawing(drawing: Drawing, path: FilePath, highlight: frozenset[str] = f
 
 
 def picture_of(drawing: Drawing, highlight: frozenset[str] = frozenset()) -> Picture:
-    """The primitives of a drawing with title, legend and the laws too long for their labels.
+    """The primitives of a drawing with title, legend and small print.
 
     Raises
     ------
@@ -122,7 +124,7 @@ def picture_of(drawing: Drawing, highlight: frozenset[str] = frozenset()) -> Pic
     extent = layout.extent
     domains = _bond_domains(drawing)
     legend = _legend(drawing, domains, bool(highlight), extent.bottom + 30)
-    laws = _long_laws(drawing, layout, extent.bottom + 58, max(extent.right, 480.0))
+    laws = _small_print(drawing, layout, extent.bottom + 58, max(extent.right, 480.0))
     title = Text(PAGE_MARGIN, 32.0, drawing.title, 17.0, INK, bold=True, role="title")
     widest = max(
         extent.right, *(part.x + text_width(part.text, part.size, part.bold) for part in (title, *legend, *laws)
@@ -200,13 +202,13 @@ def _legend(drawing: Drawing, domains: Sequence[str], added: bool, y: float) -> 
     return parts
 
 
-def _long_laws(drawing: Drawing, layout: Layout, y: float, width: float) -> list[Text]:
-    """The laws that were cut in their labels, in full below the graph."""
+def _small_print(drawing: Drawing, layout: Layout, y: float, width: float) -> list[Text]:
+    """In full below the graph: the laws that were cut in their labels, and the definitions."""
     letters = max(int(width / 6.2), 60)
-    lines: list[Text] = []
-    for node in drawing.nodes:
-        if layout.labels[node.name].cut:
-            broken, _ = break_lines(f"{node.name}:  {node.law}", letters, 40)
-            for line in broken:
-                lines.append(Text(PAGE_MARGIN, y + 15 * len(lines), line, 10.0, QUIET, role="law"))
-    return lines
+    entries = [f"{node.name}:  {node.law}" for node in drawing.nodes if layout.labels[node.name].cut]
+    entries += [f"{name} {text}" for name, text in drawing.definitions]
+    lines = [(i, line) for entry in entries for i, line in enumerate(break_lines(entry, letters, 40)[0])]
+    return [
+        Text(PAGE_MARGIN + (16 if i else 0), y + 15 * k, line, 10.0, QUIET, role="law")
+        for k, (i, line) in enumerate(lines)
+    ]

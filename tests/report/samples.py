@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from bondgraph.report.drawing import DrawnBond, DrawnNode, Drawing, Kind, Stroke
+from bondgraph.report.drawing import Drawing, DrawnBond, DrawnNode, Kind, Stroke
 
 
 class Sketch:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from bondgraph.report.drawn import JUNCTIONS, DrawnNode, local_name
-from bondgraph.report.text import break_lines, text_width
+from bondgraph.report.diagram.drawn import JUNCTIONS, DrawnNode, local_name
+from bondgraph.report.diagram.text import break_lines, text_width
 
 KIND_SIZE, NAME_SIZE, LAW_SIZE, BADGE_SIZE = 13.0, 12.0, 10.0, 9.5
 LAW_LENGTH, LAW_LINES = 24, 2
@@ -21,6 +21,7 @@ class Label:
     kind: str
     name: str
     law: tuple[str, ...]
+    note: str
     cut: bool
     badge: str
     width: float
@@ -45,6 +46,12 @@ def label_of(node: DrawnNode, added: bool) -> Label:
     else:
         width = title + text_width(node.kind + " ", KIND_SIZE, bold=True)
         height = LINE_HEIGHT
-    width = max([width, *(text_width(line, LAW_SIZE) for line in law), text_width(badge, BADGE_SIZE, bold=True) + 8])
-    height += LAW_LINE_HEIGHT * len(law) + (LAW_LINE_HEIGHT + 3 if badge else 0) + 6
-    return Label(node.kind, name, law, cut, badge, round(width + 2 * PADDING, 2), height)
+    width = max(
+        [
+            width,
+            *(text_width(line, LAW_SIZE) for line in (*law, node.note)),
+            text_width(badge, BADGE_SIZE, bold=True) + 8,
+        ]
+    )
+    height += LAW_LINE_HEIGHT * (len(law) + bool(node.note)) + (LAW_LINE_HEIGHT + 3 if badge else 0) + 6
+    return Label(node.kind, name, law, node.note, cut, badge, round(width + 2 * PADDING, 2), height)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from bondgraph.report.layers import Alignment
+from bondgraph.report.diagram.layers import Alignment
 
 JOG = 24.0
 SAME_LINE = 6.0

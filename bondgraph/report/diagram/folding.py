@@ -7,7 +7,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from bondgraph.report.geometry import Path, Point
+from bondgraph.report.diagram.geometry import Path, Point
 
 FOLD_ABOVE = 1700.0
 ASPECT = 1.7
@@ -59,11 +59,11 @@ class Return:
     spacing: float
 
     def paths(self, ends: Sequence[tuple[Point, Point]]) -> list[Path]:
-        """Polylines of the bonds, given where each leaves the row above and enters the row below; nested in each other."""
+        """Polylines of the bonds, given where each leaves the row above and enters the row below."""
         count = len(ends)
         leaving = {k: p for p, k in enumerate(sorted(range(count), key=lambda k: ends[k][0][1]))}
         entering = {k: p for p, k in enumerate(sorted(range(count), key=lambda k: ends[k][1][1]))}
-        paths = []
+        paths: list[Path] = []
         for k, (start, end) in enumerate(ends):
             outer, inner = count - 1 - leaving[k], count - 1 - entering[k]
             right = self.right + outer * self.spacing

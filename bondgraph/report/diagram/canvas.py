@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 from xml.sax.saxutils import escape, quoteattr
 
-from bondgraph.report.geometry import Box, Path
+from bondgraph.report.diagram.geometry import Box, Path
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -111,7 +111,8 @@ def _svg(primitive: Primitive) -> str:
     if isinstance(primitive, Line):
         return (
             f'<path{role} d="{_path_data(primitive.points, primitive.radius)}" fill="none" stroke="{primitive.colour}" '
-            f'stroke-width="{_n(primitive.width)}"{_dash(primitive.dash)} stroke-linecap="round" stroke-linejoin="round"/>'
+            f'stroke-width="{_n(primitive.width)}"{_dash(primitive.dash)} stroke-linecap="round" '
+            f'stroke-linejoin="round"/>'
         )
     if isinstance(primitive, Polygon):
         points = " ".join(f"{_n(x)},{_n(y)}" for x, y in primitive.points)
@@ -195,7 +196,7 @@ def _paint(axes: Axes, primitive: Primitive, order: int) -> None:
         axes.add_patch(
             patches.FancyBboxPatch(
                 (box.left + radius, box.top + radius), box.width - 2 * radius, box.height - 2 * radius,
-                boxstyle=patches.BoxStyle("Round", pad=radius, rounding_size=radius),
+                boxstyle=f"Round,pad={radius},rounding_size={radius}",
                 facecolor=primitive.fill, edgecolor=primitive.outline, linewidth=primitive.width * points, zorder=order,
                 linestyle=(0, primitive.dash) if primitive.dash else "-",
             )

@@ -15,12 +15,13 @@ JUNCTIONS = ("0", "1")
 
 @dataclass(frozen=True)
 class DrawnNode:
-    """One node: ``name`` is dotted inside sub-graphs, ``law`` is the text shown below the name (may be empty)."""
+    """One node: ``name`` is dotted inside sub-graphs, ``law`` and ``note`` are shown below the name (may be empty)."""
 
     name: str
     kind: Kind
     domain: str = ""
     law: str = ""
+    note: str = ""
 
 
 @dataclass(frozen=True)
@@ -36,7 +37,8 @@ class DrawnBond:
 class Drawing:
     """A bond graph reduced to what a picture shows.
 
-    ``signals`` are pairs (from, to) of node names: the second is modulated by a variable of the first.
+    ``signals`` are pairs (from, to) of node names: the second is modulated by a variable of the first. ``definitions``
+    are pairs (name, text) of named expressions that laws use.
 
     Raises
     ------
@@ -55,6 +57,7 @@ class Drawing:
     nodes: tuple[DrawnNode, ...]
     bonds: tuple[DrawnBond, ...]
     signals: tuple[tuple[str, str], ...] = ()
+    definitions: tuple[tuple[str, str], ...] = ()
 
     def __post_init__(self) -> None:
         known: set[str] = set()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterable
 from dataclasses import dataclass
 
@@ -119,7 +120,7 @@ def _straight(first: Point, middle: Point, last: Point) -> bool:
 
 def segments(path: Path) -> list[tuple[Point, Point]]:
     """The straight pieces of a polyline."""
-    return list(zip(path, path[1:], strict=False))
+    return list(itertools.pairwise(path))
 
 
 def cross(first: tuple[Point, Point], second: tuple[Point, Point]) -> bool:

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
-from bondgraph.report.arrangement import Grid, Item, arrange
-from bondgraph.report.cells import Block
-from bondgraph.report.geometry import Box, Path
-from bondgraph.report.layers import assign_layers, order_layers
+from bondgraph.report.diagram.arrangement import Grid, Item, arrange
+from bondgraph.report.diagram.cells import Block
+from bondgraph.report.diagram.geometry import Box, Path
+from bondgraph.report.diagram.layers import assign_layers, order_layers
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
-from bondgraph.report.geometry import Box, Path, Point, bounding_box, segments, simplified
+from bondgraph.report.diagram.geometry import Box, Path, Point, bounding_box, segments, simplified
 
 STEP = 8.0
 MARGIN = 5
@@ -23,7 +23,7 @@ _MOVES = ((1, 0), (0, 1), (-1, 0), (0, -1))
 
 @dataclass(frozen=True)
 class Signals:
-    """Polylines of the signals, each from the edge of its source's box to that of its target's, and where they branch."""
+    """Polylines of the signals, from the edge of the source's box to that of the target's, and where they branch."""
 
     paths: tuple[Path, ...] = ()
     branches: tuple[tuple[str, Point], ...] = ()

@@ -7,6 +7,7 @@ linear programs, the order within the layers comes from barycentre sweeps and ne
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -108,7 +109,7 @@ def _first_orders(
     given = [list(layer) for layer in layers]
     orders = []
     for sequence in (given, given[::-1]):
-        visited = {}
+        visited: dict[int, int] = {}
         for root in (node for layer in sequence for node in layer):
             if root not in visited:
                 for node in nx.dfs_preorder_nodes(graph, root):
@@ -215,7 +216,7 @@ def place_vertically(
     count = len(above)
     rows: list[tuple[dict[int, float], float]] = []
     for layer in layers:
-        for upper, lower in zip(layer, layer[1:], strict=False):
+        for upper, lower in itertools.pairwise(layer):
             distance = below[upper] + above[lower] + max(gaps[upper], gaps[lower])
             rows.append(({upper: 1.0, lower: -1.0}, -distance))
     for k, wish in enumerate(alignments):
@@ -280,7 +281,7 @@ def _spans_touch(a: tuple[float, float], b: tuple[float, float], clearance: floa
 
 
 def _cost(left: tuple[float, float], right: tuple[float, float]) -> int:
-    """Crossings when the vertical piece of the first edge lies left of that of the second; collinear pieces count ten."""
+    """Crossings when the first edge's vertical piece lies left of the second's; pieces on one line count ten."""
     cost = 0
     for height, span in ((left[1], right), (right[0], left)):
         cost += min(span) < height < max(span)

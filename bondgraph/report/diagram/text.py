@@ -46,7 +46,7 @@ def break_lines(text: str, length: int, lines: int) -> tuple[tuple[str, ...], bo
     >>> break_lines("a + b + c + d", 5, 1)
     (('a + …',), True)
     """
-    rest, broken = text.strip(), []
+    rest, broken = text.strip(), list[str]()
     while rest and len(broken) < lines:
         end = len(rest) if len(rest) <= length + 3 else _break_position(rest, length)
         broken.append(rest[:end].strip())

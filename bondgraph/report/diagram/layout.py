@@ -9,19 +9,21 @@ channels between layers, so they never run over a label.
 from __future__ import annotations
 
 import dataclasses
+import itertools
 from collections.abc import Mapping
 from dataclasses import dataclass
 
 import networkx as nx
 
-from bondgraph.report.cells import Block, Hanger, cell
-from bondgraph.report.drawn import JUNCTIONS, Drawing, frame_of, other_end
-from bondgraph.report.geometry import Box, Path, Point, bounding_box, moved_path, path_crossings, simplified
-from bondgraph.report.labels import Label, label_of
-from bondgraph.report.layers import assign_layers
-from bondgraph.report.levels import Item, Link, place_level
-from bondgraph.report.routing import route_signals
-from bondgraph.report.text import text_width
+from bondgraph.report.diagram.arrangement import Item
+from bondgraph.report.diagram.cells import Block, Hanger, cell
+from bondgraph.report.diagram.drawn import JUNCTIONS, Drawing, frame_of, other_end
+from bondgraph.report.diagram.geometry import Box, Path, Point, bounding_box, moved_path, path_crossings, simplified
+from bondgraph.report.diagram.labels import Label, label_of
+from bondgraph.report.diagram.layers import assign_layers
+from bondgraph.report.diagram.levels import Link, place_level
+from bondgraph.report.diagram.routing import route_signals
+from bondgraph.report.diagram.text import text_width
 
 FRAME_TITLE = 26.0
 FRAME_PADDING = 16.0
@@ -79,7 +81,7 @@ def lay_out(drawing: Drawing, highlight: frozenset[str] = frozenset()) -> Layout
 
     Examples
     --------
-    >>> from bondgraph.report.drawn import Drawing, DrawnBond, DrawnNode
+    >>> from bondgraph.report.diagram.drawn import Drawing, DrawnBond, DrawnNode
     >>> pair = Drawing("pair", (DrawnNode("a", "1"), DrawnNode("m", "I")), (DrawnBond("a", "m", "target"),))
     >>> lay_out(pair).crossings
     0
@@ -108,9 +110,7 @@ def _lay_out_once(
 
 def _ink(layout: Layout) -> float:
     """Total length of the bonds."""
-    return sum(
-        abs(x2 - x1) + abs(y2 - y1) for path in layout.bonds for (x1, y1), (x2, y2) in zip(path, path[1:], strict=False)
-    )
+    return sum(abs(x2 - x1) + abs(y2 - y1) for path in layout.bonds for (x1, y1), (x2, y2) in itertools.pairwise(path))
 
 
 @dataclass(frozen=True)
@@ -158,11 +158,10 @@ def _pendants(
         dead_ends = []
         for index in through:
             name = other_end(drawing.bonds[index], host)
-            ends_here = len(bonds_at[name]) == 1 + len(own_leaves[name])
-            if kinds[name] in JUNCTIONS and ends_here and frame_of(name) == frame_of(host):
-                if 1 <= len(own_leaves[name]) <= 3:
-                    heavy = any(kinds[leaf] not in ("C", "R") for leaf in own_leaves[name])
-                    dead_ends.append((heavy, len(own_leaves[name]), index, name))
+            ends_here = len(bonds_at[name]) == 1 + len(own_leaves[name]) and frame_of(name) == frame_of(host)
+            if kinds[name] in JUNCTIONS and ends_here and 1 <= len(own_leaves[name]) <= 3:
+                heavy = any(kinds[leaf] not in ("C", "R") for leaf in own_leaves[name])
+                dead_ends.append((heavy, len(own_leaves[name]), index, name))
         places = min(len(through) - 2, 1 if own_leaves[host] else 2)
         for _, _, index, name in sorted(dead_ends)[: max(places, 0)]:
             chosen[name] = index

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Literal
 
-from bondgraph.report.cells import EXIT_SPACING, Block
-from bondgraph.report.folding import Return, choose_rows
-from bondgraph.report.geometry import Path, Point
-from bondgraph.report.layers import Alignment, assign_tracks, place_vertically
-from bondgraph.report.straighten import Column, separated, straightened
+from bondgraph.report.diagram.cells import EXIT_SPACING, Block
+from bondgraph.report.diagram.folding import Return, choose_rows
+from bondgraph.report.diagram.geometry import Path, Point
+from bondgraph.report.diagram.layers import Alignment, assign_tracks, place_vertically
+from bondgraph.report.diagram.straighten import Column, separated, straightened
 
 ITEM_GAP, LINE_GAP = 22.0, EXIT_SPACING
 CHANNEL_MARGIN, PORT_MARGIN, TRACK_SPACING = 24.0, 14.0, 16.0
@@ -117,7 +118,7 @@ def _heights(grid: Grid, blocks: Sequence[Block], rows: Sequence[int]) -> list[f
     above, below = [block.above for block in blocks], [block.below for block in blocks]
     columns = []
     for column in grid.columns:
-        pairs = zip(column, column[1:], strict=False)
+        pairs = itertools.pairwise(column)
         columns.append(Column(column, tuple(below[i] + above[j] + max(gaps[i], gaps[j]) for i, j in pairs)))
     heights = place_vertically(grid.columns, above, below, alignments, gaps)
     return separated(straightened(heights, columns, alignments), columns, alignments)

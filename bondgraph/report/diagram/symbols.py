@@ -1,14 +1,22 @@
-"""The symbols of a bond graph as drawing primitives: nodes, bonds with half arrow and causal stroke, signals, frames."""
+"""The symbols of a bond graph as drawing primitives: nodes, bonds with half arrow and stroke, signals, frames."""
 
 from __future__ import annotations
 
 import math
 
-from bondgraph.report.canvas import Line, Polygon, Primitive, Rectangle, Text
-from bondgraph.report.drawn import JUNCTIONS, DrawnNode, Stroke, local_name
-from bondgraph.report.geometry import Box, Path, Point
-from bondgraph.report.labels import BADGE_SIZE, KIND_SIZE, LAW_LINE_HEIGHT, LAW_SIZE, LINE_HEIGHT, NAME_SIZE, Label
-from bondgraph.report.text import text_width
+from bondgraph.report.diagram.canvas import Line, Polygon, Primitive, Rectangle, Text
+from bondgraph.report.diagram.drawn import JUNCTIONS, DrawnNode, Stroke, local_name
+from bondgraph.report.diagram.geometry import Box, Path, Point
+from bondgraph.report.diagram.labels import (
+    BADGE_SIZE,
+    KIND_SIZE,
+    LAW_LINE_HEIGHT,
+    LAW_SIZE,
+    LINE_HEIGHT,
+    NAME_SIZE,
+    Label,
+)
+from bondgraph.report.diagram.text import text_width
 
 COLOURS = {
     "electrical": "#a15c00",
@@ -33,12 +41,14 @@ def domain_colour(domain: str) -> str:
 
 
 def frame_parts(name: str, box: Box, depth: int) -> list[Primitive]:
+    """The rounded frame of a sub-graph with its title."""
     fill = FRAME_FILLS[min(depth, len(FRAME_FILLS)) - 1]
     title = Text(box.left + 10, box.top + 17, local_name(name), 12.0, QUIET, bold=True, role="frame-title")
     return [Rectangle(box, fill, FRAME_LINE, 1.0, 10.0, role="frame", tooltip=name), title]
 
 
 def node_parts(node: DrawnNode, label: Label, box: Box, colour: str, added: bool) -> list[Primitive]:
+    """The text box of a node: junctions and two-ports with an outline, an added one marked."""
     tooltip = f"{node.kind} {node.name}" + (f": {node.law}" if node.law else "")
     parts: list[Primitive] = []
     x, y = box.centre[0], box.top + (box.height - label.height) / 2 + 3
@@ -71,6 +81,9 @@ def node_parts(node: DrawnNode, label: Label, box: Box, colour: str, added: bool
         y += LINE_HEIGHT
     for line in label.law:
         parts.append(Text(x, y + 10, line, LAW_SIZE, QUIET, "middle"))
+        y += LAW_LINE_HEIGHT
+    if label.note:
+        parts.append(Text(x, y + 10, label.note, LAW_SIZE, accent, "middle", italic=True))
         y += LAW_LINE_HEIGHT
     if label.badge:
         width = text_width(label.badge, BADGE_SIZE, bold=True) + 10
@@ -134,6 +147,7 @@ def bond_parts(path: Path, stroke: Stroke | None, colour: str, width: float) -> 
 
 
 def signal_parts(path: Path, colour: str) -> list[Primitive]:
+    """The dashed line of a signal and its full arrow."""
     line = _shortened(path, 1.0, 2.0)
     tip, back = line[-1], line[-2]
     ux, uy = _along((0.0, 0.0), (tip[0] - back[0], tip[1] - back[1]), 1.0)

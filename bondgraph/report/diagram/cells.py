@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
-from bondgraph.report.geometry import Box, Path, moved_path
-from bondgraph.report.labels import Label
+from bondgraph.report.diagram.geometry import Box, Path, moved_path
+from bondgraph.report.diagram.labels import Label
 
 EXIT_SPACING = 14.0
 LEAF_BOND = 34.0
@@ -99,8 +99,10 @@ def _ports(box: Box, left: Sequence[int], right: Sequence[int]) -> dict[tuple[st
 def _with(block: Block, boxes: Mapping[str, Box], routes: Mapping[int, Path]) -> Block:
     """The block with more in it and its extents grown accordingly."""
     return Block(
-        max(block.left, *(-box.left for box in boxes.values())), max(block.right, *(box.right for box in boxes.values())),
-        max(block.above, *(-box.top for box in boxes.values())), max(block.below, *(box.bottom for box in boxes.values())),
+        max(block.left, *(-box.left for box in boxes.values())),
+        max(block.right, *(box.right for box in boxes.values())),
+        max(block.above, *(-box.top for box in boxes.values())),
+        max(block.below, *(box.bottom for box in boxes.values())),
         {**block.boxes, **boxes}, block.frames, {**block.routes, **routes}, block.ports,
     )  # fmt: skip
 

@@ -1,0 +1,179 @@
+"""From a causal graph to its drawing: laws as short text, signals from nodes to the laws that read them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import cast
+
+from sympy import Abs, Expr, Float, Piecewise, Pow, Symbol
+from sympy.printing.str import StrPrinter
+
+from bondgraph.declare.domains import UNDECLARED_PREFIXES, Domain
+from bondgraph.declare.elements import Node
+from bondgraph.declare.expressions import is_local, signal_name
+from bondgraph.declare.graph import BondGraph
+from bondgraph.declare.quantities import Integral, NamedSignal, symbol
+from bondgraph.derive.causality import CausalGraph
+from bondgraph.report.diagram.drawn import Drawing, DrawnBond, DrawnNode, Kind, frame_of
+
+DERIVATIVE = "derivative causality"
+_SUPERSCRIPTS = {"2": "²", "3": "³", "4": "⁴"}
+
+
+def drawing_of(causal: CausalGraph) -> Drawing:
+    """The drawing of a graph whose strokes are placed.
+
+    Efforts and flows in the laws carry the letters of their domain (``tau``, ``omega``), displacements and momenta are
+    ``q`` and ``p``; names inside a sub-graph stand without its prefix.
+
+    Examples
+    --------
+    >>> from bondgraph.declare.domains import ROTATION
+    >>> from bondgraph.derive.causality import assign_causality
+    >>> g = BondGraph("rotor")
+    >>> shaft = g.one_junction("shaft", ROTATION)
+    >>> _ = g.inertance("rotor", g.parameter("J", 0.02, "kg m^2"), at=shaft)
+    >>> _ = g.resistance("drag", lambda omega: g.parameter("c", 0.1, "N m s^2") * omega * abs(omega), at=shaft)
+    >>> [node.law for node in drawing_of(assign_causality(g)).nodes]
+    ['', 'omega = p/J', 'tau = c·omega·|omega|']
+    """
+    graph = causal.graph
+    domains = _domains(graph)
+    dependent = {name for name, _ in causal.derivative}
+    nodes = tuple(
+        DrawnNode(
+            node.name,
+            cast(Kind, node.kind),
+            node.domain.name if node.domain else "",
+            law_text(node, domains[node.name]),
+            DERIVATIVE if node.name in dependent else "",
+        )
+        for node in graph.nodes.values()
+    )
+    bonds = tuple(
+        DrawnBond(bond.source, bond.target, stroke) for bond, stroke in zip(graph.bonds, causal.strokes, strict=True)
+    )
+    return Drawing(graph.name, nodes, bonds, _signals(graph), _definitions(graph))
+
+
+def law_text(node: Node, domain: Domain | None) -> str:
+    """What an element's law says, as short text; empty for a junction."""
+    if not node.laws:
+        return ""
+    given: dict[str, Expr] = dict(node.laws)
+    preferred = ("flow",) if node.kind == "I" else ("effort", "flow", "modulus", "residual", "energy")
+    shown = [name for name in preferred if name in given][:1] or [name for name, _ in node.laws]
+    effort, flow = (domain.effort_prefix, domain.flow_prefix) if domain else UNDECLARED_PREFIXES
+    letters = {"effort": effort, "flow": flow, "displacement": "q", "momentum": "p", "energy": "E", "residual": "0"}
+    letters["modulus"] = "r" if node.kind == "GY" else "m"
+    parts = [f"{_lettered(name, letters)} = {_expression(given[name], letters, frame_of(node.name))}" for name in shown]
+    return ", ".join(parts)
+
+
+def _lettered(name: str, letters: Mapping[str, str]) -> str:
+    """``effort2`` as ``tau_2``."""
+    stem = name.rstrip("0123456789")
+    number = name[len(stem) :]
+    return letters.get(stem, stem) + (f"_{number}" if number else "")
+
+
+def _expression(expression: Expr, letters: Mapping[str, str], frame: str) -> str:
+    """An expression with the element's own letters and without the prefix of its own sub-graph."""
+    renamed = {}
+    for used in expression.free_symbols:
+        read = signal_name(used)
+        if read is not None:
+            renamed[used] = symbol(f"{read.variable}{read.port or ''}({_inside(read.node, frame)})")
+        elif is_local(used):
+            renamed[used] = symbol(_lettered(used.name, letters))
+        else:
+            renamed[used] = symbol(_inside(used.name, frame))
+    return str(_PRINTER.doprint(expression.xreplace(renamed)))
+
+
+def _inside(name: str, frame: str) -> str:
+    return name[len(frame) + 1 :] if frame and name.startswith(f"{frame}.") else name
+
+
+class _LawPrinter(StrPrinter):  # type: ignore[misc]
+    """Expressions as an engineer writes them: a·b, x², and bars around an absolute value."""
+
+    def _print_Mul(self, expression: Expr) -> str:
+        return str(super()._print_Mul(expression)).replace("*", "·")
+
+    def _print_Pow(self, expression: Pow, rational: bool = False) -> str:
+        text = str(super()._print_Pow(expression, rational=rational))
+        base, power, exponent = text.rpartition("**")
+        return base + _SUPERSCRIPTS.get(exponent, f"^{exponent}") if power else text
+
+    def _print_Abs(self, expression: Abs) -> str:
+        return f"|{self._print(expression.args[0])}|"
+
+    def _print_Float(self, expression: Float) -> str:
+        return f"{float(expression):.6g}"
+
+    def _print_minimum(self, expression: Expr) -> str:
+        return f"min({', '.join(self._print(part) for part in expression.args)})"
+
+    def _print_maximum(self, expression: Expr) -> str:
+        return f"max({', '.join(self._print(part) for part in expression.args)})"
+
+    def _print_Piecewise(self, expression: Piecewise) -> str:
+        *cases, (last, otherwise) = expression.args
+        parts = [f"{self._print(value)} if {self._print(condition)}" for value, condition in cases]
+        final = self._print(last) if otherwise == True else f"{self._print(last)} if {self._print(otherwise)}"  # noqa: E712
+        return f"({' else '.join([*parts, final])})"
+
+
+_PRINTER = _LawPrinter()
+
+
+def _domains(graph: BondGraph) -> dict[str, Domain | None]:
+    """Domain of every node: its own, or that of the first neighbour that has one."""
+    found = {name: node.domain for name, node in graph.nodes.items()}
+    for bond in graph.bonds:
+        for end, other in ((bond.source, bond.target), (bond.target, bond.source)):
+            if found[end] is None:
+                found[end] = graph.nodes[other].domain
+    return found
+
+
+def _signals(graph: BondGraph) -> tuple[tuple[str, str], ...]:
+    """Pairs (node read, node whose law reads it), through named signals and integrals, in order of declaration."""
+    named = {q.name: q for q in graph.quantities.values() if isinstance(q, NamedSignal | Integral)}
+    pairs: dict[tuple[str, str], None] = {}
+    for node in graph.nodes.values():
+        read: dict[str, None] = {}
+        for _, law in node.laws:
+            _collect(law, named, read, frozenset())
+        for source in graph.nodes:
+            if source in read and source != node.name:
+                pairs[source, node.name] = None
+    return tuple(pairs)
+
+
+def _definitions(graph: BondGraph) -> tuple[tuple[str, str], ...]:
+    """Named signals and integrals as text; an integral by its rate."""
+    pairs = []
+    for quantity in graph.quantities.values():
+        frame = frame_of(quantity.name)
+        if isinstance(quantity, NamedSignal):
+            pairs.append((quantity.name, f"= {_expression(quantity.expression, {}, frame)}"))
+        elif isinstance(quantity, Integral):
+            pairs.append((quantity.name, f"= ∫ {_expression(quantity.of, {}, frame)} dt"))
+    return tuple(pairs)
+
+
+def _collect(
+    law: Expr, named: Mapping[str, NamedSignal | Integral], read: dict[str, None], seen: frozenset[str]
+) -> None:
+    """Add the nodes that an expression reads, directly or through named quantities."""
+    used: Symbol
+    for used in law.free_symbols:
+        signal = signal_name(used)
+        if signal is not None:
+            read[signal.node] = None
+        elif used.name in named and used.name not in seen:
+            quantity = named[used.name]
+            inner = quantity.expression if isinstance(quantity, NamedSignal) else quantity.of
+            _collect(inner, named, read, seen | {used.name})
