@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 import numpy.typing as npt
 
 from bondgraph.errors import OptionError
-from bondgraph.simulate import batch_kernel, rk4_kernel
+from bondgraph.simulate import batch_kernel
 from bondgraph.simulate.arrays import FloatArray, IntArray, count_members, member_columns
-from bondgraph.simulate.compile import load_kernels
+from bondgraph.simulate.compile import has_numba, load_kernel
 from bondgraph.simulate.inputs import InputSegment
 from bondgraph.simulate.integrators import RK4
 from bondgraph.simulate.model import Model
@@ -67,11 +65,8 @@ def simulate_batch(
     parameters = member_columns("theta", task.theta, len(model.parameters), members)
     start = member_columns("x0", task.x0, len(model.states), members)
     grid = np.union1d(task.times, task.signal.break_points(task.times[0], task.times[-1]))
-    kernels = load_kernels(model, (rk4_kernel, batch_kernel)) if compiled else None
-    if kernels is None:
-        x, y, last = _in_numpy(task, grid, parameters, start, substeps)
-    else:
-        x, y, last = _in_kernel(kernels, task, grid, parameters, start, substeps)
+    run = _in_kernel if compiled and has_numba() else _in_numpy
+    x, y, last = run(task, grid, parameters, start, substeps)
     chosen = np.searchsorted(grid, task.times)
     outcomes = tuple(Outcome.OK if end == grid.size - 1 else Outcome.DIVERGED for end in last)
     return BatchTrajectory(model, task.times, x[:, chosen], y[:, chosen], outcomes, grid[np.maximum(last, 0)])
@@ -104,7 +99,7 @@ def _in_numpy(
 
 
 def _in_kernel(
-    kernels: Any, task: Task, grid: FloatArray, theta: FloatArray, start: FloatArray, substeps: int
+    task: Task, grid: FloatArray, theta: FloatArray, start: FloatArray, substeps: int
 ) -> tuple[FloatArray, FloatArray, IntArray]:
     """The same in the compiled kernel, member by member."""
     n_x, members = start.shape
@@ -114,7 +109,18 @@ def _in_kernel(
     y = np.full((n_y, grid.size, members), np.nan)
     last = np.empty(members, dtype=np.int64)
     left, right = (np.ascontiguousarray(values.T) for values in task.signal.intervals(grid))
-    u = np.ascontiguousarray(task.signal.at(grid).T)
-    scratch = (np.empty(n_x), np.empty(n_y), np.empty(n_u), np.empty(theta.shape[0]), np.empty((5, n_x)))
-    kernels.simulate_members(grid, u, left, right, substeps, theta, (0, members), x, y, last, scratch)
+    samples = batch_kernel.Grid(grid, np.ascontiguousarray(task.signal.at(grid).T), left, right, substeps)
+    scratch = batch_kernel.Scratch(
+        point=np.empty((1, n_x)),
+        outputs=np.empty((1, n_y)),
+        theta=np.empty(theta.shape[0]),
+        appended=np.empty(0, dtype=np.int64),
+        x=np.empty(n_x),
+        y=np.empty(n_y),
+        u=np.empty(n_u),
+        stages=np.empty((5, n_x)),
+    )
+    functions = task.model.compiled
+    simulate_members = load_kernel(batch_kernel).simulate_members
+    simulate_members(functions.advance, functions.measure, samples, theta, x, y, last, scratch)
     return x, y, last

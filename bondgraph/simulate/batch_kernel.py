@@ -1,68 +1,85 @@
-"""Fixed-step simulation of many members in the part of Python that numba compiles."""
+"""Fixed-step simulation of many members in the part of Python that numba compiles; the same code for every model."""
 
 from __future__ import annotations
 
-import math
-from typing import TYPE_CHECKING
+from typing import NamedTuple
 
 from bondgraph.simulate.arrays import FloatArray, IntArray
-from bondgraph.simulate.rk4_kernel import rk4_advance
+from bondgraph.simulate.compile import Advance, Measure
 
-if TYPE_CHECKING:
-    from bondgraph.simulate.kernel_names import output_into
+
+class Grid(NamedTuple):
+    """Times (n,), inputs at them (n, n_u) and at the ends of each interval (n-1, n_u); steps per interval."""
+
+    time: FloatArray
+    u: FloatArray
+    u_left: FloatArray
+    u_right: FloatArray
+    substeps: int
+
+
+class Scratch(NamedTuple):
+    """Work space: one state as a point (1, n_x), its outputs (1, n_y), and the arguments of the scalar model."""
+
+    point: FloatArray
+    outputs: FloatArray
+    theta: FloatArray
+    appended: IntArray
+    x: FloatArray
+    y: FloatArray
+    u: FloatArray
+    stages: FloatArray
 
 
 def simulate_members(
-    time: FloatArray,
-    u: FloatArray,
-    u_left: FloatArray,
-    u_right: FloatArray,
-    substeps: int,
+    advance: Advance,
+    measure: Measure,
+    grid: Grid,
     theta: FloatArray,
-    members: tuple[int, int],
     x: FloatArray,
     y: FloatArray,
     last: IntArray,
-    scratch: tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray],
+    scratch: Scratch,
 ) -> None:
-    """Simulate the members ``members[0] <= m < members[1]``.
+    """Simulate every member: theta (n_theta, members), x (n_x, n, members), y (n_y, n, members), last (members,).
 
-    Shapes: time (n,); u (n, n_u) at the times, u_left and u_right (n-1, n_u) of the intervals; theta (n_theta, members);
-    x (n_x, n, members) with the initial states in ``x[:, 0]`` and y (n_y, n, members) are filled; last (members,) gets
-    the index of the last finite sample.
+    ``x[:, 0]`` holds the initial states; the rest of x, and y, are filled up to the last finite sample, whose index
+    goes into ``last``.
     """
-    x_now, y_now, u_now, theta_now, work = scratch
-    for m in range(members[0], members[1]):
+    point, outputs, theta_now = scratch.point, scratch.outputs, scratch.theta
+    for m in range(last.size):
         for i in range(theta_now.size):
             theta_now[i] = theta[i, m]
-        for i in range(x_now.size):
-            x_now[i] = x[i, 0, m]
+        for i in range(point.shape[1]):
+            point[0, i] = x[i, 0, m]
         last[m] = -1
-        for k in range(time.size):
+        for k in range(grid.time.size):
             if k > 0:
-                rk4_advance(
-                    time[k - 1],
-                    time[k] - time[k - 1],
-                    substeps,
-                    u_left[k - 1],
-                    u_right[k - 1],
+                advance(
+                    grid.time[k - 1],
+                    grid.time[k] - grid.time[k - 1],
+                    grid.substeps,
+                    grid.u_left[k - 1],
+                    grid.u_right[k - 1],
                     theta_now,
-                    x_now,
-                    work,
-                    u_now,
+                    scratch.appended,
+                    point,
+                    scratch.x,
+                    scratch.stages,
+                    scratch.u,
                 )
-            if not _is_finite(x_now):
+            if not _is_finite(point[0]):
                 break
-            output_into(time[k], x_now, u[k], theta_now, y_now)
-            for i in range(x_now.size):
-                x[i, k, m] = x_now[i]
-            for i in range(y_now.size):
-                y[i, k, m] = y_now[i]
+            measure(grid.time[k], grid.u[k], theta_now, scratch.appended, point, outputs, scratch.x, scratch.y)
+            for i in range(point.shape[1]):
+                x[i, k, m] = point[0, i]
+            for i in range(outputs.shape[1]):
+                y[i, k, m] = outputs[0, i]
             last[m] = k
 
 
 def _is_finite(values: FloatArray) -> bool:
+    total = 0.0
     for i in range(values.size):
-        if not math.isfinite(values[i]):
-            return False
-    return True
+        total += 0.0 * values[i]  # zero times an infinity or a NaN is a NaN
+    return total == 0.0

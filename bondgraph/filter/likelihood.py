@@ -1,0 +1,200 @@
+"""The likelihood of measured logs under a filter model, for many members at once: what an estimation evaluates.
+
+    nll = sum over samples of  (z' z + m log 2 pi)/2 + log det L,      S = L L',   z = L^-1 (measured - expected)
+
+with the innovation covariance S of the m channels measured at a sample.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Unpack
+
+import numpy as np
+import numpy.typing as npt
+
+from bondgraph.errors import FilterError
+from bondgraph.filter.batch import BatchRun, run_batches
+from bondgraph.filter.filter_model import FilterModel
+from bondgraph.filter.filter_run import FilterRun
+from bondgraph.filter.members import MemberValues, member_batches
+from bondgraph.filter.samples import MeasuredLog, Samples
+from bondgraph.simulate.arrays import BoolArray, FloatArray, IntArray
+from bondgraph.simulate.outcome import Outcome
+
+
+@dataclass(frozen=True)
+class Likelihood:
+    """Negative log-likelihoods of a batch.
+
+    ``nll`` (members,) is the sum over logs of ``nll_per_log`` (n_logs, members), infinite where a member failed;
+    ``outcomes`` says how each member ended (its first failure), ``floored_pivots`` (members,) how many directions of a
+    covariance were lost to rounding.
+    """
+
+    nll: FloatArray
+    outcomes: tuple[Outcome, ...]
+    nll_per_log: FloatArray
+    floored_pivots: IntArray
+
+
+@dataclass(frozen=True)
+class WhitenedInnovations:
+    """Innovations of one log made independent with unit variance, for scoring and residual tests.
+
+    ``values`` and ``log_scales`` (n_y, n, members): each innovation given those before it, divided by its standard
+    deviation, and the logarithm of that standard deviation; zero where nothing was measured, NaN throughout for a
+    member that failed. ``measured`` (n_y, n).
+    """
+
+    log_name: str
+    values: FloatArray
+    log_scales: FloatArray
+    measured: BoolArray
+    outcomes: tuple[Outcome, ...]
+
+
+def likelihood(
+    filter_model: FilterModel,
+    logs: MeasuredLog | Sequence[MeasuredLog],
+    theta: npt.ArrayLike | None = None,
+    *,
+    threads: int | None = None,
+    compiled: bool = True,
+    **values: Unpack[MemberValues],
+) -> Likelihood:
+    """Negative log-likelihood of logs, for every member of a batch.
+
+    Parameters
+    ----------
+    filter_model
+        Model and noises.
+    logs
+        One or several logs; their likelihoods multiply.
+    theta
+        Parameters (n_theta,) or (n_theta, members); None: declared values. What a log knows is taken from the log.
+    threads
+        Threads over blocks of members; None: one per core. The result does not depend on it.
+    compiled
+        Use the compiled kernel (and numpy where numba is missing), or numpy.
+    **values
+        ``noise_std``, ``process_std``, ``initial_std``, ``x0``, see :class:`bondgraph.filter.members.MemberValues`.
+
+    Returns
+    -------
+    Likelihood
+        A diverging member is an outcome with an infinite value, never an exception.
+
+    Raises
+    ------
+    FilterError, ModelError
+        If logs or shapes do not fit the model.
+
+    Examples
+    --------
+    >>> from bondgraph.data.log import MatchedLog
+    >>> from bondgraph.simulate.example import pendulum
+    >>> model = pendulum()
+    >>> swing = FilterModel(model, {"rate": 0.1}, {"deflection": 0.05}, {"angle": 0.1, "rate": 0.1}, substeps=2)
+    >>> time = np.arange(40) * 0.05
+    >>> log = MatchedLog("swing", time, np.zeros((1, 40)), 0.5 * np.cos(3.1 * time)[np.newaxis])
+    >>> lengths = np.stack([model.theta(length=length) for length in (0.5, 1.0, 2.0)], axis=1)
+    >>> int(np.argmin(likelihood(swing, log, lengths).nll))
+    1
+    """
+    runs = _run(filter_model, logs, theta, values, depth=0, threads=threads, compiled=compiled)
+    per_log = np.array([run.verdicts.nll for run in runs])
+    floored = np.sum([run.verdicts.floored for run in runs], axis=0)
+    return Likelihood(per_log.sum(axis=0), _outcomes(runs), per_log, floored)
+
+
+def negative_log_likelihood(
+    filter_model: FilterModel,
+    logs: MeasuredLog | Sequence[MeasuredLog],
+    theta: npt.ArrayLike | None = None,
+    *,
+    threads: int | None = None,
+    compiled: bool = True,
+    **values: Unpack[MemberValues],
+) -> tuple[FloatArray, tuple[Outcome, ...]]:
+    """Values (members,) and outcomes of :func:`likelihood`."""
+    result = likelihood(filter_model, logs, theta, threads=threads, compiled=compiled, **values)
+    return result.nll, result.outcomes
+
+
+def innovations(
+    filter_model: FilterModel,
+    logs: MeasuredLog | Sequence[MeasuredLog],
+    theta: npt.ArrayLike | None = None,
+    *,
+    threads: int | None = None,
+    compiled: bool = True,
+    **values: Unpack[MemberValues],
+) -> tuple[WhitenedInnovations, ...]:
+    """Whitened innovations of every member, one record per log; arguments as for :func:`likelihood`.
+
+    With z and log s of a record, nll = sum(z^2/2 + log s) + log(2 pi)/2 per measured value.
+    """
+    runs = _run(filter_model, logs, theta, values, depth=1, threads=threads, compiled=compiled)
+    return tuple(_whitened(run) for run in runs)
+
+
+def run(
+    filter_model: FilterModel,
+    log: MeasuredLog,
+    theta: npt.ArrayLike | None = None,
+    *,
+    compiled: bool = True,
+    **values: Unpack[MemberValues],
+) -> FilterRun:
+    """Filter one log with one set of numbers and keep everything; arguments as for :func:`likelihood`.
+
+    Examples
+    --------
+    >>> from bondgraph.data.log import MatchedLog
+    >>> from bondgraph.simulate.example import pendulum
+    >>> swing = FilterModel(pendulum(), {"rate": 0.1}, {"deflection": 0.05}, {"angle": 0.1, "rate": 0.1}, substeps=2)
+    >>> time = np.arange(40) * 0.05
+    >>> log = MatchedLog("swing", time, np.zeros((1, 40)), 0.5 * np.cos(3.1 * time)[np.newaxis])
+    >>> run(swing, log, compiled=False).mean("angle").shape
+    (40,)
+    """
+    (batch,) = _run(filter_model, log, theta, values, depth=2, threads=1, compiled=compiled)
+    if batch.verdicts.nll.size != 1:
+        raise FilterError(f"{log.name}: run takes one member, not {batch.verdicts.nll.size} - use likelihood for many")
+    return batch.filter_run(filter_model, 0)
+
+
+def _run(
+    filter_model: FilterModel,
+    logs: MeasuredLog | Sequence[MeasuredLog],
+    theta: npt.ArrayLike | None,
+    values: MemberValues,
+    *,
+    depth: int,
+    threads: int | None,
+    compiled: bool,
+) -> tuple[BatchRun, ...]:
+    listed = logs if isinstance(logs, Sequence) else (logs,)
+    if not listed:
+        raise FilterError(f"{filter_model.model.name}: there is no log to filter - give at least one")
+    samples = [Samples.of(filter_model, log) for log in listed]
+    batches = member_batches(filter_model, samples, theta, values)
+    return run_batches(filter_model, samples, batches, depth, threads, compiled)
+
+
+def _outcomes(runs: Sequence[BatchRun]) -> tuple[Outcome, ...]:
+    """The first failure of each member over the logs."""
+    members = range(runs[0].verdicts.nll.size)
+    ends = ([run.outcome(m) for run in runs] for m in members)
+    return tuple(next((end for end in each if end is not Outcome.OK), Outcome.OK) for each in ends)
+
+
+def _whitened(run: BatchRun) -> WhitenedInnovations:
+    failed = run.verdicts.outcome != 0
+    values, log_scales = run.record.whitened, run.record.log_scales
+    values[..., failed] = np.nan
+    log_scales[..., failed] = np.nan
+    outcomes = _outcomes((run,))
+    return WhitenedInnovations(run.samples.name, values, log_scales, ~np.isnan(run.samples.y), outcomes)

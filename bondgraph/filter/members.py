@@ -1,0 +1,97 @@
+"""The numbers that differ between the members of a batch: parameters, noises, initial states."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TypedDict
+
+import numpy.typing as npt
+
+from bondgraph.errors import FilterError
+from bondgraph.filter.filter_model import FilterModel
+from bondgraph.filter.samples import Samples
+from bondgraph.filter.ukf import Member
+from bondgraph.simulate.arrays import FloatArray, count_members, member_columns
+
+
+class MemberValues(TypedDict, total=False):
+    """What may be given for a batch in place of the filter model's own numbers.
+
+    Each is one vector for all members, or has one column per member: ``noise_std`` (n_y, members), ``process_std`` and
+    ``initial_std`` (n_s, members), ``x0`` (n_x, members). ``x0`` and ``initial_std`` may be a list with one such array
+    per log, or None in it for the declared values.
+    """
+
+    noise_std: npt.ArrayLike | None
+    process_std: npt.ArrayLike | None
+    initial_std: npt.ArrayLike | list[npt.ArrayLike | None] | None
+    x0: npt.ArrayLike | list[npt.ArrayLike | None] | None
+
+
+@dataclass(frozen=True)
+class MemberBatch:
+    """Members of one log: theta (n_theta, members), x0 (n_x, ...), initial_std, process_std (n_s, ...), noise_std."""
+
+    theta: FloatArray
+    x0: FloatArray
+    initial_std: FloatArray
+    process_std: FloatArray
+    noise_std: FloatArray
+
+    @property
+    def size(self) -> int:
+        """Number of members."""
+        return int(self.theta.shape[1])
+
+    def member(self, m: int) -> Member:
+        """The numbers of one member."""
+        return Member(
+            self.theta[:, m], self.x0[:, m], self.initial_std[:, m], self.process_std[:, m], self.noise_std[:, m]
+        )
+
+
+def member_batches(
+    filter_model: FilterModel, logs: Sequence[Samples], theta: npt.ArrayLike | None, values: MemberValues
+) -> tuple[MemberBatch, ...]:
+    """The members of each log, with the parameters that the log knows in their place.
+
+    Raises
+    ------
+    FilterError, ModelError
+        If a shape does not fit, or a list does not have one entry per log.
+    """
+    x0 = _per_log("x0", values.get("x0"), len(logs))
+    initial_std = _per_log("initial_std", values.get("initial_std"), len(logs))
+    noise_std, process_std = values.get("noise_std"), values.get("process_std")
+    members = count_members((theta, noise_std, process_std, *x0, *initial_std))
+    model = filter_model.model
+
+    def columns(name: str, given: npt.ArrayLike | None, declared: FloatArray) -> FloatArray:
+        return member_columns(name, declared if given is None else given, declared.size, members)
+
+    parameters = columns("theta", theta, model.theta())
+    noise = columns("noise_std", noise_std, filter_model.noise_std)
+    process = columns("process_std", process_std, filter_model.process_std)
+    return tuple(
+        MemberBatch(
+            samples.theta(filter_model, parameters),
+            columns("x0", x0[i], model.x0()),
+            columns("initial_std", initial_std[i], filter_model.start_std),
+            process,
+            noise,
+        )
+        for i, samples in enumerate(logs)
+    )
+
+
+def _per_log(
+    name: str, given: npt.ArrayLike | list[npt.ArrayLike | None] | None, logs: int
+) -> list[npt.ArrayLike | None]:
+    """One entry per log; a list of plain numbers is one vector for all logs."""
+    if isinstance(given, list) and not all(isinstance(entry, int | float) for entry in given):
+        if len(given) != logs:
+            raise FilterError(f"{name} has {len(given)} entries for {logs} logs - give one per log", where=(name,))
+        return list(given)
+    shared: npt.ArrayLike | None = given  # type: ignore[assignment]
+    return [shared] * logs
