@@ -155,7 +155,7 @@ def test_the_text_is_the_same_under_every_hash_seed() -> None:
             [sys.executable, "-c", code], env={**os.environ, "PYTHONHASHSEED": seed, "PYTHONPATH": path},
             capture_output=True, text=True, check=True,
         ).stdout
-        for seed in ("0", "1", "4711")
+        for seed in ("0", "4711")
     }  # fmt: skip
     here = [hashlib.sha256(draw_svg(make()).encode()).hexdigest() for make in SAMPLES.values()]
     assert printed == {f"{here}\n"}

@@ -9,6 +9,7 @@ channels between layers, so they never run over a label.
 from __future__ import annotations
 
 import dataclasses
+import functools
 import itertools
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -76,6 +77,7 @@ class Layout:
         return sum(path_crossings(path, other) for i, path in enumerate(self.bonds) for other in self.bonds[i + 1 :])
 
 
+@functools.lru_cache(maxsize=8)
 def lay_out(drawing: Drawing, highlight: frozenset[str] = frozenset()) -> Layout:
     """Place nodes, frames, bonds and signals of a drawing.
 

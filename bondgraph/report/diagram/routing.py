@@ -1,22 +1,21 @@
 """Routes of modulating signals: shortest paths on a grid around labels, with few bends and few crossings.
 
-A* search (P. Hart, N. Nilsson, B. Raphael (1968), IEEE Trans. SSC 4(2)) over cells and directions. Signals of the same
-source may share their way and branch off.
+Signals of the same source may share their way and branch off.
 """
 
 from __future__ import annotations
 
-import heapq
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 from bondgraph.report.diagram.geometry import Box, Path, Point, bounding_box, segments, simplified
+from bondgraph.report.diagram.search import BLOCKED, cheapest_path
 
 STEP = 8.0
 MARGIN = 5
-BLOCKED = math.inf
 ON_BOND, NEAR_BOND, ON_MARK, ON_SIGNAL, ON_OUTLINE, BEND = 9.0, 2.5, 40.0, 9.0, 2.5, 5.0
+OWN_SIGNAL = 0.3
 MARK_LENGTH = 15.0
 _MOVES = ((1, 0), (0, 1), (-1, 0), (0, -1))
 
@@ -102,6 +101,12 @@ class _Field:
             made._mark_bond(path)
         for box in boxes:
             made._block(box.grown(4))
+        for x in range(columns):
+            made._raise((x, 0), BLOCKED)
+            made._raise((x, rows - 1), BLOCKED)
+        for y in range(rows):
+            made._raise((0, y), BLOCKED)
+            made._raise((columns - 1, y), BLOCKED)
         return made
 
     def cell(self, point: Point) -> Cell:
@@ -115,7 +120,7 @@ class _Field:
 
     def _raise(self, cell: Cell, cost: float) -> None:
         if self.inside(cell):
-            place = cell[1] * self.columns + cell[0]
+            place = self.index(cell)
             self.cost[place] = max(self.cost[place], cost)
 
     def _mark_bond(self, path: Path) -> None:
@@ -150,13 +155,17 @@ class _Field:
             for y in range(math.ceil((box.top - self.top) / STEP), math.floor((box.bottom - self.top) / STEP) + 1):
                 self._raise((x, y), BLOCKED)
 
-    def price(self, cell: Cell, source: str) -> float:
-        """Cost of entering a cell for a signal of ``source``: cheap on its own earlier signals, dear on others'."""
-        cost = self.cost[cell[1] * self.columns + cell[0]]
-        users = self.users.get(cell)
-        if users is None or cost == BLOCKED:
-            return cost
-        return 0.3 if users == {source} else cost + ON_SIGNAL
+    def index(self, cell: Cell) -> int:
+        return cell[1] * self.columns + cell[0]
+
+    def prices(self, source: str) -> list[float]:
+        """Price of every cell for a signal of ``source``: cheap on its own earlier signals, dear on others'."""
+        prices = list(self.cost)
+        for cell, users in self.users.items():
+            place = self.index(cell)
+            if prices[place] < BLOCKED:
+                prices[place] = OWN_SIGNAL if users == {source} else prices[place] + ON_SIGNAL
+        return prices
 
     def occupy(self, cells: Sequence[Cell], source: str) -> None:
         for cell in cells:
@@ -181,48 +190,13 @@ class _Field:
 
 def _search(grid: _Field, source: str, start: Box, goal: Box) -> list[Cell] | None:
     """Cheapest cells from one box to another, or None if there is no way."""
-    ends = {cell: (way + 2) % 4 for cell, way in grid.doors(goal)}
-    low, high = grid.cell((goal.left, goal.top)), grid.cell((goal.right, goal.bottom))
-
-    def remaining(cell: Cell) -> float:
-        dx = max(low[0] - cell[0], cell[0] - high[0], 0)
-        dy = max(low[1] - cell[1], cell[1] - high[1], 0)
-        return 0.3 * (dx + dy)
-
-    queue: list[tuple[float, float, Cell, int]] = []
-    reached: dict[tuple[Cell, int], float] = {}
-    came: dict[tuple[Cell, int], tuple[Cell, int] | None] = {}
-    for cell, way in grid.doors(start):
-        cost = grid.price(cell, source)
-        if cost < BLOCKED:
-            reached[cell, way], came[cell, way] = cost, None
-            heapq.heappush(queue, (cost + remaining(cell), cost, cell, way))
-    while queue:
-        _, cost, cell, way = heapq.heappop(queue)
-        if way == -1:
-            return _walk_back(came, (cell, way))
-        if cost > reached[cell, way]:
-            continue
-        steps = [(cell, -1, BEND * (ends[cell] != way))] if cell in ends else []
-        for turn, (dx, dy) in enumerate(_MOVES):
-            onto = (cell[0] + dx, cell[1] + dy)
-            if turn != (way + 2) % 4 and grid.inside(onto):
-                steps.append((onto, turn, grid.price(onto, source) + BEND * (turn != way)))
-        for onto, turn, step in steps:
-            if cost + step < reached.get((onto, turn), BLOCKED):
-                reached[onto, turn], came[onto, turn] = cost + step, (cell, way)
-                heapq.heappush(queue, (cost + step + remaining(onto), cost + step, onto, turn))
-    return None
-
-
-def _walk_back(came: Mapping[tuple[Cell, int], tuple[Cell, int] | None], last: tuple[Cell, int]) -> list[Cell]:
-    cells: list[Cell] = []
-    state: tuple[Cell, int] | None = last
-    while state is not None:
-        if not cells or cells[-1] != state[0]:
-            cells.append(state[0])
-        state = came[state]
-    return cells[::-1]
+    known = any(source in users for users in grid.users.values())
+    prices = grid.prices(source)
+    starts = [(grid.index(cell), way) for cell, way in grid.doors(start)]
+    ends = {grid.index(cell): (way + 2) % 4 for cell, way in grid.doors(goal)}
+    corners = (*grid.cell((goal.left - STEP, goal.top - STEP)), *grid.cell((goal.right + STEP, goal.bottom + STEP)))
+    found = cheapest_path(prices, grid.columns, starts, ends, corners, BEND, OWN_SIGNAL if known else 1.0)
+    return None if found is None else [(cell % grid.columns, cell // grid.columns) for cell in found]
 
 
 def _attached(grid: _Field, cells: Sequence[Cell], start: Box, goal: Box) -> Path:
