@@ -1,0 +1,142 @@
+"""The unscented Rauch-Tung-Striebel smoother: states given the whole log.
+
+Backwards from the last sample, with the gain G = C P^-1 of the covariance C between the filtered state of a sample and
+the predicted state of the next, whose covariance is P:
+
+    mean     = filtered mean + G (next smoothed mean - next predicted mean)
+    cov      = filtered cov  + G (next smoothed cov  - next predicted cov) G'
+
+C was gathered by the filter with the same sigma points as P, so nothing is propagated again.
+
+Reference: Sarkka (2008), Unscented Rauch-Tung-Striebel smoother, IEEE Trans. Automatic Control 53(3).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from bondgraph.errors import FilterError, suggest
+from bondgraph.filter.filter_run import FilterRun
+from bondgraph.simulate.arrays import FloatArray
+
+
+@dataclass(frozen=True)
+class SmootherRun:
+    """Smoothed means (n_s, n) and covariances (n_s, n_s, n) of the filter's state at ``time`` (n,)."""
+
+    state_names: tuple[str, ...]
+    time: FloatArray
+    smoothed_mean: FloatArray
+    smoothed_cov: FloatArray
+
+    def mean(self, name: str) -> FloatArray:
+        """Smoothed mean of one state or appended parameter, shape (n,)."""
+        row: FloatArray = self.smoothed_mean[self._row(name)]
+        return row
+
+    def std(self, name: str) -> FloatArray:
+        """Smoothed standard deviation of one state or appended parameter, shape (n,)."""
+        row = self._row(name)
+        deviation: FloatArray = np.sqrt(np.maximum(self.smoothed_cov[row, row], 0.0))
+        return deviation
+
+    def _row(self, name: str) -> int:
+        if name not in self.state_names:
+            raise FilterError(
+                f"the smoother has no state {name!r}{suggest(name, self.state_names)}"
+                f" - it has {', '.join(self.state_names)}",
+                where=(name,),
+            )
+        return self.state_names.index(name)
+
+
+def smooth(run: FilterRun) -> SmootherRun:
+    """Smooth a filtered log.
+
+    Parameters
+    ----------
+    run
+        As :func:`bondgraph.filter.likelihood.run` gives it.
+
+    Raises
+    ------
+    FilterError
+        If the filter did not reach the end of the log.
+
+    Examples
+    --------
+    >>> from bondgraph.data.log import MatchedLog
+    >>> from bondgraph.filter.filter_model import FilterModel
+    >>> from bondgraph.filter.likelihood import run
+    >>> from bondgraph.simulate.example import pendulum
+    >>> swing = FilterModel(pendulum(), {"rate": 0.1}, {"deflection": 0.05}, {"angle": 0.1, "rate": 0.1}, substeps=2)
+    >>> time = np.arange(40) * 0.05
+    >>> log = MatchedLog("swing", time, np.zeros((1, 40)), 0.5 * np.cos(3.1 * time)[np.newaxis])
+    >>> filtered = run(swing, log, compiled=False)
+    >>> bool(smooth(filtered).std("rate")[0] < filtered.std("rate")[0])
+    True
+    """
+    run.raise_if_failed()
+    mean, cov = run.filtered_mean.copy(), run.filtered_cov.copy()
+    for k in range(run.time.size - 2, -1, -1):
+        mean[:, k], cov[..., k] = smooth_step(
+            run.filtered_mean[:, k],
+            run.filtered_cov[..., k],
+            run.cross_cov[..., k + 1],
+            run.predicted_mean[:, k + 1],
+            run.predicted_cov[..., k + 1],
+            mean[:, k + 1],
+            cov[..., k + 1],
+        )
+    return SmootherRun(run.filter_model.state_names, run.time, mean, cov)
+
+
+def smooth_step(
+    filtered_mean: FloatArray,
+    filtered_cov: FloatArray,
+    cross_cov: FloatArray,
+    predicted_mean: FloatArray,
+    predicted_cov: FloatArray,
+    smoothed_mean: FloatArray,
+    smoothed_cov: FloatArray,
+) -> tuple[FloatArray, FloatArray]:
+    """Smoothed mean (n,) and covariance (n, n) of a sample from those of the next one.
+
+    Parameters
+    ----------
+    filtered_mean, filtered_cov
+        Of this sample.
+    cross_cov
+        Between this sample's filtered and the next sample's predicted state, (n, n).
+    predicted_mean, predicted_cov, smoothed_mean, smoothed_cov
+        Of the next sample.
+
+    Examples
+    --------
+    >>> one, zero = np.eye(1), np.zeros(1)
+    >>> smooth_step(zero, one, one, zero, 2 * one, np.ones(1), one)
+    (array([0.5]), array([[0.75]]))
+    """
+    gain = _gain(cross_cov, predicted_cov)
+    mean = filtered_mean + gain @ (smoothed_mean - predicted_mean)
+    cov = filtered_cov + gain @ (smoothed_cov - predicted_cov) @ gain.T
+    return mean, 0.5 * (cov + cov.T)
+
+
+def _gain(cross_cov: FloatArray, predicted_cov: FloatArray) -> FloatArray:
+    """``cross_cov`` times the inverse of ``predicted_cov``; a state known exactly takes no part.
+
+    Scaled to unit variances first, since states in different units may differ by many orders of magnitude.
+    """
+    deviation = np.sqrt(np.diag(predicted_cov))
+    scale = np.where(deviation > 0, 1.0 / np.where(deviation > 0, deviation, 1.0), 0.0)
+    correlation = scale[:, np.newaxis] * predicted_cov * scale
+    scaled = cross_cov * scale
+    gain: FloatArray
+    try:
+        gain = np.linalg.solve(correlation, scaled.T).T * scale
+    except np.linalg.LinAlgError:
+        gain = scaled @ np.linalg.pinv(correlation, hermitian=True) * scale
+    return gain
