@@ -107,7 +107,10 @@ def _decoded(
 ) -> SwarmState | GaussNewtonState:
     known: dict[str, Any] = dict(entry)
     known |= {name.removeprefix(f"{stage}."): array for name, array in arrays.items() if name.startswith(f"{stage}.")}
-    known["trace"] = tuple(TraceRow(*row[:-1], point=tuple(row[-1])) for row in entry["trace"])
+    known["trace"] = tuple(
+        TraceRow(name, iteration, evaluations, nll, tuple(point))
+        for name, iteration, evaluations, nll, point in entry["trace"]
+    )
     if "outcomes" in entry:
         known["outcomes"] = tuple(None if name is None else SearchOutcome[name] for name in entry["outcomes"])
     return _KINDS[stage](**known)

@@ -14,8 +14,9 @@ def newton_decrement(objective: Objective, point: FloatArray, expansion: Expansi
     held = _held(objective, point, expansion.gradient)
     free = ~held
     gradient = expansion.gradient[free]
-    information = expansion.information[np.ix_(free, free)]
-    scale = np.sqrt(np.maximum(np.diag(information), 1e-300))
+    # A coordinate that does nothing has a gradient of rounding errors; against its bounds that counts as nothing.
+    information = expansion.information[np.ix_(free, free)] + np.diag(_floor(objective)[free])
+    scale = np.sqrt(np.diag(information))
     values, vectors = np.linalg.eigh(information / np.outer(scale, scale))
     shares = vectors.T @ (gradient / scale)
     # Directions of which the data say nothing but rounding promise nothing.
@@ -32,8 +33,7 @@ def damped_step(objective: Objective, point: FloatArray, expansion: Expansion, d
         Shape (n,), inside the box.
     """
     held = _held(objective, point, expansion.gradient)
-    width = np.where(objective.upper > objective.lower, objective.upper - objective.lower, 1.0)
-    scale = np.diag(expansion.information) + 1e-6 / width**2
+    scale = np.diag(expansion.information) + _floor(objective)
     rates = noise_level_rates(expansion)
     trial = point.copy()
     while not held.all():
@@ -48,6 +48,13 @@ def damped_step(objective: Objective, point: FloatArray, expansion: Expansion, d
         trial = np.clip(trial, objective.lower, objective.upper)
         held = held | outside
     return trial
+
+
+def _floor(objective: Objective) -> FloatArray:
+    """Information that would leave a coordinate a thousand times wider than its bounds, shape (n,)."""
+    width = np.where(objective.upper > objective.lower, objective.upper - objective.lower, 1.0)
+    floor: FloatArray = 1e-6 / width**2
+    return floor
 
 
 def noise_level_rates(expansion: Expansion) -> FloatArray:

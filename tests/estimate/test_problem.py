@@ -1,0 +1,149 @@
+"""Posing a problem: names, bounds, numbers of members, what each log knows, and what is refused."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from bondgraph.errors import EstimationError
+from bondgraph.estimate.free import FreeParameter, declared_free, parse_target
+from bondgraph.estimate.initial import directly_measured, initial_states
+from bondgraph.estimate.problem import FilterLikelihood, pose
+from bondgraph.simulate.example import pendulum
+from tests.estimate.linear import ExactLikelihood, lag, simulated
+
+LOGS = (simulated("run1", 1, {}), simulated("run2", 2, {}, x0=1.0, load=0.5))
+
+
+def test_names_choose_rows_of_the_batch() -> None:
+    free = ["mass", "std(speed)", "process(v)", "x0(v, run2)"]
+    problem = pose(lag(), LOGS, free, initial="model", likelihood=ExactLikelihood())
+    points = np.array([[1.0, 2.0], np.log([0.01, 0.02]), np.log([0.3, 0.4]), [0.5, 0.6]])
+    batch = problem.batch(points)
+    np.testing.assert_allclose(batch.theta[:, 0], [1.0, 3.0, 1.0, 0.0, 1.0])
+    np.testing.assert_allclose(batch.noise_std, [[0.01, 0.02], [3.0, 3.0]])
+    np.testing.assert_allclose(batch.process_std, [[0.3, 0.4]])
+    np.testing.assert_allclose(batch.x0[0], [[0.0, 0.0]])
+    np.testing.assert_allclose(batch.x0[1], [[0.5, 0.6]])
+    assert problem.names == tuple(free)
+
+
+def test_a_shared_initial_state_gives_way_to_that_of_one_log() -> None:
+    for free in (["x0(v)", "x0(v, run2)"], ["x0(v, run2)", "x0(v)"]):
+        problem = pose(lag(), LOGS, free, likelihood=ExactLikelihood())
+        values = {"x0(v)": 0.25, "x0(v, run2)": 0.75}
+        batch = problem.batch(np.array([[values[name]] for name in free]))
+        assert [float(x0[0, 0]) for x0 in batch.x0] == [0.25, 0.75]
+
+
+def test_declared_bounds_scales_and_starts() -> None:
+    model = lag()
+    assert declared_free("mass", model) == FreeParameter("mass", 0.5, 8.0, 2.0)
+    assert declared_free("drag", model).scale == "log"  # its bounds span a factor of 300
+    level = declared_free("std(speed_rpm)", model)
+    assert (level.lower, level.upper, level.start, level.scale) == pytest.approx((0.03, 300.0, 3.0, "log"))
+    assert declared_free("process(v)", model).start == 0.1
+    assert declared_free("x0( v , run1 )", model).target == parse_target("x0(v,run1)")
+
+
+def test_initial_states_that_are_free_start_where_their_log_does() -> None:
+    problem = pose(lag(), LOGS, ["x0(v, run2)", "x0(v)"], likelihood=ExactLikelihood())
+    first, second = (log.y[0, 0] for log in LOGS)
+    assert problem.free[0].start == pytest.approx(second)
+    assert problem.free[1].start == pytest.approx((first + second) / 2.0)
+
+
+def test_measured_states_start_at_their_first_measurement() -> None:
+    model = lag().model
+    assert directly_measured(model, np.zeros(1), model.theta()) == {0: (0, pytest.approx(1.0), pytest.approx(0.0))}
+    late = replace(LOGS[1], y=LOGS[1].y.copy())
+    late.y[0, :2] = np.nan
+    measured = initial_states(model, [LOGS[1], late], model.theta(), "measured")
+    assert [float(x0[0]) for x0 in measured] == pytest.approx([LOGS[1].y[0, 0], LOGS[1].y[0, 2]])
+    assert [float(x0[0]) for x0 in initial_states(model, LOGS, model.theta(), "model")] == [0.0, 0.0]
+    late.y[0, :30] = np.nan
+    assert initial_states(model, [late], model.theta(), "measured")[0] == [0.0]
+    with pytest.raises(EstimationError, match="rule 'guess' is neither"):
+        initial_states(model, LOGS, model.theta(), "guess")  # type: ignore[arg-type]
+
+
+def test_a_nonlinear_output_measures_no_state() -> None:
+    model = pendulum()
+    assert directly_measured(model, model.u0(), model.theta()) == {}
+
+
+def test_what_a_log_knows_stays_as_it_is() -> None:
+    problem = pose(lag(), LOGS, [FreeParameter("load", 0.0, 5.0, 0.0)], initial="model", likelihood=ExactLikelihood())
+    alone = pose(lag(), LOGS[1], ["mass"], initial="model", likelihood=ExactLikelihood())
+    values = problem.nll(np.array([[0.0, 1.0]]))
+    # Only run1 depends on the free load; run2 contributes the same to both members.
+    first = pose(lag(), LOGS[0], [problem.free[0]], initial="model", likelihood=ExactLikelihood())
+    np.testing.assert_allclose(values - first.nll(np.array([[0.0, 1.0]])), float(alone.nll(np.array([[2.0]]))[0]))
+
+
+def test_priors_add_their_own_terms() -> None:
+    known = FreeParameter("mass", 0.5, 8.0, 2.0, prior_mean=3.0, prior_std=0.5)
+    plain = pose(lag(), LOGS, ["mass"], likelihood=ExactLikelihood())
+    problem = pose(lag(), LOGS, [known], likelihood=ExactLikelihood())
+    points = np.array([[2.0, 3.0, 4.5]])
+    np.testing.assert_allclose(problem.nll(points) - plain.nll(points), [2.0, 0.0, 4.5])
+    np.testing.assert_allclose(problem.terms(points).innovations[-1], [-2.0, 0.0, 3.0])
+    np.testing.assert_allclose(problem.terms(points).sums() - plain.terms(points).sums(), [2.0, 0.0, 4.5])
+
+
+def test_the_filter_gives_the_exact_likelihood_of_a_linear_model() -> None:
+    logs = [replace(log.rows(log.time < 1.5), theta_overrides=log.theta_overrides) for log in LOGS]
+    free = ["mass", "drag", "std(speed)", "process(v)", "x0(v, run1)"]
+    points = pose(lag(), logs, free).start[:, None] * np.array([1.0, 1.1, 0.9])
+    exact = pose(lag(), logs, free, likelihood=ExactLikelihood())
+    filtered = pose(lag(substeps=20), logs, free, likelihood=FilterLikelihood(compiled=False))
+    np.testing.assert_allclose(filtered.nll(points), exact.nll(points), rtol=1e-7)
+    np.testing.assert_allclose(filtered.terms(points).sums(), exact.terms(points).sums(), rtol=1e-7)
+
+
+REFUSED = {
+    "unknown": ("masss", r"lag has no parameter 'masss'; did you mean 'mass'\?"),
+    "unknown output": ("std(sped)", "lag has no output 'sped'; did you mean 'speed"),
+    "unknown state": ("x0(w)", "lag has no state 'w'"),
+    "measured parameter": (
+        "load",
+        r"declares no bounds for it, so it counts as measured .* free one of mass, drag, gain",
+    ),
+    "no such log": ("x0(v, run7)", r"no log is called 'run7'; did you mean"),
+    "bounds": (FreeParameter, ("mass", 3.0, 1.0, 2.0), "bounds 3 to 1 must be two finite numbers"),
+    "start outside": (FreeParameter, ("mass", 1.0, 3.0, 4.0), "start 4 lies outside its bounds 1 to 3"),
+    "log of zero": (FreeParameter, ("mass", 0.0, 3.0, 1.0, None, None, "log"), "needs bounds above zero, not 0 to 3"),
+    "half a prior": (FreeParameter, ("mass", 0.0, 3.0, 1.0, 2.0), "a prior needs both"),
+    "prior without width": (FreeParameter, ("mass", 0.0, 3.0, 1.0, 2.0, 0.0), "prior_std 0.0 must be above zero"),
+}
+
+
+@pytest.mark.parametrize("case", REFUSED.values(), ids=REFUSED)
+def test_what_cannot_be_estimated_is_refused(case: tuple) -> None:
+    with pytest.raises(EstimationError, match=case[-1]):
+        pose(lag(), LOGS, [case[0] if len(case) == 2 else case[0](*case[1])])
+
+
+def test_problems_that_say_nothing_are_refused() -> None:
+    silent = [replace(log, y=np.where(np.arange(2)[:, None] == 1, np.nan, log.y)) for log in LOGS]
+    knowing = [replace(log, theta_overrides={"mass": 2.0}) for log in LOGS]
+    for model, logs, free, message in (
+        (lag(), LOGS, ["mass", "mass"], "'mass' is named twice"),
+        (lag(), LOGS, [], "needs at least one free parameter"),
+        (lag(), [], ["mass"], "needs at least one log"),
+        (lag(), [LOGS[0], LOGS[0]], ["mass"], "two logs are called 'run1'"),
+        (lag(), silent, ["std(speed_rpm)"], "no log measures 'speed_rpm'"),
+        (lag(), knowing, ["mass"], "every log states its value"),
+        (
+            lag(appended={"mass": 0.0}, initial_std={"v": 0.1, "mass": 0.1}),
+            LOGS,
+            ["mass"],
+            "already follows it as a state",
+        ),
+        (lag(initial_std={}), LOGS, ["x0(v)"], "gives this state no initial uncertainty"),
+        (lag(process_noise={}), LOGS, ["process(v)"], "declares no such noise"),
+    ):
+        with pytest.raises(EstimationError, match=message):
+            pose(model, logs, free)
