@@ -16,7 +16,7 @@ import numpy as np
 from sympy import Expr, tan, tanh
 
 from bondgraph.declare.domains import ROTATION, TRANSLATION
-from bondgraph.declare.functions import TableFunction, clip, maximum
+from bondgraph.declare.functions import TableFunction, clip, maximum, minimum
 from bondgraph.declare.graph import BondGraph, Handle
 from vehicle_graphs.cvt import BeltRadii, belt_radii, belt_traction, flyweights, torque_feedback_gain
 from vehicle_graphs.cvt_geometry import BeltGeometry, FlyweightRamp, secondary_radius
@@ -180,7 +180,7 @@ def _engagement(g: BondGraph, force: Expr, belt_travel: Expr) -> tuple[Expr, Exp
     contact = g.signal("contact", clip(1 + belt_travel / edge, 0, 1), "1", "share of the axial load on the belt")
     # The belt rests on the hub until the primary outweighs the secondary; what clamps it is what the primary presses,
     # from the first touch on.
-    clamp = g.signal("primary_clamp", maximum(force, 0) * clip(5 * contact, 0, 1), "N", "clamp force of the primary")
+    clamp = g.signal("primary_clamp", maximum(force, 0) * minimum(5 * contact, 1), "N", "clamp force of the primary")
     return contact, clamp
 
 

@@ -9,7 +9,7 @@ per run: tune, idle speed, time of lift-off). Every run becomes ``run<number>.cs
 What is done to the data, and why:
 
 - From the throttle hit (t = 0) to lift-off: throttle and brake were not recorded; full throttle is known only there.
-- Every second row: the sensors deliver 50 values a second, the file repeats them on a grid of 100.
+- Every second row: the sensors deliver 50 values a second, which the file holds interpolated on a grid of 100.
 - Engine speeds more than two counts (2 x 60 rpm) below idle are dropouts of the sensor: the throttle is open. They and
   their neighbours on the fine grid, which were interpolated from them, become empty cells.
 - Nothing is smoothed or filled; the counts of 60 rpm stay.
