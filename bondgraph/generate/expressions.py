@@ -196,14 +196,14 @@ class ExpressionPrinter:
         return _Text(self._identifiers[name], _ATOM, _NAME, self._ranks[name])
 
     def _sum(self, expression: Expr) -> _Text:
-        """Terms with a plus before terms with a minus, each in order of rank, numbers last."""
+        """Terms with a plus before terms with a minus, each in order of rank and length, numbers last."""
         terms = []
         for negative, term in map(self._signed, expression.args):
-            terms.append((negative, term.kind == _NUMBER, term.rank, term.within(_PRODUCT)))
+            terms.append((negative, term.kind == _NUMBER, term.rank, len(term.text), term.within(_PRODUCT)))
         terms.sort()
-        text = "".join((" - " if negative else " + ") + term for negative, _, _, term in terms)
+        text = "".join((" - " if negative else " + ") + term for negative, _, _, _, term in terms)
         text = "-" + text[3:] if terms[0][0] else text[3:]
-        return _Text(text, _SUM, _GROUP, max(rank for _, _, rank, _ in terms))
+        return _Text(text, _SUM, _GROUP, max(rank for _, _, rank, _, _ in terms))
 
     def _signed(self, expression: Expr) -> tuple[bool, _Text]:
         """Sign and text of a term."""
@@ -239,8 +239,8 @@ class ExpressionPrinter:
         return self._power(base, exponent)
 
     def _power(self, base: Expr, exponent: Expr) -> _Text:
-        if exponent.is_Float and exponent in (0.5, int(exponent)):
-            exponent = sympy.nsimplify(exponent)
+        if exponent.is_Float and (float(exponent) == 0.5 or float(exponent).is_integer()):
+            exponent = sympy.Rational(float(exponent))
         if exponent == 1:
             return self._print(base)
         if exponent is sympy.S.Half:

@@ -157,6 +157,12 @@ def _assignment_line(item: Assignment, printer: ExpressionPrinter) -> _Line:
 
 
 def _rate_lines(equations: StateEquations, printer: ExpressionPrinter) -> list[_Line]:
+    if len(equations.states) != len(equations.derivatives):
+        raise GenerationError(
+            f"{equations.name}: {len(equations.states)} states but {len(equations.derivatives)} derivatives"
+            " - give one for each state",
+            where=(equations.name,),
+        )
     rates = zip(equations.states, equations.derivatives, strict=True)
     return [
         _line("", f"dx{i}", rate, _comment("", f"d({state.symbol.name})/dt"), printer)

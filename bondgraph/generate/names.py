@@ -17,7 +17,6 @@ RESERVED = frozenset(
     | {"NAME", "FORMAT", "STATES", "INPUTS", "PARAMETERS", "OUTPUTS"}
 )
 _ROWS = re.compile(r"(dx|y)\d+\Z")
-_OTHER = re.compile(r"\W+")
 
 
 def identifiers(names: Iterable[str]) -> dict[str, str]:
@@ -75,9 +74,10 @@ def _is_free(name: str) -> bool:
 
 
 def _escaped(name: str) -> str:
-    plain = _OTHER.sub("_", unicodedata.normalize("NFKC", name)).strip("_")
+    letters = (c if f"a{c}".isidentifier() else " " for c in unicodedata.normalize("NFKC", name))
+    plain = "_".join("".join(letters).split()).strip("_")
     if not plain.isidentifier():
-        plain = f"n_{plain}" if f"n_{plain}".isidentifier() else "n_" + "_".join(f"{ord(c):x}" for c in plain)
+        plain = f"n_{plain}"
     return plain if _is_free(plain) else f"{plain}_"
 
 

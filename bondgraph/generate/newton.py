@@ -3,16 +3,16 @@
     def _solve_belt(F_b, c, v):             guesses of the unknowns, then the quantities the loop uses
         for _ in range(200):
             ...                             residuals and their analytic Jacobian at F_b
-            ...                             accept F_b where the residual fell, else go half as far to the other side
+            ...                             accept F_b where the residual fell, else half as far to the other side
             if np.all(...): break           every member of the batch has settled
         return np.where(found, best, nan)
 
 The Jacobian is that of forward differentiation through the assignments of the loop. A step is accepted where it reduces
 the residual by a quarter of what Newton's method promises for its length (Armijo's rule), so that saturating laws such
-as tanh do not throw it off; after a rejection the step is halved and turned round, which also gets it away from points
-where the Jacobian is singular. It ends when the step no longer changes the unknown in floating point. Where it ends
-with a Newton step that is not small it has failed, and the unknowns are nan. Deuflhard (2011), Newton Methods for
-Nonlinear Problems, chapter 3.
+as tanh do not throw it off; after a rejection the step is halved and turned round. Where the Jacobian is singular or
+the guess is outside the domain of a law, a step of the size of the unknown is tried instead, and any reduction will do.
+It ends when the step no longer changes the unknown in floating point. Where it ends with a Newton step that is not small
+it has failed, and the unknowns are nan. Deuflhard (2011), Newton Methods for Nonlinear Problems, chapter 3.
 """
 
 from __future__ import annotations
@@ -94,7 +94,7 @@ def linear_solver_text(size: int) -> str:
             lines += [f"    b{i} = b{i} - factor*b{k}"]
     for i in reversed(rows):
         known = "".join(f" - a{i}_{j}*x{j}" for j in range(i + 1, size))
-        lines += [f"    x{i} = {f'(b{i}{known})' if known else f'b{i}'}/a{i}{i}"]
+        lines += [f"    x{i} = {f'(b{i}{known})' if known else f'b{i}'}/a{i}_{i}"]
     return "\n".join([*lines, f"    return {', '.join(f'x{i}' for i in rows)}"])
 
 
@@ -158,7 +158,7 @@ def _newton_lines(unknowns: Sequence[str], residual_lines: Sequence[str]) -> lis
     lines += _start_lines(len(unknowns))
     lines += [f"for _ in range({_EVALUATIONS}):"]
     loop = [*residual_lines, *_error_lines(unknowns)]
-    loop += ["_better = _trial <= (1.0 - 0.25*np.abs(_part))*_error"]
+    loop += ["_better = _trial < (1.0 - _demand*np.abs(_part))*_error"]
     loop += _direction_lines(unknowns)
     loop += [f"{b} = np.where(_better, {name}, {b})" for b, name in zip(best, unknowns, strict=True)]
     loop += ["_part = np.where(_better, np.minimum(4.0*np.abs(_part), 1.0), -0.5*_part)"]
@@ -176,8 +176,8 @@ def _newton_lines(unknowns: Sequence[str], residual_lines: Sequence[str]) -> lis
 
 def _start_lines(size: int) -> list[str]:
     weights = [f"_w{i}" for i in range(size)] if size > 1 else []
-    names = ["_error", "_part", *weights]
-    return [f"{', '.join(names)} = {', '.join(['np.inf', '1.0', *('0.0' for _ in weights)])}"]
+    names = ["_error", "_demand", "_part", *weights]
+    return [f"{', '.join(names)} = {', '.join(['np.inf', '0.0', '-2.0', *('0.0' for _ in weights)])}"]
 
 
 def _error_lines(unknowns: Sequence[str]) -> list[str]:
@@ -205,7 +205,10 @@ def _direction_lines(unknowns: Sequence[str]) -> list[str]:
         update += [f"_error = np.where(_better, {total}, _error)"]
     usable = " & ".join(f"(np.abs({n}) < 1e9*(1.0 + np.abs({name})))" for n, name in zip(newton, unknowns, strict=True))
     moving = " + ".join(f"np.abs({n})" for n in newton)
-    lines += [f"_usable = {usable} & ({moving} > 0.0)"]
+    lines += [
+        f"_usable = {usable} & ({moving} > 0.0)",
+        "_demand = np.where(_better, np.where(_usable, 0.25, 0.0), _demand)",
+    ]
     for name, n in zip(unknowns, newton, strict=True):
         lines += [f"_step_{name} = np.where(_better, np.where(_usable, {n}, 1.0 + np.abs({name})), _step_{name})"]
     return lines + update
