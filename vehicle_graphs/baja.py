@@ -91,7 +91,8 @@ def launch() -> BondGraph:
 
     g.modulated_transformer("primary_pulley", primary_radius, engine, belt)
     traction = g.parameter("traction", 0.85, "1", "friction of belt on sheave", (0.2, 1.2))
-    # Not in the source. A running belt creeps by about 2 % at a third of its traction; that makes 2 m/s at 15 m/s.
+    # Not in the source, an assumption: large enough that fixed steps of a millisecond resolve the gripping belt; it
+    # makes the belt creep by some per cent under load.
     slip_speed = g.parameter("slip_speed", 2.0, "m/s", "slip at which the belt carries 76 % of what it can")
     belt_traction(
         g, "belt_slip", at=belt, primary_clamp=clamp, secondary_clamp=springs, feedback_gain=gain,
@@ -158,8 +159,8 @@ def _primary_sheave(g: BondGraph, shift: Handle) -> tuple[Expr, Expr, Expr]:
     """The sheave with spring, stops and damping; returns its travel, its spring's force and the travel of the belt."""
     rate = g.parameter("primary_spring_rate", 10507.6, "N/m", "pressure spring of the primary (tune)")
     preload = g.parameter("primary_spring_preload", 0.028575, "m", "compression of that spring when open")
-    # Not in the source. A released belt has play between the sheaves. The flat start of the ramp holds the clutch open
-    # at idle and presses too little to pull away, so the belt is met where the ramp steepens (1.4 to 3.8 mm): half way.
+    # Not in the source, an assumption that the measured launches suggested: without play the flat start of the ramp
+    # presses too little to pull away as they do. The value is the middle of where the ramp steepens (1.4 to 3.8 mm).
     clearance = g.parameter("belt_clearance", 0.0025, "m", "sheave travel until it touches the belt", (0.0, 0.006))
     longest = g.parameter("longest_travel", SHEAVE_TRAVEL, "m", "travel of sheave and belt from touching to the stop")
     stop = g.parameter("stop_stiffness", 1e6, "N/m", "stiffness of the end stops")
