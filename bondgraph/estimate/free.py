@@ -22,7 +22,7 @@ from bondgraph.filter.filter_model import FilterModel
 Kind = Literal["parameter", "std", "process", "x0"]
 Scale = Literal["linear", "log"]
 
-_CALL = re.compile(r"^(std|process|x0)\(\s*([^(),]+?)\s*(?:,\s*([^()]+?)\s*)?\)$")
+_CALL = re.compile(r"^(std|process|x0)\((.+)\)$")
 
 #: Bounds that span more than this factor, all above zero, are searched on a logarithmic scale.
 _WIDE = 20.0
@@ -52,8 +52,11 @@ def parse_target(name: str) -> Target:
     match = _CALL.match(name.strip())
     if match is None:
         return Target("parameter", name.strip())
-    kind, inner, log = match.groups()
-    return Target(kind, inner, log)  # type: ignore[arg-type]
+    kind, inner = match.groups()
+    if kind == "x0":
+        state, _, log = inner.partition(",")
+        return Target("x0", state.strip(), log.strip() or None)
+    return Target("std" if kind == "std" else "process", inner.strip())
 
 
 @dataclass(frozen=True)
@@ -118,6 +121,10 @@ class FreeParameter:
     def coordinate(self, value: float) -> float:
         """The coordinate that searches move: the value, or its logarithm."""
         return math.log(value) if self.scale == "log" else float(value)
+
+    def slope(self, value: float) -> float:
+        """Derivative of the value with respect to its coordinate."""
+        return value if self.scale == "log" else 1.0
 
     def values(self, coordinates: FloatArray) -> FloatArray:
         """Values at coordinates of any shape."""

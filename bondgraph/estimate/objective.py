@@ -20,7 +20,7 @@ from __future__ import annotations
 
 import enum
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
@@ -171,6 +171,18 @@ def _expand_one(objective: Objective, point: FloatArray, step: FloatArray) -> Ex
         innovations[:, 1 + j] = terms.innovations[:, used] @ kept
         log_scales[:, 1 + j] = terms.log_scales[:, used] @ kept
     return expansion_of(innovations, log_scales, members.shape[1])
+
+
+def fitted_expansion(objective: Objective, point: FloatArray, jacobian: Expand) -> Expansion:
+    """Expansion at a point (n,) of which nothing is known: a coarse one chooses the steps of the second.
+
+    Steps are a tenth of each coordinate's standard deviation given the others.
+    """
+    coarse = 1e-4 * (objective.upper - objective.lower)[:, np.newaxis]
+    (first,) = jacobian(objective, point[:, np.newaxis], coarse)
+    told = np.maximum(np.nan_to_num(np.diag(first.information)), 1e-300)[:, np.newaxis]
+    (second,) = jacobian(objective, point[:, np.newaxis], np.clip(0.1 / np.sqrt(told), 1e-5 * coarse, coarse))
+    return replace(second, evaluations=first.evaluations + second.evaluations)
 
 
 def expansion_of(innovations: FloatArray, log_scales: FloatArray, evaluations: int) -> Expansion:

@@ -4,16 +4,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from bondgraph.estimate.free import FreeParameter
-from bondgraph.estimate.objective import Expand, Expansion, FloatArray, SearchOutcome, TraceRow
+from bondgraph.estimate.objective import Expand, FloatArray, SearchOutcome, TraceRow, fitted_expansion
 from bondgraph.estimate.problem import Batch, EstimationProblem
 from bondgraph.estimate.uncertainty import Uncertainty, UncertaintyOutcome, uncertainty
+from bondgraph.filter.filter_model import FilterModel
 
 #: 97.5 % point of the standard normal distribution.
 _Z95 = 1.959963984540054
@@ -103,10 +104,35 @@ class Estimate:
         """95 % intervals by name, within the bounds; the bounds themselves where not identifiable."""
         return {parameter.name: self._interval(parameter) for parameter in self.problem.free}
 
-    @property
+    @cached_property
     def batch(self) -> Batch:
         """All numbers of the estimated model and filter, as a batch of one member."""
         return self.problem.batch(self.point[:, np.newaxis])
+
+    @property
+    def theta(self) -> FloatArray:
+        """Parameters of the model, shape (n_theta,); what a log knows is not in them."""
+        return self.batch.theta[:, 0]
+
+    @property
+    def x0(self) -> tuple[FloatArray, ...]:
+        """Initial state of each log, shape (n_x,)."""
+        return tuple(start[:, 0] for start in self.batch.x0)
+
+    @property
+    def filter_model(self) -> FilterModel:
+        """The filter model with the estimated noise levels in place of the declared ones."""
+        declared, model = self.problem.filter_model, self.problem.filter_model.model
+        free = {(parameter.target.kind, parameter.target.name): parameter.name for parameter in self.problem.free}
+        noise = {name: self.values[free["std", name]] for name in model.names("output") if ("std", name) in free}
+        process = {
+            name: self.values[free["process", name]] for name in model.names("state") if ("process", name) in free
+        }
+        return replace(
+            declared,
+            measurement_noise={**declared.measurement_noise, **noise},
+            process_noise={**declared.process_noise, **process},
+        )
 
     def _interval(self, parameter: FreeParameter) -> tuple[float, float]:
         value, std = self.values[parameter.name], self.std[parameter.name]
@@ -164,13 +190,14 @@ def describe(problem: EstimationProblem, found: Found, jacobian: Expand, seconds
     known = Uncertainty(np.full((size, size), np.nan), np.zeros(size, bool), (), UncertaintyOutcome.NOT_AVAILABLE, 0)
     evaluations = found.evaluations
     if math.isfinite(found.nll):
-        expansion = _expand(problem, found, jacobian)
+        if found.steps is None:
+            expansion = fitted_expansion(problem, found.point, jacobian)
+        else:
+            (expansion,) = jacobian(problem, found.point[:, np.newaxis], found.steps[:, np.newaxis])
         known = uncertainty(problem, found.point, expansion, curvature=found.outcome is not SearchOutcome.INTERRUPTED)
         evaluations += known.evaluations + expansion.evaluations
     values = problem.values(found.point)
-    slopes = np.array(
-        [value if parameter.scale == "log" else 1.0 for parameter, value in zip(problem.free, values, strict=True)]
-    )
+    slopes = np.array([parameter.slope(value) for parameter, value in zip(problem.free, values, strict=True)])
     covariance = known.covariance * np.outer(slopes, slopes)
     return Estimate(
         problem=problem,
@@ -200,18 +227,6 @@ def unit_of(problem: EstimationProblem, parameter: FreeParameter) -> str:
     if target.kind == "x0":
         return unit
     return f"({unit})/s^0.5" if unit != "1" else "1/s^0.5"
-
-
-def _expand(problem: EstimationProblem, found: Found, jacobian: Expand) -> Expansion:
-    """The expansion at the optimum, with the steps of the search or, after a swarm, with steps fitted in between."""
-    point = found.point[:, np.newaxis]
-    if found.steps is not None:
-        return jacobian(problem, point, found.steps[:, np.newaxis])[0]
-    coarse = 1e-4 * (problem.upper - problem.lower)[:, np.newaxis]
-    (first,) = jacobian(problem, point, coarse)
-    told = np.maximum(np.diag(first.information), 1e-300)[:, np.newaxis]
-    (second,) = jacobian(problem, point, np.clip(0.1 / np.sqrt(told), 1e-5 * coarse, coarse))
-    return Expansion(second.gradient, second.information, first.evaluations + second.evaluations, second.terms)
 
 
 def _distinct_optima(problem: EstimationProblem, found: Found) -> tuple[Optimum, ...]:

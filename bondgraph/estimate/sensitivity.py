@@ -1,0 +1,130 @@
+"""Local sensitivities: what each measured output says about each parameter, before anything is estimated.
+
+The Fisher information of a parameter is a sum over measured values, so it can be asked which output brings it, how well
+each parameter would be known alone, and how much is lost to the others. Reference: Walter and Pronzato (1997),
+Identification of Parametric Models from Experimental Data, section 6.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from bondgraph.errors import EstimationError
+from bondgraph.estimate.objective import Expand, FloatArray, central_differences, fitted_expansion
+from bondgraph.estimate.problem import EstimationProblem
+from bondgraph.estimate.uncertainty import uncertainty
+
+
+@dataclass(frozen=True)
+class Sensitivity:
+    """Information about the free parameters of a problem at one point.
+
+    Parameters
+    ----------
+    names, outputs
+        Free parameters and measured outputs; ``"prior"`` stands last where there are priors.
+    share
+        Share of each parameter's information that each output brings, shape (n_outputs, n).
+    std_alone
+        Standard deviation of each value were all others known, shape (n,).
+    std_joint
+        Standard deviation with all of them free, shape (n,); NaN where not identifiable.
+    correlation
+        Shape (n, n).
+    not_identifiable
+        Groups of names that these data cannot tell apart.
+    """
+
+    names: tuple[str, ...]
+    outputs: tuple[str, ...]
+    share: FloatArray
+    std_alone: FloatArray
+    std_joint: FloatArray
+    correlation: FloatArray
+    not_identifiable: tuple[tuple[str, ...], ...]
+
+    def to_dict(self) -> dict[str, Any]:
+        """The table as JSON holds it; numbers that do not exist are null."""
+
+        def number(value: float) -> float | None:
+            return float(value) if np.isfinite(value) else None
+
+        rows: Mapping[str, Any] = {
+            name: {
+                "std_alone": number(self.std_alone[k]),
+                "std_joint": number(self.std_joint[k]),
+                "share": {output: number(self.share[j, k]) for j, output in enumerate(self.outputs)},
+                "correlation": {other: number(self.correlation[k, i]) for i, other in enumerate(self.names)},
+            }
+            for k, name in enumerate(self.names)
+        }
+        return {"parameters": rows, "not_identifiable": [list(group) for group in self.not_identifiable]}
+
+
+def sensitivity(
+    problem: EstimationProblem, point: FloatArray | None = None, jacobian: Expand = central_differences
+) -> Sensitivity:
+    """What the logs of a problem can say about its free parameters.
+
+    Parameters
+    ----------
+    problem
+        Free parameters and logs; the times, inputs and gaps of the logs count, and where the model stands at ``point``.
+    point
+        Coordinates, shape (n,); None: where searches start.
+    jacobian
+        Gives the information and the terms it comes from.
+
+    Raises
+    ------
+    EstimationError
+        If the model diverges there, or the jacobian gives no terms.
+    """
+    where = problem.start if point is None else point
+    expansion = fitted_expansion(problem, where, jacobian)
+    terms = expansion.terms
+    if terms is None or not np.isfinite(expansion.information).all():
+        raise EstimationError(
+            f"{problem.filter_model.model.name}: no sensitivities at this point, the model diverges there"
+            " - start nearer to plausible values, or use more substeps",
+            where=problem.names,
+        )
+    slopes = np.array([p.slope(value) for p, value in zip(problem.free, problem.values(where), strict=True)])
+    information = np.diag(expansion.information)
+    slopes_s = terms.log_scales[:, 1:]
+    outputs, shares = _shares(problem, terms.innovations[:, 1:] + terms.innovations[:, :1] * slopes_s, slopes_s)
+    known = uncertainty(problem, where, expansion, curvature=False)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        joint = np.sqrt(np.diag(known.covariance))
+        return Sensitivity(
+            names=problem.names,
+            outputs=outputs,
+            share=shares / information,
+            std_alone=slopes / np.sqrt(information),
+            std_joint=slopes * joint,
+            correlation=known.covariance / np.outer(joint, joint),
+            not_identifiable=tuple(tuple(problem.names[k] for k in group) for group in known.groups),
+        )
+
+
+def _shares(
+    problem: EstimationProblem, slopes_e: FloatArray, slopes_s: FloatArray
+) -> tuple[tuple[str, ...], FloatArray]:
+    """Information of each parameter by output, shape (n_outputs, n); rows of terms run by log, output, sample."""
+    per_row = slopes_e**2 + 2.0 * slopes_s**2
+    names = problem.filter_model.model.names("output")
+    sums = np.zeros((len(names), len(problem.free)))
+    first = 0
+    for log in problem.logs:
+        size = len(names) * len(log)
+        sums += per_row[first : first + size].reshape(len(names), len(log), -1).sum(axis=1)
+        first += size
+    measured = [row for row in range(len(names)) if any(not np.isnan(log.y[row]).all() for log in problem.logs)]
+    outputs = tuple(names[row] for row in measured)
+    if first == per_row.shape[0]:
+        return outputs, sums[measured]
+    return (*outputs, "prior"), np.vstack([sums[measured], per_row[first:].sum(axis=0)])
