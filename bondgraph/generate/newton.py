@@ -11,8 +11,8 @@ The Jacobian is that of forward differentiation through the assignments of the l
 the residual by a quarter of what Newton's method promises for its length (Armijo's rule), so that saturating laws such
 as tanh do not throw it off; after a rejection the step is halved and turned round. Where the Jacobian is singular or
 the guess is outside the domain of a law, a step of the size of the unknown is tried instead, and any reduction will do.
-It ends when the step no longer changes the unknown in floating point. Where it ends with a Newton step that is not small
-it has failed, and the unknowns are nan. Deuflhard (2011), Newton Methods for Nonlinear Problems, chapter 3.
+It ends when the step no longer changes the unknown in floating point. Where it ends with a Newton step that is not
+small it has failed, and the unknowns are nan. Deuflhard (2011), Newton Methods for Nonlinear Problems, chapter 3.
 """
 
 from __future__ import annotations
@@ -24,8 +24,8 @@ import sympy
 from sympy import Expr, Symbol
 
 from bondgraph.derive.equations import Assignment, ImplicitLoop
+from bondgraph.derive.jacobian import gradient
 from bondgraph.errors import GenerationError
-from bondgraph.generate.differentiate import derivative
 from bondgraph.generate.expressions import ExpressionPrinter
 from bondgraph.generate.literals import one_line
 
@@ -119,15 +119,14 @@ def _purpose(loop: ImplicitLoop, unknowns: Sequence[str]) -> list[str]:
 
 def _residual_lines(loop: ImplicitLoop, printer: ExpressionPrinter) -> list[str]:
     """Body, residuals ``_r0, ...`` and Jacobian ``_j0_0, ...``, as lines."""
-    unknowns = loop.unknowns
-    seeds: list[dict[Symbol, Expr]] = [{unknown: sympy.S.One} for unknown in unknowns]
+    seeds: list[dict[Symbol, Expr]] = [{unknown: sympy.S.One} for unknown in loop.unknowns]
     lines = []
     for assignment in _needed(loop):
         name = printer.identifier(assignment.symbol.name)
         lines.append(f"{name} = {printer.text(assignment.expression)}")
         printer.declare(assignment.symbol.name)
-        for unknown, seed in zip(unknowns, seeds, strict=True):
-            slope = derivative(assignment.expression, seed)
+        slopes = _slopes(assignment.expression, seeds)
+        for unknown, seed, slope in zip(loop.unknowns, seeds, slopes, strict=True):
             if slope == 0:
                 continue
             if not (slope.is_number or slope.is_Symbol):
@@ -137,8 +136,14 @@ def _residual_lines(loop: ImplicitLoop, printer: ExpressionPrinter) -> list[str]
             seed[assignment.symbol] = slope
     lines += [f"_r{i} = {printer.text(residual)}" for i, residual in enumerate(loop.residuals)]
     for i, residual in enumerate(loop.residuals):
-        lines += [f"_j{i}_{j} = {printer.text(derivative(residual, seed))}" for j, seed in enumerate(seeds)]
+        lines += [f"_j{i}_{j} = {printer.text(slope)}" for j, slope in enumerate(_slopes(residual, seeds))]
     return lines
+
+
+def _slopes(expression: Expr, seeds: Sequence[dict[Symbol, Expr]]) -> list[Expr]:
+    """Derivatives of an expression by the unknowns, given those of the symbols in it, one dictionary per unknown."""
+    partial = gradient(expression, {symbol for seed in seeds for symbol in seed})
+    return [sympy.Add(*(slope * seed[used] for used, slope in partial.items() if used in seed)) for seed in seeds]
 
 
 def _needed(loop: ImplicitLoop) -> list[Assignment]:
