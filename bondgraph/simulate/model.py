@@ -269,7 +269,7 @@ def _check_rows(model: Model, source: str) -> None:
     for kind in get_args(Kind):
         names = model.names(kind)
         for name in names:
-            require(isinstance(name, str) and bool(name.strip()), str(name), f"is no name for a {kind}")
+            require(isinstance(name, str) and bool(name.strip()), str(name), f"cannot be the name of the {kind}")
             require(names.count(name) == 1, name, f"names two {kind}s")
     for state in model.states:
         require(_is_finite(state.initial), state.name, f"initial value {state.initial!r} is not a finite number")
