@@ -1,0 +1,190 @@
+"""Generated modules on disk against what their graphs give now: render, compare, write.
+
+A folder of generated modules is compared as a whole, so a module whose graph is gone is found as well as one that was
+edited or has fallen behind.
+"""
+
+from __future__ import annotations
+
+import difflib
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+from bondgraph.declare.files import load_graph
+from bondgraph.declare.graph import BondGraph
+from bondgraph.derive.causality import assign_causality
+from bondgraph.derive.derivation import check_closed, derive
+from bondgraph.derive.dimensions import check_dimensions
+from bondgraph.errors import GenerationError
+from bondgraph.generate.module import render
+
+#: Files of a folder of modules that are not generated.
+_KEPT = ("__init__.py",)
+_VERSIONS = re.compile(r"^# Generator: bondgraph \S+, sympy \S+\.", re.MULTILINE)
+
+
+@dataclass(frozen=True)
+class Difference:
+    """One module that is not what its graph gives: the file, in what way, and the unified diff of it."""
+
+    file: str
+    kind: Literal["missing", "changed", "superfluous"]
+    diff: str
+
+
+def render_graph(graph: BondGraph, command: str | None = None) -> str:
+    """Text of the module of a graph: causality, derivation, dimensions, text.
+
+    Raises
+    ------
+    BondGraphError
+        If the graph is refused anywhere on the way; the message says where and why.
+
+    Examples
+    --------
+    >>> g = BondGraph("free_mass")
+    >>> body = g.one_junction("body")
+    >>> _ = g.inertance("mass", g.parameter("m", 2.0, "kg"), at=body)
+    >>> "def rhs(t, x, u, theta):" in render_graph(g)
+    True
+    """
+    equations = derive(assign_causality(graph))
+    check_closed(equations)
+    check_dimensions(equations)
+    return render(equations, command)
+
+
+def render_all(references: Iterable[str]) -> dict[str, str]:
+    """Texts of several graphs by the names of their modules.
+
+    Parameters
+    ----------
+    references
+        ``module:function`` or the path of a graph file, as for every command.
+
+    Raises
+    ------
+    GenerationError
+        If two graphs have the same name or a name cannot be that of a module.
+    BondGraphError
+        If a graph is refused.
+    """
+    modules: dict[str, str] = {}
+    for reference in references:
+        graph = load_graph(reference)
+        if not graph.name.isidentifier():
+            raise GenerationError(
+                f"{reference}: the graph is called {graph.name!r}, which cannot be the name of a module"
+                " - name it with letters, digits and underscores",
+                where=(reference,),
+            )
+        if graph.name in modules:
+            raise GenerationError(
+                f"{reference}: another graph is called {graph.name!r} too - give one of them another name",
+                where=(reference, graph.name),
+            )
+        modules[graph.name] = render_graph(graph, f"bondgraph generate {reference}")
+    return modules
+
+
+def check(folder: Path, modules: Mapping[str, str], complete: bool = True) -> tuple[Difference, ...]:
+    """Differences between the modules in a folder and the texts they should have, in order of their names.
+
+    Versions of the generator in the header are no difference: equal equations are told by their digest.
+
+    Parameters
+    ----------
+    folder
+        Where the modules are.
+    modules
+        Text by name.
+    complete
+        Whether ``modules`` are all there should be; otherwise other files are left out of the comparison.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as name:
+    ...     _ = write(Path(name), {"car": "rate = 1"})
+    ...     [(d.file, d.kind) for d in check(Path(name), {"car": "rate = 2", "truck": ""})]
+    [('car.py', 'changed'), ('truck.py', 'missing')]
+    """
+    found = {path.stem: path.read_text(encoding="utf-8") for path in _generated_files(folder)}
+    differences = []
+    for name in sorted({*modules, *(found if complete else ())}):
+        if name not in found:
+            differences.append(Difference(f"{name}.py", "missing", _diff(name, "", modules[name])))
+        elif name not in modules:
+            differences.append(Difference(f"{name}.py", "superfluous", _diff(name, found[name], "")))
+        elif _comparable(found[name]) != _comparable(modules[name]):
+            differences.append(Difference(f"{name}.py", "changed", _diff(name, found[name], modules[name])))
+    return tuple(differences)
+
+
+def explain(differences: Sequence[Difference], command: str) -> str:
+    """Differences as text: what is wrong, the diffs, and the command that accepts them; empty where there are none."""
+    if not differences:
+        return ""
+    said = ", ".join(f"{difference.file} ({difference.kind})" for difference in differences)
+    diffs = "\n".join(difference.diff for difference in differences)
+    return f"{diffs}\ngenerated modules are not what their graphs give: {said} - accept the change with: {command}"
+
+
+def write(folder: Path, modules: Mapping[str, str], complete: bool = False) -> tuple[Path, ...]:
+    """Write the modules that differ; the folder is made where it is missing.
+
+    Parameters
+    ----------
+    folder
+        Where the modules go.
+    modules
+        Text by name.
+    complete
+        Whether ``modules`` are all there should be; then other generated modules are removed.
+
+    Returns
+    -------
+    tuple[Path, ...]
+        Files written or removed.
+
+    Raises
+    ------
+    GenerationError
+        If a file to be removed is no generated module.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    touched = []
+    for difference in check(folder, modules, complete):
+        path = folder / difference.file
+        if difference.kind == "superfluous":
+            _remove(path)
+        else:
+            path.write_text(modules[path.stem], encoding="utf-8", newline="\n")
+        touched.append(path)
+    return tuple(touched)
+
+
+def _remove(path: Path) -> None:
+    if not path.read_text(encoding="utf-8").startswith("# Generated from "):
+        raise GenerationError(
+            f"{path}: stands among generated modules but is none - move it elsewhere", where=(path.name,)
+        )
+    path.unlink()
+
+
+def _generated_files(folder: Path) -> list[Path]:
+    return sorted(path for path in folder.glob("*.py") if path.name not in _KEPT)
+
+
+def _comparable(text: str) -> str:
+    return _VERSIONS.sub("# Generator:", text, count=1)
+
+
+def _diff(name: str, old: str, new: str) -> str:
+    lines = difflib.unified_diff(
+        old.splitlines(keepends=True), new.splitlines(keepends=True), f"{name}.py", f"{name}.py (from its graph)"
+    )
+    return "".join(lines)

@@ -1,0 +1,1 @@
+"""Generated modules, one for each model: checked in, reviewed as a diff, never edited."""

@@ -1,0 +1,220 @@
+"""The house: which rooms there are, who may look into whom, and how large things may become."""
+
+from __future__ import annotations
+
+import ast
+import fnmatch
+import re
+import subprocess
+import sys
+import tomllib
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]
+PACKAGE = ROOT / "bondgraph"
+
+VISIBLE = {"pyproject.toml", "bondgraph", "vehicle_graphs", "generated", "tests", "README.md", "LICENSE"}
+FOUNDATION = ("errors", "units")
+DESIGN_TIME = ("declare", "derive", "generate")
+RUN_TIME = ("data", "simulate", "filter", "estimate")
+ON_TOP = ("correct", "report", "cli")
+ROOMS = (*DESIGN_TIME, *RUN_TIME, *ON_TOP[:-1])
+
+#: What each room may import besides itself. The halves do not know each other; what is on top may use both.
+MAY_IMPORT: dict[str, tuple[str, ...]] = {
+    "errors": (),
+    "units": ("errors",),
+    **{room: (*FOUNDATION, *DESIGN_TIME[:i]) for i, room in enumerate(DESIGN_TIME)},
+    **{room: (*FOUNDATION, *RUN_TIME[:i]) for i, room in enumerate(RUN_TIME)},
+    **{room: (*FOUNDATION, *DESIGN_TIME, *RUN_TIME, *ON_TOP[:i]) for i, room in enumerate(ON_TOP)},
+}
+
+MODULE_LINES = 400
+MODULE_LINES_AT_MOST = 600
+FUNCTION_LINES = 45
+#: Modules longer than that, and why they are one module.
+LONG_MODULES: dict[str, str] = {
+    "declare/files.py": "reading and writing of one file format, key by key, belong together",
+    "declare/graph.py": "the builder is the one mutable thing of the toolkit; its methods are the language of graphs",
+    "derive/jacobian.py": "one sweep over all assignments and the rules it applies",
+    "derive/variables.py": "every bond variable with its one defining rule",
+}
+
+
+def _modules(folder: Path = PACKAGE) -> list[Path]:
+    return sorted(path for path in folder.rglob("*.py") if "__pycache__" not in path.parts)
+
+
+def _name(path: Path) -> str:
+    return path.relative_to(PACKAGE).as_posix()
+
+
+def _room(path: Path) -> str:
+    return path.relative_to(PACKAGE).parts[0].removesuffix(".py")
+
+
+def _imports(path: Path) -> Iterator[tuple[int, str]]:
+    """Full names of everything a module imports, wherever in it, with the line."""
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            yield from ((node.lineno, alias.name) for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            base = "." * node.level + (node.module or "")
+            yield from ((node.lineno, f"{base}.{alias.name}") for alias in node.names)
+
+
+def _import_errors(path: Path) -> list[str]:
+    errors = []
+    for line, name in _imports(path):
+        parts = name.split(".")
+        if parts[0] in ("vehicle_graphs", "generated", "tests", ""):
+            errors.append(
+                f"{_name(path)}:{line} imports {name}: the toolkit knows no vehicle, and imports are absolute"
+            )
+        elif parts[0] == "bondgraph" and len(parts) > 1 and not parts[1].startswith("__"):
+            if parts[1] not in (_room(path), *MAY_IMPORT[_room(path)]):
+                errors.append(f"{_name(path)}:{line} imports {name}: {_room(path)} must not know {parts[1]}")
+        elif parts[0] in ("sympy", "networkx") and _room(path) in (*FOUNDATION, *RUN_TIME):
+            errors.append(f"{_name(path)}:{line} imports {name}: it is run-time code")
+    return errors
+
+
+def test_the_visible_top_level_is_the_agreed_one() -> None:
+    ignored = [line.strip("/") for line in (ROOT / ".gitignore").read_text().split()]
+    found = {
+        path.name
+        for path in ROOT.iterdir()
+        if not path.name.startswith(".") and not any(fnmatch.fnmatch(path.name, pattern) for pattern in ignored)
+    }
+    assert found == VISIBLE
+
+
+def test_every_module_has_a_place() -> None:
+    found = {path.name for path in PACKAGE.iterdir() if path.name != "__pycache__"}
+    assert found == {"__init__.py", "py.typed", "cli.py", "errors.py", "units.py", *ROOMS}
+    for path in _modules():
+        assert (path.parent / "__init__.py").is_file(), f"{_name(path)} is in a folder without __init__.py"
+
+
+def test_tests_mirror_the_rooms() -> None:
+    folders = {path.name for path in (ROOT / "tests").iterdir() if path.is_dir() and path.name != "__pycache__"}
+    assert folders <= {*ROOMS, "cli", "vehicle_graphs", "benchmarks"}
+
+
+@pytest.mark.parametrize("path", [pytest.param(path, id=_name(path)) for path in _modules() if path.parent != PACKAGE])
+def test_imports_point_one_way(path: Path) -> None:
+    assert _import_errors(path) == []
+
+
+@pytest.mark.parametrize("name", ["cli.py", *(f"{name}.py" for name in FOUNDATION)])
+def test_imports_of_single_files_point_one_way(name: str) -> None:
+    assert _import_errors(PACKAGE / name) == []
+
+
+def test_a_wrong_import_is_found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sys.modules[__name__], "PACKAGE", tmp_path)
+    (tmp_path / "filter").mkdir()
+    path = tmp_path / "filter" / "ukf.py"
+    for line in (
+        "import sympy",
+        "from networkx import DiGraph",
+        "from bondgraph.derive.equations import State",
+        "from bondgraph import estimate",
+        "from . import gains",
+        "def f():\n    import vehicle_graphs.baja",
+    ):
+        path.write_text(line)
+        assert len(_import_errors(path)) == 1, line
+    path.write_text(
+        "import bondgraph\nfrom bondgraph.simulate.model import Model\nfrom bondgraph.errors import FilterError"
+    )
+    assert _import_errors(path) == []
+
+
+_LOADED = """
+import importlib, pkgutil, sys
+import bondgraph
+for room in sys.argv[1:]:
+    package = importlib.import_module(f"bondgraph.{room}")
+    for found in pkgutil.walk_packages(package.__path__, f"bondgraph.{room}."):
+        importlib.import_module(found.name)
+print(*(name for name in ("sympy", "networkx") if name in sys.modules))
+print(*sorted({name.split(".")[1] for name in sys.modules if name.startswith("bondgraph.")}))
+"""
+
+
+def test_the_run_time_half_loads_neither_sympy_nor_networkx_nor_the_design_time_half() -> None:
+    run = subprocess.run(
+        [sys.executable, "-c", _LOADED, *RUN_TIME], check=True, capture_output=True, text=True, cwd=ROOT
+    )
+    heavy, rooms = run.stdout.split("\n")[:2]
+    assert heavy == ""
+    assert set(rooms.split()) <= {*FOUNDATION, *RUN_TIME}
+
+
+def test_modules_stay_small() -> None:
+    lengths = {_name(path): len(path.read_text(encoding="utf-8").splitlines()) for path in _modules()}
+    too_long = {name: lines for name, lines in lengths.items() if lines > MODULE_LINES}
+    assert {n: lines for n, lines in too_long.items() if lines > MODULE_LINES_AT_MOST} == {}
+    assert {name for name in too_long if name not in LONG_MODULES} == set()
+    assert {name for name in LONG_MODULES if name not in too_long} == set(), "no longer long: take it off the list"
+
+
+def _body_lines(function: ast.FunctionDef) -> int:
+    first = function.body[0]
+    has_docstring = isinstance(first, ast.Expr) and isinstance(first.value, ast.Constant)
+    start = first.end_lineno if has_docstring else function.lineno
+    return (function.end_lineno or 0) - (start or 0)
+
+
+def test_functions_stay_small() -> None:
+    too_long = [
+        f"{_name(path)}: {node.name} has {_body_lines(node)} lines"
+        for path in _modules()
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        if isinstance(node, ast.FunctionDef) and _body_lines(node) > FUNCTION_LINES
+    ]
+    assert too_long == []
+
+
+def test_every_path_that_pyproject_names_exists() -> None:
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+    tool = project["tool"]
+    named = [project["project"]["readme"], *project["project"]["license-files"]]
+    named += [*tool["pytest"]["ini_options"]["testpaths"], *tool["mypy"]["packages"], *tool["ruff"]["extend-exclude"]]
+    named += [package.partition(".")[0] for package in tool["setuptools"]["packages"]["find"]["include"]]
+    named += [script.partition(":")[0].replace(".", "/") + ".py" for script in project["project"]["scripts"].values()]
+    assert [name for name in named if not (ROOT / name).exists()] == []
+    for package, patterns in tool["setuptools"]["package-data"].items():
+        for pattern in patterns:
+            assert any((ROOT / package).glob(pattern)), f"{package}/{pattern} matches nothing"
+
+
+def test_what_is_imported_is_declared_and_what_is_declared_is_imported() -> None:
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    needed = {_distribution(requirement) for requirement in project["dependencies"]}
+    optional = {_distribution(r) for extra in project["optional-dependencies"].values() for r in extra}
+    own = {*sys.stdlib_module_names, "bondgraph", "vehicle_graphs", "generated"}
+    paths = [*_modules(), *_modules(ROOT / "vehicle_graphs")]
+    imported = {name.split(".")[0].lower() for path in paths for _, name in _imports(path)} - own
+    assert imported - needed - optional == set()
+    assert needed - imported == set()
+
+
+def _distribution(requirement: str) -> str:
+    return re.split(r"[^\w-]", requirement)[0].lower()
+
+
+def test_files_that_are_no_modules_are_shipped() -> None:
+    data = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["setuptools"]["package-data"]
+    for package in ("bondgraph", "vehicle_graphs", "generated"):
+        shipped = {path for pattern in data.get(package, ()) for path in (ROOT / package).glob(pattern)}
+        others = {
+            path
+            for path in (ROOT / package).rglob("*")
+            if path.is_file() and path.suffix != ".py" and "__pycache__" not in path.parts
+        }
+        assert others <= shipped
