@@ -51,11 +51,12 @@ def marks_per_bond(drawing: Drawing) -> list[tuple[Line, Line, Line | None]]:
 def test_svg_is_well_formed_and_shows_every_name_and_law(name: str) -> None:
     drawing = SAMPLES[name]()
     root = ElementTree.fromstring(draw_svg(drawing))
-    texts = [element.text or "" for element in root.iter(f"{SVG}text")]
+    texts = ["".join(element.itertext()) for element in root.iter(f"{SVG}text")]
     tooltips = [element.text or "" for element in root.iter(f"{SVG}title")]
     everything = "".join(texts).replace(" ", "")
     for node in drawing.nodes:
-        assert node.name.rpartition(".")[2] in texts
+        local = node.name.rpartition(".")[2]
+        assert (local if node.kind in ("0", "1") else f"{node.kind} {local}") in texts
         assert any(tooltip.startswith(f"{node.kind} {node.name}") and node.law in tooltip for tooltip in tooltips)
         assert node.law.replace(" ", "") in everything, f"the law of {node.name} is not shown in full"
     frames = {node.name.rpartition(".")[0].rpartition(".")[2] for node in drawing.nodes if "." in node.name}
@@ -103,6 +104,7 @@ def test_texts_of_nodes_lie_inside_their_boxes() -> None:
     ]
     for text in labels:
         width = text_width(text.text, text.size, text.bold)
+        width += text_width(text.lead + " ", text.lead_size, bold=True) if text.lead else 0.0
         left = {"start": text.x, "middle": text.x - width / 2, "end": text.x - width}[text.anchor]
         assert any(
             box.left <= left and left + width <= box.right + 0.5 and box.top <= text.y <= box.bottom for box in boxes

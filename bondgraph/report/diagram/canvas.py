@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Literal
 from xml.sax.saxutils import escape, quoteattr
 
 from bondgraph.report.diagram.geometry import Box, Path
+from bondgraph.report.diagram.text import text_width
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -56,7 +57,7 @@ class Rectangle:
 
 @dataclass(frozen=True)
 class Text:
-    """One line of text; ``y`` is its base line."""
+    """One line of text; ``y`` is its base line. ``lead`` stands before it, bold, in its own size and colour."""
 
     x: float
     y: float
@@ -67,6 +68,9 @@ class Text:
     bold: bool = False
     italic: bool = False
     role: str = ""
+    lead: str = ""
+    lead_size: float = 0.0
+    lead_colour: str = ""
 
 
 Primitive = Line | Polygon | Rectangle | Text
@@ -130,8 +134,15 @@ def _svg(primitive: Primitive) -> str:
     return (
         f'<text{role} x="{_n(primitive.x)}" y="{_n(primitive.y)}" font-size="{_n(primitive.size)}" '
         f'fill="{primitive.colour}" text-anchor="{primitive.anchor}"{weight}{style} xml:space="preserve">'
-        f"{escape(primitive.text)}</text>"
+        f"{_lead(primitive)}{escape(primitive.text)}</text>"
     )
+
+
+def _lead(text: Text) -> str:
+    if not text.lead:
+        return ""
+    look = f'font-size="{_n(text.lead_size)}" fill="{text.lead_colour}" font-weight="bold"'
+    return f"<tspan {look}>{escape(text.lead)}</tspan> "
 
 
 def _dash(dash: Sequence[float]) -> str:
@@ -202,9 +213,22 @@ def _paint(axes: Axes, primitive: Primitive, order: int) -> None:
             )
         )  # fmt: skip
     else:
-        aligned = {"start": "left", "middle": "center", "end": "right"}[primitive.anchor]
-        axes.text(
-            primitive.x, primitive.y, primitive.text.replace("$", r"\$"), fontsize=primitive.size * points,
-            color=primitive.colour, ha=aligned, va="baseline", zorder=order, family="sans-serif",
-            fontweight="bold" if primitive.bold else "normal", fontstyle="italic" if primitive.italic else "normal",
-        )  # fmt: skip
+        for text in _without_lead(primitive):
+            aligned = {"start": "left", "middle": "center", "end": "right"}[text.anchor]
+            axes.text(
+                text.x, text.y, text.text.replace("$", r"\$"), fontsize=text.size * points,
+                color=text.colour, ha=aligned, va="baseline", zorder=order, family="sans-serif",
+                fontweight="bold" if text.bold else "normal", fontstyle="italic" if text.italic else "normal",
+            )  # fmt: skip
+
+
+def _without_lead(text: Text) -> list[Text]:
+    """A text with a lead, centred, as two texts side by side."""
+    if not text.lead:
+        return [text]
+    lead = text_width(text.lead + " ", text.lead_size, bold=True)
+    start = text.x - (lead + text_width(text.text, text.size)) / 2
+    return [
+        Text(start, text.y, text.lead, text.lead_size, text.lead_colour, bold=True),
+        Text(start + lead, text.y, text.text, text.size, text.colour),
+    ]

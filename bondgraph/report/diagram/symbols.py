@@ -74,10 +74,19 @@ def node_parts(node: DrawnNode, label: Label, box: Box, colour: str, added: bool
                 tooltip=tooltip,
             )
         )
-        kind_width = text_width(label.kind + " ", KIND_SIZE, bold=True)
-        start = x - (kind_width + text_width(label.name, NAME_SIZE)) / 2
-        parts.append(Text(start, y + 13, label.kind, KIND_SIZE, accent, bold=True))
-        parts.append(Text(start + kind_width, y + 13, label.name, NAME_SIZE, INK))
+        parts.append(
+            Text(
+                x,
+                y + 13,
+                label.name,
+                NAME_SIZE,
+                INK,
+                "middle",
+                lead=label.kind,
+                lead_size=KIND_SIZE,
+                lead_colour=accent,
+            )
+        )
         y += LINE_HEIGHT
     for line in label.law:
         parts.append(Text(x, y + 10, line, LAW_SIZE, QUIET, "middle"))

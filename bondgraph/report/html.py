@@ -1,0 +1,197 @@
+"""The report of a closed loop as one HTML file that needs nothing else: no network, no other files."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from jinja2 import Environment, PackageLoader, StrictUndefined
+from markupsafe import Markup
+
+from bondgraph.estimate.objective import TraceRow
+from bondgraph.report.drawing import Drawing, draw_svg
+from bondgraph.report.numbers import change, shown, with_interval
+from bondgraph.report.plots import (
+    by_log,
+    embed,
+    missing_effort_figure,
+    prediction_figure,
+    residual_figure,
+    trace_figure,
+)
+from bondgraph.report.series import (
+    ChannelError,
+    ChannelSeries,
+    FoundEffect,
+    MissingEffort,
+    ParameterChange,
+    Tried,
+)
+from bondgraph.report.tables import ALL_LOGS, grouped_errors, pooled
+
+
+@dataclass(frozen=True)
+class Located:
+    """A place that the residual points to, with the p-value corrected for all places and its share of the residual."""
+
+    junction: str
+    variable: str
+    p_value: float
+    share: float
+
+
+@dataclass(frozen=True)
+class Provenance:
+    """How a report was made: the command with its seed, versions (name, version), and the data files read."""
+
+    command: str
+    seed: int | None = None
+    versions: tuple[tuple[str, str], ...] = ()
+    training: tuple[str, ...] = ()
+    held_out: tuple[str, ...] = ()
+    duration: float = float("nan")
+
+
+@dataclass(frozen=True)
+class ReportData:
+    """Everything that stands in a report; parts left empty are left out.
+
+    Parameters
+    ----------
+    title
+        Name of the model.
+    verdict
+        ``"effect found"``, ``"no missing effect"``, ``"unexplained residual"`` or ``"sensor fault suspected"``.
+    explanation
+        The verdict in a sentence or two.
+    effects
+        What was added.
+    errors
+        Per channel and log, before and after.
+    series
+        Measurements and predictions, for the figures.
+    drawing, added
+        The graph, and the names of the nodes to mark as added.
+    missing
+        What is missing against what it depends on, with the found law.
+    located, alternatives, parameters, trace
+        Places, effects considered, parameters before and after, course of the search.
+    notes
+        What else a reader must know: caveats, what cannot be concluded.
+    made
+        How the report was made.
+    """
+
+    title: str
+    verdict: str
+    explanation: str
+    effects: tuple[FoundEffect, ...] = ()
+    errors: tuple[ChannelError, ...] = ()
+    series: tuple[ChannelSeries, ...] = ()
+    drawing: Drawing | None = None
+    added: frozenset[str] = frozenset()
+    missing: tuple[MissingEffort, ...] = ()
+    located: tuple[Located, ...] = ()
+    alternatives: tuple[Tried, ...] = ()
+    parameters: tuple[ParameterChange, ...] = ()
+    trace: tuple[TraceRow, ...] = ()
+    notes: tuple[str, ...] = ()
+    made: Provenance | None = None
+
+
+def report_html(data: ReportData) -> str:
+    """The report as the text of one HTML page.
+
+    Examples
+    --------
+    >>> page = report_html(ReportData("coast_down", "no missing effect", "The residual is white in all channels."))
+    >>> "no missing effect" in page and "http" not in page
+    True
+    """
+    environment = Environment(
+        loader=PackageLoader("bondgraph.report", "templates"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.filters |= {"number": shown, "p_value": _p_value, "percent": _percent}
+    environment.globals |= {"change": change, "with_interval": with_interval, "better": _better, "ALL_LOGS": ALL_LOGS}
+    page = environment.get_template("report.html.jinja").render(
+        data=data,
+        headline=_headline(data.errors),
+        error_groups=grouped_errors(data.errors),
+        log_figures=_log_figures(data.series),
+        missing_figures=[_figure_of_missing(found) for found in data.missing],
+        trace=Markup(embed(trace_figure(data.trace), "likelihood over the search")) if data.trace else "",
+        graph=_graph(data),
+        command=without_folders(data.made.command) if data.made else "",
+    )
+    return page + "\n"
+
+
+def write_report(data: ReportData, path: Path) -> None:
+    """Write the report to a file."""
+    path.write_text(report_html(data), encoding="utf-8")
+
+
+def without_folders(command: str) -> str:
+    """A command line in which absolute paths are reduced to the names of their files.
+
+    Examples
+    --------
+    >>> without_folders("bondgraph estimate /home/me/models/car.py --data=/data/run1.csv runs/run2.csv")
+    'bondgraph estimate car.py --data=run1.csv runs/run2.csv'
+    """
+    return re.sub(r"(?<![\w.~-])(?:[A-Za-z]:)?[/\\](?:[^\s=/\\]+[/\\])*([^\s=/\\]+)", r"\1", command)
+
+
+def _headline(errors: Sequence[ChannelError]) -> list[ChannelError]:
+    """The errors that open the report: free simulation over all held-out logs, or over the training ones."""
+    held_out = [row for row in pooled(errors) if row.held_out and not math.isnan(row.simulation_before)]
+    training = [row for row in pooled(errors) if not row.held_out and not math.isnan(row.simulation_before)]
+    return (held_out or training)[:4]
+
+
+def _log_figures(series: Sequence[ChannelSeries]) -> list[dict[str, object]]:
+    """Per log: its name, whether it was held out, and its two figures."""
+    figures: list[dict[str, object]] = []
+    for log, channels in by_log(series).items():
+        figures.append(
+            {
+                "log": log,
+                "held_out": channels[0].held_out,
+                "prediction": Markup(embed(prediction_figure(channels), f"{log}: measured against predicted")),
+                "residual": Markup(embed(residual_figure(channels), f"{log}: measured minus predicted")),
+            }
+        )
+    return figures
+
+
+def _figure_of_missing(found: MissingEffort) -> Markup:
+    return Markup(embed(missing_effort_figure(found), f"{found.title}: {found.y_label} against {found.x_label}"))
+
+
+def _graph(data: ReportData) -> Markup | str:
+    """The drawn graph, without the name space that only stand-alone SVG files need."""
+    if data.drawing is None:
+        return ""
+    return Markup(draw_svg(data.drawing, data.added).replace(' xmlns="http://www.w3.org/2000/svg"', ""))
+
+
+def _better(before: float, after: float) -> str:
+    """Class of a change: better, worse or none."""
+    if not (math.isfinite(before) and math.isfinite(after)) or abs(after - before) < 0.005 * abs(before):
+        return "same"
+    return "better" if after < before else "worse"
+
+
+def _p_value(value: float) -> str:
+    return "< 0.0001" if value < 1e-4 else shown(value, 2)
+
+
+def _percent(share: float) -> str:
+    return f"{100 * share:.0f} %"

@@ -1,0 +1,66 @@
+"""Numbers as people read them: few digits, the same rule in the terminal and on the page."""
+
+from __future__ import annotations
+
+import math
+
+MISSING = "–"
+
+
+def shown(value: float, digits: int = 3) -> str:
+    """A number with a few significant digits; a dash where there is none.
+
+    Examples
+    --------
+    >>> shown(76.2314), shown(0.00012345), shown(48210.0), shown(float("nan")), shown(0.0)
+    ('76.2', '0.000123', '48210', '–', '0')
+    >>> shown(3.2e-7), shown(1.5e9)
+    ('3.2e-07', '1.5e+09')
+    """
+    if not math.isfinite(value):
+        return MISSING if math.isnan(value) else ("∞" if value > 0 else "−∞")
+    if value == 0.0:
+        return "0"
+    magnitude = math.floor(math.log10(abs(value)))
+    if not -5 < magnitude < 7:
+        return f"{value:.{digits}g}"
+    return f"{value:.{max(digits - 1 - magnitude, 0)}f}"
+
+
+def with_interval(value: float, ci95: tuple[float, float]) -> tuple[str, str]:
+    """A value and its 95 % interval, both to the digits that the interval allows.
+
+    Examples
+    --------
+    >>> with_interval(0.55873, (0.5184, 0.5991))
+    ('0.559', '[0.518, 0.599]')
+    >>> with_interval(1234.5, (1100.0, 1370.0))
+    ('1234', '[1100, 1370]')
+    >>> with_interval(2.0, (float("nan"), float("nan")))
+    ('2.00', '–')
+    """
+    width = abs(ci95[1] - ci95[0])
+    if not math.isfinite(width) or width == 0.0 or not math.isfinite(value):
+        return shown(value), MISSING
+    decimals = max(1 - math.floor(math.log10(width / 2)), 0)
+    largest = max(abs(value), abs(ci95[0]), abs(ci95[1]))
+    if decimals > 8 or largest >= 1e7:
+        return f"{value:.4g}", f"[{ci95[0]:.4g}, {ci95[1]:.4g}]"
+    return f"{value:.{decimals}f}", f"[{ci95[0]:.{decimals}f}, {ci95[1]:.{decimals}f}]"
+
+
+def change(before: float, after: float) -> str:
+    """Relative change of an error in percent; a dash where it cannot be said.
+
+    Examples
+    --------
+    >>> change(76.0, 16.0), change(2.0, 2.0), change(1.0, 1.5), change(0.0, 1.0)
+    ('−79 %', '0 %', '+50 %', '–')
+    """
+    if not (math.isfinite(before) and math.isfinite(after)) or before == 0.0:
+        return MISSING
+    percent = 100.0 * (after / before - 1.0)
+    if abs(percent) < 0.5:
+        return "0 %"
+    digits = 0 if abs(percent) < 99.5 or percent > 0 else 1
+    return f"{'−' if percent < 0 else '+'}{abs(percent):.{digits}f} %"

@@ -1,0 +1,366 @@
+"""Figures of the report (matplotlib, without global state), and their embedding in HTML.
+
+Measurements are grey, the declared model orange, the corrected model blue, a found law magenta, in every figure.
+"""
+
+from __future__ import annotations
+
+import base64
+import io
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from html import escape
+from typing import Any
+
+import matplotlib
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+
+from bondgraph.estimate.objective import TraceRow
+from bondgraph.report.series import ChannelSeries, FloatArray, MissingEffort, Prediction
+from bondgraph.simulate.model import InputInfo, OutputInfo, StateInfo
+from bondgraph.simulate.trajectory import Trajectory
+
+MEASURED, BEFORE, AFTER, FOUND = "#8b95a1", "#d9772b", "#1f5fa8", "#c2185b"
+LINES = ("#1f5fa8", "#d9772b", "#1b7a43", "#8e44ad", "#b3362b", "#007f8c")
+BAND = "#e6e9ed"
+WIDTH, PANEL_HEIGHT = 10.5, 1.9
+MOST_POINTS = 1000
+
+_STYLE: Any = {
+    "font.family": "sans-serif",
+    "font.size": 9.0,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.edgecolor": "#8b95a1",
+    "axes.labelcolor": "#1c2126",
+    "axes.titlesize": 10.0,
+    "axes.titleweight": "bold",
+    "axes.titlelocation": "left",
+    "axes.grid": True,
+    "axes.axisbelow": True,
+    "axes.formatter.useoffset": False,
+    "grid.color": "#e3e6ea",
+    "grid.linewidth": 0.6,
+    "lines.linewidth": 1.2,
+    "xtick.color": "#5b636d",
+    "ytick.color": "#5b636d",
+    "legend.frameon": False,
+    "legend.fontsize": 8.5,
+    "path.simplify_threshold": 0.4,
+    "svg.hashsalt": "bondgraph",
+    "figure.facecolor": "white",
+}
+
+
+@contextmanager
+def _style() -> Iterator[None]:
+    with matplotlib.rc_context(_STYLE):
+        yield
+
+
+def prediction_figure(series: Sequence[ChannelSeries]) -> Figure:
+    """Measured against predicted, a row per channel: the free simulation on the left, one step ahead on the right.
+
+    Parameters
+    ----------
+    series
+        The channels of one log.
+    """
+    columns = _columns(series)
+    with _style():
+        figure, panels = _grid(len(series), len(columns), share_heights=True)
+        for row, one in enumerate(series):
+            for column, kind in enumerate(columns):
+                axes = panels[row][column]
+                _dots(axes, one.time, one.measured)
+                for predicted, colour in _before_and_after(one, kind):
+                    _line(axes, one.time, predicted, colour)
+                axes.set_ylabel(f"{one.channel}\n[{one.unit}]" if column == 0 else "")
+            _limit(panels[row][0], one.measured, 0.5)
+        _finish(figure, panels, [_TITLES[kind] for kind in columns], measured=True)
+    return figure
+
+
+def residual_figure(series: Sequence[ChannelSeries]) -> Figure:
+    """Measured minus predicted over time, a row per channel, with the noise band of two standard deviations."""
+    columns = _columns(series)
+    with _style():
+        figure, panels = _grid(len(series), len(columns), share_heights=False)
+        for row, one in enumerate(series):
+            for column, kind in enumerate(columns):
+                axes = panels[row][column]
+                if np.isfinite(one.noise_std):
+                    axes.axhspan(-2 * one.noise_std, 2 * one.noise_std, color=BAND, linewidth=0, zorder=0.5)
+                for predicted, colour in _before_and_after(one, kind):
+                    _residual(axes, one, predicted, colour)
+                axes.set_ylabel(f"{one.channel}\n[{one.unit}]" if column == 0 else "")
+        _finish(figure, panels, [f"measured minus {_TITLES[kind]}" for kind in columns], measured=False)
+    return figure
+
+
+def launch_figure(trajectory: Trajectory, names: Sequence[str] = ()) -> Figure:
+    """States, outputs and inputs of a simulation in stacked panels, one per unit.
+
+    Parameters
+    ----------
+    trajectory
+        What was simulated.
+    names
+        Which quantities to show, in this order; all of them if empty. An output equal to a state is shown once.
+    """
+    panels = _panels(_quantities(trajectory, names))
+    held = {info.name for info in trajectory.model.inputs if info.interpolation == "hold"}
+    with _style():
+        figure = Figure(figsize=(8.5, 0.8 + 1.75 * len(panels)), layout="constrained")
+        axes = figure.subplots(len(panels), 1, sharex=True, squeeze=False)[:, 0]
+        for panel, (unit, group) in zip(axes, panels, strict=True):
+            for (name, values), colour in zip(group, LINES, strict=False):
+                _line(panel, trajectory.time, values, colour, label=name, steps=name in held)
+            panel.set_ylabel(f"{group[0][0]}\n[{unit}]" if len(group) == 1 else f"[{unit}]")
+            if len(group) == 1:
+                continue
+            panel.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), borderaxespad=0.0)
+        axes[0].set_title(trajectory.model.name)
+        axes[-1].set_xlabel("time [s]")
+        axes[-1].set_xlim(float(trajectory.time[0]), float(trajectory.time[-1]))
+    return figure
+
+
+def missing_effort_figure(found: MissingEffort) -> Figure:
+    """What is missing against the quantity it depends on, with medians, and the found law drawn through it."""
+    with _style():
+        figure = Figure(figsize=(7.0, 4.4), layout="constrained")
+        axes = figure.subplots()
+        finite = np.isfinite(found.x) & np.isfinite(found.missing)
+        x, missing = found.x[finite], found.missing[finite]
+        keep = slice(None, None, max(1, x.size // 6000))
+        axes.plot(
+            x[keep],
+            missing[keep],
+            ".",
+            color=MEASURED,
+            markersize=2.5,
+            alpha=0.35,
+            label="each sample",
+            rasterized=True,
+        )
+        centres, low, middle, high = _binned(x, missing)
+        axes.errorbar(
+            centres, middle, [middle - low, high - middle], fmt="o", color="#3a424b", markersize=4, linewidth=1.0,
+            capsize=2.5, label="median and quartiles",
+        )  # fmt: skip
+        if found.lower is not None and found.upper is not None:
+            axes.fill_between(found.law_x, found.lower, found.upper, color=FOUND, alpha=0.15, linewidth=0)
+        axes.plot(found.law_x, found.law, color=FOUND, linewidth=2.0, label=f"found: {_plain(found.law_text)}")
+        axes.axhline(0.0, color="#8b95a1", linewidth=0.8)
+        axes.set_title(found.title)
+        axes.set_xlabel(found.x_label)
+        axes.set_ylabel(found.y_label)
+        _limit(axes, np.concatenate((missing, found.law)), 0.1)
+        axes.legend(loc="best")
+    return figure
+
+
+def trace_figure(trace: Sequence[TraceRow]) -> Figure:
+    """How a search came down: negative log-likelihood above its final value against evaluations, by stage."""
+    with _style():
+        figure = Figure(figsize=(7.0, 3.2), layout="constrained")
+        axes = figure.subplots()
+        best = min((row.nll for row in trace if np.isfinite(row.nll)), default=0.0)
+        stages = list(dict.fromkeys(row.stage for row in trace))
+        for stage, colour in zip(stages, LINES * len(stages), strict=False):
+            rows = [row for row in trace if row.stage == stage and np.isfinite(row.nll)]
+            above = [max(row.nll - best, 1e-3) for row in rows]
+            axes.plot(
+                [row.evaluations for row in rows], above, drawstyle="steps-post", color=colour, marker=".", label=stage
+            )
+        axes.set_yscale("log")
+        axes.set_xlabel("likelihood evaluations")
+        axes.set_ylabel("nll above the best [nats]")
+        axes.set_title(f"search: best nll {best:.6g}")
+        axes.legend(loc="upper right")
+    return figure
+
+
+def figure_svg(figure: Figure) -> str:
+    """The figure as SVG text, the same for the same figure."""
+    buffer = io.StringIO()
+    with _style():
+        figure.savefig(buffer, format="svg", dpi=180, metadata={"Date": None, "Creator": None})
+    return buffer.getvalue()
+
+
+def embed(figure: Figure, alternative: str) -> str:
+    """An HTML image element that holds the figure itself; ``alternative`` describes it for who cannot see it.
+
+    The SVG goes in as a data URI, so that names inside one figure never meet those of another.
+    """
+    data = base64.b64encode(figure_svg(figure).encode()).decode()
+    width = round(figure.get_size_inches()[0] * 96)
+    return f'<img src="data:image/svg+xml;base64,{data}" width="{width}" alt="{escape(alternative, quote=True)}">'
+
+
+_TITLES = {"simulated": "free simulation", "one_step": "one step ahead"}
+
+
+def _columns(series: Sequence[ChannelSeries]) -> list[str]:
+    """Which kinds of prediction any of the series has."""
+    predictions = [prediction for one in series for prediction in (one.before, one.after) if prediction is not None]
+    return [kind for kind in _TITLES if any(getattr(prediction, kind) is not None for prediction in predictions)]
+
+
+def _before_and_after(one: ChannelSeries, kind: str) -> list[tuple[FloatArray, str]]:
+    pairs: list[tuple[Prediction | None, str]] = [(one.before, BEFORE), (one.after, AFTER)]
+    lines = [(getattr(prediction, kind), colour) for prediction, colour in pairs if prediction is not None]
+    return [(values, colour) for values, colour in lines if values is not None]
+
+
+def _grid(rows: int, columns: int, share_heights: bool) -> tuple[Figure, list[list[Axes]]]:
+    columns = max(columns, 1)
+    width = WIDTH if columns > 1 else 0.72 * WIDTH
+    figure = Figure(figsize=(width, 0.75 + PANEL_HEIGHT * rows), layout="constrained")
+    return figure, figure.subplots(
+        rows, columns, sharex=True, sharey="row" if share_heights else False, squeeze=False
+    ).tolist()
+
+
+def _finish(figure: Figure, panels: list[list[Axes]], titles: Sequence[str], measured: bool) -> None:
+    for axes, title in zip(panels[0], titles, strict=False):
+        axes.set_title(title)
+    for axes in panels[-1]:
+        axes.set_xlabel("time [s]")
+    handles = [Line2D([], [], color=BEFORE, label="before"), Line2D([], [], color=AFTER, label="after")]
+    if measured:
+        handles.insert(0, Line2D([], [], color=MEASURED, linestyle="", marker=".", label="measured"))
+    figure.legend(handles=handles, loc="outside upper right", ncols=3)
+
+
+def _line(axes: Axes, time: FloatArray, values: FloatArray, colour: str, label: str = "", steps: bool = False) -> None:
+    shown_time, shown = thinned(time, values)
+    style = "steps-post" if steps else "default"
+    axes.plot(shown_time, shown, color=colour, label=label or None, drawstyle=style)
+
+
+def _dots(axes: Axes, time: FloatArray, values: FloatArray) -> None:
+    finite = np.isfinite(values)
+    shown_time, shown = thinned(time[finite], values[finite])
+    axes.plot(shown_time, shown, ".", color=MEASURED, markersize=2.2, rasterized=True)
+
+
+def _residual(axes: Axes, one: ChannelSeries, predicted: FloatArray, colour: str) -> None:
+    difference = one.measured - predicted
+    finite = np.isfinite(difference)
+    time, values = thinned(*with_gaps(one.time[finite], difference[finite]))
+    axes.plot(time, values, color=colour, linewidth=0.8, alpha=0.85)
+
+
+def with_gaps(time: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """The same points with a NaN wherever samples are missing, so that no line is drawn across the gap.
+
+    Examples
+    --------
+    >>> with_gaps(np.array([0.0, 1.0, 2.0, 3.0, 20.0]), np.ones(5))[1]
+    array([ 1.,  1.,  1.,  1., nan,  1.])
+    """
+    steps = np.diff(time)
+    gaps = np.flatnonzero(steps > 5 * np.median(steps)) + 1 if steps.size else np.empty(0, dtype=int)
+    return np.insert(time, gaps, time[gaps - 1]), np.insert(values, gaps, np.nan)
+
+
+def thinned(time: FloatArray, values: FloatArray, most: int = MOST_POINTS) -> tuple[FloatArray, FloatArray]:
+    """Fewer points with the same look: of each interval its smallest and largest value and a gap if there is one.
+
+    Examples
+    --------
+    >>> time = np.arange(10000.0)
+    >>> spike = np.where(time == 1234.0, 5.0, 0.0)
+    >>> shown_time, shown = thinned(time, spike)
+    >>> shown.size <= 1000, float(shown.max())
+    (True, 5.0)
+    """
+    if values.size <= most:
+        return time, values
+    kept = []
+    for indices in np.array_split(np.arange(values.size), most // 2):
+        part = values[indices]
+        if np.isfinite(part).any():
+            gap = indices[np.isnan(part)][:1]
+            kept += sorted({int(indices[np.nanargmin(part)]), int(indices[np.nanargmax(part)]), *map(int, gap)})
+        else:
+            kept.append(int(indices[0]))
+    order = np.array(kept)
+    return time[order], values[order]
+
+
+def _quantities(trajectory: Trajectory, names: Sequence[str]) -> list[tuple[str, str, FloatArray]]:
+    """Name, unit and values of what is to be shown."""
+    model = trajectory.model
+    found: dict[str, tuple[str, FloatArray]] = {}
+    infos: list[StateInfo | OutputInfo | InputInfo] = [*model.states, *model.outputs, *model.inputs]
+    for info, row in zip(infos, (*trajectory.x, *trajectory.y, *trajectory.u), strict=True):
+        known = any(unit == info.unit and np.array_equal(row, old, equal_nan=True) for unit, old in found.values())
+        if info.name in names or not known:
+            found.setdefault(info.name, (info.unit, row))
+    return [(name, *found[name]) for name in (names or found)]
+
+
+def _panels(quantities: Sequence[tuple[str, str, FloatArray]]) -> list[tuple[str, list[tuple[str, FloatArray]]]]:
+    """Quantities of one unit together; of very different size or too many, apart."""
+    panels: list[tuple[str, list[tuple[str, FloatArray]]]] = []
+    for name, unit, values in quantities:
+        size = _size(values)
+        for panel_unit, group in panels:
+            sizes = [_size(other) for _, other in group if _size(other) > 0]
+            alike = size == 0 or not sizes or max(*sizes, size) / min(*sizes, size) < 20
+            if panel_unit == unit and len(group) < len(LINES) and alike:
+                group.append((name, values))
+                break
+        else:
+            panels.append((unit, [(name, values)]))
+    return panels
+
+
+def _size(values: FloatArray) -> float:
+    finite = values[np.isfinite(values)]
+    return float(np.abs(finite).max()) if finite.size else 0.0
+
+
+def _binned(x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Centres of up to twelve equally wide intervals with the quartiles in each that holds enough samples."""
+    if x.size == 0:
+        return (np.empty(0),) * 4
+    edges = np.linspace(float(x.min()), float(x.max()), 13)
+    where = np.clip(np.digitize(x, edges) - 1, 0, 11)
+    rows = []
+    for k in range(12):
+        inside = where == k
+        if inside.sum() >= max(5, x.size // 400):
+            rows.append((float(np.median(x[inside])), *np.quantile(y[inside], (0.25, 0.5, 0.75))))
+    table = np.array(rows).reshape(-1, 4)
+    return table[:, 0], table[:, 1], table[:, 2], table[:, 3]
+
+
+def _limit(axes: Axes, values: FloatArray, margin: float) -> None:
+    """Do not let a few wild samples, or a simulation that ran away, flatten what ``values`` show."""
+    finite = values[np.isfinite(values)]
+    if finite.size:
+        low, high = (float(limit) for limit in np.quantile(finite, (0.002, 0.998)))
+        space = margin * ((high - low) or abs(high) or 1.0)
+        shown = axes.get_ylim()
+        axes.set_ylim(max(shown[0], low - space), min(shown[1], high + space))
+
+
+def _plain(text: str) -> str:
+    """Text that matplotlib does not take for mathematics."""
+    return text.replace("$", r"\$")
+
+
+def by_log(series: Sequence[ChannelSeries]) -> Mapping[str, Sequence[ChannelSeries]]:
+    """The series grouped by log, in order of appearance."""
+    grouped: dict[str, list[ChannelSeries]] = {}
+    for one in series:
+        grouped.setdefault(one.log, []).append(one)
+    return grouped

@@ -1,0 +1,109 @@
+"""Progress of long work on a terminal: how much is done, how fast, how long it still takes, and the best so far.
+
+Nothing is written where the output is not a terminal, so that logs and pipes stay clean.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from contextlib import contextmanager
+from types import TracebackType
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn, Task, TextColumn, TimeRemainingColumn
+from rich.progress import ProgressColumn as RichColumn
+from rich.text import Text
+
+from bondgraph.estimate.objective import TraceRow
+from bondgraph.report.numbers import shown
+
+
+class _Rate(RichColumn):
+    """Steps per second."""
+
+    def render(self, task: Task) -> Text:
+        speed = task.finished_speed or task.speed
+        return Text(f"{shown(speed)}/s" if speed else "", style="dim")
+
+
+class WorkProgress:
+    """A progress line for one long task; use it as a context.
+
+    Parameters
+    ----------
+    what
+        What is being done: ``"estimating"``.
+    total
+        Number of steps, or None if it is not known.
+    unit
+        What a step is: ``"evaluations"``.
+    console
+        Where to draw; standard error by default, so that results on standard output stay alone.
+
+    Examples
+    --------
+    >>> import io
+    >>> with WorkProgress("searching", 100, "evaluations", Console(file=io.StringIO())) as work:
+    ...     work.advance(40, best=12.5)
+    >>> work.done, work.best
+    (40, 12.5)
+    """
+
+    def __init__(self, what: str, total: int | None, unit: str = "", console: Console | None = None) -> None:
+        self.console = console or Console(stderr=True)
+        self.done, self.best = 0, math.inf
+        columns = (
+            SpinnerColumn(),
+            TextColumn("{task.description}"),
+            BarColumn(bar_width=28),
+            MofNCompleteColumn(),
+            TextColumn(unit, style="dim"),
+            _Rate(),
+            TimeRemainingColumn(compact=True),
+            TextColumn("{task.fields[best]}"),
+        )
+        silent = not self.console.is_terminal
+        self._progress = Progress(*columns, console=self.console, transient=True, disable=silent)
+        self._task = self._progress.add_task(what, total=total, best="")
+
+    def __enter__(self) -> WorkProgress:
+        self._progress.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
+    ) -> None:
+        self._progress.stop()
+
+    def advance(self, steps: int = 1, best: float | None = None) -> None:
+        """Some more steps are done; ``best`` is the lowest value so far, if there is one to tell."""
+        self.reach(self.done + steps, best)
+
+    def reach(self, done: int, best: float | None = None) -> None:
+        """So many steps are done in total."""
+        self.done = done
+        if best is not None and best < self.best:
+            self.best = best
+        text = f"best {shown(self.best, 6)}" if math.isfinite(self.best) else ""
+        self._progress.update(self._task, completed=done, best=text)
+
+    def describe(self, what: str) -> None:
+        """Say what is being done now."""
+        self._progress.update(self._task, description=what)
+
+    def trace(self, row: TraceRow) -> None:
+        """Take over the state of a search; pass this method as the search's ``progress``."""
+        self.describe(row.stage)
+        self.reach(row.evaluations, row.nll)
+
+
+@contextmanager
+def status(what: str, console: Console | None = None) -> Iterator[None]:
+    """A turning sign with a text while something of unknown length is done; nothing where there is no terminal."""
+    shown_on = console or Console(stderr=True)
+    if not shown_on.is_terminal:
+        yield
+        return
+    with shown_on.status(what):
+        yield

@@ -1,0 +1,168 @@
+"""Plain values that the report's figures and tables are made of; nothing here knows how they were computed."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """One channel of one log as a model gives it, each of shape (n,): NaN where there is none.
+
+    ``one_step`` is what the filter expects before each measurement, ``simulated`` a free run from the first sample.
+    """
+
+    one_step: FloatArray | None = None
+    simulated: FloatArray | None = None
+
+
+@dataclass(frozen=True)
+class ChannelSeries:
+    """A measured channel with the model's predictions before and after a correction.
+
+    ``time`` and ``measured`` (n,), NaN where nothing was measured; ``noise_std`` in the channel's unit, NaN if unknown.
+    """
+
+    log: str
+    channel: str
+    unit: str
+    time: FloatArray
+    measured: FloatArray
+    before: Prediction
+    after: Prediction | None = None
+    noise_std: float = float("nan")
+    held_out: bool = False
+
+
+@dataclass(frozen=True)
+class MissingEffort:
+    """The missing effort (or flow) at a place against another quantity, with the law found.
+
+    ``x`` and ``missing`` (n,) are what the data say at each sample; ``law_x``, ``law`` and the optional band ``lower``,
+    ``upper`` (k,) what the found effect says. Labels carry units: ``"omega of shaft [rad/s]"``.
+    """
+
+    title: str
+    x_label: str
+    y_label: str
+    x: FloatArray
+    missing: FloatArray
+    law_x: FloatArray
+    law: FloatArray
+    law_text: str
+    lower: FloatArray | None = None
+    upper: FloatArray | None = None
+
+
+@dataclass(frozen=True)
+class ChannelError:
+    """Errors of one channel in one log before and after a correction, in the channel's unit; NaN where unknown.
+
+    ``samples`` is the number of measurements, the weight with which errors of several logs are pooled.
+    """
+
+    log: str
+    channel: str
+    unit: str
+    held_out: bool
+    one_step_before: float
+    one_step_after: float
+    simulation_before: float
+    simulation_after: float
+    noise_std: float = float("nan")
+    samples: int = 1
+
+
+@dataclass(frozen=True)
+class ParameterChange:
+    """One free parameter before and after; ``ci95`` of the value after, ``at_bound`` if it rests on a bound."""
+
+    name: str
+    unit: str
+    before: float
+    after: float
+    ci95: tuple[float, float]
+    at_bound: bool = False
+    meaning: str = ""
+
+
+@dataclass(frozen=True)
+class Coefficient:
+    """One coefficient of a found effect with its 95 % interval."""
+
+    name: str
+    value: float
+    unit: str
+    ci95: tuple[float, float]
+
+
+@dataclass(frozen=True)
+class FoundEffect:
+    """An effect that was added: what it is, where, its law, and how sure that is (name of a measure, its value)."""
+
+    name: str
+    element: str
+    junction: str
+    law: str
+    coefficients: tuple[Coefficient, ...]
+    evidence: tuple[tuple[str, str], ...] = ()
+    meaning: str = ""
+
+
+@dataclass(frozen=True)
+class Tried:
+    """One alternative that was considered; ``delta_nll`` is the gain of log-likelihood in nats."""
+
+    name: str
+    junction: str
+    delta_nll: float
+    why: str
+    chosen: bool = False
+    indistinguishable: bool = False
+
+
+def rmse(difference: FloatArray) -> float:
+    """Root of the mean square, NaN entries left out; NaN if nothing is left.
+
+    Examples
+    --------
+    >>> round(rmse(np.array([3.0, np.nan, 4.0])), 4)
+    3.5355
+    """
+    finite = difference[np.isfinite(difference)]
+    return float(np.sqrt(np.mean(finite**2))) if finite.size else float("nan")
+
+
+def channel_errors(series: Sequence[ChannelSeries]) -> tuple[ChannelError, ...]:
+    """The errors of each series, from its measurements and predictions.
+
+    Examples
+    --------
+    >>> time = np.arange(3.0)
+    >>> speed = ChannelSeries("run", "v", "m/s", time, time, Prediction(simulated=time + 2), Prediction(simulated=time))
+    >>> (row,) = channel_errors([speed])
+    >>> row.simulation_before, row.simulation_after
+    (2.0, 0.0)
+    """
+
+    def error(one: ChannelSeries, predicted: FloatArray | None) -> float:
+        return float("nan") if predicted is None else rmse(one.measured - predicted)
+
+    rows = []
+    for one in series:
+        after = one.after or Prediction()
+        rows.append(
+            ChannelError(
+                one.log, one.channel, one.unit, one.held_out,
+                error(one, one.before.one_step), error(one, after.one_step),
+                error(one, one.before.simulated), error(one, after.simulated), one.noise_std,
+                int(np.isfinite(one.measured).sum()),
+            )
+        )  # fmt: skip
+    return tuple(rows)

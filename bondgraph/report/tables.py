@@ -1,0 +1,138 @@
+"""Tables for the terminal (rich): errors before and after, parameters, alternatives."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from rich import box
+from rich.console import Console, RenderableType
+from rich.table import Table
+from rich.text import Text
+
+from bondgraph.report.numbers import MISSING, change, shown, with_interval
+from bondgraph.report.series import ChannelError, ParameterChange, Tried
+
+ALL_LOGS = "all logs"
+
+
+def pooled(errors: Sequence[ChannelError]) -> tuple[ChannelError, ...]:
+    """Errors of each channel over all logs of one kind, measurements counting equally, in order of appearance.
+
+    Examples
+    --------
+    >>> runs = [ChannelError(log, "v", "m/s", False, 0.1, 0.1, error, 0.2, samples=n)
+    ...         for log, error, n in (("a", 3.0, 100), ("b", 4.0, 100))]
+    >>> (row,) = pooled(runs)
+    >>> row.log, round(row.simulation_before, 4), row.samples
+    ('all logs', 3.5355, 200)
+    """
+    groups: dict[tuple[bool, str], list[ChannelError]] = {}
+    for error in errors:
+        groups.setdefault((error.held_out, error.channel), []).append(error)
+    rows = []
+    for (held_out, channel), parts in groups.items():
+        rows.append(
+            ChannelError(
+                ALL_LOGS,
+                channel,
+                parts[0].unit,
+                held_out,
+                _pool([(part.one_step_before, part.samples) for part in parts]),
+                _pool([(part.one_step_after, part.samples) for part in parts]),
+                _pool([(part.simulation_before, part.samples) for part in parts]),
+                _pool([(part.simulation_after, part.samples) for part in parts]),
+                parts[0].noise_std,
+                sum(part.samples for part in parts),
+            )
+        )
+    return tuple(rows)
+
+
+def _pool(parts: Sequence[tuple[float, int]]) -> float:
+    """Root of the weighted mean square; logs without a value are left out."""
+    known = [(value, weight) for value, weight in parts if not math.isnan(value)]
+    total = sum(weight for _, weight in known)
+    return math.sqrt(sum(weight * value**2 for value, weight in known) / total) if total else math.nan
+
+
+def grouped_errors(errors: Sequence[ChannelError]) -> list[tuple[str, tuple[ChannelError, ...]]]:
+    """Errors as they are shown: training, then held out; by channel, each log and then all of them together."""
+    groups = []
+    for title, held_out in (("training", False), ("held out", True)):
+        part = [error for error in errors if error.held_out is held_out]
+        rows: list[ChannelError] = []
+        for total in pooled(part):
+            logs = [error for error in part if error.channel == total.channel]
+            rows += logs if len(logs) == 1 else [*logs, total]
+        if rows:
+            groups.append((title, tuple(rows)))
+    return groups
+
+
+def error_table(errors: Sequence[ChannelError], title: str = "error before and after (rms)") -> Table:
+    """Errors per channel and log, free simulation and one step ahead, against the noise of the sensor."""
+    table = _table(title)
+    for name in ("data", "channel", "log"):
+        table.add_column(name)
+    for name in ("simulation\nbefore", "after", "change", "one step\nbefore", "after", "change", "sensor\nnoise"):
+        table.add_column(name, justify="right")
+    for group, rows in grouped_errors(errors):
+        channel = ""
+        for index, row in enumerate(rows):
+            first = row.channel != channel
+            channel = row.channel
+            table.add_row(
+                group if index == 0 else "",
+                Text(f"{channel} [{row.unit}]" if first else ""),
+                Text(row.log),
+                *_errors(row.simulation_before, row.simulation_after),
+                *_errors(row.one_step_before, row.one_step_after),
+                shown(row.noise_std),
+                style="bold" if row.log == ALL_LOGS else None,
+                end_section=index + 1 == len(rows),
+            )
+    return table
+
+
+def _table(title: str) -> Table:
+    return Table(title=title, title_justify="left", title_style="bold", box=box.SIMPLE_HEAD, pad_edge=False)
+
+
+def _errors(before: float, after: float) -> tuple[str, str, Text]:
+    text = change(before, after)
+    style = "dim" if text in (MISSING, "0 %") else "green" if after < before else "red"
+    return shown(before), shown(after), Text(text, style=style)
+
+
+def parameter_table(parameters: Sequence[ParameterChange], title: str = "parameters") -> Table:
+    """Free parameters before and after with their 95 % intervals."""
+    table = _table(title)
+    for name, right in (("name", 0), ("before", 1), ("after", 1), ("95 % interval", 1), ("unit", 0), ("", 0)):
+        table.add_column(name, justify="right" if right else "left")
+    for row in parameters:
+        value, interval = with_interval(row.after, row.ci95)
+        note = Text("at its bound", style="yellow") if row.at_bound else Text(row.meaning, style="dim")
+        table.add_row(Text(row.name), shown(row.before, 4), value, Text(interval), Text(row.unit), note)
+    return table
+
+
+def alternatives_table(alternatives: Sequence[Tried], title: str = "what was tried") -> Table:
+    """Effects that were considered, with their gain of log-likelihood and why each was taken or not."""
+    table = _table(title)
+    table.add_column("effect")
+    table.add_column("at")
+    table.add_column(Text("gain [nats]"), justify="right")
+    table.add_column("why")
+    for row in alternatives:
+        style = "bold green" if row.chosen else "yellow" if row.indistinguishable else None
+        table.add_row(Text(row.name), Text(row.junction), shown(row.delta_nll), Text(row.why), style=style)
+    return table
+
+
+def text_of(table: RenderableType, width: int = 120) -> str:
+    """A table as plain text, without colour."""
+    console = Console(width=width, color_system=None, force_terminal=False)
+    with console.capture() as capture:
+        console.print(table)
+    return "\n".join(line.rstrip() for line in capture.get().splitlines()) + "\n"

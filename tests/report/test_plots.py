@@ -1,0 +1,145 @@
+"""Figures show the numbers they are given, stay readable, and come out the same every time."""
+
+from __future__ import annotations
+
+import base64
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+
+from bondgraph.estimate.objective import TraceRow
+from bondgraph.report.plots import (
+    AFTER,
+    BEFORE,
+    FOUND,
+    MEASURED,
+    by_log,
+    embed,
+    figure_svg,
+    launch_figure,
+    missing_effort_figure,
+    prediction_figure,
+    residual_figure,
+    thinned,
+    trace_figure,
+    with_gaps,
+)
+from bondgraph.report.series import ChannelSeries, Prediction
+from bondgraph.simulate.example import PENDULUM
+from bondgraph.simulate.model import Model
+from bondgraph.simulate.simulate import simulate
+from tests.report.examples import coast_down_series, missing_drag
+
+
+def lines(axes: object, colour: str) -> list[np.ndarray]:
+    return [np.asarray(line.get_ydata()) for line in axes.get_lines() if line.get_color() == colour]  # type: ignore[attr-defined]
+
+
+def test_predictions_are_drawn_over_the_measurements_of_each_channel() -> None:
+    series = by_log(coast_down_series(samples=300))["coast_down_1"]
+    panels = prediction_figure(series).axes
+    assert [axes.get_title(loc="left") for axes in panels[:2]] == ["free simulation", "one step ahead"]
+    for one, (left, right) in zip(series, (panels[0:2], panels[2:4]), strict=True):
+        assert one.after is not None
+        measured = one.measured[np.isfinite(one.measured)]
+        for axes, kind in ((left, "simulated"), (right, "one_step")):
+            np.testing.assert_array_equal(lines(axes, MEASURED)[0], measured)
+            np.testing.assert_array_equal(lines(axes, BEFORE)[0], getattr(one.before, kind))
+            np.testing.assert_array_equal(lines(axes, AFTER)[0], getattr(one.after, kind))
+        assert left.get_ylabel() == f"{one.channel}\n[{one.unit}]"
+
+
+def test_residuals_are_measured_minus_predicted_and_break_at_gaps() -> None:
+    series = by_log(coast_down_series(samples=300))["coast_down_1"]
+    axes = residual_figure(series).axes[2]
+    wheel = series[1]
+    assert wheel.before.simulated is not None
+    drawn = lines(axes, BEFORE)[0]
+    expected = wheel.measured - wheel.before.simulated
+    np.testing.assert_allclose(drawn[np.isfinite(drawn)], expected[np.isfinite(expected)])
+    assert np.isnan(drawn).sum() == 1
+
+
+def test_a_simulation_that_runs_away_does_not_flatten_the_measurements() -> None:
+    time = np.linspace(0.0, 1.0, 50)
+    series = ChannelSeries("run", "v", "m/s", time, np.sin(time), Prediction(simulated=1e6 * time))
+    low, high = prediction_figure([series]).axes[0].get_ylim()
+    assert high - low < 5.0
+
+
+def test_only_the_kinds_of_prediction_that_exist_get_a_column() -> None:
+    time = np.linspace(0.0, 1.0, 50)
+    series = ChannelSeries("run", "v", "m/s", time, time, Prediction(simulated=time))
+    assert len(prediction_figure([series]).axes) == 1
+
+
+def test_a_launch_has_a_panel_per_unit_and_each_quantity_once() -> None:
+    model = Model.from_text(PENDULUM)
+    figure = launch_figure(simulate(model, np.linspace(0.0, 2.0, 50)))
+    labels = [axes.get_ylabel() for axes in figure.axes]
+    assert labels == ["angle\n[rad]", "rate\n[rad/s]", "deflection\n[m]", "drive\n[rad/s^2]"]
+    chosen = launch_figure(simulate(model, np.linspace(0.0, 2.0, 50)), ["rate"])
+    assert [axes.get_ylabel() for axes in chosen.axes] == ["rate\n[rad/s]"]
+
+
+def test_the_found_law_runs_through_the_missing_effort() -> None:
+    found = missing_drag()
+    axes = missing_effort_figure(found).axes[0]
+    np.testing.assert_array_equal(lines(axes, FOUND)[0], found.law)
+    assert (axes.get_xlabel(), axes.get_ylabel()) == (found.x_label, found.y_label)
+    medians = axes.containers[0].lines[0]
+    x, y = np.asarray(medians.get_xdata()), np.asarray(medians.get_ydata())
+    np.testing.assert_allclose(y, np.interp(x, found.law_x, found.law), atol=12.0)
+
+
+def test_a_trace_falls_by_stage() -> None:
+    rows = [TraceRow("swarm", i, 10 * i, 100.0 - i, ()) for i in range(5)] + [TraceRow("gradient", 0, 60, 90.0, ())]
+    axes = trace_figure(rows).axes[0]
+    assert axes.get_legend_handles_labels()[1] == ["swarm", "gradient"]
+    np.testing.assert_allclose(np.asarray(axes.get_lines()[0].get_ydata()), [10.0, 9.0, 8.0, 7.0, 6.0])
+
+
+def test_thinning_keeps_extremes_and_gaps() -> None:
+    time = np.arange(50000.0)
+    values = np.sin(time / 900)
+    values[31234] = 9.0
+    values[20000:20500] = np.nan
+    shown_time, shown = thinned(time, values)
+    assert shown.size <= 2000
+    assert np.nanmax(shown) == 9.0 and shown_time[int(np.nanargmax(shown))] == 31234.0
+    assert np.isnan(shown[(shown_time > 20000) & (shown_time < 20500)]).all()
+    assert (np.diff(shown_time) > 0).all()
+
+
+def test_gaps_are_found_among_irregular_samples() -> None:
+    time = np.array([0.0, 0.1, 0.21, 0.3, 2.0, 2.1])
+    shown_time, shown = with_gaps(time, np.ones(6))
+    assert list(np.isnan(shown)) == [False] * 4 + [True] + [False] * 2
+    assert (np.diff(shown_time) >= 0).all()
+
+
+def test_embedded_figures_are_whole_images_and_repeatable() -> None:
+    series = by_log(coast_down_series(samples=80))["coast_down_1"]
+    first, second = (embed(prediction_figure(series), 'a "quoted" text') for _ in range(2))
+    assert first == second
+    assert 'alt="a &quot;quoted&quot; text"' in first
+    svg = base64.b64decode(first.split("base64,")[1].split('"')[0])
+    root = ElementTree.fromstring(svg)
+    assert root.tag.endswith("svg")
+
+
+def test_figures_leave_the_global_style_alone() -> None:
+    import matplotlib
+
+    before = dict(matplotlib.rcParams)
+    figure_svg(missing_effort_figure(missing_drag()))
+    assert dict(matplotlib.rcParams) == before
+
+
+@pytest.mark.parametrize("values", [np.zeros(0), np.full(4, np.nan)])
+def test_empty_channels_are_drawn_empty(values: np.ndarray) -> None:
+    time = np.arange(float(values.size))
+    series = ChannelSeries("run", "v", "m/s", time, values, Prediction(simulated=values), Prediction(simulated=values))
+    assert "svg" in figure_svg(prediction_figure([series]))
+    assert "svg" in figure_svg(residual_figure([series]))
