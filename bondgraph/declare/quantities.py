@@ -40,6 +40,11 @@ class Input:
         """Symbol by which laws use the input."""
         return symbol(self.name)
 
+    @property
+    def is_held(self) -> bool:
+        """Whether the input keeps its value between samples; its rate is then zero."""
+        return self.interpolation == "hold"
+
 
 @dataclass(frozen=True)
 class Parameter:

@@ -1,35 +1,28 @@
-"""Causality: the sequential causality assignment procedure (SCAP), with the reason for every stroke.
+"""Causality: a stroke for every bond, with the reason for each.
 
-Source: Karnopp, Margolis, Rosenberg, *System Dynamics*, 5th ed. (2012), section 5.2. Laws that exist in one form only fix
-their stroke before storages choose, so that a storage never ends up differentiating through a law.
+Sources and laws that exist in one form only fix their strokes first, then every storage chooses integral causality in
+order of declaration where that is possible, then what is left follows the declared form of the laws. See
+:mod:`bondgraph.derive.strokes` for the procedure.
 
 The causal stroke of a bond marks the end that receives the effort; the other end receives the flow.
 """
 
 from __future__ import annotations
 
-from collections import deque
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-from bondgraph.declare.elements import STORAGES, Node
+from bondgraph.declare.elements import LAW_GIVES, STORAGES, Node
 from bondgraph.declare.graph import BondGraph
-from bondgraph.derive.laws import law_strokes
+from bondgraph.derive.patterns import Pattern, stroke_patterns
+from bondgraph.derive.refusals import clash, explain_chain, refusal, refuse_law, refuse_rings
+from bondgraph.derive.strokes import ContradictionError, Decision, Reason, ReasonKind, StrokeSearch
 from bondgraph.errors import CausalityError, suggest
 
+__all__ = ["CausalGraph", "Reason", "ReasonKind", "Stroke", "assign_causality", "explain_chain"]
+
 Stroke = Literal["source", "target"]
-ReasonKind = Literal["source", "law", "integral", "derivative", "propagated", "chosen"]
-
-
-@dataclass(frozen=True)
-class Reason:
-    """Why a bond has its stroke: which node asked for it and which bonds made it necessary."""
-
-    kind: ReasonKind
-    node: str
-    text: str
-    causes: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -84,267 +77,104 @@ def assign_causality(graph: BondGraph, independent: Sequence[str] = ()) -> Causa
     """
     flat = graph.flatten()
     graph.validate()
+    storages = [node.name for node in flat.nodes.values() if node.kind in STORAGES]
     for name in independent:
-        if name not in flat.nodes or flat.nodes[name].kind not in STORAGES:
-            storages = [node.name for node in flat.nodes.values() if node.kind in STORAGES]
+        if name not in storages:
             raise CausalityError(f"{graph.name}: no storage {name!r}{suggest(name, storages)}", where=(name,))
+    refuse_rings(flat)
     return _Assignment(flat).run(independent)
 
 
-class _Conflict(Exception):
-    """Two demands on one junction, element or bond."""
-
-    def __init__(self, node: str, bond: int, wanted: Reason, others: Iterable[int]) -> None:
-        super().__init__(node)
-        self.node, self.bond, self.wanted, self.others = node, bond, wanted, tuple(others)
-
-
 class _Assignment:
-    """Strokes placed so far, with a trail so that a trial can be taken back."""
+    """What the nodes of one graph ask for, in order of preference."""
 
     def __init__(self, graph: BondGraph) -> None:
         self.graph = graph
-        self.incidence = graph.incidence()
-        self.at_target: list[bool | None] = [None] * len(graph.bonds)
-        self.reasons: list[Reason | None] = [None] * len(graph.bonds)
-        self.trail: list[int] = []
-
-    # ------------------------------------------------------------------ the procedure
+        self.patterns = {node.name: stroke_patterns(node) for node in graph.nodes.values()}
+        several = {name: allowed for name, allowed in self.patterns.items() if allowed and len(allowed) > 1}
+        self.search = StrokeSearch(graph, several)
 
     def run(self, independent: Sequence[str]) -> CausalGraph:
         nodes = list(self.graph.nodes.values())
-        first = [self.graph.nodes[name] for name in independent]
+        first = [self.graph.nodes[name] for name in dict.fromkeys(independent)]
+        storages = [node for node in (*first, *nodes) if node.kind in STORAGES]
         try:
-            for node in nodes:
-                if node.kind in ("Se", "Sf"):
-                    gives = "effort" if node.kind == "Se" else "flow"
-                    reason = Reason("source", node.name, f"source {node.name} imposes the {gives}")
-                    self._element(node, 0, node.kind == "Sf", reason)
-            for node in nodes:
-                self._fix_law(node)
-            for node in (*first, *nodes):
-                if node.kind in STORAGES:
-                    self._storage(node)
-            for node in nodes:
-                self._choose(node)
-        except _Conflict as conflict:
-            raise self._refusal(conflict) from None
+            self.search.run([
+                *(decision for node in nodes if node.kind in ("Se", "Sf") for decision in self._source(node)),
+                *(decision for node in nodes for decision in self._law(node)),
+                *(decision for node in storages for decision in self._storage(node)),
+                *(decision for node in nodes for decision in self._element(node)),
+                *(self._rest(bond) for bond in range(len(self.graph.bonds))),
+            ])  # fmt: skip
+        except ContradictionError as contradiction:
+            raise refusal(self.search, contradiction) from None
         return self._result()
 
-    def _element(self, node: Node, port: int, receives_effort: bool, reason: Reason) -> None:
-        """Ask for a stroke at (or away from) an element's port."""
-        bond, inward = self.incidence[node.name][port]
-        self._assign(bond, receives_effort == inward, reason)
-        self._propagate(bond)
+    # ------------------------------------------------------------------ decisions
 
-    def _fix_law(self, node: Node) -> None:
-        for port, receives_effort in enumerate(law_strokes(node)):
-            if receives_effort is not None and node.kind == "R":
-                gives = "flow" if receives_effort else "effort"
-                reason = Reason("law", node.name, f"law of {node.name} gives the {gives}")
-                self._element(node, port, receives_effort, reason)
+    def _source(self, node: Node) -> list[Decision]:
+        gives = "effort" if node.kind == "Se" else "flow"
+        reason = Reason("source", node.name, f"source {node.name} imposes the {gives}")
+        return [Decision(bond, (node.kind == "Sf") == inward, reason) for bond, inward in self._bonds(node)]
 
-    def _storage(self, node: Node) -> None:
-        gives = "effort" if node.kind == "C" else "flow"
-        for port in range(node.ports):
-            bond, _ = self.incidence[node.name][port]
-            if self.at_target[bond] is not None:
-                continue
-            mark = len(self.trail)
-            reason = Reason("integral", node.name, f"{node.name} in integral causality gives the {gives}")
-            try:
-                self._element(node, port, node.kind == "I", reason)
-            except _Conflict as conflict:
-                self._rollback(mark)
-                text = f"{node.name} in derivative causality, since in integral causality {self._clash(conflict)}"
-                self._element(node, port, node.kind == "C", Reason("derivative", node.name, text))
+    def _law(self, node: Node) -> list[Decision]:
+        """Laws that allow one pattern only."""
+        allowed = self.patterns[node.name]
+        if allowed is None or len(allowed) != 1:
+            return []
+        found = []
+        for (bond, inward), takes_effort in zip(self._bonds(node), allowed[0], strict=True):
+            reason = Reason("law", node.name, f"law of {node.name} gives the {'flow' if takes_effort else 'effort'}")
+            found.append(Decision(bond, takes_effort == inward, reason))
+        return found
 
-    def _choose(self, node: Node) -> None:
-        """Free laws take the form declared first; what is then left (junction rings) is chosen."""
-        receives = [given.startswith("flow") for given, _ in node.laws[:1]] if node.kind == "R" else [True]
-        for port, (bond, _) in enumerate(self.incidence[node.name]):
-            if self.at_target[bond] is not None or (node.kind != "R" and not node.is_junction):
-                continue
-            mark = len(self.trail)
-            reason = Reason("chosen", node.name, f"chosen at {node.name}, nothing asks for the other stroke")
-            try:
-                self._element(node, port, receives[0], reason)
-            except _Conflict:
-                self._rollback(mark)
-                self._element(node, port, not receives[0], reason)
+    def _storage(self, node: Node) -> list[Decision]:
+        reason = Reason("integral", node.name, f"{node.name} in integral causality gives the {LAW_GIVES[node.kind]}")
 
-    # ------------------------------------------------------------------ propagation
+        def otherwise(contradiction: ContradictionError, causes: Sequence[int]) -> Reason:
+            text = f"{node.name} in derivative causality, since in integral causality "
+            return Reason("derivative", node.name, text + clash(self.search, contradiction, causes), tuple(causes))
 
-    def _assign(self, bond: int, at_target: bool, reason: Reason) -> None:
-        if self.at_target[bond] is None:
-            self.at_target[bond] = at_target
-            self.reasons[bond] = reason
-            self.trail.append(bond)
-        elif self.at_target[bond] != at_target:
-            raise _Conflict(reason.node, bond, reason, (bond,))
+        return [Decision(bond, (node.kind == "I") == inward, reason, otherwise) for bond, inward in self._bonds(node)]
 
-    def _rollback(self, mark: int) -> None:
-        while len(self.trail) > mark:
-            bond = self.trail.pop()
-            self.at_target[bond] = None
-            self.reasons[bond] = None
+    def _element(self, node: Node) -> list[Decision]:
+        """Laws that allow several patterns take the declared form where they can."""
+        if node.kind not in ("R", "X"):
+            return []
+        declared = (self.patterns[node.name] or (_declared(node),))[0]
+        return [
+            self._free(bond, takes_effort == inward, node.name)
+            for (bond, inward), takes_effort in zip(self._bonds(node), declared, strict=True)
+        ]
 
-    def _propagate(self, bond: int) -> None:
-        start = self.graph.bonds[bond]
-        queue = deque([start.source, start.target])
-        while queue:
-            node = self.graph.nodes[queue.popleft()]
-            before = len(self.trail)
-            if node.is_junction:
-                self._propagate_junction(node)
-            elif node.kind in ("TF", "GY"):
-                self._propagate_two_port(node)
-            for changed in self.trail[before:]:
-                queue.extend(end for end in (self.graph.bonds[changed].source, self.graph.bonds[changed].target))
+    def _rest(self, bond: int) -> Decision:
+        """What nothing asks for: bonds in a ring of junctions or two-ports."""
+        return self._free(bond, True, self.graph.bonds[bond].target)
 
-    def _receives(self, bond: int, inward: bool) -> bool | None:
-        at_target = self.at_target[bond]
-        return None if at_target is None else at_target == inward
+    def _free(self, bond: int, at_target: bool, node: str) -> Decision:
+        def otherwise(contradiction: ContradictionError, causes: Sequence[int]) -> Reason:
+            text = f"with the other stroke {clash(self.search, contradiction, causes)}"
+            return Reason("propagated", node, text, tuple(causes))
 
-    def _propagate_junction(self, node: Node) -> None:
-        """One bond imposes the common variable: its effort acts on a 0-junction, its flow on a 1-junction."""
-        strong_receives = node.kind == "0"
-        bonds = self.incidence[node.name]
-        states = [self._receives(bond, inward) for bond, inward in bonds]
-        strong = [bond for (bond, _), state in zip(bonds, states, strict=True) if state is strong_receives]
-        open_bonds = [pair for pair, state in zip(bonds, states, strict=True) if state is None]
-        common = "effort" if node.kind == "0" else "flow"
-        if len(strong) > 1:
-            latest = max(strong, key=self.trail.index)
-            others = [bond for bond in strong if bond != latest]
-            reason = self.reasons[latest]
-            assert reason is not None
-            raise _Conflict(node.name, latest, reason, others)
-        if strong:
-            text = f"{self.graph.bonds[strong[0]]} imposes the {common} of {node.kind}-junction {node.name}"
-            for bond, inward in open_bonds:
-                self._assign(bond, (not strong_receives) == inward, Reason("propagated", node.name, text, (strong[0],)))
-        elif len(open_bonds) == 1:
-            bond, inward = open_bonds[0]
-            text = f"only this bond is left to impose the {common} of {node.kind}-junction {node.name}"
-            causes = tuple(other for other, _ in bonds if other != bond)
-            self._assign(bond, strong_receives == inward, Reason("propagated", node.name, text, causes))
-        elif not open_bonds:
-            latest = max((bond for bond, _ in bonds), key=self.trail.index)
-            reason = self.reasons[latest]
-            assert reason is not None
-            raise _Conflict(node.name, latest, reason, ())
+        reason = Reason("chosen", node, f"chosen at {node}, nothing asks for the other stroke")
+        return Decision(bond, at_target, reason, otherwise)
 
-    def _propagate_two_port(self, node: Node) -> None:
-        (bond_a, inward_a), (bond_b, inward_b) = self.incidence[node.name]
-        a, b = self._receives(bond_a, inward_a), self._receives(bond_b, inward_b)
-        opposite = node.kind == "TF"
-        if a is not None and b is not None:
-            if (a != b) != opposite:
-                latest, other = sorted((bond_a, bond_b), key=self.trail.index, reverse=True)
-                reason = self.reasons[latest]
-                assert reason is not None
-                raise _Conflict(node.name, latest, reason, (other,))
-            return
-        for known, bond, inward, cause in ((a, bond_b, inward_b, bond_a), (b, bond_a, inward_a, bond_b)):
-            if known is not None:
-                kind = "transformer" if opposite else "gyrator"
-                reason = Reason("propagated", node.name, f"carried through the {kind} {node.name}", (cause,))
-                self._assign(bond, (known != opposite) == inward, reason)
+    def _bonds(self, node: Node) -> list[tuple[int, bool]]:
+        return self.search.incidence[node.name]
 
-    # ------------------------------------------------------------------ result and refusals
+    # ------------------------------------------------------------------ result
 
     def _result(self) -> CausalGraph:
-        strokes: list[Stroke] = ["target" if at_target else "source" for at_target in self.at_target]
-        reasons = [reason for reason in self.reasons if reason is not None]
+        strokes: list[Stroke] = ["target" if at_target else "source" for at_target in self.search.at_target]
+        reasons = [reason for reason in self.search.reasons if reason is not None]
         derivative = []
         for node in self.graph.nodes.values():
-            for port in range(node.ports if node.kind in STORAGES else 0):
-                bond, inward = self.incidence[node.name][port]
-                if self._receives(bond, inward) != (node.kind == "I"):
-                    self._check_not_by_law(node, bond)
-                    derivative.append((node.name, port + 1))
+            for port, (bond, inward) in enumerate(self._bonds(node) if node.kind in STORAGES else (), start=1):
+                if self.search.receives(bond, inward) != (node.kind == "I"):
+                    refuse_law(self.search, node, bond)
+                    derivative.append((node.name, port))
         return CausalGraph(self.graph, tuple(strokes), tuple(reasons), tuple(derivative))
 
-    def _check_not_by_law(self, node: Node, bond: int) -> None:
-        """A storage whose input is imposed by a law would have to be differentiated through that law."""
-        root = bond
-        while (reason := self.reasons[root]) is not None and reason.kind == "propagated":
-            root = reason.causes[0]
-        if reason is None or reason.kind != "law":
-            return
-        law = self.graph.bonds[root]
-        junction = law.source if law.target == reason.node else law.target
-        variable = "effort" if node.kind == "C" else "flow"
-        form = "flow(effort)" if variable == "effort" else "effort(flow)"
-        kind = self.graph.nodes[junction].kind
-        at = f"{kind}-junction {junction}" if kind in "01" else junction
-        raise CausalityError(
-            f"{self.graph.name}: bond {law} cannot carry its stroke at {junction if variable == 'effort' else reason.node} "
-            f"({reason.text.replace('the ', 'an ' if variable == 'effort' else 'a ')}) because {node.name} already imposes "
-            f"the {variable} of {at}; give {reason.node} its law as {form} or separate them by a "
-            f"{'1' if variable == 'effort' else '0'}-junction",
-            where=(f"bond {law}", node.name),
-        )
 
-    def _clash(self, conflict: _Conflict) -> str:
-        node = self.graph.nodes[conflict.node]
-        if not conflict.others:
-            common = "effort" if node.kind == "0" else "flow"
-            return f"no bond would impose the {common} of {node.kind}-junction {node.name}"
-        other = self.reasons[conflict.others[0]]
-        return f"{other.text if other else 'another bond'}"
-
-    def _refusal(self, conflict: _Conflict) -> CausalityError:
-        graph, node = self.graph, self.graph.nodes[conflict.node]
-        chain = explain_chain(graph, self.reasons, conflict.bond)
-        bond = graph.bonds[conflict.bond]
-        where = [f"bond {bond}", *(f"bond {graph.bonds[other]}" for other in conflict.others)]
-        culprits = self._roots([conflict.bond, *conflict.others])
-        others = "; ".join(explain_chain(graph, self.reasons, other) for other in conflict.others)
-        if node.is_junction:
-            common = "effort" if node.kind == "0" else "flow"
-            junction = f"{node.kind}-junction {node.name}"
-            if not conflict.others:
-                what = f"{junction}: no bond can impose its {common}: every neighbour takes it from the junction ({chain})"
-                todo = f"add a storage or source that gives the {common}, or change the kind of the junction"
-            else:
-                what = f"bond {bond} cannot carry its stroke at {node.name} ({chain}) because the {common} of {junction} "
-                what += f"is already imposed ({others})"
-                separator = "1" if node.kind == "0" else "0"
-                todo = f"remove one of {', '.join(culprits)} or separate them by a {separator}-junction"
-        else:
-            what = f"bond {bond} cannot carry its stroke ({chain}): {node.name} asks for the opposite ({conflict.wanted.text}"
-            what += f"; {others})" if others != chain else ")"
-            todo = f"change one of {', '.join(dict.fromkeys([*culprits, node.name]))}"
-        return CausalityError(f"{graph.name}: {what}; {todo}", where=tuple(dict.fromkeys([*where, *culprits])))
-
-    def _roots(self, bonds: Iterable[int]) -> list[str]:
-        found: dict[str, None] = {}
-        stack, seen = list(bonds), set()
-        while stack:
-            bond = stack.pop(0)
-            reason = self.reasons[bond]
-            if bond in seen or reason is None:
-                continue
-            seen.add(bond)
-            if reason.kind == "propagated":
-                stack.extend(reason.causes)
-            else:
-                found[reason.node] = None
-        return list(found)
-
-
-def explain_chain(graph: BondGraph, reasons: Sequence[Reason | None], bond: int) -> str:
-    """Reasons of a stroke back to the source, storage, law or choice it began with."""
-    parts, seen = [], set()
-    while bond not in seen:
-        seen.add(bond)
-        reason = reasons[bond]
-        if reason is None:
-            break
-        parts.append(f"bond {graph.bonds[bond]}: {reason.text}")
-        if reason.kind != "propagated" or not reason.causes:
-            break
-        bond = reason.causes[0]
-    return " <- ".join(parts)
+def _declared(node: Node) -> Pattern:
+    return (node.laws[0][0].startswith("flow"),) * node.ports

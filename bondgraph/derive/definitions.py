@@ -1,9 +1,9 @@
 """Definitions: with every stroke placed, each bond variable is given by exactly one rule.
 
 A variable is known by a key. Efforts that are equal at a 0-junction, and flows that are equal at a 1-junction, are one
-variable. Keys: ``("e", i)`` and ``("f", i)`` bond variables, ``("x", name)`` states, ``("d", key)`` the time derivative of
-a variable, ``("q", node, port)`` the energy variable of a storage in derivative causality, ``("m", node)`` a modulus,
-``("s", name)`` a named signal.
+variable. Keys: ``("e", i)`` and ``("f", i)`` bond variables, ``("x", name)`` states, ``("d", key)`` the time derivative
+of a variable, ``("q", node, port)`` the energy variable of a storage in derivative causality, ``("m", node)`` a
+modulus, ``("s", name)`` a named signal.
 """
 
 from __future__ import annotations

@@ -22,7 +22,6 @@ from bondgraph.derive.variables import BondVariables
 from bondgraph.errors import DerivationError
 
 
-
 def derive(causal: CausalGraph, bonds: bool = False) -> StateEquations:
     """State equations of a causal graph.
 
@@ -75,9 +74,12 @@ class Derivation:
         graph, variables = self.causal.graph, self.variables
         rates = [("d", ("x", state.symbol.name)) for state in variables.states]
         measured = [(output, variables.law(output.expression)) for output in graph.outputs]
-        every = [key for b in range(len(graph.bonds)) for key in (variables.effort(b), variables.flow(b))] if bonds else []
+        every = (
+            [key for b in range(len(graph.bonds)) for key in (variables.effort(b), variables.flow(b))] if bonds else []
+        )
         roots: list[Key] = [*rates, *(key for _, law in measured for key in law.depends), *every]
         self.compute(roots)
+        self._check_determined()
         outputs = [
             OutputEquation(symbol(output.name), law.build(self.values), output.unit, output.meaning)
             for output, law in measured
@@ -85,8 +87,9 @@ class Derivation:
         outputs += self._bond_outputs() if bonds else []
         derivatives = tuple(self.values[rate] for rate in rates)
         return StateEquations(
-            graph.name, graph.doc, graph.source, tuple(variables.states), (*graph.inputs, *self._input_rates(derivatives)),
-            graph.parameters, graph.tables, tuple(self.assignments), derivatives, tuple(outputs),
+            graph.name, graph.doc, graph.source, tuple(variables.states),
+            (*graph.inputs, *self._input_rates(derivatives)), graph.parameters, graph.tables,
+            tuple(self.assignments), derivatives, tuple(outputs),
         )  # fmt: skip
 
     def compute(self, roots: Sequence[Key]) -> None:
@@ -103,6 +106,15 @@ class Derivation:
                 self.assign(members[0])
             else:
                 LoopSolver(self, members).solve()
+
+    def _check_determined(self) -> None:
+        """Solve the loops that nothing asked for too: a graph that leaves an effort or flow open is refused."""
+        count = range(len(self.causal.graph.bonds))
+        every = [read(bond) for bond in count for read in (self.variables.effort, self.variables.flow)]
+        left = [key for key in every if key not in self.values]
+        loops = [m for m in components(left, self._depends) if len(m) > 1 or m[0] in self._depends(m[0])]
+        if any(members[0] not in self.values for members in loops):
+            Derivation(self.causal).compute(left)
 
     def _depends(self, key: Key) -> Sequence[Key]:
         rule = self.variables.definition(key)
@@ -244,5 +256,3 @@ def _check_known(equations: StateEquations, value: Expr, known: set[Any], where:
             "parameter - please report this graph",
             where=(where,),
         )
-
-

@@ -1,7 +1,7 @@
 """Dimensions: every derived equation must be homogeneous; a wrong unit is found with the element's name.
 
-What has no unit (a graph file may leave units out) is not checked; where an unnamed intermediate has none, the dimension of
-its expression is taken.
+What has no unit (a graph file may leave units out) is not checked; where an unnamed intermediate has none, the
+dimension of its expression is taken.
 """
 
 from __future__ import annotations
@@ -48,12 +48,13 @@ def check_dimensions(equations: StateEquations) -> None:
     >>> check_dimensions(derive(assign_causality(g)))
     Traceback (most recent call last):
     ...
-    bondgraph.errors.DimensionError: car: F_aero must be kg m s^-2 but c*v_mass is kg s^-1 - correct the law or its units
+    bondgraph.errors.DimensionError: car: F_aero must be kg m s^-2 but c*v_mass is kg s^-1 - correct the law or its
+    units
     """
     _Checker(equations).run()
 
 
-class _Mismatch(Exception):
+class _MismatchError(Exception):
     """Two parts of one expression do not fit."""
 
 
@@ -63,8 +64,8 @@ class _Checker:
         self.tables: dict[str, Table] = {table.name: table for table in equations.tables}
         self.known: dict[Symbol, Known] = {Symbol("t", real=True): _SECOND}
         self.memo: dict[Expr, Known] = {}
-        for quantity in (*equations.inputs, *equations.parameters):
-            self.known[quantity.symbol] = _of_unit(quantity.unit)
+        self.known |= {given.symbol: _of_unit(given.unit) for given in equations.inputs}
+        self.known |= {given.symbol: _of_unit(given.unit) for given in equations.parameters}
         for state in equations.states:
             self.known[state.symbol] = _of_unit(state.unit)
 
@@ -95,7 +96,7 @@ class _Checker:
     def _require(self, name: str, needed: Known, value: Expr) -> Known:
         try:
             found = self._dimension(value)
-        except _Mismatch as mismatch:
+        except _MismatchError as mismatch:
             raise DimensionError(
                 f"{self.equations.name}: {name}: {mismatch} - correct the law or its units", where=(name,)
             ) from None
@@ -130,15 +131,18 @@ class _Checker:
         for factor in value.args:
             part = self._dimension(factor)
             if part is None or total is None:
-                total = None
-            else:
-                total = tuple(a + b for a, b in zip(total, part, strict=True))
+                return None
+            total = tuple(a + b for a, b in zip(total, part, strict=True))
         return total
 
     def _power(self, value: Pow) -> Known:
         base = self._dimension(value.base)
         if value.exp.is_Rational or value.exp.is_Float:
-            power = Fraction(str(value.exp)) if value.exp.is_Rational else Fraction(float(value.exp)).limit_denominator(1000)
+            power = (
+                Fraction(str(value.exp))
+                if value.exp.is_Rational
+                else Fraction(float(value.exp)).limit_denominator(1000)
+            )
             return None if base is None else tuple(exponent * power for exponent in base)
         self._pure(value, value.exp)
         self._pure(value, value.base)
@@ -176,8 +180,9 @@ class _Checker:
         for argument, unit, order in zip(value.args, units, value.derivative or (0, 0), strict=False):
             needed, found = _of_unit(unit), self._dimension(argument)
             if needed is not None and found is not None and needed != found:
-                raise _Mismatch(
-                    f"table {table.name} takes {dimension_text(needed)} but {to_text(argument)} is {dimension_text(found)}"
+                raise _MismatchError(
+                    f"table {table.name} takes {dimension_text(needed)} but {to_text(argument)} is "
+                    f"{dimension_text(found)}"
                 )
             for _ in range(order):
                 result = None if result is None or needed is None else _subtract(result, needed)
@@ -186,7 +191,7 @@ class _Checker:
     def _pure(self, value: Expr, argument: Expr) -> None:
         found = self._dimension(argument)
         if found is not None and found != DIMENSIONLESS:
-            raise _Mismatch(
+            raise _MismatchError(
                 f"{to_text(value)} needs a pure number but {to_text(argument)} is {dimension_text(found)}"
             )
 
@@ -201,9 +206,9 @@ class _Checker:
                 first, common = part, found
             elif found != common:
                 assert first is not None
-                raise _Mismatch(
-                    f"{to_text(value)} {verb} {to_text(first)}, which is {dimension_text(common)}, and {to_text(part)}, "
-                    f"which is {dimension_text(found)}"
+                raise _MismatchError(
+                    f"{to_text(value)} {verb} {to_text(first)}, which is {dimension_text(common)}, and "
+                    f"{to_text(part)}, which is {dimension_text(found)}"
                 )
         return common
 

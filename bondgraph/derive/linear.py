@@ -1,78 +1,16 @@
-"""Exact decisions about expressions, and small linear systems solved symbolically."""
+"""Small linear systems solved symbolically."""
 
 from __future__ import annotations
 
-import random
 from collections.abc import Callable, Sequence
-from fractions import Fraction
 
 import sympy
-from sympy import Add, Expr, Integer, Mul, Pow, Rational
+from sympy import Add, Expr, Integer
 
 from bondgraph.derive.definitions import ONE, ZERO
+from bondgraph.derive.zero import is_zero
 
-_PRIME = (1 << 61) - 1
-_TRIALS = 3
-
-
-def is_zero(expression: Expr) -> bool:
-    """Whether an expression vanishes identically, decided exactly and never by comparing floats with zero.
-
-    A rational expression is evaluated at random points in a field of prime order, where a non-zero one vanishes with a
-    probability below degree/2**61 (Schwartz 1980, J. ACM 27(4)); any other is expanded and simplified.
-
-    Examples
-    --------
-    >>> a, b = sympy.symbols("a b", real=True)
-    >>> is_zero((a + b) ** 2 - a**2 - 2 * a * b - b**2), is_zero(a - b)
-    (True, False)
-    """
-    if expression.is_Number:
-        return bool(expression == 0)
-    try:
-        return all(_modular(expression, _point(expression, trial), {}) == 0 for trial in range(_TRIALS))
-    except (_NotRational, ZeroDivisionError):
-        return bool(sympy.simplify(expression) == 0)
-
-
-class _NotRational(Exception):
-    pass
-
-
-def _point(expression: Expr, trial: int) -> dict[Expr, int]:
-    draw = random.Random(trial)
-    return {used: draw.randrange(1, _PRIME) for used in sorted(expression.free_symbols, key=str)}
-
-
-def _modular(expression: Expr, point: dict[Expr, int], known: dict[Expr, int]) -> int:
-    """Value of a rational expression in the field of integers modulo a prime."""
-    if expression in point:
-        return point[expression]
-    if expression in known:
-        return known[expression]
-    if expression.is_Float or isinstance(expression, Rational):
-        fraction = Fraction(float(expression)) if expression.is_Float else Fraction(int(expression.p), int(expression.q))
-        value = fraction.numerator * _reciprocal(fraction.denominator)
-    elif isinstance(expression, Add):
-        value = sum(_modular(term, point, known) for term in expression.args)
-    elif isinstance(expression, Mul):
-        value = 1
-        for factor in expression.args:
-            value = value * _modular(factor, point, known) % _PRIME
-    elif isinstance(expression, Pow) and expression.exp.is_Integer:
-        base = _modular(expression.base, point, known)
-        exponent = int(expression.exp)
-        value = pow(base if exponent > 0 else _reciprocal(base), abs(exponent), _PRIME)
-    else:
-        raise _NotRational
-    known[expression] = value % _PRIME
-    return known[expression]
-
-
-def _reciprocal(value: int) -> int:
-    if value % _PRIME == 0:
-        raise ZeroDivisionError
-    return pow(value, -1, _PRIME)
+__all__ = ["is_zero", "quotient", "solve_linear"]
 
 
 def quotient(numerator: Expr, denominator: Expr) -> Expr:
@@ -125,7 +63,9 @@ def solve_linear(
         _eliminate(matrix, right, row, column, rows, name_it)
     solution: list[Expr] = [ZERO] * n
     for row, column in reversed(pivots):
-        known = [-matrix[row][other] * solution[other] for other in range(n) if other != column and matrix[row][other] != 0]
+        known = [
+            -matrix[row][other] * solution[other] for other in range(n) if other != column and matrix[row][other] != 0
+        ]
         value = quotient(Add(right[row], *known), matrix[row][column])
         solution[column] = name_it(value, f"solution_{column}") if n > 1 else value
     return solution

@@ -108,12 +108,14 @@ class LoopSolver:
             for torn, inner in coefficients[used].items():
                 row[torn] = Add(row.get(torn, ZERO), partial * inner)
         constant = rule.build({**self.derivation.values, **{k: constants[k] for k in self.inside if k in constants}})
-        return {torn: self._shorten(value, key) for torn, value in row.items() if value != 0}, self._shorten(constant, key)
+        return {torn: self._shorten(value, key) for torn, value in row.items() if value != 0}, self._shorten(
+            constant, key
+        )
 
     def _shorten(self, value: Expr, key: Key) -> Expr:
         if _operations(value) <= _LONG:
             return value
-        name, unit, meaning = self.derivation.label(key)
+        name, _, meaning = self.derivation.label(key)
         return self.derivation.assign_as(f"{name}_part", value, "", f"part of {meaning}")
 
     def _closed_form(self, matrix: list[list[Expr]], right: list[Expr]) -> None:
@@ -131,13 +133,21 @@ class LoopSolver:
 
     def _undetermined(self, columns: list[int]) -> DerivationError:
         names = ", ".join(self.derivation.label(self.torn[column])[0] for column in columns)
-        graph = self.derivation.causal.graph.name
+        graph = self.derivation.causal.graph
+        indices = [index for index in range(len(graph.bonds)) if self.inside & self._keys_of(index)]
+        bonds = [f"bond {graph.bonds[index]}" for index in indices]
+        through = f"{', '.join(self.elements)} ({', '.join(bonds)})" if self.elements else ", ".join(bonds)
         return DerivationError(
-            f"{graph}: the algebraic loop through {', '.join(self.elements)} does not determine {names}: its gain is "
-            "exactly one - the junction structure leaves a variable free; add a resistance or storage on the loop, or "
-            "remove the redundant bond",
-            where=self.elements,
+            f"{graph.name}: the algebraic loop through {through} does not determine {names}: its gain is exactly one, "
+            "so the junction structure leaves a variable free - add a resistance or storage on the loop, or remove the "
+            "redundant bond",
+            where=(*self.elements, *bonds),
         )
+
+    def _keys_of(self, bond: int) -> set[Key]:
+        read = self.derivation.variables
+        keys = {read.effort(bond), read.flow(bond)}
+        return keys | {("d", key) for key in keys}
 
     # ------------------------------------------------------------------ nonlinear loops
 

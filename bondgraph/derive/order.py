@@ -56,9 +56,7 @@ def _pop_component(key: K, stack: list[K], on_stack: dict[K, bool], index: dict[
             return sorted(members, key=index.__getitem__)
 
 
-def tear(
-    members: Sequence[K], depends: Callable[[K], Sequence[K]], must: Sequence[K] = ()
-) -> tuple[list[K], list[K]]:
+def tear(members: Sequence[K], depends: Callable[[K], Sequence[K]], must: Sequence[K] = ()) -> tuple[list[K], list[K]]:
     """Variables to guess so that the rest of a loop follows in order, and that order.
 
     Greedy: the member with the most connections within its loop is torn first (Lempel and Barnett 1964 show that small

@@ -5,23 +5,24 @@ from __future__ import annotations
 import functools
 from dataclasses import dataclass
 
-from sympy import Expr, Symbol, diff
+from sympy import Expr, Symbol
 
 from bondgraph.declare.domains import UNDECLARED_PREFIXES, Domain
-from bondgraph.declare.elements import ENERGY_VARIABLE, LAW_GIVES, Node
+from bondgraph.declare.elements import SOURCES, STORAGES, Node
 from bondgraph.declare.expressions import signal_name
-from bondgraph.declare.quantities import Integral, NamedSignal, Parameter, symbol
+from bondgraph.declare.quantities import Integral, NamedSignal, symbol
 from bondgraph.declare.validation import node_domains
 from bondgraph.derive.causality import CausalGraph
-from bondgraph.derive.definitions import Definition, Key, Law, Rate, Residual, Scaled, Sum
+from bondgraph.derive.definitions import Definition, Key, Law, Rate
 from bondgraph.derive.equations import State, StateVariable
-from bondgraph.derive.laws import affine_parts, inverse, linear_coefficient
+from bondgraph.derive.laws import linear_coefficient
+from bondgraph.derive.rules import define
 from bondgraph.errors import DerivationError
 
 
 @dataclass(frozen=True)
 class Port:
-    """One port of an element: its bond, and +1 where the bond points into the element."""
+    """One port of an element: its bond, and +1 where the bond's flow counts as it does for the element."""
 
     node: Node
     number: int
@@ -30,7 +31,12 @@ class Port:
 
     def local(self, variable: str) -> Symbol:
         """The element's own symbol of a variable at this port."""
-        return symbol(f"{variable}{self.number}" if self.node.ports > 1 else variable)
+        return symbol(f"{variable}{self.suffix}")
+
+    @property
+    def suffix(self) -> str:
+        """The number of the port where the element has several."""
+        return str(self.number) if self.node.ports > 1 else ""
 
 
 class BondVariables:
@@ -42,25 +48,31 @@ class BondVariables:
         self.incidence = causal.graph.incidence()
         self.domains = node_domains(causal.graph)
         self.parameters = {p.symbol for p in self.graph.parameters}
-        self.input_rates = {
-            i.symbol: symbol(f"d_{i.name}") for i in self.graph.inputs if i.interpolation == "linear"
-        }  # an input that is held between samples does not change while it is held
         self.definitions: dict[Key, Definition] = {}
         self.labels: dict[Key, tuple[str, str, str]] = {}
         self.states: list[State] = []
-        self.state_rates: list[Key] = []
+        self._by_port: dict[tuple[str, int], State] = {}
+        self._names: dict[str, None] = dict.fromkeys(self.graph.quantities)
         self._derivative = set(causal.derivative)
-        self._merge()
-        self._define()
+        self._roots = self._merged()
+        self.input_rates = {i.symbol: symbol(self._unused(f"d_{i.name}")) for i in self.graph.inputs if not i.is_held}
+        self._label_junctions_and_storages()
+        self._declare_states()
+        self._state_symbols = {state.symbol for state in self.states}
+        for quantity in self.graph.quantities.values():
+            self._quantity(quantity)
+        for node in self.graph.nodes.values():
+            define(self, node)
 
     # ------------------------------------------------------------------ equal variables
 
-    def _merge(self) -> None:
-        """Union of efforts at 0-junctions and of flows at 1-junctions."""
+    def _merged(self) -> dict[Key, Key]:
+        """Efforts are one variable at a 0-junction, flows at a 1-junction: the key that stands for each."""
         parent: dict[Key, Key] = {}
 
         def find(key: Key) -> Key:
             while (above := parent.get(key, key)) != key:
+                parent[key] = parent.get(above, above)
                 key = above
             return key
 
@@ -72,7 +84,7 @@ class BondVariables:
                     a, b = find((letter, bonds[0])), find((letter, bond))
                     parent[max(a, b)] = min(a, b)
         count = range(len(self.graph.bonds))
-        self._roots = {(letter, bond): find((letter, bond)) for letter in "ef" for bond in count}
+        return {(letter, bond): find((letter, bond)) for letter in "ef" for bond in count}
 
     def effort(self, bond: int) -> Key:
         """Key of a bond's effort."""
@@ -83,44 +95,41 @@ class BondVariables:
         return self._roots["f", bond]
 
     def ports(self, node: Node) -> list[Port]:
-        """Ports of an element in order of its bonds."""
+        """Ports of an element in order of its bonds; a source's flow counts along its bond, any other's inward."""
         pairs = enumerate(self.incidence[node.name], start=1)
-        return [Port(node, number, bond, 1 if inward else -1) for number, (bond, inward) in pairs]
+        return [
+            Port(node, number, bond, 1 if inward or node.kind in SOURCES else -1) for number, (bond, inward) in pairs
+        ]
 
-    # ------------------------------------------------------------------ definitions
+    def own(self, port: Port, variable: str) -> tuple[Key, int]:
+        """Key of an element's own effort or flow and the sign with which the bond's variable enters it."""
+        return (self.effort(port.bond), 1) if variable == "effort" else (self.flow(port.bond), port.sign)
 
-    def _define(self) -> None:
-        for node in self.graph.nodes.values():
+    # ------------------------------------------------------------------ names and units
+
+    def _label_junctions_and_storages(self) -> None:
+        nodes = self.graph.nodes.values()
+        for node in nodes:
             if node.is_junction:
                 self._label_junction(node)
-        storages = [node for node in self.graph.nodes.values() if node.kind in ("C", "I")]
-        for node in storages:
-            for port in self.ports(node):
-                self._label_port(port)
-        self._declare_states(storages)
-        for quantity in self.graph.quantities.values():
-            if isinstance(quantity, Integral):
-                self._integral(quantity)
-            elif isinstance(quantity, NamedSignal):
-                self.definitions["s", quantity.name] = self.law(quantity.expression)
-                self.labels["s", quantity.name] = (quantity.name, quantity.unit, quantity.meaning or "signal")
-        for node in self.graph.nodes.values():
-            getattr(self, f"_define_{_METHOD[node.kind]}")(node)
+        for node in nodes:
+            for port in self.ports(node) if node.kind in STORAGES else ():
+                self.label_port(port)
 
     def _label_junction(self, node: Node) -> None:
-        bonds = [bond for bond, _ in self.incidence[node.name]]
-        key = self.effort(bonds[0]) if node.kind == "0" else self.flow(bonds[0])
+        bond = self.incidence[node.name][0][0]
+        key = self.effort(bond) if node.kind == "0" else self.flow(bond)
         variable = "effort" if node.kind == "0" else "flow"
-        self._label(key, variable, node.name, self.domains[node.name], f"{variable} of {node.name}")
+        self.label(key, variable, node.name, self.domains[node.name], f"{variable} of {node.name}")
 
-    def _label_port(self, port: Port) -> None:
-        domain = self.bond_domain(port.bond)
-        suffix = str(port.number) if port.node.ports > 1 else ""
+    def label_port(self, port: Port) -> None:
+        """Name effort and flow of a port after its element, where they have no name yet."""
+        domain, name = self.bond_domain(port.bond), f"{port.node.name}{port.suffix}"
         for key, variable in ((self.effort(port.bond), "effort"), (self.flow(port.bond), "flow")):
-            name = port.node.name + suffix
-            self._label(key, variable, name, domain, f"{variable} of {name}")
+            self.label(key, variable, name, domain, f"{variable} of {name}")
 
-    def _label(self, key: Key, variable: str, name: str, domain: Domain | None, meaning: str) -> None:
+    def label(self, key: Key, variable: str, name: str, domain: Domain | None, meaning: str) -> None:
+        """Give an effort or flow a name, unit and meaning, where it has none yet."""
         if key in self.labels:
             return
         prefix = UNDECLARED_PREFIXES[0 if variable == "effort" else 1]
@@ -135,238 +144,81 @@ class BondVariables:
         ends = self.graph.bonds[bond]
         return self.domains[ends.source] or self.domains[ends.target]
 
-    def _define_junction(self, node: Node) -> None:
-        """The bond that imposes the common variable receives the balance of the others."""
-        bonds = self.incidence[node.name]
-        imposes_by_effort = node.kind == "0"
-        strong = next(b for b, _ in bonds if self.causal.receives_effort(b, node.name) == imposes_by_effort)
-        sign = {bond: 1 if inward else -1 for bond, inward in bonds}
-        read = self.flow if imposes_by_effort else self.effort
-        terms = tuple((-sign[strong] * sign[bond], read(bond)) for bond, _ in bonds if bond != strong)
-        key = read(strong)
-        self.definitions[key] = Sum(terms)
-        ends = self.graph.bonds[strong]
-        variable = "flow" if imposes_by_effort else "effort"
-        domain = self.bond_domain(strong)
-        self._label(key, variable, f"{ends.source}_{ends.target}", domain, f"{variable} of bond {ends}")
+    def _unused(self, name: str) -> str:
+        while name in self._names:
+            name += "_"
+        self._names[name] = None
+        return name
 
-    def _define_source(self, node: Node) -> None:
-        gives, law = node.laws[0]
-        port = self.ports(node)[0]
-        self._label_port(port)
-        key = self.effort(port.bond) if gives == "effort" else self.flow(port.bond)
-        self.definitions[key] = self.law(law)
+    # ------------------------------------------------------------------ states
 
-    def _define_resistance(self, node: Node) -> None:
-        ports = self.ports(node)
-        gives = ["effort" if not self.causal.receives_effort(p.bond, node.name) else "flow" for p in ports]
-        own = {
-            port.local("flow" if given == "effort" else "effort"): self._own(port, "flow" if given == "effort" else "effort")
-            for port, given in zip(ports, gives, strict=True)
-        }
-        for port, given in zip(ports, gives, strict=True):
-            self._label_port(port)
-            key, sign = self._own(port, given)
-            local = port.local(given)
-            self.definitions[key] = self._resistance_rule(node, given, local, sign, own)
+    def _declare_states(self) -> None:
+        for node in self.graph.nodes.values():
+            for port in self.ports(node) if node.kind in STORAGES else ():
+                if (node.name, port.number) not in self._derivative:
+                    state = self._state(port)
+                    self.states.append(state)
+                    self._by_port[node.name, port.number] = state
+        for quantity in self.graph.integrals:
+            meaning = quantity.meaning or "integral"
+            rate = symbol(quantity.name)
+            self.states.append(State(rate, quantity.unit, quantity.initial, meaning, "", "integral"))
 
-    def _resistance_rule(
-        self, node: Node, given: str, local: Symbol, sign: int, own: dict[Symbol, tuple[Key, int]]
-    ) -> Definition:
-        explicit = node.law(local.name)
-        if explicit is not None:
-            return self.law(sign * explicit, own)
-        template = node.law(local.name.replace(given, "residual"))
-        if template is None:
-            other = "flow" if given == "effort" else "effort"
-            law = node.law(other)
-            assert law is not None  # a law of a fixed form has fixed its stroke
-            solved = inverse(law, local, symbol(other))
-            assert solved is not None
-            return self.law(sign * solved, own)
-        parts = affine_parts(template, local)
-        if parts is not None:
-            return self.law(-sign * parts[1] / parts[0], own)
-        law_of = self.law(template, own, unknown=local)
-        return Residual(law_of.template, local, sign, law_of.arguments)
-
-    def _own(self, port: Port, variable: str) -> tuple[Key, int]:
-        """Key of an element's own effort or flow and the sign with which the bond's variable enters it."""
-        return (self.effort(port.bond), 1) if variable == "effort" else (self.flow(port.bond), port.sign)
-
-    def _define_two_port(self, node: Node) -> None:
-        first, second = self.ports(node)
-        inward, outward = (first, second) if first.sign > 0 else (second, first)
-        for port, side in ((inward, "in"), (outward, "out")):
-            domain = self.bond_domain(port.bond)
-            for key, variable in ((self.effort(port.bond), "effort"), (self.flow(port.bond), "flow")):
-                self._label(key, variable, f"{node.name}_{side}", domain, f"{variable} of {node.name} ({side} side)")
-        modulus: Key = ("m", node.name)
-        law = node.law("modulus")
-        assert law is not None
-        self.definitions[modulus] = self.law(law)
-        self.labels[modulus] = (f"m_{node.name}", "", f"modulus of {node.name}")
-        takes_effort = self.causal.receives_effort(outward.bond, node.name)
-        e_in, f_in = self.effort(inward.bond), self.flow(inward.bond)
-        e_out, f_out = self.effort(outward.bond), self.flow(outward.bond)
-        if node.kind == "TF":
-            pairs = ((e_in, e_out), (f_out, f_in)) if takes_effort else ((e_out, e_in), (f_in, f_out))
-            inverted = not takes_effort
-        else:
-            pairs = ((f_in, e_out), (f_out, e_in)) if takes_effort else ((e_in, f_out), (e_out, f_in))
-            inverted = takes_effort
-        for given, of in pairs:
-            self.definitions[given] = Scaled(modulus, of, inverted)
-
-    # ------------------------------------------------------------------ storages and states
-
-    def _declare_states(self, storages: list[Node]) -> None:
-        for node in storages:
-            for port in self.ports(node):
-                if (node.name, port.number) in self._derivative:
-                    continue
-                domain = self.bond_domain(port.bond)
-                variable, unit = self._state_variable(node, domain)
-                name = self._state_name(node, port, variable, domain)
-                initial = node.initial[port.number - 1] if len(node.initial) >= port.number else 0.0
-                suffix = f" (port {port.number})" if node.ports > 1 else ""
-                meaning = f"{variable} of {node.name}{suffix}"
-                state = State(symbol(name), unit, initial, meaning, node.name, variable)
-                self.states.append(state)
-
-    def _state_variable(self, node: Node, domain: Domain | None) -> tuple[StateVariable, str]:
-        """Flow for a constant inertance, momentum for any other, displacement for compliances."""
-        if node.kind == "C":
-            return "displacement", "" if domain is None else domain.displacement_unit
+    def _state(self, port: Port) -> State:
+        node, domain = port.node, self.bond_domain(port.bond)
+        variable: StateVariable = "displacement" if node.kind == "C" else "momentum"
         if self.constant_inertia(node) is not None:
-            return "flow", "" if domain is None else domain.flow_unit
-        return "momentum", "" if domain is None else domain.momentum_unit
+            variable = "flow"
+        unit = "" if domain is None else getattr(domain, f"{variable}_unit")
+        prefix = {"displacement": "q", "momentum": "p"}.get(variable)
+        if prefix is None:
+            prefix = UNDECLARED_PREFIXES[1] if domain is None else domain.flow_prefix
+        wanted = f"{node.state}{port.suffix}" if node.state else f"{prefix}_{node.name}{port.suffix}"
+        initial = node.initial[port.number - 1] if len(node.initial) >= port.number else 0.0
+        where = f" (port {port.number})" if node.ports > 1 else ""
+        return State(
+            symbol(self._unused(wanted)), unit, initial, f"{variable} of {node.name}{where}", node.name, variable
+        )
 
     def constant_inertia(self, node: Node) -> Expr | None:
         """The inertia of a one-port inertance whose law is ``momentum/inertia`` with a constant inertia, else None."""
         law = node.law("flow")
-        if node.kind != "I" or law is None:
+        if node.kind != "I" or node.ports > 1 or law is None:
             return None
         reciprocal = linear_coefficient(law, symbol("momentum"))
         if reciprocal is None or not reciprocal.free_symbols <= self.parameters:
             return None
         return 1 / reciprocal
 
-    def _state_name(self, node: Node, port: Port, variable: StateVariable, domain: Domain | None) -> str:
-        if node.state:
-            return node.state
-        suffix = str(port.number) if node.ports > 1 else ""
-        prefix = {"displacement": "q", "momentum": "p"}.get(variable)
-        if prefix is None:
-            prefix = UNDECLARED_PREFIXES[1] if domain is None else domain.flow_prefix
-        name = f"{prefix}_{node.name}{suffix}"
-        while name in self.graph.quantities:
-            name += "_"
-        return name
-
     def state_of(self, node: str, port: int = 1) -> State | None:
         """The state of a storage's port, None where it is dependent."""
-        if (node, port) in self._derivative:
-            return None
-        return self._states_by_port[node, port]
+        return self._by_port.get((node, port))
 
-    @functools.cached_property
-    def _states_by_port(self) -> dict[tuple[str, int], State]:
-        count: dict[str, int] = {}
-        found = {}
-        for state in self.states:
-            port = count.get(state.element, 0) + 1
-            while (state.element, port) in self._derivative:
-                port += 1
-            count[state.element] = port
-            found[state.element, port] = state
-        return found
+    def energy_variable(self, node: Node, port: int) -> tuple[Key, int] | Expr:
+        """A storage's energy variable: a key where it is dependent, else an expression of its state."""
+        state = self.state_of(node.name, port)
+        if state is None:
+            return ("q", node.name, port), 1
+        return state.symbol * (self.constant_inertia(node) or 1) if state.variable == "flow" else state.symbol
 
-    def _integral(self, quantity: Integral) -> None:
-        state = State(
-            symbol(quantity.name), quantity.unit, quantity.initial, quantity.meaning or "integral", "", "integral"
-        )
-        self.states.append(state)
-        self.definitions["d", ("x", quantity.name)] = self.law(quantity.of)
-        self.labels["d", ("x", quantity.name)] = (f"d_{quantity.name}", "", f"rate of {quantity.name}")
+    # ------------------------------------------------------------------ quantities and expressions
 
-    def _define_storage(self, node: Node) -> None:
-        ports = self.ports(node)
-        dependent = [p for p in ports if (node.name, p.number) in self._derivative]
-        if dependent and node.is_field:
-            raise DerivationError(
-                f"{self.graph.name}: port {dependent[0].number} of the {node.kind} field {node.name} is in derivative "
-                f"causality ({self.causal.explain(dependent[0].bond)}) - a field's storage must be independent; move "
-                "what imposes its variable away, or give the field in one-port elements",
-                where=(node.name,),
-            )
-        for port in ports:
-            if dependent:
-                self._dependent(port)
-            else:
-                self._independent(port)
-
-    def _independent(self, port: Port) -> None:
-        node, gives = port.node, LAW_GIVES[port.node.kind]
-        state = self.state_of(node.name, port.number)
-        assert state is not None
-        rate: Key = ("d", ("x", state.symbol.name))
-        self.labels[rate] = (f"d_{state.symbol.name}", "", f"rate of {state.meaning}")
-        key, sign = self._own(port, gives)
-        taken, taken_sign = self._own(port, "flow" if gives == "effort" else "effort")
-        inertia = self.constant_inertia(node)
-        if inertia is not None and state.variable == "flow":
-            self.definitions[key] = self.law(sign * state.symbol)
-            self.definitions[rate] = self.law(symbol("effort") / inertia, {symbol("effort"): (taken, taken_sign)})
-            return
-        self.definitions[key] = self.law(sign * self._storage_law(port))
-        self.definitions[rate] = self.law(symbol("given"), {symbol("given"): (taken, taken_sign)})
-
-    def _storage_law(self, port: Port) -> Expr:
-        """The storage's law with its states in place of its energy variables."""
-        node = port.node
-        own = ENERGY_VARIABLE[node.kind]
-        energy = node.law("energy")
-        law = node.law(port.local(LAW_GIVES[node.kind]).name) if energy is None else diff(energy, port.local(own))
-        assert law is not None
-        replace = {}
-        for other in self.ports(node):
-            state = self.state_of(node.name, other.number)
-            assert state is not None
-            replace[other.local(own)] = state.symbol
-        return law.xreplace(replace)
-
-    def _dependent(self, port: Port) -> None:
-        """Energy variable from the imposed variable, imposed bond variable as its rate."""
-        node = port.node
-        gives, own = LAW_GIVES[node.kind], symbol(ENERGY_VARIABLE[node.kind])
-        stored: Key = ("q", node.name, port.number)
-        law, given_inverse = node.law(gives), node.law(own.name)
-        assert law is not None
-        power = symbol(gives)
-        arguments = {power: self._own(port, gives)}
-        solved = given_inverse if given_inverse is not None else inverse(law, own, power)
-        if solved is not None:
-            self.definitions[stored] = self.law(solved, arguments)
-        else:
-            law_of = self.law(law - power, arguments, unknown=own)
-            self.definitions[stored] = Residual(law_of.template, own, 1, law_of.arguments)
-        domain = self.bond_domain(port.bond)
-        unit = "" if domain is None else getattr(domain, f"{own.name}_unit")
-        letter = "q" if node.kind == "C" else "p"
-        self.labels[stored] = (f"{letter}_{node.name}", unit, f"{own.name} of {node.name} (dependent)")
-        key, sign = self._own(port, "flow" if gives == "effort" else "effort")
-        self.definitions[key] = Sum(((sign, ("d", stored)),))
-
-    # ------------------------------------------------------------------ expressions
+    def _quantity(self, quantity: object) -> None:
+        if isinstance(quantity, Integral):
+            rate: Key = ("d", ("x", quantity.name))
+            self.definitions[rate] = self.law(quantity.of)
+            self.labels[rate] = (f"d_{quantity.name}", "", f"rate of {quantity.name}")
+        elif isinstance(quantity, NamedSignal):
+            self.definitions["s", quantity.name] = self.law(quantity.expression)
+            self.labels["s", quantity.name] = (quantity.name, quantity.unit, quantity.meaning or "signal")
 
     def law(
         self, expression: Expr, own: dict[Symbol, tuple[Key, int]] | None = None, unknown: Symbol | None = None
     ) -> Law:
         """An expression as a definition: its own variables, signals, states and named signals become keys."""
+        own = own or {}
         arguments: list[tuple[Symbol, Key, int]] = []
         replace: dict[Symbol, Expr] = {}
-        own = own or {}
         for used in sorted(expression.free_symbols, key=lambda s: str(s.name)):
             if used == unknown:
                 continue
@@ -381,32 +233,24 @@ class BondVariables:
             elif isinstance(self.graph.quantities.get(used.name), NamedSignal):
                 arguments.append((used, ("s", used.name), 1))
         template = expression.xreplace(replace) if replace else expression
-        states = self._state_symbols
         for used in sorted(template.free_symbols, key=lambda s: str(s.name)):
-            if used in states and used not in own:
+            if used in self._state_symbols and used not in own:
                 arguments.append((used, ("x", used.name), 1))
         return Law(template, tuple(dict.fromkeys(arguments)))
-
-    @functools.cached_property
-    def _state_symbols(self) -> set[Symbol]:
-        return {state.symbol for state in self.states} | {symbol(i.name) for i in self.graph.integrals}
 
     def signal(self, used: Symbol) -> tuple[Key, int] | Expr:
         """The variable a signal reads, as a key with sign, or as an expression of states."""
         read = signal_name(used)
         assert read is not None
         node = self.graph.nodes[read.node]
-        number = read.port or 1
         if read.variable in ("displacement", "momentum"):
-            state = self.state_of(node.name, number)
-            if state is None:
-                return ("q", node.name, number), 1
-            inertia = self.constant_inertia(node)
-            return state.symbol * inertia if state.variable == "flow" and inertia is not None else state.symbol
+            return self.energy_variable(node, read.port or 1)
         if node.is_junction:
             bond = self.incidence[node.name][0][0]
             return (self.effort(bond) if read.variable == "effort" else self.flow(bond)), 1
-        return self._own(self.ports(node)[number - 1], read.variable)
+        return self.own(self.ports(node)[(read.port or 1) - 1], read.variable)
+
+    # ------------------------------------------------------------------ rules
 
     def definition(self, key: Key) -> Definition | None:
         """The rule of a variable; rates are made when first asked for. States have none."""
@@ -426,16 +270,21 @@ class BondVariables:
         assert inner is not None and not isinstance(inner, Rate)
         explicit = [*self.input_rates.items(), (symbol("t"), symbol("t") ** 0)]
         constant = tuple(k for k in inner.depends if self._is_constant(k))
-        self.definitions[key] = Rate(of, inner, tuple(explicit), constant)
+        rate = Rate(of, inner, tuple(explicit), constant)
+        self.definitions[key] = rate
         name, _, meaning = self.labels.get(of, ("rate", "", "a variable"))
         self.labels[key] = (f"d_{name}", "", f"rate of {meaning}")
-        return self.definitions[key]  # type: ignore[return-value]
+        return rate
+
+    @functools.cached_property
+    def _changing(self) -> set[Symbol]:
+        """Symbols with a rate of their own. A held input has none: it does not change while it is held."""
+        return {*self.input_rates, symbol("t")}
 
     def _is_constant(self, key: Key) -> bool:
         """Whether a modulus or signal depends on parameters only."""
         rule = self.definitions.get(key)
-        changing = {*self.input_rates, symbol("t")}
-        return isinstance(rule, Law) and not rule.arguments and not (rule.template.free_symbols & changing)
+        return isinstance(rule, Law) and not rule.arguments and not (rule.template.free_symbols & self._changing)
 
     def _refuse_second_derivative(self, of: Key) -> None:
         name = self.labels.get(of, (str(of),))[0]
@@ -446,13 +295,3 @@ class BondVariables:
             "other form, or put a (small) storage between them",
             where=(str(storage),),
         )
-
-    def parameter_symbols(self) -> set[Symbol]:
-        """Symbols of the declared parameters."""
-        return {q.symbol for q in self.graph.quantities.values() if isinstance(q, Parameter)}
-
-
-_METHOD = {
-    "0": "junction", "1": "junction", "Se": "source", "Sf": "source", "R": "resistance", "C": "storage",
-    "I": "storage", "TF": "two_port", "GY": "two_port",
-}  # fmt: skip

@@ -1,0 +1,163 @@
+"""Why strokes cannot be placed, in the user's names: both culprits, the chain between them, and the ways out."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from bondgraph.declare.elements import LAW_GIVES, Node
+from bondgraph.declare.graph import BondGraph
+from bondgraph.derive.strokes import ContradictionError, Reason, StrokeSearch
+from bondgraph.errors import CausalityError
+
+_OTHER = {"effort": "flow", "flow": "effort"}
+
+
+def explain_chain(graph: BondGraph, reasons: Sequence[Reason | None], bond: int) -> str:
+    """Reasons of a stroke back to the source, storage, law or choice it began with."""
+    parts, seen = [], set()
+    while bond not in seen:
+        seen.add(bond)
+        reason = reasons[bond]
+        if reason is None:
+            break
+        parts.append(f"bond {graph.bonds[bond]}: {reason.text}")
+        if reason.kind != "propagated" or not reason.causes:
+            break
+        bond = reason.causes[0]
+    return " <- ".join(parts)
+
+
+def clash(search: StrokeSearch, contradiction: ContradictionError, causes: Sequence[int]) -> str:
+    """What would go wrong, as a clause: who else imposes the variable, or that nobody would."""
+    node = search.graph.nodes[contradiction.node]
+    culprits = _names(search, causes)
+    with_them = f" beside {', '.join(culprits)}" if culprits else ""
+    if not node.is_junction:
+        return f"the strokes of {node.name} would not fit its law{with_them}"
+    common = _common(node)
+    if _is_strong(search, node, contradiction) and culprits:
+        return f"{' and '.join(culprits)} already determine{'s' * (len(culprits) == 1)} the {common}"
+    if _is_strong(search, node, contradiction):
+        return f"the {common} would be imposed twice"
+    return f"no bond would impose the {common}{with_them}"
+
+
+def refusal(search: StrokeSearch, contradiction: ContradictionError) -> CausalityError:
+    """The error for demands that exclude each other whatever the storages do."""
+    graph, node = search.graph, search.graph.nodes[contradiction.node]
+    roots = search.roots(contradiction)
+    wanted = contradiction.wanted
+    culprits = list(dict.fromkeys([*_names(search, roots), *([wanted[1].node] if wanted else [])]))
+    chains = [explain_chain(graph, search.reasons, bond) for bond in contradiction.bonds]
+    where = [f"bond {graph.bonds[bond]}" for bond in contradiction.bonds]
+    if wanted is not None and graph.nodes[wanted[1].node].is_junction:
+        node = graph.nodes[wanted[1].node]
+    if not node.is_junction:
+        law = wanted[1].text if wanted else f"the law of {node.name} does not allow these strokes together"
+        what = f"{where[0]} cannot carry its stroke: {law}, but {'; '.join(chains)}"
+    elif wanted is not None or _is_strong(search, node, contradiction):
+        first = where[-1]
+        chain = wanted[1].text if wanted else chains[-1]
+        others = "; ".join(chains if wanted else chains[:-1])
+        what = f"{first} cannot carry its stroke at {node.name} ({chain}) because the {_common(node)} of "
+        what += f"{_junction(node)} is already imposed ({others})"
+    else:
+        neighbours = "; ".join(chains)
+        what = f"{_junction(node)}: no bond can impose its {_common(node)}: every neighbour takes it from the junction "
+        what += f"({neighbours})"
+    todo = _ways_out(search, node, culprits)
+    return CausalityError(f"{graph.name}: {what}; {todo}", where=tuple(dict.fromkeys([*where, *culprits])))
+
+
+def _ways_out(search: StrokeSearch, node: Node, culprits: Sequence[str]) -> str:
+    nodes = search.graph.nodes
+    ways = []
+    for name in culprits:
+        if nodes[name].kind in ("R", "X"):
+            reasons = [reason for reason in search.reasons if reason is not None and reason.node == name]
+            gives = "effort" if any("gives the effort" in reason.text for reason in reasons) else "flow"
+            ways.append(f"give {name} its law as {_OTHER[gives]}({gives})")
+    sources = [name for name in culprits if nodes[name].kind in ("Se", "Sf")]
+    if len(sources) > 1:
+        ways.append(f"remove one of {', '.join(sources)}")
+    elif sources:
+        other = "Sf" if nodes[sources[0]].kind == "Se" else "Se"
+        ways.append(f"make {sources[0]} an {other}")
+    if node.is_junction and culprits:
+        ways.append(f"separate them by a {'1' if node.kind == '0' else '0'}-junction with an element of its own")
+    if not culprits:
+        ways.append("no choice of strokes fits the junctions: change the kind of one, or remove a bond between them")
+    return " or ".join(ways)
+
+
+def refuse_law(search: StrokeSearch, node: Node, bond: int) -> None:
+    """Refuse a storage whose variable is imposed by a law: it would have to be differentiated through that law."""
+    roots = search.roots_of([bond])
+    reasons = [search.reasons[root] for root in roots]
+    kinds = {reason.kind for reason in reasons if reason is not None}
+    if "law" not in kinds or "integral" in kinds:
+        return
+    root, reason = next((b, r) for b, r in zip(roots, reasons, strict=True) if r is not None and r.kind == "law")
+    law_bond = search.graph.bonds[root]
+    at = law_bond.source if law_bond.target == reason.node else law_bond.target
+    ends = search.graph.bonds[bond]
+    neighbour = search.graph.nodes[ends.source if ends.target == node.name else ends.target]
+    variable = "effort" if "effort" in reason.text else "flow"
+    imposed = f"the {LAW_GIVES[node.kind]} of {_junction(neighbour) if neighbour.is_junction else neighbour.name}"
+    place = at if variable == "effort" else reason.node
+    separator = "1" if LAW_GIVES[node.kind] == "effort" else "0"
+    raise CausalityError(
+        f"{search.graph.name}: bond {law_bond} cannot carry its stroke at {place} "
+        f"({reason.text.replace('gives the', 'gives an' if variable == 'effort' else 'gives a')}) because {node.name} "
+        f"already imposes {imposed}; give {reason.node} its law as {_OTHER[variable]}({variable}), or as a residual if "
+        f"that has no closed form, or separate them by a {separator}-junction",
+        where=(f"bond {law_bond}", node.name),
+    )
+
+
+def refuse_rings(graph: BondGraph) -> None:
+    """Refuse junctions of one kind that are bonded into a ring: nothing determines what circulates in it."""
+    parent: dict[str, str] = {}
+
+    def find(name: str) -> str:
+        while parent.get(name, name) != name:
+            parent[name] = parent.get(parent[name], parent[name])
+            name = parent[name]
+        return name
+
+    for bond in graph.bonds:
+        source, target = graph.nodes[bond.source], graph.nodes[bond.target]
+        if not source.is_junction or source.kind != target.kind:
+            continue
+        a, b = find(source.name), find(target.name)
+        if a == b:
+            free = "flow" if source.kind == "0" else "effort"
+            raise CausalityError(
+                f"{graph.name}: bond {bond} closes a ring of {source.kind}-junctions, in which any {free} could "
+                "circulate; remove this bond, or put an element on a junction of the other kind into the ring",
+                where=(f"bond {bond}",),
+            )
+        parent[b] = a
+
+
+def _is_strong(search: StrokeSearch, node: Node, contradiction: ContradictionError) -> bool:
+    """Whether a junction's variable is imposed twice (and not at all otherwise)."""
+    if contradiction.wanted is not None:
+        return True
+    inward = dict(search.incidence[node.name])
+    return any(
+        search.receives(bond, inward[bond]) == (node.kind == "0") for bond in contradiction.bonds if bond in inward
+    )
+
+
+def _names(search: StrokeSearch, bonds: Sequence[int]) -> list[str]:
+    reasons = [search.reasons[bond] for bond in bonds]
+    return list(dict.fromkeys(reason.node for reason in reasons if reason is not None))
+
+
+def _common(node: Node) -> str:
+    return "effort" if node.kind == "0" else "flow"
+
+
+def _junction(node: Node) -> str:
+    return f"{node.kind}-junction {node.name}"

@@ -1,0 +1,212 @@
+"""The rule of every variable of a node: junction sums, laws of elements, rates of storages."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from sympy import Expr, Symbol
+
+from bondgraph.declare.elements import ENERGY_VARIABLE, LAW_GIVES, Node
+from bondgraph.declare.quantities import symbol
+from bondgraph.derive.definitions import Key, Residual, Scaled, Sum
+from bondgraph.derive.laws import affine_parts, slope
+from bondgraph.derive.patterns import equations_of, forms, match, unknowns_of
+from bondgraph.errors import DerivationError
+
+if TYPE_CHECKING:
+    from bondgraph.derive.variables import BondVariables, Port
+
+
+def define(variables: BondVariables, node: Node) -> None:
+    """Define what a node gives to its bonds, and the rates of its states."""
+    _DEFINE[node.kind](variables, node)
+
+
+def _junction(variables: BondVariables, node: Node) -> None:
+    """The bond that imposes the common variable receives the balance of the others."""
+    bonds = variables.incidence[node.name]
+    imposes_by_effort = node.kind == "0"
+    strong = next(b for b, _ in bonds if variables.causal.receives_effort(b, node.name) == imposes_by_effort)
+    sign = {bond: 1 if inward else -1 for bond, inward in bonds}
+    read = variables.flow if imposes_by_effort else variables.effort
+    terms = tuple((-sign[strong] * sign[bond], read(bond)) for bond, _ in bonds if bond != strong)
+    key = read(strong)
+    variables.definitions[key] = Sum(terms)
+    ends = variables.graph.bonds[strong]
+    variable = "flow" if imposes_by_effort else "effort"
+    domain = variables.bond_domain(strong)
+    variables.label(key, variable, f"{ends.source}_{ends.target}", domain, f"{variable} of bond {ends}")
+
+
+def _source(variables: BondVariables, node: Node) -> None:
+    gives, law = node.laws[0]
+    port = variables.ports(node)[0]
+    variables.label_port(port)
+    variables.definitions[variables.own(port, gives)[0]] = variables.law(law)
+
+
+def _two_port(variables: BondVariables, node: Node) -> None:
+    first, second = variables.ports(node)
+    inward, outward = (first, second) if first.sign > 0 else (second, first)
+    for port, side in ((inward, "in"), (outward, "out")):
+        domain = variables.bond_domain(port.bond)
+        for key, variable in ((variables.effort(port.bond), "effort"), (variables.flow(port.bond), "flow")):
+            variables.label(key, variable, f"{node.name}_{side}", domain, f"{variable} of {node.name} ({side} side)")
+    modulus: Key = ("m", node.name)
+    law = node.law("modulus")
+    assert law is not None
+    variables.definitions[modulus] = variables.law(law)
+    variables.labels[modulus] = (f"m_{node.name}", "", f"modulus of {node.name}")
+    takes_effort = variables.causal.receives_effort(outward.bond, node.name)
+    e_in, f_in = variables.effort(inward.bond), variables.flow(inward.bond)
+    e_out, f_out = variables.effort(outward.bond), variables.flow(outward.bond)
+    if node.kind == "TF":
+        pairs = ((e_in, e_out), (f_out, f_in)) if takes_effort else ((e_out, e_in), (f_in, f_out))
+        inverted = not takes_effort
+    else:
+        pairs = ((f_in, e_out), (f_out, e_in)) if takes_effort else ((e_in, f_out), (e_out, f_in))
+        inverted = takes_effort
+    for given, of in pairs:
+        variables.definitions[given] = Scaled(modulus, of, inverted)
+
+
+# ---------------------------------------------------------------------- laws without memory
+
+
+def _resistance(variables: BondVariables, node: Node) -> None:
+    """What each port gives, from the law that has it as its subject, or by solving the laws for it."""
+    ports = variables.ports(node)
+    pattern = tuple(variables.causal.receives_effort(port.bond, node.name) for port in ports)
+    unknowns = unknowns_of(node, pattern)
+    own = {port.local(v): variables.own(port, v) for port in ports for v in ("effort", "flow")}
+    for port in ports:
+        variables.label_port(port)
+    explicit = _explicit(node, unknowns)
+    if explicit is not None:
+        for unknown, law in explicit.items():
+            key, sign = own[unknown]
+            variables.definitions[key] = variables.law(sign * law, own)
+        return
+    _solve(variables, node, equations_of(node), unknowns, own)
+
+
+def _explicit(node: Node, unknowns: list[Symbol]) -> dict[Symbol, Expr] | None:
+    """Laws that give exactly the unknowns, as declared."""
+    given = forms(node) if node.kind == "X" else [dict(node.laws)]
+    for form in given:
+        if all(unknown.name in form for unknown in unknowns):
+            return {unknown: form[unknown.name] for unknown in unknowns}
+    return None
+
+
+def _solve(
+    variables: BondVariables,
+    node: Node,
+    equations: list[Expr],
+    unknowns: list[Symbol],
+    own: dict[Symbol, tuple[Key, int]],
+) -> None:
+    """Define each unknown by one of the equations: in closed form where it is linear in it, else by its residual.
+
+    An equation may contain other unknowns; then they form an algebraic loop, which is solved as any other.
+    """
+    givers = match(equations, unknowns)
+    if givers is None:
+        names = ", ".join(f"{unknown.name}({node.name})" for unknown in unknowns)
+        raise DerivationError(
+            f"{variables.graph.name}: the laws of {node.kind} {node.name} do not determine {names} from what its bonds "
+            "give - give them in another form, or change what imposes its variables",
+            where=(node.name,),
+        )
+    for unknown, giver in zip(unknowns, givers, strict=True):
+        key, sign = own[unknown]
+        parts = affine_parts(equations[giver], unknown)
+        if parts is not None:
+            variables.definitions[key] = variables.law(-sign * parts[1] / parts[0], own)
+        else:
+            law = variables.law(equations[giver], own, unknown=unknown)
+            variables.definitions[key] = Residual(law.template, unknown, sign, law.arguments)
+
+
+# ---------------------------------------------------------------------- storages
+
+
+def _storage(variables: BondVariables, node: Node) -> None:
+    """Independent ports give their power variable by the law, dependent ones have their energy variable from it."""
+    ports = variables.ports(node)
+    dependent = [port for port in ports if variables.state_of(node.name, port.number) is None]
+    stored = ENERGY_VARIABLE[node.kind]
+    own: dict[Symbol, tuple[Key, int]] = {}
+    states: dict[Symbol, Expr] = {}
+    for port in ports:
+        value = variables.energy_variable(node, port.number)
+        if isinstance(value, Expr):
+            states[port.local(stored)] = value
+        else:
+            own[port.local(stored)] = value
+    laws = {port.number: _storage_law(node, port).xreplace(states) for port in ports}
+    for port in ports:
+        if port not in dependent:
+            _independent(variables, port, laws[port.number], own)
+    if dependent:
+        _dependent(variables, node, dependent, laws, own)
+
+
+def _storage_law(node: Node, port: Port) -> Expr:
+    energy = node.law("energy")
+    law = node.law(port.local(LAW_GIVES[node.kind]).name)
+    if energy is not None:
+        return slope(energy, port.local(ENERGY_VARIABLE[node.kind]))
+    assert law is not None
+    return law
+
+
+def _independent(variables: BondVariables, port: Port, law: Expr, own: dict[Symbol, tuple[Key, int]]) -> None:
+    node, gives = port.node, LAW_GIVES[port.node.kind]
+    state = variables.state_of(node.name, port.number)
+    assert state is not None
+    rate: Key = ("d", ("x", state.symbol.name))
+    variables.labels[rate] = (f"d_{state.symbol.name}", "", f"rate of {state.meaning}")
+    key, sign = variables.own(port, gives)
+    taken = "flow" if gives == "effort" else "effort"
+    inertia = variables.constant_inertia(node)
+    if inertia is not None:
+        law, balance = state.symbol, symbol(taken) / inertia
+    else:
+        balance = symbol(taken)
+    variables.definitions[key] = variables.law(sign * law, own)
+    variables.definitions[rate] = variables.law(balance, {symbol(taken): variables.own(port, taken)})
+
+
+def _dependent(
+    variables: BondVariables,
+    node: Node,
+    ports: list[Port],
+    laws: dict[int, Expr],
+    own: dict[Symbol, tuple[Key, int]],
+) -> None:
+    """Energy variables from the imposed variables, imposed bond variables as their rates."""
+    gives, stored = LAW_GIVES[node.kind], ENERGY_VARIABLE[node.kind]
+    arguments = dict(own)
+    for port in ports:
+        arguments[port.local(gives)] = variables.own(port, gives)
+    inverse = node.law(stored)
+    if inverse is not None:
+        variables.definitions["q", node.name, 1] = variables.law(inverse, arguments)
+    else:
+        equations = [laws[port.number] - port.local(gives) for port in ports]
+        _solve(variables, node, equations, [port.local(stored) for port in ports], arguments)
+    for port in ports:
+        domain = variables.bond_domain(port.bond)
+        unit = "" if domain is None else getattr(domain, f"{stored}_unit")
+        letter, name = "q" if node.kind == "C" else "p", f"{node.name}{port.suffix}"
+        key: Key = ("q", node.name, port.number)
+        variables.labels[key] = (f"{letter}_{name}", unit, f"{stored} of {name} (dependent)")
+        taken, sign = variables.own(port, "flow" if gives == "effort" else "effort")
+        variables.definitions[taken] = Sum(((sign, ("d", key)),))
+
+
+_DEFINE = {
+    "0": _junction, "1": _junction, "Se": _source, "Sf": _source, "R": _resistance, "X": _resistance,
+    "C": _storage, "I": _storage, "TF": _two_port, "GY": _two_port,
+}  # fmt: skip
