@@ -13,7 +13,7 @@ from typing import Protocol
 
 import numpy as np
 
-from bondgraph.data.checks import check_log
+from bondgraph.data.checks import Finding, check_log
 from bondgraph.data.header import TEXT_UNIT, convert_unit
 from bondgraph.data.log import FIRST_ROW, FloatArray, Log, LogChannel, MatchedLog
 from bondgraph.errors import DataError, OptionError, suggest
@@ -93,7 +93,7 @@ def match(log: Log, model: Signals, mapping: Mapping[str, str] | None = None) ->
     """
     channels, renamed = _rename(log, model, mapping or {})
     _require_outputs(log, model, channels)
-    notes = [finding.message for finding in check_log(log) if renamed.get(finding.channel, "") in _names(model)]
+    notes = [finding.message for finding in check_log(log) if _matters(finding, renamed[finding.channel], model)]
     u = np.array([_input(log, channels, quantity, notes) for quantity in model.inputs]).reshape(-1, len(log))
     y = np.array([_output(log, channels, quantity, notes) for quantity in model.outputs]).reshape(-1, len(log))
     overrides = {
@@ -155,6 +155,15 @@ def _mapping_file(path: Path) -> dict[str, str]:
 
 def _names(model: Signals) -> list[str]:
     return [quantity.name for group in (model.inputs, model.outputs, model.parameters) for quantity in group]
+
+
+def _matters(finding: Finding, name: str, model: Signals) -> bool:
+    """Whether a finding is worth saying of the quantity: a pedal may rest at its stop, a known value is constant."""
+    if name in (quantity.name for quantity in model.inputs):
+        return finding.kind != "saturation"
+    if name in (quantity.name for quantity in model.parameters):
+        return finding.kind != "constant"
+    return name in _names(model)
 
 
 def _rename(log: Log, model: Signals, mapping: Mapping[str, str]) -> tuple[dict[str, LogChannel], dict[str, str]]:

@@ -37,7 +37,10 @@ class SearchOutcome(enum.Enum):
     STALLED = "stopped: the likelihood did not improve for the number of iterations given as patience"
     ITERATION_LIMIT = "stopped at the limit of iterations - raise it, or resume, if the trace still falls"
     INTERRUPTED = "interrupted: this is the best point so far - continue with resume"
-    NO_PROGRESS = "stopped: no step along the gradient improves the likelihood, which is not smooth here"
+    NO_PROGRESS = (
+        "stopped: no step along the gradient improves the likelihood, which is not smooth here"
+        " - use more substeps, smooth the kinks of the model, or narrow the bounds"
+    )
     NO_FINITE_POINT = "failed: the model diverges at every point tried - narrow the bounds or use more substeps"
 
     @property

@@ -203,6 +203,19 @@ def test_findings_of_used_columns_reach_the_notes() -> None:
     assert not any("'spare' is constant" in note for note in notes)
 
 
+def test_pedals_at_their_stops_and_known_values_are_no_trouble() -> None:
+    time = np.arange(100) * 0.1
+    rest = np.where(np.arange(100) < 50, 40.0, 20.0 + 0.01 * np.arange(100))
+    channels = [
+        LogChannel("torque", "N m", rest),
+        LogChannel("speed", "m/s", rest),
+        LogChannel("mass", "kg", 0 * time + 250),
+    ]
+    notes = match(Log("run7", time, {channel.name: channel for channel in channels}), Car()).notes
+    assert any("'speed' rests at its highest value" in note for note in notes)
+    assert not any("'torque' rests" in note or "'mass' is constant" in note for note in notes)
+
+
 def test_dropouts_of_the_engine_speed_of_a_measured_launch_are_found(shared_data: Path) -> None:
     table = np.genfromtxt(
         shared_data / "measured" / "baja_terps_tr24" / "runs_100hz.csv.gz", delimiter=",", names=True, encoding="utf-8"
