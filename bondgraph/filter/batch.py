@@ -38,21 +38,18 @@ class BatchRun:
         """The full record of member ``m``; needs depth 2."""
         record = self.record
         last = int(self.verdicts.last[m])
-        outcome = self.outcome(m)
         names = kernel.Record._fields[1:]
         arrays = {name: np.ascontiguousarray(getattr(record, name)[..., m]) for name in names}
-        if outcome is not Outcome.OK:
-            first_bad = last + 1 if self.verdicts.outcome[m] and last + 1 < self.samples.time.size else 0
-            for array in arrays.values():
-                array[..., first_bad:] = np.nan
+        for array in arrays.values():
+            array[..., last + 1 :] = np.nan
         return FilterRun(
             filter_model=filter_model,
             log_name=self.samples.name,
             time=self.samples.time,
             y=self.samples.y,
             floored_pivots=int(self.verdicts.floored[m]),
-            outcome=outcome,
-            ended_at=float(self.samples.time[last]),
+            outcome=self.outcome(m),
+            ended_at=float(self.samples.time[max(last, 0)]),
             **arrays,
         )
 
@@ -203,7 +200,7 @@ def _in_numpy(filter_model: FilterModel, samples: Samples, batch: MemberBatch, d
         one = reference_run(filter_model, samples, batch.member(m))
         run.verdicts.nll[m] = one.nll
         run.verdicts.outcome[m] = OUTCOMES.index(one.outcome)
-        run.verdicts.last[m] = np.searchsorted(samples.time, one.ended_at)
+        run.verdicts.last[m] = np.count_nonzero(~np.isnan(one.whitened[0])) - 1
         run.verdicts.floored[m] = one.floored_pivots
         for level, names in ((1, kernel.Record._fields[1:3]), (2, kernel.Record._fields[3:])):
             for name in names if depth >= level else ():

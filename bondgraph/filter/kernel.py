@@ -121,7 +121,7 @@ def filter_members(
         nll = 0.0
         outcome = 0
         floored = 0
-        last = 0
+        last = -1
         for k in range(log.time.size):
             if k > 0:
                 pivots = _predict(advance, log, rules, members, record, k, m, work)

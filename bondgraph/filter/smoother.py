@@ -130,13 +130,14 @@ def _gain(cross_cov: FloatArray, predicted_cov: FloatArray) -> FloatArray:
 
     Scaled to unit variances first, since states in different units may differ by many orders of magnitude.
     """
-    deviation = np.sqrt(np.diag(predicted_cov))
-    scale = np.where(deviation > 0, 1.0 / np.where(deviation > 0, deviation, 1.0), 0.0)
+    variance: FloatArray = np.diag(predicted_cov)
+    known = variance <= 0
+    scale: FloatArray = np.where(known, 0.0, 1.0 / np.sqrt(np.where(known, 1.0, variance)))
     correlation = scale[:, np.newaxis] * predicted_cov * scale
     scaled = cross_cov * scale
-    gain: FloatArray
     try:
-        gain = np.linalg.solve(correlation, scaled.T).T * scale
+        gain = np.asarray(np.linalg.solve(correlation, scaled.T), dtype=np.float64).T
     except np.linalg.LinAlgError:
-        gain = scaled @ np.linalg.pinv(correlation, hermitian=True) * scale
-    return gain
+        gain = scaled @ np.asarray(np.linalg.pinv(correlation, hermitian=True), dtype=np.float64)
+    result: FloatArray = gain * scale
+    return result

@@ -47,8 +47,7 @@ def transition(filter_model: FilterModel, samples: Samples, k: int, theta: Float
             return model.rhs(t, x, u, parameters)
 
         state = integrator.init(float(samples.time[k - 1]), points[:n_x])
-        with np.errstate(all="ignore"):
-            moved, _ = integrator.step(rhs, samples.segment(k), samples.time[k : k + 1], state)
+        moved, _ = integrator.step(rhs, samples.segment(k), samples.time[k : k + 1], state)
         return np.vstack([moved[:, 0], points[n_x:]])
 
     return move
@@ -68,6 +67,11 @@ def measurement(filter_model: FilterModel, samples: Samples, k: int, theta: Floa
 
 def reference_run(filter_model: FilterModel, samples: Samples, member: Member) -> FilterRun:
     """Filter one log with one set of numbers, in numpy."""
+    with np.errstate(all="ignore"):  # what overflows is told by the outcome
+        return _run(filter_model, samples, member)
+
+
+def _run(filter_model: FilterModel, samples: Samples, member: Member) -> FilterRun:
     start = filter_model.start_mean(member.theta, member.x0)
     belief = Belief.of(start, np.diag(member.initial_std**2))
     record = Recorder(filter_model, samples)
@@ -110,7 +114,7 @@ class Recorder:
             "log_scales": np.full((n_y, n), np.nan),
         }
         self._floored = 0
-        self._last = 0
+        self._last = -1
 
     def add(self, k: int, prediction: Prediction, updated: Update) -> None:
         """Note what happened at sample ``k``."""
@@ -140,7 +144,7 @@ class Recorder:
             y=samples.y,
             floored_pivots=self._floored,
             outcome=outcome,
-            ended_at=float(samples.time[self._last]),
+            ended_at=float(samples.time[max(self._last, 0)]),
             **self.arrays,
         )
 

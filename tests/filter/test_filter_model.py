@@ -1,0 +1,84 @@
+"""Filter models say at once what they cannot mean."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from bondgraph.errors import FilterError
+from bondgraph.filter.samples import Samples, interval_substeps
+from tests.filter.logs import PlainLog, driveline_filter, pendulum_filter
+
+
+def test_vectors_follow_the_order_of_the_model() -> None:
+    model = driveline_filter(appended={"tau_grip": 0.5}, measurement_noise={"wheel_speed": 0.3})
+    assert model.state_names == ("omega_engine", "omega_wheel", "q_shaft", "v_body", "tau_grip")
+    assert model.process_std.tolist() == [3.0, 0.5, 0.0, 0.1, 0.5]
+    assert model.start_std.tolist() == [10.0, 1.0, 0.01, 0.3, 0.0]
+    assert model.appended_index.tolist() == [3]
+    np.testing.assert_array_equal(model.noise_std, [np.nan, 0.3, np.nan])
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"process_noise": {"rat": 1.0}}, "process_noise names 'rat'; did you mean 'rate'"),
+        ({"measurement_noise": {"angle": 1.0}}, "measurement_noise names 'angle'"),
+        ({"measurement_noise": {}}, "no output is measured"),
+        ({"measurement_noise": {"deflection": 0.0}}, "give a finite standard deviation above zero"),
+        ({"initial_std": {"angle": -1.0}}, "initial_std of 'angle' is -1.0"),
+        ({"initial_std": {"length": 0.1}}, "initial_std names 'length'"),
+        ({"process_noise": {"rate": np.inf}}, "process_noise of 'rate' is inf"),
+        ({"appended": {"lenght": 0.0}}, "appended names 'lenght'; did you mean 'length'"),
+        ({"substeps": 0}, "at least one step"),
+        ({"method": "rk5"}, "filter method 'rk5' is not known"),
+        ({"alpha": 0.0}, "alpha must be positive"),
+    ],
+)
+def test_mistakes_are_told(changes: dict[str, object], message: str) -> None:
+    with pytest.raises(FilterError) as error:
+        pendulum_filter(**changes)
+    assert message in str(error.value)
+
+
+def test_settings_do_not_follow_later_changes_of_their_source() -> None:
+    noise = {"rate": 0.3}
+    model = pendulum_filter(process_noise=noise)
+    noise["rate"] = 9.0
+    assert model.process_std.tolist() == [0.0, 0.3]
+
+
+LOG = PlainLog("run", np.arange(4.0), np.zeros((1, 4)), np.zeros((1, 4)))
+
+
+@pytest.mark.parametrize(
+    ("log", "message"),
+    [
+        (PlainLog("run", np.arange(4.0), np.zeros((2, 4)), LOG.y), "inputs have shape (2, 4), pendulum needs"),
+        (PlainLog("run", np.arange(4.0), np.zeros((1, 4)), np.zeros((1, 3))), "outputs have shape (1, 3)"),
+        (PlainLog("run", np.zeros(4), np.zeros((1, 4)), np.zeros((1, 4))), "times must increase"),
+        (PlainLog("run", np.arange(4.0), np.array([[0, np.nan, 0, 0]]), LOG.y), "'drive' has no value at t = 1"),
+        (PlainLog("run", np.arange(4.0), LOG.u, LOG.y, {"lenght": 1.0}), "no parameter 'lenght' in pendulum; did you"),
+    ],
+)  # fmt: skip
+def test_logs_that_do_not_fit_are_told(log: PlainLog, message: str) -> None:
+    with pytest.raises(FilterError) as error:
+        Samples.of(pendulum_filter(), log)
+    assert str(error.value).startswith("run: ")
+    assert message in str(error.value)
+
+
+def test_a_channel_without_declared_noise_is_not_used_in_silence() -> None:
+    model = driveline_filter(measurement_noise={"wheel_speed": 0.3})
+    time = np.arange(3.0)
+    y = np.full((3, 3), np.nan)
+    Samples.of(model, PlainLog("run", time, np.zeros((3, 3)), y))
+    y[0, 1] = 1.0
+    with pytest.raises(FilterError, match="output 'engine_speed' is measured but measurement_noise does not name it"):
+        Samples.of(model, PlainLog("run", time, np.zeros((3, 3)), y))
+
+
+def test_gaps_get_proportionally_more_steps() -> None:
+    time = np.array([0.0, 1.0, 2.05, 3.0, 7.1, 8.1])
+    assert interval_substeps(time, 5).tolist() == [5, 5, 5, 20, 5]
+    assert interval_substeps(np.array([3.0]), 5).size == 0
