@@ -104,7 +104,7 @@ def test_texts_of_nodes_lie_inside_their_boxes() -> None:
     ]
     for text in labels:
         width = text_width(text.text, text.size, text.bold)
-        width += text_width(text.lead + " ", text.lead_size, bold=True) if text.lead else 0.0
+        width += text_width(text.lead.text + " ", text.lead.size, bold=True) if text.lead else 0.0
         left = {"start": text.x, "middle": text.x - width / 2, "end": text.x - width}[text.anchor]
         assert any(
             box.left <= left and left + width <= box.right + 0.5 and box.top <= text.y <= box.bottom for box in boxes

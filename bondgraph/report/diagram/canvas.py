@@ -56,8 +56,17 @@ class Rectangle:
 
 
 @dataclass(frozen=True)
+class Lead:
+    """A bold word before a centred text, in a size and colour of its own."""
+
+    text: str
+    size: float
+    colour: str
+
+
+@dataclass(frozen=True)
 class Text:
-    """One line of text; ``y`` is its base line. ``lead`` stands before it, bold, in its own size and colour."""
+    """One line of text; ``y`` is its base line."""
 
     x: float
     y: float
@@ -68,9 +77,7 @@ class Text:
     bold: bool = False
     italic: bool = False
     role: str = ""
-    lead: str = ""
-    lead_size: float = 0.0
-    lead_colour: str = ""
+    lead: Lead | None = None
 
 
 Primitive = Line | Polygon | Rectangle | Text
@@ -139,10 +146,10 @@ def _svg(primitive: Primitive) -> str:
 
 
 def _lead(text: Text) -> str:
-    if not text.lead:
+    if text.lead is None:
         return ""
-    look = f'font-size="{_n(text.lead_size)}" fill="{text.lead_colour}" font-weight="bold"'
-    return f"<tspan {look}>{escape(text.lead)}</tspan> "
+    look = f'font-size="{_n(text.lead.size)}" fill="{text.lead.colour}" font-weight="bold"'
+    return f"<tspan {look}>{escape(text.lead.text)}</tspan> "
 
 
 def _dash(dash: Sequence[float]) -> str:
@@ -224,11 +231,12 @@ def _paint(axes: Axes, primitive: Primitive, order: int) -> None:
 
 def _without_lead(text: Text) -> list[Text]:
     """A text with a lead, centred, as two texts side by side."""
-    if not text.lead:
+    lead = text.lead
+    if lead is None:
         return [text]
-    lead = text_width(text.lead + " ", text.lead_size, bold=True)
-    start = text.x - (lead + text_width(text.text, text.size)) / 2
+    width = text_width(lead.text + " ", lead.size, bold=True)
+    start = text.x - (width + text_width(text.text, text.size)) / 2
     return [
-        Text(start, text.y, text.lead, text.lead_size, text.lead_colour, bold=True),
-        Text(start + lead, text.y, text.text, text.size, text.colour),
+        Text(start, text.y, lead.text, lead.size, lead.colour, bold=True),
+        Text(start + width, text.y, text.text, text.size, text.colour),
     ]

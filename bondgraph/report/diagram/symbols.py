@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from bondgraph.report.diagram.canvas import Line, Polygon, Primitive, Rectangle, Text
+from bondgraph.report.diagram.canvas import Lead, Line, Polygon, Primitive, Rectangle, Text
 from bondgraph.report.diagram.drawn import JUNCTIONS, DrawnNode, Stroke, local_name
 from bondgraph.report.diagram.geometry import Box, Path, Point
 from bondgraph.report.diagram.labels import (
@@ -49,44 +49,16 @@ def frame_parts(name: str, box: Box, depth: int) -> list[Primitive]:
 
 def node_parts(node: DrawnNode, label: Label, box: Box, colour: str, added: bool) -> list[Primitive]:
     """The text box of a node: junctions and two-ports with an outline, an added one marked."""
-    tooltip = f"{node.kind} {node.name}" + (f": {node.law}" if node.law else "")
-    parts: list[Primitive] = []
     x, y = box.centre[0], box.top + (box.height - label.height) / 2 + 3
     accent = ADDED if added else colour
+    parts: list[Primitive] = [_node_box(node, box, accent, added)]
     if node.kind in JUNCTIONS:
-        parts.append(Rectangle(box, "#ffffff", accent, 1.5, 9.0, role="node", tooltip=tooltip))
         parts.append(Text(x, y + 14, label.kind, KIND_SIZE + 2, accent, "middle", bold=True))
         parts.append(Text(x, y + 29, label.name, NAME_SIZE, INK, "middle"))
         y += 2 * LINE_HEIGHT
     else:
-        two_port = node.kind in ("TF", "GY")
-        outline = accent if added or two_port else "none"
-        dash = () if two_port or not added else (4.0, 3.0)
-        parts.append(
-            Rectangle(
-                box,
-                ADDED_FILL if added else "#ffffff" if two_port else "none",
-                outline,
-                1.2,
-                5.0,
-                dash,
-                role="node",
-                tooltip=tooltip,
-            )
-        )
-        parts.append(
-            Text(
-                x,
-                y + 13,
-                label.name,
-                NAME_SIZE,
-                INK,
-                "middle",
-                lead=label.kind,
-                lead_size=KIND_SIZE,
-                lead_colour=accent,
-            )
-        )
+        lead = Lead(label.kind, KIND_SIZE, accent)
+        parts.append(Text(x, y + 13, label.name, NAME_SIZE, INK, "middle", lead=lead))
         y += LINE_HEIGHT
     for line in label.law:
         parts.append(Text(x, y + 10, line, LAW_SIZE, QUIET, "middle"))
@@ -99,6 +71,17 @@ def node_parts(node: DrawnNode, label: Label, box: Box, colour: str, added: bool
         parts.append(Rectangle(Box(x - width / 2, y + 1, width, 14.0), ADDED, ADDED, 0.5, 6.0, role="badge"))
         parts.append(Text(x, y + 11.3, label.badge, BADGE_SIZE, "#ffffff", "middle", bold=True))
     return parts
+
+
+def _node_box(node: DrawnNode, box: Box, accent: str, added: bool) -> Rectangle:
+    tooltip = f"{node.kind} {node.name}" + (f": {node.law}" if node.law else "")
+    if node.kind in JUNCTIONS:
+        return Rectangle(box, "#ffffff", accent, 1.5, 9.0, role="node", tooltip=tooltip)
+    two_port = node.kind in ("TF", "GY")
+    fill = ADDED_FILL if added else "#ffffff" if two_port else "none"
+    outline = accent if added or two_port else "none"
+    dash = (4.0, 3.0) if added and not two_port else ()
+    return Rectangle(box, fill, outline, 1.2, 5.0, dash, role="node", tooltip=tooltip)
 
 
 def branch_part(point: Point, colour: str) -> Primitive:
