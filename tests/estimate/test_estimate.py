@@ -146,6 +146,15 @@ def test_result_has_the_agreed_form_and_is_json() -> None:
     assert result["converged"] is True
 
 
+def test_profiles_agree_with_wald_intervals_where_the_likelihood_is_a_parabola() -> None:
+    fit = estimate(lag_problem(1, ["mass", "std(speed)", "colour"], samples=40), ONE)
+    for name in ("mass", "std(speed)"):
+        assert fit.profile(name) == pytest.approx(fit.ci95[name], rel=0.03)
+    for name in ("colour", "masss"):
+        with pytest.raises(EstimationError, match="is not an identified parameter"):
+            fit.profile(name)
+
+
 def same(first: object, second: object) -> None:
     assert first.trace == second.trace
     assert first.evaluations == second.evaluations
