@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import json
 import math
+import textwrap
 from collections.abc import Sequence
 
 from bondgraph.errors import GenerationError
+
+_LINE = 120
 
 
 def one_line(text: str) -> str:
@@ -54,7 +57,7 @@ def number(value: float | None, what: str) -> str:
 
 
 def array(name: str, values: Sequence[float]) -> str:
-    """One line that makes a numpy vector.
+    """Text that makes a numpy vector, in lines of limited length.
 
     Examples
     --------
@@ -75,9 +78,15 @@ def grid(name: str, rows: Sequence[Sequence[float]]) -> str:
         [3.0, 4.0],
     ])
     """
-    lines = ",\n".join(f"    [{_numbers(name, row)}]" for row in rows)
+    lines = ",\n".join(f"    [{_numbers(name, row, 8)}]" for row in rows)
     return f"{name} = np.array([\n{lines},\n])"
 
 
-def _numbers(name: str, values: Sequence[float]) -> str:
-    return ", ".join(number(value, f"a value of {name}") for value in values)
+def _numbers(name: str, values: Sequence[float], indent: int = 4) -> str:
+    """Numbers on one line, or on lines of their own where they are many."""
+    texts = [number(value, f"a value of {name}") for value in values]
+    line = ", ".join(texts)
+    if len(line) <= _LINE:
+        return line
+    lines = textwrap.wrap(line, _LINE - indent)
+    return "\n" + "".join(f"{' ' * indent}{part.rstrip(',')},\n" for part in lines) + " " * (indent - 4)

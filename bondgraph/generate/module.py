@@ -21,7 +21,7 @@ from bondgraph.generate.literals import one_line
 from bondgraph.generate.names import identifiers, stems
 from bondgraph.generate.newton import LoopText, linear_solver_text, loop_text
 from bondgraph.generate.preamble import preamble
-from bondgraph.generate.tables import ENDINGS, table_text
+from bondgraph.generate.tables import ENDINGS, interpolant_text, sorted_orders, table_text
 
 _STACK = '''def _stack(x, rows):
     """Rows, each a number or of the batch shape of x, as one array of shape (len(rows), *batch)."""
@@ -92,14 +92,17 @@ def _calls(function: str, texts: Iterable[str]) -> bool:
 
 
 def _table_parts(equations: StateEquations, printer: ExpressionPrinter, code: Sequence[str]) -> list[str]:
+    """Interpolation and the tables that the code uses."""
     parts = []
+    needed: list[tuple[int, ...]] = []
     for table in equations.tables:
         stem = printer.table_stem(table.name)
         orders = [orders for name, orders in printer.used_tables if name == table.name]
         used = [order for order in orders if _calls(stem + derivative_ending(order), code)]
         if used:
             parts.append(table_text(table, stem, used))
-    return parts
+            needed += used
+    return [*map(interpolant_text, sorted_orders(needed)), *parts]
 
 
 def _printer(equations: StateEquations) -> ExpressionPrinter:

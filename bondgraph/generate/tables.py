@@ -11,7 +11,8 @@ with H, G the Hermite polynomials of value and slope, ``fx`` and ``fy`` the slop
 ``fxy`` the mean of the slopes of ``fx`` along y and of ``fy`` along x, so that a transposed table is the same surface.
 Outside the knots the value is held and the slope is zero.
 
-The slopes are computed here in plain floats, so that the text is the same on every machine.
+The slopes are computed here in plain floats, so that the text is the same on every machine. The polynomials are written
+once for all tables of a module, as ``_curve`` and ``_surface`` with one ending for each derivative that is used.
 """
 
 from __future__ import annotations
@@ -24,6 +25,7 @@ from bondgraph.errors import GenerationError
 from bondgraph.generate.expressions import derivative_ending
 from bondgraph.generate.literals import array, grid, one_line
 
+Orders = tuple[int, ...]
 Rows = list[list[float]]
 
 #: Endings of the names of a table's arrays and functions, none of which another table may use.
@@ -76,8 +78,8 @@ def _end_slope(width: float, next_width: float, secant: float, next_secant: floa
     return slope
 
 
-def table_text(table: Table, stem: str, orders: Iterable[tuple[int, ...]]) -> str:
-    """Arrays of a table and one function for each derivative that is used.
+def table_text(table: Table, stem: str, orders: Iterable[Orders]) -> str:
+    """Arrays of a table and one function for each derivative that is used; they call :func:`interpolant_text`.
 
     Parameters
     ----------
@@ -94,16 +96,61 @@ def table_text(table: Table, stem: str, orders: Iterable[tuple[int, ...]]) -> st
         If knots and values do not match, the knots do not increase, or a derivative above the second is asked for.
     """
     _check(table)
-    wanted = sorted(set(orders), key=lambda o: (sum(o), tuple(-i for i in o)))
-    for order in wanted:
-        if len(order) != (2 if table.y else 1) or max(order) > 2 or sum(order) > 2:
+    arrays = _surface_arrays(table, stem) if table.y else _curve_arrays(table, stem)
+    letters, kind = ("x, y", "surface") if table.y else ("x", "curve")
+    parts = ["\n".join(arrays)]
+    for order in sorted_orders(orders):
+        if len(order) != len(letters.split(",")) or sum(order) > 2:
             raise GenerationError(
                 f"table {table.name}: derivative of order {order} is not available"
                 " - use it with as many arguments as it has and no derivative above the second",
                 where=(table.name,),
             )
-    parts = _surface(table, stem, wanted) if table.y else _curve(table, stem, wanted)
+        ending = derivative_ending(order)
+        names = ", ".join(line.partition(" = ")[0] for line in arrays)
+        parts.append(
+            f"def {stem}{ending}({letters}):\n"
+            f'    """{_purpose(table, order)}"""\n'
+            f"    return _{kind}{ending}({letters}, {names})"
+        )
     return "\n\n\n".join(parts)
+
+
+def interpolant_text(orders: Orders) -> str:
+    """The function that interpolates in all tables of as many arguments as there are orders, or that derivative of it.
+
+    Examples
+    --------
+    >>> print(interpolant_text((0,)).splitlines()[0])
+    def _curve(x, knots, values, slopes):
+    """
+    what = _derivatives(orders) or "value"
+    if len(orders) == 1:
+        lines = [
+            f"def _curve{derivative_ending(orders)}(x, knots, values, slopes):",
+            f'    """Piecewise cubic Hermite polynomial: {what}, {_beyond(orders)}."""',
+            *_located("x", "knots", "i", "s", "h"),
+            *_basis(orders[0], "s", "h", "a"),
+        ]
+        return "\n".join([*lines, f"    return {_held(_along('a', 'values', 'slopes'), orders)}"])
+    lines = [
+        f"def _surface{derivative_ending(orders)}(x, y, knots_x, knots_y, values, slopes_x, slopes_y, twists):",
+        f'    """Product of piecewise cubic Hermite polynomials in x and y: {what}, {_beyond(orders)}."""',
+        *_located("x", "knots_x", "i", "s", "h"),
+        *_located("y", "knots_y", "j", "r", "k"),
+        *_basis(orders[0], "s", "h", "a"),
+        *_basis(orders[1], "r", "k", "p"),
+    ]
+    for number, row in enumerate(("i", "i + 1")):
+        lines += [f"    value_{number} = {_along('p', 'values', 'slopes_y', row, 'j')}"]
+        lines += [f"    slope_{number} = {_along('p', 'slopes_x', 'twists', row, 'j')}"]
+    total = "a0*value_0 + a1*value_1 + b0*slope_0 + b1*slope_1"
+    return "\n".join([*lines, f"    return {_held(total, orders)}"])
+
+
+def sorted_orders(orders: Iterable[Orders]) -> list[Orders]:
+    """Orders without repetition, the value first, then first derivatives, in x before y."""
+    return sorted(set(orders), key=lambda order: (sum(order), tuple(-i for i in order)))
 
 
 def _check(table: Table) -> None:
@@ -123,20 +170,13 @@ def _check(table: Table) -> None:
         )
 
 
-def _curve(table: Table, stem: str, wanted: list[tuple[int, ...]]) -> list[str]:
+def _curve_arrays(table: Table, stem: str) -> list[str]:
     values = [float(value) for value in table.values if not isinstance(value, tuple)]
     arrays = {"_x": table.x, "_v": values, "_d": pchip_slopes(table.x, values)}
-    parts = ["\n".join(array(stem + ending, numbers) for ending, numbers in arrays.items())]
-    for (order,) in wanted:
-        lines = [f"def {stem}{derivative_ending((order,))}(x):", f'    """{_purpose(table, (order,))}"""']
-        lines += _located("x", "i", "s", "h", stem)
-        lines += _basis(order, "s", "h", "a")
-        sum_text = f"a0*{stem}_v[i] + a1*{stem}_v[i + 1] + b0*{stem}_d[i] + b1*{stem}_d[i + 1]"
-        parts.append("\n".join([*lines, f"    return {_held(sum_text, stem, (order,))}"]))
-    return parts
+    return [array(stem + ending, numbers) for ending, numbers in arrays.items()]
 
 
-def _surface(table: Table, stem: str, wanted: list[tuple[int, ...]]) -> list[str]:
+def _surface_arrays(table: Table, stem: str) -> list[str]:
     values = [[float(value) for value in row] for row in table.values if isinstance(row, tuple)]
     along_x = _transposed([pchip_slopes(table.x, column) for column in _transposed(values)])
     along_y = [pchip_slopes(table.y, row) for row in values]
@@ -144,30 +184,12 @@ def _surface(table: Table, stem: str, wanted: list[tuple[int, ...]]) -> list[str
     second = _transposed([pchip_slopes(table.x, column) for column in _transposed(along_y)])
     cross = [[(a + b) / 2 for a, b in zip(p, q, strict=True)] for p, q in zip(first, second, strict=True)]
     grids = {"_v": values, "_dx": along_x, "_dy": along_y, "_dxy": cross}
-    arrays = [array(f"{stem}_x", table.x), array(f"{stem}_y", table.y)]
-    parts = ["\n".join(arrays + [grid(stem + ending, rows) for ending, rows in grids.items()])]
-    for orders in wanted:
-        lines = [f"def {stem}{derivative_ending(orders)}(x, y):", f'    """{_purpose(table, orders)}"""']
-        lines += _located("x", "i", "s", "h", stem) + _located("y", "j", "r", "k", stem)
-        lines += _basis(orders[0], "s", "h", "a") + _basis(orders[1], "r", "k", "p")
-        for i, row in enumerate(("i", "i + 1")):
-            lines += [f"    value_{i} = {_along_row(stem, '_v', '_dy', row)}"]
-            lines += [f"    slope_{i} = {_along_row(stem, '_dx', '_dxy', row)}"]
-        sum_text = "a0*value_0 + a1*value_1 + b0*slope_0 + b1*slope_1"
-        parts.append("\n".join([*lines, f"    return {_held(sum_text, stem, orders)}"]))
-    return parts
+    knots = [array(f"{stem}_x", table.x), array(f"{stem}_y", table.y)]
+    return knots + [grid(stem + ending, rows) for ending, rows in grids.items()]
 
 
-def _along_row(stem: str, values: str, slopes: str, row: str) -> str:
-    return (
-        f"p0*{stem}{values}[{row}, j] + p1*{stem}{values}[{row}, j + 1]"
-        f" + q0*{stem}{slopes}[{row}, j] + q1*{stem}{slopes}[{row}, j + 1]"
-    )
-
-
-def _located(argument: str, index: str, fraction: str, width: str, stem: str) -> list[str]:
+def _located(argument: str, knots: str, index: str, fraction: str, width: str) -> list[str]:
     """Lines that find the interval of an argument, its width and where in it the argument lies, held at the ends."""
-    knots = f"{stem}_{argument}"
     return [
         f'    {index} = np.searchsorted({knots}[1:-1], {argument}, side="right")',
         f"    {width} = {knots}[{index} + 1] - {knots}[{index}]",
@@ -176,30 +198,48 @@ def _located(argument: str, index: str, fraction: str, width: str, stem: str) ->
 
 
 def _basis(order: int, fraction: str, width: str, first: str) -> list[str]:
-    second = chr(ord(first) + 1)
-    names = (f"{first}0", f"{first}1", f"{second}0", f"{second}1")
+    names = (f"{letter}{end}" for letter in (first, chr(ord(first) + 1)) for end in (0, 1))
     return [f"    {name} = {text.format(s=fraction, h=width)}" for name, text in zip(names, _BASIS[order], strict=True)]
 
 
-def _held(text: str, stem: str, orders: tuple[int, ...]) -> str:
+def _along(first: str, values: str, slopes: str, row: str = "", index: str = "i") -> str:
+    """The cubic between two neighbouring points of a vector, or of a row of a matrix."""
+    second, at = chr(ord(first) + 1), f"{row}, {index}" if row else index
+    return (
+        f"{first}0*{values}[{at}] + {first}1*{values}[{at} + 1]"
+        f" + {second}0*{slopes}[{at}] + {second}1*{slopes}[{at} + 1]"
+    )
+
+
+def _held(text: str, orders: Orders) -> str:
     """The text, or zero beyond the ends of the arguments in which it is a slope."""
+    names = {"x": "knots"} if len(orders) == 1 else {"x": "knots_x", "y": "knots_y"}
     beyond = [
-        f"({argument} < {stem}_{argument}[0]) | ({argument} > {stem}_{argument}[-1])"
-        for argument, order in zip("xy", orders, strict=False)
+        f"({argument} < {knots}[0]) | ({argument} > {knots}[-1])"
+        for (argument, knots), order in zip(names.items(), orders, strict=True)
         if order
     ]
     return f"np.where({' | '.join(beyond)}, 0.0, {text})" if beyond else text
 
 
-def _purpose(table: Table, orders: tuple[int, ...]) -> str:
-    names = [
+def _purpose(table: Table, orders: Orders) -> str:
+    unit = f" [{table.unit}]" if table.unit else ""
+    meaning = f": {table.meaning}" if table.meaning else ""
+    what = f"; {found}" if (found := _derivatives(orders)) else ""
+    return one_line(f"Table {table.name}{unit}{meaning}{what}, {_beyond(orders)}.")
+
+
+def _derivatives(orders: Orders) -> str:
+    named = [
         f"{('first', 'second')[order - 1]} derivative in {argument}"
         for argument, order in zip("xy", orders, strict=False)
         if order
     ]
-    what = f"{' and '.join(names)}, zero beyond the ends" if names else "held beyond the ends"
-    unit = f" [{table.unit}]" if table.unit else ""
-    return one_line(f"Table {table.name}{unit}{': ' if table.meaning else ''}{table.meaning}; {what}.")
+    return " and ".join(named)
+
+
+def _beyond(orders: Orders) -> str:
+    return "zero beyond the ends" if any(orders) else "held beyond the ends"
 
 
 def _transposed(rows: Rows) -> Rows:

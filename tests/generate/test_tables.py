@@ -13,7 +13,7 @@ from scipy.interpolate import PchipInterpolator
 
 from bondgraph.declare.quantities import Table
 from bondgraph.errors import GenerationError
-from bondgraph.generate.tables import pchip_slopes, table_text
+from bondgraph.generate.tables import interpolant_text, pchip_slopes, table_text
 
 Load = Callable[[str], SimpleNamespace]
 
@@ -28,9 +28,13 @@ VALUES = ((0.0, 1.0, 4.0), (2.0, 2.5, 2.0), (1.0, 5.0, 6.0), (3.0, -1.0, 0.5))
 ORDERS = ((0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2))
 
 
+def _module(table: Table, stem: str, orders: tuple[tuple[int, ...], ...]) -> str:
+    return "\n\n".join(["import numpy as np", *map(interpolant_text, orders), table_text(table, stem, orders)])
+
+
 def _curve(load: Load, name: str) -> SimpleNamespace:
     table = Table("t", *CURVES[name])
-    return load("import numpy as np\n" + table_text(table, "curve", [(0,), (1,), (2,)]))
+    return load(_module(table, "curve", ((0,), (1,), (2,))))
 
 
 @pytest.mark.parametrize("name", CURVES)
@@ -67,13 +71,13 @@ def test_a_curve_passes_through_its_points_and_is_held_beyond_them(load: Load, n
 
 
 def test_a_constant_table_is_constant(load: Load) -> None:
-    made = load("import numpy as np\n" + table_text(Table("t", (0.0, 1.0, 2.0), (3.0, 3.0, 3.0)), "f", [(0,), (1,)]))
+    made = load(_module(Table("t", (0.0, 1.0, 2.0), (3.0, 3.0, 3.0)), "f", ((0,), (1,))))
     np.testing.assert_allclose(made.f(np.linspace(-1, 3, 50)), 3.0, rtol=5e-16)
     assert set(made.f_d1(np.linspace(-1, 3, 50))) == {0.0}
 
 
 def _surface(load: Load, table: Table, stem: str = "surface") -> SimpleNamespace:
-    return load("import numpy as np\n" + table_text(table, stem, ORDERS))
+    return load(_module(table, stem, ORDERS))
 
 
 def test_a_surface_passes_through_its_points_and_along_rows_and_columns_is_a_curve(load: Load) -> None:
@@ -142,6 +146,16 @@ def test_only_the_functions_that_are_used_are_written() -> None:
     text = table_text(Table("t", (0.0, 1.0), (0.0, 1.0), meaning='odd "text"\nin two lines'), "f", [(1,), (1,)])
     assert text.count("def ") == 1 and "def f_d1(x):" in text
     assert 'Table t: odd "text" in two lines; first derivative in x, zero beyond the ends.' in text
+
+
+def test_long_tables_are_written_in_lines_a_person_can_read(load: Load) -> None:
+    x = tuple(i / 7 for i in range(100))
+    rows = tuple(tuple(a * b for b in x) for a in x[:3])
+    for table, orders in ((Table("t", x, x), (0,)), (Table("t", x[:3], rows, x), (0, 0))):
+        text = _module(table, "f", (orders,))
+        assert max(map(len, text.splitlines())) <= 120
+        made = load(text)
+        np.testing.assert_array_equal(made.f_v, table.values)
 
 
 @pytest.mark.parametrize(
