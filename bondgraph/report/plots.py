@@ -19,7 +19,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from bondgraph.estimate.objective import TraceRow
-from bondgraph.report.series import ChannelSeries, FloatArray, MissingEffort, Prediction
+from bondgraph.report.series import ChannelSeries, FloatArray, MissingEffort, Prediction, StateBand
 from bondgraph.simulate.model import InputInfo, OutputInfo, StateInfo
 from bondgraph.simulate.trajectory import Trajectory
 
@@ -98,6 +98,26 @@ def residual_figure(series: Sequence[ChannelSeries]) -> Figure:
                     _residual(axes, one, predicted, colour)
                 axes.set_ylabel(f"{one.channel}\n[{one.unit}]" if column == 0 else "")
         _finish(figure, panels, [f"measured minus {_TITLES[kind]}" for kind in columns], measured=False)
+    return figure
+
+
+def state_figure(bands: Sequence[StateBand], title: str = "") -> Figure:
+    """States with their 95 % bands over time, a panel each, and the measurements where there are any."""
+    with _style():
+        figure = Figure(figsize=(8.5, 0.8 + 1.6 * len(bands)), layout="constrained")
+        panels = figure.subplots(len(bands), 1, sharex=True, squeeze=False)[:, 0]
+        for axes, band in zip(panels, bands, strict=True):
+            _dots(axes, band.time, band.measured)
+            for sign in (-1.0, 1.0):
+                time, edge = thinned(band.time, band.mean + sign * 1.96 * band.std)
+                axes.plot(time, edge, color=AFTER, linewidth=0.6, alpha=0.6)
+            step = max(1, band.time.size // MOST_POINTS)
+            low, high = (band.mean + sign * 1.96 * band.std for sign in (-1.0, 1.0))
+            axes.fill_between(band.time[::step], low[::step], high[::step], color=AFTER, alpha=0.18, linewidth=0)
+            _line(axes, band.time, band.mean, AFTER)
+            axes.set_ylabel(f"{band.name}\n[{band.unit}]")
+        panels[0].set_title(title)
+        panels[-1].set_xlabel("time [s]")
     return figure
 
 

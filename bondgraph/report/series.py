@@ -41,6 +41,18 @@ class ChannelSeries:
 
 
 @dataclass(frozen=True)
+class StateBand:
+    """A state as a filter or smoother knows it: ``mean``, ``std`` and what was measured of it (or NaN), each (n,)."""
+
+    name: str
+    unit: str
+    time: FloatArray
+    mean: FloatArray
+    std: FloatArray
+    measured: FloatArray
+
+
+@dataclass(frozen=True)
 class MissingEffort:
     """The missing effort (or flow) at a place against another quantity, with the law found.
 

@@ -1,0 +1,152 @@
+"""From the values of the other rooms to those of the report: predictions, parameters, effects, versions."""
+
+from __future__ import annotations
+
+import importlib.metadata
+import importlib.util
+import platform
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+import bondgraph
+from bondgraph.data.log import MatchedLog
+from bondgraph.declare.effect import Effect, Place
+from bondgraph.declare.graph import BondGraph
+from bondgraph.filter.filter_run import FilterRun
+from bondgraph.report.series import (
+    ChannelSeries,
+    Coefficient,
+    FoundEffect,
+    ParameterChange,
+    Prediction,
+    StateBand,
+)
+from bondgraph.simulate.model import Model
+from bondgraph.simulate.trajectory import Trajectory
+
+LIBRARIES = ("numpy", "scipy", "sympy", "numba")
+
+
+@dataclass(frozen=True)
+class Runs:
+    """What one model makes of one log: the filter's record and the free simulation, at the samples of the log."""
+
+    filtered: FilterRun | None = None
+    simulated: Trajectory | None = None
+
+    def prediction(self, row: int) -> Prediction:
+        """The predictions of one output."""
+        return Prediction(
+            None if self.filtered is None else self.filtered.output_mean[row],
+            None if self.simulated is None else self.simulated.y[row],
+        )
+
+
+def channel_series(
+    model: Model,
+    log: MatchedLog,
+    before: Runs,
+    after: Runs | None = None,
+    noise_std: Mapping[str, float] | None = None,
+    held_out: bool = False,
+) -> tuple[ChannelSeries, ...]:
+    """The measured channels of a log with the predictions before and after a correction.
+
+    Parameters
+    ----------
+    model
+        A model whose outputs are the rows of ``log.y``; those of the runs must be the same.
+    noise_std
+        Standard deviation of each sensor's noise, by output.
+
+    Examples
+    --------
+    >>> from bondgraph.simulate.example import pendulum
+    >>> from bondgraph.simulate.simulate import simulate
+    >>> swing = simulate(pendulum(), np.arange(20) * 0.05)
+    >>> log = MatchedLog("swing", swing.time, swing.u, swing.y + 0.01)
+    >>> (one,) = channel_series(pendulum(), log, Runs(simulated=swing), noise_std={"deflection": 0.01})
+    >>> one.channel, one.unit, one.noise_std
+    ('deflection', 'm', 0.01)
+    """
+    known = noise_std or {}
+    return tuple(
+        ChannelSeries(
+            log.name, output.name, output.unit, log.time, log.y[row], before.prediction(row),
+            None if after is None else after.prediction(row), known.get(output.name, float("nan")), held_out,
+        )
+        for row, output in enumerate(model.outputs)
+        if np.isfinite(log.y[row]).any()
+    )  # fmt: skip
+
+
+def state_bands(run: FilterRun, smoothed: FilterRun | None = None) -> tuple[StateBand, ...]:
+    """Filtered states with their standard deviations, and the measurement where an output is that state.
+
+    Parameters
+    ----------
+    run
+        The record of the filter.
+    smoothed
+        A record whose filtered beliefs are smoothed ones, if there is one: its means and bands are shown instead.
+    """
+    model = run.filter_model.model
+    units = {info.name: info.unit for info in model.states} | {info.name: info.unit for info in model.parameters}
+    shown = smoothed or run
+    bands = []
+    for name in run.filter_model.state_names:
+        mean = shown.mean(name)
+        measured = next(
+            (run.y[row] for row, info in enumerate(model.outputs) if info.name == name), np.full(run.time.size, np.nan)
+        )
+        bands.append(StateBand(name, units[name], run.time, mean, shown.std(name), measured))
+    return tuple(bands)
+
+
+def parameter_changes(
+    model: Model,
+    before: Mapping[str, float],
+    after: Mapping[str, float],
+    ci95: Mapping[str, tuple[float, float]],
+    at_bound: Sequence[str] = (),
+) -> tuple[ParameterChange, ...]:
+    """The estimated parameters of a model, in its order; what is not a parameter (noise levels, states) is left out."""
+    return tuple(
+        ParameterChange(
+            info.name, info.unit, before.get(info.name, info.value), after[info.name],
+            ci95.get(info.name, (float("nan"), float("nan"))), info.name in at_bound, info.meaning,
+        )
+        for info in model.parameters
+        if info.name in after
+    )  # fmt: skip
+
+
+def found_effect(
+    effect: Effect,
+    place: Place,
+    model: Model,
+    values: Mapping[str, float],
+    ci95: Mapping[str, tuple[float, float]],
+    evidence: Sequence[tuple[str, str]] = (),
+) -> FoundEffect:
+    """An added effect with its coefficients as the corrected ``model`` and its estimate give them."""
+    units = {info.name: info.unit for info in model.parameters}
+    coefficients = tuple(
+        Coefficient(name, values[name], units[name], ci95.get(name, (float("nan"), float("nan"))))
+        for name in effect.coefficients
+    )
+    return FoundEffect(effect.name, effect.element, place.label, effect.law, coefficients, tuple(evidence))
+
+
+def added_nodes(before: BondGraph, after: BondGraph) -> frozenset[str]:
+    """Names of the nodes that a correction added, parts flattened: those to mark in the drawing."""
+    return frozenset(after.flatten().nodes) - frozenset(before.flatten().nodes)
+
+
+def versions() -> tuple[tuple[str, str], ...]:
+    """Versions of the toolkit, of Python and of the libraries that results depend on."""
+    installed = [name for name in LIBRARIES if importlib.util.find_spec(name) is not None]
+    libraries = ((name, importlib.metadata.version(name)) for name in installed)
+    return (("bondgraph", bondgraph.__version__), ("Python", platform.python_version()), *libraries)
