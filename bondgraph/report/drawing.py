@@ -16,7 +16,7 @@ from bondgraph.errors import DeclarationError, OptionError, suggest
 from bondgraph.report.declared import drawing_of
 from bondgraph.report.diagram.canvas import Line, Picture, Primitive, Rectangle, Text, figure, svg_text
 from bondgraph.report.diagram.drawn import JUNCTIONS, Drawing, DrawnBond, DrawnNode, Kind, Stroke
-from bondgraph.report.diagram.geometry import Box
+from bondgraph.report.diagram.geometry import Box, path_from
 from bondgraph.report.diagram.layout import Layout, lay_out
 from bondgraph.report.diagram.symbols import (
     ADDED,
@@ -141,10 +141,12 @@ def _graph_parts(
     """Frames, signals, bonds and nodes, from back to front."""
     for frame in layout.frames:
         yield from frame_parts(frame.name, frame.box, frame.depth)
-    for (source, target), path in zip(drawing.signals, layout.signals, strict=True):
-        yield from signal_parts(path, ADDED if source in highlight or target in highlight else SIGNAL)
-    for source, point in layout.branches:
-        yield branch_part(point, ADDED if source in highlight else SIGNAL)
+    branches = dict(layout.branches)
+    for k, ((source, target), path) in enumerate(zip(drawing.signals, layout.signals, strict=True)):
+        colour = ADDED if source in highlight or target in highlight else SIGNAL
+        if k in branches:
+            yield branch_part(branches[k], colour)
+        yield from signal_parts(path_from(path, branches[k]) if k in branches else path, colour)
     for bond, path, domain in zip(drawing.bonds, layout.bonds, domains, strict=True):
         marked = bond.source in highlight or bond.target in highlight
         yield from bond_parts(path, bond.stroke, ADDED if marked else domain_colour(domain), 2.4 if marked else 1.6)

@@ -8,7 +8,7 @@ import random
 import pytest
 
 from bondgraph.report.diagram.drawn import Drawing, DrawnBond, DrawnNode, frame_of, other_end
-from bondgraph.report.diagram.geometry import Path, path_crossings, segments
+from bondgraph.report.diagram.geometry import Path, path_crossings, path_from, segments
 from bondgraph.report.diagram.layout import Layout, lay_out
 from tests.report.samples import SAMPLES
 
@@ -116,6 +116,21 @@ def test_rings_keep_clear_of_labels_and_of_each_other(seed: int) -> None:
     check_no_overlaps(drawing, layout)
     check_ends(drawing, layout)
     assert not any(on_one_line(a, b) for a, b in itertools.combinations(layout.bonds, 2))
+
+
+def test_signals_of_one_source_branch_where_they_part() -> None:
+    drawing = SAMPLES["vehicle"]()
+    layout = lay_out(drawing)
+    assert layout.branches
+    for index, point in layout.branches:
+        source = drawing.signals[index][0]
+        others = [
+            path
+            for k, path in enumerate(layout.signals)
+            if k != index and drawing.signals[k][0] == source and path_from(path, point) != path
+        ]
+        assert path_from(layout.signals[index], point)[0] == point
+        assert others, f"no other signal of {source} passes the branch"
 
 
 def test_crossings_are_counted() -> None:

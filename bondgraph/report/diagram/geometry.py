@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 
@@ -144,3 +145,18 @@ def cross(first: tuple[Point, Point], second: tuple[Point, Point]) -> bool:
 def path_crossings(first: Path, second: Path) -> int:
     """How often two polylines cross."""
     return sum(cross(piece, other) for piece in segments(first) for other in segments(second))
+
+
+def path_from(path: Path, point: Point) -> Path:
+    """The part of a polyline after a point that lies on it; all of it if the point does not.
+
+    Examples
+    --------
+    >>> path_from(((0, 0), (4, 0), (4, 6)), (3, 0))
+    ((3, 0), (4, 0), (4, 6))
+    """
+    for k, (start, end) in enumerate(segments(path)):
+        around = math.dist(start, point) + math.dist(point, end)
+        if around - math.dist(start, end) < 1e-6 and point != path[-1]:
+            return simplified((point, *path[k + 1 :]))
+    return path

@@ -44,7 +44,8 @@ class Layout:
     """Positions of all parts of a drawing.
 
     ``bonds`` and ``signals`` are polylines in the order of the drawing, from source to target, ending at the edges of
-    the boxes; ``branches`` are the points where signals of one source part.
+    the boxes; ``branches`` are the points where a signal, by index, leaves an
+    earlier one of the same source.
     """
 
     boxes: Mapping[str, Box]
@@ -52,7 +53,7 @@ class Layout:
     frames: tuple[Frame, ...]
     bonds: tuple[Path, ...]
     signals: tuple[Path, ...] = ()
-    branches: tuple[tuple[str, Point], ...] = ()
+    branches: tuple[tuple[int, Point], ...] = ()
 
     @property
     def extent(self) -> Box:
@@ -68,7 +69,7 @@ class Layout:
             tuple(Frame(frame.name, frame.box.moved(dx, dy), frame.depth) for frame in self.frames),
             tuple(moved_path(path, dx, dy) for path in self.bonds),
             tuple(moved_path(path, dx, dy) for path in self.signals),
-            tuple((source, (x + dx, y + dy)) for source, (x, y) in self.branches),
+            tuple((index, (x + dx, y + dy)) for index, (x, y) in self.branches),
         )
 
     @property

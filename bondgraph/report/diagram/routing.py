@@ -25,7 +25,7 @@ class Signals:
     """Polylines of the signals, from the edge of the source's box to that of the target's, and where they branch."""
 
     paths: tuple[Path, ...] = ()
-    branches: tuple[tuple[str, Point], ...] = ()
+    branches: tuple[tuple[int, Point], ...] = ()
 
 
 def route_signals(
@@ -35,7 +35,7 @@ def route_signals(
     keep_out: Sequence[Box] = (),
     frames: Sequence[Box] = (),
 ) -> Signals:
-    """Route the signals; each branch is given with the name of the source.
+    """Route the signals; a branch is where one (by its index) leaves the way of an earlier one of the same source.
 
     Parameters
     ----------
@@ -57,7 +57,7 @@ def route_signals(
     for frame in frames:
         field_.mark_outline(frame)
     routes: dict[int, Path] = {}
-    branches: list[tuple[str, Point]] = []
+    branches: list[tuple[int, Point]] = []
     for k in order:
         source, target = signals[k]
         cells = _search(field_, source, boxes[source], boxes[target])
@@ -66,7 +66,7 @@ def route_signals(
             continue
         shared = [cell for cell in cells if source in field_.users.get(cell, ())]
         if shared:
-            branches.append((source, field_.point(shared[-1])))
+            branches.append((k, field_.point(shared[-1])))
         field_.occupy(cells, source)
         routes[k] = _attached(field_, cells, boxes[source], boxes[target])
     return Signals(tuple(routes[k] for k in range(len(signals))), tuple(branches))
