@@ -164,7 +164,7 @@ def _work(filter_model: FilterModel) -> kernel.Work:
         "x": (n_x,),
         "u": (len(model.inputs),),
         "y": (n_y,),
-        "stages": (5, n_x),
+        "stages": (3, n_x),
     }
     arrays = {name: np.zeros(shape) for name, shape in shapes.items()}
     return kernel.Work(channels=np.zeros(n_y, dtype=np.int64), **arrays)

@@ -81,7 +81,7 @@ class Work(NamedTuple):
     """Scratch of one thread.
 
     The belief: mean (n_s,), cov and its lower factor (n_s, n_s). Points (2 n_s + 1, n_s) and their outputs
-    (2 n_s + 1, n_y). The scalar model's arguments: theta, x, u, y and the stages (5, n_x) of a step.
+    (2 n_s + 1, n_y). The scalar model's arguments: theta, x, u, y and the stages (3, n_x) of a step.
     """
 
     mean: FloatArray

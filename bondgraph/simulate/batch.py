@@ -118,7 +118,7 @@ def _in_kernel(
         x=np.empty(n_x),
         y=np.empty(n_y),
         u=np.empty(n_u),
-        stages=np.empty((5, n_x)),
+        stages=np.empty((3, n_x)),
     )
     functions = task.model.compiled
     simulate_members = load_kernel(batch_kernel).simulate_members

@@ -22,7 +22,7 @@ from types import ModuleType
 from typing import Any
 
 from bondgraph.errors import ModelError
-from bondgraph.simulate import points_kernel, rk4_kernel
+from bondgraph.simulate import points_kernel, rk4_kernel, table_kernel
 from bondgraph.simulate.arrays import FloatArray, IntArray
 from bondgraph.simulate.cache import store
 from bondgraph.simulate.loader import parse_module
@@ -121,7 +121,8 @@ def model_source(model: Model) -> str:
     """The source that numba compiles for one model."""
     parts = [
         _HEADER.format(title=f"Compiled form of the generated module {model.name!r}"),
-        scalar_source(parse_module(model.text, model.name), "@_jit"),
+        *_functions(table_kernel, "@_inner\n"),
+        scalar_source(parse_module(model.text, model.name), "@_jit", "@_inner"),
         *_functions(rk4_kernel, "@_inner\n"),
         *_functions(points_kernel, ""),
     ]

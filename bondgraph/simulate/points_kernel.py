@@ -4,7 +4,7 @@ These two functions are compiled with the model and called by address, so that t
 are compiled once for all models. They are also where states side by side can become SIMD lanes.
 
 ``points`` (n_points, n_x + n_appended) holds one state per row; its last columns stand in ``theta`` at ``appended``.
-``x``, ``y``, ``u_now`` and ``stages`` (5, n_x) are scratch.
+``x``, ``y``, ``u_now`` and ``stages`` (3, n_x) are scratch.
 """
 
 from __future__ import annotations

@@ -3,6 +3,7 @@
     rhs(t, x, u, theta) -> array     becomes   rhs_into(t, x, u, theta, out_)      for one state, without allocation
     np.where(c, a, b)                becomes   a if c else b
     np.all(c), np.any(c)             become    c
+    np.searchsorted(..."right")      becomes   search_right(...), see bondgraph.simulate.table_kernel
     return _stack(x, (a, b))         becomes   out_[0] = a; out_[1] = b
 
 Tables and the Newton functions of algebraic loops (every other function of the module) are rewritten in the same way
@@ -23,15 +24,15 @@ RESULT = "out_"
 _EQUATIONS = {"rhs": "rhs_into", "output": "output_into"}
 
 
-def scalar_source(tree: ast.Module, decorator: str = "") -> str:
+def scalar_source(tree: ast.Module, decorator: str = "", helper_decorator: str = "") -> str:
     r"""Constants and scalar functions of a generated module as Python text.
 
     Parameters
     ----------
     tree
         The module, as :func:`bondgraph.simulate.loader.parse_module` gives it.
-    decorator
-        Line put before every function, such as ``@jit``.
+    decorator, helper_decorator
+        Lines put before the equations, and before the functions they call, such as ``@jit``.
 
     Raises
     ------
@@ -51,7 +52,8 @@ def scalar_source(tree: ast.Module, decorator: str = "") -> str:
             parts.append(ast.unparse(node))
         elif isinstance(node, ast.FunctionDef) and node.name != "_stack":
             function = ast.fix_missing_locations(_scalar_function(node))
-            parts.append((f"{decorator}\n" if decorator else "") + ast.unparse(function))
+            line = decorator if node.name in _EQUATIONS else helper_decorator
+            parts.append((f"{line}\n" if line else "") + ast.unparse(function))
     return "\n\n".join(parts)
 
 
@@ -108,7 +110,10 @@ class _Scalar(ast.NodeTransformer):
 
     def visit_Call(self, node: ast.Call) -> ast.expr:
         self.generic_visit(node)
-        rewrite = _REWRITES.get(_numpy_name(node.func))
+        name = _numpy_name(node.func)
+        if name == "searchsorted" and [ast.unparse(keyword) for keyword in node.keywords] == ["side='right'"]:
+            return ast.Call(func=ast.Name(id="search_right", ctx=ast.Load()), args=node.args, keywords=[])
+        rewrite = _REWRITES.get(name)
         return node if rewrite is None else rewrite(node.args)
 
     def visit_BinOp(self, node: ast.BinOp) -> ast.expr:
