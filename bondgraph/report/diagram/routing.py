@@ -12,10 +12,13 @@ from dataclasses import dataclass, field
 from bondgraph.report.diagram.geometry import Box, Path, Point, bounding_box, segments, simplified
 from bondgraph.report.diagram.search import BLOCKED, cheapest_path
 
-STEP = 8.0
+#: Cell size in pixels, and that of large drawings, which have more than so many cells.
+STEP, LARGEST_STEP, MANY_CELLS = 8.0, 12.0, 60000
 MARGIN = 5
 ON_BOND, NEAR_BOND, ON_MARK, ON_SIGNAL, ON_OUTLINE, BEND = 9.0, 2.5, 40.0, 9.0, 2.5, 5.0
-OWN_SIGNAL = 0.3
+OWN_SIGNAL = 0.4
+#: How far, in cells, a signal may stray from the area between its ends before it is looked for everywhere.
+REACH = 28
 MARK_LENGTH = 15.0
 _MOVES = ((1, 0), (0, 1), (-1, 0), (0, -1))
 
@@ -84,6 +87,7 @@ Cell = tuple[int, int]
 class _Field:
     """Cost of entering each cell of a regular grid, and which sources' signals run through it."""
 
+    step: float
     left: float
     top: float
     columns: int
@@ -94,26 +98,22 @@ class _Field:
     @staticmethod
     def around(boxes: Sequence[Box], bonds: Sequence[Path]) -> _Field:
         whole = bounding_box(boxes)
-        columns = math.ceil(whole.width / STEP) + 2 * MARGIN
-        rows = math.ceil(whole.height / STEP) + 2 * MARGIN
-        made = _Field(whole.left - MARGIN * STEP, whole.top - MARGIN * STEP, columns, rows, [1.0] * (columns * rows))
+        step = min(max(STEP, math.sqrt(whole.width * whole.height / MANY_CELLS)), LARGEST_STEP)
+        columns = math.ceil(whole.width / step) + 2 * MARGIN
+        rows = math.ceil(whole.height / step) + 2 * MARGIN
+        left, top = whole.left - MARGIN * step, whole.top - MARGIN * step
+        made = _Field(step, left, top, columns, rows, [1.0] * (columns * rows))
         for path in bonds:
             made._mark_bond(path)
         for box in boxes:
             made._block(box.grown(4))
-        for x in range(columns):
-            made._raise((x, 0), BLOCKED)
-            made._raise((x, rows - 1), BLOCKED)
-        for y in range(rows):
-            made._raise((0, y), BLOCKED)
-            made._raise((columns - 1, y), BLOCKED)
         return made
 
     def cell(self, point: Point) -> Cell:
-        return round((point[0] - self.left) / STEP), round((point[1] - self.top) / STEP)
+        return round((point[0] - self.left) / self.step), round((point[1] - self.top) / self.step)
 
     def point(self, cell: Cell) -> Point:
-        return self.left + cell[0] * STEP, self.top + cell[1] * STEP
+        return self.left + cell[0] * self.step, self.top + cell[1] * self.step
 
     def inside(self, cell: Cell) -> bool:
         return 0 <= cell[0] < self.columns and 0 <= cell[1] < self.rows
@@ -129,8 +129,8 @@ class _Field:
         done = 0.0
         for a, b in segments(path):
             piece = math.dist(a, b)
-            for k in range(max(int(piece / (STEP / 2)), 1) + 1):
-                along = min(k * STEP / 2, piece)
+            for k in range(max(int(piece / (self.step / 2)), 1) + 1):
+                along = min(k * self.step / 2, piece)
                 share = along / piece if piece else 0.0
                 x, y = self.cell((a[0] + share * (b[0] - a[0]), a[1] + share * (b[1] - a[1])))
                 at_end = min(done + along, length - done - along) < MARK_LENGTH
@@ -151,36 +151,41 @@ class _Field:
             self._raise((right, y), ON_OUTLINE)
 
     def _block(self, box: Box) -> None:
-        for x in range(math.ceil((box.left - self.left) / STEP), math.floor((box.right - self.left) / STEP) + 1):
-            for y in range(math.ceil((box.top - self.top) / STEP), math.floor((box.bottom - self.top) / STEP) + 1):
+        for x in self._cells_between(box.left - self.left, box.right - self.left):
+            for y in self._cells_between(box.top - self.top, box.bottom - self.top):
                 self._raise((x, y), BLOCKED)
 
     def index(self, cell: Cell) -> int:
         return cell[1] * self.columns + cell[0]
 
-    def prices(self, source: str) -> list[float]:
-        """Price of every cell for a signal of ``source``: cheap on its own earlier signals, dear on others'."""
-        prices = list(self.cost)
-        for cell, users in self.users.items():
-            place = self.index(cell)
-            if prices[place] < BLOCKED:
+    def prices(self, source: str, window: tuple[int, int, int, int]) -> list[float]:
+        """Price of every cell of a window for a signal of a source: low on its own earlier ones, high on others'."""
+        left, top, right, bottom = window
+        columns = right - left + 1
+        prices: list[float] = []
+        for y in range(top, bottom + 1):
+            prices += self.cost[y * self.columns + left : y * self.columns + right + 1]
+        for (x, y), users in self.users.items():
+            place = (y - top) * columns + x - left
+            if left <= x <= right and top <= y <= bottom and prices[place] < BLOCKED:
                 prices[place] = OWN_SIGNAL if users == {source} else prices[place] + ON_SIGNAL
+        prices[:columns] = prices[-columns:] = [BLOCKED] * columns
+        prices[::columns] = prices[columns - 1 :: columns] = [BLOCKED] * (bottom - top + 1)
         return prices
 
     def occupy(self, cells: Sequence[Cell], source: str) -> None:
         for cell in cells:
             self.users.setdefault(cell, set()).add(source)
 
-    @staticmethod
-    def _cells_between(low: float, high: float) -> range:
-        return range(math.ceil(low / STEP), math.floor(high / STEP) + 1)
+    def _cells_between(self, low: float, high: float) -> range:
+        return range(math.ceil(low / self.step), math.floor(high / self.step) + 1)
 
     def doors(self, box: Box) -> list[tuple[Cell, int]]:
         """Free cells next to a box, each with the direction that leads away from it."""
         grown = box.grown(4)
-        left, right = math.floor((grown.left - self.left) / STEP), math.ceil((grown.right - self.left) / STEP)
-        top, bottom = math.floor((grown.top - self.top) / STEP), math.ceil((grown.bottom - self.top) / STEP)
-        corner = min(7.0, box.height / 2 - STEP / 2)
+        left, right = math.floor((grown.left - self.left) / self.step), math.ceil((grown.right - self.left) / self.step)
+        top, bottom = math.floor((grown.top - self.top) / self.step), math.ceil((grown.bottom - self.top) / self.step)
+        corner = min(7.0, box.height / 2 - self.step / 2)
         inner_x = self._cells_between(box.left + corner - self.left, box.right - corner - self.left)
         inner_y = self._cells_between(box.top + corner - self.top, box.bottom - corner - self.top)
         found = [((x, bottom), 1) for x in inner_x] + [((x, top), 3) for x in inner_x]
@@ -189,14 +194,35 @@ class _Field:
 
 
 def _search(grid: _Field, source: str, start: Box, goal: Box) -> list[Cell] | None:
-    """Cheapest cells from one box to another, or None if there is no way."""
+    """Cheapest cells from one box to another near both, or else anywhere; None if there is no way."""
+    (x1, y1), (x2, y2) = (
+        grid.cell((min(start.left, goal.left), min(start.top, goal.top))),
+        grid.cell((max(start.right, goal.right), max(start.bottom, goal.bottom))),
+    )
+    near = (max(x1 - REACH, 0), max(y1 - REACH, 0), min(x2 + REACH, grid.columns - 1), min(y2 + REACH, grid.rows - 1))
+    found = _search_in(grid, near, source, start, goal)
+    return found or _search_in(grid, (0, 0, grid.columns - 1, grid.rows - 1), source, start, goal)
+
+
+def _search_in(
+    grid: _Field, window: tuple[int, int, int, int], source: str, start: Box, goal: Box
+) -> list[Cell] | None:
+    """The same, in a window of the grid given by its first and last column and row."""
+    left, top, right, _ = window
+    columns = right - left + 1
+
+    def place(cell: Cell) -> int:
+        return (cell[1] - top) * columns + cell[0] - left
+
     known = any(source in users for users in grid.users.values())
-    prices = grid.prices(source)
-    starts = [(grid.index(cell), way) for cell, way in grid.doors(start)]
-    ends = {grid.index(cell): (way + 2) % 4 for cell, way in grid.doors(goal)}
-    corners = (*grid.cell((goal.left - STEP, goal.top - STEP)), *grid.cell((goal.right + STEP, goal.bottom + STEP)))
-    found = cheapest_path(prices, grid.columns, starts, ends, corners, BEND, OWN_SIGNAL if known else 1.0)
-    return None if found is None else [(cell % grid.columns, cell // grid.columns) for cell in found]
+    starts = [(place(cell), way) for cell, way in grid.doors(start)]
+    ends = {place(cell): (way + 2) % 4 for cell, way in grid.doors(goal)}
+    around = goal.grown(grid.step)
+    first, last = grid.cell((around.left, around.top)), grid.cell((around.right, around.bottom))
+    area = (first[0] - left, first[1] - top, last[0] - left, last[1] - top)
+    prices = grid.prices(source, window)
+    found = cheapest_path(prices, columns, starts, ends, area, BEND, OWN_SIGNAL if known else 1.0)
+    return None if found is None else [(cell % columns + left, cell // columns + top) for cell in found]
 
 
 def _attached(grid: _Field, cells: Sequence[Cell], start: Box, goal: Box) -> Path:

@@ -54,11 +54,11 @@ def cheapest_path(
     across = [least * max(goal[0] - x, x - goal[2], 0) for x in range(columns)]
     down = [least * max(goal[1] - y, y - goal[3], 0) for y in range(len(prices) // columns)]
     moves = (1, columns, -1, -columns)
-    reached: dict[int, float] = {}
+    reached = [BLOCKED] * (4 * len(prices))
     came: dict[int, int] = {}
     queue: list[tuple[float, float, int]] = []
     for cell, way in starts:
-        if prices[cell] < reached.get(4 * cell + way, BLOCKED):
+        if prices[cell] < reached[4 * cell + way]:
             reached[4 * cell + way] = prices[cell]
             heapq.heappush(
                 queue, (prices[cell] + across[cell % columns] + down[cell // columns], prices[cell], 4 * cell + way)
@@ -73,13 +73,14 @@ def cheapest_path(
         if cell in ends:
             total = cost + (bend if ends[cell] != way else 0.0)
             heapq.heappush(queue, (total, total, -1 - state))
-        for turn in (way, (way + 1) % 4, (way + 3) % 4):
+        for turn, turning in ((way, 0.0), ((way + 1) % 4, bend), ((way + 3) % 4, bend)):
             onto = cell + moves[turn]
-            total = cost + prices[onto] + (bend if turn != way else 0.0)
-            state_onto = 4 * onto + turn
-            if total < reached.get(state_onto, BLOCKED):
-                reached[state_onto], came[state_onto] = total, state
-                heapq.heappush(queue, (total + across[onto % columns] + down[onto // columns], total, state_onto))
+            total = cost + prices[onto] + turning
+            next_state = 4 * onto + turn
+            if total < reached[next_state]:
+                reached[next_state], came[next_state] = total, state
+                row, column = divmod(onto, columns)
+                heapq.heappush(queue, (total + across[column] + down[row], total, next_state))
     return None
 
 
