@@ -25,6 +25,7 @@ import sympy
 from sympy import Add, Expr, Mul, Piecewise, Pow, Symbol
 
 from bondgraph.declare.expressions import normalise
+from bondgraph.declare.functions import maximum, minimum
 from bondgraph.declare.quantities import symbol
 from bondgraph.derive.definitions import ONE, ZERO
 from bondgraph.derive.derivation import is_small
@@ -37,6 +38,7 @@ ColumnKind = Literal["x", "u", "theta", "t"]
 Row = dict[Symbol, Expr]
 
 _STEPS = (sympy.sign, sympy.floor, sympy.ceiling)
+_CHEAP = (*_STEPS, sympy.Abs, minimum, maximum)
 #: Loops of up to this many unknowns are solved by minors, which need no pivot and so never divide by one that vanishes.
 _BY_MINORS = 3
 
@@ -178,13 +180,12 @@ def _columns(equations: StateEquations, kind: ColumnKind, parameters: Sequence[s
 
 
 def _rows(equations: StateEquations, kind: RowKind, sweep: _Sweep) -> tuple[tuple[Symbol, ...], list[Row]]:
-    if kind == "derivatives":
-        names = tuple(state.symbol for state in equations.states)
-        values, stem = equations.derivatives, "rate_"
-    else:
+    if kind == "outputs":
         names = tuple(output.symbol for output in equations.outputs)
-        values, stem = tuple(output.expression for output in equations.outputs), "output_"
-    return names, [sweep.row(value, f"{stem}{name}") for name, value in zip(names, values, strict=True)]
+        return names, [sweep.row(o.expression, f"output_{o.symbol}", o.unit) for o in equations.outputs]
+    names = tuple(state.symbol for state in equations.states)
+    rates = zip(equations.states, equations.derivatives, strict=True)
+    return names, [sweep.row(rate, f"rate_{state.symbol}", _ratio(state.unit, "s")) for state, rate in rates]
 
 
 def _needed(assignments: Sequence[Assignment], values: Iterable[Expr]) -> tuple[Assignment, ...]:
@@ -291,21 +292,34 @@ class _Sweep:
         self.units = _units(equations)
         self.taken = {*self.units, *(output.symbol.name for output in equations.outputs)}
 
-    def row(self, value: Expr, owner: str) -> Row:
+    def row(self, value: Expr, owner: str, unit: str = "") -> Row:
         """Derivatives of an expression, columns in order."""
         parts = []
-        for used, slope in gradient(value, self.tangents).items():
+        for used, slope in self._shared(gradient(value, self.tangents), owner).items():
             tangent = self.tangents[used]
             if len(tangent) > 1:
-                unit = _ratio(self.units.get(owner, ""), self.units.get(used.name, ""))
-                slope = self.name_it(slope, f"slope_{owner}__{used}", unit, f"slope of {owner} in {used}")
+                per = _ratio(unit, self.units.get(used.name, ""))
+                slope = self.name_it(slope, f"slope_{owner}__{used}", per, f"slope of {owner} in {used}")
             parts.append((slope, tangent))
         found = _combined(parts)
         return {column: found[column] for column in sorted(found, key=self.rank.__getitem__)}
 
+    def _shared(self, slopes: Row, owner: str) -> Row:
+        """Slopes with the functions that several of them use under names, so that each is evaluated once."""
+        count: dict[Expr, int] = {}
+        for value in slopes.values():
+            for node in value.atoms(sympy.Function):
+                count[node] = count.get(node, 0) + 1
+        shared = [node for node, times in count.items() if times > 1 and not isinstance(node, _CHEAP)]
+        names: dict[Expr, Expr] = {}
+        for node in sorted(shared, key=lambda node: (node.count_ops(), str(node))):
+            meaning = f"shared by the slopes of {owner}"
+            names[node] = self.name_it(node.xreplace(names), f"part_{owner}_{len(names)}", "", meaning)
+        return {used: value.xreplace(names) for used, value in slopes.items()} if names else slopes
+
     def assign(self, step: Assignment) -> None:
         """Differentiate one assignment."""
-        self.store(step.symbol, self.row(step.expression, step.symbol.name))
+        self.store(step.symbol, self.row(step.expression, step.symbol.name, step.unit))
 
     def store(self, of: Symbol, row: Row, prefix: str = "d") -> None:
         """Keep the derivatives of a symbol, each under a name unless it is small."""
@@ -367,7 +381,7 @@ class _LoopSweep:
             sweep.rank[unknown] = len(sweep.rank)
             sweep.tangents[unknown] = {unknown: ONE}
         for local in self.loop.body:
-            sweep.store(local.symbol, sweep.row(local.expression, local.symbol.name), "held")
+            sweep.store(local.symbol, sweep.row(local.expression, local.symbol.name, local.unit), "held")
         rows = [sweep.row(r, f"{self.loop.name}_{i}") for i, r in enumerate(self.loop.residuals)]
         matrix = [
             [self._short(row.get(z, ZERO), f"{i}_{j}") for j, z in enumerate(unknowns)] for i, row in enumerate(rows)

@@ -232,13 +232,22 @@ Function = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
 
 
 def _root(function: Function, start: FloatArray) -> FloatArray:
-    """Where residuals vanish near a start; nan where no such point is found."""
-    near = _bracketed(function, start[0]) if start.size == 1 else _least_squares(function, start)
-    z, step = _polished(function, start if near is None else near)
+    """Where residuals vanish: Newton's method or, where it does not settle, a slower search; nan where that fails too."""
+    z, settled = _settled(function, start, start)
+    if not settled:
+        near = _bracketed(function, start[0]) if start.size == 1 else _least_squares(function, start)
+        z, settled = (start, False) if near is None else _settled(function, near, start)
+    return z if settled else np.full(start.shape, np.nan)
+
+
+def _settled(function: Function, near: FloatArray, start: FloatArray) -> tuple[FloatArray, bool]:
+    """The end of Newton's method, and whether only rounding moves it any more."""
+    z, step = _polished(function, near, 20)
     slopes = function(z)[1]
-    rounding = np.abs(np.linalg.pinv(slopes)) @ (np.abs(slopes) @ np.abs(z)) if np.isfinite(slopes).all() else 0.0
-    found = near is not None and (np.abs(step) <= 1e-9 * (rounding + np.abs(z - start))).all()
-    return z if found else np.full(start.shape, np.nan)
+    if not (np.isfinite(slopes).all() and np.isfinite(step).all()):
+        return z, False
+    rounding = np.abs(np.linalg.pinv(slopes)) @ (np.abs(slopes) @ np.abs(z))
+    return z, bool((np.abs(step) <= 1e-9 * (rounding + np.abs(z - start))).all())
 
 
 def _bracketed(function: Function, start: float) -> FloatArray | None:
@@ -271,16 +280,18 @@ def _least_squares(function: Function, start: FloatArray, weights: FloatArray | 
     return np.asarray(found.x)
 
 
-def _polished(function: Function, z: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """The point after a few Newton steps of least length, and the last of them."""
+def _polished(function: Function, z: FloatArray, steps: int = 4) -> tuple[FloatArray, FloatArray]:
+    """The point after some Newton steps of least length, and the last of them."""
     step = np.zeros(z.shape)
-    for _ in range(4):
+    for _ in range(steps):
         residual, slopes = function(z)
         if not (np.isfinite(slopes).all() and np.isfinite(residual).all()):
             return z, np.full(z.shape, np.inf)
         scaled, rows, columns = _scaled(slopes)
         step = -np.linalg.lstsq(scaled, rows * residual, rcond=1e-10)[0] * columns
         z = z + step
+        if (np.abs(step) <= 1e-15 * np.abs(z)).all():
+            break
     return z, step
 
 
