@@ -22,7 +22,7 @@ def driveline() -> BondGraph:
     c_engine = g.parameter("c_engine", 0.02, "N m s", "drag of the engine", (0.002, 0.2))
     ratio = g.parameter("ratio", 6.0, "1", "engine speed over axle speed, belt gripping")
     tau_grip = g.parameter("tau_grip", 70.0, "N m", "torque that the belt can carry", (30.0, 150.0))
-    w_slip = g.parameter("w_slip", 5.0, "rad/s", "slip speed at which the belt pulls 76 % of that")
+    w_slip = g.parameter("w_slip", 12.0, "rad/s", "slip speed at which the belt pulls 76 % of that")
     J_axle = g.parameter("J_axle", 2.5, "kg m^2", "secondary sheave, gears and brake discs")
     k_shaft = g.parameter("k_shaft", 4000.0, "N m/rad", "stiffness of the half-shaft", (1000.0, 12000.0))
     d_shaft = g.parameter("d_shaft", 40.0, "N m s/rad", "damping of the half-shaft")

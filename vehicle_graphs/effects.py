@@ -112,11 +112,15 @@ def _is_speed(at: Place) -> bool:
 
 
 def _joins_speeds(g: BondGraph, at: Place) -> bool:
-    """Whether a bond rigidly joins two speeds: neither end is a 0-junction or a storage or loss."""
+    """Whether a bond rigidly joins two speeds, directly or through a transformer (then only its first bond counts)."""
     if at.bond is None or at.domain in (THERMAL, CHEMICAL):
         return False
-    kinds = {g.flatten().nodes[end].kind for end in (at.bond.source, at.bond.target)}
-    return kinds in ({"1"}, {"1", "TF"}) and at.scale.flow > 0.0
+    flat = g.flatten()
+    first, second = (flat.nodes[end] for end in (at.bond.source, at.bond.target))
+    if first.kind == "TF":
+        before = next(bond.source for bond in flat.bonds if bond.target == first.name)
+        return second.kind == "1" and flat.nodes[before].kind != "1"
+    return first.kind == "1" and second.kind in ("1", "TF")
 
 
 def _effort_unit(at: Place) -> str:

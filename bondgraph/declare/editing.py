@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import dataclasses
+from collections.abc import Mapping
+
 from bondgraph.declare.elements import Bond, Node
 from bondgraph.declare.graph import BondGraph, Handle
-from bondgraph.declare.validation import node_domains
+from bondgraph.declare.quantities import Parameter
+from bondgraph.declare.validation import check_quantity, node_domains
 from bondgraph.errors import DeclarationError, suggest
 
 
@@ -67,3 +71,38 @@ def split_bond(graph: BondGraph, bond: Bond, junction: Node) -> Handle:
     index = graph._bonds.index(bond)
     graph._bonds[index : index + 1] = [Bond(bond.source, middle.name), Bond(middle.name, bond.target)]
     return middle
+
+
+def with_values(graph: BondGraph, values: Mapping[str, float]) -> BondGraph:
+    """The same graph with other parameter values; parameters of parts are named ``part.parameter``.
+
+    Raises
+    ------
+    DeclarationError
+        If there is no such parameter, or a value lies outside its bounds.
+
+    Examples
+    --------
+    >>> g = BondGraph("rotor")
+    >>> _ = g.parameter("J", 0.02, "kg m^2")
+    >>> with_values(g, {"J": 0.03}).parameters[0].value
+    0.03
+    """
+    twin = copy(graph)
+    inner: dict[str, dict[str, float]] = {}
+    for name, value in values.items():
+        part, dot, rest = name.partition(".")
+        if dot and part in twin._subgraphs:
+            inner.setdefault(part, {})[rest] = value
+            continue
+        declared = twin._quantities.get(name)
+        if not isinstance(declared, Parameter):
+            known = [parameter.name for parameter in graph.flatten().parameters]
+            raise DeclarationError(f"{graph.name}: no parameter {name!r}{suggest(name, known)}", where=(name,))
+        changed = dataclasses.replace(declared, value=float(value))
+        check_quantity(changed, graph.name)
+        twin._quantities[name] = changed
+    for part, own in inner.items():
+        subgraph = twin._subgraphs[part]
+        twin._subgraphs[part] = dataclasses.replace(subgraph, graph=with_values(subgraph.graph, own))
+    return twin

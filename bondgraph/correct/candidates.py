@@ -1,0 +1,144 @@
+"""Candidates: every effect function at every place of a graph where it makes sense, and one graph that holds them all."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from bondgraph.correct.build import BuiltModel, build
+from bondgraph.data.log import FloatArray, MatchedLog
+from bondgraph.declare.editing import copy, handle
+from bondgraph.declare.effect import Effect, EffectFunction, Place, Scale
+from bondgraph.declare.graph import BondGraph
+from bondgraph.derive.causality import assign_causality
+from bondgraph.derive.derivation import Derivation, bond_labels
+from bondgraph.errors import BondGraphError
+from bondgraph.filter.filter_run import FilterRun
+from bondgraph.generate.module import render
+from bondgraph.simulate.model import Model
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """One effect at one place: a way in which the declared graph may be incomplete."""
+
+    function: EffectFunction
+    place: Place
+    effect: Effect
+
+    @property
+    def label(self) -> str:
+        """Effect and place as a person reads them."""
+        return f"{self.effect.name} at {self.place.label}"
+
+    def apply(self, graph: BondGraph) -> BondGraph:
+        """The graph with this effect; the given one is left alone."""
+        extended = copy(graph)
+        place = Place(handle(extended, self.place.junction.name), self.place.scale, self.place.bond)
+        self.function(extended, place)
+        return extended
+
+
+@dataclass(frozen=True)
+class Refused:
+    """An effect that could not be tried at a place, and why."""
+
+    effect: str
+    place: str
+    why: str
+
+
+def places(built: BuiltModel, logs: Sequence[MatchedLog], runs: Sequence[FilterRun], theta: FloatArray) -> list[Place]:
+    """All junctions and bonds with the size of effort and flow that the filtered runs show there.
+
+    A place where nothing moves, or no effort acts, in any log is left out: no effect could be seen there.
+    """
+    graph = built.graph
+    flat = built.causal.graph
+    labels = bond_labels(built.causal)
+    effort, flow = _bond_sizes(built, logs, runs, theta)
+    incidence = flat.incidence()
+    found = []
+    for node in flat.nodes.values():
+        if node.is_junction:
+            bonds = [index for index, _ in incidence[node.name]]
+            scale = Scale(max(effort[b] for b in bonds), max(flow[b] for b in bonds))
+            if min(scale.effort, scale.flow) > 0.0:
+                found.append(Place(handle(graph, node.name), scale))
+    for bond in graph.bonds:
+        index = labels.index(f"{bond.source}->{bond.target}") if f"{bond.source}->{bond.target}" in labels else -1
+        if index >= 0 and min(effort[index], flow[index]) > 0.0:
+            found.append(Place(handle(graph, bond.source), Scale(effort[index], flow[index]), bond))
+    return found
+
+
+def _bond_sizes(
+    built: BuiltModel, logs: Sequence[MatchedLog], runs: Sequence[FilterRun], theta: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """The 99th percentile of each bond's effort and flow over all logs; single spikes set no scale."""
+    equations = Derivation(built.causal).equations(bonds=True)
+    model = Model.from_text(render(equations), source=f"{built.graph.name} (bonds)")
+    own = len(built.equations.outputs)
+    pieces = []
+    for log, run in zip(logs, runs, strict=True):
+        known = theta.copy()
+        for name, value in log.theta_overrides.items():
+            known[model.index("parameter", name)] = value
+        with np.errstate(all="ignore"):
+            outputs = model.output(log.time, run.filtered_mean[: len(model.states)], log.u, known)
+        pieces.append(np.abs(outputs[own:]))
+    together = np.concatenate(pieces, axis=1)
+    together[~np.isfinite(together)] = 0.0
+    sizes = np.percentile(together, 99.0, axis=1)
+    count = len(built.causal.graph.bonds)
+    return sizes[:count], sizes[count:]
+
+
+def candidates(
+    built: BuiltModel,
+    functions: Sequence[EffectFunction],
+    where: Sequence[Place],
+    present: Collection[tuple[str, str]] = (),
+) -> tuple[list[Candidate], list[Refused]]:
+    """Every effect at every place, if the extended graph has a causality and adds no nonlinear loop.
+
+    ``present`` holds the effects that the graph already has, by name of their function and label of their place.
+    """
+    found: list[Candidate] = []
+    refused: list[Refused] = []
+    for place in where:
+        for function in functions:
+            if (function.__name__, place.label) in present:
+                continue
+            trial = copy(built.graph)
+            try:
+                effect = function(trial, place)
+                if effect is None:
+                    continue
+                derivation = Derivation(assign_causality(trial))
+                equations = derivation.equations()
+            except BondGraphError as error:
+                refused.append(Refused(function.__name__, place.label, error.message))
+                continue
+            if len(equations.inputs) != len(built.equations.inputs):
+                refused.append(Refused(effect.name, place.label, "would need the rate of an input, which no log has"))
+                continue
+            states = len(equations.states) - len(built.equations.states)
+            loops = sum(hasattr(step, "residuals") for step in equations.assignments) - built.implicit_loops
+            if loops > 0:
+                refused.append(Refused(effect.name, place.label, "would close a nonlinear algebraic loop"))
+            elif states > 0 and not effect.adds_state:
+                refused.append(Refused(effect.name, place.label, "would add a state that has no size yet"))
+            else:
+                found.append(Candidate(function, place, effect))
+    return found, refused
+
+
+def superset(built: BuiltModel, vanishing: Sequence[Candidate]) -> BuiltModel:
+    """The declared graph with all vanishing candidates in it, their coefficients zero: one model to test them all."""
+    graph = built.graph
+    for candidate in vanishing:
+        graph = candidate.apply(graph)
+    return build(graph)

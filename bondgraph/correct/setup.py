@@ -1,0 +1,185 @@
+"""How a declared model is filtered when nothing else is said: noises, start uncertainty and step from logs and model.
+
+Measurement noise starts from what second differences of each channel show, process noise from the size of each state;
+both are then estimated with the parameters, so these are starting points and not assumptions.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from bondgraph.correct.build import BuiltModel
+from bondgraph.data.log import FloatArray, MatchedLog
+from bondgraph.errors import DataError, OptionError
+from bondgraph.estimate.free import FreeParameter, declared_free
+from bondgraph.estimate.initial import directly_measured, initial_states
+from bondgraph.filter.filter_model import FilterModel
+from bondgraph.simulate.model import Model
+from bondgraph.simulate.simulate import simulate
+
+#: Largest step times spectral radius that fixed-step RK4 takes (its limit of stability is 2.78).
+_STEP_RADIUS = 1.8
+_MOST_SUBSTEPS = 400
+#: Process noise starts at this share of a state's size per sqrt(s), and may fall or rise by the factors below.
+_PROCESS_START, _PROCESS_LOW, _PROCESS_HIGH = 1e-3, 3e-2, 1e3
+_SMALLEST = 1e-12
+
+
+@dataclass(frozen=True)
+class FilterSetup:
+    """Filter model, free noise levels, and the sizes of the states that both were made from."""
+
+    filter_model: FilterModel
+    noise: tuple[FreeParameter, ...]
+    sizes: FloatArray
+
+
+def filter_setup(built: BuiltModel, logs: Sequence[MatchedLog], process_noise: str = "free") -> FilterSetup:
+    """Noises, start uncertainties and substeps for a model and its logs.
+
+    Parameters
+    ----------
+    built
+        The model.
+    logs
+        Matched logs.
+    process_noise
+        ``"free"``: a level for every flow and momentum state is estimated. ``"none"``: the model is taken as exact, so
+        that an estimate minimises the error of free simulation.
+
+    Raises
+    ------
+    DataError
+        If no output of the model is measured in any log.
+    OptionError
+        If ``process_noise`` is neither.
+    """
+    if process_noise not in ("free", "none"):
+        raise OptionError(f"process noise {process_noise!r} - use 'free' or 'none'", where=(process_noise,))
+    model = built.model
+    noise = {name: level for name, level in zip(model.names("output"), noise_levels(logs), strict=True) if level > 0}
+    if not noise:
+        raise DataError(
+            f"{model.name}: no log measures any of its outputs ({', '.join(model.names('output'))}) - map columns with "
+            "--map column=output"
+        )
+    sizes = state_sizes(model, logs)
+    driven = [s.symbol.name for s in built.equations.states if s.variable in ("flow", "momentum")]
+    process = {
+        name: _PROCESS_START * size
+        for name, size in zip(model.names("state"), sizes, strict=True)
+        if name in driven and process_noise == "free"
+    }
+    start_std = _start_std(model, logs, noise, sizes)
+    filter_model = FilterModel(
+        model, process, noise, start_std, substeps=substeps(model, logs), alpha=1.0
+    )
+    free = [declared_free(f"std({name})", filter_model) for name in noise]
+    free += [
+        FreeParameter(f"process({name})", level * _PROCESS_LOW, level * _PROCESS_HIGH, level, scale="log")
+        for name, level in process.items()
+    ]
+    return FilterSetup(filter_model, tuple(free), sizes)
+
+
+def noise_levels(logs: Sequence[MatchedLog]) -> FloatArray:
+    """Standard deviation of the fast part of each channel, shape (n_y,); zero where nothing was measured.
+
+    Second differences of white noise have six times its variance, while a smooth signal nearly vanishes in them; their
+    median absolute deviation does not mind outliers (factor 1.4826 for a Gaussian). A channel that is mostly constant
+    because it is coarsely quantised takes the noise of its quantisation, step/sqrt(12).
+    """
+    levels = []
+    for row in range(logs[0].y.shape[0]):
+        measured = [log.y[row][~np.isnan(log.y[row])] for log in logs]
+        pieces = [np.diff(values, 2) for values in measured if values.size > 3]
+        if not pieces:
+            levels.append(0.0)
+            continue
+        second = np.concatenate(pieces)
+        level = 1.4826 * float(np.median(np.abs(second))) / math.sqrt(6.0)
+        steps = np.abs(np.concatenate([np.diff(values) for values in measured]))
+        smallest = float(steps[steps > 0].min()) if (steps > 0).any() else 0.0
+        spread = float(np.std(np.concatenate(measured)))
+        levels.append(max(level, smallest / math.sqrt(12.0), 1e-6 * spread, _SMALLEST))
+    return np.array(levels)
+
+
+def state_sizes(model: Model, logs: Sequence[MatchedLog]) -> FloatArray:
+    """How large each state gets, shape (n_x,): from what is measured of it, else from a simulation, else from its start."""
+    theta = model.theta()
+    sizes = np.abs(model.x0())
+    measured = directly_measured(model, logs[0].u[:, 0], theta)
+    for output, (state, slope, offset) in measured.items():
+        seen = np.concatenate([log.y[output] for log in logs])
+        if np.isfinite(seen).any():
+            sizes[state] = max(sizes[state], float(np.nanmax(np.abs((seen - offset) / slope))))
+    if np.any(sizes < _SMALLEST):
+        reached = _reached(model, logs)
+        sizes = np.where(sizes < _SMALLEST, reached, sizes)
+    return np.where(sizes < _SMALLEST, 1.0, sizes)
+
+
+def _reached(model: Model, logs: Sequence[MatchedLog]) -> FloatArray:
+    """Largest states in the first tenth of a free simulation of the first log; zero where it fails."""
+    log = logs[0]
+    count = max(20, log.time.size // 10)
+    x0 = initial_states(model, [log], model.theta(), "measured")[0]
+    run = simulate(model, log.time[:count], log.u[:, :count], _theta(model, log), x0, rtol=1e-4)
+    with np.errstate(all="ignore"):
+        reached = np.nanmax(np.abs(run.x), axis=1)
+    return np.where(np.isfinite(reached), reached, 0.0)
+
+
+def _theta(model: Model, log: MatchedLog) -> FloatArray:
+    return model.theta(**dict(log.theta_overrides))
+
+
+def _start_std(
+    model: Model, logs: Sequence[MatchedLog], noise: dict[str, float], sizes: FloatArray
+) -> dict[str, float]:
+    """A measured state starts as uncertain as its sensor, any other may start anywhere within its size."""
+    std = dict(zip(model.names("state"), map(float, sizes), strict=True))
+    for output, (state, slope, _) in directly_measured(model, logs[0].u[:, 0], model.theta()).items():
+        name = model.names("output")[output]
+        if name in noise:
+            std[model.names("state")[state]] = max(abs(noise[name] / slope), 1e-9 * sizes[state])
+    return {name: max(value, _SMALLEST) for name, value in std.items()}
+
+
+def substeps(model: Model, logs: Sequence[MatchedLog]) -> int:
+    """Substeps of RK4 between samples that keep step times spectral radius moderate all along the logs."""
+    radius = max(spectral_radius(model, log) for log in logs)
+    interval = max(float(np.median(np.diff(log.time))) for log in logs)
+    return int(min(max(1, math.ceil(radius * interval / _STEP_RADIUS)), _MOST_SUBSTEPS))
+
+
+def spectral_radius(model: Model, log: MatchedLog, points: int = 40) -> float:
+    """Largest eigenvalue (in size, 1/s) of the model's Jacobian along a log, at measured states and declared ones."""
+    theta = _theta(model, log)
+    picked = np.unique(np.linspace(0, log.time.size - 1, points).astype(int))
+    start = initial_states(model, [log], theta, "measured")[0]
+    largest = 0.0
+    measured = directly_measured(model, log.u[:, 0], theta)
+    for k in picked:
+        x = start.copy()
+        for output, (state, slope, offset) in measured.items():
+            if np.isfinite(log.y[output, k]):
+                x[state] = (log.y[output, k] - offset) / slope
+        jacobian = _jacobian(model, float(log.time[k]), x, log.u[:, k], theta)
+        if np.isfinite(jacobian).all():
+            largest = max(largest, float(np.abs(np.linalg.eigvals(jacobian)).max(initial=0.0)))
+    return largest
+
+
+def _jacobian(model: Model, t: float, x: FloatArray, u: FloatArray, theta: FloatArray) -> FloatArray:
+    steps = 1e-6 * np.maximum(np.abs(x), 1e-3)
+    points = x[:, np.newaxis] + np.concatenate([np.diag(steps), -np.diag(steps)], axis=1)
+    with np.errstate(all="ignore"):
+        rates = model.rhs(t, points, u, theta)
+    n = x.size
+    return (rates[:, :n] - rates[:, n:]) / (2.0 * steps)

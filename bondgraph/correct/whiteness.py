@@ -1,0 +1,57 @@
+"""Is there a residual at all: whiteness of the innovations of every channel over all training logs."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import stats
+
+from bondgraph.correct.fit import Fit
+from bondgraph.data.log import FloatArray, MatchedLog
+from bondgraph.filter.likelihood import innovations
+
+_LAGS = 20
+
+
+@dataclass(frozen=True)
+class Whiteness:
+    """Ljung-Box test of one channel: ``p_value`` small means that its innovations are correlated in time."""
+
+    channel: str
+    p_value: float
+    nis_mean: float
+    first_correlation: float
+
+
+def whiteness(fitted: Fit, logs: Sequence[MatchedLog]) -> tuple[Whiteness, ...]:
+    """Tests of all measured channels; statistics of several logs add up.
+
+    Reference: Ljung and Box (1978), Biometrika 65(2).
+    """
+    batch = fitted.problem.batch(fitted.point[:, np.newaxis])
+    records = innovations(
+        fitted.problem.filter_model, list(logs), batch.theta,
+        noise_std=batch.noise_std, process_std=batch.process_std, x0=list(batch.x0),
+    )  # fmt: skip
+    found = []
+    for row, name in enumerate(fitted.problem.filter_model.model.names("output")):
+        series = [record.values[row, record.measured[row], 0] for record in records]
+        series = [values for values in series if values.size > 2 * _LAGS]
+        if series:
+            statistic, freedom = np.sum([_ljung_box(values) for values in series], axis=0)
+            together = np.concatenate(series)
+            first = float(np.mean([np.corrcoef(values[1:], values[:-1])[0, 1] for values in series]))
+            p_value = float(stats.chi2.sf(statistic, freedom))
+            found.append(Whiteness(name, p_value, float(np.mean(together**2)), first))
+    return tuple(found)
+
+
+def _ljung_box(values: FloatArray) -> tuple[float, int]:
+    centred = values - values.mean()
+    n, variance = values.size, float(centred @ centred)
+    if variance == 0.0:
+        return 0.0, _LAGS
+    correlations = np.array([float(centred[lag:] @ centred[:-lag]) / variance for lag in range(1, _LAGS + 1)])
+    return float(n * (n + 2) * np.sum(correlations**2 / (n - np.arange(1, _LAGS + 1)))), _LAGS
