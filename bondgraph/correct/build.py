@@ -24,6 +24,11 @@ class BuiltModel:
     model: Model
 
     @property
+    def driven(self) -> tuple[str, ...]:
+        """States that process noise drives: flows and momenta, on which unknown efforts act."""
+        return tuple(s.symbol.name for s in self.equations.states if s.variable in ("flow", "momentum"))
+
+    @property
     def implicit_loops(self) -> int:
         """Nonlinear algebraic loops that every evaluation solves."""
         return sum(isinstance(step, ImplicitLoop) for step in self.equations.assignments)

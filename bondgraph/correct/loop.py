@@ -133,7 +133,7 @@ def close_loop(
     if not functions:
         raise OptionError(f"{graph.name}: no effect to try - give a module with effect functions")
     built = build(graph)
-    setup = filter_setup(built, train, settings.process_noise)
+    setup = filter_setup(built.model, built.driven, train, settings.process_noise)
     free = (*free_parameters(setup, settings.free), *setup.noise)
     report("fit the declared model", 0, 1)
     nominal = fit(setup.filter_model, train, free)
@@ -252,7 +252,7 @@ def _refit(trial: Trial, built: BuiltModel, base: Fit, train: Sequence[MatchedLo
     extended = build(trial.candidate.apply(built.graph))
     filter_model = replace(base.problem.filter_model, model=extended.model)
     if trial.candidate.effect.adds_state:
-        own = filter_setup(extended, train)
+        own = filter_setup(extended.model, extended.driven, train)
         filter_model = replace(
             filter_model, initial_std=own.filter_model.initial_std, substeps=own.filter_model.substeps
         )

@@ -12,7 +12,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from bondgraph.correct.build import BuiltModel
 from bondgraph.data.log import FloatArray, MatchedLog
 from bondgraph.errors import DataError, OptionError
 from bondgraph.estimate.free import FreeParameter, declared_free
@@ -38,17 +37,21 @@ class FilterSetup:
     sizes: FloatArray
 
 
-def filter_setup(built: BuiltModel, logs: Sequence[MatchedLog], process_noise: str = "free") -> FilterSetup:
+def filter_setup(
+    model: Model, driven: Sequence[str], logs: Sequence[MatchedLog], process_noise: str = "free"
+) -> FilterSetup:
     """Noises, start uncertainties and substeps for a model and its logs.
 
     Parameters
     ----------
-    built
+    model
         The model.
+    driven
+        States on which process noise may act.
     logs
         Matched logs.
     process_noise
-        ``"free"``: a level for every flow and momentum state is estimated. ``"none"``: the model is taken as exact, so
+        ``"free"``: a level for every driven state is estimated. ``"none"``: the model is taken as exact, so
         that an estimate minimises the error of free simulation.
 
     Raises
@@ -60,7 +63,6 @@ def filter_setup(built: BuiltModel, logs: Sequence[MatchedLog], process_noise: s
     """
     if process_noise not in ("free", "none"):
         raise OptionError(f"process noise {process_noise!r} - use 'free' or 'none'", where=(process_noise,))
-    model = built.model
     noise = {name: level for name, level in zip(model.names("output"), noise_levels(logs), strict=True) if level > 0}
     if not noise:
         raise DataError(
@@ -68,7 +70,6 @@ def filter_setup(built: BuiltModel, logs: Sequence[MatchedLog], process_noise: s
             "--map column=output"
         )
     sizes = state_sizes(model, logs)
-    driven = [s.symbol.name for s in built.equations.states if s.variable in ("flow", "momentum")]
     process = {
         name: _PROCESS_START * size
         for name, size in zip(model.names("state"), sizes, strict=True)
