@@ -1,1 +1,8 @@
 """Vehicles and effects declared as bond graphs."""
+
+#: Graphs whose modules are kept in ``generated/``.
+GENERATED = (
+    "vehicle_graphs.driveline:driveline",
+    "vehicle_graphs.baja:launch",
+    "vehicle_graphs.baja:launch_given_engine",
+)

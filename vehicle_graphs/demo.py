@@ -23,6 +23,9 @@ from bondgraph.simulate.simulate import simulate
 from vehicle_graphs import effects
 from vehicle_graphs.driveline import driveline
 
+#: The declaration that the loop is closed on.
+GRAPH = "vehicle_graphs.driveline:driveline"
+
 FloatArray = npt.NDArray[np.float64]
 
 #: Standard deviations of the sensors, in the order of the outputs.

@@ -107,6 +107,26 @@ def match(log: Log, model: Signals, mapping: Mapping[str, str] | None = None) ->
     return MatchedLog(log.name, log.time, u, y, overrides, unmatched, tuple(notes))
 
 
+def match_inputs(log: Log, model: Signals, mapping: Mapping[str, str] | None = None) -> FloatArray:
+    """The inputs of a model as a log has them, shape (n_u, n); inputs that it lacks have their defaults.
+
+    Raises
+    ------
+    DataError
+        If a column is no input of the model, or its unit has another dimension.
+    """
+    channels, renamed = _rename(log, model, mapping or {})
+    known = [quantity.name for quantity in model.inputs]
+    for old, new in renamed.items():
+        if new not in known:
+            raise DataError(
+                f"{log.name}: column {old!r} is no input of {model.name}{suggest(new, known)}"
+                f" - its inputs are {', '.join(known) or 'none'}",
+                where=(log.name, old),
+            )
+    return np.array([_input(log, channels, quantity, []) for quantity in model.inputs]).reshape(-1, len(log))
+
+
 def read_mapping(options: Iterable[str]) -> dict[str, str]:
     """A mapping from the options of a command.
 

@@ -52,9 +52,9 @@ def write_log(path: str | Path, log: Log) -> Path:
         return _write_parquet(path, log)
     if name.endswith(".csv.gz"):
         # Without a time stamp the same log gives the same file.
-        path.write_bytes(gzip.compress(_csv_text(log).encode(), mtime=0))
+        path.write_bytes(gzip.compress(csv_text(log).encode(), mtime=0))
     elif name.endswith(".csv"):
-        path.write_text(_csv_text(log), encoding="utf-8", newline="")
+        path.write_text(csv_text(log), encoding="utf-8", newline="")
     else:
         raise DataError(
             f"{path.name}: this kind of file is not written - use .csv, .csv.gz or .parquet", where=(str(path),)
@@ -62,7 +62,8 @@ def write_log(path: str | Path, log: Log) -> Path:
     return path
 
 
-def _csv_text(log: Log) -> str:
+def csv_text(log: Log) -> str:
+    """A log as CSV text; numbers are written so that they read back exactly."""
     stream = io.StringIO()
     writer = csv.writer(stream, lineterminator="\n")
     writer.writerow(["time [s]", *(f"{channel.name} [{channel.unit}]" for channel in log.channels.values())])

@@ -97,3 +97,32 @@ def equations_json(derivation: Derivation, equations: StateEquations) -> dict[st
             "loops": [list(loop.elements) for loop in derivation.loops if not loop.of_rates],
         },
     }  # fmt: skip
+
+
+def equations_text(derivation: Derivation, equations: StateEquations) -> str:
+    """Causality and equations as a person reads them."""
+    causal = derivation.causal
+    found = explicit(equations)
+    units = {state.symbol: state.unit for state in equations.states}
+    lines = [f"{equations.name}: {len(equations.states)} states, {len(causal.graph.bonds)} bonds", "", "causality"]
+    for label, stroke, reason in zip(bond_labels(causal), causal.strokes, causal.reasons, strict=True):
+        lines.append(f"  {label:<32} stroke at {stroke:<7} {reason.text}")
+    for name, port in causal.derivative:
+        lines.append(f"  {name} (port {port}) is in derivative causality: it follows from the independent storages")
+    for loop in derivation.loops:
+        if not loop.of_rates and loop.elements:
+            how = "solved in closed form" if loop.linear else "solved by Newton iteration"
+            lines.append(f"  algebraic loop through {', '.join(loop.elements)}, {how}")
+    lines += ["", "equations"]
+    for step in equations.assignments:
+        if isinstance(step, Assignment):
+            lines.append(f"  {step.symbol} = {to_text(step.expression)}")
+        else:
+            unknowns = ", ".join(str(unknown) for unknown in step.unknowns)
+            lines += [f"  {unknowns} from  {to_text(residual)} = 0" for residual in step.residuals]
+    for state, value in zip(equations.states, equations.derivatives, strict=True):
+        unit = f"   [{units[state.symbol]}/s]" if units[state.symbol] else ""
+        lines.append(f"  d({state.symbol})/dt = {to_text(value)}{unit}")
+    if found.outputs:
+        lines += ["", "outputs"] + [f"  {output} = {to_text(value)}" for output, value in found.outputs]
+    return "\n".join(lines)

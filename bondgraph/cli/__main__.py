@@ -1,0 +1,7 @@
+"""``python -m bondgraph.cli``."""
+
+import sys
+
+from bondgraph.cli import main
+
+sys.exit(main())

@@ -1,0 +1,186 @@
+"""The commands and their options, with help that teaches."""
+
+from __future__ import annotations
+
+import argparse
+import math
+from typing import Any
+
+import bondgraph
+
+GRAPH_HELP = "graph file (motor.json), or module:function (vehicle_graphs.baja:launch)"
+MODEL_HELP = GRAPH_HELP + ", or generated module (generated/driveline.py)"
+
+
+def parser() -> argparse.ArgumentParser:
+    top = argparse.ArgumentParser(
+        prog="bondgraph",
+        description="Bond graphs to corrected models: declare a machine, derive its model, explain its measurements.",
+        epilog="bondgraph demo shows the whole path in about a minute; bondgraph COMMAND --help teaches each step.",
+    )
+    top.add_argument("--version", action="version", version=f"bondgraph {bondgraph.__version__}")
+    commands = top.add_subparsers(dest="command", required=True, metavar="COMMAND")
+    _add_graph_commands(commands)
+    _add_run_commands(commands)
+    _add_loop_commands(commands)
+    return top
+
+
+def _command(commands: Any, name: str, summary: str, examples: str) -> argparse.ArgumentParser:
+    added: argparse.ArgumentParser = commands.add_parser(
+        name, help=summary, description=summary, epilog=f"examples:\n{examples}",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )  # fmt: skip
+    return added
+
+
+def _add_graph_commands(commands: Any) -> None:
+    c = _command(
+        commands, "equations", "assign causality and print the state equations of a graph",
+        "  bondgraph equations motor.json\n  bondgraph equations vehicle_graphs.driveline:driveline --json",
+    )  # fmt: skip
+    c.add_argument("graph", metavar="GRAPH", help=GRAPH_HELP)
+    c.add_argument("--json", action="store_true", help="print the stable JSON object instead of text")
+    c.add_argument("--latex", action="store_true", help="print LaTeX instead of text")
+    c.add_argument("--independent", nargs="+", default=(), metavar="STORAGE", help="storages that choose first")
+
+    c = _command(
+        commands, "evaluate", "evaluate a graph at given points: derivatives, outputs, every bond",
+        '  bondgraph evaluate motor.json --points points.json --json\n  points.json: [{"states": {"momentum(L)": 0.01}, '
+        '"inputs": {"u_a": 12}}]',
+    )  # fmt: skip
+    c.add_argument("graph", metavar="GRAPH", help=GRAPH_HELP)
+    c.add_argument("--points", required=True, metavar="P.json", help="list of points in energy variables")
+    c.add_argument("--json", action="store_true", help="answer in JSON (always so; kept for scripts)")
+
+    c = _command(
+        commands, "draw", "draw a graph with its causal strokes",
+        "  bondgraph draw vehicle_graphs.driveline:driveline -o driveline.svg\n  bondgraph draw motor.json -o motor.png",
+    )  # fmt: skip
+    c.add_argument("graph", metavar="GRAPH", help=GRAPH_HELP)
+    c.add_argument("-o", "--out", metavar="FILE", help="picture to write: .svg, .png or .pdf (default: NAME.svg)")
+
+    c = _command(
+        commands, "generate", "write the generated modules of the declared graphs, or check them",
+        "  bondgraph generate              write all\n  bondgraph generate driveline    write one\n"
+        "  bondgraph generate --check      exit status 1 and a diff where a module has drifted from its graph",
+    )  # fmt: skip
+    c.add_argument("names", nargs="*", metavar="NAME", help="graphs by name, or module:function (default: all declared)")
+    c.add_argument("--check", action="store_true", help="compare only, write nothing")
+    c.add_argument("--folder", default="generated", help="folder of the modules (default: generated)")
+    c.add_argument("--graphs", default="vehicle_graphs", help="package that declares GENERATED (default: vehicle_graphs)")
+
+
+def _add_run_commands(commands: Any) -> None:
+    c = _command(
+        commands, "simulate", "simulate a graph over a table of inputs",
+        "  bondgraph simulate motor.json --inputs steps.csv --until 2 --step 0.01 --set J=0.05 --out run.csv\n"
+        "  bondgraph simulate vehicle_graphs.driveline:driveline --until 20 --set engine_torque=30 --plot run.png",
+    )  # fmt: skip
+    c.add_argument("graph", metavar="GRAPH", help=GRAPH_HELP)
+    c.add_argument("--inputs", metavar="FILE", help="log with a column per input: 'time [s],u_a [V]'")
+    c.add_argument("--until", type=float, metavar="T", help="end in s (default: the end of the inputs)")
+    c.add_argument("--step", type=_positive, metavar="DT", help="interval of the answer in s")
+    c.add_argument("--set", action="append", default=[], metavar="NAME=VALUE", help="parameter, or constant input")
+    c.add_argument("--initial", action="append", default=[], metavar="STATE=VALUE", help="start value, or a JSON file")
+    c.add_argument("--rtol", type=_positive, default=1e-9, help="relative tolerance (default: 1e-9)")
+    c.add_argument("--atol", type=_positive, help="absolute tolerance (default: relative to each state's size)")
+    c.add_argument("--all", action="store_true", help="write the effort and flow of every bond too")
+    c.add_argument("--out", metavar="FILE", help="log to write: .csv, .csv.gz or .parquet (default: print CSV)")
+    c.add_argument("--plot", metavar="FILE", help="picture of states and outputs: .png, .svg or .pdf")
+
+    c = _command(
+        commands, "filter", "filter logs with a model: states with bands, innovations, consistency",
+        "  bondgraph filter vehicle_graphs.driveline:driveline --data run.csv --smooth --out filtered",
+    )  # fmt: skip
+    _add_data(c)
+    c.add_argument("--smooth", action="store_true", help="states given the whole log instead of the past only")
+    c.add_argument("--out", default="filtered", metavar="DIR", help="folder to write (default: filtered)")
+
+    c = _command(
+        commands, "estimate", "estimate parameters that make measured logs most likely",
+        "  bondgraph estimate vehicle_graphs.driveline:driveline --data run1.csv run2.csv --free tau_grip,F_roll "
+        "--out fit\n  bondgraph estimate MODEL --data run.csv --method pso --seed 3 --out fit   (Ctrl-C keeps the best)"
+        "\n  bondgraph estimate MODEL --data run.csv --out fit --resume",
+    )  # fmt: skip
+    _add_data(c)
+    _add_problem(c)
+    c.add_argument("--method", default="both", choices=("both", "pso", "gradient"), help="search (default: both)")
+    c.add_argument("--seed", type=int, default=0, help="seed of the swarm (default: 0)")
+    c.add_argument("--out", default="estimate", metavar="DIR", help="folder to write (default: estimate)")
+    c.add_argument("--resume", action="store_true", help="go on from the checkpoint in --out")
+
+    c = _command(
+        commands, "sensitivity", "what logs say about each parameter before anything is estimated",
+        "  bondgraph sensitivity vehicle_graphs.driveline:driveline --data run.csv --free tau_grip,F_roll",
+    )  # fmt: skip
+    _add_data(c)
+    _add_problem(c)
+
+
+def _add_loop_commands(commands: Any) -> None:
+    c = _command(
+        commands, "close-loop", "find what a declared graph lacks, from measured logs, and add it",
+        "  bondgraph close-loop vehicle_graphs.baja:launch --data run_1.csv run_4.csv --holdout run_2.csv --out loop\n"
+        "  bondgraph close-loop GRAPH --data a.csv --map engine_rpm=engine_speed --effects my_effects --out loop",
+    )  # fmt: skip
+    c.add_argument("graph", metavar="GRAPH", help=GRAPH_HELP)
+    c.add_argument("--data", nargs="+", required=True, metavar="FILE", help="training logs")
+    c.add_argument("--holdout", nargs="+", default=[], metavar="FILE", help="held-out logs: assessed, they decide nothing")
+    c.add_argument("--map", action="append", default=[], metavar="COLUMN=NAME", help="other names, or a JSON file of them")
+    c.add_argument("--out", default="loop", metavar="DIR", help="folder to write (default: loop)")
+    _add_loop(c)
+
+    c = _command(
+        commands, "demo", "the whole path: simulate a machine with an undeclared effect, find it, compare",
+        "  bondgraph demo\n  bondgraph demo --seed 5 --out demo5",
+    )  # fmt: skip
+    c.add_argument("--seed", type=int, default=1, help="picks the effect, the noise and the drives (default: 1)")
+    c.add_argument("--no-effect", action="store_true", help="simulate exactly the declared machine: nothing must be found")
+    c.add_argument("--out", default="demo", metavar="DIR", help="folder to write (default: demo)")
+    c.add_argument("--module", default="vehicle_graphs.demo", help=argparse.SUPPRESS)
+    _add_loop(c)
+
+
+def _add_data(command: argparse.ArgumentParser) -> None:
+    command.add_argument("model", metavar="MODEL", help=MODEL_HELP)
+    command.add_argument("--data", nargs="+", required=True, metavar="FILE", help="logs: csv, csv.gz, parquet, mat, mf4")
+    command.add_argument(
+        "--map", action="append", default=[], metavar="COLUMN=NAME", help="other names, or a JSON file of them"
+    )
+
+
+def _add_problem(command: argparse.ArgumentParser) -> None:
+    command.add_argument(
+        "--free", nargs="+", default=[], metavar="NAME",
+        help="parameters to estimate, also std(output), process(state), x0(state) (default: all with bounds)",
+    )  # fmt: skip
+    command.add_argument(
+        "--process-noise", default="free", choices=("free", "none"),
+        help="estimate the noise that drives the states, or take the model as exact (default: free)",
+    )  # fmt: skip
+
+
+def _add_loop(command: argparse.ArgumentParser) -> None:
+    _add_problem(command)
+    command.add_argument(
+        "--effects", nargs="+", default=["vehicle_graphs.effects"], metavar="MODULE",
+        help="modules of effect functions to try (default: vehicle_graphs.effects)",
+    )  # fmt: skip
+    command.add_argument("--max-effects", type=int, default=3, metavar="N", help="effects to add at most (default: 3)")
+    command.add_argument("--level", type=_share, default=0.01, help="chance of a false alarm per round (default: 0.01)")
+    command.add_argument("--rate", type=_positive, metavar="HZ", help="use every k-th sample, down to this rate")
+
+
+def _positive(text: str) -> float:
+    value = float(text)
+    if not value > 0.0 or not math.isfinite(value):
+        raise argparse.ArgumentTypeError(f"{text} must be a positive number")
+    return value
+
+
+def _share(text: str) -> float:
+    value = float(text)
+    if not 0.0 < value < 1.0:
+        raise argparse.ArgumentTypeError(f"{text} must lie between 0 and 1")
+    return value

@@ -1,0 +1,95 @@
+"""Commands that close the loop: close-loop on measured logs, demo on simulated ones."""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import importlib
+import sys
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from types import ModuleType
+
+from bondgraph.cli.values import names
+from bondgraph.correct.build import build
+from bondgraph.correct.loop import ClosedLoop, LoopSettings
+from bondgraph.correct.loop import close_loop as run_loop
+from bondgraph.data.match import read_mapping
+from bondgraph.declare.effect import effect_functions
+from bondgraph.declare.files import load_graph
+from bondgraph.declare.graph import BondGraph
+from bondgraph.errors import OptionError
+from bondgraph.report.closed_loop import compare_with_truth, summary, write_closed_loop
+from bondgraph.report.collect import versions
+from bondgraph.report.html import Provenance
+from bondgraph.report.logs import Splits, training_and_held_out
+from bondgraph.report.progress import WorkProgress
+
+
+def close_loop(options: argparse.Namespace) -> int:
+    """Find what a declared graph lacks, from measured logs."""
+    graph = load_graph(options.graph)
+    logs = training_and_held_out(
+        build(graph).model, options.data, options.holdout, read_mapping(options.map), options.rate
+    )
+    for line in logs.said:
+        print(line, file=sys.stderr)
+    closed, made = _closed(options, graph, logs)
+    print(summary(write_closed_loop(closed, Path(options.out), made)))
+    print(f"report: {Path(options.out) / 'report.html'}")
+    return 0
+
+
+def demo(options: argparse.Namespace) -> int:
+    """Simulate a machine with an undeclared effect, close the loop on its logs, and only then compare with the truth."""
+    bench = importlib.import_module(options.module)
+    folder = Path(options.out)
+    folder.mkdir(parents=True, exist_ok=True)
+    print(f"seed {options.seed}: simulating drives of a machine with an effect that {bench.GRAPH} does not declare")
+    missing = None if options.no_effect else bench.pick(options.seed)
+    data, holdout, truth = bench.write_drives(options.seed, folder, missing)
+    graph = load_graph(bench.GRAPH)
+    print(f"closing the loop on {', '.join(path.name for path in data)}; {holdout[0].name} is held out")
+    logs = training_and_held_out(build(graph).model, data, holdout, {}, options.rate)
+    closed, made = _closed(options, graph, logs)
+    print(summary(write_closed_loop(closed, folder, made)))
+    print(f"report: {folder / 'report.html'}")
+    answer = compare_with_truth(closed, truth.effect, truth.junction, truth.coefficients)
+    write_closed_loop(closed, folder, made, {"truth": dataclasses.asdict(truth), "correct": answer.correct})
+    print(f"\nonly now the truth: {answer.text}")
+    return 0 if answer.correct else 1
+
+
+def _closed(options: argparse.Namespace, graph: BondGraph, logs: Splits) -> tuple[ClosedLoop, Provenance]:
+    """The closed loop, and how it was made."""
+    started = time.monotonic()
+    functions = [f for name in options.effects for f in effect_functions(_module(name))]
+    settings = LoopSettings(
+        level=options.level, max_effects=options.max_effects, process_noise=options.process_noise,
+        free=tuple(names(options.free)),
+    )  # fmt: skip
+    with WorkProgress("closing the loop", None) as work:
+
+        def report(stage: str, done: int, total: int) -> None:
+            work.describe(f"{stage} ({done}/{total})")
+
+        closed = run_loop(graph, logs.training, logs.held_out, functions, settings, report)
+    seed = getattr(options, "seed", None)
+    made = Provenance(
+        options.command_line, seed, versions(), _names(logs.training), _names(logs.held_out), time.monotonic() - started
+    )
+    return closed, made
+
+
+def _names(logs: Sequence[object]) -> tuple[str, ...]:
+    return tuple(str(getattr(log, "name", "")) for log in logs)
+
+
+def _module(name: str) -> ModuleType:
+    try:
+        return importlib.import_module(name)
+    except ModuleNotFoundError as error:
+        if error.name and name.startswith(error.name):
+            raise OptionError(f"--effects {name}: there is no such module", where=("--effects", name)) from None
+        raise

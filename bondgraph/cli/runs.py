@@ -1,0 +1,98 @@
+"""Commands that run a model: simulate, filter, estimate, sensitivity."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from pathlib import Path
+
+from bondgraph.cli.values import assignments, finite, initial, names
+from bondgraph.correct.build import build
+from bondgraph.data.log import MatchedLog
+from bondgraph.data.match import match, read_mapping
+from bondgraph.data.read import read_log
+from bondgraph.data.write import csv_text, write_log
+from bondgraph.declare.files import load_graph
+from bondgraph.estimate.estimate import Settings
+from bondgraph.estimate.estimate import estimate as run_estimate
+from bondgraph.estimate.sensitivity import sensitivity as find_sensitivity
+from bondgraph.report.collect import versions
+from bondgraph.report.estimation import declared_problem, write_estimate
+from bondgraph.report.filtering import filter_logs
+from bondgraph.report.html import Provenance
+from bondgraph.report.plots import launch_figure
+from bondgraph.report.progress import WorkProgress
+from bondgraph.report.simulation import SimulationOptions, simulate_graph, trajectory_log
+from bondgraph.report.tables import parameter_table, text_of
+from bondgraph.simulate.model import Model
+
+
+def simulate(options: argparse.Namespace) -> int:
+    """Simulate a graph over a table of inputs."""
+    inputs = read_log(options.inputs) if options.inputs else None
+    chosen = SimulationOptions(
+        options.until, options.step, assignments(options.set, "--set"), initial(options.initial),
+        options.rtol, options.atol, options.all,
+    )  # fmt: skip
+    trajectory = simulate_graph(load_graph(options.graph), inputs, chosen).raise_if_failed()
+    log = trajectory_log(trajectory)
+    if options.plot:
+        launch_figure(trajectory).savefig(options.plot, dpi=150)
+        print(f"picture: {options.plot}", file=sys.stderr)
+    if options.out:
+        print(f"written: {write_log(options.out, log)}", file=sys.stderr)
+    elif not options.plot:
+        print(csv_text(log), end="")
+    return 0
+
+
+def filter(options: argparse.Namespace) -> int:
+    """Filter logs and write states with bands, innovations and consistency."""
+    model, driven, logs = _model_and_logs(options)
+    print(filter_logs(model, driven, logs, Path(options.out), options.smooth))
+    return 0
+
+
+def estimate(options: argparse.Namespace) -> int:
+    """Estimate parameters from logs."""
+    model, driven, logs = _model_and_logs(options)
+    problem = declared_problem(model, driven, logs, names(options.free), options.process_noise)
+    folder = Path(options.out)
+    settings = Settings(method=options.method, seed=options.seed)
+    with WorkProgress("estimating", None, "evaluations") as work:
+        found = run_estimate(problem, settings, progress=work.trace, folder=folder, resume=options.resume)
+    data = write_estimate(found, folder, _provenance(options, found.seconds))
+    print(text_of(parameter_table(data.parameters)), end="")
+    print(f"{found.outcome.value}\nnegative log-likelihood {found.nll:.4f} after {found.evaluations} evaluations")
+    print(f"report: {folder / 'report.html'}")
+    return 0 if found.outcome.succeeded else 1
+
+
+def sensitivity(options: argparse.Namespace) -> int:
+    """Print what the logs say about each parameter."""
+    model, driven, logs = _model_and_logs(options)
+    problem = declared_problem(model, driven, logs, names(options.free), options.process_noise)
+    print(json.dumps(finite(find_sensitivity(problem).to_dict()), indent=1))
+    return 0
+
+
+def _model_and_logs(options: argparse.Namespace) -> tuple[Model, tuple[str, ...], list[MatchedLog]]:
+    """The model of a graph or of a generated module, the states that noise may drive, and the matched logs."""
+    if options.model.endswith(".py"):
+        model = Model.from_file(options.model)
+        driven = model.names("state")
+    else:
+        built = build(load_graph(options.model))
+        model, driven = built.model, built.driven
+    mapping = read_mapping(options.map)
+    logs = [match(read_log(path), model, mapping) for path in options.data]
+    for log in logs:
+        for note in log.notes:
+            print(f"{log.name}: {note}", file=sys.stderr)
+    return model, driven, logs
+
+
+def _provenance(options: argparse.Namespace, duration: float) -> Provenance:
+    training = tuple(Path(path).name for path in options.data)
+    return Provenance(options.command_line, options.seed, versions(), training, (), duration)

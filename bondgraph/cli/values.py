@@ -1,0 +1,72 @@
+"""Words of a command line as values."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from bondgraph.errors import OptionError
+
+
+def names(groups: Sequence[str]) -> list[str]:
+    """Names given as ``a,b`` or as several words."""
+    return [name.strip() for group in groups for name in _split(group) if name.strip()]
+
+
+def _split(group: str) -> list[str]:
+    """Split at commas that stand outside parentheses, since ``x0(v, run)`` is one name."""
+    parts, depth = [""], 0
+    for letter in group:
+        depth += {"(": 1, ")": -1}.get(letter, 0)
+        if letter == "," and depth == 0:
+            parts.append("")
+        else:
+            parts[-1] += letter
+    return parts
+
+
+def assignments(pairs: Sequence[str], option: str) -> dict[str, float | str]:
+    """Values from ``name=value`` pairs; what is no number stays text (the letter of a gear)."""
+    found: dict[str, float | str] = {}
+    for pair in pairs:
+        name, equals, text = (part.strip() for part in pair.partition("="))
+        if not equals or not name or not text:
+            raise OptionError(f"{option} {pair}: write it as name=value, such as J=0.05", where=(option, pair))
+        try:
+            found[name] = float(text)
+        except ValueError:
+            found[name] = text
+    return found
+
+
+def initial(given: Sequence[str]) -> dict[str, float]:
+    """Initial states from ``state=value`` pairs or JSON files."""
+    found: dict[str, float] = {}
+    for item in given:
+        values = read_json(item, "--initial") if item.endswith(".json") else assignments([item], "--initial")
+        for name, value in values.items():
+            if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+                raise OptionError(f"--initial {name}={value}: the value must be a number", where=("--initial", name))
+            found[name] = float(value)
+    return found
+
+
+def read_json(path: str, option: str) -> Any:
+    try:
+        return json.loads(Path(path).read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise OptionError(f"{option} {path}: no such file", where=(option, path)) from None
+    except (json.JSONDecodeError, UnicodeDecodeError) as error:
+        raise OptionError(f"{option} {path}: not JSON ({error})", where=(option, path)) from None
+
+
+def finite(value: Any) -> Any:
+    """The same value with null for numbers that JSON cannot write."""
+    if isinstance(value, dict):
+        return {key: finite(inner) for key, inner in value.items()}
+    if isinstance(value, list | tuple):
+        return [finite(inner) for inner in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value

@@ -1,0 +1,147 @@
+"""The machine-readable result of a closed loop, as ``result.json`` has it."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from bondgraph.correct.assess import Assessment
+from bondgraph.correct.decide import Trial
+from bondgraph.correct.fit import Fit
+from bondgraph.correct.located import located
+from bondgraph.correct.loop import Added, ClosedLoop
+
+
+def result_json(closed: ClosedLoop) -> dict[str, Any]:
+    """The result of a closed loop with the names of the stable interface; numbers that do not exist are None."""
+    first = closed.rounds[0] if closed.rounds else None
+    return {
+        "name": closed.nominal_built.graph.name,
+        "verdict": closed.verdict,
+        "reason": closed.reason,
+        "nominal": _state(closed.nominal, closed.nominal_train, closed.nominal_holdout),
+        "corrected": _state(closed.corrected, closed.corrected_train, closed.corrected_holdout),
+        "located_at": [] if first is None else [
+            {"junction": at.junction, "variable": at.variable, "p_value": at.p_value, "share": at.share}
+            for at in located(first)
+        ],
+        "effects": [_effect(added, closed.corrected) for added in closed.added],
+        "alternatives": [
+            {
+                "name": other.name, "junction": other.junction, "delta_nll": number(other.delta_nll),
+                "indistinguishable": other.indistinguishable, "why": other.why, "round": index + 1,
+            }
+            for index, turn in enumerate(closed.rounds)
+            for other in turn.alternatives
+        ],
+        "refused": [
+            {"name": no.effect, "junction": no.place, "why": no.why} for turn in closed.rounds[:1] for no in turn.refused
+        ],
+        "unexplained": unexplained(closed),
+        "whiteness": {
+            test.channel: {"p_value": number(test.p_value), "nis_mean": number(test.nis_mean)}
+            for test in closed.whiteness
+        },
+    }  # fmt: skip
+
+
+def number(value: float) -> float | None:
+    """A finite number, or None, since JSON knows neither infinity nor nan."""
+    return float(value) if math.isfinite(value) else None
+
+
+def intervals(fitted: Fit) -> dict[str, tuple[float, float]]:
+    """95 % intervals of the estimates, from the Fisher information, inside their bounds."""
+    found = {}
+    for parameter, coordinate in zip(fitted.problem.free, fitted.point, strict=True):
+        reach = 1.96 * fitted.std[parameter.name]
+        ends = [coordinate - reach, coordinate + reach]
+        values = [math.exp(min(end, 700.0)) if parameter.scale == "log" else end for end in ends]
+        found[parameter.name] = (max(values[0], parameter.lower), min(values[1], parameter.upper))
+    return found
+
+
+def unexplained(closed: ClosedLoop) -> list[dict[str, Any]]:
+    """Where a residual remains that no candidate explains: the best place of the last round, for a verdict of that kind."""
+    if closed.verdict != "unexplained residual" or not closed.rounds:
+        return []
+    places = located(closed.rounds[-1])
+    channels = [test.channel for test in closed.whiteness if test.p_value < 0.01]
+    return [
+        {"junction": at.junction, "as_function_of": None, "shape": None, "channels": channels, "p_value": at.p_value}
+        for at in places[:1]
+    ]
+
+
+def _state(fitted: Fit, train: Assessment, holdout: Assessment) -> dict[str, Any]:
+    return {
+        "train": _assessment(train),
+        "holdout": _assessment(holdout),
+        "parameters": _parameters(fitted),
+        "outcome": fitted.outcome.value,
+    }
+
+
+def _parameters(fitted: Fit) -> dict[str, Any]:
+    ends = intervals(fitted)
+    units = {info.name: info.unit for info in fitted.problem.filter_model.model.parameters}
+    described = {}
+    for parameter in fitted.problem.free:
+        value = fitted.values[parameter.name]
+        span = parameter.upper - parameter.lower
+        described[parameter.name] = {
+            "value": value,
+            "unit": units.get(parameter.name, ""),
+            "ci95": list(ends[parameter.name]),
+            "bounds": [parameter.lower, parameter.upper],
+            "at_bound": min(value - parameter.lower, parameter.upper - value) <= 1e-6 * span,
+        }
+    return described
+
+
+def _assessment(assessment: Assessment) -> dict[str, Any]:
+    def channels(errors: Any) -> dict[str, Any]:
+        return {
+            name: {
+                "innovation_rmse": number(error.innovation_rmse),
+                "simulation_rmse": number(error.simulation_rmse),
+                "noise_std": number(error.noise_std),
+            }
+            for name, error in errors.items()
+        }
+
+    return {
+        "nll": number(assessment.nll),
+        "channels": channels(assessment.channels),
+        "logs": {log.log.name: {"nll": number(log.nll), "channels": channels(log.channels)} for log in assessment.logs},
+    }
+
+
+def _effect(added: Added, corrected: Fit) -> dict[str, Any]:
+    effect, place = added.trial.candidate.effect, added.trial.candidate.place
+    ends = intervals(corrected)
+    units = {info.name: info.unit for info in corrected.problem.filter_model.model.parameters}
+    return {
+        "name": effect.name,
+        "element": effect.element,
+        "law": effect.law,
+        "junction": place.label,
+        "coefficients": {
+            name: {"value": corrected.values[name], "unit": units[name], "ci95": list(ends[name])}
+            for name in added.coefficients
+        },
+        "evidence": evidence_json(added.trial),
+    }
+
+
+def evidence_json(trial: Trial) -> dict[str, Any]:
+    """What spoke for a chosen candidate."""
+    if trial.evidence is None:
+        return {}
+    return {
+        "delta_nll": number(trial.evidence.delta_nll),
+        "p_value": number(trial.evidence.p_value),
+        "p_robust": number(trial.evidence.p_robust),
+        "bic_gain": number(trial.evidence.bic_gain),
+        "tried": trial.evidence.tried,
+    }

@@ -1,0 +1,224 @@
+"""The folder of a closed loop: result.json, report.html, the corrected graph, its module and its drawing."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from bondgraph.correct.assess import Assessment
+from bondgraph.correct.loop import ClosedLoop
+from bondgraph.correct.result import intervals, result_json
+from bondgraph.declare.files import write_graph
+from bondgraph.report.collect import Runs, added_nodes, channel_series, found_effect, parameter_changes
+from bondgraph.report.drawing import draw_svg, drawing_of
+from bondgraph.report.html import Located, Provenance, ReportData, write_report
+from bondgraph.report.numbers import shown
+from bondgraph.report.series import ChannelSeries, FoundEffect, Tried, channel_errors
+from bondgraph.report.tables import error_table, text_of
+
+#: Alternatives shown per round; all stand in result.json.
+_MOST_ALTERNATIVES = 10
+
+
+def write_closed_loop(
+    closed: ClosedLoop, folder: Path, made: Provenance, extra: Mapping[str, Any] | None = None
+) -> ReportData:
+    """Write everything a closed loop leaves behind.
+
+    Parameters
+    ----------
+    closed
+        The finished loop.
+    folder
+        Where the files go; it is made where it is missing.
+    made
+        Command, seed, data files.
+    extra
+        More keys of ``result.json`` (the truth of a demonstration).
+
+    Returns
+    -------
+    ReportData
+        What stands in the report.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    result = result_json(closed) | dict(extra or {})
+    data = report_data(closed, result, made)
+    write_json(folder / "result.json", result)
+    write_graph(closed.corrected_graph, folder / "corrected_graph.json")
+    (folder / f"{closed.corrected_graph.name}.py").write_text(closed.corrected_built.text, encoding="utf-8")
+    assert data.drawing is not None
+    (folder / "corrected_graph.svg").write_text(draw_svg(data.drawing, data.added), encoding="utf-8")
+    write_report(data, folder / "report.html")
+    return data
+
+
+def write_json(path: Path, value: Mapping[str, Any]) -> None:
+    """Write JSON through a file beside it, so that a crash never leaves half a result."""
+    partial = path.with_suffix(".partial")
+    partial.write_text(json.dumps(value, indent=1, allow_nan=False) + "\n", encoding="utf-8")
+    partial.replace(path)
+
+
+def report_data(closed: ClosedLoop, result: Mapping[str, Any], made: Provenance) -> ReportData:
+    """The report of a closed loop as plain values."""
+    model = closed.corrected_built.model
+    series = all_series(closed)
+    ci95 = intervals(closed.corrected)
+    return ReportData(
+        title=closed.nominal_built.graph.name,
+        verdict=closed.verdict,
+        explanation=explanation(closed),
+        effects=tuple(found_effects(closed)),
+        errors=channel_errors(series),
+        series=series,
+        drawing=drawing_of(closed.corrected_built.causal),
+        added=added_nodes(closed.nominal_built.graph, closed.corrected_graph),
+        located=tuple(
+            Located(at["junction"], at["variable"], at["p_value"], at["share"]) for at in result["located_at"][:8]
+        ),
+        alternatives=tuple(_tried(closed)),
+        parameters=parameter_changes(model, closed.nominal.values, closed.corrected.values, ci95),
+        notes=tuple(_notes(closed)),
+        made=made,
+    )
+
+
+def all_series(closed: ClosedLoop) -> tuple[ChannelSeries, ...]:
+    """Measured and predicted channels of all logs, before and after."""
+    pairs = (
+        (closed.nominal_train, closed.corrected_train, False),
+        (closed.nominal_holdout, closed.corrected_holdout, True),
+    )
+    return tuple(one for before, after, held_out in pairs for one in _series(before, after, held_out))
+
+
+def _series(before: Assessment, after: Assessment, held_out: bool) -> list[ChannelSeries]:
+    found: list[ChannelSeries] = []
+    for first, last in zip(before.logs, after.logs, strict=True):
+        noise = {name: error.noise_std for name, error in last.channels.items()}
+        runs = Runs(first.filtered, first.simulated), Runs(last.filtered, last.simulated)
+        found += channel_series(last.simulated.model, first.log, *runs, noise, held_out)
+    return found
+
+
+def found_effects(closed: ClosedLoop) -> list[FoundEffect]:
+    """The added effects with their coefficients and evidence."""
+    ci95 = intervals(closed.corrected)
+    effects = []
+    for added in closed.added:
+        candidate, evidence = added.trial.candidate, added.trial.evidence
+        assert evidence is not None
+        said = (
+            ("gain of log-likelihood", f"{shown(evidence.delta_nll)} nats"),
+            ("p, likelihood ratio", f"{evidence.p_value:.1e}"),
+            ("p, block-robust", f"{evidence.p_robust:.1e}"),
+            ("candidates tried", str(evidence.tried)),
+        )
+        model = closed.corrected_built.model
+        effects.append(found_effect(candidate.effect, candidate.place, model, closed.corrected.values, ci95, said))
+    return effects
+
+
+def explanation(closed: ClosedLoop) -> str:
+    """The verdict in a sentence or two."""
+    tried = closed.rounds[0].trials if closed.rounds else ()
+    if closed.added:
+        names = ", then ".join(added.trial.candidate.label for added in closed.added)
+        return f"The declared model lacks {names}. The search ended because {closed.reason}."
+    coloured = [test.channel for test in closed.whiteness if test.p_value * len(closed.whiteness) < 0.01]
+    if closed.verdict == "unexplained residual":
+        return (
+            f"The innovations of {', '.join(coloured)} are correlated in time, so something is missing, but none of "
+            f"the {len(tried)} candidates explains it well enough to be believed."
+        )
+    return f"None of the {len(tried)} candidates passes the tests, and the innovations are white in every channel."
+
+
+def _tried(closed: ClosedLoop) -> list[Tried]:
+    rows = []
+    for turn in closed.rounds:
+        if turn.chosen is not None:
+            chosen = turn.chosen.candidate
+            rows.append(Tried(chosen.effect.name, chosen.place.label, turn.chosen.gain, "added", chosen=True))
+        rows += [
+            Tried(other.name, other.junction, other.delta_nll, other.why, indistinguishable=other.indistinguishable)
+            for other in turn.alternatives[:_MOST_ALTERNATIVES]
+        ]
+    return rows
+
+
+def _notes(closed: ClosedLoop) -> list[str]:
+    notes = []
+    gain = closed.nominal_holdout.nll - closed.corrected_holdout.nll
+    if closed.added and closed.corrected_holdout.logs:
+        what = "confirm the correction" if gain > 0 else "do not confirm the correction"
+        notes.append(f"The held-out logs {what}: their log-likelihood changes by {shown(gain)} nats. They decided nothing.")
+    for added in closed.added:
+        twins = [a for turn in closed.rounds if turn.chosen is added.trial for a in turn.alternatives if a.indistinguishable]
+        if twins:
+            names = ", ".join(f"{twin.name} at {twin.junction}" for twin in twins)
+            notes.append(f"These data do not tell {added.trial.candidate.label} from {names}.")
+    coloured = [test.channel for test in closed.whiteness if test.p_value * len(closed.whiteness) < 0.01]
+    if closed.added and coloured:
+        notes.append(
+            f"After the correction the innovations of {', '.join(coloured)} are still correlated in time: the model is "
+            "not complete."
+        )
+    for log in _unique_notes(closed):
+        notes.append(log)
+    return notes
+
+
+def _unique_notes(closed: ClosedLoop) -> Sequence[str]:
+    seen: dict[str, None] = {}
+    for assessment in (closed.nominal_train, closed.nominal_holdout):
+        for log in assessment.logs:
+            for note in log.log.notes:
+                seen[f"{log.log.name}: {note}"] = None
+    return list(seen)[:12]
+
+
+def summary(data: ReportData) -> str:
+    """Verdict, effects and errors before and after, for a terminal."""
+    lines = [f"\n{data.verdict}: {data.explanation}"]
+    for effect in data.effects:
+        values = ", ".join(
+            f"{c.name} = {shown(c.value)} {c.unit} [{shown(c.ci95[0])}, {shown(c.ci95[1])}]" for c in effect.coefficients
+        )
+        lines.append(f"  {effect.name} at {effect.junction}: {effect.law}, {values}")
+    lines += [f"  {note}" for note in data.notes]
+    lines.append(text_of(error_table(data.errors)))
+    return "\n".join(lines)
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """A closed loop against the truth of a simulation."""
+
+    correct: bool
+    text: str
+
+
+def compare_with_truth(closed: ClosedLoop, effect: str, junction: str, coefficients: Mapping[str, float]) -> Comparison:
+    """Whether the first effect found, or one that the data cannot tell from it, is the true one, and no other was added.
+
+    ``effect`` is ``"none"`` where nothing was missing.
+    """
+    size = ", ".join(f"{value:g}" for value in coefficients.values())
+    if effect == "none":
+        return Comparison(not closed.added, "nothing was missing")
+    truth = f"{effect} at {junction} ({size})"
+    if not closed.added:
+        return Comparison(False, f"{truth} was missing")
+    chosen = closed.added[0].trial.candidate
+    group = {(chosen.effect.name, chosen.place.label)}
+    group |= {(a.name, a.junction) for a in closed.rounds[0].alternatives if a.indistinguishable}
+    found = (effect, junction) in group
+    exactly = (chosen.effect.name, chosen.place.label) == (effect, junction)
+    how = "found" if exactly else "found as one of a group that these sensors cannot tell apart" if found else "not found"
+    extra = f"; {len(closed.added) - 1} more were added that are not there" if len(closed.added) > 1 else ""
+    return Comparison(found and not extra, f"{truth} was missing: {how}{extra}")

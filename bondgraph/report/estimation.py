@@ -1,0 +1,92 @@
+"""The folder of an estimation: result.json, report.html with residuals and trace."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from bondgraph.correct.loop import free_parameters
+from bondgraph.correct.setup import filter_setup
+from bondgraph.data.log import MatchedLog
+from bondgraph.estimate.free import declared_free, parse_target
+from bondgraph.estimate.innovation_summary import fitted_runs, innovation_summary
+from bondgraph.estimate.problem import EstimationProblem
+from bondgraph.estimate.result import Estimate
+from bondgraph.report.closed_loop import write_json
+from bondgraph.report.collect import Runs, channel_series, parameter_changes
+from bondgraph.report.html import Provenance, ReportData, write_report
+from bondgraph.report.series import ChannelSeries, channel_errors
+from bondgraph.simulate.model import Model
+from bondgraph.simulate.simulate import simulate
+from bondgraph.simulate.trajectory import Trajectory
+
+
+def declared_problem(
+    model: Model, driven: Sequence[str], logs: Sequence[MatchedLog], free: Sequence[str], process_noise: str
+) -> EstimationProblem:
+    """The estimation problem that a command poses: noises from the logs, the named parameters or all with bounds free.
+
+    Raises
+    ------
+    EstimationError
+        If a name is unknown or has no bounds.
+    """
+    setup = filter_setup(model, driven, logs, process_noise)
+    named = free_parameters(setup, [name for name in free if parse_target(name).kind == "parameter"])
+    others = [declared_free(name, setup.filter_model) for name in free if parse_target(name).kind != "parameter"]
+    given = {parameter.name for parameter in others}
+    noise = [parameter for parameter in setup.noise if parameter.name not in given]
+    return EstimationProblem(setup.filter_model, tuple(logs), (*named, *others, *noise))
+
+
+def write_estimate(estimate: Estimate, folder: Path, made: Provenance) -> ReportData:
+    """Write ``result.json`` and ``report.html`` of an estimate.
+
+    Parameters
+    ----------
+    estimate
+        The finished estimate.
+    folder
+        Where the files go; it is made where it is missing.
+    made
+        Command, seed, data files.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    runs = fitted_runs(estimate)
+    write_json(folder / "result.json", estimate.to_dict(innovation_summary(runs)))
+    data = estimate_report(estimate, made)
+    write_report(data, folder / "report.html")
+    return data
+
+
+def estimate_report(estimate: Estimate, made: Provenance) -> ReportData:
+    """The report of an estimate as plain values: declared parameters before, estimated after."""
+    model = estimate.filter_model.model
+    declared = {info.name: info.value for info in model.parameters}
+    series: list[ChannelSeries] = []
+    for log, x0, run in zip(estimate.problem.logs, estimate.x0, fitted_runs(estimate), strict=True):
+        before = _free_run(estimate, log, x0, declared)
+        after = _free_run(estimate, log, x0, dict(estimate.values))
+        noise = dict(zip(model.names("output"), estimate.filter_model.noise_std, strict=True))
+        series += channel_series(model, log, Runs(None, before), Runs(run, after), noise)
+    return ReportData(
+        title=model.name,
+        verdict="estimated",
+        explanation=estimate.outcome.value,
+        errors=channel_errors(series),
+        series=tuple(series),
+        parameters=parameter_changes(model, declared, estimate.values, estimate.ci95, estimate.at_bound),
+        trace=estimate.trace,
+        notes=tuple(f"These data do not tell apart: {', '.join(group)}." for group in estimate.not_identifiable),
+        made=made,
+    )
+
+
+def _free_run(estimate: Estimate, log: MatchedLog, x0: object, values: dict[str, float]) -> Trajectory:
+    filter_model = estimate.filter_model
+    names = filter_model.model.names("parameter")
+    theta = {name: value for name, value in values.items() if name in names} | dict(log.theta_overrides)
+    return simulate(
+        filter_model.model, log.time, log.u, theta, x0,  # type: ignore[arg-type]
+        method="rk4", substeps=filter_model.substeps, compiled=True,
+    )  # fmt: skip

@@ -1,0 +1,59 @@
+"""Logs as a command gets them: read, matched, decimated, split."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from bondgraph.data.log import MatchedLog
+from bondgraph.data.match import match
+from bondgraph.data.read import read_log
+from bondgraph.data.select import decimate, split
+from bondgraph.errors import OptionError
+from bondgraph.simulate.model import Model
+
+
+@dataclass(frozen=True)
+class Splits:
+    """Training and held-out logs, and what must be said about how they came about."""
+
+    training: tuple[MatchedLog, ...]
+    held_out: tuple[MatchedLog, ...]
+    said: tuple[str, ...]
+
+
+def training_and_held_out(
+    model: Model,
+    data: Sequence[Path | str],
+    holdout: Sequence[Path | str],
+    mapping: Mapping[str, str],
+    rate: float | None = None,
+) -> Splits:
+    """Read and match logs; without held-out logs the last quarter of each training log is held out, and this is said.
+
+    Raises
+    ------
+    DataError
+        If a log cannot be used.
+    OptionError
+        If a log is both trained on and held out.
+    """
+    both = {str(path) for path in data} & {str(path) for path in holdout}
+    if both:
+        raise OptionError(
+            f"{sorted(both)[0]} is given to --data and to --holdout - a log that was trained on confirms nothing",
+            where=("--data", "--holdout"),
+        )
+
+    def read(path: Path | str) -> MatchedLog:
+        log = match(read_log(path), model, mapping)
+        return log if rate is None else decimate(log, rate)
+
+    training, held_out = [read(path) for path in data], [read(path) for path in holdout]
+    said = [f"{log.name}: {note}" for log in (*training, *held_out) for note in log.notes]
+    if not held_out:
+        pairs = [split(log, 0.75) for log in training]
+        training, held_out = [first for first, _ in pairs], [last for _, last in pairs]
+        said.append("no --holdout given: the last quarter of each training log is held out instead")
+    return Splits(tuple(training), tuple(held_out), tuple(said))

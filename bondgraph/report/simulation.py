@@ -1,0 +1,138 @@
+"""Simulate a declared graph over a table of inputs, and write what comes out as a log."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from bondgraph.data.log import FloatArray, Log, LogChannel
+from bondgraph.data.match import match_inputs
+from bondgraph.declare.graph import BondGraph
+from bondgraph.derive.causality import assign_causality
+from bondgraph.derive.derivation import check_closed, derive
+from bondgraph.derive.dimensions import check_dimensions
+from bondgraph.errors import OptionError, suggest
+from bondgraph.generate.module import render
+from bondgraph.simulate.inputs import InputSignal, hold_flags
+from bondgraph.simulate.model import Model
+from bondgraph.simulate.simulate import simulate
+from bondgraph.simulate.trajectory import Trajectory
+
+#: Points written where neither inputs nor a step say how many.
+_POINTS = 1000
+
+
+@dataclass(frozen=True)
+class SimulationOptions:
+    """What a simulation may be told: end and step of time in s, values by name, tolerances, every bond's variables."""
+
+    until: float | None = None
+    step: float | None = None
+    values: Mapping[str, float | str] | None = None
+    initial: Mapping[str, float] | None = None
+    rtol: float = 1e-9
+    atol: float | None = None
+    all_variables: bool = False
+
+
+def simulate_graph(graph: BondGraph, inputs: Log | None, options: SimulationOptions) -> Trajectory:
+    """Derive a graph and integrate it over a table of inputs.
+
+    Parameters
+    ----------
+    graph
+        The declared graph.
+    inputs
+        A table with columns called like the inputs; None: every input at its default or at its given value.
+    options
+        Times, values of parameters and inputs, initial states, tolerances.
+
+    Raises
+    ------
+    OptionError
+        If a name is unknown or the end of time is not given anywhere.
+    DataError
+        If the table does not fit the inputs.
+    """
+    equations = derive(assign_causality(graph), bonds=options.all_variables)
+    check_closed(equations)
+    check_dimensions(equations)
+    model = Model.from_text(render(equations), source=graph.name)
+    theta, constants = _values(model, options.values or {})
+    _require_states(model, options.initial or {})
+    times, table = _inputs(model, inputs, constants, options)
+    return simulate(
+        model, times, table, theta, dict(options.initial or {}), rtol=options.rtol,
+        atol=None if options.atol is None else (options.atol,) * len(model.states),
+    )  # fmt: skip
+
+
+def _values(model: Model, values: Mapping[str, float | str]) -> tuple[dict[str, float], dict[str, float]]:
+    """Given values as those of parameters and those of inputs."""
+    theta: dict[str, float] = {}
+    constants: dict[str, float] = {}
+    parameters, inputs = model.names("parameter"), model.names("input")
+    for name, value in values.items():
+        if name in parameters and not isinstance(value, str):
+            theta[name] = value
+        elif name in inputs:
+            constants[name] = model.input_value(name, value) if isinstance(value, str) else value
+        else:
+            known = (*parameters, *inputs)
+            raise OptionError(
+                f"--set {name}: {model.name} has no parameter or input of this name{suggest(name, known)} - it has "
+                f"{', '.join(known)}",
+                where=("--set", name),
+            )
+    return theta, constants
+
+
+def _require_states(model: Model, initial: Mapping[str, float]) -> None:
+    for name in initial:
+        if name not in model.names("state"):
+            known = model.names("state")
+            raise OptionError(
+                f"--initial {name}: {model.name} has no state of this name{suggest(name, known)} - it has "
+                f"{', '.join(known)}",
+                where=("--initial", name),
+            )
+
+
+def _inputs(
+    model: Model, inputs: Log | None, constants: Mapping[str, float], options: SimulationOptions
+) -> tuple[FloatArray, InputSignal]:
+    """Times of the answer, and the input signal."""
+    if inputs is None:
+        if options.until is None:
+            raise OptionError("simulate needs --until T, or --inputs with a table that has an end", where=("--until",))
+        times = np.array([0.0, options.until])
+        values = np.repeat(model.u0()[:, np.newaxis], 2, axis=1)
+    else:
+        times, values = inputs.time, match_inputs(inputs, model)
+    for name, value in constants.items():
+        values[model.index("input", name)] = value
+    end = float(times[-1]) if options.until is None else options.until
+    if end <= times[0]:
+        raise OptionError(f"--until {end:g} lies before the start at {times[0]:g} s", where=("--until",))
+    if options.step is not None:
+        count = max(1, int(np.floor((end - times[0]) / options.step + 1e-9)))
+        wanted = times[0] + options.step * np.arange(count + 1)
+    elif inputs is not None and times.size > 2:
+        wanted = times[times <= end]
+    else:
+        wanted = np.linspace(times[0], end, _POINTS + 1)
+    return wanted, InputSignal(times, values, hold_flags(model))
+
+
+def trajectory_log(trajectory: Trajectory) -> Log:
+    """A trajectory as a log: states, then outputs that are not states already."""
+    model = trajectory.model
+    channels: dict[str, LogChannel] = {}
+    for infos, rows in ((model.states, trajectory.x), (model.outputs, trajectory.y)):
+        for info, values in zip(infos, rows, strict=True):
+            if info.name not in channels:
+                channels[info.name] = LogChannel(info.name, info.unit or "1", values)
+    return Log(model.name, trajectory.time, channels)
+
