@@ -94,7 +94,7 @@ def _parameters(fitted: Fit) -> dict[str, Any]:
             "unit": units.get(parameter.name, ""),
             "ci95": list(ends[parameter.name]),
             "bounds": [parameter.lower, parameter.upper],
-            "at_bound": min(value - parameter.lower, parameter.upper - value) <= 1e-6 * span,
+            "at_bound": bool(min(value - parameter.lower, parameter.upper - value) <= 1e-6 * span),
         }
     return described
 
