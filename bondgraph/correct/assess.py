@@ -1,4 +1,8 @@
-"""Errors before and after: one step ahead and in free simulation, per channel and per log, against the sensor noise."""
+"""Errors before and after: one step ahead and in free simulation, per channel and per log, against the sensor noise.
+
+The first sample of a log tells where the machine starts: nothing was predicted before it, so it counts in no one-step
+error, and the free simulation starts from the state that the filter takes from it.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +13,6 @@ import numpy as np
 
 from bondgraph.correct.fit import Fit
 from bondgraph.data.log import FloatArray, MatchedLog
-from bondgraph.estimate.initial import initial_states
 from bondgraph.filter.filter_run import FilterRun
 from bondgraph.simulate.simulate import simulate
 from bondgraph.simulate.trajectory import Trajectory
@@ -77,30 +80,29 @@ def assess(fitted: Fit, logs: Sequence[MatchedLog]) -> Assessment:
 
 
 def _assess_log(fitted: Fit, log: MatchedLog, run: FilterRun) -> LogAssessment:
-    simulated = free_simulation(fitted, log)
+    simulated = free_simulation(fitted, log, run)
     model = simulated.model
     noise = fitted.problem.batch(fitted.point[:, np.newaxis]).noise_std[:, 0]
     channels = {}
     for row, name in enumerate(model.names("output")):
         seen = np.isfinite(log.y[row])
         if seen.any():
-            innovation, error = run.innovation[row][seen], (simulated.y[row] - log.y[row])[seen]
+            error = (simulated.y[row] - log.y[row])[seen]
+            innovation = run.innovation[row, 1:][seen[1:]]
             channels[name] = ChannelError(_rms(innovation), _rms(error), float(noise[row]))
     return LogAssessment(log, run.nll, channels, run, simulated)
 
 
-def free_simulation(fitted: Fit, log: MatchedLog) -> Trajectory:
-    """The fitted model left alone: nothing is given but the inputs and the state at the start."""
+def free_simulation(fitted: Fit, log: MatchedLog, filtered: FilterRun) -> Trajectory:
+    """The fitted model left alone: nothing is given but the inputs and what the first sample says of the state."""
     filter_model = fitted.problem.filter_model
     model = filter_model.model
     theta = fitted.theta.copy()
     for name, value in log.theta_overrides.items():
         theta[model.index("parameter", name)] = value
-    x0 = initial_states(model, [log], theta, fitted.problem.initial)[0]
-    return simulate(
-        model, log.time, log.u, theta, x0, method="rk4", substeps=2 * filter_model.substeps, compiled=True
-    )
+    x0 = filtered.filtered_mean[: len(model.states), 0]
+    return simulate(model, log.time, log.u, theta, x0, method="rk4", substeps=2 * filter_model.substeps, compiled=True)
 
 
 def _rms(values: FloatArray) -> float:
-    return float(np.sqrt(np.mean(values**2)))
+    return float(np.sqrt(np.mean(values**2))) if values.size else float("nan")

@@ -11,10 +11,19 @@ from bondgraph.correct.build import BuiltModel, build
 from bondgraph.data.log import FloatArray, MatchedLog
 from bondgraph.declare.editing import copy, handle
 from bondgraph.declare.effect import Effect, EffectFunction, Place, Scale
+from bondgraph.declare.elements import STORAGES
 from bondgraph.declare.graph import BondGraph
 from bondgraph.derive.causality import assign_causality
 from bondgraph.derive.derivation import Derivation, bond_labels
-from bondgraph.errors import BondGraphError
+from bondgraph.derive.equations import ImplicitLoop
+from bondgraph.errors import (
+    BondGraphError,
+    CausalityError,
+    DeclarationError,
+    DerivationError,
+    OptionError,
+    suggest,
+)
 from bondgraph.filter.filter_run import FilterRun
 from bondgraph.generate.module import render
 from bondgraph.simulate.model import Model
@@ -22,11 +31,17 @@ from bondgraph.simulate.model import Model
 
 @dataclass(frozen=True)
 class Candidate:
-    """One effect at one place: a way in which the declared graph may be incomplete."""
+    """One effect at one place: a way in which the declared graph may be incomplete.
+
+    ``passive``: its coefficients cannot be negative, so that it only takes energy. ``beside_storage``: the place is a
+    junction with a storage, whose flow or effort is a state.
+    """
 
     function: EffectFunction
     place: Place
     effect: Effect
+    passive: bool = True
+    beside_storage: bool = True
 
     @property
     def label(self) -> str:
@@ -105,6 +120,11 @@ def candidates(
     """Every effect at every place, if the extended graph has a causality and adds no nonlinear loop.
 
     ``present`` holds the effects that the graph already has, by name of their function and label of their place.
+
+    Raises
+    ------
+    OptionError
+        If an effect function fails, or names coefficients that it does not declare.
     """
     found: list[Candidate] = []
     refused: list[Refused] = []
@@ -114,26 +134,72 @@ def candidates(
                 continue
             trial = copy(built.graph)
             try:
-                effect = function(trial, place)
-                if effect is None:
-                    continue
-                derivation = Derivation(assign_causality(trial))
-                equations = derivation.equations()
-            except BondGraphError as error:
+                effect = _effect(function, trial, place)
+                why = None if effect is None else _why_not(built, trial, effect)
+            except (DeclarationError, CausalityError, DerivationError) as error:
                 refused.append(Refused(function.__name__, place.label, error.message))
                 continue
-            if len(equations.inputs) != len(built.equations.inputs):
-                refused.append(Refused(effect.name, place.label, "would need the rate of an input, which no log has"))
+            if effect is None:
                 continue
-            states = len(equations.states) - len(built.equations.states)
-            loops = sum(hasattr(step, "residuals") for step in equations.assignments) - built.implicit_loops
-            if loops > 0:
-                refused.append(Refused(effect.name, place.label, "would close a nonlinear algebraic loop"))
-            elif states > 0 and not effect.adds_state:
-                refused.append(Refused(effect.name, place.label, "would add a state that has no size yet"))
-            else:
-                found.append(Candidate(function, place, effect))
+            if why is not None:
+                refused.append(Refused(effect.name, place.label, why))
+                continue
+            beside = place.bond is None and _beside_storage(built.graph, place.junction.name)
+            found.append(Candidate(function, place, effect, _passive(trial, effect), beside))
     return found, refused
+
+
+def _effect(function: EffectFunction, graph: BondGraph, place: Place) -> Effect | None:
+    """What an effect function added; its own mistakes are told as such."""
+    try:
+        effect = function(graph, place)
+    except BondGraphError:
+        raise
+    except Exception as error:
+        raise OptionError(
+            f"effect function {function.__name__} failed at {place.label}: {type(error).__name__}: {error} - mend it, or "
+            "let it return None where it makes no sense",
+            where=(function.__name__, place.label),
+        ) from error
+    known = {parameter.name for parameter in graph.parameters}
+    for name in () if effect is None else effect.coefficients:
+        if name not in known:
+            raise OptionError(
+                f"effect function {function.__name__} names the coefficient {name!r} at {place.label} but declares no such"
+                f" parameter{suggest(name, known)} - return the names of parameters that it added",
+                where=(function.__name__, name),
+            )
+    return effect
+
+
+def _why_not(built: BuiltModel, extended: BondGraph, effect: Effect) -> str | None:
+    """Why an effect cannot be tried, or None."""
+    values = {parameter.name: parameter.value for parameter in extended.parameters}
+    if len(effect.coefficients) != 1:
+        return f"has {len(effect.coefficients)} coefficients; one is tested, the others must be plain parameters"
+    if not effect.adds_state and values[effect.coefficients[0]] != 0.0:
+        return f"does not vanish: its coefficient is {values[effect.coefficients[0]]:g} when it is added, not 0"
+    equations = Derivation(assign_causality(extended)).equations()
+    if len(equations.inputs) != len(built.equations.inputs):
+        return "would need the rate of an input, which no log has"
+    loops = sum(isinstance(step, ImplicitLoop) for step in equations.assignments) - built.implicit_loops
+    if loops > 0:
+        return "would close a nonlinear algebraic loop"
+    if len(equations.states) > len(built.equations.states) and not effect.adds_state:
+        return "would add a state that has no size yet"
+    return None
+
+
+def _passive(graph: BondGraph, effect: Effect) -> bool:
+    bounds = {parameter.name: parameter.bounds for parameter in graph.parameters}
+    known = [bounds[name] for name in effect.coefficients]
+    return all(bound is not None and bound[0] >= 0.0 for bound in known)
+
+
+def _beside_storage(graph: BondGraph, junction: str) -> bool:
+    flat = graph.flatten()
+    ends = {end for bond in flat.bonds if junction in (bond.source, bond.target) for end in (bond.source, bond.target)}
+    return any(flat.nodes[end].kind in STORAGES for end in ends)
 
 
 def superset(built: BuiltModel, vanishing: Sequence[Candidate]) -> BuiltModel:

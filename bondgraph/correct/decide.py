@@ -9,70 +9,24 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from scipy import stats
 
-from bondgraph.correct.build import BuiltModel
 from bondgraph.correct.candidates import Candidate
-from bondgraph.correct.fit import Fit, time_blocks
+from bondgraph.correct.fit import Fit, restricted, time_blocks
 from bondgraph.correct.score import Scores, robust_variance
+from bondgraph.correct.trials import Alternative, Detectable, Evidence, Trial
 from bondgraph.data.log import MatchedLog
+from bondgraph.estimate.free import FreeParameter
+from bondgraph.estimate.problem import EstimationProblem
 
 #: Blocks of the sandwich variance over all training logs: enough for its distribution, long enough to be independent.
 _BLOCKS = 40
+#: Chance of being found at the size that is called detectable.
+_POWER = 0.9
 #: Candidates whose likelihoods differ by less than this many nats are not told apart by the data.
 CLOSE = 3.0
-#: Responses correlated above this, free parameters projected out, are the same to these sensors.
-ALIKE = 0.99
-
-
-@dataclass(frozen=True)
-class Evidence:
-    """What speaks for one refitted candidate.
-
-    ``delta_nll``: gain of log-likelihood in nats; ``p_value`` and ``p_robust``: of the likelihood ratio and of the
-    coefficient with block-sandwich variance, both times the number tried; ``bic_gain``: gain after the penalty, nats.
-    """
-
-    delta_nll: float
-    p_value: float
-    p_robust: float
-    bic_gain: float
-    tried: int
-
-    def accepted(self, level: float) -> bool:
-        """Whether all three hurdles are passed."""
-        return self.p_value < level and self.p_robust < level and self.bic_gain > 0.0
-
-
-@dataclass(frozen=True)
-class Trial:
-    """A candidate with its score, and its refit if it came that far."""
-
-    candidate: Candidate
-    score_gain: float
-    step: float
-    built: BuiltModel | None = None
-    fit: Fit | None = None
-    evidence: Evidence | None = None
-
-    @property
-    def gain(self) -> float:
-        """Likelihood gain in nats: of the refit, else as the score predicts it."""
-        return self.score_gain if self.evidence is None else self.evidence.delta_nll
-
-
-@dataclass(frozen=True)
-class Alternative:
-    """A candidate that was not chosen, and why."""
-
-    name: str
-    junction: str
-    delta_nll: float
-    indistinguishable: bool
-    why: str
 
 
 def judge(base: Fit, refit: Fit, coefficients: Sequence[str], tried: int) -> Evidence:
@@ -81,31 +35,75 @@ def judge(base: Fit, refit: Fit, coefficients: Sequence[str], tried: int) -> Evi
     count = len(coefficients)
     measured = int(sum(np.isfinite(log.y).sum() for log in refit.problem.logs))
     ratio = float(stats.chi2.sf(2.0 * max(gain, 0.0), count))
-    total = sum(float(log.time[-1] - log.time[0]) for log in refit.problem.logs)
-    blocks = time_blocks(refit.problem, max(total / _BLOCKS, 1e-9))
-    variance = robust_variance(refit.expansion, blocks)
+    blocks = score_blocks(refit.problem)
+    free = ~refit.held
+    variance = np.zeros((free.size, free.size))
+    variance[np.ix_(free, free)] = robust_variance(restricted(refit.expansion, free), blocks)
     robust = 1.0
     for name in coefficients:
         index = refit.problem.names.index(name)
         value = float(refit.problem.values(refit.point)[index])
-        std = math.sqrt(max(variance[index, index], 0.0))
+        std = refit.problem.free[index].slope(value) * math.sqrt(max(variance[index, index], 0.0))
         distance = abs(value) / std if std > 0.0 else 0.0
         robust = min(robust, 2.0 * float(stats.t.sf(distance, max(int(blocks.max()), 2))))
     penalty = 0.5 * count * math.log(max(measured, 2)) + math.log(max(tried, 1))
     return Evidence(gain, min(1.0, ratio * tried), min(1.0, robust * tried), gain - penalty, tried)
 
 
+def score_blocks(problem: EstimationProblem) -> np.ndarray:
+    """Blocks of time whose score sums count as independent, for the terms of a problem."""
+    total = sum(float(log.time[-1] - log.time[0]) for log in problem.logs)
+    return time_blocks(problem, max(total / _BLOCKS, 1e-9))
+
+
 def hurdle(logs: Sequence[MatchedLog], tried: int, level: float) -> float:
-    """The likelihood gain in nats that one coefficient needs to pass the ratio test and the information criterion."""
+    """The likelihood gain in nats that one coefficient needs to pass all three hurdles."""
     measured = sum(int(np.isfinite(log.y).sum()) for log in logs)
-    ratio = 0.5 * float(stats.chi2.isf(level / max(tried, 1), 1))
-    return max(ratio, 0.5 * math.log(max(measured, 2)) + math.log(max(tried, 1)))
+    each = level / max(tried, 1)
+    ratio = 0.5 * float(stats.chi2.isf(each, 1))
+    robust = 0.5 * float(stats.t.isf(0.5 * each, _BLOCKS)) ** 2
+    return max(ratio, robust, 0.5 * math.log(max(measured, 2)) + math.log(max(tried, 1)))
+
+
+def detectable(
+    vanishing: Sequence[Candidate],
+    coefficients: Sequence[FreeParameter],
+    found: Scores,
+    units: dict[str, str],
+    need: float,
+) -> tuple[Detectable, ...]:
+    """The size at which each candidate would have been found nine times in ten.
+
+    The root of twice the gain is nearly normal around size * sqrt(information) with unit variance; it must pass the root
+    of twice the ``need``.
+
+    Parameters
+    ----------
+    vanishing, coefficients
+        The candidates and the coefficient of each.
+    found
+        Their scores.
+    units
+        Units of the coefficients by name.
+    need
+        Gain in nats that passes the tests, see :func:`hurdle`.
+    """
+    reach = math.sqrt(2.0 * need) + float(stats.norm.ppf(_POWER))
+    sizes = [reach / math.sqrt(told) if told > 0.0 else math.inf for told in found.information]
+    return tuple(
+        Detectable(one.effect.name, one.place.label, coefficient.name, size, units[coefficient.name])
+        for one, coefficient, size in zip(vanishing, coefficients, sizes, strict=True)
+    )
 
 
 def choose(trials: Sequence[Trial], level: float) -> Trial | None:
     """The refitted candidate with the largest penalised gain among those that pass, or None."""
-    passed = [trial for trial in trials if trial.evidence is not None and trial.evidence.accepted(level)]
-    return max(passed, key=lambda trial: trial.evidence.bic_gain, default=None)  # type: ignore[union-attr]
+    passed = [trial for trial in trials if trial.fit is not None and trial.evidence and trial.evidence.accepted(level)]
+    return max(passed, key=_bic_gain, default=None)
+
+
+def _bic_gain(trial: Trial) -> float:
+    return -math.inf if trial.evidence is None else trial.evidence.bic_gain
 
 
 def alternatives(
@@ -129,14 +127,22 @@ def _why_not(
     if chosen is None:
         if trial.evidence is None:
             return False, f"its score promises {trial.score_gain:.1f} nats, too little to be refitted"
-        return False, f"p = {max(trial.evidence.p_value, trial.evidence.p_robust):.2g}, above {level:g}"
-    a, b = order[chosen.candidate.label], order[trial.candidate.label]
-    size = found.correlation.shape[0]
-    alike = abs(float(found.correlation[a, b])) if a < size and b < size else 0.0
-    if alike > ALIKE:
-        return True, f"its response is the same to these sensors (correlation {alike:.4f})"
+        return False, f"p = {trial.p_value:.2g}, above {level:g}"
+    if trial.evidence is None:
+        a, b = order[chosen.candidate.label], order[trial.candidate.label]
+        size = found.correlation.shape[0]
+        alike = float(found.correlation[a, b]) if max(a, b) < size else 0.0
+        lost = (1.0 - alike**2) * chosen.gain
+        if trial.score_gain > 0.0 and lost < CLOSE:
+            return True, f"its response is the same to these sensors (correlation {alike:.4f}, {lost:.1f} nats less)"
     short = chosen.gain - trial.gain
     if trial.evidence is not None and abs(short) < CLOSE:
         return True, f"its likelihood is within {abs(short):.1f} nats, which these data do not tell apart"
-    kind = "refitted, it gains" if trial.evidence is not None else "its score promises"
-    return False, f"{kind} {short:.1f} nats less than {chosen.candidate.label}"
+    return False, f"{_said(trial)} {short:.1f} nats less than {chosen.candidate.label}"
+
+
+def _said(trial: Trial) -> str:
+    if trial.evidence is None:
+        return "its score promises"
+    finished = trial.fit is None or trial.fit.outcome.succeeded
+    return "refitted, it gains" if finished else "its refit was given up while it gained"

@@ -7,12 +7,21 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from bondgraph.correct.differences import forward_differences
 from bondgraph.data.log import FloatArray, MatchedLog
 from bondgraph.errors import EstimationError
 from bondgraph.estimate.free import FreeParameter
-from bondgraph.estimate.gauss_newton import GaussNewtonSettings, gauss_newton
-from bondgraph.estimate.objective import Expansion, SearchOutcome, central_differences
+from bondgraph.estimate.gauss_newton import (
+    GaussNewtonSettings,
+    GaussNewtonState,
+    finish_starts,
+    initial_starts,
+    starts_ended,
+    step_starts,
+)
+from bondgraph.estimate.objective import BoolArray, Expansion, Objective, SearchOutcome
 from bondgraph.estimate.problem import EstimationProblem
+from bondgraph.estimate.steps import newton_decrement
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.filter_run import FilterRun
 from bondgraph.filter.likelihood import run
@@ -20,7 +29,9 @@ from bondgraph.filter.likelihood import run
 #: Coefficients of candidates are probed at this share of their bounds.
 _PROBE = 1e-4
 #: Free parameters are probed at this share of their standard deviation.
-_PROBE_STD = 0.05
+_PROBE_STD = 0.1
+#: A fit that is to beat another gives up when it is behind by more than this many times what its last step promised.
+_HOPELESS = 3.0
 
 Report = Callable[[str, int, int], None]
 
@@ -47,8 +58,23 @@ class Fit:
 
     @property
     def std(self) -> dict[str, float]:
-        """Standard deviations of the coordinates by name (of the logarithm, where that is the coordinate)."""
-        return dict(zip(self.problem.names, standard_deviations(self.expansion), strict=True))
+        """Standard deviations of the coordinates by name (of the logarithm, where that is the coordinate).
+
+        What rests on a bound counts as known to the others; its own is that which it would have given the others.
+        """
+        free = ~self.held
+        std = np.array(standard_deviations(self.expansion))
+        std[free] = standard_deviations(restricted(self.expansion, free))
+        return dict(zip(self.problem.names, map(float, std), strict=True))
+
+    @property
+    def held(self) -> BoolArray:
+        """Which coordinates rest on a bound beyond which the likelihood would still rise, shape (n,)."""
+        near = 1e-9 * (self.problem.upper - self.problem.lower)
+        gradient = self.expansion.gradient
+        low = (self.point <= self.problem.lower + near) & (gradient > 0.0)
+        held: BoolArray = low | ((self.point >= self.problem.upper - near) & (gradient < 0.0))
+        return held
 
     @property
     def theta(self) -> FloatArray:
@@ -58,6 +84,8 @@ class Fit:
 
     def runs(self, logs: Sequence[MatchedLog]) -> list[FilterRun]:
         """The filter over logs (these or others) at the optimum."""
+        if not logs:
+            return []
         problem = EstimationProblem(
             self.problem.filter_model, tuple(logs), shared(self.problem.free), self.problem.initial
         )
@@ -77,14 +105,24 @@ def shared(free: Sequence[FreeParameter]) -> tuple[FreeParameter, ...]:
     return tuple(parameter for parameter in free if parameter.target.log is None)
 
 
+def restricted(expansion: Expansion, kept: BoolArray) -> Expansion:
+    """The expansion in some of its coordinates, the others held."""
+    terms = expansion.terms
+    if terms is not None:
+        columns = np.flatnonzero(np.concatenate([[True], kept]))
+        terms = terms.members(columns)
+    return Expansion(expansion.gradient[kept], expansion.information[np.ix_(kept, kept)], expansion.evaluations, terms)
+
+
 def standard_deviations(expansion: Expansion) -> FloatArray:
     """Standard deviations from the Fisher information, shape (n,); infinite where there is none."""
-    scale = 1.0 / np.sqrt(np.maximum(np.diag(expansion.information), np.finfo(float).tiny))
+    own = np.diag(expansion.information)
+    scale = 1.0 / np.sqrt(np.maximum(own, np.finfo(float).tiny))
     scaled = scale[:, np.newaxis] * expansion.information * scale
     values, vectors = np.linalg.eigh(scaled)
     kept = values > 1e-12 * max(float(values.max(initial=0.0)), np.finfo(float).tiny)
     inverse = (vectors[:, kept] / values[kept]) @ vectors[:, kept].T
-    std: FloatArray = scale * np.sqrt(np.maximum(np.diag(inverse), 0.0))
+    std: FloatArray = np.where(own > 0.0, scale * np.sqrt(np.maximum(np.diag(inverse), 0.0)), np.inf)
     return std
 
 
@@ -94,39 +132,95 @@ def fit(
     free: Sequence[FreeParameter],
     iterations: int = 40,
     tolerance: float = 1e-3,
+    starts: Sequence[FloatArray] = (),
+    beat: float = np.inf,
 ) -> Fit:
-    """Estimate the free parameters from their starts by Gauss-Newton, to ``tolerance`` nats.
+    """Estimate the free parameters by Gauss-Newton, to ``tolerance`` nats.
+
+    Parameters
+    ----------
+    filter_model, logs, free
+        What is fitted to what, and what may move.
+    iterations, tolerance
+        Most iterations, and how many nats a further one must promise.
+    starts
+        Coordinates to start from, each (n,); the best of them counts. None: the starts of the free parameters.
+    beat
+        A negative log-likelihood to be reached: the search ends early where it clearly will not be.
 
     Raises
     ------
     EstimationError
-        If the model diverges at the start.
+        If the model diverges at every start.
     """
     problem = EstimationProblem(filter_model, tuple(logs), tuple(free))
     settings = GaussNewtonSettings(iterations=iterations, tolerance=tolerance)
-    state = gauss_newton(problem, problem.start, settings=settings)
-    best = state.best
-    outcome = state.outcomes[best] or SearchOutcome.ITERATION_LIMIT
-    if not np.isfinite(state.values[best]):
+    start, evaluations = _best_start(problem, starts)
+    differences = _Differences()
+    state = initial_starts(problem, start, settings)
+    if not np.isfinite(state.values[0]):
         raise EstimationError(
-            f"{filter_model.model.name}: the model diverges at its declared parameters on {', '.join(log.name for log in logs)}"
-            f" with {filter_model.substeps} substeps - check units and initial states, or raise the substeps"
+            f"{filter_model.model.name}: the model diverges at its declared parameters on "
+            f"{', '.join(log.name for log in logs)} with {filter_model.substeps} substeps between samples - check units, "
+            "initial states and declared values"
         )
-    point = state.points[:, best]
-    expansion = expand(problem, point, state.steps[:, best])
-    return Fit(problem, point, float(state.values[best]), expansion, state.evaluations, outcome)
+    while not starts_ended(state, settings):
+        state = step_starts(problem, state, settings, differences)
+        if float(state.values[0]) - beat > _HOPELESS * differences.promise(problem):
+            break
+    return _fit(problem, finish_starts(state), differences, evaluations)
+
+
+def _best_start(problem: EstimationProblem, starts: Sequence[FloatArray]) -> tuple[FloatArray, int]:
+    if not starts:
+        return problem.start[:, np.newaxis], 0
+    points = np.clip(np.array(starts).T, problem.lower[:, np.newaxis], problem.upper[:, np.newaxis])
+    if len(starts) == 1:
+        return points, 0
+    values = problem.nll(points)
+    best = int(np.argmin(np.where(np.isfinite(values), values, np.inf)))
+    return points[:, best : best + 1], len(starts)
+
+
+class _Differences:
+    """Forward differences that remember the last expansion: a search that has converged ends where it was made."""
+
+    def __init__(self) -> None:
+        self.point: FloatArray | None = None
+        self.expansion: Expansion | None = None
+
+    def __call__(self, objective: Objective, points: FloatArray, steps: FloatArray) -> tuple[Expansion, ...]:
+        (self.expansion,) = forward_differences(objective, points, steps)
+        self.point = points[:, 0].copy()
+        return (self.expansion,)
+
+    def promise(self, objective: Objective) -> float:
+        """Nats that a full step from the last expansion would gain."""
+        if self.point is None or self.expansion is None:
+            return np.inf
+        return newton_decrement(objective, self.point, self.expansion)
+
+
+def _fit(problem: EstimationProblem, state: GaussNewtonState, known: _Differences, evaluations: int) -> Fit:
+    point, outcome = state.points[:, 0], state.outcomes[0] or SearchOutcome.ITERATION_LIMIT
+    evaluations += state.evaluations
+    expansion = known.expansion
+    if expansion is None or known.point is None or not np.array_equal(known.point, point):
+        expansion = expand(problem, point, state.steps[:, 0])
+        evaluations += expansion.evaluations
+    return Fit(problem, point, float(state.values[0]), expansion, evaluations, outcome)
 
 
 def expand(problem: EstimationProblem, point: FloatArray, steps: FloatArray) -> Expansion:
     """Gradient, information and terms at one point."""
-    (expansion,) = central_differences(problem, point[:, np.newaxis], steps[:, np.newaxis])
+    (expansion,) = forward_differences(problem, point[:, np.newaxis], steps[:, np.newaxis])
     return expansion
 
 
-def expand_with(fitted: Fit, coefficients: Sequence[FreeParameter]) -> Expansion:
-    """The expansion of a fit, extended by coefficients that are not yet free, at their start values."""
+def expand_with(fitted: Fit, filter_model: FilterModel, coefficients: Sequence[FreeParameter]) -> Expansion:
+    """The expansion of a fit on a larger model, extended by coefficients that are not yet free, at their start values."""
     problem = EstimationProblem(
-        fitted.problem.filter_model, fitted.problem.logs, (*fitted.problem.free, *coefficients), fitted.problem.initial
+        filter_model, fitted.problem.logs, (*fitted.problem.free, *coefficients), fitted.problem.initial
     )
     added = np.array([parameter.coordinate(parameter.start) for parameter in coefficients])
     widths = np.array([_PROBE * (parameter.upper - parameter.lower) for parameter in coefficients])

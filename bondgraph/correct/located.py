@@ -1,41 +1,45 @@
-"""Where the residual points to: the best candidate of every place, before anything is decided."""
+"""Where a residual comes from: the places of a graph, each with the best that any candidate there explains."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
-
-from scipy import stats
 
 from bondgraph.correct.loop import Round
+from bondgraph.correct.trials import Trial
 
 
 @dataclass(frozen=True)
 class LocatedAt:
-    """One place: the p-value of its best candidate, corrected for all tried, and its share of the best place's gain."""
+    """One place: ``variable`` is what is missing there, ``"effort"`` at a 1-junction, ``"flow"`` at a 0-junction or bond.
+
+    ``p_value`` is that of the best candidate there, corrected for all candidates of the round; ``share`` its likelihood
+    gain over the largest of any place, so that places which explain the residual equally well all have 1.
+    """
 
     junction: str
-    variable: Literal["effort", "flow"]
+    variable: str
     p_value: float
     share: float
 
 
 def located(turn: Round) -> tuple[LocatedAt, ...]:
-    """Places by how much of the residual their best candidate explains, best first.
+    """The places of a round, the most likely first.
 
-    The variable is the one that is missing there: an effort at a 1-junction, a flow at a 0-junction or on a bond that
-    would have to give way.
+    Places where no candidate gains anything come last, with a share of 0 and a p-value of 1.
     """
-    best: dict[str, tuple[float, Literal["effort", "flow"]]] = {}
+    best: dict[str, Trial] = {}
     for trial in turn.trials:
-        place = trial.candidate.place
-        variable: Literal["effort", "flow"] = "effort" if place.bond is None and place.junction.kind == "1" else "flow"
-        if trial.gain > best.get(place.label, (0.0, variable))[0]:
-            best[place.label] = (trial.gain, variable)
-    largest = max((gain for gain, _ in best.values()), default=1.0)
-    tried = max(len(turn.trials), 1)
-    places = [
-        LocatedAt(label, variable, min(1.0, tried * float(stats.chi2.sf(2.0 * gain, 1))), gain / largest)
-        for label, (gain, variable) in best.items()
+        label = trial.candidate.place.label
+        if label not in best or trial.gain > best[label].gain:
+            best[label] = trial
+    largest = max((trial.gain for trial in best.values()), default=0.0)
+    found = [
+        LocatedAt(label, _variable(trial), trial.p_value, max(trial.gain, 0.0) / largest if largest > 0.0 else 0.0)
+        for label, trial in best.items()
     ]
-    return tuple(sorted(places, key=lambda place: -place.share))
+    return tuple(sorted(found, key=lambda place: (-place.share, place.p_value)))
+
+
+def _variable(trial: Trial) -> str:
+    place = trial.candidate.place
+    return "effort" if place.bond is None and place.junction.kind == "1" else "flow"

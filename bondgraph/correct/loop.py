@@ -16,22 +16,19 @@ import numpy as np
 from bondgraph.correct.assess import Assessment, assess
 from bondgraph.correct.build import BuiltModel, build
 from bondgraph.correct.candidates import Candidate, Refused, candidates, places, superset
-from bondgraph.correct.decide import Alternative, Trial, alternatives, choose, hurdle, judge
-from bondgraph.correct.fit import Fit, Report, expand_with, fit, no_report
+from bondgraph.correct.decide import alternatives, choose, detectable, hurdle, score_blocks
+from bondgraph.correct.fit import Fit, Report, expand_with, fit, no_report, restricted
+from bondgraph.correct.refit import Ground, at_optimum, coefficients, refit_best, try_storage
 from bondgraph.correct.score import Scores, scores
 from bondgraph.correct.setup import FilterSetup, filter_setup
+from bondgraph.correct.trials import Alternative, Detectable, Trial
 from bondgraph.correct.whiteness import Whiteness, whiteness
 from bondgraph.data.log import MatchedLog
 from bondgraph.declare.editing import with_values
-from bondgraph.declare.effect import EffectFunction
+from bondgraph.declare.effect import EffectFunction, Place
 from bondgraph.declare.graph import BondGraph
 from bondgraph.errors import DataError, EstimationError, OptionError
 from bondgraph.estimate.free import FreeParameter, declared_free
-from bondgraph.filter.filter_model import FilterModel
-
-#: Candidates are compared to this many nats; the chosen one is then estimated to the end.
-_REFIT_TOLERANCE = 0.1
-_MOST_ITERATIONS, _MOST_ITERATIONS_GROWN = 25, 8
 
 Verdict = Literal["effect found", "no missing effect", "unexplained residual"]
 
@@ -53,7 +50,7 @@ class LoopSettings:
 
 @dataclass(frozen=True)
 class Round:
-    """One turn of the loop: what was tried on a fitted model and what was decided."""
+    """One turn of the loop: what was tried on a fitted model, what was decided, and what could have been seen."""
 
     base: Fit
     trials: tuple[Trial, ...]
@@ -61,6 +58,7 @@ class Round:
     scores: Scores
     chosen: Trial | None
     alternatives: tuple[Alternative, ...]
+    detectable: tuple[Detectable, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -93,6 +91,11 @@ class ClosedLoop:
     def corrected_graph(self) -> BondGraph:
         """The declaration with the added effects and the estimated values."""
         return self.corrected_built.graph
+
+    @property
+    def detectable(self) -> tuple[Detectable, ...]:
+        """What could still have been seen in the training logs: the power behind "nothing more is missing"."""
+        return self.rounds[-1].detectable if self.rounds else ()
 
 
 def close_loop(
@@ -184,90 +187,68 @@ def one_round(
     present: Collection[tuple[str, str]] = (),
 ) -> Round:
     """Score every candidate on the fitted model, refit the best, decide."""
+    report("score the candidates", 0, 1)
     where = places(built, train, base.runs(train), base.theta)
     found, refused = candidates(built, functions, where, present)
+    if not found:
+        raise DataError(_nothing_to_try(built, where, refused))
     vanishing = [candidate for candidate in found if not candidate.effect.adds_state]
-    growing = [candidate for candidate in found if candidate.effect.adds_state]
-    report("score the candidates", 0, 1)
-    result = _scores(built, base, vanishing)
+    need = hurdle(train, len(found), settings.level)
+    result, seen = _scored(built, base, vanishing, need)
     report("score the candidates", 1, 1)
-    trials = [Trial(c, float(result.gain[j]), float(result.step[j])) for j, c in enumerate(vanishing)]
-    trials += [Trial(candidate, 0.0, 0.0) for candidate in growing]
-    promising = [j for j in np.argsort(-result.gain) if result.gain[j] > 0.5 * hurdle(train, len(found), settings.level)]
-    picked = [*map(int, promising[: settings.refits]), *range(len(vanishing), len(found))]
-    for done, j in enumerate(picked):
-        report("refit the best candidates", done, len(picked))
-        trials[j] = _refit(trials[j], built, base, train, len(found))
-    report("refit the best candidates", 1, 1)
+    corrected_p = np.minimum(1.0, result.p_value * len(found))
+    trials = [
+        Trial(candidate, float(result.gain[j]), float(result.step[j]), score_p=float(corrected_p[j]))
+        for j, candidate in enumerate(vanishing)
+    ]
+    ground = Ground(built, base, tuple(train), len(found), settings.level, need)
+    trials = refit_best(trials, result, ground, settings.refits, report)
+    for candidate in (candidate for candidate in found if candidate.effect.adds_state):
+        report("try storages", len(trials) - len(vanishing), len(found) - len(vanishing))
+        best = choose(trials, settings.level)
+        beat = np.inf if best is None or best.fit is None else best.fit.nll
+        trials.append(try_storage(Trial(candidate, 0.0, 0.0), ground, beat))
     chosen = choose(trials, settings.level)
     others = alternatives(chosen, trials, result, settings.level)
-    return Round(base, tuple(trials), tuple(refused), result, chosen, tuple(others))
+    return Round(base, tuple(trials), tuple(refused), result, chosen, tuple(others), seen)
 
 
-def _scores(built: BuiltModel, base: Fit, vanishing: Sequence[Candidate]) -> Scores:
-    """Scores of all vanishing candidates, on one model that holds them all with zero coefficients."""
+def _scored(
+    built: BuiltModel, base: Fit, vanishing: Sequence[Candidate], need: float
+) -> tuple[Scores, tuple[Detectable, ...]]:
+    """Scores of all vanishing candidates, on one model that holds them all with zero coefficients; and their power."""
     everything = superset(built, vanishing)
     wide = replace(base.problem.filter_model, model=everything.model)
-    held = replace(base, problem=replace(base.problem, filter_model=wide))
-    coefficients = [_coefficients(candidate, wide)[0] for candidate in vanishing]
-    expansion = expand_with(held, coefficients)
-    one_sided = np.array([coefficient.lower >= 0.0 for coefficient in coefficients], dtype=bool)
-    return scores(expansion, len(base.problem.free), one_sided)
+    added = [coefficients(candidate, wide)[0] for candidate in vanishing]
+    expansion = expand_with(base, wide, added)
+    free = ~base.held
+    one_sided = np.array([coefficient.lower >= 0.0 for coefficient in added], dtype=bool)
+    kept = np.concatenate([free, np.ones(len(added), dtype=bool)])
+    result = scores(restricted(expansion, kept), int(free.sum()), one_sided, score_blocks(base.problem))
+    units = {info.name: info.unit for info in everything.model.parameters}
+    return result, detectable(vanishing, added, result, units, need)
 
 
-def _coefficients(candidate: Candidate, filter_model: FilterModel) -> list[FreeParameter]:
-    """Coefficients of a candidate as free parameters, on a linear scale since zero is where they begin."""
-    parameters = {info.name: info for info in filter_model.model.parameters}
-    found = []
-    for name in candidate.effect.coefficients:
-        info = parameters[name]
-        if info.lower is None or info.upper is None:
-            raise EstimationError(
-                f"{candidate.label}: its coefficient {name} has no bounds - declare them in the effect function",
-                where=(name,),
-            )
-        found.append(FreeParameter(name, info.lower, info.upper, info.value))
-    return found
-
-
-def _started(coefficient: FreeParameter, step: float) -> FreeParameter:
-    """A coefficient that starts where its score points, inside its bounds."""
-    reach = 0.5 * (coefficient.upper - coefficient.lower)
-    start = coefficient.start + float(np.clip(step, -reach, reach))
-    margin = 1e-6 * reach
-    return replace(coefficient, start=float(np.clip(start, coefficient.lower + margin, coefficient.upper - margin)))
-
-
-def _at(base: Fit) -> tuple[FreeParameter, ...]:
-    """The free parameters of a fit, starting from its optimum."""
-    values = base.values
-    return tuple(
-        replace(parameter, start=float(np.clip(values[parameter.name], parameter.lower, parameter.upper)))
-        for parameter in base.problem.free
+def _nothing_to_try(built: BuiltModel, where: Sequence[Place], refused: Sequence[Refused]) -> str:
+    if not where:
+        return (
+            f"{built.graph.name}: nothing moves in the training logs at any junction, so no effect could show - take logs "
+            "in which the machine works"
+        )
+    reasons = "; ".join(f"{no.effect} at {no.place} {no.why}" for no in refused[:3])
+    return (
+        f"{built.graph.name}: no effect can be tried at any of {len(where)} places"
+        f"{f' ({reasons})' if reasons else ''} - give other effect functions"
     )
 
 
-def _refit(trial: Trial, built: BuiltModel, base: Fit, train: Sequence[MatchedLog], tried: int) -> Trial:
-    """The candidate in the graph, the module regenerated, everything free estimated again from the fit without it."""
-    extended = build(trial.candidate.apply(built.graph))
-    filter_model = replace(base.problem.filter_model, model=extended.model)
-    if trial.candidate.effect.adds_state:
-        own = filter_setup(extended.model, extended.driven, train)
-        filter_model = replace(
-            filter_model, initial_std=own.filter_model.initial_std, substeps=own.filter_model.substeps
-        )
-    coefficients = [_started(free, trial.step) for free in _coefficients(trial.candidate, filter_model)]
-    most = _MOST_ITERATIONS_GROWN if trial.candidate.effect.adds_state else _MOST_ITERATIONS
-    refit = fit(filter_model, train, (*_at(base), *coefficients), most, _REFIT_TOLERANCE)
-    names = [coefficient.name for coefficient in coefficients]
-    return replace(trial, built=extended, fit=refit, evidence=judge(base, refit, names, tried))
-
-
 def _estimated_again(chosen: Trial, train: Sequence[MatchedLog], report: Report) -> tuple[BuiltModel, Fit]:
-    """The chosen candidate's model, estimated to the full tolerance from where its refit ended."""
-    assert chosen.fit is not None and chosen.built is not None  # only refitted candidates are chosen
+    """The chosen candidate's own model, estimated to the full tolerance from where its refit ended."""
+    if chosen.fit is None or chosen.built is None:
+        raise EstimationError(f"{chosen.candidate.label}: only a candidate that was refitted can be added")
     report("add the effect and estimate again", 0, 1)
-    fitted = fit(chosen.fit.problem.filter_model, train, _at(chosen.fit))
+    filter_model = replace(chosen.fit.problem.filter_model, model=chosen.built.model)
+    fitted = fit(filter_model, train, at_optimum(chosen.fit))
     report("add the effect and estimate again", 1, 1)
     return chosen.built, fitted
 

@@ -15,16 +15,24 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy import stats
 
+from bondgraph.errors import EstimationError
 from bondgraph.estimate.objective import Expansion, FloatArray
+
+#: Information left of a candidate, free parameters projected out, below which nothing but rounding is left of it.
+_LEFT = 1e-7
 
 
 @dataclass(frozen=True)
 class Scores:
     """Score statistics of several candidates, each array (candidates,).
 
-    ``step`` is the coefficient that a linear model would find, ``gain`` the likelihood gain in nats, ``correlation``
-    (candidates, candidates) how alike their responses are once the free parameters have taken their share.
+    ``information`` is what the data tell of each coefficient beyond the free parameters, zero where these take all of
+    its response; ``step`` the coefficient that a linear model would find, ``gain`` the likelihood gain in nats,
+    ``correlation`` (candidates, candidates) how alike their responses are once the free parameters have taken their
+    share. ``p_value`` is the larger of that of the chi-square test and of one that holds under coloured noise too, not
+    yet corrected for the number of candidates.
     """
 
     score: FloatArray
@@ -32,9 +40,10 @@ class Scores:
     step: FloatArray
     gain: FloatArray
     correlation: FloatArray
+    p_value: FloatArray
 
 
-def scores(expansion: Expansion, free: int, one_sided: np.ndarray) -> Scores:
+def scores(expansion: Expansion, free: int, one_sided: np.ndarray, blocks: np.ndarray | None = None) -> Scores:
     """Score tests of the coordinates after the first ``free`` ones.
 
     Parameters
@@ -45,6 +54,9 @@ def scores(expansion: Expansion, free: int, one_sided: np.ndarray) -> Scores:
         How many coordinates are free parameters.
     one_sided
         Which candidates may only be positive, shape (candidates,); a negative score gains nothing there.
+    blocks
+        Block of time of each term, shape (n_terms,), as for :func:`robust_variance`; None: innovations are taken as
+        independent.
 
     Examples
     --------
@@ -62,14 +74,43 @@ def scores(expansion: Expansion, free: int, one_sided: np.ndarray) -> Scores:
     left = information[outer, outer] - information[outer, inner] @ share
     own = np.diag(information[outer, outer])
     projected = np.maximum(np.diag(left), 0.0)
-    seen = projected > 1e-9 * np.maximum(own, np.finfo(float).tiny)
+    seen = projected > _LEFT * np.maximum(own, np.finfo(float).tiny)
+    projected = np.where(seen, projected, 0.0)
     with np.errstate(divide="ignore", invalid="ignore"):
         step = np.where(seen, score / projected, 0.0)
         gain = np.where(seen, 0.5 * score**2 / projected, 0.0)
         scale = np.sqrt(np.outer(projected, projected))
         correlation = np.where(np.outer(seen, seen), left / scale, 0.0)
     gain = np.where(one_sided & (score < 0.0), 0.0, gain)
-    return Scores(score, projected, step, gain, correlation)
+    p_value = stats.chi2.sf(2.0 * gain, 1)
+    if blocks is not None:
+        p_value = np.maximum(p_value, _robust_p_value(expansion, share, score, blocks))
+    return Scores(score, projected, step, gain, correlation, np.where(gain > 0.0, p_value, 1.0))
+
+
+def _robust_p_value(expansion: Expansion, share: FloatArray, score: FloatArray, blocks: np.ndarray) -> FloatArray:
+    """Two-sided p-values of the projected scores with the scatter of their sums over blocks of time."""
+    sums = _block_sums(expansion, blocks)
+    free = share.shape[0]
+    own = sums[:, free:] - sums[:, :free] @ share
+    count = own.shape[0]
+    scatter = np.sum((own - own.mean(axis=0)) ** 2, axis=0) * count / max(count - 1, 1)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        distance = np.where(scatter > 0.0, np.abs(score) / np.sqrt(scatter), 0.0)
+    p_value: FloatArray = 2.0 * stats.t.sf(distance, max(count - 1, 1))
+    return p_value
+
+
+def _block_sums(expansion: Expansion, blocks: np.ndarray) -> FloatArray:
+    """The gradient's pieces summed over each block of time, shape (blocks, n)."""
+    if expansion.terms is None:
+        raise EstimationError("a variance that holds under coloured noise needs the terms of the expansion")
+    z, slopes_z = expansion.terms.innovations[:, 0], expansion.terms.innovations[:, 1:]
+    pieces = slopes_z * z[:, np.newaxis] + expansion.terms.log_scales[:, 1:]
+    inside = blocks >= 0
+    sums = np.zeros((int(blocks.max()) + 1, pieces.shape[1]))
+    np.add.at(sums, blocks[inside], pieces[inside])
+    return sums
 
 
 def robust_variance(terms: Expansion, blocks: np.ndarray) -> FloatArray:
@@ -86,14 +127,8 @@ def robust_variance(terms: Expansion, blocks: np.ndarray) -> FloatArray:
     blocks
         Block of each term, shape (n_terms,), -1 for terms without a time (priors).
     """
-    assert terms.terms is not None
-    z, slopes_z = terms.terms.innovations[:, 0], terms.terms.innovations[:, 1:]
-    slopes_s = terms.terms.log_scales[:, 1:]
-    pieces = slopes_z * z[:, np.newaxis] + slopes_s
-    count = int(blocks.max()) + 1
-    sums = np.zeros((count, pieces.shape[1]))
-    inside = blocks >= 0
-    np.add.at(sums, blocks[inside], pieces[inside])
+    sums = _block_sums(terms, blocks)
+    count = sums.shape[0]
     sums -= sums.mean(axis=0)
     meat = sums.T @ sums * (count / max(count - 1, 1))
     bread = _solve(terms.information, np.eye(terms.information.shape[0]))

@@ -1,0 +1,212 @@
+"""Refits of the few candidates whose scores promise most: the score says where to look, the refit how much it is worth.
+
+Candidates whose responses are the same to rounding are refitted once. All that are refitted share one model that holds
+them with zero coefficients, so that it is compiled once; each starts from the better of two points, the fit without it
+and the best refit so far with its coefficient in place of the other's; and one that clearly falls behind an accepted one
+is given up.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from bondgraph.correct.build import BuiltModel, build
+from bondgraph.correct.candidates import Candidate, superset
+from bondgraph.correct.decide import judge
+from bondgraph.correct.fit import Fit, Report, expand, fit
+from bondgraph.correct.score import Scores
+from bondgraph.correct.setup import filter_setup
+from bondgraph.correct.trials import Trial
+from bondgraph.data.log import FloatArray, MatchedLog
+from bondgraph.errors import EstimationError
+from bondgraph.estimate.free import FreeParameter
+from bondgraph.estimate.gauss_newton import GaussNewtonSettings
+from bondgraph.estimate.problem import EstimationProblem
+from bondgraph.estimate.steps import newton_decrement
+from bondgraph.filter.filter_model import FilterModel
+
+#: Candidates are compared to this many nats; the chosen one is then estimated to the end.
+_TOLERANCE = 0.05
+_MOST_ITERATIONS = 25
+#: Responses more alike than this are one and the same but for rounding.
+_SAME = 1.0 - 1e-6
+#: A candidate with less than this share of the best score's gain is not refitted: scores are right to a factor of two.
+_WORTH = 0.4
+#: Where a storage is tried first, as shares of its bounds on a logarithmic scale.
+_SIZES = (0.25, 0.5, 0.75)
+
+
+@dataclass(frozen=True)
+class Ground:
+    """What all refits of a round start from: the fitted model, its logs, how many candidates were tried, the level."""
+
+    built: BuiltModel
+    base: Fit
+    train: tuple[MatchedLog, ...]
+    tried: int
+    level: float
+    need: float
+
+
+def coefficients(candidate: Candidate, filter_model: FilterModel) -> list[FreeParameter]:
+    """Coefficients of a candidate as free parameters; linear where zero is where they begin.
+
+    Raises
+    ------
+    EstimationError
+        If one has no bounds.
+    """
+    parameters = {info.name: info for info in filter_model.model.parameters}
+    found = []
+    for name in candidate.effect.coefficients:
+        info = parameters[name]
+        if info.lower is None or info.upper is None:
+            raise EstimationError(
+                f"{candidate.label}: its coefficient {name} has no bounds, so nothing says how large it may be - declare"
+                " them in the effect function",
+                where=(name,),
+            )
+        positive = info.lower > 0.0
+        found.append(FreeParameter(name, info.lower, info.upper, info.value, scale="log" if positive else "linear"))
+    return found
+
+
+def at_optimum(base: Fit) -> tuple[FreeParameter, ...]:
+    """The free parameters of a fit, starting from its optimum."""
+    values = base.values
+    return tuple(
+        replace(parameter, start=float(np.clip(values[parameter.name], parameter.lower, parameter.upper)))
+        for parameter in base.problem.free
+    )
+
+
+def refit_best(trials: Sequence[Trial], found: Scores, ground: Ground, most: int, report: Report) -> list[Trial]:
+    """The trials of vanishing candidates, the best of them refitted.
+
+    Parameters
+    ----------
+    trials
+        In the order of the scores.
+    found
+        Scores of the same candidates.
+    ground
+        What to start from.
+    most
+        Most refits.
+    report
+        Told of each.
+    """
+    done = list(trials)
+    groups = alike(trials, found, 0.5 * ground.need)
+    best = max((trials[group[0]].score_gain for group in groups), default=0.0)
+    groups = [group for group in groups if trials[group[0]].score_gain >= _WORTH * best][:most]
+    if not groups:
+        return done
+    short = superset(ground.built, [trials[group[0]].candidate for group in groups])
+    filter_model = replace(ground.base.problem.filter_model, model=short.model)
+    leader: tuple[int, Fit] | None = None
+    for count, group in enumerate(groups):
+        report("refit the best candidates", count, len(groups))
+        index = group[0]
+        fitted = _refit(index, trials[index], found, filter_model, ground, leader)
+        done[index] = _judged(trials[index], fitted, ground, tuple(trials[j].candidate.label for j in group[1:]))
+        for other in group[1:]:
+            done[other] = replace(trials[other], evidence=done[index].evidence)
+        evidence = done[index].evidence
+        accepted = evidence is not None and evidence.accepted(ground.level)
+        if accepted and (leader is None or fitted.nll < leader[1].nll):
+            leader = (index, fitted)
+    report("refit the best candidates", len(groups), len(groups))
+    return done
+
+
+def alike(trials: Sequence[Trial], found: Scores, least: float) -> list[list[int]]:
+    """Indices of candidates worth a refit, those with the same response together, the preferred one of each first.
+
+    Of several that the sensors cannot tell apart the first is, in this order: a law that only takes energy before a
+    source, a place whose flow is that of a storage before one that is rigidly tied to it, and the order of declaration.
+    """
+    groups: list[list[int]] = []
+    for j in map(int, np.argsort(-found.gain, kind="stable")):
+        if found.gain[j] <= least:
+            break
+        twin = next((group for group in groups if abs(found.correlation[group[0], j]) > _SAME), None)
+        if twin is None:
+            groups.append([j])
+        else:
+            twin.append(j)
+    return [sorted(group, key=lambda j: (*_remoteness(trials[j].candidate), j)) for group in groups]
+
+
+def _remoteness(candidate: Candidate) -> tuple[bool, bool]:
+    return not candidate.passive, not candidate.beside_storage
+
+
+def _refit(
+    index: int, trial: Trial, found: Scores, filter_model: FilterModel, ground: Ground, leader: tuple[int, Fit] | None
+) -> Fit:
+    (coefficient,) = coefficients(trial.candidate, filter_model)
+    free = (*at_optimum(ground.base), coefficient)
+    starts = [np.append(ground.base.point, _inside(coefficient, trial.step))]
+    beat = np.inf
+    if leader is not None:
+        first, fitted = leader
+        told = found.information[first] / found.information[index]
+        step = float(found.correlation[first, index] * np.sqrt(told) * fitted.point[-1])
+        starts.append(np.append(fitted.point[:-1], _inside(coefficient, step)))
+        beat = fitted.nll
+    return fit(filter_model, ground.train, free, _MOST_ITERATIONS, _TOLERANCE, starts, beat)
+
+
+def _inside(coefficient: FreeParameter, step: float) -> float:
+    """A coefficient where its score points, inside its bounds and by no more than half their width."""
+    reach = 0.5 * (coefficient.upper - coefficient.lower)
+    margin = 1e-6 * reach
+    value = coefficient.start + float(np.clip(step, -reach, reach))
+    return float(np.clip(value, coefficient.lower + margin, coefficient.upper - margin))
+
+
+def _judged(trial: Trial, fitted: Fit, ground: Ground, twins: tuple[str, ...]) -> Trial:
+    evidence = judge(ground.base, fitted, trial.candidate.effect.coefficients, ground.tried)
+    built = build(trial.candidate.apply(ground.built.graph))
+    return replace(trial, built=built, fit=fitted, evidence=evidence, stands_for=twins)
+
+
+def try_storage(trial: Trial, ground: Ground, beat: float) -> Trial:
+    """A candidate that brings a state of its own: it has no zero to be tested at, so it is tried at several sizes.
+
+    From the best of them one expansion says what a fit would gain at most; only if that passes is it fitted.
+    """
+    extended = build(trial.candidate.apply(ground.built.graph))
+    own = filter_setup(extended.model, extended.driven, ground.train)
+    filter_model = replace(
+        ground.base.problem.filter_model,
+        model=extended.model,
+        initial_std=own.filter_model.initial_std,
+        substeps=own.filter_model.substeps,
+    )
+    added = coefficients(trial.candidate, filter_model)
+    problem = EstimationProblem(filter_model, ground.train, (*at_optimum(ground.base), *added))
+    lower, upper = (bound[ground.base.point.size :] for bound in (problem.lower, problem.upper))
+    starts = np.array([np.concatenate([ground.base.point, lower + share * (upper - lower)]) for share in _SIZES]).T
+    values = problem.nll(starts)
+    best = int(np.argmin(np.where(np.isfinite(values), values, np.inf)))
+    if not np.isfinite(values[best]):
+        return trial
+    steps = GaussNewtonSettings().difference * (problem.upper - problem.lower)
+    expansion = expand(problem, starts[:, best], steps)
+    promise = ground.base.nll - float(values[best]) + newton_decrement(problem, starts[:, best], expansion)
+    trial = replace(trial, built=extended, score_gain=max(promise, 0.0))
+    if promise < 0.5 * ground.need:
+        return trial
+    fitted = _fitted_storage(problem, starts[:, best], beat)
+    return replace(
+        trial, fit=fitted, evidence=judge(ground.base, fitted, trial.candidate.effect.coefficients, ground.tried)
+    )
+
+
+def _fitted_storage(problem: EstimationProblem, start: FloatArray, beat: float) -> Fit:
+    return fit(problem.filter_model, problem.logs, problem.free, _MOST_ITERATIONS, _TOLERANCE, [start], beat)
