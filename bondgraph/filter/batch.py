@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import os
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
@@ -18,7 +18,7 @@ from bondgraph.filter.samples import Samples
 from bondgraph.filter.sigma_points import PIVOT_FLOOR
 from bondgraph.filter.ukf import reference_run
 from bondgraph.simulate.arrays import FloatArray
-from bondgraph.simulate.compile import has_numba, load_kernel
+from bondgraph.simulate.compile import CompiledModel, has_numba, load_kernel
 from bondgraph.simulate.outcome import OUTCOMES, Outcome
 
 
@@ -89,8 +89,11 @@ def run_batches(
         for first, end in _blocks(batch.size, workers)
     ]
 
+    # Compiled before threads start: both parse Python text, which CPython 3.11 cannot do in two threads at once.
+    filter_members, functions = load_kernel(kernel).filter_members, filter_model.model.compiled
+
     def work_on(task: tuple[BatchRun, MemberBatch, int, int]) -> None:
-        _in_kernel(filter_model, *task)
+        _in_kernel(filter_model, filter_members, functions, *task)
 
     if workers == 1 or len(tasks) == 1:
         for task in tasks:
@@ -115,12 +118,19 @@ def _blocks(members: int, workers: int) -> list[tuple[int, int]]:
     return [(int(first), int(end)) for first, end in itertools.pairwise(edges)]
 
 
-def _in_kernel(filter_model: FilterModel, run: BatchRun, batch: MemberBatch, first: int, end: int) -> None:
+def _in_kernel(
+    filter_model: FilterModel,
+    filter_members: Callable[..., None],
+    functions: CompiledModel,
+    run: BatchRun,
+    batch: MemberBatch,
+    first: int,
+    end: int,
+) -> None:
     points = filter_model.points
     rules = kernel.Rules(points.spread, points.weight, points.correction, PIVOT_FLOOR, filter_model.appended_index)
     members = kernel.Members(batch.theta, batch.x0, batch.initial_std, batch.process_std, batch.noise_std)
-    functions, work = filter_model.model.compiled, _work(filter_model)
-    filter_members = load_kernel(kernel).filter_members
+    work = _work(filter_model)
     filter_members(
         functions.advance,
         functions.measure,

@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -192,3 +196,24 @@ def test_names_of_states_are_checked() -> None:
     filtered = run(model, simulated_log(model, np.arange(5) * 0.05, seed=1))
     with pytest.raises(FilterError, match="no state 'rat'; did you mean 'rate'"):
         filtered.mean("rat")
+
+
+@pytest.mark.slow
+def test_first_use_in_a_fresh_process_may_be_with_threads(tmp_path: Path) -> None:
+    """Compilation parses Python text, which must happen before the threads start (it failed in CPython 3.11)."""
+    script = (
+        "import numpy as np\n"
+        "from bondgraph.data.log import MatchedLog\n"
+        "from bondgraph.filter.filter_model import FilterModel\n"
+        "from bondgraph.filter.likelihood import likelihood\n"
+        "from bondgraph.simulate.example import pendulum\n"
+        "model = pendulum()\n"
+        "swing = FilterModel(model, {'rate': 0.1}, {'deflection': 0.05}, {'angle': 0.1, 'rate': 0.1})\n"
+        "time = np.arange(20) * 0.05\n"
+        "log = MatchedLog('swing', time, np.zeros((1, 20)), 0.5 * np.cos(3.1 * time)[np.newaxis])\n"
+        "theta = np.repeat(model.theta()[:, np.newaxis], 16, axis=1)\n"
+        "print(np.isfinite(likelihood(swing, log, theta, threads=8).nll).all())\n"
+    )
+    environment = {**os.environ, "BONDGRAPH_CACHE_DIR": str(tmp_path)}
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, env=environment, check=False)
+    assert done.stdout.strip() == "True", done.stderr

@@ -1,0 +1,130 @@
+"""simulate, filter, estimate and sensitivity on small logs; bad logs and options with message and exit status 2."""
+
+from __future__ import annotations
+
+import csv
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from bondgraph.cli import main
+
+
+@pytest.fixture
+def run_file(motor_file: Path, tmp_path: Path) -> Path:
+    """A simulated run of the motor with a noisy speed."""
+    inputs = tmp_path / "inputs.csv"
+    rows = "".join(f"{t},{u}\n" for t, u in ((0.0, 0), (0.2, 12), (1.0, 12), (1.2, 4), (2.0, 4)))
+    inputs.write_text("time [s],u_a [V]\n" + rows, encoding="utf-8")
+    clean = tmp_path / "clean.csv"
+    command = ["simulate", str(motor_file), "--inputs", str(inputs), "--step", "0.01", "--set", "b=0.12"]
+    assert main([*command, "--out", str(clean)]) == 0
+    with clean.open(encoding="utf-8") as stream:
+        table = list(csv.DictReader(stream))
+    rng = np.random.default_rng(0)
+    noisy = tmp_path / "run.csv"
+    with noisy.open("w", encoding="utf-8") as stream:
+        stream.write("time [s],u_a [V],omega [rpm]\n")
+        for row in table:
+            t = float(row["time [s]"])
+            u = float(np.interp(t, [0.0, 0.2, 1.0, 1.2, 2.0], [0, 12, 12, 4, 4]))
+            speed = (float(row["omega [rad/s]"]) + 0.02 * rng.standard_normal()) * 30.0 / np.pi
+            stream.write(f"{t},{u},{speed}\n")
+    return noisy
+
+
+def test_simulate_reaches_the_stationary_speed(motor_file: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    command = ["simulate", str(motor_file), "--until", "20", "--step", "10", "--set", "u_a=12", "--set", "b=0.05"]
+    assert main([*command, "--initial", "omega_rotor=3", "--all"]) == 0
+    lines = list(csv.DictReader(capsys.readouterr().out.splitlines()))
+    assert float(lines[0]["omega_rotor [rad/s]"]) == 3.0
+    current = 12.0 / (1.0 + 0.1**2 / 0.05)
+    assert float(lines[-1]["i_L [A]"]) == pytest.approx(current, rel=1e-7)
+    assert float(lines[-1]["effort(loop->R) [V]"]) == pytest.approx(current, rel=1e-7)
+
+
+def test_estimate_recovers_the_changed_parameter(
+    motor_file: Path, run_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "fit"
+    command = ["estimate", str(motor_file), "--data", str(run_file), "--free", "b", "--method", "gradient"]
+    assert main([*command, "--out", str(out)]) == 0
+    result = json.loads((out / "result.json").read_text(encoding="utf-8"))
+    low, high = result["parameters"]["b"]["ci95"]
+    assert low < 0.12 < high and high - low < 0.01
+    assert set(result) >= {"parameters", "nll", "evaluations", "seconds", "innovations", "correlation", "outcome"}
+    assert "http" not in (out / "report.html").read_text(encoding="utf-8").replace("http://www.w3.org", "")
+    assert "b" in capsys.readouterr().out
+
+
+def test_filter_writes_states_with_bands(motor_file: Path, run_file: Path, tmp_path: Path) -> None:
+    out = tmp_path / "filtered"
+    assert main(["filter", str(motor_file), "--data", str(run_file), "--smooth", "--out", str(out)]) == 0
+    header = (out / "run_states.csv").read_text(encoding="utf-8").splitlines()[0]
+    assert header == "time [s],i_L [A],i_L_std [A],omega_rotor [rad/s],omega_rotor_std [rad/s]"
+    assert (out / "run_states.png").stat().st_size > 10_000
+
+
+def test_sensitivity_answers_in_json(
+    motor_file: Path, run_file: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["sensitivity", str(motor_file), "--data", str(run_file), "--free", "b,R_a"]) == 0
+    assert "b" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (["--until", "2", "--set", "Jj=0.05"], "no parameter or input of this name; did you mean 'J'?"),
+        (["--until", "2", "--set", "J"], "write it as name=value"),
+        (["--until", "2", "--initial", "omega=1"], "did you mean 'omega_rotor'?"),
+        ([], "needs --until"),
+        (["--inputs", "nothing.csv"], "no such file"),
+    ],
+)
+def test_bad_options_of_simulate(
+    motor_file: Path, options: list[str], said: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["simulate", str(motor_file), *options]) == 2
+    assert said in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("table", "said"),
+    [
+        ("time [s],omega [rpn]\n0,1\n1,2\n", "did you mean 'rpm'"),
+        ("time [s],omega [kg]\n0,1\n1,2\n", "omega"),
+        ("time [s],omega [rpm]\n0,1\n0,2\n", "increas"),
+        ("time [s],torque [N m]\n0,1\n1,2\n", "none of the outputs"),
+    ],
+)
+def test_bad_logs_are_told_and_nothing_is_written(
+    motor_file: Path, tmp_path: Path, table: str, said: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    log = tmp_path / "bad.csv"
+    log.write_text(table, encoding="utf-8")
+    out = tmp_path / "fit"
+    assert main(["estimate", str(motor_file), "--data", str(log), "--out", str(out)]) == 2
+    assert said in capsys.readouterr().err
+    assert not out.exists()
+
+
+def test_an_option_that_is_unknown_exits_with_2(motor_file: Path) -> None:
+    with pytest.raises(SystemExit) as ended:
+        main(["simulate", str(motor_file), "--untill", "2"])
+    assert ended.value.code == 2
+
+
+def test_a_log_cannot_be_trained_on_and_held_out(
+    motor_file: Path, run_file: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    command = ["close-loop", str(motor_file), "--data", str(run_file), "--holdout", str(run_file)]
+    assert main(command) == 2
+    assert "confirms nothing" in capsys.readouterr().err
+
+
+def test_unknown_effects_module(motor_file: Path, run_file: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["close-loop", str(motor_file), "--data", str(run_file), "--effects", "no_such_effects"]) == 2
+    assert "there is no such module" in capsys.readouterr().err
