@@ -43,7 +43,7 @@ def flatten(graph: BondGraph) -> BondGraph:
             return name
         part, inside = parts[part_name]
         inner = dict(part.ports).get(inner, inner)
-        return f"{part_name}.{_resolve_inside(part.graph, inner)}" if inner not in inside.nodes else f"{part_name}.{inner}"
+        return f"{part_name}.{inner if inner in inside.nodes else _resolve_inside(part.graph, inner)}"
 
     outer = _Renaming(lambda name: name, resolve, {})
     for quantity in graph.quantities.values():
@@ -80,9 +80,7 @@ def _copy_part(flat: BondGraph, part: SubGraph, inside: BondGraph, outer: _Renam
     flat._bonds += [Bond(f"{part.name}.{b.source}", f"{part.name}.{b.target}") for b in inside.bonds]
     for output in inside.outputs:
         name = f"{part.name}.{output.name}"
-        flat._outputs[name] = dataclasses.replace(
-            output, name=name, expression=renaming.expression(output.expression)
-        )
+        flat._outputs[name] = dataclasses.replace(output, name=name, expression=renaming.expression(output.expression))
 
 
 class _Renaming:

@@ -26,6 +26,8 @@ _SIGNAL_NAME = re.compile(r"(effort|flow|displacement|momentum)(\d*)\(([A-Za-z0-
 _LOCAL_NAME = re.compile(r"(effort|flow|displacement|momentum)\d*\Z")
 _KEPT_WORDS = {"True", "False", "and", "or", "not", "if", "else"}
 _ESCAPED = "__word_"
+#: Longer expressions are cut in messages.
+_SHOWN = 200
 
 
 def _nested(function: Any) -> Callable[..., Expr]:
@@ -33,6 +35,16 @@ def _nested(function: Any) -> Callable[..., Expr]:
         return functools.reduce(function, arguments)
 
     return fold
+
+
+#: Numbers are not raised to powers beyond this, which no float could hold.
+_LARGEST_POWER = 1024
+
+
+def _power(base: Expr, exponent: Expr) -> Expr:
+    if base.is_number and exponent.is_number and abs(exponent) > _LARGEST_POWER:
+        raise OverflowError
+    return base**exponent
 
 
 #: Functions that laws may use, by the names accepted in text.
@@ -44,7 +56,7 @@ FUNCTIONS: dict[str, Callable[..., Expr]] = {
     "abs": sympy.Abs, "Abs": sympy.Abs, "sign": sympy.sign, "floor": sympy.floor,
     "min": _nested(minimum), "Min": _nested(minimum), "minimum": _nested(minimum),
     "max": _nested(maximum), "Max": _nested(maximum), "maximum": _nested(maximum),
-    "clip": clip, "pow": sympy.Pow, "Heaviside": lambda x: sympy.Piecewise((Integer(1), x >= 0), (Integer(0), True)),
+    "clip": clip, "pow": _power, "Heaviside": lambda x: sympy.Piecewise((Integer(1), x >= 0), (Integer(0), True)),
 }  # fmt: skip
 
 _BINARY: dict[type[ast.operator], Callable[[Expr, Expr], Expr]] = {
@@ -52,7 +64,7 @@ _BINARY: dict[type[ast.operator], Callable[[Expr, Expr], Expr]] = {
     ast.Sub: lambda a, b: a - b,
     ast.Mult: lambda a, b: a * b,
     ast.Div: lambda a, b: a / b,
-    ast.Pow: lambda a, b: a**b,
+    ast.Pow: _power,
 }
 _COMPARE: dict[type[ast.cmpop], Callable[[Expr, Expr], Any]] = {
     ast.Lt: sympy.Lt, ast.LtE: sympy.Le, ast.Gt: sympy.Gt, ast.GtE: sympy.Ge, ast.Eq: sympy.Eq, ast.NotEq: sympy.Ne,
@@ -152,12 +164,15 @@ def parse(text: str, names: Mapping[str, Any], where: str) -> Expr:
     source = re.sub(r"\b[A-Za-z_]\w*\b", _escape_word, source)
     try:
         tree = ast.parse(source, mode="eval").body
+        return normalise(_Reader(names, signals, where, text).read(tree))
     except (SyntaxError, ValueError) as error:
-        raise DeclarationError(
-            f"{where}: expression {text!r} cannot be read ({error.args[0]}) - write it as in Python, with * and **",
-            where=(where,),
-        ) from None
-    return normalise(_Reader(names, signals, where, text).read(tree))
+        problem, todo = str(error.args[0]), "write it as in Python, with * and **"
+    except OverflowError:
+        problem, todo = "a number in it is too large", f"no power of a number may exceed {_LARGEST_POWER}"
+    except (RecursionError, MemoryError):
+        problem, todo = "it is nested too deeply", "name parts of it as signals"
+    shown = text if len(text) <= _SHOWN else text[:_SHOWN] + "..."
+    raise DeclarationError(f"{where}: expression {shown!r} cannot be read ({problem}) - {todo}", where=(where,))
 
 
 def _checked_number(value: Any, where: str) -> float:
@@ -220,6 +235,8 @@ class _Reader:
             return self.names[name]
         if name == "pi":
             return sympy.pi
+        if name in self.names:
+            raise self._refusal(f"{name} is a table", todo=f"write {name}(argument)")
         known = [*self.names, *FUNCTIONS, "pi", "t"]
         raise self._refusal(
             f"name {name!r} is not declared{suggest(name, known)}", todo="declare it as a parameter, input or signal"

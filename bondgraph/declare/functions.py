@@ -16,7 +16,7 @@ def _is_number(*values: Expr) -> bool:
     return all(value.is_Number for value in values)
 
 
-class minimum(Function):  # type: ignore[misc]
+class minimum(Function):  # type: ignore[misc]  # noqa: N801 - a function, printed under this name
     """The smaller of two values.
 
     Examples
@@ -44,7 +44,7 @@ class minimum(Function):  # type: ignore[misc]
         return Piecewise((Integer(1), chosen), (Integer(0), True))
 
 
-class maximum(Function):  # type: ignore[misc]
+class maximum(Function):  # type: ignore[misc]  # noqa: N801 - a function, printed under this name
     """The larger of two values.
 
     Examples

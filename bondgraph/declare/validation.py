@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING, Any
 import networkx as nx
 
 from bondgraph.declare.domains import Domain
-from bondgraph.declare.elements import SOURCES, STORAGES, TWO_PORTS, Node
+from bondgraph.declare.elements import SOURCES, STORAGES, TWO_PORTS, Node, a_kind
 from bondgraph.declare.expressions import signal_name, signals_in
+from bondgraph.declare.law_units import check_law_units
 from bondgraph.declare.quantities import Input, Integral, NamedSignal, Output, Parameter, Table
 from bondgraph.errors import DeclarationError, suggest
 from bondgraph.units import parse_unit
@@ -91,8 +92,24 @@ def validate(graph: BondGraph) -> None:
     incidence = graph.incidence()
     for node in graph.nodes.values():
         _check_degree(graph, node, incidence[node.name])
-    node_domains(graph)
+    domains = node_domains(graph)
     _check_signals(graph)
+    _check_state_names(graph)
+    check_law_units(graph, domains)
+
+
+def _check_state_names(graph: BondGraph) -> None:
+    seen: dict[str, str] = {}
+    for node in graph.nodes.values():
+        for port in range(1, node.ports + 1) if node.state else ():
+            name = f"{node.state}{port if node.ports > 1 else ''}"
+            taken = seen.get(name) or (name if name in graph.quantities else "")
+            if taken or not _NAME.match(name) or _RESERVED.match(name):
+                problem = f"is taken by {taken}" if taken else "is no name, or one that is reserved"
+                raise DeclarationError(
+                    f"{graph.name}: {node.name}: state {name!r} {problem} - use another name", where=(node.name,)
+                )
+            seen[name] = node.name
 
 
 def _check_degree(graph: BondGraph, node: Node, bonds: list[tuple[int, bool]]) -> None:
@@ -126,22 +143,26 @@ def node_domains(graph: BondGraph) -> dict[str, Domain | None]:
     DeclarationError
         If a bond joins two domains without a transformer, gyrator or field between them.
     """
-    network: nx.Graph = nx.Graph()
+    network: nx.Graph[str] = nx.Graph()
     network.add_nodes_from(graph.nodes)
     couplers = {n.name for n in graph.nodes.values() if n.kind in TWO_PORTS or n.ports > 1}
     network.add_edges_from((b.source, b.target) for b in graph.bonds if not {b.source, b.target} & couplers)
     domains: dict[str, Domain | None] = dict.fromkeys(graph.nodes)
-    for component in nx.connected_components(network):
-        declared = [n for n in graph.nodes if n in component and graph.nodes[n].domain is not None]
-        found = {graph.nodes[n].domain for n in declared}
-        if len(found) > 1:
-            _refuse_mixed(graph, network, declared)
-        for name in component:
-            domains[name] = next(iter(found)) if found and name not in couplers else None
+    component_of = {name: i for i, component in enumerate(nx.connected_components(network)) for name in component}
+    declared: dict[int, list[str]] = {}
+    for node in graph.nodes.values():
+        if node.domain is not None:
+            declared.setdefault(component_of[node.name], []).append(node.name)
+    for names in declared.values():
+        if any(graph.nodes[name].domain != graph.nodes[names[0]].domain for name in names):
+            _refuse_mixed(graph, network, names)
+    for name, component in component_of.items():
+        if component in declared and name not in couplers:
+            domains[name] = graph.nodes[declared[component][0]].domain
     return domains
 
 
-def _refuse_mixed(graph: BondGraph, network: nx.Graph, declared: list[str]) -> None:
+def _refuse_mixed(graph: BondGraph, network: nx.Graph[str], declared: list[str]) -> None:
     first = declared[0]
     other = next(n for n in declared if graph.nodes[n].domain != graph.nodes[first].domain)
     path = nx.shortest_path(network, first, other)
@@ -155,7 +176,8 @@ def _refuse_mixed(graph: BondGraph, network: nx.Graph, declared: list[str]) -> N
 def _check_signals(graph: BondGraph) -> None:
     users: list[tuple[str, Any]] = [(n.name, law) for n in graph.nodes.values() for _, law in n.laws]
     users += [(i.name, i.of) for i in graph.integrals]
-    users += [(s.name, s.expression) for s in (*graph.signals, *graph.outputs)]
+    users += [(s.name, s.expression) for s in graph.signals]
+    users += [(o.name, o.expression) for o in graph.outputs]
     for user, expression in users:
         for used in signals_in(expression):
             _check_signal(graph, user, used)
@@ -173,7 +195,8 @@ def _check_signal(graph: BondGraph, user: str, used: Any) -> None:
     storage = {"displacement": "C", "momentum": "I"}.get(read.variable)
     if storage is not None and node.kind != storage:
         raise DeclarationError(
-            f"{where}: signal {used.name}: {read.node} is a {node.kind}, only a {storage} has a {read.variable}",
+            f"{where}: signal {used.name}: {read.node} is {a_kind(node.kind)}, only {a_kind(storage)} has a "
+            f"{read.variable}",
             where=(user,),
         )
     common = {"0": "effort", "1": "flow"}.get(node.kind)
@@ -183,8 +206,12 @@ def _check_signal(graph: BondGraph, user: str, used: Any) -> None:
             f"{read.variable} of one element instead",
             where=(user,),
         )
-    if (node.kind in TWO_PORTS or node.ports > 1) and not 1 <= read.port <= max(node.ports, 2):
+    ports = 2 if node.kind in TWO_PORTS else node.ports
+    if ports > 1 and not 1 <= read.port <= ports:
         raise DeclarationError(
-            f"{where}: signal {used.name}: {read.node} has several ports - write {read.variable}1({read.node})", (user,)
+            f"{where}: signal {used.name}: {read.node} has {ports} ports - write {read.variable}1({read.node})", (user,)
         )
-
+    if ports == 1 and read.port > 1:
+        raise DeclarationError(
+            f"{where}: signal {used.name}: {read.node} has one port - write {read.variable}({read.node})", (user,)
+        )

@@ -110,7 +110,8 @@ class Derivation:
     def _check_determined(self) -> None:
         """Solve the loops that nothing asked for too: a graph that leaves an effort or flow open is refused."""
         count = range(len(self.causal.graph.bonds))
-        every = [read(bond) for bond in count for read in (self.variables.effort, self.variables.flow)]
+        every: list[Key] = [read(bond) for bond in count for read in (self.variables.effort, self.variables.flow)]
+        every += [("s", named.name) for named in self.causal.graph.signals]
         left = [key for key in every if key not in self.values]
         loops = [m for m in components(left, self._depends) if len(m) > 1 or m[0] in self._depends(m[0])]
         if any(members[0] not in self.values for members in loops):

@@ -136,12 +136,13 @@ class LoopSolver:
         graph = self.derivation.causal.graph
         indices = [index for index in range(len(graph.bonds)) if self.inside & self._keys_of(index)]
         bonds = [f"bond {graph.bonds[index]}" for index in indices]
-        through = f"{', '.join(self.elements)} ({', '.join(bonds)})" if self.elements else ", ".join(bonds)
+        signals = [f"signal {key[1]}" for key in self.members if key[0] == "s"]
+        through = ", ".join([*self.elements, *signals, *bonds])
         return DerivationError(
             f"{graph.name}: the algebraic loop through {through} does not determine {names}: its gain is exactly one, "
-            "so the junction structure leaves a variable free - add a resistance or storage on the loop, or remove the "
-            "redundant bond",
-            where=(*self.elements, *bonds),
+            "so the equations leave a variable free - add a resistance or storage on the loop, or remove the redundant "
+            "bond or signal",
+            where=(*self.elements, *signals, *bonds),
         )
 
     def _keys_of(self, bond: int) -> set[Key]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from bondgraph.declare.elements import LAW_GIVES, Node
+from bondgraph.declare.elements import LAW_GIVES, SOURCES, Node
 from bondgraph.declare.graph import BondGraph
 from bondgraph.derive.strokes import ContradictionError, Reason, StrokeSearch
 from bondgraph.errors import CausalityError
@@ -44,50 +44,68 @@ def clash(search: StrokeSearch, contradiction: ContradictionError, causes: Seque
 
 def refusal(search: StrokeSearch, contradiction: ContradictionError) -> CausalityError:
     """The error for demands that exclude each other whatever the storages do."""
-    graph, node = search.graph, search.graph.nodes[contradiction.node]
-    roots = search.roots(contradiction)
-    wanted = contradiction.wanted
-    culprits = list(dict.fromkeys([*_names(search, roots), *([wanted[1].node] if wanted else [])]))
-    chains = [explain_chain(graph, search.reasons, bond) for bond in contradiction.bonds]
-    where = [f"bond {graph.bonds[bond]}" for bond in contradiction.bonds]
-    if wanted is not None and graph.nodes[wanted[1].node].is_junction:
-        node = graph.nodes[wanted[1].node]
-    if not node.is_junction:
-        law = wanted[1].text if wanted else f"the law of {node.name} does not allow these strokes together"
-        what = f"{where[0]} cannot carry its stroke: {law}, but {'; '.join(chains)}"
-    elif wanted is not None or _is_strong(search, node, contradiction):
-        first = where[-1]
-        chain = wanted[1].text if wanted else chains[-1]
-        others = "; ".join(chains if wanted else chains[:-1])
-        what = f"{first} cannot carry its stroke at {node.name} ({chain}) because the {_common(node)} of "
-        what += f"{_junction(node)} is already imposed ({others})"
+    graph = search.graph
+    bonds = list(contradiction.bonds)
+    where = [f"bond {graph.bonds[bond]}" for bond in bonds]
+    reasons = [reason for bond in search.roots(contradiction) if (reason := search.reasons[bond]) is not None]
+    node = graph.nodes[contradiction.node]
+    if contradiction.wanted is not None:
+        bond, wanted = contradiction.wanted
+        reasons.append(wanted)
+        node = _imposing_junction(search, bond) or node
+        what = f"{where[0]} cannot carry its stroke{_at(node)} ({wanted.text}) because {_already(search, bond)}"
+    elif not node.is_junction:
+        what = f"the law of {node.kind} {node.name} does not allow these strokes together: {_chains(search, bonds)}"
+    elif _is_strong(search, node, contradiction):
+        first = search.reasons[bonds[-1]]
+        assert first is not None
+        what = f"{where[-1]} cannot carry its stroke{_at(node)} ({first.text}) because the {_common(node)} of "
+        what += f"{_junction(node)} is already imposed ({_chains(search, bonds[:-1])})"
     else:
-        neighbours = "; ".join(chains)
         what = f"{_junction(node)}: no bond can impose its {_common(node)}: every neighbour takes it from the junction "
-        what += f"({neighbours})"
-    todo = _ways_out(search, node, culprits)
+        what += f"({_chains(search, bonds)})"
+    culprits = list(dict.fromkeys(reason.node for reason in reasons))
+    todo = _ways_out(search, node, reasons)
     return CausalityError(f"{graph.name}: {what}; {todo}", where=tuple(dict.fromkeys([*where, *culprits])))
 
 
-def _ways_out(search: StrokeSearch, node: Node, culprits: Sequence[str]) -> str:
+def _chains(search: StrokeSearch, bonds: Sequence[int]) -> str:
+    return "; ".join(explain_chain(search.graph, search.reasons, bond) for bond in bonds)
+
+
+def _already(search: StrokeSearch, bond: int) -> str:
+    """Why a bond has the stroke it has, as a clause."""
+    head, arrow, tail = explain_chain(search.graph, search.reasons, bond).partition(" <- ")
+    return head.partition(": ")[2].replace(" imposes ", " already imposes ", 1) + (f" ({tail})" if arrow else "")
+
+
+def _imposing_junction(search: StrokeSearch, bond: int) -> Node | None:
+    reason = search.reasons[bond]
+    node = search.graph.nodes[reason.node] if reason is not None else None
+    return node if node is not None and node.is_junction else None
+
+
+def _at(node: Node) -> str:
+    return f" at {node.name}" if node.is_junction else ""
+
+
+def _ways_out(search: StrokeSearch, node: Node, reasons: Sequence[Reason]) -> str:
     nodes = search.graph.nodes
     ways = []
-    for name in culprits:
-        if nodes[name].kind in ("R", "X"):
-            reasons = [reason for reason in search.reasons if reason is not None and reason.node == name]
-            gives = "effort" if any("gives the effort" in reason.text for reason in reasons) else "flow"
-            ways.append(f"give {name} its law as {_OTHER[gives]}({gives})")
-    sources = [name for name in culprits if nodes[name].kind in ("Se", "Sf")]
+    for reason in reasons:
+        if nodes[reason.node].kind in ("R", "X"):
+            gives = "effort" if reason.text.endswith("effort") else "flow"
+            ways.append(f"give {reason.node} its law as {_OTHER[gives]}({gives})")
+    sources = [reason.node for reason in reasons if nodes[reason.node].kind in SOURCES]
     if len(sources) > 1:
-        ways.append(f"remove one of {', '.join(sources)}")
+        ways.append(f"remove one of {', '.join(dict.fromkeys(sources))}")
     elif sources:
-        other = "Sf" if nodes[sources[0]].kind == "Se" else "Se"
-        ways.append(f"make {sources[0]} an {other}")
-    if node.is_junction and culprits:
+        ways.append(f"make {sources[0]} an {'Sf' if nodes[sources[0]].kind == 'Se' else 'Se'}")
+    if node.is_junction and reasons:
         ways.append(f"separate them by a {'1' if node.kind == '0' else '0'}-junction with an element of its own")
-    if not culprits:
+    if not reasons:
         ways.append("no choice of strokes fits the junctions: change the kind of one, or remove a bond between them")
-    return " or ".join(ways)
+    return " or ".join(dict.fromkeys(ways))
 
 
 def refuse_law(search: StrokeSearch, node: Node, bond: int) -> None:

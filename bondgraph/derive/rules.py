@@ -132,78 +132,62 @@ def _solve(
 
 
 def _storage(variables: BondVariables, node: Node) -> None:
-    """Independent ports give their power variable by the law, dependent ones have their energy variable from it."""
+    """Independent ports give their power variable by the law; of dependent ones the law gives the energy variable.
+
+    What a dependent port gives to its bond is the rate of its energy variable.
+    """
     ports = variables.ports(node)
-    dependent = [port for port in ports if variables.state_of(node.name, port.number) is None]
-    stored = ENERGY_VARIABLE[node.kind]
-    own: dict[Symbol, tuple[Key, int]] = {}
+    gives, stored = LAW_GIVES[node.kind], ENERGY_VARIABLE[node.kind]
+    own = {port.local(gives): variables.own(port, gives) for port in ports}
     states: dict[Symbol, Expr] = {}
+    unknowns = []
     for port in ports:
         value = variables.energy_variable(node, port.number)
         if isinstance(value, Expr):
             states[port.local(stored)] = value
+            unknowns.append(port.local(gives))
+            _state_rate(variables, port)
         else:
             own[port.local(stored)] = value
-    laws = {port.number: _storage_law(node, port).xreplace(states) for port in ports}
-    for port in ports:
-        if port not in dependent:
-            _independent(variables, port, laws[port.number], own)
-    if dependent:
-        _dependent(variables, node, dependent, laws, own)
+            unknowns.append(port.local(stored))
+            _dependent_rate(variables, port)
+    equations = [law.xreplace(states) for law in _storage_laws(node, ports, is_dependent=not states)]
+    _solve(variables, node, equations, unknowns, own)
 
 
-def _storage_law(node: Node, port: Port) -> Expr:
-    energy = node.law("energy")
-    law = node.law(port.local(LAW_GIVES[node.kind]).name)
-    if energy is not None:
-        return slope(energy, port.local(ENERGY_VARIABLE[node.kind]))
-    assert law is not None
-    return law
+def _storage_laws(node: Node, ports: list[Port], is_dependent: bool) -> list[Expr]:
+    """The laws of a storage as expressions that vanish."""
+    gives, stored = LAW_GIVES[node.kind], ENERGY_VARIABLE[node.kind]
+    laws = dict(node.laws)
+    if "residual" in laws:
+        return [laws["residual"]]
+    if stored in laws and (is_dependent or gives not in laws):
+        return [laws[stored] - symbol(stored)]
+    if "energy" in laws:
+        return [slope(laws["energy"], port.local(stored)) - port.local(gives) for port in ports]
+    return [laws[port.local(gives).name] - port.local(gives) for port in ports]
 
 
-def _independent(variables: BondVariables, port: Port, law: Expr, own: dict[Symbol, tuple[Key, int]]) -> None:
-    node, gives = port.node, LAW_GIVES[port.node.kind]
-    state = variables.state_of(node.name, port.number)
+def _state_rate(variables: BondVariables, port: Port) -> None:
+    state = variables.state_of(port.node.name, port.number)
     assert state is not None
+    taken = "flow" if port.node.kind == "C" else "effort"
+    inertia = variables.constant_inertia(port.node)
+    balance = symbol(taken) if inertia is None else symbol(taken) / inertia
     rate: Key = ("d", ("x", state.symbol.name))
     variables.labels[rate] = (f"d_{state.symbol.name}", "", f"rate of {state.meaning}")
-    key, sign = variables.own(port, gives)
-    taken = "flow" if gives == "effort" else "effort"
-    inertia = variables.constant_inertia(node)
-    if inertia is not None:
-        law, balance = state.symbol, symbol(taken) / inertia
-    else:
-        balance = symbol(taken)
-    variables.definitions[key] = variables.law(sign * law, own)
     variables.definitions[rate] = variables.law(balance, {symbol(taken): variables.own(port, taken)})
 
 
-def _dependent(
-    variables: BondVariables,
-    node: Node,
-    ports: list[Port],
-    laws: dict[int, Expr],
-    own: dict[Symbol, tuple[Key, int]],
-) -> None:
-    """Energy variables from the imposed variables, imposed bond variables as their rates."""
-    gives, stored = LAW_GIVES[node.kind], ENERGY_VARIABLE[node.kind]
-    arguments = dict(own)
-    for port in ports:
-        arguments[port.local(gives)] = variables.own(port, gives)
-    inverse = node.law(stored)
-    if inverse is not None:
-        variables.definitions["q", node.name, 1] = variables.law(inverse, arguments)
-    else:
-        equations = [laws[port.number] - port.local(gives) for port in ports]
-        _solve(variables, node, equations, [port.local(stored) for port in ports], arguments)
-    for port in ports:
-        domain = variables.bond_domain(port.bond)
-        unit = "" if domain is None else getattr(domain, f"{stored}_unit")
-        letter, name = "q" if node.kind == "C" else "p", f"{node.name}{port.suffix}"
-        key: Key = ("q", node.name, port.number)
-        variables.labels[key] = (f"{letter}_{name}", unit, f"{stored} of {name} (dependent)")
-        taken, sign = variables.own(port, "flow" if gives == "effort" else "effort")
-        variables.definitions[taken] = Sum(((sign, ("d", key)),))
+def _dependent_rate(variables: BondVariables, port: Port) -> None:
+    node, stored = port.node, ENERGY_VARIABLE[port.node.kind]
+    domain = variables.bond_domain(port.bond)
+    unit = "" if domain is None else getattr(domain, f"{stored}_unit")
+    letter, name = "q" if node.kind == "C" else "p", f"{node.name}{port.suffix}"
+    key: Key = ("q", node.name, port.number)
+    variables.labels[key] = (f"{letter}_{name}", unit, f"{stored} of {name} (dependent)")
+    taken, sign = variables.own(port, "flow" if node.kind == "C" else "effort")
+    variables.definitions[taken] = Sum(((sign, ("d", key)),))
 
 
 _DEFINE = {

@@ -221,4 +221,7 @@ class StrokeSearch:
                 self._assign(bond, asked == inward, Reason("propagated", node.name, text, placed), queue)
 
 
-_CARRIED = {"TF": "carried through the transformer {0}", "GY": "carried through the gyrator {0}"}
+_CARRIED = {
+    "TF": "the stroke is carried through the transformer {0}",
+    "GY": "the stroke is carried through the gyrator {0}",
+}

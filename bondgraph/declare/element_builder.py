@@ -1,0 +1,189 @@
+"""Declaring junctions and elements, each in one line, with its law as a function of its own variables."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from sympy import Expr
+
+from bondgraph.declare.domains import Domain
+from bondgraph.declare.elements import ENERGY_VARIABLE, LAW_GIVES, Node, numbered
+from bondgraph.declare.expressions import normalise
+from bondgraph.declare.handles import At, ElementType, Handle, Law, apply_law, callable_law
+from bondgraph.declare.quantities import symbol
+from bondgraph.declare.store import GraphStore
+
+
+class ElementBuilder(GraphStore):
+    """The part of the builder that declares nodes; each method returns the handle of the new node."""
+
+    def zero_junction(self, name: str, domain: Domain | None = None) -> Handle:
+        """A common-effort junction."""
+        return self.add_node(Node(name, "0", domain))
+
+    def one_junction(self, name: str, domain: Domain | None = None) -> Handle:
+        """A common-flow junction."""
+        return self.add_node(Node(name, "1", domain))
+
+    def effort_source(self, name: str, effort: Any, at: At | None = None) -> Handle:
+        """A source that imposes an effort, constant, from an input, or modulated by signals."""
+        return self._one_port(Node(name, "Se", laws=(("effort", normalise(effort)),)), at, from_element=True)
+
+    def flow_source(self, name: str, flow: Any, at: At | None = None) -> Handle:
+        """A source that imposes a flow, constant, from an input, or modulated by signals."""
+        return self._one_port(Node(name, "Sf", laws=(("flow", normalise(flow)),)), at, from_element=True)
+
+    def resistance(
+        self,
+        name: str,
+        effort: Law | None = None,
+        *,
+        flow: Law | None = None,
+        residual: Callable[..., Any] | Expr | None = None,
+        at: At | None = None,
+    ) -> Handle:
+        """A dissipator: ``effort`` as a function of the flow, ``flow`` of the effort, both, or a residual of both.
+
+        A number or expression that is not a function is the coefficient of a linear law.
+        """
+        own_effort, own_flow = symbol("effort"), symbol("flow")
+        laws: list[tuple[str, Expr]] = []
+        if effort is not None and not callable_law(effort):
+            laws = [("effort", normalise(effort) * own_flow), ("flow", own_effort / normalise(effort))]
+        elif effort is not None:
+            laws.append(("effort", apply_law(effort, own_flow)))
+        if flow is not None and callable_law(flow):
+            laws.append(("flow", apply_law(flow, own_effort)))
+        elif flow is not None:
+            laws = [("effort", own_flow / normalise(flow)), ("flow", normalise(flow) * own_effort)]
+        if residual is not None:
+            laws.append(("residual", apply_law(residual, own_effort, own_flow)))
+        return self._one_port(Node(name, "R", laws=tuple(laws)), at)
+
+    def compliance(
+        self,
+        name: str,
+        effort: Law | None = None,
+        *,
+        displacement: Law | None = None,
+        residual: Callable[..., Any] | Expr | None = None,
+        at: At | None = None,
+        initial: float = 0.0,
+        state: str = "",
+    ) -> Handle:
+        """A spring or capacitor: ``effort`` as a function of the displacement, or the stiffness of a linear one.
+
+        ``displacement`` as a function of the effort lets a nonlinear compliance be a dependent storage in closed form;
+        it may also be given alone, or both may be bound by ``residual(effort, displacement)``.
+        """
+        return self._storage("C", name, effort, displacement, residual, at, initial, state)
+
+    def inertance(
+        self,
+        name: str,
+        inertia: Law | None = None,
+        *,
+        flow: Law | None = None,
+        momentum: Law | None = None,
+        residual: Callable[..., Any] | Expr | None = None,
+        at: At | None = None,
+        initial: float = 0.0,
+        state: str = "",
+    ) -> Handle:
+        """A mass, inertia or inductance: its value, or for a nonlinear one the function flow(momentum).
+
+        ``momentum`` as a function of the flow may be given beside it or alone, or both may be bound by
+        ``residual(flow, momentum)``. The state of a linear one is its flow, of any other its momentum.
+        """
+        law = flow if flow is not None else inertia
+        if law is not None and not callable_law(law) and flow is None:
+            law = symbol("momentum") / normalise(law)
+        return self._storage("I", name, law, momentum, residual, at, initial, state)
+
+    def _storage(
+        self,
+        kind: str,
+        name: str,
+        law: Law | None,
+        inverse: Law | None,
+        residual: Law | None,
+        at: At | None,
+        initial: float,
+        state: str,
+    ) -> Handle:
+        gives, stored = LAW_GIVES[kind], ENERGY_VARIABLE[kind]
+        own, power = symbol(stored), symbol(gives)
+        laws: list[tuple[str, Expr]] = []
+        if law is not None:
+            is_stiffness = kind == "C" and not callable_law(law)
+            laws.append((gives, normalise(law) * own if is_stiffness else apply_law(law, own)))
+        if inverse is not None:
+            laws.append((stored, apply_law(inverse, power)))
+        if residual is not None:
+            laws.append(("residual", apply_law(residual, power, own)))
+        return self._one_port(Node(name, kind, laws=tuple(laws), initial=(float(initial),), state=state), at)
+
+    def transformer(self, name: str, modulus: Any, source: At, target: At) -> Handle:
+        """A TF of modulus m between two nodes: effort_in = m effort_out, flow_out = m flow_in."""
+        return self._two_port("TF", name, modulus, source, target)
+
+    def gyrator(self, name: str, modulus: Any, source: At, target: At) -> Handle:
+        """A GY of modulus r between two nodes: effort_in = r flow_out, effort_out = r flow_in."""
+        return self._two_port("GY", name, modulus, source, target)
+
+    modulated_transformer = transformer
+    modulated_gyrator = gyrator
+
+    def _two_port(self, kind: str, name: str, modulus: Any, source: At, target: At) -> Handle:
+        handle = self.add_node(Node(name, kind, laws=(("modulus", normalise(modulus)),)))
+        self.bond(source, handle)
+        self.bond(handle, target)
+        return handle
+
+    def field(
+        self,
+        kind: str,
+        name: str,
+        laws: Sequence[Any] | None = None,
+        *,
+        energy: Any | None = None,
+        form: str = "effort",
+        at: Sequence[At] = (),
+        initial: Sequence[float] = (),
+        state: str = "",
+    ) -> Handle:
+        """A multiport C, I or R, its port k bonded to the k-th junction of ``at``.
+
+        Laws are functions of all ports' own variables (displacements, momenta, flows or, with ``form="flow"``, efforts;
+        ``form="residual"``: all efforts, then all flows), or ``energy`` is such a function whose gradient gives them.
+        """
+        ports = len(at) or len(laws or ())
+        own_stems = {"effort": ("flow",), "flow": ("effort",)}.get(form, ("effort", "flow"))
+        stems = (ENERGY_VARIABLE[kind],) if kind in ENERGY_VARIABLE else own_stems
+        own = [symbol(name) for stem in stems for name in (numbered(stem, ports) if ports > 1 else (stem,))]
+        gives = LAW_GIVES.get(kind, form)
+        if energy is not None:
+            pairs: tuple[tuple[str, Expr], ...] = (("energy", apply_law(energy, *own)),)
+        else:
+            names = numbered(gives, len(laws or ())) if ports > 1 else (gives,)
+            pairs = tuple((given, apply_law(law, *own)) for given, law in zip(names, laws or (), strict=True))
+        node = Node(name, kind, laws=pairs, ports=ports, initial=tuple(map(float, initial)), state=state)
+        return self._multiport(node, at)
+
+    def element(self, name: str, kind: ElementType, at: Sequence[At] = ()) -> Handle:
+        """An element of one's own kind, its port k bonded to the k-th junction of ``at``."""
+        return self._multiport(Node(name, "X", laws=kind.laws(), ports=kind.ports), at)
+
+    def _multiport(self, node: Node, at: Sequence[At]) -> Handle:
+        handle = self.add_node(node)
+        for junction in at:
+            self.bond(junction, handle)
+        return handle
+
+    def _one_port(self, node: Node, at: At | None, from_element: bool = False) -> Handle:
+        handle = self.add_node(node)
+        if at is not None:
+            ends = (handle, at) if from_element else (at, handle)
+            self.bond(*ends)
+        return handle

@@ -1,0 +1,135 @@
+"""What declaring gives back: handles of nodes, whose variables are signals; laws as functions; kinds of one's own."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, TypeAlias
+
+import sympy
+from sympy import Expr, Symbol
+
+from bondgraph.declare.domains import Domain
+from bondgraph.declare.expressions import normalise, signal
+from bondgraph.errors import DeclarationError
+
+if TYPE_CHECKING:
+    from bondgraph.declare.graph import BondGraph
+
+#: A law: a function of the element's own variables, an expression in them, or the coefficient of a linear law.
+Law: TypeAlias = Callable[..., Any] | Expr | float
+
+
+@dataclass(frozen=True)
+class Handle:
+    """A declared node: pass it as ``at=``, read its variables as signals in other laws."""
+
+    name: str
+    kind: str
+    domain: Domain | None
+    number: int = 0
+
+    def port(self, number: int) -> Handle:
+        """One port of a multiport or two-port, counted from 1 in the order of its bonds; read its variables.
+
+        Examples
+        --------
+        >>> Handle("gear", "TF", None).port(2).flow
+        flow2(gear)
+        """
+        return dataclasses.replace(self, number=number)
+
+    @property
+    def effort(self) -> Symbol:
+        """The effort as a signal (of a 0-junction, or of an element's bond)."""
+        return signal("effort", self.name, self.number)
+
+    @property
+    def flow(self) -> Symbol:
+        """The flow as a signal (of a 1-junction, or of an element's bond)."""
+        return signal("flow", self.name, self.number)
+
+    @property
+    def displacement(self) -> Symbol:
+        """The displacement of a compliance as a signal."""
+        return signal("displacement", self.name, self.number)
+
+    @property
+    def momentum(self) -> Symbol:
+        """The momentum of an inertance as a signal."""
+        return signal("momentum", self.name, self.number)
+
+
+At: TypeAlias = Handle | str
+
+
+@dataclass(frozen=True)
+class SubGraph:
+    """A graph used as a part of another; ``ports`` names the inner junctions that outer bonds may reach.
+
+    ``bind`` gives inner inputs and parameters as expressions of the outer graph.
+    """
+
+    name: str
+    graph: BondGraph
+    ports: tuple[tuple[str, str], ...]
+    bind: tuple[tuple[str, Expr], ...] = ()
+
+
+@dataclass(frozen=True)
+class ElementType:
+    """A kind of element of one's own: its ports, the strokes it allows, and its law, in one place.
+
+    ``forms`` pairs what the element gives at each port, ``"effort"`` or ``"flow"``, with the law in that form: a
+    function of what it takes at each port (the other variable), in the same order, that returns one expression per
+    port. Each form is one allowed set of strokes; the first is preferred. Own variables count power into the element
+    as positive.
+
+    Examples
+    --------
+    A permanent-magnet motor with its winding resistance: it takes the voltage and the speed and gives the current and
+    the torque that brakes the shaft (negative, since it drives), or it takes the current instead of the voltage.
+
+    >>> R, k = sympy.symbols("R k", real=True)
+    >>> motor = ElementType({
+    ...     ("flow", "effort"): lambda u, omega: ((u - k * omega) / R, -k * (u - k * omega) / R),
+    ...     ("effort", "effort"): lambda i, omega: (R * i + k * omega, -k * i),
+    ... })
+    >>> motor.ports, [given for given, _ in motor.laws()]
+    (2, ['1.flow1', '1.effort2', '2.effort1', '2.effort2'])
+    """
+
+    forms: Mapping[tuple[str, ...], Callable[..., Any]]
+
+    @property
+    def ports(self) -> int:
+        """Number of ports."""
+        return len(next(iter(self.forms)))
+
+    def laws(self) -> tuple[tuple[str, Expr], ...]:
+        """The laws of all forms as pairs of what is given (``1.flow1``: by the first form, at port 1) and how."""
+        pairs: list[tuple[str, Expr]] = []
+        for number, (gives, law) in enumerate(self.forms.items(), start=1):
+            if not set(gives) <= {"effort", "flow"}:
+                raise DeclarationError(f"form {gives}: a port gives its 'effort' or its 'flow'", where=tuple(gives))
+            taken = [
+                Symbol(f"{'flow' if given == 'effort' else 'effort'}{port}", real=True)
+                for port, given in enumerate(gives, start=1)
+            ]
+            values = tuple(law(*taken))
+            if len(values) != len(gives):
+                raise DeclarationError(f"form {gives}: the law returns {len(values)} value(s) for {len(gives)} port(s)")
+            names = [f"{number}.{given}{port}" for port, given in enumerate(gives, start=1)]
+            pairs += zip(names, map(normalise, values), strict=True)
+        return tuple(pairs)
+
+
+def callable_law(law: Any) -> bool:
+    """Whether a law is given as a function (and not as the coefficient of a linear one)."""
+    return callable(law) and not isinstance(law, sympy.Basic)
+
+
+def apply_law(law: Any, *own: Symbol) -> Expr:
+    """A law as an expression of the element's own variables."""
+    return normalise(law(*own) if callable_law(law) else law)

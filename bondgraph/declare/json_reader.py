@@ -1,0 +1,247 @@
+"""A graph from the node-link JSON object of a graph file."""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from bondgraph.declare.domains import Domain, domain_named
+from bondgraph.declare.elements import KINDS, LAW_GIVES, Node, allowed_laws, numbered
+from bondgraph.declare.expressions import parse, signal, signal_name
+from bondgraph.declare.functions import table_function
+from bondgraph.declare.graph import BondGraph
+from bondgraph.declare.quantities import Integral, NamedSignal, symbol
+from bondgraph.declare.records import check_keys, count, items, mapping, number, numbers, text
+from bondgraph.errors import DeclarationError, suggest
+
+FORMAT = "bondgraph/1"
+
+_TOP_KEYS = ("directed", "multigraph", "graph", "nodes", "bonds")
+_HEAD_KEYS = ("format", "name", "doc", "inputs", "parameters", "tables", "integrals", "signals", "outputs")
+_QUANTITY_KEYS = {
+    "inputs": ("name", "unit", "meaning", "default", "interpolation", "letters"),
+    "parameters": ("name", "value", "unit", "meaning", "bounds"),
+    "integrals": ("name", "of", "unit", "meaning", "initial"),
+    "signals": ("name", "is", "unit", "meaning"),
+    "outputs": ("name", "variable", "at", "is", "unit", "meaning"),
+}
+_REQUIRED = {"parameters": ("name", "value"), "integrals": ("name", "of"), "signals": ("name", "is")}
+_TABLE_KEYS = ("x", "y", "values", "unit", "argument_units", "meaning")
+_NODE_KEYS = ("id", "kind", "domain", "initial", "state", "doc")
+_PART_KEYS = ("id", "kind", "graph", "ports", "bind")
+_BOND_KEYS = ("source", "target", "key")
+
+
+def graph_from_json(data: Mapping[str, Any], where: str = "graph") -> BondGraph:
+    """The graph of a node-link JSON object.
+
+    Raises
+    ------
+    DeclarationError
+        If a key is unknown or missing, a value has the wrong type, or the graph declares something impossible.
+    """
+    check_keys(data, _TOP_KEYS, where)
+    head = check_keys(data.get("graph", {}), _HEAD_KEYS, f"{where}: graph")
+    if head.get("format", FORMAT) != FORMAT:
+        raise DeclarationError(f"{where}: format {head['format']!r} is not {FORMAT!r}", where=("format",))
+    if data.get("directed") is False or data.get("multigraph") is False:
+        raise DeclarationError(f"{where}: must be a directed multigraph", where=("directed", "multigraph"))
+    return _Reader(head, items(data, "nodes", where), items(data, "bonds", where), where).graph
+
+
+class _Reader:
+    """Declares everything a file holds, in the order in which one thing may use another."""
+
+    def __init__(self, head: Mapping[str, Any], nodes: list[Any], bonds: list[Any], where: str) -> None:
+        self.head, self.where = head, where
+        self.graph = BondGraph(text(head, "name", where) or Path(where).stem, text(head, "doc", where))
+        for index, record in enumerate(nodes):
+            if not isinstance(record, Mapping) or not isinstance(record.get("id"), str):
+                raise DeclarationError(
+                    f"{where}: node {index} {record!r} must be an object with an id", where=("nodes",)
+                )
+        parts = [record for record in nodes if record.get("kind") == "graph"]
+        for record in parts:
+            self._part(record)
+        self.names = self._declared_names()
+        self._quantities()
+        for record in parts:
+            self._bind(record)
+        for record in nodes:
+            if record.get("kind") != "graph":
+                self.graph.add_node(self._node(record))
+        for record in bonds:
+            check_keys(record, _BOND_KEYS, f"{where}: bond", required=("source", "target"))
+            self.graph.bond(text(record, "source", f"{where}: bond"), text(record, "target", f"{where}: bond"))
+        for record in self._records("outputs"):
+            self._output(record)
+
+    # ------------------------------------------------------------------ quantities
+
+    def _records(self, group: str) -> list[Mapping[str, Any]]:
+        where = f"{self.where}: {group}"
+        required = _REQUIRED.get(group, ("name",))
+        records = [check_keys(r, _QUANTITY_KEYS[group], where, required) for r in items(self.head, group, self.where)]
+        for record in records:
+            for key in ("name", "unit", "meaning"):
+                text(record, key, where)
+        return records
+
+    def _declared_names(self) -> dict[str, Any]:
+        """What each name stands for in expressions."""
+        names: dict[str, Any] = {"t": symbol("t")}
+        for group in ("inputs", "parameters", "integrals", "signals"):
+            names |= {record["name"]: symbol(record["name"]) for record in self._records(group)}
+        for name, record in mapping(self.head, "tables", self.where).items():
+            check_keys(record, _TABLE_KEYS, f"{self.where}: table {name}", required=("x", "values"))
+            names[name] = table_function(name, 2 if "y" in record else 1)
+        for part in self.graph.subgraphs:
+            inner = part.graph.flatten().quantities
+            names |= {f"{part.name}.{name}": symbol(f"{part.name}.{name}") for name in inner}
+        return names
+
+    def _quantities(self) -> None:
+        for record in self._records("inputs"):
+            self._input(record)
+        for record in self._records("parameters"):
+            self._parameter(record)
+        for name, record in mapping(self.head, "tables", self.where).items():
+            self._table(name, record)
+        for record in self._records("signals"):
+            expression = parse(record["is"], self.names, record["name"])
+            self.graph._declare(NamedSignal(record["name"], expression, *_unit_and_meaning(record)))
+        for record in self._records("integrals"):
+            expression = parse(record["of"], self.names, record["name"])
+            start = number(record.get("initial", 0.0), record["name"])
+            self.graph._declare(Integral(record["name"], expression, *_unit_and_meaning(record), start))
+
+    def _input(self, record: Mapping[str, Any]) -> None:
+        name, held = record["name"], record.get("interpolation", "linear")
+        if held not in ("linear", "hold"):
+            raise DeclarationError(f"{self.where}: {name}: interpolation {held!r} - use linear or hold", where=(name,))
+        letters = mapping(record, "letters", f"{self.where}: {name}")
+        self.graph.input(
+            name,
+            *_unit_and_meaning(record),
+            default=number(record.get("default", 0.0), name),
+            hold=held == "hold",
+            letters={letter: number(value, f"{name}: letter {letter}") for letter, value in letters.items()},
+        )
+
+    def _parameter(self, record: Mapping[str, Any]) -> None:
+        name, bounds = record["name"], record.get("bounds")
+        limits = None
+        if bounds is not None:
+            pair = numbers(bounds, f"{name}: bounds")
+            if len(pair) != 2:
+                raise DeclarationError(f"{self.where}: {name}: bounds {bounds} must be two numbers", where=(name,))
+            limits = (pair[0], pair[1])
+        self.graph.parameter(name, number(record["value"], name), *_unit_and_meaning(record), limits)
+
+    def _table(self, name: str, record: Mapping[str, Any]) -> None:
+        where = f"table {name}"
+        rows = items(record, "values", where)
+        values = [numbers(row, where) for row in rows] if "y" in record else numbers(rows, where)
+        units = tuple(str(unit) for unit in items(record, "argument_units", where))
+        x, y = numbers(record["x"], where), numbers(record.get("y", []), where)
+        unit, meaning = text(record, "unit", where), text(record, "meaning", where)
+        self.graph.table(name, x, values, unit, units, y=y, meaning=meaning)
+
+    # ------------------------------------------------------------------ nodes, parts, outputs
+
+    def _node(self, record: Mapping[str, Any]) -> Node:
+        name, kind = record["id"], record.get("kind")
+        here = f"{self.where}: {name}"
+        if kind not in KINDS:
+            raise DeclarationError(
+                f"{here}: kind {kind!r} is not known{suggest(str(kind), KINDS)} - use one of {' '.join(KINDS)}",
+                where=(name,),
+            )
+        ports = count(record, "ports", here)
+        known = allowed_laws(kind, ports) if kind != "X" else {}
+        extra = ("ports", "laws", "residuals", "form", "forms") if kind in ("C", "I", "R", "X") else ()
+        check_keys(record, (*known, *_NODE_KEYS, *extra), here)
+        scope = {**self.names, **_locals(kind, ports)}
+        laws = tuple((key, parse(record[key], scope, name)) for key in known if key in record)
+        laws += tuple((given, parse(law, scope, name)) for given, law in _listed_laws(record, kind, ports, here))
+        start = record.get("initial")
+        initial = numbers(start if isinstance(start, list) else [start], here) if start is not None else []
+        if not initial and kind in LAW_GIVES and ports == 1:
+            initial = [0.0]
+        domain = _domain(record["domain"], here) if "domain" in record else None
+        return Node(
+            name, kind, domain, laws, ports, tuple(initial), text(record, "state", here), text(record, "doc", here)
+        )
+
+    def _part(self, record: Mapping[str, Any]) -> None:
+        here = f"{self.where}: {record['id']}"
+        check_keys(record, _PART_KEYS, here, required=("graph",))
+        ports = {port: str(inner) for port, inner in mapping(record, "ports", here).items()}
+        self.graph.include(record["id"], graph_from_json(record["graph"], here), ports)
+
+    def _bind(self, record: Mapping[str, Any]) -> None:
+        bound = mapping(record, "bind", f"{self.where}: {record['id']}")
+        if bound:
+            order = list(self.graph._subgraphs)
+            part = self.graph._subgraphs.pop(record["id"])
+            expressions = {key: parse(law, self.names, f"{part.name}.{key}") for key, law in bound.items()}
+            self.graph.include(part.name, part.graph, dict(part.ports), expressions)
+            self.graph._subgraphs = {name: self.graph._subgraphs[name] for name in order}
+
+    def _output(self, record: Mapping[str, Any]) -> None:
+        name = record["name"]
+        if "is" in record:
+            self.graph.measure(name, parse(record["is"], self.names, name), *_unit_and_meaning(record))
+            return
+        where = f"{self.where}: output {name}"
+        check_keys(record, _QUANTITY_KEYS["outputs"], where, required=("variable", "at"))
+        variable, at = text(record, "variable", where), text(record, "at", where)
+        stem = variable.rstrip("0123456789")
+        if signal_name(signal(stem, "node")) is None:
+            raise DeclarationError(
+                f"{where}: variable {variable!r} - use effort, flow, displacement or momentum", where=(name,)
+            )
+        port = int(variable[len(stem) :] or 0)
+        self.graph._measure_variable(name, stem, at, text(record, "meaning", where), record.get("unit"), port)
+
+
+def _domain(value: Any, where: str) -> Domain:
+    """A domain by its name, or described in full where it is none of the known ones."""
+    if isinstance(value, str):
+        return domain_named(value)
+    fields = {field.name: field.default for field in dataclasses.fields(Domain)}
+    check_keys(value, tuple(fields), f"{where}: domain", [n for n, d in fields.items() if d is dataclasses.MISSING])
+    return Domain(**value)
+
+
+def _unit_and_meaning(record: Mapping[str, Any]) -> tuple[str, str]:
+    return record.get("unit", ""), record.get("meaning", "")
+
+
+@functools.cache
+def _locals(kind: str, ports: int) -> dict[str, Any]:
+    """An element's own variables."""
+    if kind == "X":
+        own = {*numbered("effort", ports), *numbered("flow", ports)}
+    else:
+        own = {name for given in allowed_laws(kind, ports).values() for name in given}
+    return {name: symbol(name) for name in sorted(own)}
+
+
+def _listed_laws(record: Mapping[str, Any], kind: str, ports: int, where: str) -> list[tuple[str, Any]]:
+    """Laws given as lists, one for each port, or as the forms of an X."""
+    pairs: list[tuple[str, Any]] = []
+    for index, form in enumerate(items(record, "forms", where), start=1):
+        if not isinstance(form, Mapping):
+            raise DeclarationError(f"{where}: a form must be an object but is {form!r}", where=(where,))
+        pairs += [(f"{index}.{given}", law) for given, law in form.items()]
+    stem = LAW_GIVES.get(kind) or record.get("form", "effort")
+    if stem not in ("effort", "flow"):
+        raise DeclarationError(f"{where}: form {stem!r} - use effort or flow", where=(where,))
+    for key, given in (("laws", stem), ("residuals", "residual")):
+        laws = items(record, key, where)
+        pairs += zip(numbered(given, len(laws)) if ports > 1 else [given] * len(laws), laws, strict=True)
+    return pairs

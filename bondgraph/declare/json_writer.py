@@ -1,0 +1,137 @@
+"""A graph as a networkx multigraph, and as the node-link JSON object of a graph file."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any
+
+import networkx as nx
+
+from bondgraph.declare.domains import DOMAINS
+from bondgraph.declare.elements import Node
+from bondgraph.declare.expressions import signal_name, to_text
+from bondgraph.declare.graph import BondGraph
+from bondgraph.declare.json_reader import FORMAT
+from bondgraph.declare.quantities import Input, Output, Parameter, Table
+
+
+def to_networkx(graph: BondGraph) -> nx.MultiDiGraph[str]:
+    """The graph as a networkx multigraph whose node attributes are those of the graph file."""
+    network: nx.MultiDiGraph[str] = nx.MultiDiGraph(**_head(graph))
+    for part in graph.subgraphs:
+        record: dict[str, Any] = {"kind": "graph", "graph": graph_to_json(part.graph), "ports": dict(part.ports)}
+        if part.bind:
+            record["bind"] = {key: to_text(value) for key, value in part.bind}
+        network.add_node(part.name, **record)
+    for node in graph.nodes.values():
+        network.add_node(node.name, **_node_record(node))
+    for bond in graph.bonds:
+        network.add_edge(bond.source, bond.target)
+    for name in network:
+        if "." in name and name not in graph.nodes:
+            network.nodes[name]["port"] = True
+    return network
+
+
+def graph_to_json(graph: BondGraph) -> dict[str, Any]:
+    """The node-link JSON object of a graph, keys in a fixed order.
+
+    Examples
+    --------
+    >>> from bondgraph.declare.json_reader import graph_from_json
+    >>> g = BondGraph("rc")
+    >>> z = g.zero_junction("z")
+    >>> _ = g.compliance("c", 1e6, at=z)
+    >>> graph_from_json(graph_to_json(g)) == g
+    True
+    """
+    network = to_networkx(graph)
+    data = nx.node_link_data(network, edges="bonds")
+    nodes = [record for record in data["nodes"] if not record.pop("port", False)]
+    bonds = [{"source": bond.source, "target": bond.target} for bond in graph.bonds]
+    nodes = [{"id": record.pop("id"), **record} for record in nodes]
+    return {"directed": True, "multigraph": True, "graph": data["graph"], "nodes": nodes, "bonds": bonds}
+
+
+def _without_empty(record: dict[str, Any]) -> dict[str, Any]:
+    return {key: value for key, value in record.items() if value not in ("", None, (), [], {})}
+
+
+def _head(graph: BondGraph) -> dict[str, Any]:
+    head: dict[str, Any] = {"format": FORMAT, "name": graph.name, "doc": graph.doc}
+    head["inputs"] = [_input_record(quantity) for quantity in graph.inputs]
+    head["parameters"] = [_parameter_record(quantity) for quantity in graph.parameters]
+    head["tables"] = {table.name: _table_record(table) for table in graph.tables}
+    head["signals"] = [
+        _without_empty({"name": s.name, "is": to_text(s.expression), "unit": s.unit, "meaning": s.meaning})
+        for s in graph.signals
+    ]
+    head["integrals"] = [
+        _without_empty({"name": i.name, "of": to_text(i.of), "unit": i.unit, "meaning": i.meaning})
+        | ({"initial": i.initial} if i.initial else {})
+        for i in graph.integrals
+    ]
+    head["outputs"] = [_output_record(output) for output in graph.outputs]
+    return {"format": FORMAT, "name": graph.name} | _without_empty(head)
+
+
+def _input_record(quantity: Input) -> dict[str, Any]:
+    record = _without_empty({"name": quantity.name, "unit": quantity.unit, "meaning": quantity.meaning})
+    if quantity.default:
+        record["default"] = quantity.default
+    if quantity.letters:
+        record["letters"] = dict(quantity.letters)
+    elif quantity.is_held:
+        record["interpolation"] = "hold"
+    return record
+
+
+def _parameter_record(quantity: Parameter) -> dict[str, Any]:
+    record: dict[str, Any] = {"name": quantity.name, "value": quantity.value}
+    record |= _without_empty({"unit": quantity.unit, "meaning": quantity.meaning})
+    return record | ({"bounds": list(quantity.bounds)} if quantity.bounds else {})
+
+
+def _table_record(table: Table) -> dict[str, Any]:
+    values = [list(row) for row in table.values] if table.y else list(table.values)  # type: ignore[arg-type]
+    record = {"x": list(table.x), "y": list(table.y), "values": values, "unit": table.unit, "meaning": table.meaning}
+    return _without_empty(record | {"argument_units": list(table.argument_units)})
+
+
+def _output_record(output: Output) -> dict[str, Any]:
+    read = signal_name(output.expression) if output.expression.is_Symbol else None
+    if read is not None:
+        described: dict[str, Any] = {"variable": f"{read.variable}{read.port or ''}", "at": read.node}
+    else:
+        described = {"is": to_text(output.expression)}
+    return {"name": output.name} | described | {"unit": output.unit} | _without_empty({"meaning": output.meaning})
+
+
+def _node_record(node: Node) -> dict[str, Any]:
+    record: dict[str, Any] = {"kind": node.kind}
+    if node.domain is not None:
+        known = DOMAINS.get(node.domain.name) == node.domain
+        record["domain"] = node.domain.name if known else dataclasses.asdict(node.domain)
+    if node.is_field:
+        record |= {"ports": node.ports} | _field_record(node)
+    else:
+        record |= {given: to_text(law) for given, law in node.laws}
+    if any(node.initial):
+        record["initial"] = list(node.initial) if node.is_field else node.initial[0]
+    return record | _without_empty({"state": node.state, "doc": node.doc})
+
+
+def _field_record(node: Node) -> dict[str, Any]:
+    if node.kind == "X":
+        forms: dict[str, dict[str, str]] = {}
+        for given, law in node.laws:
+            number, _, variable = given.partition(".")
+            forms.setdefault(number, {})[variable] = to_text(law)
+        return {"forms": list(forms.values())}
+    laws = [to_text(law) for _, law in node.laws]
+    given = node.laws[0][0]
+    if given == "energy":
+        return {"energy": laws[0]}
+    if given.startswith("residual"):
+        return {"residuals": laws}
+    return {"laws": laws} | ({"form": "flow"} if node.kind == "R" and given.startswith("flow") else {})
