@@ -18,17 +18,22 @@ What is done to the data, and why:
 from __future__ import annotations
 
 import argparse
+import csv
+import gzip
+import io
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
-import pandas as pd
 
 from bondgraph.data.log import Log, LogChannel
 from bondgraph.data.write import write_log
 from bondgraph.errors import BondGraphError, DataError, suggest
+
+#: Columns of a table by name, as text.
+Table = Mapping[str, Sequence[str]]
 
 #: Resolution of the recorded engine speed.
 ENGINE_COUNT_RPM = 60.0
@@ -57,15 +62,16 @@ def read_launches(folder: str | Path) -> tuple[Log, ...]:
     folder = Path(folder)
     runs = _table(folder / "runs.csv", _RUN_COLUMNS)
     samples = _table(folder / "runs_100hz.csv.gz", _SAMPLE_COLUMNS)
+    owner = np.array(samples["run"])
+    columns = {name: _numbers(samples[name], name) for name in _SAMPLE_COLUMNS[1:]}
     logs = []
-    for _, row in runs.iterrows():
-        number = int(row["run"])
-        facts = {name: _number(row[name], name, number) for name in _RUN_COLUMNS}
-        logs.append(launch_log(f"run{number}", samples[samples["run"] == number], facts))
+    for row, run in enumerate(runs["run"]):
+        facts = {name: _number(runs[name][row], name, run) for name in _RUN_COLUMNS}
+        logs.append(launch_log(f"run{run}", {name: column[owner == run] for name, column in columns.items()}, facts))
     return tuple(logs)
 
 
-def launch_log(name: str, samples: pd.DataFrame, facts: dict[str, float]) -> Log:
+def launch_log(name: str, samples: Mapping[str, npt.NDArray[np.float64]], facts: Mapping[str, float]) -> Log:
     """One launch as a log.
 
     Parameters
@@ -84,14 +90,14 @@ def launch_log(name: str, samples: pd.DataFrame, facts: dict[str, float]) -> Log
 
     Examples
     --------
-    >>> grid = pd.DataFrame({"t_s": [0.0, 0.01, 0.02], "engine_rpm": [2040.0, 2070, 2100], "wheel_rpm": [0.0, 0, 1]})
+    >>> grid = {"t_s": [0.0, 0.01, 0.02], "engine_rpm": [2040.0, 2070, 2100], "wheel_rpm": [0.0, 0, 1]}
+    >>> grid = {name: np.array(values) for name, values in grid.items()}
     >>> facts = {"duration_s": 5.0, "idle_rpm": 2040.0} | dict.fromkeys(TUNE, 1.0)
     >>> launch_log("run1", grid, facts).channel("engine_speed").values.tolist()
     [2040.0, 2100.0]
     """
-    time = samples["t_s"].to_numpy(dtype=np.float64)
-    engine = without_dropouts(samples["engine_rpm"].to_numpy(dtype=np.float64), time, facts["idle_rpm"])
-    wheel = samples["wheel_rpm"].to_numpy(dtype=np.float64)
+    time, wheel = samples["t_s"], samples["wheel_rpm"]
+    engine = without_dropouts(samples["engine_rpm"], time, facts["idle_rpm"])
     chosen = np.flatnonzero((time >= 0) & (time <= facts["duration_s"]))[::2]
     if chosen.size == 0:
         raise DataError(
@@ -135,24 +141,43 @@ def write_launches(folder: str | Path, out: str | Path) -> tuple[Path, ...]:
     return tuple(write_log(out / f"{log.name}.csv", log) for log in logs)
 
 
-def _table(path: Path, needed: Sequence[str]) -> pd.DataFrame:
+def _table(path: Path, needed: Sequence[str]) -> Table:
     if not path.is_file():
         raise DataError(f"{path.name}: not found in {path.parent} - give the folder of the recordings", (str(path),))
-    table: pd.DataFrame = pd.read_csv(path)
+    raw = path.read_bytes()
+    rows = list(csv.reader(io.StringIO((gzip.decompress(raw) if path.suffix == ".gz" else raw).decode("utf-8"))))
+    header, body = (rows[0], [row for row in rows[1:] if row]) if rows else ([], [])
     for name in needed:
-        if name not in table.columns:
-            raise DataError(f"{path.name}: no column {name!r}{suggest(name, table.columns)}", where=(path.name, name))
-    return table
+        if name not in header:
+            raise DataError(f"{path.name}: no column {name!r}{suggest(name, header)}", where=(path.name, name))
+    uneven = next((line for line, row in enumerate(body, start=2) if len(row) != len(header)), None)
+    if uneven is not None:
+        raise DataError(f"{path.name}: row {uneven} does not have {len(header)} cells", where=(path.name,))
+    return {name: [row[header.index(name)].strip() for row in body] for name in needed}
 
 
-def _number(value: object, column: str, run: int) -> float:
+def _numbers(cells: Sequence[str], column: str) -> npt.NDArray[np.float64]:
+    """A column of samples; an empty cell is a missing measurement."""
+    values = np.full(len(cells), np.nan)
+    for row, cell in enumerate(cells):
+        if cell:
+            try:
+                values[row] = float(cell)
+            except ValueError:
+                raise DataError(
+                    f"runs_100hz.csv.gz: row {row + 2}: {column} is {cell!r} - a number is needed", where=(column,)
+                ) from None
+    return values
+
+
+def _number(cell: str, column: str, run: str) -> float:
     try:
-        number = float(str(value))
+        number = float(cell)
     except ValueError:
         number = float("nan")
     if not np.isfinite(number):
         raise DataError(
-            f"runs.csv: run {run}: {column} is {value!r} - a number is needed", where=("runs.csv", str(run), column)
+            f"runs.csv: run {run}: {column} is {cell!r} - a number is needed", where=("runs.csv", run, column)
         )
     return number
 
