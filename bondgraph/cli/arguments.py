@@ -13,6 +13,7 @@ MODEL_HELP = GRAPH_HELP + ", or generated module (generated/driveline.py)"
 
 
 def parser() -> argparse.ArgumentParser:
+    """The parser of all commands."""
     top = argparse.ArgumentParser(
         prog="bondgraph",
         description="Bond graphs to corrected models: declare a machine, derive its model, explain its measurements.",
@@ -46,8 +47,8 @@ def _add_graph_commands(commands: Any) -> None:
 
     c = _command(
         commands, "evaluate", "evaluate a graph at given points: derivatives, outputs, every bond",
-        '  bondgraph evaluate motor.json --points points.json --json\n  points.json: [{"states": {"momentum(L)": 0.01}, '
-        '"inputs": {"u_a": 12}}]',
+        "  bondgraph evaluate motor.json --points points.json --json\n"
+        '  points.json: [{"states": {"momentum(L)": 0.01}, "inputs": {"u_a": 12}}]',
     )  # fmt: skip
     c.add_argument("graph", metavar="GRAPH", help=GRAPH_HELP)
     c.add_argument("--points", required=True, metavar="P.json", help="list of points in energy variables")
@@ -55,7 +56,8 @@ def _add_graph_commands(commands: Any) -> None:
 
     c = _command(
         commands, "draw", "draw a graph with its causal strokes",
-        "  bondgraph draw vehicle_graphs.driveline:driveline -o driveline.svg\n  bondgraph draw motor.json -o motor.png",
+        "  bondgraph draw vehicle_graphs.driveline:driveline -o driveline.svg\n"
+        "  bondgraph draw motor.json -o motor.png",
     )  # fmt: skip
     c.add_argument("graph", metavar="GRAPH", help=GRAPH_HELP)
     c.add_argument("-o", "--out", metavar="FILE", help="picture to write: .svg, .png or .pdf (default: NAME.svg)")
@@ -65,10 +67,14 @@ def _add_graph_commands(commands: Any) -> None:
         "  bondgraph generate              write all\n  bondgraph generate driveline    write one\n"
         "  bondgraph generate --check      exit status 1 and a diff where a module has drifted from its graph",
     )  # fmt: skip
-    c.add_argument("names", nargs="*", metavar="NAME", help="graphs by name, or module:function (default: all declared)")
+    c.add_argument(
+        "names", nargs="*", metavar="NAME", help="graphs by name, or module:function (default: all declared)"
+    )
     c.add_argument("--check", action="store_true", help="compare only, write nothing")
     c.add_argument("--folder", default="generated", help="folder of the modules (default: generated)")
-    c.add_argument("--graphs", default="vehicle_graphs", help="package that declares GENERATED (default: vehicle_graphs)")
+    c.add_argument(
+        "--graphs", default="vehicle_graphs", help="package that declares GENERATED (default: vehicle_graphs)"
+    )
 
 
 def _add_run_commands(commands: Any) -> None:
@@ -126,8 +132,12 @@ def _add_loop_commands(commands: Any) -> None:
     )  # fmt: skip
     c.add_argument("graph", metavar="GRAPH", help=GRAPH_HELP)
     c.add_argument("--data", nargs="+", required=True, metavar="FILE", help="training logs")
-    c.add_argument("--holdout", nargs="+", default=[], metavar="FILE", help="held-out logs: assessed, they decide nothing")
-    c.add_argument("--map", action="append", default=[], metavar="COLUMN=NAME", help="other names, or a JSON file of them")
+    c.add_argument(
+        "--holdout", nargs="+", default=[], metavar="FILE", help="held-out logs: assessed, they decide nothing"
+    )
+    c.add_argument(
+        "--map", action="append", default=[], metavar="COLUMN=NAME", help="other names, or a JSON file of them"
+    )
     c.add_argument("--out", default="loop", metavar="DIR", help="folder to write (default: loop)")
     _add_loop(c)
 
@@ -136,7 +146,9 @@ def _add_loop_commands(commands: Any) -> None:
         "  bondgraph demo\n  bondgraph demo --seed 5 --out demo5",
     )  # fmt: skip
     c.add_argument("--seed", type=int, default=1, help="picks the effect, the noise and the drives (default: 1)")
-    c.add_argument("--no-effect", action="store_true", help="simulate exactly the declared machine: nothing must be found")
+    c.add_argument(
+        "--no-effect", action="store_true", help="simulate exactly the declared machine: nothing must be found"
+    )
     c.add_argument("--out", default="demo", metavar="DIR", help="folder to write (default: demo)")
     c.add_argument("--module", default="vehicle_graphs.demo", help=argparse.SUPPRESS)
     _add_loop(c)
@@ -144,7 +156,9 @@ def _add_loop_commands(commands: Any) -> None:
 
 def _add_data(command: argparse.ArgumentParser) -> None:
     command.add_argument("model", metavar="MODEL", help=MODEL_HELP)
-    command.add_argument("--data", nargs="+", required=True, metavar="FILE", help="logs: csv, csv.gz, parquet, mat, mf4")
+    command.add_argument(
+        "--data", nargs="+", required=True, metavar="FILE", help="logs: csv, csv.gz, parquet, mat, mf4"
+    )
     command.add_argument(
         "--map", action="append", default=[], metavar="COLUMN=NAME", help="other names, or a JSON file of them"
     )

@@ -15,7 +15,6 @@ from bondgraph.derive.causality import assign_causality
 from bondgraph.derive.derivation import Derivation, check_closed
 from bondgraph.derive.dimensions import check_dimensions
 from bondgraph.derive.explicit import equations_json, equations_text
-
 from bondgraph.errors import OptionError, suggest
 from bondgraph.generate.drift import check, explain, render_all, write
 from bondgraph.report.drawing import drawing_of, save_drawing

@@ -42,7 +42,7 @@ def close_loop(options: argparse.Namespace) -> int:
 
 
 def demo(options: argparse.Namespace) -> int:
-    """Simulate a machine with an undeclared effect, close the loop on its logs, and only then compare with the truth."""
+    """Simulate a machine with an undeclared effect, close the loop on its logs, then compare with the truth."""
     bench = importlib.import_module(options.module)
     folder = Path(options.out)
     folder.mkdir(parents=True, exist_ok=True)

@@ -55,6 +55,7 @@ def initial(given: Sequence[str]) -> dict[str, float]:
 
 
 def read_json(path: str, option: str) -> Any:
+    """The value of a JSON file given to an option."""
     try:
         return json.loads(Path(path).read_text(encoding="utf-8"))
     except FileNotFoundError:

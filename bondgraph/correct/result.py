@@ -35,7 +35,9 @@ def result_json(closed: ClosedLoop) -> dict[str, Any]:
             for other in turn.alternatives
         ],
         "refused": [
-            {"name": no.effect, "junction": no.place, "why": no.why} for turn in closed.rounds[:1] for no in turn.refused
+            {"name": no.effect, "junction": no.place, "why": no.why}
+            for turn in closed.rounds[:1]
+            for no in turn.refused
         ],
         "unexplained": unexplained(closed),
         "whiteness": {
@@ -62,7 +64,7 @@ def intervals(fitted: Fit) -> dict[str, tuple[float, float]]:
 
 
 def unexplained(closed: ClosedLoop) -> list[dict[str, Any]]:
-    """Where a residual remains that no candidate explains: the best place of the last round, for a verdict of that kind."""
+    """Where a residual remains that no candidate explains: the best place of the last round, for that verdict only."""
     if closed.verdict != "unexplained residual" or not closed.rounds:
         return []
     places = located(closed.rounds[-1])

@@ -1,4 +1,4 @@
-"""Explicit equations: derivatives and outputs in states, inputs and parameters alone, and the answer of ``bondgraph equations``."""
+"""Explicit equations: derivatives and outputs in states, inputs and parameters alone; what ``equations`` prints."""
 
 from __future__ import annotations
 

@@ -156,9 +156,13 @@ def _notes(closed: ClosedLoop) -> list[str]:
     gain = closed.nominal_holdout.nll - closed.corrected_holdout.nll
     if closed.added and closed.corrected_holdout.logs:
         what = "confirm the correction" if gain > 0 else "do not confirm the correction"
-        notes.append(f"The held-out logs {what}: their log-likelihood changes by {shown(gain)} nats. They decided nothing.")
+        notes.append(
+            f"The held-out logs {what}: their log-likelihood changes by {shown(gain)} nats. They decided nothing."
+        )
     for added in closed.added:
-        twins = [a for turn in closed.rounds if turn.chosen is added.trial for a in turn.alternatives if a.indistinguishable]
+        twins = [
+            a for turn in closed.rounds if turn.chosen is added.trial for a in turn.alternatives if a.indistinguishable
+        ]
         if twins:
             names = ", ".join(f"{twin.name} at {twin.junction}" for twin in twins)
             notes.append(f"These data do not tell {added.trial.candidate.label} from {names}.")
@@ -187,7 +191,8 @@ def summary(data: ReportData) -> str:
     lines = [f"\n{data.verdict}: {data.explanation}"]
     for effect in data.effects:
         values = ", ".join(
-            f"{c.name} = {shown(c.value)} {c.unit} [{shown(c.ci95[0])}, {shown(c.ci95[1])}]" for c in effect.coefficients
+            f"{c.name} = {shown(c.value)} {c.unit} [{shown(c.ci95[0])}, {shown(c.ci95[1])}]"
+            for c in effect.coefficients
         )
         lines.append(f"  {effect.name} at {effect.junction}: {effect.law}, {values}")
     lines += [f"  {note}" for note in data.notes]
@@ -204,7 +209,7 @@ class Comparison:
 
 
 def compare_with_truth(closed: ClosedLoop, effect: str, junction: str, coefficients: Mapping[str, float]) -> Comparison:
-    """Whether the first effect found, or one that the data cannot tell from it, is the true one, and no other was added.
+    """Whether the first effect found, or one that the data cannot tell from it, is the true one and the only one.
 
     ``effect`` is ``"none"`` where nothing was missing.
     """
@@ -219,6 +224,8 @@ def compare_with_truth(closed: ClosedLoop, effect: str, junction: str, coefficie
     group |= {(a.name, a.junction) for a in closed.rounds[0].alternatives if a.indistinguishable}
     found = (effect, junction) in group
     exactly = (chosen.effect.name, chosen.place.label) == (effect, junction)
-    how = "found" if exactly else "found as one of a group that these sensors cannot tell apart" if found else "not found"
+    how = (
+        "found" if exactly else "found as one of a group that these sensors cannot tell apart" if found else "not found"
+    )
     extra = f"; {len(closed.added) - 1} more were added that are not there" if len(closed.added) > 1 else ""
     return Comparison(found and not extra, f"{truth} was missing: {how}{extra}")

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from bondgraph.correct.setup import filter_setup
-from bondgraph.data.log import FloatArray, Log, LogChannel, MatchedLog
+from bondgraph.data.log import Log, LogChannel, MatchedLog
 from bondgraph.data.write import write_log
 from bondgraph.estimate.initial import initial_states
 from bondgraph.filter.consistency import Consistency, consistency
@@ -47,10 +47,13 @@ def filter_logs(
         found = consistency(record)
         result[log.name] = {"nll": record.nll, "nis_mean": found.nis_mean, "nis_band": list(found.nis_band)}
         result[log.name] |= {"channels": _channels(found)}
-        lines.append(f"{log.name}: NLL {shown(record.nll, 6)}, NIS {shown(found.nis_mean)} in band "
-                     f"{shown(found.nis_band[0])} to {shown(found.nis_band[1])}")
+        lines.append(
+            f"{log.name}: NLL {shown(record.nll, 6)}, NIS {shown(found.nis_mean)} in band "
+            f"{shown(found.nis_band[0])} to {shown(found.nis_band[1])}"
+        )
         lines += [
-            f"  {c.name}: innovation rms {shown(c.rmse)} {c.unit}, NIS {shown(c.nis_mean)}, whiteness p {shown(c.whiteness_p)}"
+            f"  {c.name}: innovation rms {shown(c.rmse)} {c.unit}, NIS {shown(c.nis_mean)}, "
+            f"whiteness p {shown(c.whiteness_p)}"
             for c in found.channels
         ]
     write_json(folder / "result.json", result)
@@ -71,7 +74,6 @@ def _states_log(record: FilterRun) -> Log:
         for label, values in ((name, record.mean(name)), (f"{name}_std", record.std(name))):
             channels[label] = LogChannel(label, unit, values)
     return Log(record.log_name, record.time, channels)
-
 
 
 def _channels(found: Consistency) -> dict[str, Any]:

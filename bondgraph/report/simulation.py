@@ -130,9 +130,8 @@ def trajectory_log(trajectory: Trajectory) -> Log:
     """A trajectory as a log: states, then outputs that are not states already."""
     model = trajectory.model
     channels: dict[str, LogChannel] = {}
-    for infos, rows in ((model.states, trajectory.x), (model.outputs, trajectory.y)):
-        for info, values in zip(infos, rows, strict=True):
-            if info.name not in channels:
-                channels[info.name] = LogChannel(info.name, info.unit or "1", values)
+    named = [(info.name, info.unit) for info in (*model.states, *model.outputs)]
+    for (name, unit), values in zip(named, (*trajectory.x, *trajectory.y), strict=True):
+        if name not in channels:
+            channels[name] = LogChannel(name, unit or "1", values)
     return Log(model.name, trajectory.time, channels)
-

@@ -67,9 +67,7 @@ def test_filter_writes_states_with_bands(motor_file: Path, run_file: Path, tmp_p
     assert (out / "run_states.png").stat().st_size > 10_000
 
 
-def test_sensitivity_answers_in_json(
-    motor_file: Path, run_file: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_sensitivity_answers_in_json(motor_file: Path, run_file: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["sensitivity", str(motor_file), "--data", str(run_file), "--free", "b,R_a"]) == 0
     assert "b" in capsys.readouterr().out
 
