@@ -6,7 +6,7 @@ import math
 from typing import Any
 
 from bondgraph.correct.assess import Assessment
-from bondgraph.correct.decide import Trial
+from bondgraph.correct.trials import Trial
 from bondgraph.correct.fit import Fit
 from bondgraph.correct.located import located
 from bondgraph.correct.loop import Added, ClosedLoop
