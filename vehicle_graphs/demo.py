@@ -19,6 +19,8 @@ from bondgraph.data.write import write_log
 from bondgraph.declare.editing import handle, with_values
 from bondgraph.declare.effect import Effect, Place, Scale
 from bondgraph.declare.graph import BondGraph
+from bondgraph.errors import OptionError
+from bondgraph.simulate.model import Model
 from bondgraph.simulate.simulate import simulate
 from vehicle_graphs import effects
 from vehicle_graphs.driveline import driveline
@@ -44,13 +46,15 @@ class Missing:
     coefficient: float
 
 
-#: Sizes such that an engineer would miss them: a few per cent of the efforts at the place.
+#: Sizes such that an engineer would miss them: a few per cent of the efforts at the place. A constant force on the body
+#: is not among them: as long as the vehicle rolls forwards the free rolling resistance takes its place exactly. A
+#: constant torque on the engine has the sign of a drive, which no friction can have.
 MISSING = (
     Missing(effects.viscous_loss, "axle", 1.6),
     Missing(effects.coulomb_loss, "axle", 25.0),
     Missing(effects.quadratic_loss, "body", 0.5),
     Missing(effects.viscous_loss, "body", 12.0),
-    Missing(effects.constant_effort, "body", 80.0),
+    Missing(effects.constant_effort, "primary", -3.0),
     Missing(effects.torque_proportional_loss, "axle", 0.08),
     Missing(effects.added_inertia, "body", 90.0),
     Missing(effects.coulomb_loss, "primary", 4.0),
@@ -95,12 +99,13 @@ def _true_graph(rng: np.random.Generator, missing: Missing | None) -> tuple[Bond
         return graph, Truth("none", "", {})
     junction = handle(graph, missing.junction)
     effect = missing.function(graph, Place(junction, Scale(400.0, 20.0)))
-    assert effect is not None
+    if effect is None:
+        raise OptionError(f"{missing.function.__name__} makes no sense at {missing.junction} - take another place")
     coefficients = {effect.coefficients[0]: missing.coefficient}
     return with_values(graph, coefficients), Truth(effect.name, missing.junction, coefficients)
 
 
-def _write_drive(model, rng: np.random.Generator, path: Path, duration: float) -> Path:  # type: ignore[no-untyped-def]
+def _write_drive(model: Model, rng: np.random.Generator, path: Path, duration: float) -> Path:
     time = np.arange(0.0, duration, 1.0 / RATE)
     torque, grade = _driver(time, rng), _road(time, rng)
     settle = np.linspace(-20.0, 0.0, 200)
@@ -119,8 +124,10 @@ def _write_drive(model, rng: np.random.Generator, path: Path, duration: float) -
 def _driver(time: FloatArray, rng: np.random.Generator) -> FloatArray:
     """Pedal work: levels held for some seconds, ramps between, now and then overrun."""
     knots = np.arange(0.0, time[-1] + 6.0, 3.0)
-    levels = rng.uniform(5.0, 55.0, knots.size)
-    levels[rng.uniform(size=knots.size) < 0.25] = -8.0
+    levels = rng.uniform(12.0, 55.0, knots.size)
+    overrun = rng.uniform(size=knots.size) < 0.2
+    overrun[0] = False  # drives begin settled at their first level
+    levels[overrun] = -8.0
     corners = np.sort(np.concatenate([knots, knots[1:] - 0.8]))
     return np.interp(time, corners, np.repeat(levels, 2)[: corners.size])
 

@@ -1,4 +1,4 @@
-"""Candidates: every effect function at every place of a graph where it makes sense, and one graph that holds them all."""
+"""Candidates: every effect function at every place where it makes sense, and one graph that holds them all."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from bondgraph.correct.bonds import bond_model
 from bondgraph.correct.build import BuiltModel, build
 from bondgraph.data.log import FloatArray, MatchedLog
 from bondgraph.declare.editing import copy, handle
@@ -25,8 +26,6 @@ from bondgraph.errors import (
     suggest,
 )
 from bondgraph.filter.filter_run import FilterRun
-from bondgraph.generate.module import render
-from bondgraph.simulate.model import Model
 
 
 @dataclass(frozen=True)
@@ -93,8 +92,7 @@ def _bond_sizes(
     built: BuiltModel, logs: Sequence[MatchedLog], runs: Sequence[FilterRun], theta: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """The 99th percentile of each bond's effort and flow over all logs; single spikes set no scale."""
-    equations = Derivation(built.causal).equations(bonds=True)
-    model = Model.from_text(render(equations), source=f"{built.graph.name} (bonds)")
+    model = bond_model(built.causal)
     own = len(built.equations.outputs)
     pieces = []
     for log, run in zip(logs, runs, strict=True):
@@ -157,16 +155,16 @@ def _effect(function: EffectFunction, graph: BondGraph, place: Place) -> Effect 
         raise
     except Exception as error:
         raise OptionError(
-            f"effect function {function.__name__} failed at {place.label}: {type(error).__name__}: {error} - mend it, or "
-            "let it return None where it makes no sense",
+            f"effect function {function.__name__} failed at {place.label}: {type(error).__name__}: {error} - mend "
+            "it, or let it return None where it makes no sense",
             where=(function.__name__, place.label),
         ) from error
     known = {parameter.name for parameter in graph.parameters}
     for name in () if effect is None else effect.coefficients:
         if name not in known:
             raise OptionError(
-                f"effect function {function.__name__} names the coefficient {name!r} at {place.label} but declares no such"
-                f" parameter{suggest(name, known)} - return the names of parameters that it added",
+                f"effect function {function.__name__} names the coefficient {name!r} at {place.label} but declares no"
+                f" such parameter{suggest(name, known)} - return the names of parameters that it added",
                 where=(function.__name__, name),
             )
     return effect

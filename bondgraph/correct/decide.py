@@ -1,8 +1,8 @@
 """Decisions: which candidate, if any, the training logs ask for, and which others they cannot tell from it.
 
-A candidate must pass three hurdles, all corrected for the number of candidates tried (Bonferroni): the likelihood ratio
-test; a test of its coefficient with the block-sandwich variance, which coloured noise does not deceive; and the Bayesian
-information criterion. Held-out logs take no part.
+A candidate must pass three hurdles, all corrected for the number of candidates tried (Bonferroni): the likelihood
+ratio test; a test of its coefficient with the block-sandwich variance, which coloured noise does not deceive; and the
+Bayesian information criterion. Held-out logs take no part.
 """
 
 from __future__ import annotations
@@ -74,8 +74,8 @@ def detectable(
 ) -> tuple[Detectable, ...]:
     """The size at which each candidate would have been found nine times in ten.
 
-    The root of twice the gain is nearly normal around size * sqrt(information) with unit variance; it must pass the root
-    of twice the ``need``.
+    The root of twice the gain is nearly normal around size * sqrt(information) with unit variance; it must pass the
+    root of twice the ``need``.
 
     Parameters
     ----------
@@ -112,7 +112,7 @@ def alternatives(
     """The other candidates, best first, each with the reason it was not chosen."""
     ranked = sorted((t for t in trials if t is not chosen), key=lambda t: -t.gain)
     order = {trial.candidate.label: index for index, trial in enumerate(trials)}
-    listed = []
+    listed: list[Alternative] = []
     for trial in ranked:
         close, why = _why_not(chosen, trial, found, order, level)
         if close or len(listed) < most:

@@ -1,4 +1,4 @@
-"""Expansions of a likelihood by one-sided differences: half the evaluations of central ones, which here is half the time.
+"""Expansions of a likelihood by one-sided differences: half the evaluations of central ones, and so half the time.
 
 The terms of a likelihood are smooth in the parameters, and the steps are a hundredth of a standard deviation, so that
 what the curvature adds to a slope is far below what the data can tell (tests compare with central differences). The

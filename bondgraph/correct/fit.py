@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
@@ -30,6 +31,8 @@ from bondgraph.filter.likelihood import run
 _PROBE = 1e-4
 #: Free parameters are probed at this share of their standard deviation.
 _PROBE_STD = 0.1
+#: Factors on declared noise levels at which a first fit looks for its start.
+_NOISIER = (1.0, 5.0, 25.0, 125.0)
 #: A fit that is to beat another gives up when it is behind by more than this many times what its last step promised.
 _HOPELESS = 3.0
 
@@ -135,14 +138,14 @@ def fit(
     starts: Sequence[FloatArray] = (),
     beat: float = np.inf,
 ) -> Fit:
-    """Estimate the free parameters by Gauss-Newton, to ``tolerance`` nats.
+    """Estimate the free parameters by Gauss-Newton, until a step promises less than ``tolerance`` or two gain less.
 
     Parameters
     ----------
     filter_model, logs, free
         What is fitted to what, and what may move.
     iterations, tolerance
-        Most iterations, and how many nats a further one must promise.
+        Most iterations, and how many nats a further one must be worth.
     starts
         Coordinates to start from, each (n,); the best of them counts. None: the starts of the free parameters.
     beat
@@ -161,14 +164,35 @@ def fit(
     if not np.isfinite(state.values[0]):
         raise EstimationError(
             f"{filter_model.model.name}: the model diverges at its declared parameters on "
-            f"{', '.join(log.name for log in logs)} with {filter_model.substeps} substeps between samples - check units, "
-            "initial states and declared values"
+            f"{', '.join(log.name for log in logs)} with {filter_model.substeps} substeps between samples - check "
+            "units, initial states and declared values"
         )
-    while not starts_ended(state, settings):
+    idle = 0
+    while not starts_ended(state, settings) and idle < 2:
+        before = float(state.values[0])
         state = step_starts(problem, state, settings, differences)
+        idle = idle + 1 if 0.0 < before - float(state.values[0]) < tolerance else 0
         if float(state.values[0]) - beat > _HOPELESS * differences.promise(problem):
             break
-    return _fit(problem, finish_starts(state), differences, evaluations)
+    ended = SearchOutcome.CONVERGED if idle == 2 else SearchOutcome.ITERATION_LIMIT
+    return _fit(problem, finish_starts(state, ended), differences, evaluations)
+
+
+def noisy_starts(free: Sequence[FreeParameter]) -> list[FloatArray]:
+    """The starts of free parameters with process and measurement noise as declared and several times larger.
+
+    Far from the optimum a model is surprised by all it sees. A search that begins with noise of the right size for that
+    surprise moves the parameters first; one that begins with far too little throws every noise level up at once.
+    """
+    start = np.array([parameter.coordinate(parameter.start) for parameter in free])
+    kinds = np.array([parameter.target.kind for parameter in free])
+    found = []
+    for process, measurement in itertools.product(_NOISIER, _NOISIER[:3]):
+        point = start.copy()
+        point[kinds == "process"] += np.log(process)
+        point[kinds == "std"] += np.log(measurement)
+        found.append(point)
+    return found
 
 
 def _best_start(problem: EstimationProblem, starts: Sequence[FloatArray]) -> tuple[FloatArray, int]:
@@ -218,7 +242,7 @@ def expand(problem: EstimationProblem, point: FloatArray, steps: FloatArray) -> 
 
 
 def expand_with(fitted: Fit, filter_model: FilterModel, coefficients: Sequence[FreeParameter]) -> Expansion:
-    """The expansion of a fit on a larger model, extended by coefficients that are not yet free, at their start values."""
+    """The expansion of a fit on a larger model, extended by coefficients that are not yet free, where they start."""
     problem = EstimationProblem(
         filter_model, fitted.problem.logs, (*fitted.problem.free, *coefficients), fitted.problem.initial
     )

@@ -10,8 +10,9 @@ from bondgraph.correct.trials import Trial
 
 @dataclass(frozen=True)
 class LocatedAt:
-    """One place: ``variable`` is what is missing there, ``"effort"`` at a 1-junction, ``"flow"`` at a 0-junction or bond.
+    """One place and how well what is missing there explains the residual.
 
+    ``variable`` is what would be missing: an ``"effort"`` at a 1-junction, a ``"flow"`` at a 0-junction or on a bond.
     ``p_value`` is that of the best candidate there, corrected for all candidates of the round; ``share`` its likelihood
     gain over the largest of any place, so that places which explain the residual equally well all have 1.
     """

@@ -1,4 +1,4 @@
-"""Closing the loop: fit, look at the residual, try what physics allows at every place, add what the data ask for, repeat.
+"""Closing the loop: fit, look at the residual, try what physics allows everywhere, add what the data ask for, repeat.
 
 graph + training logs -> fit -> scores of all candidates -> refits of the few best -> decision -> corrected graph -> fit
 
@@ -17,7 +17,7 @@ from bondgraph.correct.assess import Assessment, assess
 from bondgraph.correct.build import BuiltModel, build
 from bondgraph.correct.candidates import Candidate, Refused, candidates, places, superset
 from bondgraph.correct.decide import alternatives, choose, detectable, hurdle, score_blocks
-from bondgraph.correct.fit import Fit, Report, expand_with, fit, no_report, restricted
+from bondgraph.correct.fit import Fit, Report, expand_with, fit, no_report, noisy_starts, restricted
 from bondgraph.correct.refit import Ground, at_optimum, coefficients, refit_best, try_storage
 from bondgraph.correct.score import Scores, scores
 from bondgraph.correct.setup import FilterSetup, filter_setup
@@ -30,6 +30,10 @@ from bondgraph.declare.graph import BondGraph
 from bondgraph.errors import DataError, EstimationError, OptionError
 from bondgraph.estimate.free import FreeParameter, declared_free
 
+#: The declared model is fitted to this many nats, far below what an effect must gain.
+_TOLERANCE = 0.05
+_MOST_ITERATIONS = 60
+
 Verdict = Literal["effect found", "no missing effect", "unexplained residual"]
 
 
@@ -37,8 +41,8 @@ Verdict = Literal["effect found", "no missing effect", "unexplained residual"]
 class LoopSettings:
     """How far a correction goes.
 
-    ``level`` is the chance of a false alarm over all candidates of one round; ``refits`` how many of the best scores are
-    refitted; ``process_noise`` as in :func:`bondgraph.correct.setup.filter_setup`.
+    ``level`` is the chance of a false alarm over all candidates of one round; ``refits`` how many of the best scores
+    are refitted at most; ``process_noise`` as in :func:`bondgraph.correct.setup.filter_setup`.
     """
 
     level: float = 0.01
@@ -139,7 +143,7 @@ def close_loop(
     setup = filter_setup(built.model, built.driven, train, settings.process_noise)
     free = (*free_parameters(setup, settings.free), *setup.noise)
     report("fit the declared model", 0, 1)
-    nominal = fit(setup.filter_model, train, free)
+    nominal = fit(setup.filter_model, train, free, _MOST_ITERATIONS, _TOLERANCE, noisy_starts(free))
     report("fit the declared model", 1, 1)
     current, current_built = nominal, built
     added: list[Added] = []
@@ -172,7 +176,7 @@ def free_parameters(setup: FilterSetup, names: Sequence[str]) -> tuple[FreeParam
     chosen = tuple(names) or tuple(info.name for info in model.parameters if info.lower is not None)
     if not chosen:
         raise EstimationError(
-            f"{model.name}: no parameter declares bounds, so nothing is free - declare bounds or name parameters with --free"
+            f"{model.name}: no parameter declares bounds, so nothing is free - declare bounds, or name some with --free"
         )
     return tuple(declared_free(name, setup.filter_model) for name in chosen)
 
@@ -232,8 +236,8 @@ def _scored(
 def _nothing_to_try(built: BuiltModel, where: Sequence[Place], refused: Sequence[Refused]) -> str:
     if not where:
         return (
-            f"{built.graph.name}: nothing moves in the training logs at any junction, so no effect could show - take logs "
-            "in which the machine works"
+            f"{built.graph.name}: nothing moves in the training logs at any junction, so no effect could show - take "
+            "logs in which the machine works"
         )
     reasons = "; ".join(f"{no.effect} at {no.place} {no.why}" for no in refused[:3])
     return (

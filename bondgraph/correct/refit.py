@@ -1,9 +1,9 @@
 """Refits of the few candidates whose scores promise most: the score says where to look, the refit how much it is worth.
 
 Candidates whose responses are the same to rounding are refitted once. All that are refitted share one model that holds
-them with zero coefficients, so that it is compiled once; each starts from the better of two points, the fit without it
-and the best refit so far with its coefficient in place of the other's; and one that clearly falls behind an accepted one
-is given up.
+them with zero coefficients, so that it is compiled once. Each starts from the best of several points on the way from
+the fit without it to where its score points, and the best refit so far with the coefficients exchanged. One that
+clearly falls behind an accepted one is given up.
 """
 
 from __future__ import annotations
@@ -35,6 +35,8 @@ _MOST_ITERATIONS = 25
 _SAME = 1.0 - 1e-6
 #: A candidate with less than this share of the best score's gain is not refitted: scores are right to a factor of two.
 _WORTH = 0.4
+#: Shares of the step that a score points at where a refit looks for its start.
+_STRIDES = (1.0, 0.5, 0.1, 0.0)
 #: Where a storage is tried first, as shares of its bounds on a logarithmic scale.
 _SIZES = (0.25, 0.5, 0.75)
 
@@ -65,8 +67,8 @@ def coefficients(candidate: Candidate, filter_model: FilterModel) -> list[FreePa
         info = parameters[name]
         if info.lower is None or info.upper is None:
             raise EstimationError(
-                f"{candidate.label}: its coefficient {name} has no bounds, so nothing says how large it may be - declare"
-                " them in the effect function",
+                f"{candidate.label}: its coefficient {name} has no bounds, so nothing says how large it may be - "
+                "declare them in the effect function",
                 where=(name,),
             )
         positive = info.lower > 0.0
@@ -150,7 +152,7 @@ def _refit(
 ) -> Fit:
     (coefficient,) = coefficients(trial.candidate, filter_model)
     free = (*at_optimum(ground.base), coefficient)
-    starts = [np.append(ground.base.point, _inside(coefficient, trial.step))]
+    starts = [_along(ground.base, found, index, _inside(coefficient, share * trial.step)) for share in _STRIDES]
     beat = np.inf
     if leader is not None:
         first, fitted = leader
@@ -159,6 +161,13 @@ def _refit(
         starts.append(np.append(fitted.point[:-1], _inside(coefficient, step)))
         beat = fitted.nll
     return fit(filter_model, ground.train, free, _MOST_ITERATIONS, _TOLERANCE, starts, beat)
+
+
+def _along(base: Fit, found: Scores, index: int, value: float) -> FloatArray:
+    """The optimum without a coefficient, moved as it moves with that coefficient, and the coefficient's value."""
+    point = base.point.copy()
+    point[~base.held] += value * found.follow[:, index]
+    return np.append(point, value)
 
 
 def _inside(coefficient: FreeParameter, step: float) -> float:

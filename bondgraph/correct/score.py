@@ -1,13 +1,13 @@
-"""Score tests: how much the likelihood would gain by each candidate coefficient, from one linearisation, without refits.
+"""Score tests: how much the likelihood would gain by each candidate, from one linearisation and without refits.
 
 With the whitened innovations z and log scales log s of the fitted model and their derivatives with respect to the free
 parameters F and the candidates' coefficients, the score r_j of candidate j and its information d_j are
 
     r_j = -(g_j - I_jF I_FF^-1 g_F),      d_j = I_jj - I_jF I_FF^-1 I_Fj,
 
-the free parameters projected out. r_j^2 / d_j is chi-square with one degree of freedom when nothing is missing, and half
-of it is the gain in nats that a refit may expect; r_j / d_j is the coefficient it would find. Reference: Rao (1948), Proc.
-Cambridge Phil. Soc. 44(1); Engle (1984), Handbook of Econometrics II, chapter 13.
+the free parameters projected out. r_j^2 / d_j is chi-square with one degree of freedom when nothing is missing, and
+half of it is the gain in nats that a refit may expect; r_j / d_j is the coefficient it would find. Reference: Rao
+(1948), Proc. Cambridge Phil. Soc. 44(1); Engle (1984), Handbook of Econometrics II, chapter 13.
 """
 
 from __future__ import annotations
@@ -31,8 +31,9 @@ class Scores:
     ``information`` is what the data tell of each coefficient beyond the free parameters, zero where these take all of
     its response; ``step`` the coefficient that a linear model would find, ``gain`` the likelihood gain in nats,
     ``correlation`` (candidates, candidates) how alike their responses are once the free parameters have taken their
-    share. ``p_value`` is the larger of that of the chi-square test and of one that holds under coloured noise too, not
-    yet corrected for the number of candidates.
+    share, ``follow`` (free, candidates) how the free parameters move with each coefficient. ``p_value`` is the larger
+    of that of the chi-square test and of one that holds under coloured noise too, not yet corrected for the number of
+    candidates.
     """
 
     score: FloatArray
@@ -40,6 +41,7 @@ class Scores:
     step: FloatArray
     gain: FloatArray
     correlation: FloatArray
+    follow: FloatArray
     p_value: FloatArray
 
 
@@ -85,7 +87,7 @@ def scores(expansion: Expansion, free: int, one_sided: np.ndarray, blocks: np.nd
     p_value = stats.chi2.sf(2.0 * gain, 1)
     if blocks is not None:
         p_value = np.maximum(p_value, _robust_p_value(expansion, share, score, blocks))
-    return Scores(score, projected, step, gain, correlation, np.where(gain > 0.0, p_value, 1.0))
+    return Scores(score, projected, step, gain, correlation, -share, np.where(gain > 0.0, p_value, 1.0))
 
 
 def _robust_p_value(expansion: Expansion, share: FloatArray, score: FloatArray, blocks: np.ndarray) -> FloatArray:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -16,7 +16,9 @@ from bondgraph.data.log import FloatArray, MatchedLog
 from bondgraph.errors import DataError, OptionError
 from bondgraph.estimate.free import FreeParameter, declared_free
 from bondgraph.estimate.initial import directly_measured, initial_states
+from bondgraph.filter.discretisation import step_times_rate
 from bondgraph.filter.filter_model import FilterModel
+from bondgraph.filter.likelihood import run
 from bondgraph.simulate.model import Model
 from bondgraph.simulate.simulate import simulate
 
@@ -76,9 +78,7 @@ def filter_setup(
         if name in driven and process_noise == "free"
     }
     start_std = _start_std(model, logs, noise, sizes)
-    filter_model = FilterModel(
-        model, process, noise, start_std, substeps=substeps(model, logs), alpha=1.0
-    )
+    filter_model = fine_enough(FilterModel(model, process, noise, start_std, substeps=1, alpha=1.0), logs)
     free = [declared_free(f"std({name})", filter_model) for name in noise]
     free += [
         FreeParameter(f"process({name})", level * _PROCESS_LOW, level * _PROCESS_HIGH, level, scale="log")
@@ -111,7 +111,7 @@ def noise_levels(logs: Sequence[MatchedLog]) -> FloatArray:
 
 
 def state_sizes(model: Model, logs: Sequence[MatchedLog]) -> FloatArray:
-    """How large each state gets, shape (n_x,): from what is measured of it, else from a simulation, else from its start."""
+    """How large each state gets, shape (n_x,): from what is measured of it, else a simulation, else its start."""
     theta = model.theta()
     sizes = np.abs(model.x0())
     measured = directly_measured(model, logs[0].u[:, 0], theta)
@@ -152,35 +152,22 @@ def _start_std(
     return {name: max(value, _SMALLEST) for name, value in std.items()}
 
 
-def substeps(model: Model, logs: Sequence[MatchedLog]) -> int:
-    """Substeps of RK4 between samples that keep step times spectral radius moderate all along the logs."""
-    radius = max(spectral_radius(model, log) for log in logs)
-    interval = max(float(np.median(np.diff(log.time))) for log in logs)
-    return int(min(max(1, math.ceil(radius * interval / _STEP_RADIUS)), _MOST_SUBSTEPS))
+def fine_enough(filter_model: FilterModel, logs: Sequence[MatchedLog]) -> FilterModel:
+    """The filter with as many substeps as keep step times fastest rate moderate along its own filtered states.
 
-
-def spectral_radius(model: Model, log: MatchedLog, points: int = 40) -> float:
-    """Largest eigenvalue (in size, 1/s) of the model's Jacobian along a log, at measured states and declared ones."""
-    theta = _theta(model, log)
-    picked = np.unique(np.linspace(0, log.time.size - 1, points).astype(int))
-    start = initial_states(model, [log], theta, "measured")[0]
-    largest = 0.0
-    measured = directly_measured(model, log.u[:, 0], theta)
-    for k in picked:
-        x = start.copy()
-        for output, (state, slope, offset) in measured.items():
-            if np.isfinite(log.y[output, k]):
-                x[state] = (log.y[output, k] - offset) / slope
-        jacobian = _jacobian(model, float(log.time[k]), x, log.u[:, k], theta)
-        if np.isfinite(jacobian).all():
-            largest = max(largest, float(np.abs(np.linalg.eigvals(jacobian)).max(initial=0.0)))
-    return largest
-
-
-def _jacobian(model: Model, t: float, x: FloatArray, u: FloatArray, theta: FloatArray) -> FloatArray:
-    steps = 1e-6 * np.maximum(np.abs(x), 1e-3)
-    points = x[:, np.newaxis] + np.concatenate([np.diag(steps), -np.diag(steps)], axis=1)
-    with np.errstate(all="ignore"):
-        rates = model.rhs(t, points, u, theta)
-    n = x.size
-    return (rates[:, :n] - rates[:, n:]) / (2.0 * steps)
+    The rates of a model depend on where it is (a slipping belt is slow, a gripping one fast), and states that are not
+    measured are known only to the filter; so it is run, looked at, and refined until it is stable.
+    """
+    model = filter_model.model
+    while filter_model.substeps < _MOST_SUBSTEPS:
+        largest = 0.0
+        for log in logs:
+            theta = _theta(model, log)
+            x0 = initial_states(model, [log], theta, "measured")[0]
+            largest = max(largest, step_times_rate(run(filter_model, log, theta, x0=x0), log, theta))
+        if largest <= _STEP_RADIUS:
+            break
+        factor = largest / _STEP_RADIUS if math.isfinite(largest) else 2.0
+        wanted = math.ceil(filter_model.substeps * min(max(factor, 1.25), 4.0))
+        filter_model = replace(filter_model, substeps=min(wanted, _MOST_SUBSTEPS))
+    return filter_model

@@ -94,4 +94,3 @@ def effect_functions(module: ModuleType) -> tuple[EffectFunction, ...]:
         if hints.get("return") == Effect | None and len(inspect.signature(function).parameters) == 2:
             found.append(function)
     return tuple(found)
-

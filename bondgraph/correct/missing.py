@@ -1,0 +1,176 @@
+"""The picture of what is missing: an unknown effort at a junction, followed through the logs and drawn over the flow.
+
+A load that walks at random is put at the junction and followed by the filter as one more state; the smoother says how
+large it was at every sample. How fast it walks, and how much of the model's own process noise is needed beside it, are
+chosen by likelihood. It shows a law to the eye and proves none: its neighbouring values are not independent.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from bondgraph.correct.bonds import bond_model
+from bondgraph.correct.build import BuiltModel, build
+from bondgraph.correct.fit import Fit
+from bondgraph.data.log import FloatArray, MatchedLog
+from bondgraph.declare.editing import copy, handle
+from bondgraph.declare.effect import Place
+from bondgraph.derive.derivation import bond_labels
+from bondgraph.errors import EstimationError, OptionError
+from bondgraph.estimate.initial import initial_states
+from bondgraph.filter.filter_model import FilterModel
+from bondgraph.filter.likelihood import likelihood, run
+from bondgraph.filter.smoother import smooth
+
+#: Walks that are tried, as shares of the effort there per sqrt(s), and shares of the process noise beside them.
+_WALKS = (0.01, 0.03, 0.1, 0.3, 1.0)
+_SHARES = (0.03, 0.3, 1.0)
+
+
+@dataclass(frozen=True)
+class MissingEffort:
+    """What is missing at a junction at each sample of all logs, one after the other.
+
+    ``flow`` of the junction, ``effort`` that is missing there (positive where it takes energy from a positive flow) and
+    its standard deviation ``std``, each (n,).
+    """
+
+    junction: str
+    effort_unit: str
+    flow_unit: str
+    flow: FloatArray
+    effort: FloatArray
+    std: FloatArray
+
+
+def missing_effort(built: BuiltModel, fitted: Fit, logs: Sequence[MatchedLog], place: Place) -> MissingEffort:
+    """The effort that a model lacks at a 1-junction, by smoothing.
+
+    Parameters
+    ----------
+    built
+        The model without the effect.
+    fitted
+        Values of its parameters and noise levels, taken by name. With the fit of the declared model the picture is that
+        of its residual, in which free parameters have hidden a part; with the fit of the corrected one it is the whole
+        effect.
+    logs
+        Matched logs.
+    place
+        A 1-junction, with the size of its effort.
+
+    Raises
+    ------
+    OptionError
+        If the place is not a 1-junction.
+    EstimationError
+        If the filter diverges with every walk that is tried.
+    """
+    if place.bond is not None or place.junction.kind != "1":
+        raise OptionError(
+            f"{place.label}: a missing effort acts at a 1-junction - name one of the graph", where=(place.label,)
+        )
+    extended, load = _with_load(built, place)
+    filter_model = _followed(extended, fitted, load, place)
+    theta = extended.model.theta(**_known(fitted, extended.model.names("parameter")))
+    noise = np.array([_noise(fitted).get(name, np.nan) for name in extended.model.names("output")])
+    x0 = initial_states(extended.model, logs, theta, fitted.problem.initial)
+    walk = _likeliest(filter_model, logs, theta, noise, x0, place)
+    pieces = []
+    for log, start in zip(logs, x0, strict=True):
+        filtered = run(filter_model, log, theta, noise_std=noise, process_std=walk, x0=start)
+        smoothed = smooth(filtered.raise_if_failed())
+        states = smoothed.smoothed_mean[: len(extended.model.states)]
+        flow = _flow(extended, place, log, states, theta, load, smoothed.mean(load))
+        pieces.append(np.array([flow, smoothed.mean(load), smoothed.std(load)]))
+    flow, effort, std = np.concatenate(pieces, axis=1)
+    domain = place.domain
+    units = ("", "") if domain is None else (domain.effort_unit, domain.flow_unit)
+    return MissingEffort(place.label, *units, flow, effort, std)
+
+
+def _with_load(built: BuiltModel, place: Place) -> tuple[BuiltModel, str]:
+    graph = copy(built.graph)
+    name = f"missing_effort_{place.name}"
+    unit = "" if place.domain is None else place.domain.effort_unit
+    load = graph.parameter(name, 0.0, unit, f"effort that is missing at {place.label}")
+    graph.effort_source(f"source_{name}", -load, at=handle(graph, place.junction.name))
+    return build(graph), name
+
+
+def _known(fitted: Fit, names: Sequence[str]) -> dict[str, float]:
+    model = fitted.problem.filter_model.model
+    values = dict(zip(model.names("parameter"), map(float, fitted.theta), strict=True))
+    return {name: values[name] for name in names if name in values}
+
+
+def _noise(fitted: Fit) -> dict[str, float]:
+    batch = fitted.problem.batch(fitted.point[:, np.newaxis])
+    outputs = fitted.problem.filter_model.model.names("output")
+    return dict(zip(outputs, map(float, batch.noise_std[:, 0]), strict=True))
+
+
+def _followed(extended: BuiltModel, fitted: Fit, load: str, place: Place) -> FilterModel:
+    """The filter of the fit on the extended model, the load one of its states."""
+    own = fitted.problem.filter_model
+    batch = fitted.problem.batch(fitted.point[:, np.newaxis])
+    process = dict(zip(own.state_names, map(float, batch.process_std[:, 0]), strict=True))
+    states = extended.model.names("state")
+    start = {name: value for name, value in own.initial_std.items() if name in states}
+    return replace(
+        own,
+        model=extended.model,
+        process_noise={name: process[name] for name in states if name in process},
+        initial_std={**start, load: place.scale.effort},
+        appended={load: place.scale.effort},
+    )
+
+
+def _likeliest(
+    filter_model: FilterModel,
+    logs: Sequence[MatchedLog],
+    theta: FloatArray,
+    noise: FloatArray,
+    x0: Sequence[FloatArray],
+    place: Place,
+) -> FloatArray:
+    """Process noise (n_s,) of the likeliest pair of a walk and a share of the model's own noise."""
+    pairs = np.array(list(itertools.product(_SHARES, _WALKS))).T
+    own = filter_model.process_std[:-1]
+    process = np.concatenate([np.outer(own, pairs[0]), place.scale.effort * pairs[1:]])
+    values = likelihood(
+        filter_model, list(logs), theta, noise_std=noise, process_std=process, x0=[*x0]
+    ).nll  # fmt: skip
+    if not np.isfinite(values).any():
+        raise EstimationError(
+            f"{filter_model.model.name}: the filter diverges with an unknown effort at {place.label} - fit it first",
+            where=(place.label,),
+        )
+    best: FloatArray = process[:, int(np.argmin(values))]
+    return best
+
+
+def _flow(
+    extended: BuiltModel,
+    place: Place,
+    log: MatchedLog,
+    states: FloatArray,
+    theta: FloatArray,
+    load: str,
+    effort: FloatArray,
+) -> FloatArray:
+    """The junction's flow at each sample, from smoothed states and load."""
+    model = bond_model(extended.causal)
+    known = np.repeat(theta[:, np.newaxis], log.time.size, axis=1)
+    for name, value in log.theta_overrides.items():
+        known[model.index("parameter", name)] = value
+    known[model.index("parameter", load)] = effort
+    outputs = model.output(log.time, states, log.u, known)
+    labels = bond_labels(extended.causal)
+    source = labels.index(f"source_missing_effort_{place.name}->{place.junction.name}")
+    flow: FloatArray = outputs[len(extended.model.outputs) + len(labels) + source]
+    return flow
