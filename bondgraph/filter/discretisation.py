@@ -92,7 +92,7 @@ def discretisation_error(
     coarse = likelihood(filter_model, listed, theta, compiled=compiled).nll[0]
     fine = likelihood(finer, listed, theta, compiled=compiled).nll[0]
     nats = float(coarse - fine) if np.isfinite(coarse) and np.isfinite(fine) else np.inf
-    rates = [_step_times_rate(run(filter_model, log, theta, compiled=compiled), log, theta) for log in listed]
+    rates = [step_times_rate(run(filter_model, log, theta, compiled=compiled), log, theta) for log in listed]
     return DiscretisationError(nats, max(rates), filter_model.substeps)
 
 
@@ -105,8 +105,8 @@ def jacobian(model: Model, t: float, x: FloatArray, u: FloatArray, theta: FloatA
     return slopes
 
 
-def _step_times_rate(filtered: FilterRun, log: MeasuredLog, theta: npt.ArrayLike | None) -> float:
-    """Largest product along one log, at evenly chosen samples; infinite where the filter diverged."""
+def step_times_rate(filtered: FilterRun, log: MeasuredLog, theta: npt.ArrayLike | None) -> float:
+    """Largest product of step and rate along one filtered log, at evenly chosen samples; infinite if it diverged."""
     filter_model = filtered.filter_model
     model = filter_model.model
     samples = Samples.of(filter_model, log)
@@ -121,7 +121,8 @@ def _step_times_rate(filtered: FilterRun, log: MeasuredLog, theta: npt.ArrayLike
             return float("inf")
         known = parameters.copy()
         known[filter_model.appended_index] = state[len(model.states) :]
-        slopes = jacobian(model, float(samples.time[k]), state[: len(model.states)], samples.u[:, k], known)
+        with np.errstate(all="ignore"):  # what is not finite is told as infinite
+            slopes = jacobian(model, float(samples.time[k]), state[: len(model.states)], samples.u[:, k], known)
         if not np.isfinite(slopes).all():
             return float("inf")
         largest = max(largest, float(steps[k] * np.max(np.abs(np.linalg.eigvals(slopes)), initial=0.0)))
