@@ -21,6 +21,7 @@ from bondgraph.report.collect import versions
 from bondgraph.report.estimation import declared_problem, write_estimate
 from bondgraph.report.filtering import filter_logs
 from bondgraph.report.html import Provenance
+from bondgraph.report.logs import grouped_notes
 from bondgraph.report.plots import launch_figure
 from bondgraph.report.progress import WorkProgress
 from bondgraph.report.simulation import SimulationOptions, simulate_graph, trajectory_log
@@ -87,9 +88,8 @@ def _model_and_logs(options: argparse.Namespace) -> tuple[Model, tuple[str, ...]
         model, driven = built.model, built.driven
     mapping = read_mapping(options.map)
     logs = [match(read_log(path), model, mapping) for path in options.data]
-    for log in logs:
-        for note in log.notes:
-            print(f"{log.name}: {note}", file=sys.stderr)
+    for line in grouped_notes(logs):
+        print(line, file=sys.stderr)
     return model, driven, logs
 
 

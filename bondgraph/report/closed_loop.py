@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -15,6 +15,7 @@ from bondgraph.declare.files import write_graph
 from bondgraph.report.collect import Runs, added_nodes, channel_series, found_effect, parameter_changes
 from bondgraph.report.drawing import draw_svg, drawing_of
 from bondgraph.report.html import Located, Provenance, ReportData, write_report
+from bondgraph.report.logs import grouped_notes
 from bondgraph.report.numbers import shown
 from bondgraph.report.series import ChannelSeries, FoundEffect, Tried, channel_errors
 from bondgraph.report.tables import error_table, text_of
@@ -172,18 +173,9 @@ def _notes(closed: ClosedLoop) -> list[str]:
             f"After the correction the innovations of {', '.join(coloured)} are still correlated in time: the model is "
             "not complete."
         )
-    for log in _unique_notes(closed):
-        notes.append(log)
+    logs = [log.log for part in (closed.nominal_train, closed.nominal_holdout) for log in part.logs]
+    notes += grouped_notes(logs)
     return notes
-
-
-def _unique_notes(closed: ClosedLoop) -> Sequence[str]:
-    seen: dict[str, None] = {}
-    for assessment in (closed.nominal_train, closed.nominal_holdout):
-        for log in assessment.logs:
-            for note in log.log.notes:
-                seen[f"{log.log.name}: {note}"] = None
-    return list(seen)[:12]
 
 
 def summary(data: ReportData) -> str:

@@ -51,9 +51,27 @@ def training_and_held_out(
         return log if rate is None else decimate(log, rate)
 
     training, held_out = [read(path) for path in data], [read(path) for path in holdout]
-    said = [f"{log.name}: {note}" for log in (*training, *held_out) for note in log.notes]
+    said = grouped_notes((*training, *held_out))
     if not held_out:
         pairs = [split(log, 0.75) for log in training]
         training, held_out = [first for first, _ in pairs], [last for _, last in pairs]
         said.append("no --holdout given: the last quarter of each training log is held out instead")
     return Splits(tuple(training), tuple(held_out), tuple(said))
+
+
+def grouped_notes(logs: Sequence[MatchedLog]) -> list[str]:
+    """What is to be said about logs, each thing once, with the names of the logs it holds for.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> def log(name):
+    ...     return MatchedLog(name, np.arange(2.0), np.zeros((0, 2)), np.zeros((0, 2)), notes=("no brake",))
+    >>> grouped_notes([log("run1"), log("run2")])
+    ['run1, run2: no brake']
+    """
+    names: dict[str, list[str]] = {}
+    for log in logs:
+        for note in log.notes:
+            names.setdefault(note, []).append(log.name)
+    return [f"{', '.join(where)}: {note}" for note, where in names.items()]
