@@ -13,6 +13,7 @@ from typing import Literal
 
 import numpy as np
 
+from bondgraph.correct.absent import absent_when_zero
 from bondgraph.correct.assess import Assessment, assess
 from bondgraph.correct.build import BuiltModel, build
 from bondgraph.correct.candidates import Candidate, Refused, candidates, places, superset
@@ -192,8 +193,11 @@ def one_round(
 ) -> Round:
     """Score every candidate on the fitted model, refit the best, decide."""
     report("score the candidates", 0, 1)
-    where = places(built, train, base.runs(train), base.theta)
+    runs = base.runs(train)
+    where = places(built, train, runs, base.theta)
     found, refused = candidates(built, functions, where, present)
+    found, spoiling = absent_when_zero(built, found, train, runs)
+    refused += spoiling
     if not found:
         raise DataError(_nothing_to_try(built, where, refused))
     vanishing = [candidate for candidate in found if not candidate.effect.adds_state]
