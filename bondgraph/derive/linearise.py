@@ -1,19 +1,16 @@
 """Linear models of state equations at an operating point, equilibria, modes, and transfer functions.
 
-Numbers come from the assignments of the equations and of their Jacobian, evaluated in floats: derivatives are exact, no
-step is chosen. Transfer functions of linear graphs are exact, by Cramer's rule,
-
-    H(s) = d + (det(s I - A + b c) - det(s I - A)) / det(s I - A),
-
-over rational functions of the parameters or, with numbers for the parameters, over the rational numbers, which also
-serves large models.
+Numbers come from the assignments of the equations and of their Jacobian: derivatives are exact, no step is chosen.
+Transfer functions are ratios of determinants in exact arithmetic: with symbols for the parameters of a linear graph, or
+with the numbers of a linear model.
 """
 
 from __future__ import annotations
 
 import enum
 import functools
-import itertools
+import operator
+import random
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
@@ -21,290 +18,34 @@ from typing import Any, NamedTuple
 import mpmath
 import numpy as np
 import numpy.typing as npt
-import scipy.interpolate
 import scipy.linalg
-import scipy.optimize
 import sympy
-from sympy import QQ, Expr, Rational, Symbol
+from sympy import QQ, ZZ, Expr, Rational, Symbol
+from sympy.polys.fields import field
 from sympy.polys.matrices import DomainMatrix
 
 from bondgraph.declare.expressions import to_text
-from bondgraph.declare.functions import TableFunction, maximum, minimum
-from bondgraph.declare.quantities import Table, symbol
+from bondgraph.declare.quantities import symbol
 from bondgraph.derive.equations import Assignment, ImplicitLoop, OutputEquation, StateEquations
-from bondgraph.derive.jacobian import Jacobian, JacobianBlock, Row, gradient, jacobian
+from bondgraph.derive.jacobian import (
+    Evaluator,
+    FloatArray,
+    Given,
+    Jacobian,
+    JacobianBlock,
+    Values,
+    equilibrated,
+    gradient,
+    jacobian,
+    least_squares,
+    newton_steps,
+    point_values,
+    vanishes,
+)
 from bondgraph.errors import DerivationError, suggest
-
-FloatArray = npt.NDArray[np.float64]
-Given = Mapping[str, float] | Sequence[float] | FloatArray | None
-Values = dict[Symbol, Any]
 
 #: The variable of transfer functions; unlike a parameter of that name it is not real.
 LAPLACE_S = Symbol("s")
-
-_UFUNCS: dict[Any, Callable[..., Any]] = {
-    sympy.sin: np.sin, sympy.cos: np.cos, sympy.tan: np.tan, sympy.asin: np.arcsin, sympy.acos: np.arccos,
-    sympy.atan: np.arctan, sympy.atan2: np.arctan2, sympy.sinh: np.sinh, sympy.cosh: np.cosh, sympy.tanh: np.tanh,
-    sympy.asinh: np.arcsinh, sympy.acosh: np.arccosh, sympy.atanh: np.arctanh, sympy.exp: np.exp, sympy.log: np.log,
-    sympy.Abs: np.abs, sympy.sign: np.sign, sympy.floor: np.floor, sympy.ceiling: np.ceil,
-    minimum: np.minimum, maximum: np.maximum, sympy.Pow: np.power,
-    sympy.Gt: np.greater, sympy.Ge: np.greater_equal, sympy.Lt: np.less, sympy.Le: np.less_equal,
-    sympy.Eq: np.equal, sympy.Ne: np.not_equal, sympy.Not: np.logical_not,
-}  # fmt: skip
-
-
-# ---------------------------------------------------------------------- values at a point
-
-
-class Evaluator:
-    """Values of the expressions of state equations at one point, in floats.
-
-    Overflow and undefined operations give inf and nan, as in a generated module.
-
-    Examples
-    --------
-    >>> from bondgraph.declare.graph import BondGraph
-    >>> from bondgraph.derive.causality import assign_causality
-    >>> from bondgraph.derive.derivation import derive
-    >>> g = BondGraph("mass")
-    >>> body = g.one_junction("body")
-    >>> _ = g.effort_source("push", g.input("F", "N"), at=body)
-    >>> _ = g.inertance("mass", g.parameter("m", 2.0, "kg"), at=body, state="v")
-    >>> equations = derive(assign_causality(g))
-    >>> evaluator = Evaluator(equations)
-    >>> values = evaluator.at(u={"F": 3.0})
-    >>> float(evaluator.value(equations.derivatives[0], values))
-    1.5
-    """
-
-    def __init__(self, equations: StateEquations) -> None:
-        self.equations = equations
-        self.tables = {table.name: _table_values(table) for table in equations.tables}
-        self._slopes: dict[str, list[Row]] = {}
-
-    def at(self, x: Given = None, u: Given = None, theta: Given = None, t: float = 0.0) -> Values:
-        """Values of time, states, inputs, parameters and all assigned symbols.
-
-        Parameters
-        ----------
-        x, u, theta
-            All values in order of declaration, or some by name; the rest have their initial or default values.
-        t
-            Time [s].
-
-        Raises
-        ------
-        DerivationError
-            If a name is unknown or the number of values does not fit.
-        """
-        point: Values = {symbol("t"): np.float64(t)}
-        for kind, given in (("state", x), ("input", u), ("parameter", theta)):
-            point |= _point(self.equations, kind, given)
-        return self.run(self.equations.assignments, point)
-
-    def run(self, steps: Iterable[Assignment | ImplicitLoop], values: Values) -> Values:
-        """The values together with those that the steps assign."""
-        values = dict(values)
-        with np.errstate(all="ignore"):
-            for step in steps:
-                if isinstance(step, ImplicitLoop):
-                    self._loop(step, values)
-                else:
-                    values[step.symbol] = self._value(step.expression, values)
-        return values
-
-    def value(self, expression: Expr, values: Values) -> np.float64:
-        """The value of an expression."""
-        with np.errstate(all="ignore"):
-            return np.float64(self._value(expression, values))
-
-    def _value(self, node: Any, values: Values) -> Any:
-        if isinstance(node, Symbol):
-            return values[node]
-        if isinstance(node, sympy.Add):
-            return sum(self._value(term, values) for term in node.args)
-        if isinstance(node, sympy.Mul):
-            return np.prod([self._value(factor, values) for factor in node.args])
-        if node.is_number and not node.is_Boolean:
-            return np.float64(node)
-        if isinstance(node, sympy.Piecewise):
-            chosen = (branch for branch, condition in node.args if self._value(condition, values))
-            return self._value(next(chosen, sympy.nan), values)
-        if isinstance(node, TableFunction):
-            arguments = [self._value(argument, values) for argument in node.args]
-            return self.tables[node.table_name](arguments, node.derivative or (0,) * len(arguments))
-        if isinstance(node, sympy.And | sympy.Or):
-            return (all if isinstance(node, sympy.And) else any)(self._value(part, values) for part in node.args)
-        if node in (sympy.true, sympy.false):
-            return bool(node)
-        function = _UFUNCS.get(node.func)
-        if function is None:
-            raise DerivationError(
-                f"{self.equations.name}: {to_text(node)} has no numeric value - write the law with arithmetic, tables "
-                "and the functions of laws",
-                where=(self.equations.name,),
-            )
-        return function(*(self._value(argument, values) for argument in node.args))
-
-    # ------------------------------------------------------------------ algebraic loops
-
-    def _loop(self, loop: ImplicitLoop, values: Values) -> None:
-        """Solve a loop in place: its unknowns and the symbols of its body, nan where there is no solution."""
-        if loop.name not in self._slopes:
-            active = {*loop.unknowns, *(local.symbol for local in loop.body)}
-            expressions = [*(local.expression for local in loop.body), *loop.residuals]
-            self._slopes[loop.name] = [gradient(expression, active) for expression in expressions]
-
-        def residuals(unknowns: FloatArray) -> tuple[FloatArray, FloatArray]:
-            values.update(zip(loop.unknowns, unknowns, strict=True))
-            return self._residuals(loop, values)
-
-        start = np.array([self._value(guess, values) for guess in loop.guesses])
-        residuals(_root(residuals, start))
-
-    def _residuals(self, loop: ImplicitLoop, values: Values) -> tuple[FloatArray, FloatArray]:
-        size = len(loop.unknowns)
-        tangents: dict[Symbol, FloatArray] = dict(zip(loop.unknowns, np.eye(size), strict=True))
-        slopes = iter(self._slopes[loop.name])
-
-        def tangent() -> FloatArray:
-            row = np.zeros(size)
-            for used, slope in next(slopes).items():
-                row += self._value(slope, values) * tangents[used]
-            return row
-
-        for local in loop.body:
-            values[local.symbol] = self._value(local.expression, values)
-            tangents[local.symbol] = tangent()
-        found = np.array([self._value(residual, values) for residual in loop.residuals], dtype=float)
-        return found, np.array([tangent() for _ in loop.residuals])
-
-
-def _point(equations: StateEquations, kind: str, given: Given) -> Values:
-    """Values of all states, inputs or parameters by symbol."""
-    if kind == "state":
-        defaults = {state.symbol.name: state.initial for state in equations.states}
-    elif kind == "input":
-        defaults = {signal.name: signal.default for signal in equations.inputs}
-    else:
-        defaults = {parameter.name: parameter.value for parameter in equations.parameters}
-    if isinstance(given, Mapping):
-        for name in given:
-            if name not in defaults:
-                raise DerivationError(f"{equations.name}: no {kind} {name!r}{suggest(name, defaults)}", where=(name,))
-        return {symbol(name): np.float64(given.get(name, value)) for name, value in defaults.items()}
-    values = list(defaults.values()) if given is None else list(given)
-    if len(values) != len(defaults):
-        raise DerivationError(
-            f"{equations.name}: {len(values)} {kind} values were given, the model has {len(defaults)} - give one for "
-            f"each of {', '.join(defaults) or 'none'}, or some by name",
-            where=(equations.name,),
-        )
-    return {symbol(name): np.float64(value) for name, value in zip(defaults, values, strict=True)}
-
-
-def _table_values(table: Table) -> Callable[[Sequence[float], Sequence[int]], float]:
-    """A table's interpolant and its derivatives: values held beyond the ends, slopes zero there."""
-    slopes = scipy.interpolate.PchipInterpolator
-    hermite = scipy.interpolate.CubicHermiteSpline
-    axes = [np.array(knots) for knots in (table.x, table.y) if knots]
-    grid = np.array(table.values)
-    along = [slopes(knots, grid, axis=axis)(knots, nu=1) for axis, knots in enumerate(axes)]
-    if len(axes) == 2:
-        cross = (slopes(axes[1], along[0], axis=1)(axes[1], nu=1) + slopes(axes[0], along[1])(axes[0], nu=1)) / 2
-
-    def value(arguments: Sequence[float], orders: Sequence[int]) -> float:
-        if any(order and not k[0] <= a <= k[-1] for a, order, k in zip(arguments, orders, axes, strict=True)):
-            return 0.0
-        held = [float(np.clip(argument, knots[0], knots[-1])) for argument, knots in zip(arguments, axes, strict=True)]
-        line = hermite(axes[0], grid, along[0])(held[0], nu=orders[0])
-        if len(axes) == 2:
-            line_slopes = hermite(axes[0], along[1], cross)(held[0], nu=orders[0])
-            line = hermite(axes[1], line, line_slopes)(held[1], nu=orders[1])
-        return float(line)
-
-    return value
-
-
-# ---------------------------------------------------------------------- roots
-
-Function = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
-
-
-def _root(function: Function, start: FloatArray) -> FloatArray:
-    """Where residuals vanish: Newton's method or, where it does not settle, a slower search; nan where that fails too."""
-    z, settled = _settled(function, start, start)
-    if not settled:
-        near = _bracketed(function, start[0]) if start.size == 1 else _least_squares(function, start)
-        z, settled = (start, False) if near is None else _settled(function, near, start)
-    return z if settled else np.full(start.shape, np.nan)
-
-
-def _settled(function: Function, near: FloatArray, start: FloatArray) -> tuple[FloatArray, bool]:
-    """The end of Newton's method, and whether only rounding moves it any more."""
-    z, step = _polished(function, near, 20)
-    slopes = function(z)[1]
-    if not (np.isfinite(slopes).all() and np.isfinite(step).all()):
-        return z, False
-    rounding = np.abs(np.linalg.pinv(slopes)) @ (np.abs(slopes) @ np.abs(z))
-    return z, bool((np.abs(step) <= 1e-9 * (rounding + np.abs(z - start))).all())
-
-
-def _bracketed(function: Function, start: float) -> FloatArray | None:
-    """A root of one residual between the start and the first point, ever further from it, where its sign differs."""
-
-    def residual(z: float) -> float:
-        return float(function(np.array([z]))[0][0])
-
-    first = residual(start)
-    if first == 0:
-        return np.array([start])
-    for width in 4.0 ** np.arange(-30, 30):
-        for end in (start - width, start + width):
-            if residual(end) * first <= 0:
-                return np.array([scipy.optimize.brentq(residual, start, end, xtol=1e-300, rtol=1e-15)])
-    return None
-
-
-def _least_squares(function: Function, start: FloatArray, weights: FloatArray | float = 1.0) -> FloatArray | None:
-    """The nearest point at which the sum of squared residuals is smallest, or None where a value is not finite."""
-    if not start.size:
-        return start
-    try:
-        found = scipy.optimize.least_squares(
-            lambda z: weights * function(z)[0], start, jac=lambda z: np.reshape(weights, (-1, 1)) * function(z)[1],
-            x_scale="jac", ftol=1e-15, xtol=1e-15, gtol=1e-15, max_nfev=500,
-        )  # fmt: skip
-    except (ValueError, np.linalg.LinAlgError):
-        return None
-    return np.asarray(found.x)
-
-
-def _polished(function: Function, z: FloatArray, steps: int = 4) -> tuple[FloatArray, FloatArray]:
-    """The point after some Newton steps of least length, and the last of them."""
-    step = np.zeros(z.shape)
-    for _ in range(steps):
-        residual, slopes = function(z)
-        if not (np.isfinite(slopes).all() and np.isfinite(residual).all()):
-            return z, np.full(z.shape, np.inf)
-        scaled, rows, columns = _scaled(slopes)
-        step = -np.linalg.lstsq(scaled, rows * residual, rcond=1e-10)[0] * columns
-        z = z + step
-        if (np.abs(step) <= 1e-15 * np.abs(z)).all():
-            break
-    return z, step
-
-
-def _scaled(slopes: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """A matrix whose rows and columns are of one size, so that its rank does not depend on units, and the factors."""
-
-    def reciprocal(sizes: FloatArray) -> FloatArray:
-        return 1.0 / np.where(sizes > 0, sizes, 1.0)
-
-    rows = reciprocal(np.abs(slopes).max(axis=1, initial=0.0))
-    columns = reciprocal(np.abs(rows[:, None] * slopes).max(axis=0, initial=0.0))
-    return rows[:, None] * slopes * columns, rows, columns
-
 
 # ---------------------------------------------------------------------- linear models
 
@@ -562,7 +303,7 @@ class _Search:
         self.equations, self.evaluator = equations, Evaluator(equations)
         self.slopes = jacobian(equations, of=("derivatives",))
         self.u, self.theta = u, theta
-        self.guess = np.array(list(_point(equations, "state", guess).values()), dtype=float)
+        self.guess = np.array(list(point_values(equations, "state", guess).values()), dtype=float)
         self.solved = np.array([name not in moving for name in self.names], dtype=bool)
 
     def state(self, z: FloatArray) -> FloatArray:
@@ -592,24 +333,23 @@ class _Search:
         f, _, size = self.all(self.guess)
         scale = np.maximum(size, np.abs(f))
         weights = 1.0 / np.where(scale > 0, scale, 1.0)[self.solved]
-        near = _least_squares(self.rates, start, weights)
+        near = least_squares(self.rates, start, weights)
         if near is None:
             return self._result(self.guess, EquilibriumOutcome.NON_FINITE)
-        z, step = _polished(self.rates, near)
+        z, step = newton_steps(self.rates, near)
         x = self.state(z)
         f, slopes, size = self.all(x)
-        still = (np.abs(f) <= 1e-9 * np.maximum(size, scale))[self.solved]
-        settled = np.abs(step) <= 1e-6 * (np.abs(z) + np.abs(z - start))
-        if not (still.all() and settled.all()):
+        slopes, size = slopes[np.ix_(self.solved, self.solved)], np.maximum(size, scale)[self.solved]
+        if not vanishes(f[self.solved], slopes, size, step, np.abs(z) + np.abs(z - start)):
             return self._result(x, EquilibriumOutcome.NONE)
-        free = self._free(slopes[np.ix_(self.solved, self.solved)])
+        free = self._free(slopes)
         return self._result(x, EquilibriumOutcome.FAMILY if free else EquilibriumOutcome.FOUND, free)
 
     def _free(self, slopes: FloatArray) -> tuple[str, ...]:
         """States that can change without a rate appearing."""
         if not slopes.size:
             return ()
-        _, sizes, directions = np.linalg.svd(_scaled(slopes)[0])
+        _, sizes, directions = np.linalg.svd(equilibrated(slopes)[0])
         null = directions[sizes <= 1e-10 * max(sizes.max(), 1e-300)]
         shares = np.abs(null).max(axis=0, initial=0.0)
         return tuple(str(name) for name in np.array(self.names)[self.solved][shares > 1e-6])
@@ -622,6 +362,7 @@ class _Search:
 
 #: States between input and output up to which a transfer function is expanded in symbols, and computed in numbers.
 _SYMBOLIC_STATES, _NUMERIC_STATES = 10, 60
+_PRIME = (1 << 61) - 1
 Sparse = dict[int, Any]
 
 
@@ -675,6 +416,7 @@ def transfer_function(model: StateEquations | LinearModel, input: str, output: s
     numeric = isinstance(model, LinearModel)
     system = _numbers(model, input, output) if isinstance(model, LinearModel) else _symbols(model, input, output)
     system = _between(system)
+    atoms = _atoms(model, system, f"from {input} to {output}") if isinstance(model, StateEquations) else []
     limit = _NUMERIC_STATES if numeric else _SYMBOLIC_STATES
     if len(system.A) > limit:
         what = (
@@ -683,9 +425,7 @@ def transfer_function(model: StateEquations | LinearModel, input: str, output: s
         raise DerivationError(
             f"{len(system.A)} states lie between {input} and {output}, at most {limit} can be {what}", (input, output)
         )
-    if isinstance(model, StateEquations):
-        system = _constant(model, system, f"from {input} to {output}")
-    return _ratio(system)
+    return _numeric(system) if numeric else _symbolic(system, atoms)
 
 
 @dataclass(frozen=True)
@@ -769,20 +509,25 @@ def _closure(start: Iterable[int], following: Mapping[int, Iterable[int]]) -> se
     return found
 
 
-def _constant(equations: StateEquations, system: _System, what: str) -> _System:
-    """The system with assigned symbols replaced by what they stand for; refused where that is not constant."""
-    known: dict[Expr, Expr] = {}
-
-    def full(value: Expr) -> Expr:
-        if value not in known:
-            used = sorted((s for s in value.free_symbols if s in system.steps), key=str)
-            known[value] = value.xreplace({s: full(system.steps[s]) for s in used})
-        return known[value]
-
-    found = replace(system.map(lambda row: {i: full(value) for i, value in row.items()}), d=full(system.d))
-    values = [value for row in (*found.A, found.b, found.c) for value in row.values()] + [found.d]
+def _atoms(equations: StateEquations, system: _System, what: str) -> list[Expr]:
+    """Parameters in the coefficients, and expressions of them that are not rational; refused where others appear."""
+    found: dict[Expr, None] = {}
+    stack, seen = [value for row in (*system.A, system.b, system.c) for value in row.values()], set[Expr]()
+    stack.append(system.d)
+    while stack:
+        node = stack.pop()
+        if node in seen:
+            continue
+        seen.add(node)
+        if node in system.steps:
+            stack.append(system.steps[node])
+        elif isinstance(node, sympy.Add | sympy.Mul) or (isinstance(node, sympy.Pow) and node.exp.is_Integer):
+            stack.extend(node.args)
+        elif not node.is_Number:
+            found[_resolved(node, system.steps)] = None
+            stack.extend(node.free_symbols)
     parameters = {parameter.symbol for parameter in equations.parameters}
-    varying = sorted({str(used) for value in values for used in value.free_symbols - parameters})
+    varying = sorted({str(used) for node in found for used in node.free_symbols - parameters})
     if varying:
         blame = _nonlinear_term(equations) or f"its coefficients depend on {varying[0]}"
         raise DerivationError(
@@ -790,7 +535,7 @@ def _constant(equations: StateEquations, system: _System, what: str) -> _System:
             "point first",
             where=(equations.name, *varying),
         )
-    return found
+    return sorted(found, key=lambda atom: (not atom.is_Symbol, str(atom)))
 
 
 def _nonlinear_term(equations: StateEquations) -> str:
@@ -813,27 +558,122 @@ def _nonlinear_term(equations: StateEquations) -> str:
     return ""
 
 
-def _ratio(system: _System) -> Expr:
-    """``d + c adj(s I - A) b / det(s I - A)`` from two characteristic polynomials, in lowest terms.
+def _symbolic(system: _System, atoms: Sequence[Expr]) -> Expr:
+    """``det [[s I - A, b], [-c, d]] / det(s I - A)`` over polynomials, each row times its divisor."""
+    names = [atom if atom.is_Symbol else sympy.Dummy() for atom in atoms]
+    K, s, *generators = field([LAPLACE_S, *names], ZZ)
+    exact = _Exact(system.steps, dict(zip(atoms, generators, strict=True)), K.to_domain())
+    n = len(system.A)
+    rows, divisors = [], []
+    for i, coefficients in enumerate([*system.A, system.c]):
+        row = {j: -exact.value(value) for j, value in coefficients.items()}
+        if i < n:
+            row[i] = row.get(i, K.zero) + s
+        row[n] = exact.value(system.b.get(i, sympy.S.Zero) if i < n else system.d)
+        divisors.append(functools.reduce(lambda a, b: a.lcm(b), (value.denom for value in row.values()), K.ring.one))
+        rows.append({j: value.numer * divisors[i].exquo(value.denom) for j, value in row.items() if value})
+    above = _determinant(rows)
+    below = _determinant([{j: value for j, value in row.items() if j < n} for row in rows[:-1]]) * divisors[-1]
+    above, below = _lowest(K, above, below, divisors)
+    numerator, denominator = (sympy.collect(part.as_expr(), LAPLACE_S) for part in (above, below))
+    return (numerator / denominator).xreplace(dict(zip(names, atoms, strict=True)))
+
+
+def _determinant(rows: Sequence[Mapping[int, Any]]) -> Any:
+    """Expanded along rows, each minor of the remaining columns computed once: no division, zeros skipped."""
+    known: dict[int, Any] = {0: 1}
+
+    def minor(row: int, columns: int) -> Any:
+        if columns not in known:
+            inside = [j for j in range(columns.bit_length()) if columns >> j & 1]
+            terms = (
+                (-1) ** k * rows[row][j] * minor(row + 1, columns & ~(1 << j))
+                for k, j in enumerate(inside)
+                if j in rows[row]
+            )
+            known[columns] = sum(terms)
+        return known[columns]
+
+    return minor(0, (1 << len(rows)) - 1)
+
+
+def _lowest(K: Any, above: Any, below: Any, divisors: Sequence[Any]) -> tuple[Any, Any]:
+    """Two polynomials without what the divisors of the rows brought in, and without common roots in s."""
+    ring = K.ring
+    above, below = ring(above), ring(below)
+    if not above:
+        return ring.zero, ring.one
+    common = functools.reduce(ring.monomial_gcd, (*above.itermonoms(), *below.itermonoms()))
+    above, below = (part.quo_term((common, ring.domain.one)) for part in (above, below))
+    factors = dict.fromkeys(factor for divisor in divisors for factor, _ in divisor.factor_list()[1] if len(factor) > 1)
+    for factor in factors:
+        while not (first := above.div(factor))[1] and not (second := below.div(factor))[1]:
+            above, below = first[0], second[0]
+    if _share_a_root(above, below):
+        ratio = K(above) / K(below)
+        above, below = ratio.numer, ratio.denom
+    content = ring.domain.gcd(above.content(), below.content())
+    return above.quo_ground(content), below.quo_ground(content)
+
+
+def _share_a_root(above: Any, below: Any) -> bool:
+    """Whether two polynomials may have a common root in s, tried at random parameters modulo a prime."""
+    draw = random.Random(0)
+    point = [draw.randrange(1, _PRIME) for _ in above.ring.gens[1:]]
+    images = []
+    for part in (above, below):
+        image: dict[int, int] = {}
+        for (power, *powers), coefficient in part.iterterms():
+            factors = (pow(value, k, _PRIME) for value, k in zip(point, powers, strict=True) if k)
+            image[power] = (image.get(power, 0) + functools.reduce(operator.mul, factors, int(coefficient))) % _PRIME
+        images.append(sympy.Poly.from_dict(image, LAPLACE_S, modulus=_PRIME))
+    return bool(images[0].gcd(images[1]).degree() > 0)
+
+
+def _numeric(system: _System) -> Expr:
+    """``d + c adj(s I - A) b / det(s I - A)`` from two characteristic polynomials over the rationals.
 
     By the matrix determinant lemma ``det(s I - A + b c) = det(s I - A) + c adj(s I - A) b``. Berkowitz (1984), Inf.
     Process. Lett. 18(3), computes them without a division.
     """
-    n = len(system.A)
-    rows = [[_decimal(row.get(j, sympy.S.Zero)) for j in range(n)] for row in (*system.A, system.b, system.c)]
-    domain, flat = sympy.construct_domain([*itertools.chain(*rows), _decimal(system.d)], field=True)
-    *A, b, c = (flat[n * i : n * (i + 1)] for i in range(n + 2))
+    n, exact = len(system.A), _Exact({}, {}, QQ)
+    *A, b, c = ([exact.value(row.get(j, sympy.S.Zero)) for j in range(n)] for row in (*system.A, system.b, system.c))
     fed_back = [[A[i][j] - b[i] * c[j] for j in range(n)] for i in range(n)]
-    below, closed = (DomainMatrix(part, (n, n), domain).charpoly() if n else [domain.one] for part in (A, fed_back))
-    above = [q - p + flat[-1] * p for p, q in zip(below, closed, strict=True)]
-    if domain.is_Composite:
-        scale = functools.reduce(lambda a, b: a.lcm(b), (value.denom for value in (*above, *below)))
-        above, below = ([value * scale for value in part] for part in (above, below))
-    top, bottom = (sympy.Poly([domain.to_sympy(value) for value in part], LAPLACE_S) for part in (above, below))
-    factor, top, bottom = sympy.cancel((top.as_expr(), bottom.as_expr()))
-    parts = zip(sympy.sympify(factor).as_numer_denom(), (top, bottom), strict=True)
-    numerator, denominator = (sympy.collect(sympy.expand(scale * part), LAPLACE_S) for scale, part in parts)
-    return numerator / denominator
+    below, closed = (DomainMatrix(part, (n, n), QQ).charpoly() if n else [QQ.one] for part in (A, fed_back))
+    above = [q - p + exact.value(system.d) * p for p, q in zip(below, closed, strict=True)]
+    parts = (sympy.Poly.from_list(part, LAPLACE_S, domain=QQ) for part in (above, below))
+    numerator, denominator = sympy.Poly.cancel(*parts, include=True)
+    return numerator.as_expr() / denominator.as_expr()
+
+
+def _resolved(atom: Expr, steps: Mapping[Symbol, Expr]) -> Expr:
+    while used := {name: steps[name] for name in atom.free_symbols if name in steps}:
+        atom = atom.xreplace(used)
+    return atom
+
+
+class _Exact:
+    """Values of rational expressions in a field, every assigned symbol computed once."""
+
+    def __init__(self, steps: Mapping[Symbol, Expr], known: dict[Expr, Any], domain: Any) -> None:
+        self.steps, self.known, self.domain = steps, known, domain
+
+    def value(self, node: Expr) -> Any:
+        """The value of an expression."""
+        if node not in self.known:
+            self.known[node] = self._compute(node)
+        return self.known[node]
+
+    def _compute(self, node: Expr) -> Any:
+        if node in self.steps:
+            return self.value(self.steps[node])
+        if isinstance(node, sympy.Add | sympy.Mul):
+            combine = operator.add if isinstance(node, sympy.Add) else operator.mul
+            return functools.reduce(combine, map(self.value, node.args))
+        if isinstance(node, sympy.Pow) and node.exp.is_Integer:
+            return self.value(node.base) ** int(node.exp)
+        atom = _resolved(node, self.steps)
+        return self.known[atom] if atom in self.known else self.domain.from_sympy(_decimal(node))
 
 
 def _decimal(value: Expr) -> Expr:
