@@ -6,10 +6,10 @@ import math
 from typing import Any
 
 from bondgraph.correct.assess import Assessment
-from bondgraph.correct.trials import Trial
 from bondgraph.correct.fit import Fit
 from bondgraph.correct.located import located
 from bondgraph.correct.loop import Added, ClosedLoop
+from bondgraph.correct.trials import Trial
 
 
 def result_json(closed: ClosedLoop) -> dict[str, Any]:
@@ -38,6 +38,13 @@ def result_json(closed: ClosedLoop) -> dict[str, Any]:
             {"name": no.effect, "junction": no.place, "why": no.why}
             for turn in closed.rounds[:1]
             for no in turn.refused
+        ],
+        "detectable": [
+            {
+                "name": d.effect, "junction": d.junction, "coefficient": d.coefficient, "size": number(d.size),
+                "unit": d.unit,
+            }
+            for d in closed.detectable
         ],
         "unexplained": unexplained(closed),
         "whiteness": {

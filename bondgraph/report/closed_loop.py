@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,6 +17,7 @@ from bondgraph.report.collect import Runs, added_nodes, channel_series, found_ef
 from bondgraph.report.drawing import draw_svg, drawing_of
 from bondgraph.report.html import Located, Provenance, ReportData, write_report
 from bondgraph.report.logs import grouped_notes
+from bondgraph.report.missing import missing_efforts
 from bondgraph.report.numbers import shown
 from bondgraph.report.series import ChannelSeries, FoundEffect, Tried, channel_errors
 from bondgraph.report.tables import error_table, text_of
@@ -78,6 +80,7 @@ def report_data(closed: ClosedLoop, result: Mapping[str, Any], made: Provenance)
         series=series,
         drawing=drawing_of(closed.corrected_built.causal),
         added=added_nodes(closed.nominal_built.graph, closed.corrected_graph),
+        missing=missing_efforts(closed),
         located=tuple(
             Located(at["junction"], at["variable"], at["p_value"], at["share"]) for at in result["located_at"][:8]
         ),
@@ -173,6 +176,10 @@ def _notes(closed: ClosedLoop) -> list[str]:
             f"After the correction the innovations of {', '.join(coloured)} are still correlated in time: the model is "
             "not complete."
         )
+    weak = [d for d in closed.detectable if math.isfinite(d.size)]
+    if not closed.added and weak:
+        sizes = "; ".join(f"{d.effect} at {d.junction} {shown(d.size)} {d.unit}" for d in weak)
+        notes.append(f"What these logs would have shown nine times in ten, at least this large: {sizes}.")
     logs = [log.log for part in (closed.nominal_train, closed.nominal_holdout) for log in part.logs]
     notes += grouped_notes(logs)
     return notes

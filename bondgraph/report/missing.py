@@ -1,0 +1,82 @@
+"""The picture of a found effect: the missing effort against the flow of its junction, with the law drawn through it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+import sympy
+
+from bondgraph.correct.loop import Added, ClosedLoop
+from bondgraph.correct.missing import missing_effort
+from bondgraph.correct.result import intervals
+from bondgraph.data.log import FloatArray
+from bondgraph.declare.graph import BondGraph
+from bondgraph.declare.quantities import symbol
+from bondgraph.errors import EstimationError
+from bondgraph.report.series import MissingEffort
+
+_POINTS = 200
+
+
+def missing_efforts(closed: ClosedLoop) -> tuple[MissingEffort, ...]:
+    """One picture for every added effect whose law is a curve over the flow of its junction."""
+    pictures = [_picture(closed, added) for added in closed.added]
+    return tuple(picture for picture in pictures if picture is not None)
+
+
+def _picture(closed: ClosedLoop, added: Added) -> MissingEffort | None:
+    candidate = added.trial.candidate
+    graph = closed.corrected_graph
+    if candidate.place.bond is not None or candidate.place.junction.kind != "1":
+        return None
+    values = {parameter.name: parameter.value for parameter in graph.flatten().parameters}
+    if law_curve(graph, candidate.effect.element, values, np.zeros(1)) is None:
+        return None
+    logs = [log.log for log in closed.nominal_train.logs]
+    try:
+        found = missing_effort(closed.nominal_built, closed.corrected, logs, candidate.place)
+    except EstimationError:
+        return None
+    span = np.linspace(float(np.nanmin(found.flow)), float(np.nanmax(found.flow)), _POINTS)
+    name = added.coefficients[0]
+    ends = intervals(closed.corrected)[name]
+    curves = [law_curve(graph, candidate.effect.element, values | {name: end}, span) for end in (values[name], *ends)]
+    law, lower, upper = (curve if curve is not None else np.full(span.size, np.nan) for curve in curves)
+    return MissingEffort(
+        title=f"{candidate.effect.name} at {candidate.place.label}",
+        x_label=f"flow of {found.junction} [{found.flow_unit}]",
+        y_label=f"missing effort [{found.effort_unit}]",
+        x=found.flow,
+        missing=found.effort,
+        law_x=span,
+        law=law,
+        law_text=candidate.effect.law,
+        lower=np.minimum(lower, upper),
+        upper=np.maximum(lower, upper),
+    )
+
+
+def law_curve(graph: BondGraph, element: str, values: Mapping[str, float], flow: FloatArray) -> FloatArray | None:
+    """The effort that an element takes at given flows, shape (n,); None where it is no function of the flow alone.
+
+    Examples
+    --------
+    >>> g = BondGraph("sled")
+    >>> body = g.one_junction("body")
+    >>> _ = g.inertance("mass", g.parameter("m", 80.0, "kg"), at=body)
+    >>> _ = g.resistance("runners", g.parameter("c", 2.0, "N s/m"), at=body)
+    >>> law_curve(g, "runners", {"c": 2.0}, np.array([1.0, 2.0])).tolist()
+    [2.0, 4.0]
+    """
+    node = graph.flatten().nodes[element]
+    law = node.law("effort") if node.kind in ("R", "Se") and node.ports == 1 else None
+    if law is None:
+        return None
+    own = symbol("flow")
+    known = law.xreplace({symbol(name): sympy.Float(value) for name, value in values.items()})
+    if not known.free_symbols <= {own}:
+        return None
+    evaluated = sympy.lambdify(own, -known if node.kind == "Se" else known, "numpy")(flow)
+    curve: FloatArray = np.broadcast_to(np.asarray(evaluated, dtype=np.float64), flow.shape).copy()
+    return curve
