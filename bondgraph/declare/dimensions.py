@@ -16,7 +16,7 @@ from sympy import Add, Expr, Mul, Piecewise, Pow, Symbol
 from sympy.core.relational import Relational
 
 from bondgraph.declare.expressions import to_text
-from bondgraph.declare.functions import TableFunction, maximum, minimum
+from bondgraph.declare.functions import TableFunction, maximum, minimum, switch
 from bondgraph.declare.quantities import Table
 from bondgraph.units import DIMENSIONLESS, Dimension, dimension, dimension_text
 
@@ -118,6 +118,9 @@ class DimensionReader:
             self.of(value.args[0])
             return DIMENSIONLESS
         if isinstance(value, sympy.atan2):
+            self._same(value, value.args, "compares")
+            return DIMENSIONLESS
+        if isinstance(value, switch):
             self._same(value, value.args, "compares")
             return DIMENSIONLESS
         if isinstance(value, _PURE):

@@ -42,10 +42,12 @@ class ElementBuilder(GraphStore):
         flow: Law | None = None,
         residual: Callable[..., Any] | Expr | None = None,
         at: At | None = None,
+        guess: float = 0.0,
     ) -> Handle:
         """A dissipator: ``effort`` as a function of the flow, ``flow`` of the effort, both, or a residual of both.
 
-        A number or expression that is not a function is the coefficient of a linear law.
+        A number or expression that is not a function is the coefficient of a linear law. ``guess`` is where the search
+        for the root of a residual starts.
         """
         own_effort, own_flow = symbol("effort"), symbol("flow")
         laws: list[tuple[str, Expr]] = []
@@ -59,7 +61,7 @@ class ElementBuilder(GraphStore):
             laws = [("effort", own_flow / normalise(flow)), ("flow", normalise(flow) * own_effort)]
         if residual is not None:
             laws.append(("residual", apply_law(residual, own_effort, own_flow)))
-        return self._one_port(Node(name, "R", laws=tuple(laws)), at)
+        return self._one_port(Node(name, "R", laws=tuple(laws), initial=(float(guess),) if guess else ()), at)
 
     def compliance(
         self,

@@ -59,7 +59,8 @@ class Node:
 
     ``laws`` pairs what is given with its expression: ``effort`` of an R, ``modulus`` of a TF, ``effort1`` .. of a
     field, ``energy`` of a storage, ``1.effort1``, ``1.flow2`` .. of the first form of a user-defined element.
-    ``initial`` holds one start value per state; ``state`` is the state's own name where the user gave one.
+    ``initial`` holds one start value per state (for a residual, where the search for its root starts); ``state`` is the
+    state's own name where the user gave one.
     """
 
     name: str

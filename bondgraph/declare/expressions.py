@@ -17,7 +17,7 @@ import sympy
 from sympy import Expr, Float, Integer, Symbol
 from sympy.printing.str import StrPrinter
 
-from bondgraph.declare.functions import clip, maximum, minimum, number
+from bondgraph.declare.functions import clip, maximum, minimum, number, switch
 from bondgraph.declare.quantities import symbol
 from bondgraph.errors import DeclarationError, suggest
 
@@ -56,7 +56,8 @@ FUNCTIONS: dict[str, Callable[..., Expr]] = {
     "abs": sympy.Abs, "Abs": sympy.Abs, "sign": sympy.sign, "floor": sympy.floor,
     "min": _nested(minimum), "Min": _nested(minimum), "minimum": _nested(minimum),
     "max": _nested(maximum), "Max": _nested(maximum), "maximum": _nested(maximum),
-    "clip": clip, "pow": _power, "Heaviside": lambda x: sympy.Piecewise((Integer(1), x >= 0), (Integer(0), True)),
+    "clip": clip, "pow": _power, "switch": switch,
+    "Heaviside": lambda x: sympy.Piecewise((Integer(1), x >= 0), (Integer(0), True)),
 }  # fmt: skip
 
 _BINARY: dict[type[ast.operator], Callable[[Expr, Expr], Expr]] = {

@@ -1,4 +1,4 @@
-"""Functions of laws beyond sympy's own: two-argument minimum and maximum, clip, and tabulated functions.
+"""Functions of laws beyond sympy's own: two-argument minimum and maximum, clip, switches and tabulated functions.
 
 sympy's ``Min`` and ``Max`` compare their arguments with each other whenever one is built, which costs milliseconds for
 symbolic ones and orders them by an internal key; the two-argument forms here keep what the engineer wrote.
@@ -79,6 +79,51 @@ def clip(value: Any, lower: Any, upper: Any) -> Expr:
     minimum(maximum(x, 0), 1)
     """
     return minimum(maximum(sympy.sympify(value), sympy.sympify(lower)), sympy.sympify(upper))
+
+
+class switch(Function):  # type: ignore[misc]  # noqa: N801 - a function, printed under this name
+    """One where ``value`` is positive, zero where it is negative; ``width`` is the range in which it changes over.
+
+    Derivation makes it a smooth step, ``(1 + tanh(value/width))/2``, or a jump with an event, by one flag
+    (``derive(..., smooth=)``), so that one declaration serves a filter and an event-driven simulation.
+
+    Examples
+    --------
+    >>> v = sympy.Symbol("v", real=True)
+    >>> switch(v, 0.01)
+    switch(v, 0.01)
+    """
+
+    nargs = 2
+    is_real = True
+
+    def fdiff(self, argindex: int = 1) -> Expr:
+        """Derivative of the smooth step."""
+        value, width = self.args
+        steep = (1 - sympy.tanh(value / width) ** 2) / (2 * width)
+        return steep if argindex == 1 else -steep * value / width
+
+
+def smooth_step(value: Expr, width: Expr) -> Expr:
+    """A switch as a smooth step.
+
+    Examples
+    --------
+    >>> smooth_step(sympy.Symbol("v"), sympy.Symbol("w"))
+    tanh(v/w)/2 + 1/2
+    """
+    return (1 + sympy.tanh(value / width)) / 2
+
+
+def jump(value: Expr, width: Expr) -> Expr:
+    """A switch as a jump; the width does not matter.
+
+    Examples
+    --------
+    >>> jump(sympy.Symbol("v"), sympy.Symbol("w"))
+    Piecewise((1, v > 0), (0, True))
+    """
+    return Piecewise((Integer(1), value > 0), (Integer(0), True))
 
 
 class TableFunction(Function):  # type: ignore[misc]

@@ -13,7 +13,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-from bondgraph.declare.elements import LAW_GIVES, STORAGES, Node
+from bondgraph.declare.elements import LAW_GIVES, STORAGES, TWO_PORTS, Node
+from bondgraph.declare.functions import switch
 from bondgraph.declare.graph import BondGraph
 from bondgraph.derive.patterns import Pattern, stroke_patterns
 from bondgraph.derive.refusals import clash, explain_chain, refusal, refuse_law, refuse_rings
@@ -118,7 +119,9 @@ class _Assignment:
         return [Decision(bond, (node.kind == "Sf") == inward, reason) for bond, inward in self._bonds(node)]
 
     def _law(self, node: Node) -> list[Decision]:
-        """Laws that allow one pattern only."""
+        """Laws that allow one pattern only, and two-ports that can open: the other stroke would divide by zero."""
+        if node.kind in TWO_PORTS and node.laws[0][1].has(switch):
+            return [self._openable(node, bond, inward) for bond, inward in self._bonds(node)]
         allowed = self.patterns[node.name]
         if allowed is None or len(allowed) != 1:
             return []
@@ -127,6 +130,12 @@ class _Assignment:
             reason = Reason("law", node.name, f"law of {node.name} gives the {'flow' if takes_effort else 'effort'}")
             found.append(Decision(bond, takes_effort == inward, reason))
         return found
+
+    def _openable(self, node: Node, bond: int, inward: bool) -> Decision:
+        takes_effort = node.kind == "TF" and not inward
+        gives = "flow" if takes_effort else "effort"
+        reason = Reason("law", node.name, f"{node.kind} {node.name}, whose modulus can become zero, gives the {gives}")
+        return Decision(bond, takes_effort == inward, reason)
 
     def _storage(self, node: Node) -> list[Decision]:
         reason = Reason("integral", node.name, f"{node.name} in integral causality gives the {LAW_GIVES[node.kind]}")

@@ -102,12 +102,13 @@ class Scaled:
 
 @dataclass(frozen=True)
 class Residual:
-    """A law given implicitly: ``template = 0`` in the variable itself (``own``) and others."""
+    """A law given implicitly: ``template = 0`` in the variable itself (``own``) and others; ``guess`` is near it."""
 
     template: Expr
     own: Symbol
     own_sign: int
     arguments: tuple[tuple[Symbol, Key, int], ...]
+    guess: Expr = ZERO
 
     @property
     def law(self) -> Law:

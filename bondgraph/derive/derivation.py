@@ -18,11 +18,15 @@ from bondgraph.derive.definitions import Definition, Key, Law, Residual
 from bondgraph.derive.equations import Assignment, ImplicitLoop, OutputEquation, StateEquations
 from bondgraph.derive.loops import Loop, LoopSolver
 from bondgraph.derive.order import components
+from bondgraph.derive.size import is_long, is_small
 from bondgraph.derive.variables import BondVariables
+from bondgraph.derive.zero import ZeroTest
 from bondgraph.errors import DerivationError
 
+__all__ = ["Derivation", "bond_labels", "check_closed", "derive", "is_long", "is_small"]
 
-def derive(causal: CausalGraph, bonds: bool = False) -> StateEquations:
+
+def derive(causal: CausalGraph, bonds: bool = False, smooth: bool = True) -> StateEquations:
     """State equations of a causal graph.
 
     Parameters
@@ -31,6 +35,9 @@ def derive(causal: CausalGraph, bonds: bool = False) -> StateEquations:
         Graph with all strokes placed.
     bonds
         Add the effort and flow of every bond to the outputs, named ``effort(a->b)`` and ``flow(a->b)``.
+    smooth
+        Take every ``switch`` in a law as a smooth step of its declared width, as filters and gradients need it; else as
+        a jump, and list where it jumps in ``events``.
 
     Raises
     ------
@@ -49,19 +56,21 @@ def derive(causal: CausalGraph, bonds: bool = False) -> StateEquations:
     >>> derive(assign_causality(g)).derivatives
     (F/m,)
     """
-    return Derivation(causal).equations(bonds)
+    return Derivation(causal, smooth).equations(bonds)
 
 
 class Derivation:
     """Values of the variables computed so far, in order, as expressions in named symbols."""
 
-    def __init__(self, causal: CausalGraph) -> None:
+    def __init__(self, causal: CausalGraph, smooth: bool = True) -> None:
         self.causal = causal
-        self.variables = BondVariables(causal)
+        self.smooth = smooth
+        self.variables = BondVariables(causal, smooth)
         self.values: dict[Key, Expr] = {}
         self.assignments: list[Assignment | ImplicitLoop] = []
         self.loops: list[Loop] = []
         self.uses: dict[Key, int] = {}
+        self.zero_test = ZeroTest()
         self.taken: dict[str, None] = dict.fromkeys([*causal.graph.quantities, "t", "x", "u", "theta"])
         for state in self.variables.states:
             self.values["x", state.symbol.name] = state.symbol
@@ -77,8 +86,9 @@ class Derivation:
         every = (
             [key for b in range(len(graph.bonds)) for key in (variables.effort(b), variables.flow(b))] if bonds else []
         )
-        roots: list[Key] = [*rates, *(key for _, law in measured for key in law.depends), *every]
-        self.compute(roots)
+        jumps = self.variables.jumps
+        used = [key for law in (*(law for _, law in measured), *jumps) for key in law.depends]
+        self.compute([*rates, *used, *every])
         self._check_determined()
         outputs = [
             OutputEquation(symbol(output.name), law.build(self.values), output.unit, output.meaning)
@@ -90,11 +100,13 @@ class Derivation:
             graph.name, graph.doc, graph.source, tuple(variables.states),
             (*graph.inputs, *self._input_rates(derivatives)), graph.parameters, graph.tables,
             tuple(self.assignments), derivatives, tuple(outputs),
+            tuple(dict.fromkeys(law.build(self.values) for law in jumps)),
         )  # fmt: skip
 
     def compute(self, roots: Sequence[Key]) -> None:
         """Give every variable that the roots need a value, in order."""
         order = components(roots, self._depends)
+        order = [members for members in order if members[0] not in self.values]
         for members in order:
             for key in members:
                 for used in self._depends(key):
@@ -115,7 +127,7 @@ class Derivation:
         left = [key for key in every if key not in self.values]
         loops = [m for m in components(left, self._depends) if len(m) > 1 or m[0] in self._depends(m[0])]
         if any(members[0] not in self.values for members in loops):
-            Derivation(self.causal).compute(left)
+            Derivation(self.causal, self.smooth).compute(left)
 
     def _depends(self, key: Key) -> Sequence[Key]:
         rule = self.variables.definition(key)
@@ -136,21 +148,41 @@ class Derivation:
 
     def named(self, key: Key, rule: Definition, value: Expr) -> Expr:
         """The value itself where it may be repeated, else the symbol of a new assignment."""
-        used = self.uses.get(key, 0)
-        if is_small(value) or (used <= 1 and not _is_physical(key, rule)):
+        if is_small(value):
+            return value
+        if self.uses.get(key, 0) <= 1 and not _is_physical(key, rule) and not is_long(value):
             return value
         return self.name(key, value)
 
     def name(self, key: Key, value: Expr) -> Symbol:
         """A new assignment under the variable's own name."""
         wanted, unit, meaning = self.label(key)
+        if key[0] == "s":
+            self.taken.pop(wanted, None)  # kept free for the signal itself
         return self.assign_as(wanted, value, unit, meaning)
 
     def assign_as(self, wanted: str, value: Expr, unit: str, meaning: str) -> Symbol:
         """A new assignment; the name gives way to declared ones."""
         target = self.fresh(wanted)
         self.assignments.append(Assignment(target, value, unit, meaning))
+        self.zero_test.define(target, value)
         return target
+
+    def mark(self) -> int:
+        """Where the assignments end now, for :meth:`return_to`."""
+        return len(self.assignments)
+
+    def return_to(self, mark: int) -> None:
+        """Take back assignments that turned out not to be needed."""
+        for taken_back in self.assignments[mark:]:
+            if isinstance(taken_back, Assignment):
+                del self.taken[taken_back.symbol.name]
+        if len(self.assignments) > mark:
+            del self.assignments[mark:]
+            self.zero_test = ZeroTest()
+            for kept in self.assignments:
+                if isinstance(kept, Assignment):
+                    self.zero_test.define(kept.symbol, kept.expression)
 
     def fresh(self, wanted: str) -> Symbol:
         """A symbol whose name is not taken."""
@@ -206,22 +238,10 @@ def bond_labels(causal: CausalGraph) -> list[str]:
     return labels
 
 
-def is_small(value: Expr) -> bool:
-    """Whether repeating an expression is clearer than naming it.
-
-    Examples
-    --------
-    >>> a, b = symbol("a"), symbol("b")
-    >>> is_small(-a), is_small(a / b), is_small(a * b + b)
-    (True, False, False)
-    """
-    if value.is_Atom:
-        return True
-    return bool(value.is_Mul and len(value.args) == 2 and value.args[0] == -1 and value.args[1].is_Atom)
-
-
 def _is_physical(key: Key, rule: Definition) -> bool:
-    """Efforts and flows given by an element's law keep their names, so that the physics stays readable."""
+    """Named signals, and efforts and flows given by an element's law, keep their names: the physics stays readable."""
+    if key[0] == "s":
+        return True
     if not isinstance(rule, Law) or key[0] not in ("e", "f"):
         return False
     return bool(rule.arguments)

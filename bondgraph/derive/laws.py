@@ -87,8 +87,35 @@ def affine_parts(law: Expr, own: Symbol) -> tuple[Expr, Expr] | None:
     return a, law.xreplace({own: Integer(0)})
 
 
+def solve_for(equation: Expr, own: Symbol) -> Expr | None:
+    """The one value of ``own`` at which an expression vanishes, or None where that has no closed form or is not unique.
+
+    The equation is linear in it, or rational with a numerator of the first degree.
+
+    Examples
+    --------
+    >>> e, f, r, k = sympy.symbols("e f r k", real=True)
+    >>> solve_for(e - r * f, f)
+    e/r
+    >>> solve_for(f - e / (r + k * e), e)
+    -f*r/(f*k - 1)
+    >>> solve_for(e - f**2, f) is None
+    True
+    """
+    parts = affine_parts(equation, own)
+    if parts is not None:
+        return -parts[1] / parts[0]
+    if not equation.is_rational_function(own) or equation.is_polynomial(own):
+        return None
+    above = sympy.Poly(sympy.fraction(sympy.together(equation))[0], own)
+    if above.degree() != 1:
+        return None
+    slope_of, constant = above.all_coeffs()
+    return -constant / slope_of
+
+
 def inverse(law: Expr, own: Symbol, given: Symbol) -> Expr | None:
-    """``own`` as a function of the value ``given`` of an affine law, or None.
+    """``own`` as a function of the value ``given`` of a law, or None where that has no closed form or is not unique.
 
     Examples
     --------
@@ -96,7 +123,4 @@ def inverse(law: Expr, own: Symbol, given: Symbol) -> Expr | None:
     >>> inverse(b * flow, flow, effort)
     effort/b
     """
-    parts = affine_parts(law, own)
-    if parts is None:
-        return None
-    return (given - parts[1]) / parts[0]
+    return solve_for(law - given, own)

@@ -38,6 +38,7 @@ def solve_linear(
     right: list[Expr],
     name_it: Callable[[Expr, str], Expr],
     singular: Callable[[list[int]], Exception],
+    is_zero: Callable[[Expr], bool] = is_zero,
 ) -> list[Expr]:
     """Solve ``matrix x = right`` by elimination, naming intermediate results so that nothing swells.
 
@@ -49,6 +50,8 @@ def solve_linear(
         Turns an intermediate expression into a named one (or leaves a small one alone).
     singular
         Makes the error for the columns that have no pivot.
+    is_zero
+        Decides whether an entry vanishes; it must know what named results stand for.
     """
     n = len(right)
     rows = list(range(n))

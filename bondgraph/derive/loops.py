@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections import ChainMap
+from collections.abc import Mapping, MutableMapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -9,8 +11,10 @@ from sympy import Add, Expr, Symbol
 
 from bondgraph.derive.definitions import ONE, ZERO, Key, Rate, Residual
 from bondgraph.derive.equations import Assignment, ImplicitLoop
-from bondgraph.derive.linear import is_zero, solve_linear
+from bondgraph.derive.laws import solve_for
+from bondgraph.derive.linear import solve_linear
 from bondgraph.derive.order import tear
+from bondgraph.derive.size import is_long
 from bondgraph.errors import DerivationError
 
 if TYPE_CHECKING:
@@ -38,19 +42,39 @@ class LoopSolver:
         self.members = members
         self.inside = set(members)
         self.rules = {key: derivation.variables.definition(key) for key in members}
+        self.stand_ins = {key: Symbol(f"__loop_{i}", real=True) for i, key in enumerate(members)}
+        self.open_values = ChainMap({**self.stand_ins}, derivation.values)
+        self.loop_symbols = set(self.stand_ins.values())
         implicit = [key for key in members if isinstance(self.rules[key], Residual)]
-        self.torn, self.order = tear(members, self._within, implicit)
+        self.torn, self.order = tear(members, self._within, implicit, self._nonlinear_arguments())
         self.elements = self._elements()
 
     def _within(self, key: Key) -> list[Key]:
         rule = self.rules[key]
         return [] if rule is None else [used for used in rule.depends if used in self.inside]
 
+    def _nonlinear_arguments(self) -> set[Key]:
+        """Members on which others depend nonlinearly.
+
+        Guessing these is better than guessing what follows from them: the residual then contains the law itself, whose
+        slope tells Newton's method where to go, and not the law of a law's argument.
+        """
+        found: dict[Key, None] = {}
+        for rule in self.rules.values():
+            if rule is None or isinstance(rule, Residual | Rate):
+                continue
+            for used, partial in rule.partials(self.open_values):
+                if used in self.inside and not partial.free_symbols.isdisjoint(self.loop_symbols):
+                    found[used] = None
+        return set(found)
+
     def solve(self) -> None:
         """Give every member a value."""
+        mark = self.derivation.mark()
         linear = self._linear_system()
-        of_rates = any(key[0] == "d" for key in self.members)
+        of_rates = all(key[0] == "d" for key in self.torn)
         if linear is None:
+            self.derivation.return_to(mark)
             self._newton()
         else:
             self._closed_form(*linear)
@@ -69,16 +93,15 @@ class LoopSolver:
         if any(isinstance(self.rules[key], Residual) for key in self.torn):
             return None
         coefficients: dict[Key, dict[Key, Expr]] = {key: {key: ONE} for key in self.torn}
-        constants: dict[Key, Expr] = dict.fromkeys(self.torn, ZERO)
-        symbols = {key: Symbol(f"__loop_{i}", real=True) for i, key in enumerate(self.members)}
+        constants = ChainMap(dict.fromkeys(self.torn, ZERO), self.derivation.values)
         for key in self.order:
-            row = self._affine(key, coefficients, constants, symbols)
+            row = self._affine(key, coefficients, constants)
             if row is None:
                 return None
             coefficients[key], constants[key] = row
         matrix, right = [], []
         for key in self.torn:
-            row = self._affine(key, coefficients, constants, symbols)
+            row = self._affine(key, coefficients, constants)
             if row is None:
                 return None
             matrix.append([(ONE if other == key else ZERO) - row[0].get(other, ZERO) for other in self.torn])
@@ -86,47 +109,40 @@ class LoopSolver:
         return matrix, right
 
     def _affine(
-        self,
-        key: Key,
-        coefficients: dict[Key, dict[Key, Expr]],
-        constants: dict[Key, Expr],
-        symbols: dict[Key, Symbol],
+        self, key: Key, coefficients: dict[Key, dict[Key, Expr]], constants: MutableMapping[Key, Expr]
     ) -> tuple[dict[Key, Expr], Expr] | None:
         """Coefficients of the torn variables in a member's value, and its value where they are zero."""
         rule = self.rules[key]
         assert rule is not None and not isinstance(rule, Residual)
         if isinstance(rule, Rate) and any(used in self.inside and used[0] != "d" for used in rule.depends):
             return None  # a rate whose slopes are taken at variables of the same loop
-        open_values = {**self.derivation.values, **symbols}
-        loop_symbols = set(symbols.values())
         row: dict[Key, Expr] = {}
-        for used, partial in rule.partials(open_values):
+        for used, partial in rule.partials(self.open_values):
             if used not in self.inside:
                 continue
-            if partial.free_symbols & loop_symbols:
+            if not partial.free_symbols.isdisjoint(self.loop_symbols):
                 return None
             for torn, inner in coefficients[used].items():
                 row[torn] = Add(row.get(torn, ZERO), partial * inner)
-        constant = rule.build({**self.derivation.values, **{k: constants[k] for k in self.inside if k in constants}})
-        return {torn: self._shorten(value, key) for torn, value in row.items() if value != 0}, self._shorten(
-            constant, key
-        )
+        shortened = {torn: self._shorten(value, key) for torn, value in row.items() if value != 0}
+        return shortened, self._shorten(rule.build(constants), key)
 
     def _shorten(self, value: Expr, key: Key) -> Expr:
-        if _operations(value) <= _LONG:
+        if not is_long(value, _LONG):
             return value
         name, _, meaning = self.derivation.label(key)
         return self.derivation.assign_as(f"{name}_part", value, "", f"part of {meaning}")
 
     def _closed_form(self, matrix: list[list[Expr]], right: list[Expr]) -> None:
         def name_it(value: Expr, hint: str) -> Expr:
-            if _operations(value) <= _LONG:
+            if not is_long(value, _LONG):
                 return value
             return self.derivation.assign_as(f"loop_{hint}", value, "", f"loop of {', '.join(self.elements)}")
 
-        if len(right) == 1 and is_zero(matrix[0][0]):
-            raise self._undetermined([0])
-        for key, value in zip(self.torn, solve_linear(matrix, right, name_it, self._undetermined), strict=True):
+        is_zero = self.derivation.zero_test.is_zero
+        for key, value in zip(
+            self.torn, solve_linear(matrix, right, name_it, self._undetermined, is_zero), strict=True
+        ):
             rule = self.rules[key]
             assert rule is not None
             self.derivation.values[key] = self.derivation.named(key, rule, value)
@@ -155,62 +171,71 @@ class LoopSolver:
     def _newton(self) -> None:
         derivation = self.derivation
         unknowns = [derivation.fresh(derivation.label(key)[0]) for key in self.torn]
-        values = {**derivation.values, **dict(zip(self.torn, unknowns, strict=True))}
+        values = ChainMap(dict(zip(self.torn, unknowns, strict=True)), derivation.values)
         body: list[Assignment] = []
         for key in self.order:
             rule = self.rules[key]
             assert rule is not None and not isinstance(rule, Residual)
             value = rule.build(values)
             name, unit, meaning = derivation.label(key)
-            if _operations(value) > 1 and self._uses_inside(key) > 1:
+            if is_long(value, 1) and self._uses_inside(key) > 1:
                 local = derivation.fresh(f"{name}_in_loop")
                 body.append(Assignment(local, value, unit, meaning))
                 value = local
             values[key] = value
-        residuals = []
-        for key, unknown in zip(self.torn, unknowns, strict=True):
-            rule = self.rules[key]
-            assert rule is not None
-            is_residual = isinstance(rule, Residual)
-            residuals.append(rule.residual(unknown, values) if is_residual else rule.build(values) - unknown)  # type: ignore[union-attr]
+        residuals = [self._residual(key, unknown, values) for key, unknown in zip(self.torn, unknowns, strict=True)]
+        solved = self._rational(body, residuals[0], unknowns[0]) if len(residuals) == 1 else None
+        if solved is not None:
+            derivation.assignments.append(Assignment(unknowns[0], solved, *derivation.label(self.torn[0])[1:]))
+            derivation.values[self.torn[0]] = unknowns[0]
+            return
         labels = [derivation.label(key) for key in self.torn]
         derivation.assignments.append(
             ImplicitLoop(
                 "_".join(str(unknown) for unknown in unknowns[:2]),
                 tuple(unknowns),
-                (ZERO,) * len(unknowns),
+                tuple(self._guess(key) for key in self.torn),
                 tuple(residuals),
                 tuple(unit for _, unit, _ in labels),
                 tuple(body),
-                f"loop of {', '.join(self.elements)}" if self.elements else "implicit law",
+                f"loop of {', '.join(self.elements)}" if len(self.members) > 1 else f"law of {self.elements[0]}",
             )
         )
         derivation.values.update(zip(self.torn, unknowns, strict=True))
+
+    def _rational(self, body: Sequence[Assignment], residual: Expr, unknown: Symbol) -> Expr | None:
+        """The only root of a residual that is rational in its unknown with a numerator of the first degree."""
+        inside: dict[Expr, Expr] = {}
+        for local in body:
+            inside[local.symbol] = local.expression.xreplace(inside)
+        whole = residual.xreplace(inside)
+        return solve_for(whole, unknown) if not is_long(whole, 2 * _LONG) else None
+
+    def _residual(self, key: Key, unknown: Symbol, values: Mapping[Key, Expr]) -> Expr:
+        rule = self.rules[key]
+        assert rule is not None
+        return rule.residual(unknown, values) if isinstance(rule, Residual) else rule.build(values) - unknown
+
+    def _guess(self, key: Key) -> Expr:
+        """Where Newton's method starts: the declared start value of the element, else zero."""
+        rule = self.rules[key]
+        return rule.guess if isinstance(rule, Residual) else ZERO
 
     def _uses_inside(self, key: Key) -> int:
         return sum(key in self._within(other) for other in self.members)
 
     def _elements(self) -> tuple[str, ...]:
         """Elements whose laws are on the loop, in order of declaration."""
-        variables = self.derivation.variables
-        found: dict[str, None] = {}
-        for node in self.derivation.causal.graph.nodes.values():
-            if node.kind in ("R", "C", "I"):
-                for port in variables.ports(node):
-                    keys = (variables.effort(port.bond), variables.flow(port.bond), ("q", node.name, port.number))
-                    on_loop = [key for key in keys if key in self.inside or ("d", key) in self.inside]
-                    state = variables.state_of(node.name, port.number) if node.kind != "R" else None
-                    rate = state is not None and ("d", ("x", state.symbol.name)) in self.inside
-                    if len(on_loop) >= 2 or rate:
-                        found[node.name] = None
-        return tuple(found)
-
-
-def _operations(value: Expr) -> int:
-    """Nodes of an expression, counted until it is clearly long."""
-    count, stack = 0, [value]
-    while stack and count <= _LONG:
-        item = stack.pop()
-        count += 1
-        stack.extend(item.args)
-    return count
+        read = self.derivation.variables
+        counts: dict[str, int] = {}
+        for key in self.members:
+            rate = key[0] == "d"
+            if rate and key[1][0] == "x":
+                name = read.state_elements.get(key[1][1])
+                counts.update({name: 2} if name else {})
+                continue
+            for name in read.elements_of(key[1] if rate else key):
+                counts[name] = counts.get(name, 0) + 1
+        alone = len(self.members) == 1
+        nodes = read.positions
+        return tuple(sorted((name for name, count in counts.items() if count >= 2 or alone), key=nodes.__getitem__))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Iterable, Sequence
+from collections.abc import Callable, Container, Hashable, Iterable, Sequence
 from typing import TypeVar
 
 K = TypeVar("K", bound=Hashable)
@@ -56,11 +56,17 @@ def _pop_component(key: K, stack: list[K], on_stack: dict[K, bool], index: dict[
             return sorted(members, key=index.__getitem__)
 
 
-def tear(members: Sequence[K], depends: Callable[[K], Sequence[K]], must: Sequence[K] = ()) -> tuple[list[K], list[K]]:
+def tear(
+    members: Sequence[K],
+    depends: Callable[[K], Sequence[K]],
+    must: Sequence[K] = (),
+    prefer: Container[K] = (),
+) -> tuple[list[K], list[K]]:
     """Variables to guess so that the rest of a loop follows in order, and that order.
 
     Greedy: the member with the most connections within its loop is torn first (Lempel and Barnett 1964 show that small
-    feedback sets rarely need more). ``must`` members are torn in any case.
+    feedback sets rarely need more), from among ``prefer`` where one of these is in the loop. ``must`` members are torn
+    in any case.
 
     Examples
     --------
@@ -80,10 +86,10 @@ def tear(members: Sequence[K], depends: Callable[[K], Sequence[K]], must: Sequen
         cyclic = [part for part in parts if len(part) > 1 or part[0] in within(part[0])]
         if not cyclic:
             return torn, [part[0] for part in parts]
-        torn += [_most_connected(part, within) for part in cyclic]
+        torn += [_most_connected(part, within, prefer) for part in cyclic]
 
 
-def _most_connected(part: Sequence[K], within: Callable[[K], Sequence[K]]) -> K:
+def _most_connected(part: Sequence[K], within: Callable[[K], Sequence[K]], prefer: Container[K]) -> K:
     inside = set(part)
     incoming = dict.fromkeys(part, 0)
     outgoing = dict.fromkeys(part, 0)
@@ -92,4 +98,4 @@ def _most_connected(part: Sequence[K], within: Callable[[K], Sequence[K]]) -> K:
             if child in inside:
                 incoming[child] += 1
                 outgoing[key] += 1
-    return max(part, key=lambda key: incoming[key] * outgoing[key])
+    return max(part, key=lambda key: (key in prefer, incoming[key] * outgoing[key]))

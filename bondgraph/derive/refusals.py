@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from bondgraph.declare.elements import LAW_GIVES, SOURCES, Node
+from bondgraph.declare.elements import LAW_GIVES, SOURCES, TWO_PORTS, Node
 from bondgraph.declare.graph import BondGraph
 from bondgraph.derive.strokes import ContradictionError, Reason, StrokeSearch
 from bondgraph.errors import CausalityError
@@ -121,14 +121,16 @@ def refuse_law(search: StrokeSearch, node: Node, bond: int) -> None:
     ends = search.graph.bonds[bond]
     neighbour = search.graph.nodes[ends.source if ends.target == node.name else ends.target]
     variable = "effort" if "effort" in reason.text else "flow"
+    todo = f"give {reason.node} its law as {_OTHER[variable]}({variable}), or as a residual if that has no closed form,"
+    if search.graph.nodes[reason.node].kind in TWO_PORTS:
+        todo = f"exchange the sides of {reason.node},"
     imposed = f"the {LAW_GIVES[node.kind]} of {_junction(neighbour) if neighbour.is_junction else neighbour.name}"
     place = at if variable == "effort" else reason.node
     separator = "1" if LAW_GIVES[node.kind] == "effort" else "0"
     raise CausalityError(
         f"{search.graph.name}: bond {law_bond} cannot carry its stroke at {place} "
         f"({reason.text.replace('gives the', 'gives an' if variable == 'effort' else 'gives a')}) because {node.name} "
-        f"already imposes {imposed}; give {reason.node} its law as {_OTHER[variable]}({variable}), or as a residual if "
-        f"that has no closed form, or separate them by a {separator}-junction",
+        f"already imposes {imposed}; {todo} or separate them by a {separator}-junction",
         where=(f"bond {law_bond}", node.name),
     )
 

@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING
 from sympy import Expr, Symbol
 
 from bondgraph.declare.elements import ENERGY_VARIABLE, LAW_GIVES, Node
+from bondgraph.declare.functions import number
 from bondgraph.declare.quantities import symbol
-from bondgraph.derive.definitions import Key, Residual, Scaled, Sum
-from bondgraph.derive.laws import affine_parts, slope
+from bondgraph.derive.definitions import ZERO, Key, Residual, Scaled, Sum
+from bondgraph.derive.laws import slope, solve_for
 from bondgraph.derive.patterns import equations_of, forms, match, unknowns_of
 from bondgraph.errors import DerivationError
 
@@ -108,7 +109,8 @@ def _solve(
 ) -> None:
     """Define each unknown by one of the equations: in closed form where it is linear in it, else by its residual.
 
-    An equation may contain other unknowns; then they form an algebraic loop, which is solved as any other.
+    An equation may contain other unknowns; then they form an algebraic loop, which is solved as any other. Newton's
+    method starts from the declared start value of the port.
     """
     givers = match(equations, unknowns)
     if givers is None:
@@ -118,14 +120,15 @@ def _solve(
             "give - give them in another form, or change what imposes its variables",
             where=(node.name,),
         )
-    for unknown, giver in zip(unknowns, givers, strict=True):
+    for position, (unknown, giver) in enumerate(zip(unknowns, givers, strict=True)):
         key, sign = own[unknown]
-        parts = affine_parts(equations[giver], unknown)
-        if parts is not None:
-            variables.definitions[key] = variables.law(-sign * parts[1] / parts[0], own)
+        solved = solve_for(equations[giver], unknown)
+        if solved is not None:
+            variables.definitions[key] = variables.law(sign * solved, own)
         else:
             law = variables.law(equations[giver], own, unknown=unknown)
-            variables.definitions[key] = Residual(law.template, unknown, sign, law.arguments)
+            guess = number(node.initial[position]) if position < len(node.initial) else ZERO
+            variables.definitions[key] = Residual(law.template, unknown, sign, law.arguments, sign * guess)
 
 
 # ---------------------------------------------------------------------- storages

@@ -8,8 +8,9 @@ from dataclasses import dataclass
 from sympy import Expr, Symbol
 
 from bondgraph.declare.domains import UNDECLARED_PREFIXES, Domain
-from bondgraph.declare.elements import SOURCES, STORAGES, Node
+from bondgraph.declare.elements import MULTIPORTS, SOURCES, STORAGES, Node
 from bondgraph.declare.expressions import signal_name
+from bondgraph.declare.functions import jump, smooth_step, switch
 from bondgraph.declare.quantities import Integral, NamedSignal, symbol
 from bondgraph.declare.validation import node_domains
 from bondgraph.derive.causality import CausalGraph
@@ -42,8 +43,10 @@ class Port:
 class BondVariables:
     """Keys, names, units and definitions of every variable of a causal graph (built once, then only read)."""
 
-    def __init__(self, causal: CausalGraph) -> None:
+    def __init__(self, causal: CausalGraph, smooth: bool = True) -> None:
         self.causal = causal
+        self.smooth = smooth
+        self.jumps: list[Law] = []
         self.graph = causal.graph
         self.incidence = causal.graph.incidence()
         self.domains = node_domains(causal.graph)
@@ -51,6 +54,7 @@ class BondVariables:
         self.definitions: dict[Key, Definition] = {}
         self.labels: dict[Key, tuple[str, str, str]] = {}
         self.states: list[State] = []
+        self._inertias: dict[str, Expr | None] = {}
         self._by_port: dict[tuple[str, int], State] = {}
         self._names: dict[str, None] = dict.fromkeys(self.graph.quantities)
         self._derivative = set(causal.derivative)
@@ -100,6 +104,31 @@ class BondVariables:
         return [
             Port(node, number, bond, 1 if inward or node.kind in SOURCES else -1) for number, (bond, inward) in pairs
         ]
+
+    @functools.cached_property
+    def positions(self) -> dict[str, int]:
+        """Position of every node in the order of declaration."""
+        return {name: position for position, name in enumerate(self.graph.nodes)}
+
+    @functools.cached_property
+    def state_elements(self) -> dict[str, str]:
+        """The storage that each state belongs to, by the state's name."""
+        return {state.symbol.name: state.element for state in self.states if state.element}
+
+    def elements_of(self, key: Key) -> tuple[str, ...]:
+        """Elements with a law for which a variable is one of their own."""
+        if key[0] == "q":
+            return (key[1],)
+        return tuple(self._elements_by_key.get(key, ()))
+
+    @functools.cached_property
+    def _elements_by_key(self) -> dict[Key, dict[str, None]]:
+        found: dict[Key, dict[str, None]] = {}
+        for node in self.graph.nodes.values():
+            for bond, _ in self.incidence[node.name] if node.kind in MULTIPORTS else ():
+                for key in (self.effort(bond), self.flow(bond)):
+                    found.setdefault(key, {})[node.name] = None
+        return found
 
     def own(self, port: Port, variable: str) -> tuple[Key, int]:
         """Key of an element's own effort or flow and the sign with which the bond's variable enters it."""
@@ -182,6 +211,11 @@ class BondVariables:
 
     def constant_inertia(self, node: Node) -> Expr | None:
         """The inertia of a one-port inertance whose law is ``momentum/inertia`` with a constant inertia, else None."""
+        if node.name not in self._inertias:
+            self._inertias[node.name] = self._constant_inertia(node)
+        return self._inertias[node.name]
+
+    def _constant_inertia(self, node: Node) -> Expr | None:
         law = node.law("flow")
         if node.kind != "I" or node.ports > 1 or law is None:
             return None
@@ -217,6 +251,7 @@ class BondVariables:
     ) -> Law:
         """An expression as a definition: its own variables, signals, states and named signals become keys."""
         own = own or {}
+        expression = self._with_switches(expression, own)
         arguments: list[tuple[Symbol, Key, int]] = []
         replace: dict[Symbol, Expr] = {}
         for used in sorted(expression.free_symbols, key=lambda s: str(s.name)):
@@ -237,6 +272,15 @@ class BondVariables:
             if used in self._state_symbols and used not in own:
                 arguments.append((used, ("x", used.name), 1))
         return Law(template, tuple(dict.fromkeys(arguments)))
+
+    def _with_switches(self, expression: Expr, own: dict[Symbol, tuple[Key, int]]) -> Expr:
+        """Switches as smooth steps, or as jumps that are noted."""
+        if not expression.has(switch):
+            return expression
+        if not self.smooth:
+            for used in sorted(expression.atoms(switch), key=str):
+                self.jumps.append(self.law(used.args[0], own))
+        return expression.replace(switch, smooth_step if self.smooth else jump)
 
     def signal(self, used: Symbol) -> tuple[Key, int] | Expr:
         """The variable a signal reads, as a key with sign, or as an expression of states."""

@@ -39,18 +39,69 @@ def is_zero(expression: Expr) -> bool:
     >>> is_zero(sympy.sin(a) ** 2 + sympy.cos(a) ** 2 - 1), is_zero(1 - sympy.tanh(a) ** 2)
     (True, False)
     """
-    if expression.is_Number:
-        return bool(expression == 0)
-    fields = [_Field(trial) for trial in range(_TRIALS)]
-    try:
-        values = [field.value(expression) for field in fields]
-    except ZeroDivisionError:
-        return bool(sympy.simplify(expression) == 0)
-    if not any(values):
-        return True
-    if not any(field.functions for field in fields):
-        return False
-    return not _proven_not_zero(expression) and bool(sympy.simplify(expression) == 0)
+    return ZeroTest().is_zero(expression)
+
+
+class ZeroTest:
+    """Decides about expressions in symbols some of which stand for other expressions.
+
+    Examples
+    --------
+    >>> a, b, gain = sympy.symbols("a b gain", real=True)
+    >>> test = ZeroTest()
+    >>> test.define(gain, a * b / (a * b + a) * (1 + 1 / b))
+    >>> test.is_zero(1 - gain)
+    True
+    """
+
+    def __init__(self) -> None:
+        self._definitions: list[tuple[Expr, Expr]] = []
+        self._fields = [_Field(trial) for trial in range(_TRIALS)]
+        self._intervals: dict[int, _Interval] = {}
+
+    def define(self, symbol: Expr, value: Expr) -> None:
+        """Let a symbol stand for an expression in symbols defined before it."""
+        self._definitions.append((symbol, value))
+
+    def is_zero(self, expression: Expr) -> bool:
+        """Whether the expression vanishes identically."""
+        if expression.is_Number:
+            return bool(expression == 0)
+        for field in self._fields:
+            field.functions = False
+            field.learn(self._definitions)
+        try:
+            values = [field.value(expression) for field in self._fields]
+        except ZeroDivisionError:
+            return self._simplifies_to_zero(expression)
+        if not any(values):
+            return True
+        if not any(field.functions or field.learned_functions for field in self._fields):
+            return False
+        return not self._proven_not_zero(expression) and self._simplifies_to_zero(expression)
+
+    def _simplifies_to_zero(self, expression: Expr) -> bool:
+        known: dict[Expr, Expr] = {}
+        for symbol, value in self._definitions:
+            known[symbol] = value.xreplace(known)
+        return bool(sympy.simplify(expression.xreplace(known)) == 0)
+
+    def _proven_not_zero(self, expression: Expr) -> bool:
+        """Whether the interval of values at some point excludes zero."""
+        previous, mpmath.iv.dps = mpmath.iv.dps, _PRECISION
+        try:
+            return any(self._excludes_zero(expression, trial) for trial in range(_POINTS))
+        finally:
+            mpmath.iv.dps = previous
+
+    def _excludes_zero(self, expression: Expr, trial: int) -> bool:
+        interval = self._intervals.setdefault(trial, _Interval(trial))
+        try:
+            interval.learn(self._definitions)
+            value = interval.value(expression)
+        except (_UnboundedError, ZeroDivisionError, ValueError, OverflowError, mpmath.libmp.ComplexResult):
+            return False
+        return isinstance(value, mpmath.ctx_iv.ivmpf) and bool(value > 0 or value < 0)
 
 
 def is_regular(matrix: list[list[Expr]]) -> bool:
@@ -93,6 +144,18 @@ class _Field:
     def __init__(self, trial: int) -> None:
         self.random = random.Random(trial)
         self.known: dict[Expr, int] = {}
+        self.functions = self.learned_functions = False
+        self.learned = 0
+
+    def learn(self, definitions: list[tuple[Expr, Expr]]) -> None:
+        """Take over what symbols stand for."""
+        for symbol, value in definitions[self.learned :]:
+            try:
+                self.known[symbol] = self.value(value)
+            except ZeroDivisionError:
+                self.known[symbol] = self.random.randrange(1, _PRIME)
+        self.learned = len(definitions)
+        self.learned_functions |= self.functions
         self.functions = False
 
     def value(self, expression: Expr) -> int:
@@ -128,42 +191,38 @@ def _reciprocal(value: int) -> int:
 # ---------------------------------------------------------------------- intervals
 
 
-def _proven_not_zero(expression: Expr) -> bool:
-    """Whether the interval of values at some point excludes zero."""
-    symbols = sorted(expression.free_symbols, key=lambda s: str(s.name))
-    previous, mpmath.iv.dps = mpmath.iv.dps, _PRECISION
-    try:
-        return any(_excludes_zero(expression, symbols, trial) for trial in range(_POINTS))
-    finally:
-        mpmath.iv.dps = previous
-
-
-def _excludes_zero(expression: Expr, symbols: list[Expr], trial: int) -> bool:
-    draw = random.Random(trial)
-    point = {used: mpmath.iv.mpf(draw.randrange(1, 64)) / 32 * (-1) ** (trial * draw.randrange(2)) for used in symbols}
-    try:
-        value = _Interval(point, draw).value(expression)
-    except (_UnboundedError, ZeroDivisionError, ValueError, OverflowError, mpmath.libmp.ComplexResult):
-        return False
-    return isinstance(value, mpmath.ctx_iv.ivmpf) and bool(value > 0 or value < 0)
-
-
 class _UnboundedError(Exception):
     """A value that an interval cannot enclose, or a comparison that it cannot decide."""
 
 
 class _Interval:
-    """Values enclosed in intervals."""
+    """Values enclosed in intervals, at a point drawn for each trial."""
 
-    def __init__(self, point: dict[Expr, Any], draw: random.Random) -> None:
-        self.point, self.draw = point, draw
+    def __init__(self, trial: int) -> None:
+        self.draw, self.signed = random.Random(trial), trial % 2
+        self.point: dict[Expr, Any] = {}
+        self.learned = 0
+
+    def learn(self, definitions: list[tuple[Expr, Expr]]) -> None:
+        """Take over what symbols stand for; one without a value at this point has none."""
+        for symbol, value in definitions[self.learned :]:
+            try:
+                self.point[symbol] = self.value(value)
+            except (_UnboundedError, ZeroDivisionError, ValueError, OverflowError, mpmath.libmp.ComplexResult):
+                self.point[symbol] = mpmath.iv.mpf([-mpmath.inf, mpmath.inf])
+        self.learned = len(definitions)
 
     def value(self, expression: Expr) -> Any:
         if expression not in self.point:
             self.point[expression] = self._compute(expression)
         return self.point[expression]
 
+    def _drawn(self) -> Any:
+        return mpmath.iv.mpf(self.draw.randrange(1, 64)) / 32 * (-1) ** (self.signed * self.draw.randrange(2))
+
     def _compute(self, expression: Expr) -> Any:
+        if expression.is_Symbol:
+            return self._drawn()
         if isinstance(expression, Rational):
             return mpmath.iv.mpf(expression.p) / expression.q
         if expression.is_Float:
@@ -180,7 +239,7 @@ class _Interval:
         if isinstance(expression, Pow):
             return values[0] ** (int(expression.exp) if expression.exp.is_Integer else values[1])
         rule = _ENCLOSED.get(type(expression))
-        return mpmath.iv.mpf(self.draw.randrange(1, 64)) / 32 if rule is None else rule(*values)
+        return self._drawn() if rule is None else rule(*values)
 
     def _holds(self, condition: Any) -> bool:
         if condition in (sympy.true, sympy.false):

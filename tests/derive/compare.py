@@ -19,7 +19,7 @@ from tests.derive.oracle import STORED, Oracle, Solution
 def loaded(equations: StateEquations) -> dict[str, Any]:
     """The rendered module, executed; it needs numpy only."""
     module: dict[str, Any] = {}
-    exec(compile(render(equations), equations.name, "exec"), module)  # noqa: S102
+    exec(compile(render(equations), equations.name, "exec"), module)
     return module
 
 

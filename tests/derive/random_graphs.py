@@ -133,7 +133,8 @@ class RandomGraph:
     def _field(self, kind: str, at: Handle) -> None:
         other = self.rng.choice(self.junctions)
         ports = [at, other]
-        own = [symbol(f"{dict(C='displacement', I='momentum', R='flow')[kind]}{port}") for port in (1, 2)]
+        variable = {"C": "displacement", "I": "momentum", "R": "flow"}[kind]
+        own = [symbol(f"{variable}{port}") for port in (1, 2)]
         a, b, c = self.parameter() + 1, self.parameter() + 1, self.parameter() / 3
         name = self.name(kind.lower() + "f")
         if kind == "R":
