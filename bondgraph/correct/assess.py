@@ -20,7 +20,10 @@ from bondgraph.simulate.trajectory import Trajectory
 
 @dataclass(frozen=True)
 class ChannelError:
-    """Root mean square errors of one channel, in its unit; ``noise_std`` is the sensor noise that the fit found."""
+    """Root mean square errors of one channel, in its unit; ``noise_std`` is the sensor noise that the fit found.
+
+    Innovations count from the second sample: what is expected of the first is the prior, not a prediction.
+    """
 
     innovation_rmse: float
     simulation_rmse: float

@@ -33,8 +33,8 @@ _PROBE = 1e-4
 _PROBE_STD = 0.1
 #: Factors on declared noise levels at which a first fit looks for its start.
 _NOISIER = (1.0, 5.0, 25.0, 125.0)
-#: A fit that is to beat another gives up when it is behind by more than this many times what its last step promised.
-_HOPELESS = 3.0
+#: A fit that is to beat another gives up when it is behind by more than this many times what a step promises or gains.
+_HOPELESS = 10.0
 
 Report = Callable[[str, int, int], None]
 
@@ -171,8 +171,9 @@ def fit(
     while not starts_ended(state, settings) and idle < 2:
         before = float(state.values[0])
         state = step_starts(problem, state, settings, differences)
-        idle = idle + 1 if 0.0 < before - float(state.values[0]) < tolerance else 0
-        if float(state.values[0]) - beat > _HOPELESS * differences.promise(problem):
+        gained = before - float(state.values[0])
+        idle = idle + 1 if 0.0 < gained < tolerance else 0
+        if float(state.values[0]) - beat > _HOPELESS * max(gained, differences.promise(problem)):
             break
     ended = SearchOutcome.CONVERGED if idle == 2 else SearchOutcome.ITERATION_LIMIT
     return _fit(problem, finish_starts(state, ended), differences, evaluations)

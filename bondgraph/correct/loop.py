@@ -31,6 +31,8 @@ from bondgraph.declare.graph import BondGraph
 from bondgraph.errors import DataError, EstimationError, OptionError
 from bondgraph.estimate.free import FreeParameter, declared_free
 
+#: Measurements per free parameter below which nothing can be concluded.
+_MEASUREMENTS_EACH = 20
 #: The declared model is fitted to this many nats, far below what an effect must gain.
 _TOLERANCE = 0.05
 _MOST_ITERATIONS = 60
@@ -136,13 +138,11 @@ def close_loop(
         If the graph is refused.
     """
     settings = settings or LoopSettings()
-    if not train:
-        raise DataError(f"{graph.name}: no training log - give at least one with --data")
-    if not functions:
-        raise OptionError(f"{graph.name}: no effect to try - give a module with effect functions")
+    _check_given(graph, train, functions)
     built = build(graph)
     setup = filter_setup(built.model, built.driven, train, settings.process_noise)
     free = (*free_parameters(setup, settings.free), *setup.noise)
+    _check_enough(graph, train, len(free))
     report("fit the declared model", 0, 1)
     nominal = fit(setup.filter_model, train, free, _MOST_ITERATIONS, _TOLERANCE, noisy_starts(free))
     report("fit the declared model", 1, 1)
@@ -163,12 +163,28 @@ def close_loop(
     corrected_built = build(with_values(current_built.graph, _model_values(current)))
     report("assess", 0, 1)
     result = ClosedLoop(
-        _verdict(added, residual, settings.level), reason, nominal, current,
+        *_verdict(added, residual, settings.level, reason), nominal, current,
         assess(nominal, train), assess(nominal, holdout), assess(current, train), assess(current, holdout),
         built, corrected_built, tuple(added), tuple(rounds), residual,
     )  # fmt: skip
     report("assess", 1, 1)
     return result
+
+
+def _check_given(graph: BondGraph, train: Sequence[MatchedLog], functions: Sequence[EffectFunction]) -> None:
+    if not train:
+        raise DataError(f"{graph.name}: no training log - give at least one with --data")
+    if not functions:
+        raise OptionError(f"{graph.name}: no effect to try - give a module with effect functions")
+
+
+def _check_enough(graph: BondGraph, train: Sequence[MatchedLog], free: int) -> None:
+    measured = sum(int(np.isfinite(log.y).sum()) for log in train)
+    if measured < _MEASUREMENTS_EACH * free:
+        raise DataError(
+            f"{graph.name}: {measured} measurements in {', '.join(log.name for log in train)} are too few for {free} "
+            f"free parameters and noise levels - give longer logs, at least {_MEASUREMENTS_EACH * free} measurements"
+        )
 
 
 def free_parameters(setup: FilterSetup, names: Sequence[str]) -> tuple[FreeParameter, ...]:
@@ -269,8 +285,9 @@ def _model_values(fitted: Fit) -> dict[str, float]:
     }
 
 
-def _verdict(added: Sequence[Added], residual: Sequence[Whiteness], level: float) -> Verdict:
+def _verdict(added: Sequence[Added], residual: Sequence[Whiteness], level: float, reason: str) -> tuple[Verdict, str]:
+    coloured = [test.channel for test in residual if test.p_value * len(residual) < level]
+    left = f"; the innovations of {', '.join(coloured)} stay coloured" if coloured else ""
     if added:
-        return "effect found"
-    coloured = [test for test in residual if test.p_value * len(residual) < level]
-    return "unexplained residual" if coloured else "no missing effect"
+        return "effect found", reason + left
+    return "unexplained residual" if coloured else "no missing effect", reason + left

@@ -1,0 +1,141 @@
+"""Candidates: where effects are offered, which are refused and why, and the one model that holds them all."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from bondgraph.correct.build import build
+from bondgraph.correct.candidates import candidates, places, superset
+from bondgraph.correct.refit import coefficients
+from bondgraph.correct.setup import filter_setup
+from bondgraph.data.log import MatchedLog
+from bondgraph.declare.domains import TRANSLATION
+from bondgraph.declare.effect import Effect, Place, Scale, effect_functions
+from bondgraph.declare.graph import BondGraph, Handle
+from bondgraph.errors import EstimationError, OptionError
+from bondgraph.filter.likelihood import run
+from tests.correct.sled import built, fitted, pull, sled
+from vehicle_graphs import effects
+from vehicle_graphs.driveline import driveline
+
+
+@pytest.fixture(scope="module")
+def where() -> list[Place]:
+    log = pull(sled(), 1)
+    base = fitted([log])
+    return places(built(), [log], base.runs([log]), base.theta)
+
+
+def test_places_have_the_sizes_that_the_logs_show(where: list[Place]) -> None:
+    scale = {place.label: place.scale for place in where}
+    assert scale["drum"].flow == pytest.approx(scale["runner"].flow / 0.3, rel=1e-9)
+    assert scale["drum"].effort == pytest.approx(45.0, rel=0.1)
+    assert {"drum", "runner", "drum -> rope"} <= set(scale)
+
+
+def test_a_place_without_motion_is_left_out() -> None:
+    graph = sled()
+    brake = graph.one_junction("brake", TRANSLATION)
+    graph.flow_source("clamp", 0, at=brake)
+    graph.resistance("lining", graph.parameter("c_lining", 5.0, "N s/m"), at=brake)
+    own = build(graph)
+    log = pull(sled(), 1)
+    setup = filter_setup(own.model, own.driven, [log])
+    found = places(own, [log], [run(setup.filter_model, log)], own.model.theta())
+    assert "runner" in [place.label for place in found]
+    assert "brake" not in [place.label for place in found]
+
+
+def test_no_place_is_left_where_nothing_moves() -> None:
+    log = pull(sled(), 1)
+    still = MatchedLog("still", log.time, 0.0 * log.u, 0.0 * log.y)
+    own = built()
+    setup = filter_setup(own.model, own.driven, [log])
+    filtered = run(setup.filter_model, still, x0=np.zeros(1))
+    filtered = dataclasses.replace(filtered, filtered_mean=0.0 * filtered.filtered_mean)
+    assert places(own, [still], [filtered], own.model.theta()) == []
+
+
+def test_the_superset_with_zero_coefficients_is_the_declared_model(where: list[Place]) -> None:
+    found, _ = candidates(built(), effect_functions(effects), where)
+    everything = superset(built(), [candidate for candidate in found if not candidate.effect.adds_state])
+    rng = np.random.default_rng(0)
+    own, wide = built().model, everything.model
+    assert set(own.names("parameter")) < set(wide.names("parameter"))
+    x, u = rng.uniform(0.5, 4.0, (1, 50)), rng.uniform(0.0, 45.0, (1, 50))
+    for name in ("rhs", "output"):
+        declared = getattr(own, name)(0.0, x, u, own.theta())
+        np.testing.assert_allclose(getattr(wide, name)(0.0, x, u, wide.theta()), declared, rtol=1e-12)
+
+
+def test_effects_of_the_demo_are_offered_where_they_make_sense() -> None:
+    graph = driveline()
+    own = build(graph)
+    junctions = {name: node for name, node in graph.nodes.items() if node.is_junction}
+    where = [Place(Handle(name, node.kind, node.domain), Scale(100.0, 10.0)) for name, node in junctions.items()]
+    found, refused = candidates(own, effect_functions(effects), where)
+    labels = {candidate.label for candidate in found}
+    assert "added_inertia at body" in labels and "added_inertia at wheel" not in labels  # nothing to add to
+    assert "torque_proportional_loss at axle" in labels and "torque_proportional_loss at primary" not in labels
+    assert not any(label.endswith(("at belt", "at shaft")) for label in labels)  # no common flow
+    assert [(no.effect, no.place) for no in refused] == [("torque_proportional_loss", "twist")]
+    assert refused[0].why == "would close a nonlinear algebraic loop"
+    first = next(candidate for candidate in found if candidate.label == "viscous_loss at body")
+    assert first.passive and first.beside_storage
+    other = next(candidate for candidate in found if candidate.label == "constant_effort at wheel")
+    assert not other.passive and not other.beside_storage
+
+
+def test_what_is_present_is_not_offered_again(where: list[Place]) -> None:
+    found, _ = candidates(built(), [effects.viscous_loss], where, {("viscous_loss", "drum")})
+    assert [candidate.label for candidate in found] == ["viscous_loss at runner"]
+
+
+def broken(g: BondGraph, at: Place) -> Effect | None:
+    return Effect("broken", "x", "", (str(1 / 0),))
+
+
+def misnamed(g: BondGraph, at: Place) -> Effect | None:
+    g.effort_source(f"push_{at.name}", g.parameter(f"load_{at.name}", 0.0, ""), at=at.junction)
+    return Effect("misnamed", f"push_{at.name}", "", (f"loads_{at.name}",))
+
+
+def unbounded(g: BondGraph, at: Place) -> Effect | None:
+    if at.bond is not None:
+        return None
+    g.effort_source(f"push_{at.name}", g.parameter(f"load_{at.name}", 0.0, ""), at=at.junction)
+    return Effect("unbounded", f"push_{at.name}", "effort = load", (f"load_{at.name}",))
+
+
+def lasting(g: BondGraph, at: Place) -> Effect | None:
+    g.effort_source(f"push_{at.name}", g.parameter(f"load_{at.name}", 3.0, "", "", (1.0, 5.0)), at=at.junction)
+    return Effect("lasting", f"push_{at.name}", "effort = load", (f"load_{at.name}",))
+
+
+def crowded(g: BondGraph, at: Place) -> Effect | None:
+    return Effect("crowded", "none", "", ())
+
+
+def test_an_effect_function_that_fails_is_named(where: list[Place]) -> None:
+    with pytest.raises(OptionError, match=r"effect function broken failed at drum: ZeroDivisionError: .* - mend it"):
+        candidates(built(), [broken], where)
+    with pytest.raises(OptionError, match=r"names the coefficient 'loads_drum' .*; did you mean 'load_drum'\?"):
+        candidates(built(), [misnamed], where)
+
+
+def test_an_effect_that_cannot_be_tested_is_refused_with_the_reason(where: list[Place]) -> None:
+    place = [one for one in where if one.label == "drum"]
+    _, (first, second) = candidates(built(), [lasting, crowded], place)
+    assert first.why == "does not vanish: its coefficient is 3 when it is added, not 0"
+    assert second.why == "has 0 coefficients; one is tested, the others must be plain parameters"
+
+
+def test_a_coefficient_without_bounds_is_an_error(where: list[Place]) -> None:
+    (candidate, *_), _ = candidates(built(), [unbounded], where)
+    own = superset(built(), [candidate])
+    setup = filter_setup(own.model, own.driven, [pull(sled(), 1)])
+    with pytest.raises(EstimationError, match=r"unbounded at drum: its coefficient load_drum has no bounds"):
+        coefficients(candidate, setup.filter_model)

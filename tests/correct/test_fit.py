@@ -1,0 +1,86 @@
+"""Expansions by one-sided differences, fits that give up, bounds that hold, starts of noise levels."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from bondgraph.correct.differences import forward_differences
+from bondgraph.correct.fit import fit, noisy_starts, restricted, standard_deviations
+from bondgraph.data.log import MatchedLog
+from bondgraph.errors import EstimationError
+from bondgraph.estimate.free import FreeParameter
+from bondgraph.estimate.objective import Terms, central_differences
+from tests.correct.sled import fitted, pull, sled
+
+
+def test_one_sided_differences_give_the_expansion_of_central_ones() -> None:
+    base = fitted([pull(sled(), 1)])
+    steps = 0.1 / np.sqrt(np.diag(base.expansion.information))[:, np.newaxis]
+    (coarse,) = forward_differences(base.problem, base.point[:, np.newaxis], steps)
+    (exact,) = central_differences(base.problem, base.point[:, np.newaxis], steps)
+    assert coarse.evaluations < 0.6 * exact.evaluations
+    scale = np.sqrt(np.outer(np.diag(exact.information), np.diag(exact.information)))
+    assert np.abs((coarse.information - exact.information) / scale).max() < 2e-3
+    assert np.abs((coarse.gradient - exact.gradient) / np.sqrt(np.diag(scale))).max() < 2e-2
+
+
+class Parabola:
+    """z = c^2 - 1 in a box, without a value for c > 1.5."""
+
+    lower, upper = np.array([-2.0]), np.array([2.0])
+
+    def terms(self, points: np.ndarray) -> Terms:
+        z = np.where(points > 1.5, np.nan, points**2 - 1.0)
+        return Terms(z, np.zeros(z.shape))
+
+
+@pytest.mark.parametrize("at", [0.7, 1.5, -2.0])
+def test_differences_stay_inside_the_box_and_look_back_where_the_model_fails(at: float) -> None:
+    (expansion,) = forward_differences(Parabola(), np.array([[at]]), np.array([[1e-4]]))
+    assert expansion.gradient[0] == pytest.approx((at**2 - 1.0) * 2.0 * at, rel=1e-4)
+
+
+def test_a_fit_finds_the_truth_within_its_deviation() -> None:
+    base = fitted([pull(sled(), 2, c_guide=15.0)])
+    assert base.outcome.succeeded
+    assert base.values["c_guide"] == pytest.approx(15.0, abs=4.0 * base.std["c_guide"])
+    assert base.values["std(speed)"] == pytest.approx(0.02, rel=0.15)
+
+
+def test_what_rests_on_a_bound_counts_as_known() -> None:
+    base = fitted([pull(sled(), 3)])
+    assert base.held[base.problem.names.index("process(v_sled)")]  # the simulation has no process noise
+    free = ~base.held
+    own = standard_deviations(restricted(base.expansion, free))
+    assert [base.std[name] for name, kept in zip(base.problem.names, free, strict=True) if kept] == own.tolist()
+
+
+def test_a_fit_that_cannot_win_is_given_up() -> None:
+    log = pull(sled(), 4, c_guide=16.0)
+    base = fitted([log])
+    problem = base.problem
+    lost = fit(problem.filter_model, [log], problem.free, beat=base.nll - 1e4)
+    assert lost.evaluations < base.evaluations and not lost.outcome.succeeded
+    assert fit(problem.filter_model, [log], problem.free, beat=base.nll).nll == pytest.approx(base.nll, abs=0.1)
+
+
+def test_starts_differ_in_their_noise_alone() -> None:
+    free = (
+        FreeParameter("c_guide", 2.0, 60.0, 12.0),
+        FreeParameter("std(speed)", 1e-3, 10.0, 0.1, scale="log"),
+        FreeParameter("process(v_sled)", 1e-3, 10.0, 0.01, scale="log"),
+    )
+    starts = np.array(noisy_starts(free))
+    assert (starts[:, 0] == 12.0).all()
+    assert starts[0].tolist() == [12.0, np.log(0.1), np.log(0.01)]
+    assert len({tuple(row) for row in starts}) == len(starts)
+
+
+def test_a_model_that_diverges_everywhere_is_told() -> None:
+    log = pull(sled(), 5)
+    base = fitted([log])
+    y = np.where(np.arange(log.time.size) % 399 == 0, log.y, np.nan)  # nothing holds the filter in between
+    slow = MatchedLog(log.name, 1000.0 * log.time, log.u, y)  # far too few substeps for such intervals
+    with pytest.raises(EstimationError, match=r"sled: the model diverges at its declared parameters on run with 1 sub"):
+        fit(base.problem.filter_model, [slow], base.problem.free)
