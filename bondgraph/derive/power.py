@@ -30,7 +30,7 @@ from sympy import Abs, Add, Expr, Mul, Piecewise, Pow, Rational, Symbol
 from bondgraph.declare.elements import ENERGY_VARIABLE, LAW_GIVES, SOURCES, STORAGES, TWO_PORTS, Node
 from bondgraph.declare.expressions import FUNCTIONS, normalise, signal, to_text
 from bondgraph.declare.functions import TableFunction, jump, maximum, minimum, switch
-from bondgraph.declare.quantities import Input, symbol
+from bondgraph.declare.quantities import symbol
 from bondgraph.derive.causality import CausalGraph
 from bondgraph.derive.definitions import ZERO
 from bondgraph.derive.derivation import derive
@@ -209,16 +209,8 @@ class _Balance:
         for entry in slopes.block("outputs", "u").entries:
             driving = equations.inputs[entry.column].symbol
             terms += [entry.value * rates[driving]] if driving in rates else []
-        used = {*Add(*terms).free_symbols, *(s for output in equations.outputs for s in output.expression.free_symbols)}
-        used -= {declared.symbol for declared in equations.inputs}
-        missing = [
-            Input(rates[declared.symbol].name, "", f"rate of {declared.name}")
-            for declared in self.graph.inputs
-            if rates.get(declared.symbol) in used
-        ]
         terms += [entry.value for entry in slopes.block("outputs", "t").entries]
-        inputs, assignments = (*equations.inputs, *missing), (*equations.assignments, *slopes.assignments)
-        return replace(equations, inputs=inputs, assignments=assignments), Add(*terms)
+        return replace(equations, assignments=(*equations.assignments, *slopes.assignments)), Add(*terms)
 
     # ------------------------------------------------------------------ energies
 
