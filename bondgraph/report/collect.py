@@ -37,9 +37,12 @@ class Runs:
     simulated: Trajectory | None = None
 
     def prediction(self, row: int) -> Prediction:
-        """The predictions of one output."""
+        """The predictions of one output; the first sample was not predicted but given by the prior."""
+        one_step = None if self.filtered is None else self.filtered.output_mean[row].copy()
+        if one_step is not None:
+            one_step[0] = np.nan
         return Prediction(
-            None if self.filtered is None else self.filtered.output_mean[row],
+            one_step,
             None if self.simulated is None else self.simulated.y[row],
         )
 
