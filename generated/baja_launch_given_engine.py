@@ -1,6 +1,6 @@
 # Generated from vehicle_graphs/baja.py -- do not edit.
 # Regenerate with:  bondgraph generate vehicle_graphs.baja:launch_given_engine
-# Generator: bondgraph 0.1.0, sympy 1.14.0.  Equations: ff5694a785067e99
+# Generator: bondgraph 0.1.0, sympy 1.14.0.  Equations: 4bc0d0dcf2985b2a
 """Terps TR24 Baja car: the engine's power carried to the wheels at the measured engine speed.
 
 States x:
@@ -41,7 +41,7 @@ INPUTS = (
 )
 # name, unit, value, lower and upper bound (None: known, stays fixed), meaning
 PARAMETERS = (
-    ("lowest_ratio", "1", 3.905374189009849, None, None, "secondary over primary radius with the sheaves open"),
+    ("lowest_ratio", "1", 3.90537418901, None, None, "secondary over primary radius with the sheaves open"),
     ("slowest_engine", "rad/s", 104.71975511965977, None, None, "engine speed below which a reading is not believed"),
     ("gear_reduction", "1", 8.32, None, None, "secondary speed over wheel speed"),
     ("tyre_radius", "m", 0.3175, None, None, "tyre radius"),

@@ -19,7 +19,7 @@ from bondgraph.declare.domains import ROTATION, TRANSLATION
 from bondgraph.declare.functions import TableFunction, clip, maximum, minimum
 from bondgraph.declare.graph import BondGraph, Handle
 from vehicle_graphs.cvt import BeltRadii, belt_radii, belt_traction, flyweights, torque_feedback_gain
-from vehicle_graphs.cvt_geometry import BeltGeometry, FlyweightRamp, secondary_radius
+from vehicle_graphs.cvt_geometry import BeltGeometry, FlyweightRamp, rounded, secondary_radius
 
 RPM = math.pi / 30
 
@@ -125,7 +125,7 @@ def launch_given_engine() -> BondGraph:
     belt = g.zero_junction("belt", ROTATION)
     secondary = g.one_junction("secondary", ROTATION)
 
-    lowest = float(secondary_radius(BELT, PRIMARY_RADIUS)) / PRIMARY_RADIUS
+    (lowest,) = rounded(secondary_radius(BELT, PRIMARY_RADIUS) / PRIMARY_RADIUS)
     lowest_ratio = g.parameter("lowest_ratio", lowest, "1", "secondary over primary radius with the sheaves open")
     torque = _torque_table(g)
     g.effort_source("combustion", throttle * torque(engine_speed), at=engine)

@@ -19,7 +19,14 @@ from sympy import Expr, cos, tan, tanh
 
 from bondgraph.declare.functions import maximum, minimum
 from bondgraph.declare.graph import BondGraph, Handle
-from vehicle_graphs.cvt_geometry import BeltGeometry, FlyweightRamp, flyweight_motion, secondary_radius, wrap_angles
+from vehicle_graphs.cvt_geometry import (
+    BeltGeometry,
+    FlyweightRamp,
+    flyweight_motion,
+    rounded,
+    secondary_radius,
+    wrap_angles,
+)
 
 # Below this rest of the loop 1 - K gain the secondary has locked itself: its limit is a thousand times its springs.
 _SELF_LOCKED = 1e-3
@@ -54,14 +61,14 @@ def belt_radii(g: BondGraph, belt: BeltGeometry, primary: Expr, sheave_angle: Ex
     radii = secondary_radius(belt, knots)
     around_primary, around_secondary = wrap_angles(belt, knots, radii)
     radius_table = g.table(
-        "secondary_radius_at", knots.tolist(), radii.tolist(), "m", "m",
+        "secondary_radius_at", rounded(knots), rounded(radii), "m", "m",
         meaning="secondary radius that keeps the length of the belt, against the primary radius",
     )  # fmt: skip
     wrap_table = g.table(
-        "wrap_ratio", knots.tolist(), (around_primary / around_secondary).tolist(), "1", "m",
+        "wrap_ratio", rounded(knots), rounded(around_primary / around_secondary), "1", "m",
         meaning="wrap angle of the primary over that of the secondary, against the primary radius",
     )  # fmt: skip
-    rest = g.parameter("secondary_radius_rest", float(radii[0]), "m", "secondary radius at the lowest ratio")
+    rest = g.parameter("secondary_radius_rest", rounded(radii)[0], "m", "secondary radius at the lowest ratio")
     secondary = g.signal("secondary_radius", radius_table(primary), "m", "effective radius of the secondary")
     opening = g.signal(
         "secondary_opening", (rest - secondary) * tan(sheave_angle), "m", "travel of the secondary sheave from its rest"
@@ -88,10 +95,10 @@ def flyweights(
     knots = np.linspace(0.0, largest, 91)
     radius, lift = flyweight_motion(ramp, knots)
     radius_table = g.table(
-        f"{name}_radius", knots.tolist(), radius.tolist(), "m", "m", meaning="radius of the rollers at a sheave travel"
+        f"{name}_radius", rounded(knots), rounded(radius), "m", "m", meaning="radius of the rollers at a sheave travel"
     )
     lift_table = g.table(
-        f"{name}_lift", knots.tolist(), lift.tolist(), "1", "m", meaning="radial lift of the rollers per sheave travel"
+        f"{name}_lift", rounded(knots), rounded(lift), "1", "m", meaning="radial lift of the rollers per sheave travel"
     )
     modulus = mass * radius_table(travel) * lift_table(travel) * crank.flow
     g.gyrator(name, modulus, source=crank, target=shift)

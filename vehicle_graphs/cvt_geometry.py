@@ -18,6 +18,18 @@ from bondgraph.errors import DeclarationError
 
 FloatArray = npt.NDArray[np.float64]
 
+
+def rounded(values: FloatArray) -> list[float]:
+    """Computed lengths and ratios to 12 decimals, so that a declaration is the same number on every machine.
+
+    Examples
+    --------
+    >>> rounded(np.array([0.1 + 0.2]))
+    [0.3]
+    """
+    return [round(float(value), 12) for value in np.atleast_1d(values)]
+
+
 # ---------------------------------------------------------------------- belt of fixed length
 
 

@@ -109,8 +109,12 @@ def _write_drive(model: Model, rng: np.random.Generator, path: Path, duration: f
     time = np.arange(0.0, duration, 1.0 / RATE)
     torque, grade = _driver(time, rng), _road(time, rng)
     settle = np.linspace(-20.0, 0.0, 200)
-    start = simulate(model, settle, np.array([np.full(200, torque[0]), np.full(200, grade[0])]), rtol=1e-8)
-    run = simulate(model, time, np.array([torque, grade]), x0=start.raise_if_failed().x[:, -1], rtol=1e-8)
+    start = simulate(
+        model, settle, np.array([np.full(200, torque[0]), np.full(200, grade[0])]), rtol=1e-8, compiled=True
+    )
+    run = simulate(
+        model, time, np.array([torque, grade]), x0=start.raise_if_failed().x[:, -1], rtol=1e-8, compiled=True
+    )
     channels = {
         "engine_torque": LogChannel("engine_torque", "N m", torque),
         "grade": LogChannel("grade", "1", grade),

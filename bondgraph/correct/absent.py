@@ -1,8 +1,8 @@
 """Absent means absent: a candidate whose coefficient is zero must leave the model as it is.
 
-An element added to a graph can change which variables its loops are solved for, and a loop that divides by a modulus that
-reaches zero (an open clutch, a gear in neutral) gives no number any more although nothing was added. Such a candidate
-cannot be scored, and is named instead of silently spoiling the model that holds all candidates.
+An element added to a graph can change which variables its loops are solved for, and a loop that divides by a modulus
+that reaches zero (an open clutch, a gear in neutral) gives no number any more although nothing was added. Such a
+candidate cannot be scored, and is named instead of silently spoiling the model that holds all candidates.
 """
 
 from __future__ import annotations
