@@ -130,7 +130,8 @@ def trajectory_log(trajectory: Trajectory) -> Log:
     """A trajectory as a log: states, then outputs that are not states already."""
     model = trajectory.model
     channels: dict[str, LogChannel] = {}
-    named = [(info.name, info.unit) for info in (*model.states, *model.outputs)]
+    named = [(state.name, state.unit) for state in model.states]
+    named += [(output.name, output.unit) for output in model.outputs]
     for (name, unit), values in zip(named, (*trajectory.x, *trajectory.y), strict=True):
         if name not in channels:
             channels[name] = LogChannel(name, unit or "1", values)
