@@ -98,7 +98,7 @@ class Derivation:
         derivatives = tuple(self.values[rate] for rate in rates)
         return StateEquations(
             graph.name, graph.doc, graph.source, tuple(variables.states),
-            (*graph.inputs, *self._input_rates(derivatives)), graph.parameters, graph.tables,
+            (*graph.inputs, *self._input_rates([*derivatives, *(output.expression for output in outputs)])), graph.parameters, graph.tables,
             tuple(self.assignments), derivatives, tuple(outputs),
             tuple(dict.fromkeys(law.build(self.values) for law in jumps)),
         )  # fmt: skip
@@ -207,7 +207,7 @@ class Derivation:
                 outputs.append(OutputEquation(signal(variable, label), value, unit, f"{variable} of bond {label}"))
         return outputs
 
-    def _input_rates(self, derivatives: Sequence[Expr]) -> list[Input]:
+    def _input_rates(self, results: Sequence[Expr]) -> list[Input]:
         """Inputs whose own rate a dependent storage needs: the rate becomes an input."""
         used: set[Any] = set()
         for assignment in self.assignments:
@@ -217,7 +217,8 @@ class Derivation:
                 else (*assignment.residuals, *(a.expression for a in assignment.body))
             )
             used.update(*(part.free_symbols for part in parts))
-        used.update(*(value.free_symbols for value in derivatives)) if derivatives else None
+        for value in results:
+            used.update(value.free_symbols)
         found = []
         for declared in self.causal.graph.inputs:
             rate = self.variables.input_rates.get(declared.symbol)

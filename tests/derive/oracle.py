@@ -152,7 +152,11 @@ class Oracle:
 
     def functions(self) -> dict[str, Any]:
         """Numeric forms of the functions of laws; tables by scipy's interpolant, held at the ends."""
-        found: dict[str, Any] = {"minimum": np.minimum, "maximum": np.maximum}
+        found: dict[str, Any] = {
+            "minimum": np.minimum,
+            "maximum": np.maximum,
+            "switch": lambda value, width: (1 + np.tanh(value / width)) / 2,
+        }
         for table in self.graph.tables:
             if table.y:
                 continue
@@ -211,17 +215,15 @@ class Oracle:
         for _ in range(60):
             residual = value(x)
             matrix = slopes(x)
-            scale = np.abs(matrix).max(axis=1)
-            scale[scale == 0] = 1.0
-            step = np.linalg.lstsq(matrix / scale[:, None], -residual / scale, rcond=1e-13)[0]
+            rows, columns = _equilibrated(matrix)
+            step = columns * np.linalg.lstsq(rows[:, None] * matrix * columns, -rows * residual, rcond=1e-13)[0]
             x = x + step
-            if np.abs(step).max() <= 1e-13 * (1 + np.abs(x).max()):
+            if np.all(np.abs(step) <= 1e-13 * (columns + np.abs(x))):
                 break
         matrix = slopes(x)
-        scale = np.abs(matrix).max(axis=1)
-        scale[scale == 0] = 1.0
-        residual_size = float(np.abs(value(x) / scale).max())
-        uncertain = _undetermined(matrix / scale[:, None], unknowns)
+        rows, columns = _equilibrated(matrix)
+        residual_size = float(np.max(np.abs(value(x)) / (1.0 / rows + np.abs(matrix) @ np.abs(x))))
+        uncertain = _undetermined(rows[:, None] * matrix * columns, unknowns)
         count = len(self.graph.bonds)
         position = {unknown: index for index, unknown in enumerate(unknowns)}
         return Solution(
@@ -263,6 +265,17 @@ def _lambdified(system: list[Expr], unknowns: list[Symbol], functions: dict[str,
         return found
 
     return lambda x: np.array(value(x), dtype=float), matrix
+
+
+def _equilibrated(matrix: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Scales of rows and columns that bring the largest entry of each near one (Ruiz 2001, RAL-TR-2001-034)."""
+    rows, columns = np.ones(len(matrix)), np.ones(matrix.shape[1])
+    for _ in range(8):
+        sizes = np.abs(rows[:, None] * matrix * columns)
+        tall, wide = sizes.max(axis=1), sizes.max(axis=0)
+        rows /= np.sqrt(np.where(tall > 0, tall, 1.0))
+        columns /= np.sqrt(np.where(wide > 0, wide, 1.0))
+    return rows, columns
 
 
 def _undetermined(matrix: np.ndarray, unknowns: list[Symbol]) -> list[str]:
