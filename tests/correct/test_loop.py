@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -40,7 +41,7 @@ def found() -> ClosedLoop:
 @pytest.fixture(scope="module")
 def nothing() -> ClosedLoop:
     """The loop closed on a sled that lacks nothing but has another friction than declared."""
-    return close_loop(sled(), logs(sled(), 2, c_guide=16.0), [pull(sled(), 51, name="held", c_guide=16.0)], FUNCTIONS)
+    return close_loop(sled(), logs(sled(), 3, c_guide=16.0), [pull(sled(), 51, name="held", c_guide=16.0)], FUNCTIONS)
 
 
 def test_the_missing_effect_is_found_with_its_size_and_nothing_else_is_added(found: ClosedLoop) -> None:
@@ -85,15 +86,16 @@ def test_with_nothing_missing_nothing_is_claimed_and_the_power_is_said(nothing: 
     assert at_drum == pytest.approx(0.3**3 * drag.size, rel=1e-3)
 
 
+@pytest.mark.slow
 def test_an_effect_of_detectable_size_is_found_nine_times_in_ten(nothing: ClosedLoop) -> None:
     sizes = {(one.effect, one.junction): one.size for one in nothing.detectable}
     size = sizes["quadratic_loss", "runner"]
     found = 0
-    for seed in range(10):
-        train = logs(added(effects.quadratic_loss, "runner", 1.5 * size), 200 + seed, c_guide=16.0)
+    for seed in range(20):
+        train = logs(added(effects.quadratic_loss, "runner", size), 200 + seed, c_guide=16.0)
         turn = one_round(built(), fitted(train), train, FUNCTIONS, LoopSettings(), no_report)
         found += turn.chosen is not None and turn.chosen.candidate.effect.name == "quadratic_loss"
-    assert found >= 8
+    assert found >= 15  # of 18 expected; fewer once in 20 times
 
 
 def test_held_out_logs_decide_nothing(found: ClosedLoop) -> None:
@@ -109,7 +111,7 @@ def test_held_out_logs_decide_nothing(found: ClosedLoop) -> None:
 
 
 def test_a_loop_without_held_out_logs_is_closed_the_same(nothing: ClosedLoop) -> None:
-    again = close_loop(sled(), logs(sled(), 2, c_guide=16.0), [], FUNCTIONS)
+    again = close_loop(sled(), logs(sled(), 3, c_guide=16.0), [], FUNCTIONS)
     assert again.nominal.values == nothing.nominal.values
     assert again.corrected_holdout.logs == () and again.corrected_holdout.nll == 0.0
 
@@ -119,27 +121,26 @@ def test_the_corrected_graph_read_back_gives_the_same_model(found: ClosedLoop, t
     write_graph(found.corrected_graph, path)
     again = build(read_graph(path))
     assert again.graph == found.corrected_graph
-    assert again.text == found.corrected_built.text
+    assert again.text.splitlines()[3:] == found.corrected_built.text.splitlines()[3:]  # but for where it was declared
+    assert again.text.splitlines()[2] == found.corrected_built.text.splitlines()[2]  # the digest of the equations
     values = {info.name: info.value for info in again.model.parameters}
     assert values["c_guide"] == found.corrected.values["c_guide"]
     assert "quadratic_loss_runner" in found.corrected_graph.nodes and "quadratic_loss_runner" not in sled().nodes
 
 
 def test_scores_predict_what_refits_gain_for_small_effects() -> None:
-    train = logs(added(effects.quadratic_loss, "runner", 0.1), 3)
+    train = logs(added(effects.quadratic_loss, "runner", 0.005), 3)
     base = fitted(train)
     turn = one_round(built(), base, train, FUNCTIONS, LoopSettings(), no_report)
-    compared = 0
     for trial in turn.trials:
-        own = build(trial.candidate.apply(sled()))
-        model = base.problem.filter_model.__class__(
-            own.model, base.problem.filter_model.process_noise, base.problem.filter_model.measurement_noise,
-            base.problem.filter_model.initial_std, base.problem.filter_model.substeps, alpha=1.0,
-        )  # fmt: skip
-        refit = fit(model, train, (*at_optimum(base), *coefficients(trial.candidate, model)))
-        assert base.nll - refit.nll == pytest.approx(trial.score_gain, rel=0.15, abs=0.1), trial.candidate.label
-        compared += trial.score_gain > 3.0
-    assert compared >= 2
+        if trial.candidate.place.label != "runner":
+            continue
+        own = replace(base.problem.filter_model, model=build(trial.candidate.apply(sled())).model)
+        free = (*at_optimum(base), *coefficients(trial.candidate, own))
+        gain = base.nll - fit(own, train, free).nll
+        assert gain == pytest.approx(trial.score_gain, rel=0.1, abs=1.0), trial.candidate.label
+    gains = {trial.candidate.label: trial.score_gain for trial in turn.trials}
+    assert 10.0 < gains["quadratic_loss at runner"] < 30.0
 
 
 def test_places_are_ranked_by_what_they_explain(found: ClosedLoop, nothing: ClosedLoop) -> None:

@@ -1,0 +1,94 @@
+"""The demonstration: reproducible drives without a trace of the truth, and the truth found by closing the loop."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from bondgraph.correct.build import build
+from bondgraph.correct.loop import ClosedLoop, close_loop
+from bondgraph.data.match import match
+from bondgraph.data.read import read_log
+from bondgraph.declare.effect import effect_functions
+from vehicle_graphs import effects
+from vehicle_graphs.demo import MISSING, SENSOR_NOISE, Missing, Truth, pick, write_drives
+from vehicle_graphs.driveline import driveline
+
+
+def test_drives_are_the_same_for_the_same_seed_and_differ_for_others(tmp_path: Path) -> None:
+    texts = []
+    for folder, seed in (("a", 3), ("b", 3), ("c", 4)):
+        (tmp_path / folder).mkdir()
+        train, holdout, _ = write_drives(seed, tmp_path / folder, MISSING[0])
+        assert [path.name for path in (*train, *holdout)] == ["train_1.csv", "train_2.csv", "holdout_1.csv"]
+        texts.append([path.read_bytes() for path in (*train, *holdout)])
+    assert texts[0] == texts[1] != texts[2]
+
+
+def test_logs_hold_measurements_and_nothing_of_the_truth(tmp_path: Path) -> None:
+    for missing in (MISSING[1], None):
+        train, holdout, truth = write_drives(5, tmp_path, missing)
+        assert truth.effect == ("coulomb_loss" if missing else "none")
+        for path in (*train, *holdout):
+            log = read_log(path)
+            assert set(log.channels) == {"engine_torque", "grade", *SENSOR_NOISE}
+            text = path.read_text().lower()
+            assert not any(word in text for word in ("coulomb", "loss", "none", "c_", "load"))
+        assert sorted(path.name for path in tmp_path.iterdir()) == ["holdout_1.csv", "train_1.csv", "train_2.csv"]
+
+
+def test_the_engine_runs_forwards_and_the_speed_varies(tmp_path: Path) -> None:
+    train, _, _ = write_drives(7, tmp_path, None)
+    for path in train:
+        log = read_log(path)
+        assert np.median(log.channels["engine_speed"].numbers) > 100.0
+        assert np.ptp(log.channels["speed"].numbers) > 3.0
+
+
+def test_every_seed_picks_an_entry_and_all_are_picked() -> None:
+    assert {MISSING.index(pick(seed)) for seed in range(100)} == set(range(len(MISSING)))
+
+
+def closed(seed: int, folder: Path, missing: Missing | None) -> tuple[ClosedLoop, Truth]:
+    train, holdout, truth = write_drives(seed, folder, missing)
+    model = build(driveline()).model
+    logs = [[match(read_log(path), model) for path in paths] for paths in (train, holdout)]
+    return close_loop(driveline(), *logs, effect_functions(effects)), truth
+
+
+def check_found(loop: ClosedLoop, truth: Truth) -> None:
+    """One effect: the true one, or one that these sensors cannot tell from it with the truth named beside it."""
+    assert loop.verdict == "effect found"
+    (added,) = loop.added
+    group = [f"{a.name}@{a.junction}" for a in loop.rounds[0].alternatives if a.indistinguishable]
+    candidate = added.trial.candidate
+    named = f"{candidate.effect.name}@{candidate.place.label}"
+    assert f"{truth.effect}@{truth.junction}" in (named, *group)
+    if named == f"{truth.effect}@{truth.junction}":
+        ((name, value),) = truth.coefficients.items()
+        assert loop.corrected.values[name] == pytest.approx(value, rel=0.1)
+    assert loop.corrected_holdout.nll < loop.nominal_holdout.nll
+
+
+def test_the_demonstration_finds_its_missing_effect(tmp_path: Path) -> None:
+    loop, truth = closed(1, tmp_path, pick(1))
+    check_found(loop, truth)
+    for name, error in loop.corrected_holdout.channels.items():
+        assert error.simulation_rmse < 1.5 * SENSOR_NOISE[name]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [21, 22])
+@pytest.mark.parametrize("index", range(len(MISSING)))
+def test_every_missing_effect_is_found(seed: int, index: int, tmp_path: Path) -> None:
+    check_found(*closed(seed, tmp_path, MISSING[index]))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(21, 27))
+def test_with_nothing_missing_no_effect_is_claimed(seed: int, tmp_path: Path) -> None:
+    loop, _ = closed(seed, tmp_path, None)
+    assert loop.added == () and loop.verdict == "no missing effect"
+    assert all(one.size > 0.0 for one in loop.detectable)

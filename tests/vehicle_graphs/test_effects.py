@@ -1,0 +1,160 @@
+"""Effects: each adds one element of the right sign and unit, vanishes with its coefficient, and makes sense there."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from bondgraph.correct.bonds import bond_model
+from bondgraph.correct.build import BuiltModel, build
+from bondgraph.declare.domains import HYDRAULIC, ROTATION, THERMAL, TRANSLATION
+from bondgraph.declare.editing import copy, handle, with_values
+from bondgraph.declare.effect import Effect, EffectFunction, Place, Scale, effect_functions
+from bondgraph.declare.graph import BondGraph
+from bondgraph.derive.derivation import bond_labels
+from bondgraph.simulate.simulate import simulate
+from vehicle_graphs import effects
+from vehicle_graphs.driveline import driveline
+
+LOSSES = (effects.viscous_loss, effects.coulomb_loss, effects.quadratic_loss, effects.torque_proportional_loss)
+VANISHING = (effects.constant_effort, *LOSSES, effects.added_inertia)
+
+
+def place(graph: BondGraph, name: str) -> Place:
+    return Place(handle(graph, name), Scale(200.0, 20.0))
+
+
+def extended(function: EffectFunction, junction: str, value: float) -> tuple[BuiltModel, Effect]:
+    graph = driveline()
+    effect = function(graph, place(graph, junction))
+    assert isinstance(effect, Effect)
+    return build(with_values(graph, {effect.coefficients[0]: value})), effect
+
+
+def points(count: int = 60) -> tuple[np.ndarray, np.ndarray]:
+    """States and inputs of the driveline all over its range, both directions."""
+    rng = np.random.default_rng(3)
+    reach = np.array([400.0, 60.0, 0.1, 20.0])[:, np.newaxis]
+    return reach * rng.uniform(-1.0, 1.0, (4, count)), rng.uniform(-1.0, 1.0, (2, count)) * np.array([[50.0], [0.1]])
+
+
+@pytest.mark.parametrize("function", VANISHING, ids=lambda function: function.__name__)
+def test_with_a_coefficient_of_zero_the_machine_is_as_before(function: EffectFunction) -> None:
+    built, effect = extended(function, "axle", 0.0)
+    declared = build(driveline()).model
+    x, u = points()
+    np.testing.assert_allclose(
+        built.model.rhs(0.0, x, u, built.model.theta()), declared.rhs(0.0, x, u, declared.theta()), rtol=1e-10
+    )
+    info = built.model.parameters[built.model.index("parameter", effect.coefficients[0])]
+    assert info.value == 0.0 and info.lower is not None and info.upper is not None and info.upper > 0.0
+    assert info.lower == (-info.upper if function is effects.constant_effort else 0.0)
+
+
+@pytest.mark.parametrize("junction", ["primary", "axle", "body"])
+@pytest.mark.parametrize("function", LOSSES, ids=lambda function: function.__name__)
+def test_a_loss_takes_energy_whichever_way_the_machine_moves(function: EffectFunction, junction: str) -> None:
+    if function is effects.torque_proportional_loss and junction == "primary":
+        graph = driveline()
+        assert function(graph, place(graph, junction)) is None  # no torque arrives there through a drive
+        return
+    built, effect = extended(function, junction, 0.3)
+    labels, model = bond_labels(built.causal), bond_model(built.causal)
+    (bond,) = [index for index, label in enumerate(labels) if label.endswith(f"->{effect.element}")]
+    x, u = points()
+    outputs = model.output(0.0, x, u, model.theta())[len(built.model.outputs) :]
+    effort, flow = outputs[bond], outputs[len(labels) + bond]
+    assert (effort * flow >= 0.0).all() and (effort * flow).max() > 0.0
+    law = {
+        effects.viscous_loss: 0.3 * flow,
+        effects.coulomb_loss: 0.3 * np.tanh(flow / (effects.SMOOTHING * 20.0)),
+        effects.quadratic_loss: 0.3 * flow * np.abs(flow),
+    }
+    if function in law:
+        np.testing.assert_allclose(effort, law[function], rtol=1e-12)
+    else:
+        assert (np.abs(effort) <= 0.3 * np.abs(outputs[: len(labels)]).max()).all()
+
+
+def test_a_constant_load_slows_and_a_negative_one_drives() -> None:
+    x, u = points()
+    declared = build(driveline()).model
+    own = declared.rhs(0.0, x, u, declared.theta())
+    for load in (30.0, -30.0):
+        model = extended(effects.constant_effort, "axle", load)[0].model
+        changed = model.rhs(0.0, x, u, model.theta()) - own
+        np.testing.assert_allclose(changed[1], -load / 2.5, rtol=1e-6)  # J_axle
+        np.testing.assert_allclose(changed[[0, 2, 3]], 0.0, atol=1e-8)
+
+
+def test_added_inertia_adds_to_the_declared_one() -> None:
+    model = extended(effects.added_inertia, "body", 90.0)[0].model
+    heavier = build(with_values(driveline(), {"m_vehicle": 690.0, "gravity": 9.81 * 600.0 / 690.0})).model
+    x, u = points()
+    np.testing.assert_allclose(
+        model.rhs(0.0, x, u, model.theta()), heavier.rhs(0.0, x, u, heavier.theta()), rtol=1e-9, atol=1e-9
+    )
+
+
+def elastic(share: float) -> BuiltModel:
+    """The driveline with a compliance between wheel and body of a share of the largest."""
+    graph = driveline()
+    bond = next(bond for bond in graph.bonds if (bond.source, bond.target) == ("wheel", "tyre"))
+    effect = effects.added_compliance(graph, Place(handle(graph, "wheel"), Scale(200.0, 20.0), bond))
+    assert isinstance(effect, Effect) and effect.adds_state
+    (name,) = effect.coefficients
+    bounds = next(parameter.bounds for parameter in graph.parameters if parameter.name == name)
+    assert bounds is not None
+    return build(with_values(graph, {name: share * bounds[1]}))
+
+
+def test_a_compliance_approaches_the_rigid_machine_as_it_stiffens() -> None:
+    time = np.linspace(0.0, 4.0, 81)
+    u = np.array([np.where(time < 2.0, 20.0, 45.0), 0.0 * time])
+    rigid = simulate(build(driveline()).model, time, u, rtol=1e-8).raise_if_failed().y[3]
+    errors = []
+    for share in (1e-1, 1e-2, 1e-3):
+        built = elastic(share)
+        assert len(built.model.states) == 5
+        speed = simulate(built.model, time, u, rtol=1e-8).raise_if_failed().y[3]
+        errors.append(float(np.abs(speed - rigid).max()))
+    assert errors[2] < 0.2 * errors[1] < 0.2 * 0.5 * errors[0]
+    assert errors[2] < 1e-2
+
+
+def test_effects_are_refused_where_they_make_no_sense() -> None:
+    graph = BondGraph("mixed")
+    hot, line = graph.one_junction("hot", THERMAL), graph.zero_junction("line", HYDRAULIC)
+    shaft = graph.one_junction("shaft", ROTATION)
+    sources = [Place(node, Scale(1.0, 1.0)) for node in (hot, line)]
+    before = copy(graph)
+    for function in effect_functions(effects):
+        assert [function(graph, at) for at in sources] == [None, None]
+    assert effects.added_inertia(graph, Place(shaft, Scale(1.0, 1.0))) is None  # nothing is declared to add to
+    assert effects.added_compliance(graph, Place(shaft, Scale(1.0, 1.0))) is None
+    assert graph == before
+
+
+@pytest.mark.parametrize(
+    ("domain", "units"),
+    [
+        (TRANSLATION, ("N", "N/(m/s)", "N/(m/s)^2")),
+        (ROTATION, ("N m", "N m/(rad/s)", "N m/(rad/s)^2")),
+        (None, ("",) * 3),
+    ],
+)
+def test_coefficients_have_the_units_of_their_domain(domain: object, units: tuple[str, ...]) -> None:
+    graph = BondGraph("bare")
+    at = Place(graph.one_junction("shaft", domain), Scale(8.0, 2.0))  # type: ignore[arg-type]
+    found = [function(graph, at) for function in (effects.coulomb_loss, effects.viscous_loss, effects.quadratic_loss)]
+    parameters = {parameter.name: parameter for parameter in graph.parameters}
+    added = [parameters[effect.coefficients[0]] for effect in found if effect is not None]
+    assert tuple(parameter.unit for parameter in added) == units
+    assert [parameter.bounds for parameter in added] == [(0.0, 16.0), (0.0, 8.0), (0.0, 4.0)]
+
+
+def test_the_module_lists_its_effects_in_order() -> None:
+    assert [function.__name__ for function in effect_functions(effects)] == [
+        "constant_effort", "viscous_loss", "coulomb_loss", "quadratic_loss", "torque_proportional_loss",
+        "added_inertia", "added_compliance",
+    ]  # fmt: skip
