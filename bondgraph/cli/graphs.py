@@ -15,6 +15,7 @@ from bondgraph.derive.causality import assign_causality
 from bondgraph.derive.derivation import Derivation, check_closed
 from bondgraph.derive.dimensions import check_dimensions
 from bondgraph.derive.explicit import equations_json, equations_text
+from bondgraph.derive.latex import latex
 from bondgraph.errors import OptionError, suggest
 from bondgraph.generate.drift import check, explain, render_all, write
 from bondgraph.report.drawing import drawing_of, save_drawing
@@ -30,7 +31,7 @@ def equations(options: argparse.Namespace) -> int:
     if options.json:
         print(json.dumps(equations_json(derivation, derived), indent=1))
     else:
-        print(equations_text(derivation, derived))
+        print(latex(derived) if options.latex else equations_text(derivation, derived))
     return 0
 
 

@@ -36,6 +36,12 @@ def test_equations_as_text_say_why(motor_file: Path, capsys: pytest.CaptureFixtu
     assert "source supply imposes the effort" in text and "d(i_L)/dt" in text
 
 
+def test_equations_as_latex(motor_file: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["equations", str(motor_file), "--latex"]) == 0
+    text = capsys.readouterr().out
+    assert "\\omega" in text and text.count("{") == text.count("}")
+
+
 def test_evaluate_in_energy_variables(motor_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     points = tmp_path / "points.json"
     point = {
