@@ -46,7 +46,7 @@ Given = Mapping[str, float] | Sequence[float] | FloatArray | None
 #: Values of symbols at one point.
 Values = dict[Symbol, Any]
 #: Residuals of some unknowns, and their Jacobian.
-Function = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
+Residuals = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
 
 _STEPS = (sympy.sign, sympy.floor, sympy.ceiling)
 _CHEAP = (*_STEPS, sympy.Abs, minimum, maximum)
@@ -599,7 +599,13 @@ class Evaluator:
 
 
 def point_values(equations: StateEquations, kind: str, given: Given) -> Values:
-    """Values of all states, inputs or parameters by symbol."""
+    """Values of all states, inputs or parameters (``kind``: state, input, parameter) by symbol.
+
+    Raises
+    ------
+    DerivationError
+        If a name is unknown or the number of values does not fit.
+    """
     if kind == "state":
         defaults = {state.symbol.name: state.initial for state in equations.states}
     elif kind == "input":
@@ -647,7 +653,7 @@ def _table_values(table: Table) -> Callable[[Sequence[float], Sequence[int]], fl
 # ---------------------------------------------------------------------- roots
 
 
-def _root(function: Function, start: FloatArray) -> FloatArray:
+def _root(function: Residuals, start: FloatArray) -> FloatArray:
     """Where residuals vanish: Newton's method, a slower search where it does not settle; nan where both fail."""
     z, settled = _settled(function, start, start)
     if not settled:
@@ -656,7 +662,7 @@ def _root(function: Function, start: FloatArray) -> FloatArray:
     return z if settled else np.full(start.shape, np.nan)
 
 
-def _settled(function: Function, near: FloatArray, start: FloatArray) -> tuple[FloatArray, bool]:
+def _settled(function: Residuals, near: FloatArray, start: FloatArray) -> tuple[FloatArray, bool]:
     """The end of Newton's method, and whether only rounding moves it any more."""
     z, step = newton_steps(function, near, 20)
     residual, slopes = function(z)
@@ -669,6 +675,12 @@ def vanishes(residual: FloatArray, slopes: FloatArray, size: FloatArray, step: F
 
     ``size`` is that of the terms of each residual, ``moved`` that of each unknown. Both are asked of each by itself, or
     within rounding of the largest in scales in which no slope exceeds one.
+
+    Examples
+    --------
+    >>> one = np.ones(1)
+    >>> vanishes(1e-16 * one, np.eye(1), one, 1e-16 * one, one), vanishes(0.1 * one, np.eye(1), one, 0.1 * one, one)
+    (True, False)
     """
     if not (np.isfinite(slopes).all() and np.isfinite(residual).all() and np.isfinite(step).all()):
         return False
@@ -679,7 +691,7 @@ def vanishes(residual: FloatArray, slopes: FloatArray, size: FloatArray, step: F
     return bool(zero.all() and settled.all())
 
 
-def _bracketed(function: Function, start: float) -> FloatArray | None:
+def _bracketed(function: Residuals, start: float) -> FloatArray | None:
     """A root of one residual between the start and the first point, ever further from it, where its sign differs."""
 
     def residual(z: float) -> float:
@@ -695,8 +707,14 @@ def _bracketed(function: Function, start: float) -> FloatArray | None:
     return None
 
 
-def least_squares(function: Function, start: FloatArray, weights: FloatArray | float = 1.0) -> FloatArray | None:
-    """The nearest point at which the sum of squared residuals is smallest, or None where a value is not finite."""
+def least_squares(function: Residuals, start: FloatArray, weights: FloatArray | float = 1.0) -> FloatArray | None:
+    """The nearest point at which the sum of squared residuals is smallest, or None where a value is not finite.
+
+    Examples
+    --------
+    >>> least_squares(lambda z: (z**2 - 9, np.diag(2 * z)), np.array([1.0])).round(9).tolist()
+    [3.0]
+    """
     if not start.size:
         return start
     try:
@@ -709,8 +727,14 @@ def least_squares(function: Function, start: FloatArray, weights: FloatArray | f
     return np.asarray(found.x)
 
 
-def newton_steps(function: Function, z: FloatArray, steps: int = 4) -> tuple[FloatArray, FloatArray]:
-    """The point after Newton steps of least length, while they make the residuals smaller, and the last of them."""
+def newton_steps(function: Residuals, z: FloatArray, steps: int = 4) -> tuple[FloatArray, FloatArray]:
+    """The point after Newton steps of least length, while they make the residuals smaller, and the last of them.
+
+    Examples
+    --------
+    >>> newton_steps(lambda z: (z**2 - 2, np.diag(2 * z)), np.array([1.0]), 10)[0].round(12).tolist()
+    [1.414213562373]
+    """
     step = np.zeros(z.shape)
     residual, slopes = function(z)
     for _ in range(steps):
@@ -726,7 +750,13 @@ def newton_steps(function: Function, z: FloatArray, steps: int = 4) -> tuple[Flo
 
 
 def equilibrated(slopes: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """A matrix whose rows and columns are of one size, so that its rank has no units, and the factors."""
+    """A matrix whose rows and columns are of one size, so that its rank has no units, and the factors.
+
+    Examples
+    --------
+    >>> equilibrated(np.array([[1e6, 2.0], [0.0, 1e-3]]))[0].tolist()
+    [[1.0, 2e-06], [0.0, 1.0]]
+    """
 
     def reciprocal(sizes: FloatArray) -> FloatArray:
         return 1.0 / np.where(sizes > 0, sizes, 1.0)

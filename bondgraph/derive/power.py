@@ -288,7 +288,15 @@ class _Balance:
 
 
 def is_energy_of(energy: Expr, node: Node, own: Sequence[Symbol], laws: Mapping[str, Expr]) -> bool:
-    """Whether the gradient of an energy satisfies the laws of a storage, tried at random points in 30 digits."""
+    """Whether the gradient of an energy satisfies the laws of a storage, tried at random points in 30 digits.
+
+    Examples
+    --------
+    >>> q = symbol("displacement")
+    >>> spring = Node("spring", "C", laws=(("effort", q**3),))
+    >>> is_energy_of(q**4 / 4, spring, [q], dict(spring.laws)), is_energy_of(q**4, spring, [q], dict(spring.laws))
+    (True, False)
+    """
     slopes = gradient(energy, set(own))
     power, stored = LAW_GIVES[node.kind], ENERGY_VARIABLE[node.kind]
     suffixes = [local.name.removeprefix(stored) for local in own]
