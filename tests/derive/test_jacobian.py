@@ -25,6 +25,7 @@ from bondgraph.derive.equations import Assignment, ImplicitLoop, OutputEquation,
 from bondgraph.derive.jacobian import gradient, jacobian
 from bondgraph.derive.linearise import Evaluator
 from bondgraph.errors import BondGraphError, DerivationError
+from tests.derive.compare import loaded
 from tests.derive.random_graphs import RandomGraph
 
 KINDS = ("x", "u", "theta", "t")
@@ -121,6 +122,23 @@ def test_random_graphs_agree_with_central_differences(linear):
             check(equations, seed)
             compared += 1
     assert compared >= 8
+
+
+def test_partials_are_printed_and_mean_the_same_in_a_generated_module():
+    compared = 0
+    for seed, equations in random_equations(range(900, 912), linear=False, mesh=0.1):
+        found = jacobian(equations)
+        entries = [entry.value for block in found.blocks for entry in block.entries]
+        rows = tuple(OutputEquation(symbol(f"entry_{i}"), value, "", "") for i, value in enumerate(entries))
+        module = loaded(replace(equations, assignments=equations.assignments + found.assignments, outputs=rows))
+        point = point_of(equations, seed)
+        evaluator = Evaluator(equations)
+        values = evaluator.run(found.assignments, evaluator.at(point["x"], point["u"], point["theta"], point["t"][0]))
+        with np.errstate(all="ignore"):
+            printed = module["output"](point["t"][0], point["x"], point["u"], point["theta"])
+        np.testing.assert_allclose(printed, [evaluator.value(entry, values) for entry in entries], rtol=1e-6, atol=1e-8)
+        compared += len(entries)
+    assert compared >= 200
 
 
 def expanded(equations):
