@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib
 import json
+import os
 import shlex
 import sys
 from collections.abc import Sequence
@@ -43,6 +44,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     module = importlib.import_module(f"bondgraph.cli.{COMMANDS[options.command]}")
     try:
         status: int = getattr(module, options.command.replace("-", "_"))(options)
+        sys.stdout.flush()
         return status
     except BondGraphError as error:
         if getattr(options, "json", False):
@@ -50,6 +52,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
             print(json.dumps({"error": answer}))
         print(f"bondgraph {options.command}: {error.message}", file=sys.stderr)
         return BAD_INPUT
+    except BrokenPipeError:  # whoever reads the answer has seen enough of it
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return DONE
     except KeyboardInterrupt:
         print(f"bondgraph {options.command}: interrupted", file=sys.stderr)
         return FAILED
