@@ -180,6 +180,20 @@ def test_coloured_noise_gives_no_false_effect() -> None:
     assert "the innovations of force stay coloured" in closed.reason
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("colour", [0.0, 0.9])
+def test_false_alarms_are_rare_whatever_the_parameters_and_the_colour_of_the_noise(colour: float) -> None:
+    alarms = 0
+    for seed in range(25):
+        friction = 12.0 * float(np.random.default_rng(seed).uniform(0.7, 1.4))
+        train = [
+            pull(sled(), 1000 + 2 * seed + run, name=f"run{run}", colour=colour, c_guide=friction) for run in (0, 1)
+        ]
+        turn = one_round(built(), fitted(train), train, FUNCTIONS, LoopSettings(), no_report)
+        alarms += turn.chosen is not None
+    assert alarms <= 1  # at a level of 1 % two or more happen once in 40 times
+
+
 def test_bad_use_is_told() -> None:
     train = logs(sled(), 1)
     with pytest.raises(DataError, match=r"sled: no training log - give at least one with --data"):
