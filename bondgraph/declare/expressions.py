@@ -63,8 +63,6 @@ FUNCTIONS: dict[str, Callable[..., Expr]] = {
 _BINARY: dict[type[ast.operator], Callable[[Expr, Expr], Expr]] = {
     ast.Add: lambda a, b: a + b,
     ast.Sub: lambda a, b: a - b,
-    ast.Mult: lambda a, b: a * b,
-    ast.Div: lambda a, b: a / b,
     ast.Pow: _power,
 }
 _COMPARE: dict[type[ast.cmpop], Callable[[Expr, Expr], Any]] = {
@@ -198,6 +196,8 @@ class _Reader:
             return self._constant(node.value)
         if isinstance(node, ast.Name | ast.Attribute):
             return self._name(self._dotted(node))
+        if isinstance(node, ast.BinOp) and isinstance(node.op, ast.Mult | ast.Div):
+            return sympy.Mul(*self._factors(node))
         if isinstance(node, ast.BinOp) and type(node.op) in _BINARY:
             return _BINARY[type(node.op)](self.read(node.left), self.read(node.right))
         if isinstance(node, ast.UnaryOp):
@@ -212,6 +212,16 @@ class _Reader:
         if isinstance(node, ast.Call):
             return self._call(node)
         raise self._refusal(f"{type(node).__name__} is not arithmetic")
+
+    def _factors(self, node: ast.expr) -> list[Any]:
+        """Factors of a product, multiplied all at once: one by one, a number would be multiplied into a sum first."""
+        if isinstance(node, ast.BinOp) and isinstance(node.op, ast.Mult):
+            return [*self._factors(node.left), *self._factors(node.right)]
+        if isinstance(node, ast.BinOp) and isinstance(node.op, ast.Div):
+            return [*self._factors(node.left), sympy.Pow(self.read(node.right), -1)]
+        if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub):
+            return [Integer(-1), *self._factors(node.operand)]
+        return [self.read(node)]
 
     def _constant(self, value: Any) -> Any:
         if isinstance(value, bool):

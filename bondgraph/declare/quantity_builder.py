@@ -9,8 +9,8 @@ from sympy import Symbol
 
 from bondgraph.declare.expressions import signal
 from bondgraph.declare.functions import TableFunction, table_function
-from bondgraph.declare.handles import At, Handle
-from bondgraph.declare.quantities import Input, Integral, NamedSignal, Output, Parameter, Table
+from bondgraph.declare.handles import At, Handle, callable_law
+from bondgraph.declare.quantities import Input, Integral, NamedSignal, Output, Parameter, Table, symbol
 from bondgraph.declare.store import GraphStore
 from bondgraph.declare.validation import check_quantity, check_table
 from bondgraph.errors import DeclarationError, suggest
@@ -65,8 +65,20 @@ class QuantityBuilder(GraphStore):
         return table_function(name, 2 if len(y) else 1)
 
     def integral(self, name: str, of: Any, unit: str, meaning: str = "", *, initial: float = 0.0) -> Symbol:
-        """Declare an extra state whose rate is ``of``: the angle of a shaft, a distance, a random walk's mean."""
-        expression = self._checked(of, (), name)
+        """Declare an extra state whose rate is ``of``: the angle of a shaft, a distance, a controller's memory.
+
+        A rate that depends on the state itself is given as a function of it.
+
+        Examples
+        --------
+        >>> from bondgraph.declare.graph import BondGraph
+        >>> g = BondGraph("filter")
+        >>> u = g.input("u", "V")
+        >>> g.integral("smoothed", lambda x: (u - x) / 2, "V")
+        smoothed
+        """
+        own = symbol(name)
+        expression = self._checked(of(own) if callable_law(of) else of, (), name, also=own)
         return self._declare(Integral(name, expression, unit, meaning, float(initial)))
 
     def signal(self, name: str, expression: Any, unit: str, meaning: str = "") -> Symbol:

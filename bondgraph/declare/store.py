@@ -169,7 +169,7 @@ class GraphStore:
 
     # ------------------------------------------------------------------ checks of expressions
 
-    def _checked(self, expression: Any, own: tuple[str, ...], where: str) -> Expr:
+    def _checked(self, expression: Any, own: tuple[str, ...], where: str, also: Symbol | None = None) -> Expr:
         """The normalised expression, if it uses only declared names, signals and the element's own variables."""
         result = normalise(expression)
         self._check_value(result, where)
@@ -181,7 +181,7 @@ class GraphStore:
                 f"{self.name}: {where}: the law uses {foreign[0]!r} but may use {allowed}", where=(where,)
             )
         for used in symbols:
-            if is_local(used) or signal_name(used) or used.name == "t" or used.name in self._quantities:
+            if used.name in self._quantities or used in (also, symbol("t")) or is_local(used) or signal_name(used):
                 continue
             if self._is_inner_quantity(used.name):
                 continue

@@ -32,7 +32,7 @@ def check_quantity(quantity: Quantity, graph: str) -> None:
     where = f"{graph}: {name}"
     if not _NAME.match(name):
         raise DeclarationError(f"{graph}: name {name!r} - use letters, digits and underscores", where=(name,))
-    if _RESERVED.match(name):
+    if _RESERVED.match(name) and not isinstance(quantity, Output):
         raise DeclarationError(
             f"{where}: this name is reserved for time, pi and the elements' own variables - use another", where=(name,)
         )

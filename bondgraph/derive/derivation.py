@@ -96,12 +96,20 @@ class Derivation:
         ]
         outputs += self._bond_outputs() if bonds else []
         derivatives = tuple(self.values[rate] for rate in rates)
+        rates_used = self._input_rates([*derivatives, *(output.expression for output in outputs)])
         return StateEquations(
-            graph.name, graph.doc, graph.source, tuple(variables.states),
-            (*graph.inputs, *self._input_rates([*derivatives, *(output.expression for output in outputs)])), graph.parameters, graph.tables,
-            tuple(self.assignments), derivatives, tuple(outputs),
-            tuple(dict.fromkeys(law.build(self.values) for law in jumps)),
-        )  # fmt: skip
+            name=graph.name,
+            doc=graph.doc,
+            source=graph.source,
+            states=tuple(variables.states),
+            inputs=(*graph.inputs, *rates_used),
+            parameters=graph.parameters,
+            tables=graph.tables,
+            assignments=tuple(self.assignments),
+            derivatives=derivatives,
+            outputs=tuple(outputs),
+            events=tuple(dict.fromkeys(law.build(self.values) for law in jumps)),
+        )
 
     def compute(self, roots: Sequence[Key]) -> None:
         """Give every variable that the roots need a value, in order."""
@@ -156,10 +164,18 @@ class Derivation:
 
     def name(self, key: Key, value: Expr) -> Symbol:
         """A new assignment under the variable's own name."""
-        wanted, unit, meaning = self.label(key)
+        _, unit, meaning = self.label(key)
+        target = self.symbol_of(key)
+        self.assignments.append(Assignment(target, value, unit, meaning))
+        self.zero_test.define(target, value)
+        return target
+
+    def symbol_of(self, key: Key) -> Symbol:
+        """A new symbol for a variable; a named signal has its own name, any other gives way to declared names."""
+        wanted = self.label(key)[0]
         if key[0] == "s":
             self.taken.pop(wanted, None)  # kept free for the signal itself
-        return self.assign_as(wanted, value, unit, meaning)
+        return self.fresh(wanted)
 
     def assign_as(self, wanted: str, value: Expr, unit: str, meaning: str) -> Symbol:
         """A new assignment; the name gives way to declared ones."""
@@ -268,6 +284,8 @@ def check_closed(equations: StateEquations) -> None:
         _check_known(equations, value, known, f"d({state.symbol.name})/dt")
     for output in equations.outputs:
         _check_known(equations, output.expression, known, output.symbol.name)
+    for event in equations.events:
+        _check_known(equations, event, known, "an event")
 
 
 def _check_known(equations: StateEquations, value: Expr, known: set[Any], where: str) -> None:

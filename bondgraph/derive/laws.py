@@ -108,10 +108,18 @@ def solve_for(equation: Expr, own: Symbol) -> Expr | None:
     if not equation.is_rational_function(own) or equation.is_polynomial(own):
         return None
     above = sympy.Poly(sympy.fraction(sympy.together(equation))[0], own)
+    while (
+        above.degree() > 1 and above.nth(0) == 0 and any(power.exp.is_negative for power in _powers_of(equation, own))
+    ):
+        above = above.exquo(sympy.Poly(own, own))  # zero is no solution where the equation divides by the unknown
     if above.degree() != 1:
         return None
     slope_of, constant = above.all_coeffs()
     return -constant / slope_of
+
+
+def _powers_of(equation: Expr, own: Symbol) -> list[Pow]:
+    return [power for power in equation.atoms(Pow) if power.base == own]
 
 
 def inverse(law: Expr, own: Symbol, given: Symbol) -> Expr | None:

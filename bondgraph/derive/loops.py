@@ -48,6 +48,7 @@ class LoopSolver:
         implicit = [key for key in members if isinstance(self.rules[key], Residual)]
         self.torn, self.order = tear(members, self._within, implicit, self._nonlinear_arguments())
         self.elements = self._elements()
+        self.signals = [key[1] for key in members if key[0] == "s"]
 
     def _within(self, key: Key) -> list[Key]:
         rule = self.rules[key]
@@ -152,7 +153,7 @@ class LoopSolver:
         graph = self.derivation.causal.graph
         indices = [index for index in range(len(graph.bonds)) if self.inside & self._keys_of(index)]
         bonds = [f"bond {graph.bonds[index]}" for index in indices]
-        signals = [f"signal {key[1]}" for key in self.members if key[0] == "s"]
+        signals = [f"signal {name}" for name in self.signals]
         through = ", ".join([*self.elements, *signals, *bonds])
         return DerivationError(
             f"{graph.name}: the algebraic loop through {through} does not determine {names}: its gain is exactly one, "
@@ -170,7 +171,7 @@ class LoopSolver:
 
     def _newton(self) -> None:
         derivation = self.derivation
-        unknowns = [derivation.fresh(derivation.label(key)[0]) for key in self.torn]
+        unknowns = [derivation.symbol_of(key) for key in self.torn]
         values = ChainMap(dict(zip(self.torn, unknowns, strict=True)), derivation.values)
         body: list[Assignment] = []
         for key in self.order:
@@ -198,7 +199,7 @@ class LoopSolver:
                 tuple(residuals),
                 tuple(unit for _, unit, _ in labels),
                 tuple(body),
-                f"loop of {', '.join(self.elements)}" if len(self.members) > 1 else f"law of {self.elements[0]}",
+                f"{'loop' if len(self.members) > 1 else 'law'} of {', '.join([*self.elements, *self.signals])}",
             )
         )
         derivation.values.update(zip(self.torn, unknowns, strict=True))

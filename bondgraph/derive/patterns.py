@@ -26,7 +26,7 @@ _TWO_PORTS: dict[str, tuple[Pattern, ...]] = {
 
 def local(node: Node, variable: str, port: int) -> Symbol:
     """The element's own symbol of a variable at a port (counted from 1)."""
-    return symbol(f"{variable}{port}" if node.ports > 1 else variable)
+    return symbol(f"{variable}{port}" if node.is_field else variable)
 
 
 def stroke_patterns(node: Node) -> tuple[Pattern, ...] | None:

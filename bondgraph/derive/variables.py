@@ -36,8 +36,8 @@ class Port:
 
     @property
     def suffix(self) -> str:
-        """The number of the port where the element has several."""
-        return str(self.number) if self.node.ports > 1 else ""
+        """The number of the port where the element's own variables are numbered."""
+        return str(self.number) if self.node.is_field else ""
 
 
 class BondVariables:

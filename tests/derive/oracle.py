@@ -78,7 +78,7 @@ class Oracle:
         """The element's own variables in terms of its bonds': a flow counts positive into the element."""
         found = {}
         for port, (bond, sign) in enumerate(self.ends[node.name], start=1):
-            number = port if node.ports > 1 else ""
+            number = port if node.ports > 1 or node.kind == "X" else ""
             found[symbol(f"effort{number}")] = self.e[bond]
             found[symbol(f"flow{number}")] = sign * self.f[bond]
             if node.kind in STORED:
@@ -132,10 +132,11 @@ class Oracle:
         given = dict(node.laws)
         if "energy" in given:
             power = "effort" if node.kind == "C" else "flow"
-            own = [symbol(f"{STORED[node.kind]}{port}") for port in range(1, node.ports + 1)]
+            numbers = [port if node.ports > 1 else "" for port in range(1, node.ports + 1)]
+            own = [symbol(f"{STORED[node.kind]}{number}") for number in numbers]
             slopes = [self._outside(sympy.diff(given["energy"], q).xreplace(local)) for q in own]
-            return [local[symbol(f"{power}{port}")] - slope for port, slope in enumerate(slopes, start=1)]
-        if node.kind in STORED and node.ports == 1:
+            return [local[symbol(f"{power}{number}")] - slope for number, slope in zip(numbers, slopes, strict=True)]
+        if node.kind in STORED and node.ports == 1 and len(given) == 2:
             given = {key: law for key, law in given.items() if key in ("effort", "flow")}
         if node.kind == "R" and node.ports == 1 and len(given) == 2:
             given.pop("flow")
