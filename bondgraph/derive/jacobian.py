@@ -666,6 +666,8 @@ def _settled(function: Residuals, near: FloatArray, start: FloatArray) -> tuple[
     """The end of Newton's method, and whether only rounding moves it any more."""
     z, step = newton_steps(function, near, 20)
     residual, slopes = function(z)
+    if not residual.any():
+        return z, True
     size = np.abs(slopes) @ (np.abs(z) + np.abs(z - start))
     return z, vanishes(residual, slopes, size, step, np.abs(z) + np.abs(z - start))
 
@@ -698,8 +700,6 @@ def _bracketed(function: Residuals, start: float) -> FloatArray | None:
         return float(function(np.array([z]))[0][0])
 
     first = residual(start)
-    if first == 0:
-        return np.array([start])
     for width in 4.0 ** np.arange(-30, 30):
         for end in (start - width, start + width):
             if residual(end) * first <= 0:

@@ -11,7 +11,7 @@ import enum
 import functools
 import operator
 import random
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
@@ -529,23 +529,22 @@ def _atoms(equations: StateEquations, system: _System, what: str) -> list[Expr]:
     parameters = {parameter.symbol for parameter in equations.parameters}
     varying = sorted({str(used) for node in found for used in node.free_symbols - parameters})
     if varying:
-        blame = _nonlinear_term(equations) or f"its coefficients depend on {varying[0]}"
         raise DerivationError(
-            f"{equations.name}: there is no transfer function {what}: {blame} - linearise the model at an operating "
-            "point first",
+            f"{equations.name}: there is no transfer function {what}: {next(_nonlinear_terms(equations))} - linearise "
+            "the model at an operating point first",
             where=(equations.name, *varying),
         )
     return sorted(found, key=lambda atom: (not atom.is_Symbol, str(atom)))
 
 
-def _nonlinear_term(equations: StateEquations) -> str:
-    """The first term, in order of computation, whose slope is not constant."""
+def _nonlinear_terms(equations: StateEquations) -> Iterator[str]:
+    """The terms whose slopes are not constant, in order of computation."""
     varying = {symbol("t"), *(s.symbol for s in equations.states), *(i.symbol for i in equations.inputs)}
     rows: list[tuple[str, Expr]] = []
     for step in equations.assignments:
         if isinstance(step, ImplicitLoop):
-            return f"{', '.join(map(str, step.unknowns))} (of the {step.meaning}) has no closed form"
-        if step.expression.free_symbols & varying:
+            yield f"{', '.join(map(str, step.unknowns))} (of the {step.meaning}) has no closed form"
+        elif step.expression.free_symbols & varying:
             varying.add(step.symbol)
             rows.append((step.symbol.name, step.expression))
     rows += [(f"d({s.symbol})/dt", rate) for s, rate in zip(equations.states, equations.derivatives, strict=True)]
@@ -554,8 +553,7 @@ def _nonlinear_term(equations: StateEquations) -> str:
         for term in sympy.Add.make_args(value):
             for used, slope in gradient(term, varying).items():
                 if slope.free_symbols & varying:
-                    return f"{to_text(term)} in {name} is not linear in {used}"
-    return ""
+                    yield f"{to_text(term)} in {name} is not linear in {used}"
 
 
 def _symbolic(system: _System, atoms: Sequence[Expr]) -> Expr:

@@ -25,12 +25,13 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import sympy
+from scipy.interpolate import PchipInterpolator
 from sympy import Abs, Add, Expr, Mul, Piecewise, Pow, Rational, Symbol
 
 from bondgraph.declare.elements import ENERGY_VARIABLE, LAW_GIVES, SOURCES, STORAGES, TWO_PORTS, Node
 from bondgraph.declare.expressions import FUNCTIONS, normalise, signal, to_text
 from bondgraph.declare.functions import TableFunction, jump, maximum, minimum, switch
-from bondgraph.declare.quantities import symbol
+from bondgraph.declare.quantities import Table, symbol
 from bondgraph.derive.causality import CausalGraph
 from bondgraph.derive.definitions import ZERO
 from bondgraph.derive.derivation import derive
@@ -116,6 +117,7 @@ class _Balance:
         self.variables = BondVariables(causal, smooth)
         self.incidence = self.graph.incidence()
         self.energies = energies
+        self.tables = {table.name: table for table in self.graph.tables}
         storages = [node.name for node in self.graph.nodes.values() if node.kind in STORAGES]
         for name in energies:
             if name not in storages:
@@ -270,18 +272,20 @@ class _Balance:
                 )
         else:
             law = solve_for(laws["residual"], symbol(power)) if "residual" in laws else laws.get(power)
-            energy = None if law is None else integral(law, own[0])
+            energy = None if law is None else integral(law, own[0], self.tables)
             if (
                 stored in laws and law is None
             ):  # energy and co-energy add up to the product of both variables (Legendre)
                 read = [symbol(power)]
-                inner = integral(laws[stored], read[0])
+                inner = integral(laws[stored], read[0], self.tables)
                 energy = None if inner is None else read[0] * laws[stored] - inner
         if energy is None:
-            reason = "a table" if any(law.has(TableFunction) for law in laws.values()) else "no integral in closed form"
+            tabulated = any(law.has(TableFunction) for law in laws.values())
+            reason = "a table that cannot be integrated" if tabulated else "no integral in closed form"
+            todo = f"give it as energies={{{node.name!r}: function of its {stored}}}"
             raise DerivationError(
                 f"{self.graph.name}: the stored energy of {node.kind} {node.name} is not known: its law has {reason} - "
-                f"give it as energies={{{node.name!r}: function of its {stored}}}",
+                f"{f'use a table of its {stored} alone' if tabulated else todo}",
                 where=(node.name,),
             )
         return energy, read
@@ -299,32 +303,34 @@ def is_energy_of(energy: Expr, node: Node, own: Sequence[Symbol], laws: Mapping[
     """
     slopes = gradient(energy, set(own))
     power, stored = LAW_GIVES[node.kind], ENERGY_VARIABLE[node.kind]
-    suffixes = [local.name.removeprefix(stored) for local in own]
-    for local, suffix in zip(own, suffixes, strict=True):
-        slope = slopes.get(local, ZERO)
+    for local in own:
+        suffix, slope = local.name.removeprefix(stored), slopes.get(local, ZERO)
         here = {symbol(power + suffix): slope}
         if "residual" in laws:
-            difference = laws["residual"].xreplace(here)
+            first, *rest = Add.make_args(laws["residual"].xreplace(here))
+            sides = first, -Add(*rest)
         elif "energy" in laws:
-            difference = slope - gradient(laws["energy"], set(own)).get(local, ZERO)
+            sides = slope, gradient(laws["energy"], set(own)).get(local, ZERO)
         elif power + suffix in laws:
-            difference = slope - laws[power + suffix]
+            sides = slope, laws[power + suffix]
         else:
-            difference = laws[stored].xreplace(here) - local
-        if difference.has(TableFunction) or not _vanishes(difference):
+            sides = laws[stored].xreplace(here), local
+        if not _agree(*sides):
             return False
     return True
 
 
-def _vanishes(difference: Expr, of: Expr = ZERO) -> bool:
-    """Whether a difference is zero at random points, those aside where what it belongs to is not real."""
+def _agree(found: Expr, law: Expr) -> bool:
+    """Whether an expression equals a law at random points where the law is real."""
+    if found.has(TableFunction) or law.has(TableFunction):
+        return False
     draw = random.Random(0)
-    symbols = sorted(difference.free_symbols | of.free_symbols, key=str)
+    symbols = sorted(found.free_symbols | law.free_symbols, key=str)
     for trial in range(8):
         sign = -1 if trial % 2 else 1
         point = {used: sign * Rational(draw.randrange(1, 2000), 1000) for used in symbols}
-        value, law = (part.xreplace(point).evalf(30) for part in (difference, of))
-        if law.is_real and value.is_finite and abs(value) > Rational(1, 10**18):
+        a, b = (part.xreplace(point).evalf(30) for part in (found, law))
+        if b.is_real and b.is_finite and abs(a - b) > (abs(a) + abs(b)) * Rational(1, 10**12):
             return False
     return True
 
@@ -332,8 +338,10 @@ def _vanishes(difference: Expr, of: Expr = ZERO) -> bool:
 # ---------------------------------------------------------------------- integrals of laws
 
 
-def integral(law: Expr, own: Symbol) -> Expr | None:
+def integral(law: Expr, own: Symbol, tables: Mapping[str, Table] | None = None) -> Expr | None:
     """The integral of a law over its own variable from zero, real where the law is; None where it has no closed form.
+
+    Tables of one argument are integrated exactly, interval by interval, where their declaration is given.
 
     Examples
     --------
@@ -343,7 +351,7 @@ def integral(law: Expr, own: Symbol) -> Expr | None:
     >>> integral(k * maximum(q - a, 0), q)
     -k*maximum(-a, 0)**2/2 + k*maximum(-a + displacement, 0)**2/2
     """
-    terms = [_term(term, own) for term in Add.make_args(sympy.expand(law, deep=False))]
+    terms = [_term(term, own, tables or {}) for term in Add.make_args(sympy.expand(law, deep=False))]
     if any(term is None for term in terms):
         return None
     whole = Add(*terms)
@@ -362,12 +370,35 @@ def _line_integral(laws: Sequence[Expr], own: Sequence[Symbol]) -> Expr | None:
     return Add(*parts)
 
 
-def _term(term: Expr, own: Symbol) -> Expr | None:
+def _term(term: Expr, own: Symbol, tables: Mapping[str, Table]) -> Expr | None:
     factor, rest = term.as_independent(own, as_Add=False)
-    known = _known(rest, own)
+    known = _tabulated(rest, own, tables) if isinstance(rest, TableFunction) else _known(rest, own)
     if known is None and not rest.has(TableFunction, switch, minimum, maximum):
         known = _by_sympy(rest, own)
     return None if known is None else factor * known
+
+
+def _tabulated(rest: Expr, own: Symbol, tables: Mapping[str, Table]) -> Expr | None:
+    """The integral of a table: a polynomial between each two points, straight lines beyond the ends."""
+    argument = rest.args[0]
+    slope = gradient(argument, {own}).get(own, ZERO)
+    if (
+        own in slope.free_symbols
+        or slope == 0
+        or len(rest.args) > 1
+        or rest.derivative
+        or rest.table_name not in tables
+    ):
+        return None
+    table = tables[rest.table_name]
+    whole = PchipInterpolator(table.x, table.values).antiderivative()
+    beyond = float(table.values[0]) * (argument - table.x[0]), float(whole(table.x[-1]))  # type: ignore[arg-type]
+    parts = [(beyond[0], argument < table.x[0])]
+    for start, end, coefficients in zip(table.x, table.x[1:], whole.c.T, strict=False):
+        terms = (float(c) * (argument - start) ** k for k, c in enumerate(reversed(coefficients)))
+        parts.append((Add(*terms), argument < end))
+    last = beyond[1] + float(table.values[-1]) * (argument - table.x[-1])  # type: ignore[arg-type]
+    return Piecewise(*parts, (last, True)) / slope
 
 
 def _known(rest: Expr, own: Symbol) -> Expr | None:
@@ -428,7 +459,7 @@ def _in_argument(rest: Expr, u: Symbol, own: Symbol) -> Expr | None:
         else:
             return None
     if power == -1:
-        return None if odd is False else sympy.log(Abs(u))
+        return None
     raised = Abs(u) ** (power + 1) / (power + 1)
     return raised if odd else sympy.sign(u) * raised
 
@@ -450,8 +481,7 @@ def _by_sympy(rest: Expr, own: Symbol) -> Expr | None:
     found = sympy.integrate(folded, own) if rest.has(Piecewise) else sympy.integrate(folded, own, manual=True)
     found = found.replace(sympy.log, lambda value: sympy.log(Abs(value)))
     vocabulary = (*(function for function in FUNCTIONS.values() if isinstance(function, type)), Piecewise)
-    if found.has(sympy.I, sympy.nan) or not all(isinstance(node, vocabulary) for node in found.atoms(sympy.Function)):
+    if found.has(sympy.I, sympy.nan, sympy.Integral):
         return None
-    if found.has(sympy.Integral) or not _vanishes(gradient(found, {own}).get(own, ZERO) - rest, rest):
-        return None
-    return found
+    known = all(isinstance(node, vocabulary) for node in found.atoms(sympy.Function))
+    return found if known and _agree(gradient(found, {own}).get(own, ZERO), rest) else None

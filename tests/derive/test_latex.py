@@ -204,6 +204,10 @@ def test_loops_are_shown_as_what_they_solve():
     assert r"\item $F_{\mathrm{b}}$ [$\mathrm{N}$]: loop of belt" in text
 
 
+def test_a_symbol_that_is_not_declared_is_shown_as_it_is():
+    assert r"\dot{x} &= \mathtt{k\_1}" in latex(by_hand(states=("x",), derivatives=(symbol("k_1"),)))
+
+
 def test_equations_of_nothing_are_nothing():
     assert latex(by_hand()) == ""
 

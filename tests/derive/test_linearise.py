@@ -189,6 +189,13 @@ def test_a_loop_of_two_unknowns_with_a_body_is_solved():
     assert values[w] ** 3 + values[w] == pytest.approx(values[z] + 0.5, rel=1e-12)
 
 
+def test_loops_with_slopes_without_bounds_are_solved():
+    z = symbol("z")
+    assert loop_of([sqrt(z) - X], [z]).at({"x_1": 0.5})[z] == pytest.approx(0.25)
+    assert loop_of([sqrt(z) - X], [z]).at({"x_1": 0.0})[z] == 0
+    assert loop_of([sympy.log(z) - X], [z], (Integer(1),)).at({"x_1": 0.5})[z] == pytest.approx(np.exp(0.5))
+
+
 def test_a_loop_without_a_solution_is_nan():
     z, w = symbol("z"), symbol("w")
     assert np.isnan(loop_of([z**2 + 1 + X**2], [z]).at()[z])
@@ -483,6 +490,28 @@ def test_a_mode_that_is_not_seen_or_not_driven_is_left_out():
     assert len(poles_zeros(transfer_function(linearise(derived(g)), "F", "same")).poles) == 1  # equal modes merge
     symbolic = transfer_function(derived(g), "F", "same")
     assert sympy.degree(sympy.fraction(symbolic)[1], S) == 2
+
+
+def test_equal_poles_and_zeros_cancel_in_symbols_too():
+    g = BondGraph("twins")
+    one, other = g.one_junction("one"), g.one_junction("other")
+    force, m, c = g.input("F", "N"), g.parameter("m", 2.0, "kg"), g.parameter("c", 1.0, "N s/m")
+    for name, junction in (("one", one), ("other", other)):
+        g.effort_source(f"push_{name}", force, at=junction)
+        g.inertance(f"mass_{name}", m, at=junction)
+        g.resistance(f"drag_{name}", c, at=junction)
+    g.measure("both", one.flow + 3 * other.flow, "m/s")
+    assert transfer_function(derived(g), "F", "both") == 4 / (m * S + c)
+
+
+def test_constants_of_assigned_symbols_are_written_out():
+    equations = by_hand(
+        assign("angle", 2 * A),
+        assign("turn", sympy.cos(symbol("angle")) * B),
+        derivatives=(U * symbol("turn") - X * sympy.cos(symbol("angle")), -Y),
+    )
+    transfer = transfer_function(equations, "u", "x_1")
+    assert sympy.simplify(transfer - B * sympy.cos(2 * A) / (S + sympy.cos(2 * A))) == 0
 
 
 def test_an_input_that_does_not_reach_the_output_gives_zero():

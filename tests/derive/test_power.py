@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import scipy.integrate
+import scipy.interpolate
 import sympy
 from sympy import Abs, Piecewise, Rational, cos, exp, log, sin, sqrt, tanh
 
@@ -12,7 +13,7 @@ from bondgraph.declare.domains import ELECTRICAL, HYDRAULIC, ROTATION, THERMAL, 
 from bondgraph.declare.elements import Node
 from bondgraph.declare.functions import maximum, minimum, table_function
 from bondgraph.declare.graph import BondGraph
-from bondgraph.declare.quantities import symbol
+from bondgraph.declare.quantities import Table, symbol
 from bondgraph.declare.switching import end_stop, positive_part
 from bondgraph.derive.causality import assign_causality
 from bondgraph.derive.derivation import check_closed, derive
@@ -325,16 +326,48 @@ def test_graphs_with_nonlinear_storages_balance(name):
     check(spring(lambda q: LAWS[name].xreplace({Q: q})))
 
 
-def test_tabulated_and_other_laws_need_their_energy():
-    for law, reason, flags in (
-        (lambda q: table_function("curve")(q), "a table", {"table": True}),
-        (lambda q: exp(-(q**2)), "no integral in closed form", {}),
-        (lambda q: maximum(K * q, A * q**2), "no integral in closed form", {}),
-    ):
+@pytest.mark.parametrize("end", [-3.0, -0.4, 0.0, 0.7, 1.6, 2.5, 9.0])
+def test_tables_are_integrated_exactly(end):
+    table = Table("curve", (-1.0, 0.0, 1.5, 2.5), (-4.0, 0.0, 1.0, 5.0))
+    law = 2 * table_function("curve")(K * Q + Rational(1, 10)) + Q
+    found = integral(law, Q, {"curve": table}).subs(K, Rational(4, 5))
+    curve = scipy.interpolate.PchipInterpolator(table.x, table.values)
+
+    def force(q):
+        return 2 * float(curve(np.clip(0.8 * q + 0.1, -1.0, 2.5))) + q
+
+    kinks = [(knot - 0.1) / 0.8 for knot in table.x if min(0, end) < (knot - 0.1) / 0.8 < max(0, end)]
+    expected = scipy.integrate.quad(force, 0.0, end, points=kinks or None, epsabs=1e-12, epsrel=1e-12)[0]
+    assert float(found.subs(Q, end)) == pytest.approx(expected, abs=1e-9)
+
+
+def test_a_tabulated_spring_balances():
+    check(spring(lambda q: table_function("curve")(q + A), table=True))
+
+
+def test_laws_without_an_integral_need_their_energy():
+    for law in (lambda q: exp(-(q**2)), lambda q: maximum(K * q, A * q**2), lambda q: maximum(q, A) ** 2 + K * q):
         with pytest.raises(
-            DerivationError, match=rf"stored energy of C spring is not known: its law has {reason} - give"
+            DerivationError, match=r"of C spring is not known: its law has no integral .* - give it as ene"
         ):
-            spring(law, **flags)
+            spring(law)
+    with pytest.raises(
+        DerivationError, match="has a table that cannot be integrated - use a table of its displacement"
+    ):
+        spring(lambda q: table_function("curve")(q**2), table=True)
+    assert integral(Abs(Q) ** A * maximum(Q, 0), Q) is None
+
+
+def test_fields_of_tables_are_refused():
+    g = BondGraph("field")
+    g.table("curve", [0.0, 1.0], [0.0, 1.0])
+    curve = table_function("curve")
+    a, b = g.one_junction("a"), g.one_junction("b")
+    g.field("C", "plates", [lambda q1, q2: curve(q1) + q2, lambda q1, q2: curve(q2) + q1], at=[a, b])
+    g.inertance("m", 1.0, at=a)
+    g.inertance("n", 1.0, at=b)
+    with pytest.raises(DerivationError, match="C plates is not known: its law has a table that cannot be integrated"):
+        balance_of(g)
 
 
 def test_a_given_energy_is_used_and_checked():
@@ -351,6 +384,25 @@ def test_a_given_energy_is_used_and_checked():
         spring(law, {"spring": lambda q: q**2})
     with pytest.raises(DerivationError, match="no storage 'sprong'; did you mean 'spring'"):
         spring(law, {"sprong": energy})
+
+
+def test_given_energies_are_checked_against_every_form_of_a_law():
+    effort = symbol("effort")
+    laws = {
+        "residual": (("residual", effort + effort**3 - Q - Q**3), Q**2 / 2),
+        "displacement": (("displacement", effort**3 + 2 * effort), None),
+        "energy": (("energy", Q**2 + Q**4), Q**2 + Q**4),
+    }
+    for law, energy in laws.values():
+        g = BondGraph("given")
+        body = g.one_junction("body")
+        g.inertance("mass", 2.0, at=body)
+        g.add_node(Node("spring", "C", laws=(law,), initial=(0.0,)))
+        g.bond(body, "spring")
+        with pytest.raises(DerivationError, match="does not belong to its law"):
+            balance_of(g, {"spring": Q**5})
+        if energy is not None:
+            check(balance_of(g, {"spring": energy}))
 
 
 def test_switches_store_energy_as_jumps_only():
