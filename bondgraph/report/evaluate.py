@@ -50,19 +50,26 @@ def evaluate(graph: BondGraph, points: Sequence[Mapping[str, Any]]) -> list[dict
     >>> evaluate(g, [{"states": {"momentum(mass)": 4.0}}])[0]["derivatives"]
     {'momentum(mass)': -9.81}
     """
-    evaluator = _Evaluator(assign_causality(graph, _wanted_independent(graph.flatten(), points)))
-    return [evaluator.at(point, index) for index, point in enumerate(points)]
+    flat = graph.flatten()
+    evaluators: dict[tuple[str, ...], _Evaluator] = {}
+    answers = []
+    for index, point in enumerate(points):
+        _require(point, _POINT_KEYS, f"point {index}")
+        wanted = _wanted_independent(flat, point)
+        if wanted not in evaluators:
+            evaluators[wanted] = _Evaluator(assign_causality(graph, wanted))
+        answers.append(evaluators[wanted].at(point, index))
+    return answers
 
 
-def _wanted_independent(flat: BondGraph, points: Sequence[Mapping[str, Any]]) -> list[str]:
-    """Storages whose energy variables the points give: these are to be the independent ones."""
+def _wanted_independent(flat: BondGraph, point: Mapping[str, Any]) -> tuple[str, ...]:
+    """Storages whose energy variables a point gives: these are to be the independent ones."""
     named: dict[str, None] = {}
-    for point in points[:1]:
-        for key in point.get("states", {}):
-            found = _ENERGY.match(key)
-            if found and found[3] in flat.nodes and flat.nodes[found[3]].kind in STORAGES:
-                named[found[3]] = None
-    return list(named)
+    for key in point.get("states", {}):
+        found = _ENERGY.match(key)
+        if found and found[3] in flat.nodes and flat.nodes[found[3]].kind in STORAGES:
+            named[found[3]] = None
+    return tuple(named)
 
 
 class _Evaluator:
@@ -90,7 +97,6 @@ class _Evaluator:
 
     def at(self, point: Mapping[str, Any], number: int) -> dict[str, Any]:
         where = f"point {number}"
-        _require(point, _POINT_KEYS, where)
         theta = self._vector(point.get("parameters", {}), "parameter", self.model.theta(), where)
         values = {p.name: float(v) for p, v in zip(self.model.parameters, theta, strict=True)}
         x = self._states(point.get("states", {}), values, where)

@@ -128,3 +128,29 @@ def test_help_teaches(command: str, capsys: pytest.CaptureFixture[str]) -> None:
         main([command, "--help"])
     assert ended.value.code == 0
     assert f"bondgraph {command}" in capsys.readouterr().out.split("examples:")[1]
+
+
+def test_either_of_two_geared_inertias_may_be_given(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Points say which storages are independent; both descriptions of one motion give one answer."""
+    nodes = [
+        {"id": "drive", "kind": "Se", "effort": "6"},
+        {"id": "a", "kind": "1"},
+        {"id": "one", "kind": "I", "flow": "momentum/2"},
+        {"id": "gear", "kind": "TF", "modulus": "3"},
+        {"id": "b", "kind": "1"},
+        {"id": "two", "kind": "I", "flow": "momentum/0.5"},
+    ]
+    pairs = (("drive", "a"), ("a", "one"), ("a", "gear"), ("gear", "b"), ("b", "two"))
+    graph = {
+        "directed": True, "multigraph": True, "graph": {"format": "bondgraph/1", "name": "geared"}, "nodes": nodes,
+        "bonds": [{"source": source, "target": target} for source, target in pairs],
+    }  # fmt: skip
+    (tmp_path / "geared.json").write_text(json.dumps(graph), encoding="utf-8")
+    points = [{"states": {"momentum(one)": 8.0}}, {"states": {"momentum(two)": 6.0}}]
+    (tmp_path / "points.json").write_text(json.dumps(points), encoding="utf-8")
+    assert main(["evaluate", str(tmp_path / "geared.json"), "--points", str(tmp_path / "points.json")]) == 0
+    first, second = json.loads(capsys.readouterr().out)
+    rate = 6.0 / (2.0 + 9.0 * 0.5)
+    assert first["derivatives"] == pytest.approx({"momentum(one)": 2.0 * rate})
+    assert second["derivatives"] == pytest.approx({"momentum(two)": 0.5 * 3.0 * rate})
+    assert first["bonds"]["b->two"] == pytest.approx(second["bonds"]["b->two"])
