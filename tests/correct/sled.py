@@ -55,12 +55,22 @@ def added(function: EffectFunction, junction: str, value: float, graph: BondGrap
 
 
 def pull(
-    graph: BondGraph, seed: int, samples: int = 400, name: str = "run", colour: float = 0.0, **values: float
+    graph: BondGraph,
+    seed: int,
+    samples: int = 400,
+    name: str = "run",
+    colour: float = 0.0,
+    driven: int | None = None,
+    **values: float,
 ) -> MatchedLog:
-    """A log of a true sled with sensor noise; ``colour`` is the noise's correlation from sample to sample."""
+    """A log of a true sled with sensor noise.
+
+    ``colour`` is the noise's correlation from sample to sample; ``driven`` a seed for the torque alone.
+    """
     rng = np.random.default_rng([seed, 7])
     time = 0.1 * np.arange(samples)
-    levels = np.repeat(rng.uniform(0.0, 45.0, samples // 25 + 1), 25)[:samples]
+    drive = rng if driven is None else np.random.default_rng([driven, 7])
+    levels = np.repeat(drive.uniform(0.0, 45.0, samples // 25 + 1), 25)[:samples]
     model = build(with_values(graph, values)).model
     run = simulate(model, time, levels[np.newaxis], rtol=1e-8).raise_if_failed()
     noise = np.empty(run.y.shape)
