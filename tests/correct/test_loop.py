@@ -98,7 +98,7 @@ def test_an_effect_of_detectable_size_is_found_about_nine_times_in_ten(nothing: 
         ]
         turn = one_round(built(), fitted(train), train, FUNCTIONS, LoopSettings(), no_report)
         found += turn.chosen is not None
-    assert 14 <= found  # noise levels that are estimated take a little of the gain: 16 to 18 are expected
+    assert found >= 14  # noise levels that are estimated take a little of the gain: 16 to 18 are expected
 
 
 def test_held_out_logs_decide_nothing(found: ClosedLoop) -> None:
