@@ -447,7 +447,7 @@ def _in_argument(rest: Expr, u: Symbol, own: Symbol) -> Expr | None:
     power, odd = ZERO, False
     for factor in Mul.make_args(rest):
         base, exponent = factor.as_base_exp()
-        if not exponent.is_Number:
+        if u in exponent.free_symbols:
             return None
         if isinstance(base, minimum | maximum):
             return _one_sided(rest, base, exponent, u)
@@ -478,7 +478,10 @@ def _one_sided(rest: Expr, base: Expr, exponent: Expr, u: Symbol) -> Expr | None
 def _by_sympy(rest: Expr, own: Symbol) -> Expr | None:
     """What sympy's rules integrate, if it is real and its derivative gives the law back."""
     folded = sympy.piecewise_fold(rest) if rest.has(Piecewise) else rest
-    found = sympy.integrate(folded, own) if rest.has(Piecewise) else sympy.integrate(folded, own, manual=True)
+    try:
+        found = sympy.integrate(folded, own, manual=None if rest.has(Piecewise) else True)
+    except Exception:  # sympy's integrals and limits raise many kinds where they meet an unknown sign
+        return None
     found = found.replace(sympy.log, lambda value: sympy.log(Abs(value)))
     vocabulary = (*(function for function in FUNCTIONS.values() if isinstance(function, type)), Piecewise)
     if found.has(sympy.I, sympy.nan, sympy.Integral):

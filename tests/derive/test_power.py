@@ -305,6 +305,8 @@ LAWS = {
     "leaning": K * (Q - A) * Abs(A - Q),
     "tangent": sympy.tan(Q / 2),
     "mixed": K * Q * cos(Q) + 2,
+    "any power": K * Abs(Q) ** (A + 1) * sympy.sign(Q),
+    "any contact": maximum(Q - A, 0) ** (1 + A),
 }
 
 
@@ -355,7 +357,10 @@ def test_laws_without_an_integral_need_their_energy():
         DerivationError, match="has a table that cannot be integrated - use a table of its displacement"
     ):
         spring(lambda q: table_function("curve")(q**2), table=True)
-    assert integral(Abs(Q) ** A * maximum(Q, 0), Q) is None
+    for law in (Abs(Q) ** A * maximum(Q, 0), Abs(Q) ** Q, 1 / Abs(Q) ** 1 * sympy.sinh(Q), sqrt(Q) * Abs(Q) ** A, Q**Q):
+        assert integral(law, Q) is None
+    with pytest.raises(DerivationError, match="given for C spring does not belong to its law"):
+        spring(lambda q: table_function("curve")(q**2), {"spring": Q**2}, table=True)
 
 
 def test_fields_of_tables_are_refused():
