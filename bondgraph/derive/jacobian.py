@@ -23,8 +23,6 @@ from typing import Any, Literal
 
 import numpy as np
 import numpy.typing as npt
-import scipy.interpolate
-import scipy.optimize
 import sympy
 from sympy import Add, Expr, Mul, Piecewise, Pow, Symbol
 
@@ -629,8 +627,9 @@ def point_values(equations: StateEquations, kind: str, given: Given) -> Values:
 
 def _table_values(table: Table) -> Callable[[Sequence[float], Sequence[int]], float]:
     """A table's interpolant and its derivatives: values held beyond the ends, slopes zero there."""
-    slopes = scipy.interpolate.PchipInterpolator
-    hermite = scipy.interpolate.CubicHermiteSpline
+    from scipy.interpolate import CubicHermiteSpline as hermite  # noqa: N813 - scipy takes half a second to load, and
+    from scipy.interpolate import PchipInterpolator as slopes  # noqa: N813 - who only differentiates needs none of it
+
     axes = [np.array(knots) for knots in (table.x, table.y) if knots]
     grid = np.array(table.values)
     along = [slopes(knots, grid, axis=axis)(knots, nu=1) for axis, knots in enumerate(axes)]
@@ -696,6 +695,8 @@ def vanishes(residual: FloatArray, slopes: FloatArray, size: FloatArray, step: F
 def _bracketed(function: Residuals, start: float) -> FloatArray | None:
     """A root of one residual between the start and the first point, ever further from it, where its sign differs."""
 
+    from scipy.optimize import brentq
+
     def residual(z: float) -> float:
         return float(function(np.array([z]))[0][0])
 
@@ -703,7 +704,7 @@ def _bracketed(function: Residuals, start: float) -> FloatArray | None:
     for width in 4.0 ** np.arange(-30, 30):
         for end in (start - width, start + width):
             if residual(end) * first <= 0:
-                return np.array([scipy.optimize.brentq(residual, start, end, xtol=1e-300, rtol=1e-15)])
+                return np.array([brentq(residual, start, end, xtol=1e-300, rtol=1e-15)])
     return None
 
 
@@ -715,10 +716,12 @@ def least_squares(function: Residuals, start: FloatArray, weights: FloatArray | 
     >>> least_squares(lambda z: (z**2 - 9, np.diag(2 * z)), np.array([1.0])).round(9).tolist()
     [3.0]
     """
+    from scipy.optimize import least_squares as smallest
+
     if not start.size:
         return start
     try:
-        found = scipy.optimize.least_squares(
+        found = smallest(
             lambda z: weights * function(z)[0], start, jac=lambda z: np.reshape(weights, (-1, 1)) * function(z)[1],
             x_scale="jac", ftol=1e-15, xtol=1e-15, gtol=1e-15, max_nfev=500,
         )  # fmt: skip
