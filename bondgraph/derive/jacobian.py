@@ -694,7 +694,6 @@ def vanishes(residual: FloatArray, slopes: FloatArray, size: FloatArray, step: F
 
 def _bracketed(function: Residuals, start: float) -> FloatArray | None:
     """A root of one residual between the start and the first point, ever further from it, where its sign differs."""
-
     from scipy.optimize import brentq
 
     def residual(z: float) -> float:
