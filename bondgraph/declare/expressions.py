@@ -15,6 +15,8 @@ from typing import Any, NamedTuple
 
 import sympy
 from sympy import Expr, Float, Integer, Symbol
+from sympy.core.relational import Relational
+from sympy.logic.boolalg import BooleanFunction
 from sympy.printing.str import StrPrinter
 
 from bondgraph.declare.functions import clip, maximum, minimum, number, switch
@@ -170,8 +172,11 @@ def parse(text: str, names: Mapping[str, Any], where: str) -> Expr:
         problem, todo = "a number in it is too large", f"no power of a number may exceed {_LARGEST_POWER}"
     except (RecursionError, MemoryError):
         problem, todo = "it is nested too deeply", "name parts of it as signals"
-    shown = text if len(text) <= _SHOWN else text[:_SHOWN] + "..."
-    raise DeclarationError(f"{where}: expression {shown!r} cannot be read ({problem}) - {todo}", where=(where,))
+    raise DeclarationError(f"{where}: expression {_cut(text)!r} cannot be read ({problem}) - {todo}", where=(where,))
+
+
+def _cut(text: str) -> str:
+    return text if len(text) <= _SHOWN else text[:_SHOWN] + "..."
 
 
 def _checked_number(value: Any, where: str) -> float:
@@ -218,7 +223,7 @@ class _Reader:
         if isinstance(node, ast.BinOp) and isinstance(node.op, ast.Mult):
             return [*self._factors(node.left), *self._factors(node.right)]
         if isinstance(node, ast.BinOp) and isinstance(node.op, ast.Div):
-            return [*self._factors(node.left), sympy.Pow(self.read(node.right), -1)]
+            return [*self._factors(node.left), *(sympy.Pow(factor, -1) for factor in self._factors(node.right))]
         if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub):
             return [Integer(-1), *self._factors(node.operand)]
         return [self.read(node)]
@@ -293,7 +298,7 @@ class _Reader:
         return self.read(node.elts[0]), self.read(node.elts[1])
 
     def _refusal(self, what: str, todo: str = "use arithmetic, declared names and known functions") -> DeclarationError:
-        return DeclarationError(f"{self.where}: {what} in {self.text!r} - {todo}", where=(self.where,))
+        return DeclarationError(f"{self.where}: {_cut(what)} in {_cut(self.text)!r} - {todo}", where=(self.where,))
 
 
 class _TextPrinter(StrPrinter):  # type: ignore[misc]
@@ -302,8 +307,25 @@ class _TextPrinter(StrPrinter):  # type: ignore[misc]
     def _print_Float(self, expression: Float) -> str:
         return repr(float(expression))
 
-    def _print_Heaviside(self, expression: Expr) -> str:
-        return f"Heaviside({self._print(expression.args[0])})"
+    def _print_Exp1(self, expression: Expr) -> str:
+        return "exp(1)"
+
+    def _print_Relational(self, expression: Any) -> str:
+        sign = {"Equality": "==", "Unequality": "!="}.get(type(expression).__name__) or expression.rel_op
+        return f"{self._operand(expression.lhs)} {sign} {self._operand(expression.rhs)}"
+
+    def _operand(self, expression: Any) -> str:
+        text = str(self._print(expression))
+        return f"({text})" if isinstance(expression, Relational | BooleanFunction) else text
+
+    def _print_And(self, expression: Any) -> str:
+        return " and ".join(map(self._operand, sorted(expression.args, key=sympy.default_sort_key)))
+
+    def _print_Or(self, expression: Any) -> str:
+        return " or ".join(map(self._operand, sorted(expression.args, key=sympy.default_sort_key)))
+
+    def _print_Not(self, expression: Any) -> str:
+        return f"not {self._operand(expression.args[0])}"
 
 
 _PRINTER = _TextPrinter()

@@ -97,7 +97,7 @@ class _Reader:
             names |= {record["name"]: symbol(record["name"]) for record in self._records(group)}
         for name, record in mapping(self.head, "tables", self.where).items():
             check_keys(record, _TABLE_KEYS, f"{self.where}: table {name}", required=("x", "values"))
-            names[name] = table_function(name, 2 if "y" in record else 1)
+            names[name] = table_function(name, 2 if record.get("y") else 1)
         for part in self.graph.subgraphs:
             inner = part.graph.flatten().quantities
             names |= {f"{part.name}.{name}": symbol(f"{part.name}.{name}") for name in inner}
@@ -144,7 +144,7 @@ class _Reader:
     def _table(self, name: str, record: Mapping[str, Any]) -> None:
         where = f"table {name}"
         rows = items(record, "values", where)
-        values = [numbers(row, where) for row in rows] if "y" in record else numbers(rows, where)
+        values = [numbers(row, where) for row in rows] if record.get("y") else numbers(rows, where)
         units = tuple(str(unit) for unit in items(record, "argument_units", where))
         x, y = numbers(record["x"], where), numbers(record.get("y", []), where)
         unit, meaning = text(record, "unit", where), text(record, "meaning", where)
@@ -214,7 +214,11 @@ def _domain(value: Any, where: str) -> Domain:
         return domain_named(value)
     fields = {field.name: field.default for field in dataclasses.fields(Domain)}
     check_keys(value, tuple(fields), f"{where}: domain", [n for n, d in fields.items() if d is dataclasses.MISSING])
-    return Domain(**value)
+    texts = {name: text(value, name, f"{where}: domain") for name in fields if name != "pseudo"}
+    pseudo = value.get("pseudo", False)
+    if not isinstance(pseudo, bool):
+        raise DeclarationError(f"{where}: domain: pseudo must be true or false but is {pseudo!r}", where=(where,))
+    return Domain(**texts, pseudo=pseudo)
 
 
 def _unit_and_meaning(record: Mapping[str, Any]) -> tuple[str, str]:

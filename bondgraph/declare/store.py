@@ -104,10 +104,8 @@ class GraphStore:
         return f"{type(self).__name__}({self.name!r}: {len(self._nodes)} nodes, {len(self._bonds)} bonds)"
 
     def _value(self) -> tuple[Any, ...]:
-        return (
-            self.name, self.doc, tuple(self._nodes.values()), self.bonds, tuple(self._quantities.values()),
-            self.outputs, self.subgraphs,
-        )  # fmt: skip
+        quantities = (self.inputs, self.parameters, self.tables, self.integrals, self.signals)
+        return (self.name, self.doc, tuple(self._nodes.values()), self.bonds, quantities, self.outputs, self.subgraphs)
 
     # ------------------------------------------------------------------ adding
 
