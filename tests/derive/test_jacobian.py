@@ -23,7 +23,7 @@ from bondgraph.derive.derivation import check_closed, derive
 from bondgraph.derive.dimensions import check_dimensions
 from bondgraph.derive.equations import Assignment, ImplicitLoop, OutputEquation, State, StateEquations
 from bondgraph.derive.jacobian import gradient, jacobian
-from bondgraph.derive.linearise import Evaluator
+from bondgraph.derive.values import Evaluator
 from bondgraph.errors import BondGraphError, DerivationError
 from tests.derive.compare import loaded
 from tests.derive.random_graphs import RandomGraph

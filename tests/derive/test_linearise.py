@@ -18,18 +18,16 @@ from bondgraph.derive.derivation import check_closed, derive
 from bondgraph.derive.equations import Assignment, ImplicitLoop, OutputEquation, State, StateEquations
 from bondgraph.derive.jacobian import jacobian
 from bondgraph.derive.linearise import (
-    LAPLACE_S,
     EquilibriumOutcome,
-    Evaluator,
     LinearModel,
     Units,
     equilibrium,
     linearise,
     mode_table,
     modes,
-    poles_zeros,
-    transfer_function,
 )
+from bondgraph.derive.transfer import LAPLACE_S, poles_zeros, transfer_function
+from bondgraph.derive.values import Evaluator
 from bondgraph.errors import BondGraphError, DerivationError
 from tests.derive.compare import loaded
 from tests.derive.random_graphs import RandomGraph

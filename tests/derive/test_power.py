@@ -18,8 +18,8 @@ from bondgraph.declare.switching import end_stop, positive_part
 from bondgraph.derive.causality import assign_causality
 from bondgraph.derive.derivation import check_closed, derive
 from bondgraph.derive.dimensions import check_dimensions
-from bondgraph.derive.jacobian import Evaluator
 from bondgraph.derive.power import integral, power_balance
+from bondgraph.derive.values import Evaluator
 from bondgraph.errors import BondGraphError, DerivationError
 from tests.derive.random_graphs import RandomGraph
 
