@@ -37,11 +37,8 @@ MODULE_LINES_AT_MOST = 600
 FUNCTION_LINES = 45
 #: Modules longer than that, and why they are one module.
 LONG_MODULES: dict[str, str] = {
-    "declare/files.py": "reading and writing of one file format, key by key, belong together",
-    "declare/graph.py": "the builder is the one mutable thing of the toolkit; its methods are the language of graphs",
     "derive/jacobian.py": "one sweep over all assignments and the rules it applies",
     "derive/transfer.py": "one computation: determinants in three kinds of exact arithmetic, and their roots",
-    "derive/variables.py": "every bond variable with its one defining rule",
 }
 
 

@@ -69,8 +69,8 @@ class OutputEquation:
 class StateEquations:
     """Explicit state equations of one graph, ready to be printed.
 
-    ``derivatives[i]`` is the time derivative of ``states[i]``; ``assignments`` are in order of computation. At the zeros
-    of ``events`` a law jumps or bends (only where the switches of the laws are not derived smooth).
+    ``derivatives[i]`` is the time derivative of ``states[i]``; ``assignments`` are in order of computation. At the
+    zeros of ``events`` a law jumps or bends (only where the switches of the laws are not derived smooth).
     """
 
     name: str

@@ -14,7 +14,7 @@ import mpmath
 import numpy as np
 import pytest
 import sympy
-from hypothesis import given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from sympy import Float, Integer, Rational
 
@@ -262,20 +262,21 @@ def _grown(children: st.SearchStrategy[Node]) -> st.SearchStrategy[Node]:
 expressions = st.recursive(st.one_of(variables, variables, numbers), _grown, max_leaves=8)
 
 
-@settings(max_examples=300, deadline=None, derandomize=True)
+@settings(max_examples=120, deadline=None, derandomize=True)
 @given(expressions)
 def test_printed_text_equals_the_expression_at_random_points(node: Node) -> None:
     _compare(node)
 
 
 @pytest.mark.slow
-@settings(max_examples=2000, deadline=None, derandomize=True)
+@settings(max_examples=600, deadline=None, derandomize=True)
 @given(expressions)
 def test_printed_text_equals_many_expressions(node: Node) -> None:
     _compare(node)
 
 
 def _compare(node: Node) -> None:
+    assume(not node.expression.has(sympy.zoo, sympy.oo, -sympy.oo, sympy.nan))  # no law divides by a constant zero
     text = ExpressionPrinter({s.name: s.name for s in SYMBOLS}).text(node.expression)
     for point, value in zip(POINTS, node.values, strict=True):
         with np.errstate(all="ignore"):
