@@ -255,4 +255,5 @@ def test_decimation_keeps_samples_as_they_are_and_no_signal_vanishes(step: int, 
     for name, full in channels.items():
         np.testing.assert_array_equal(thin.channel(name).values, full.values[rows])
         kept = int((~thin.channel(name).missing).sum())
-        assert kept >= 400 // max(step, 2) - 2
+        # jitter may put two neighbours into one interval and none into the next, but never empties a signal
+        assert kept >= 400 // max(step, 2) // 2
