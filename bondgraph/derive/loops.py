@@ -218,8 +218,10 @@ class LoopSolver:
         return rule.residual(unknown, values) if isinstance(rule, Residual) else rule.build(values) - unknown
 
     def _guess(self, key: Key) -> Expr:
-        """Where Newton's method starts: the declared start value of the element, else zero."""
+        """Where Newton's method starts: the declared start value of the element, one for a modulus, else zero."""
         rule = self.rules[key]
+        if key[0] == "m":
+            return ONE
         return rule.guess if isinstance(rule, Residual) else ZERO
 
     def _uses_inside(self, key: Key) -> int:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+import sympy
 from sympy import Expr, Symbol
 
 from bondgraph.declare.elements import ENERGY_VARIABLE, LAW_GIVES, Node
@@ -167,7 +168,8 @@ def _storage_laws(node: Node, ports: list[Port], is_dependent: bool) -> list[Exp
     if stored in laws and (is_dependent or gives not in laws):
         return [laws[stored] - symbol(stored)]
     if "energy" in laws:
-        return [slope(laws["energy"], port.local(stored)) - port.local(gives) for port in ports]
+        gradient = [sympy.factor_terms(slope(laws["energy"], port.local(stored))) for port in ports]
+        return [law - port.local(gives) for law, port in zip(gradient, ports, strict=True)]
     return [laws[port.local(gives).name] - port.local(gives) for port in ports]
 
 

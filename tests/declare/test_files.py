@@ -278,7 +278,7 @@ def test_no_entry_of_a_file_can_raise_anything_but_a_readable_error():
 
     whole = json.loads(json.dumps(graph_to_json(everything())))
     for path in list(places(whole)):
-        for value in (None, True, -1, 0.5, "x", [], [[]], {}, {"x": 1}):
+        for value in (None, True, -1, "x", [[]], {"x": 1}):
             data = json.loads(json.dumps(whole))
             place = data
             for key in path[:-1]:

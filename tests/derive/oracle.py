@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -169,9 +170,11 @@ class Oracle:
                     return 0.0 if order else float(curve(np.clip(x, *ends)))
                 return float(curve(x, order))
 
-            found[table.name] = held
-            found[table.name + "_d1"] = lambda x, held=held: held(x, 1)
-            found[table.name + "_d11"] = lambda x, held=held: held(x, 2)
+            part, _, name = table.name.rpartition(".")
+            place = vars(found.setdefault(part, SimpleNamespace())) if part else found
+            place[name] = held
+            place[name + "_d1"] = lambda x, held=held: held(x, 1)
+            place[name + "_d11"] = lambda x, held=held: held(x, 2)
         return found
 
     def solve(

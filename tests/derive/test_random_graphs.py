@@ -9,7 +9,7 @@ from bondgraph.derive.derivation import check_closed, derive
 from bondgraph.errors import BondGraphError, CausalityError, DerivationError
 from tests.derive.compare import compare
 from tests.derive.oracle import is_well_posed
-from tests.derive.random_graphs import RandomGraph
+from tests.derive.random_graphs import RandomGraph, nested
 
 BLOCK = 15
 #: Refusals of graphs in a mesh whose loop gains cancel exactly: structure says one thing, the numbers another.
@@ -63,3 +63,16 @@ def test_nonlinear_graphs_agree_with_the_oracle(block):
         solved += 1
         assert difference == "", f"seed {seed}"
     assert solved >= BLOCK // 3
+
+
+@pytest.mark.parametrize("linear", [True, False])
+def test_graphs_within_graphs_agree_with_the_oracle(linear):
+    solved = 0
+    for seed in range(11_000, 11_015):
+        try:
+            difference = compare(nested(seed, linear=linear), seed, tolerance=1e-6)
+        except (CausalityError, DerivationError):
+            continue
+        solved += 1
+        assert difference == "", f"seed {seed}"
+    assert solved >= 7
