@@ -63,8 +63,6 @@ FUNCTIONS: dict[str, Callable[..., Expr]] = {
 }  # fmt: skip
 
 _BINARY: dict[type[ast.operator], Callable[[Expr, Expr], Expr]] = {
-    ast.Add: lambda a, b: a + b,
-    ast.Sub: lambda a, b: a - b,
     ast.Pow: _power,
 }
 _COMPARE: dict[type[ast.cmpop], Callable[[Expr, Expr], Any]] = {
@@ -203,6 +201,8 @@ class _Reader:
             return self._name(self._dotted(node))
         if isinstance(node, ast.BinOp) and isinstance(node.op, ast.Mult | ast.Div):
             return sympy.Mul(*self._factors(node))
+        if isinstance(node, ast.BinOp) and isinstance(node.op, ast.Add | ast.Sub):
+            return sympy.Add(*self._terms(node))
         if isinstance(node, ast.BinOp) and type(node.op) in _BINARY:
             return _BINARY[type(node.op)](self.read(node.left), self.read(node.right))
         if isinstance(node, ast.UnaryOp):
@@ -217,6 +217,15 @@ class _Reader:
         if isinstance(node, ast.Call):
             return self._call(node)
         raise self._refusal(f"{type(node).__name__} is not arithmetic")
+
+    def _terms(self, node: ast.expr) -> list[Any]:
+        """Terms of a sum; a long one nests to the left, which must not use up the stack."""
+        terms: list[Any] = []
+        while isinstance(node, ast.BinOp) and isinstance(node.op, ast.Add | ast.Sub):
+            right = self.read(node.right)
+            terms.append(right if isinstance(node.op, ast.Add) else -right)
+            node = node.left
+        return [self.read(node), *reversed(terms)]
 
     def _factors(self, node: ast.expr) -> list[Any]:
         """Factors of a product, multiplied all at once: one by one, a number would be multiplied into a sum first."""

@@ -77,7 +77,7 @@ def assign_causality(graph: BondGraph, independent: Sequence[str] = ()) -> Causa
     (('source', 'source'), 'source s imposes the flow')
     """
     flat = graph.flatten()
-    graph.validate()
+    flat.validate()
     storages = [node.name for node in flat.nodes.values() if node.kind in STORAGES]
     for name in independent:
         if name not in storages:

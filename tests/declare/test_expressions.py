@@ -106,7 +106,7 @@ def test_what_may_be_written(text, expected):
         ("9**9**9", "too large"),
         ("a*2**(10**9)", "too large"),
         ("(" * 500 + "a" + ")" * 500, "cannot be read"),
-        ("+".join(["a"] * 30_000), "nested too deeply"),
+        ("-(" * 80 + "*".join(["a"] * 3_000) + ")" * 80, "nested too deeply"),
         ("a" * 3000, "name 'aaa"),
         ("lambda", "'lambda' is not declared"),
     ],
@@ -152,3 +152,8 @@ def test_two_argument_extrema_have_one_sided_slopes():
     at = {A: 1, B: 2}
     assert minimum(A, B).diff(A).subs(at) == 1 and minimum(A, B).diff(B).subs(at) == 0
     assert maximum(A, B).diff(A).subs(at) == 0 and maximum(A, B).diff(B).subs(at) == 1
+
+
+def test_a_very_long_sum_is_read():
+    text = " + ".join(f"{i}*a - b" for i in range(600))
+    assert read(text) == sum(range(600)) * A - 600 * B

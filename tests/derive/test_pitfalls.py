@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from bondgraph.declare.graph import BondGraph
+from bondgraph.declare.graph import BondGraph, Handle
 from bondgraph.derive.causality import assign_causality
 from bondgraph.derive.derivation import check_closed, derive
 from bondgraph.derive.equations import Assignment, ImplicitLoop
@@ -329,3 +329,21 @@ def test_everything_an_assignment_uses_is_known_before():
     check_closed(equations)
     assert any(isinstance(step, ImplicitLoop) for step in equations.assignments)
     assert all(isinstance(step, Assignment | ImplicitLoop) for step in equations.assignments)
+
+
+def test_tables_in_two_arguments_go_through_derivation_and_rates():
+    """A map that is a plane, so that the interpolant is exact, imposed on a dependent mass."""
+    g = BondGraph("map")
+    u = g.input("u", "")
+    plane = g.table(
+        "plane", [-2.0, 0.5, 3.0], [[2 * x - 3 * y for y in (-4.0, 4.0)] for x in (-2.0, 0.5, 3.0)], y=[-4.0, 4.0]
+    )
+    v, w = g.one_junction("v"), g.one_junction("w")
+    g.compliance("k", g.parameter("k", 5.0, ""), at=w)
+    g.inertance("M", g.parameter("M", 2.0, ""), at=w)
+    g.flow_source("s", plane(u, w.flow), at=v)
+    g.inertance("m", g.parameter("m", 0.7, ""), at=v)
+    g.measure("force", Handle("m", "I", None).effort, "")
+    equations = derive(assign_causality(g))
+    found = loaded(equations)["output"](0.0, np.array([0.3, 0.4]), np.array([0.2, 0.9]), np.array([5.0, 2.0, 0.7]))
+    np.testing.assert_allclose(found, [0.7 * (2 * 0.9 - 3 * (-5.0 * 0.3 / 2.0))], rtol=1e-12)
