@@ -331,14 +331,15 @@ class BondVariables:
         return isinstance(rule, Law) and not rule.arguments and not (rule.template.free_symbols & self._changing)
 
     def _refuse_second_derivative(self, of: Key) -> None:
-        name, _, meaning = self.labels.get(of, (str(of), "", str(of)))
+        name, _, meaning = self.labels.get(of, (str(of), "", ""))
+        what = meaning or name
         storage = str(of[1]) if of[0] == "q" else name
         bonds = [bond for bond, _ in self.incidence.get(storage, [])]
         why = "; ".join(self.causal.explain(bond) for bond in bonds)
         laws = [reason.node for reason in self.causal.reasons if reason.kind == "law"]
         law = f"a law that has one form only ({', '.join(dict.fromkeys(laws))})" if laws else "the laws on its way"
         raise DerivationError(
-            f"{self.graph.name}: {storage} is in derivative causality ({why}) and its {meaning or name} depends on its"
+            f"{self.graph.name}: {storage} is in derivative causality ({why}) and its {what} depends on its"
             f" own rate through {law}, so its equation cannot be made explicit - give such a law in the other form or as"
             " a residual, or put a (small) storage between",
             where=(storage,),
