@@ -339,8 +339,8 @@ class BondVariables:
         laws = [reason.node for reason in self.causal.reasons if reason.kind == "law"]
         law = f"a law that has one form only ({', '.join(dict.fromkeys(laws))})" if laws else "the laws on its way"
         raise DerivationError(
-            f"{self.graph.name}: {storage} is in derivative causality ({why}) and its {what} depends on its"
-            f" own rate through {law}, so its equation cannot be made explicit - give such a law in the other form or as"
-            " a residual, or put a (small) storage between",
+            f"{self.graph.name}: {storage} is in derivative causality ({why}) and its {what} depends on its own rate "
+            f"through {law}, so its equation cannot be made explicit - give such a law in the other form or as a "
+            "residual, or put a (small) storage between",
             where=(storage,),
         )
