@@ -24,7 +24,7 @@ def accepted(graph) -> BondGraphError | None:
     return None
 
 
-@pytest.mark.parametrize("block", range(4))
+@pytest.mark.parametrize("block", range(3))
 def test_linear_trees_agree_with_the_oracle_or_are_rightly_refused(block):
     solved = 0
     for seed in range(BLOCK * block, BLOCK * (block + 1)):
@@ -37,7 +37,7 @@ def test_linear_trees_agree_with_the_oracle_or_are_rightly_refused(block):
     assert solved >= BLOCK // 2
 
 
-@pytest.mark.parametrize("block", range(4))
+@pytest.mark.parametrize("block", range(3))
 def test_linear_meshes_agree_with_the_oracle_and_nothing_undetermined_is_accepted(block):
     solved = 0
     for seed in range(5000 + BLOCK * block, 5000 + BLOCK * (block + 1)):
@@ -51,7 +51,7 @@ def test_linear_meshes_agree_with_the_oracle_and_nothing_undetermined_is_accepte
     assert solved >= BLOCK // 3
 
 
-@pytest.mark.parametrize("block", range(4))
+@pytest.mark.parametrize("block", range(3))
 def test_nonlinear_graphs_agree_with_the_oracle(block):
     solved = 0
     for seed in range(9000 + BLOCK * block, 9000 + BLOCK * (block + 1)):
