@@ -14,6 +14,7 @@ from bondgraph.derive.equations import Assignment, ImplicitLoop
 from bondgraph.derive.laws import solve_for
 from bondgraph.derive.linear import solve_linear
 from bondgraph.derive.order import tear
+from bondgraph.derive.piecewise import solve_piecewise
 from bondgraph.derive.size import is_long
 from bondgraph.errors import DerivationError
 
@@ -185,7 +186,7 @@ class LoopSolver:
                 value = local
             values[key] = value
         residuals = [self._residual(key, unknown, values) for key, unknown in zip(self.torn, unknowns, strict=True)]
-        solved = self._rational(body, residuals[0], unknowns[0]) if len(residuals) == 1 else None
+        solved = self._without_iteration(body, residuals[0], unknowns[0]) if len(residuals) == 1 else None
         if solved is not None:
             derivation.assignments.append(Assignment(unknowns[0], solved, *derivation.label(self.torn[0])[1:]))
             derivation.values[self.torn[0]] = unknowns[0]
@@ -204,13 +205,24 @@ class LoopSolver:
         )
         derivation.values.update(zip(self.torn, unknowns, strict=True))
 
-    def _rational(self, body: Sequence[Assignment], residual: Expr, unknown: Symbol) -> Expr | None:
-        """The only root of a residual that is rational in its unknown with a numerator of the first degree."""
+    def _without_iteration(self, body: Sequence[Assignment], residual: Expr, unknown: Symbol) -> Expr | None:
+        """The root of a residual that is rational of the first degree, or straight between kinks."""
         inside: dict[Expr, Expr] = {}
         for local in body:
             inside[local.symbol] = local.expression.xreplace(inside)
         whole = residual.xreplace(inside)
-        return solve_for(whole, unknown) if not is_long(whole, 2 * _LONG) else None
+        if is_long(whole, 4 * _LONG):
+            return None
+        solved = solve_for(whole, unknown) if not is_long(whole, 2 * _LONG) else None
+        return solved if solved is not None else solve_piecewise(whole + unknown, unknown, self._name_part)
+
+    def _name_part(self, value: Expr, hint: str) -> Expr:
+        if value.is_Atom:
+            return value
+        elements = ", ".join([*self.elements, *self.signals])
+        return self.derivation.assign_as(
+            f"{self.derivation.label(self.torn[0])[0]}_{hint}", value, "", f"loop of {elements}"
+        )
 
     def _residual(self, key: Key, unknown: Symbol, values: Mapping[Key, Expr]) -> Expr:
         rule = self.rules[key]
