@@ -10,9 +10,11 @@ from scipy import stats
 
 from bondgraph.correct.fit import Fit
 from bondgraph.data.log import FloatArray, MatchedLog
+from bondgraph.filter.consistency import ljung_box
 from bondgraph.filter.likelihood import innovations
 
-_LAGS = 20
+#: Logs in which a channel has no more values than this do not tell whether its innovations are white.
+_FEWEST = 40
 
 
 @dataclass(frozen=True)
@@ -37,21 +39,17 @@ def whiteness(fitted: Fit, logs: Sequence[MatchedLog]) -> tuple[Whiteness, ...]:
     )  # fmt: skip
     found = []
     for row, name in enumerate(fitted.problem.filter_model.model.names("output")):
-        series = [record.values[row, record.measured[row], 0] for record in records]
-        series = [values for values in series if values.size > 2 * _LAGS]
+        series = [np.where(record.measured[row], record.values[row, :, 0], np.nan) for record in records]
+        series = [values for values in series if np.sum(~np.isnan(values)) > _FEWEST]
         if series:
-            statistic, freedom = np.sum([_ljung_box(values) for values in series], axis=0)
+            statistic, freedom = np.sum([ljung_box(values) for values in series], axis=0)
             together = np.concatenate(series)
-            first = float(np.mean([np.corrcoef(values[1:], values[:-1])[0, 1] for values in series]))
+            first = float(np.mean([np.corrcoef(values[1:], values[:-1])[0, 1] for values in map(_measured, series)]))
             p_value = float(stats.chi2.sf(statistic, freedom))
-            found.append(Whiteness(name, p_value, float(np.mean(together**2)), first))
+            found.append(Whiteness(name, p_value, float(np.nanmean(together**2)), first))
     return tuple(found)
 
 
-def _ljung_box(values: FloatArray) -> tuple[float, int]:
-    centred = values - values.mean()
-    n, variance = values.size, float(centred @ centred)
-    if variance == 0.0:
-        return 0.0, _LAGS
-    correlations = np.array([float(centred[lag:] @ centred[:-lag]) / variance for lag in range(1, _LAGS + 1)])
-    return float(n * (n + 2) * np.sum(correlations**2 / (n - np.arange(1, _LAGS + 1)))), _LAGS
+def _measured(values: FloatArray) -> FloatArray:
+    present: FloatArray = values[~np.isnan(values)]
+    return present

@@ -83,6 +83,18 @@ def test_whiteness_p_is_uniform_for_white_series() -> None:
     assert np.isnan(whiteness_p(np.array([1.0, 2.0, np.nan])))
 
 
+def test_whiteness_of_a_slow_sensor_is_judged_at_the_lags_it_has() -> None:
+    rng = np.random.default_rng(3)
+    below = 0
+    for _ in range(200):
+        series = np.full(800, np.nan)
+        series[::8] = rng.standard_normal(100)
+        below += whiteness_p(series) < 0.1
+    assert 8 <= below <= 36
+    series[::8] = np.convolve(rng.standard_normal(102), [1.0, 1.0, 1.0], "valid")
+    assert whiteness_p(series) < 1e-3
+
+
 def test_a_confidence_that_is_none_is_refused() -> None:
     model = pendulum_filter()
     with pytest.raises(FilterError, match=r"confidence=95 is no probability"):
