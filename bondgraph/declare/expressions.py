@@ -32,6 +32,14 @@ _ESCAPED = "__word_"
 _SHOWN = 200
 
 
+def _step(value: Expr, at_zero: Any = 1) -> Expr:
+    """Heaviside's step; one at zero unless a second argument gives the value there."""
+    at = sympy.sympify(at_zero)
+    if at == 1:
+        return sympy.Piecewise((Integer(1), value >= 0), (Integer(0), True))
+    return sympy.Piecewise((Integer(1), value > 0), (at, sympy.Eq(value, 0)), (Integer(0), True))
+
+
 def _nested(function: Any) -> Callable[..., Expr]:
     def fold(*arguments: Expr) -> Expr:
         return functools.reduce(function, arguments)
@@ -54,13 +62,23 @@ FUNCTIONS: dict[str, Callable[..., Expr]] = {
     "sin": sympy.sin, "cos": sympy.cos, "tan": sympy.tan,
     "asin": sympy.asin, "acos": sympy.acos, "atan": sympy.atan, "atan2": sympy.atan2,
     "sinh": sympy.sinh, "cosh": sympy.cosh, "tanh": sympy.tanh,
-    "exp": sympy.exp, "log": sympy.log, "ln": sympy.log, "sqrt": sympy.sqrt,
-    "abs": sympy.Abs, "Abs": sympy.Abs, "sign": sympy.sign, "floor": sympy.floor,
+    "asinh": sympy.asinh, "acosh": sympy.acosh, "atanh": sympy.atanh,
+    "sec": lambda x: 1 / sympy.cos(x), "csc": lambda x: 1 / sympy.sin(x), "cot": lambda x: 1 / sympy.tan(x),
+    "exp": sympy.exp, "log": sympy.log, "ln": sympy.log, "sqrt": sympy.sqrt, "cbrt": sympy.cbrt,
+    "abs": sympy.Abs, "Abs": sympy.Abs, "sign": sympy.sign, "floor": sympy.floor, "ceiling": lambda x: -sympy.floor(-x),
+    "Mod": lambda a, b: a - b * sympy.floor(a / b),
     "min": _nested(minimum), "Min": _nested(minimum), "minimum": _nested(minimum),
     "max": _nested(maximum), "Max": _nested(maximum), "maximum": _nested(maximum),
     "clip": clip, "pow": _power, "switch": switch,
-    "Heaviside": lambda x: sympy.Piecewise((Integer(1), x >= 0), (Integer(0), True)),
+    "Heaviside": _step,
 }  # fmt: skip
+
+#: Conditions written as functions, as sympy prints some of them.
+_CONDITIONS: dict[str, Callable[..., Any]] = {
+    "And": sympy.And, "Or": sympy.Or, "Not": sympy.Not,
+    "Eq": sympy.Eq, "Ne": sympy.Ne, "Lt": sympy.Lt, "Le": sympy.Le, "Gt": sympy.Gt, "Ge": sympy.Ge,
+}  # fmt: skip
+_JOINED: dict[type[ast.operator], Callable[..., Any]] = {ast.BitAnd: sympy.And, ast.BitOr: sympy.Or}
 
 _BINARY: dict[type[ast.operator], Callable[[Expr, Expr], Expr]] = {
     ast.Pow: _power,
@@ -124,7 +142,7 @@ def normalise(expression: Any) -> Expr:
         order = sympy.default_sort_key
         result = result.replace(sympy.Min, lambda *a: functools.reduce(minimum, sorted(a, key=order)))
         result = result.replace(sympy.Max, lambda *a: functools.reduce(maximum, sorted(a, key=order)))
-        result = result.replace(sympy.Heaviside, lambda x, *_: FUNCTIONS["Heaviside"](x))
+        result = result.replace(sympy.Heaviside, lambda x, *_: _step(x))
     return result
 
 
@@ -159,7 +177,7 @@ def parse(text: str, names: Mapping[str, Any], where: str) -> Expr:
         signals[placeholder] = signal(found[1], found[3], int(found[2] or 0))
         return placeholder
 
-    source = _SIGNAL.sub(hide, text.strip())
+    source = _SIGNAL.sub(hide, text.strip()).replace("^", "**")
     source = re.sub(r"\b[A-Za-z_]\w*\b", _escape_word, source)
     try:
         tree = ast.parse(source, mode="eval").body
@@ -205,6 +223,8 @@ class _Reader:
             return sympy.Add(*self._terms(node))
         if isinstance(node, ast.BinOp) and type(node.op) in _BINARY:
             return _BINARY[type(node.op)](self.read(node.left), self.read(node.right))
+        if isinstance(node, ast.BinOp) and type(node.op) in _JOINED:
+            return _JOINED[type(node.op)](self._condition(node.left), self._condition(node.right))
         if isinstance(node, ast.UnaryOp):
             return self._unary(node)
         if isinstance(node, ast.Compare):
@@ -273,9 +293,15 @@ class _Reader:
             return -value
         if isinstance(node.op, ast.UAdd):
             return value
-        if isinstance(node.op, ast.Not):
-            return sympy.Not(value)
-        raise self._refusal("~ is not arithmetic")
+        if isinstance(node.op, ast.Invert) and isinstance(value, Expr):
+            raise self._refusal("~ is not arithmetic")
+        return sympy.Not(value)
+
+    def _condition(self, node: ast.expr) -> Any:
+        value = self.read(node)
+        if isinstance(value, Expr):
+            raise self._refusal("& and | join conditions", todo="put the conditions into parentheses")
+        return value
 
     def _comparison(self, node: ast.Compare) -> Any:
         values = [self.read(node.left), *(self.read(value) for value in node.comparators)]
@@ -292,9 +318,9 @@ class _Reader:
             raise self._refusal(f"{name} takes no keyword arguments")
         if name == "Piecewise":
             return sympy.Piecewise(*(self._branch(argument) for argument in node.args))
-        function = self.names[name] if callable(self.names.get(name)) else FUNCTIONS.get(name)
+        function = self.names[name] if callable(self.names.get(name)) else {**FUNCTIONS, **_CONDITIONS}.get(name)
         if function is None:
-            known = [*FUNCTIONS, *(known for known, value in self.names.items() if callable(value))]
+            known = [*FUNCTIONS, *_CONDITIONS, *(known for known, value in self.names.items() if callable(value))]
             raise self._refusal(f"function {name!r} is not known{suggest(name, known)}", todo="declare it as a table")
         try:
             return function(*(self.read(argument) for argument in node.args))
@@ -310,7 +336,7 @@ class _Reader:
         return DeclarationError(f"{self.where}: {_cut(what)} in {_cut(self.text)!r} - {todo}", where=(self.where,))
 
 
-class _TextPrinter(StrPrinter):  # type: ignore[misc]
+class TextPrinter(StrPrinter):  # type: ignore[misc]
     """Text of an expression that :func:`parse` reads back to the same value."""
 
     def _print_Float(self, expression: Float) -> str:
@@ -337,7 +363,7 @@ class _TextPrinter(StrPrinter):  # type: ignore[misc]
         return f"not {self._operand(expression.args[0])}"
 
 
-_PRINTER = _TextPrinter()
+_PRINTER = TextPrinter()
 
 
 def to_text(expression: Expr) -> str:

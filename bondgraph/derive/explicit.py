@@ -8,6 +8,7 @@ from typing import Any
 from sympy import Expr, Symbol
 
 from bondgraph.declare.expressions import to_text
+from bondgraph.declare.sympy_text import to_sympy_text
 from bondgraph.derive.derivation import Derivation, bond_labels
 from bondgraph.derive.equations import Assignment, StateEquations
 
@@ -80,12 +81,15 @@ def equations_json(derivation: Derivation, equations: StateEquations) -> dict[st
         ],
         "inputs": [declared.name for declared in equations.inputs],
         "parameters": {parameter.name: parameter.value for parameter in equations.parameters},
-        "derivatives": {state.name: to_text(value) for state, value in found.derivatives},
+        "derivatives": {state.name: to_sympy_text(value) for state, value in found.derivatives},
         "implicit": [
-            {"unknowns": [unknown.name for unknown in loop.unknowns], "residuals": [to_text(r) for r in loop.residuals]}
+            {
+                "unknowns": [unknown.name for unknown in loop.unknowns],
+                "residuals": [to_sympy_text(r) for r in loop.residuals],
+            }
             for loop in found.implicit
         ],
-        "outputs": {output.name: to_text(value) for output, value in found.outputs},
+        "outputs": {output.name: to_sympy_text(value) for output, value in found.outputs},
         "causality": {
             "bonds": [
                 {"source": bond.source, "target": bond.target, "stroke": stroke, "bond": label, "why": reason.text}

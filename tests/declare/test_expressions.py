@@ -7,9 +7,18 @@ import sympy
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from bondgraph.declare.expressions import FUNCTIONS, normalise, parse, signal, signal_name, signals_in, to_text
+from bondgraph.declare.expressions import (
+    FUNCTIONS,
+    normalise,
+    parse,
+    signal,
+    signal_name,
+    signals_in,
+    to_text,
+)
 from bondgraph.declare.functions import clip, maximum, minimum, number, switch, table_function
 from bondgraph.declare.quantities import symbol
+from bondgraph.declare.sympy_text import to_sympy_text
 from bondgraph.errors import DeclarationError
 
 A, B, C, FLOW = (symbol(name) for name in ("a", "b", "c", "flow"))
@@ -67,6 +76,12 @@ def test_text_parses_back_to_the_same_expression(expression):
         ("flow(shaft) + momentum2( axle.rotor )", signal("flow", "shaft") + signal("momentum", "axle.rotor", 2)),
         ("2*pi*a", 2 * sympy.pi * A),
         ("Heaviside(flow)", sympy.Piecewise((1, FLOW >= 0), (0, True))),
+        ("Heaviside(flow, 0.5)", sympy.Piecewise((1, FLOW > 0), (0.5, sympy.Eq(FLOW, 0)), (0, True))),
+        ("a*flow^3 + b^2", A * FLOW**3 + B**2),
+        (
+            "Piecewise((a, (flow > 0) & ~(b < 0) | Eq(a, 1)), (Mod(flow, a), Or(Gt(a, b), Not(a <= 0))), (1, True))",
+            None,
+        ),
         ("2*(a + b)*flow", sympy.Mul(2, A + B, FLOW)),
         ("1e-7*a + 1E7", sympy.Float(1e-7) * A + sympy.Float(1e7)),
     ],
@@ -94,6 +109,7 @@ def test_what_may_be_written(text, expected):
         ("a[0]", "Subscript is not arithmetic"),
         ("f'{a}'", "JoinedStr is not arithmetic"),
         ("~a", "~ is not arithmetic"),
+        ("flow & a", "& and | join conditions"),
         ("a % b", "BinOp is not arithmetic"),
         ("a // b", "BinOp is not arithmetic"),
         ("a in b", "cannot be read"),
@@ -140,7 +156,7 @@ def test_numbers_stay_exact():
     assert normalise(sympy.Max(A, B, 0)).func is maximum and normalise(sympy.Min(A, B)) == minimum(A, B)
 
 
-@pytest.mark.parametrize("name", sorted(set(FUNCTIONS) - {"Heaviside", "pow", "atan2", "clip", "switch"}))
+@pytest.mark.parametrize("name", sorted(set(FUNCTIONS) - {"Heaviside", "Mod", "pow", "atan2", "clip", "switch"}))
 def test_every_function_is_understood_by_text_and_number(name):
     arguments = "flow, a" if name.lower() in ("min", "max", "minimum", "maximum") else "flow"
     found = read(f"{name}({arguments})")
@@ -157,3 +173,11 @@ def test_two_argument_extrema_have_one_sided_slopes():
 def test_a_very_long_sum_is_read():
     text = " + ".join(f"{i}*a - b" for i in range(600))
     assert read(text) == sum(range(600)) * A - 600 * B
+
+
+@pytest.mark.parametrize("text", ["min(flow, max(a, b))", "a if flow > 0 and not a == b or b != 2 else Abs(b)"])
+def test_text_for_other_programs_is_read_by_sympy(text):
+    found = read(text)
+    names = {used.name: used for used in found.free_symbols}
+    assert read(to_sympy_text(found)) == found
+    assert normalise(sympy.sympify(to_sympy_text(found), locals=names)) == found
