@@ -20,6 +20,7 @@ COMMANDS = {
     "equations": "graphs",
     "evaluate": "graphs",
     "draw": "graphs",
+    "linearise": "analysis",
     "generate": "graphs",
     "simulate": "runs",
     "filter": "runs",

@@ -22,6 +22,7 @@ def parser() -> argparse.ArgumentParser:
     top.add_argument("--version", action="version", version=f"bondgraph {bondgraph.__version__}")
     commands = top.add_subparsers(dest="command", required=True, metavar="COMMAND")
     _add_graph_commands(commands)
+    _add_linearise(commands)
     _add_run_commands(commands)
     _add_loop_commands(commands)
     return top
@@ -75,6 +76,27 @@ def _add_graph_commands(commands: Any) -> None:
     c.add_argument(
         "--graphs", default="vehicle_graphs", help="package that declares GENERATED (default: vehicle_graphs)"
     )
+
+
+def _add_linearise(commands: Any) -> None:
+    c = _command(
+        commands, "linearise", "linear model of a graph at an operating point: matrices, modes, transfer functions",
+        "  bondgraph linearise motor.json --transfer u_a omega --bode motor.png\n"
+        "  bondgraph linearise vehicle_graphs.driveline:driveline --at engine_torque=30 --steady",
+    )  # fmt: skip
+    c.add_argument("graph", metavar="GRAPH", help=GRAPH_HELP)
+    c.add_argument(
+        "--at", action="append", default=[], metavar="NAME=VALUE",
+        help="value of a state, an input or a parameter there (default: as declared)",
+    )  # fmt: skip
+    c.add_argument("--steady", action="store_true", help="look for the equilibrium near that point first")
+    c.add_argument("--moving", nargs="+", default=[], metavar="STATE", help="states that may go on moving in it")
+    c.add_argument(
+        "--transfer", nargs=2, action="append", default=[], metavar=("INPUT", "OUTPUT"),
+        help="print the transfer function between these, with poles and zeros (repeatable)",
+    )  # fmt: skip
+    c.add_argument("--bode", metavar="FILE", help="picture of the frequency response: .png, .svg or .pdf")
+    c.add_argument("--json", action="store_true", help="print matrices and modes as one JSON object instead of text")
 
 
 def _add_run_commands(commands: Any) -> None:

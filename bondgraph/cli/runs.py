@@ -19,6 +19,7 @@ from bondgraph.estimate.estimate import estimate as run_estimate
 from bondgraph.estimate.sensitivity import sensitivity as find_sensitivity
 from bondgraph.report.collect import versions
 from bondgraph.report.estimation import declared_problem, write_estimate
+from bondgraph.report.figures import save_figure
 from bondgraph.report.filtering import filter_logs
 from bondgraph.report.html import Provenance
 from bondgraph.report.logs import grouped_notes
@@ -39,7 +40,7 @@ def simulate(options: argparse.Namespace) -> int:
     trajectory = simulate_graph(load_graph(options.graph), inputs, chosen).raise_if_failed()
     log = trajectory_log(trajectory)
     if options.plot:
-        launch_figure(trajectory).savefig(options.plot, dpi=150)
+        save_figure(launch_figure(trajectory), Path(options.plot))
         print(f"picture: {options.plot}", file=sys.stderr)
     if options.out:
         print(f"written: {write_log(options.out, log)}", file=sys.stderr)

@@ -1,64 +1,35 @@
-"""Figures of the report (matplotlib, without global state), and their embedding in HTML.
-
-Measurements are grey, the declared model orange, the corrected model blue, a found law magenta, in every figure.
-"""
+"""Figures of the report (matplotlib, without global state), and their embedding in HTML."""
 
 from __future__ import annotations
 
 import base64
 import io
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
 from html import escape
-from typing import Any
 
-import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from bondgraph.estimate.objective import TraceRow
+from bondgraph.report.figures import (
+    AFTER,
+    BAND,
+    BEFORE,
+    FOUND,
+    LINES,
+    MEASURED,
+    PANEL_HEIGHT,
+    WIDTH,
+    figure_style,
+)
 from bondgraph.report.series import ChannelSeries, FloatArray, MissingEffort, Prediction, StateBand
 from bondgraph.simulate.model import InputInfo, OutputInfo, StateInfo
 from bondgraph.simulate.trajectory import Trajectory
 
-MEASURED, BEFORE, AFTER, FOUND = "#8b95a1", "#d9772b", "#1f5fa8", "#c2185b"
-LINES = ("#1f5fa8", "#d9772b", "#1b7a43", "#8e44ad", "#b3362b", "#007f8c")
-BAND = "#e6e9ed"
-WIDTH, PANEL_HEIGHT = 10.5, 1.9
+#: Points of a line beyond which it is thinned.
 MOST_POINTS = 1000
-
-_STYLE: Any = {
-    "font.family": "sans-serif",
-    "font.size": 9.0,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "axes.edgecolor": "#8b95a1",
-    "axes.labelcolor": "#1c2126",
-    "axes.titlesize": 10.0,
-    "axes.titleweight": "bold",
-    "axes.titlelocation": "left",
-    "axes.grid": True,
-    "axes.axisbelow": True,
-    "axes.formatter.useoffset": False,
-    "grid.color": "#e3e6ea",
-    "grid.linewidth": 0.6,
-    "lines.linewidth": 1.2,
-    "xtick.color": "#5b636d",
-    "ytick.color": "#5b636d",
-    "legend.frameon": False,
-    "legend.fontsize": 8.5,
-    "path.simplify_threshold": 0.4,
-    "svg.hashsalt": "bondgraph",
-    "figure.facecolor": "white",
-}
-
-
-@contextmanager
-def _style() -> Iterator[None]:
-    with matplotlib.rc_context(_STYLE):
-        yield
 
 
 def prediction_figure(series: Sequence[ChannelSeries]) -> Figure:
@@ -70,7 +41,7 @@ def prediction_figure(series: Sequence[ChannelSeries]) -> Figure:
         The channels of one log.
     """
     columns = _columns(series)
-    with _style():
+    with figure_style():
         figure, panels = _grid(len(series), len(columns), share_heights=True)
         for row, one in enumerate(series):
             for column, kind in enumerate(columns):
@@ -87,7 +58,7 @@ def prediction_figure(series: Sequence[ChannelSeries]) -> Figure:
 def residual_figure(series: Sequence[ChannelSeries]) -> Figure:
     """Measured minus predicted over time, a row per channel, with the noise band of two standard deviations."""
     columns = _columns(series)
-    with _style():
+    with figure_style():
         figure, panels = _grid(len(series), len(columns), share_heights=False)
         for row, one in enumerate(series):
             for column, kind in enumerate(columns):
@@ -103,7 +74,7 @@ def residual_figure(series: Sequence[ChannelSeries]) -> Figure:
 
 def state_figure(bands: Sequence[StateBand], title: str = "") -> Figure:
     """States with their 95 % bands over time, a panel each, and the measurements where there are any."""
-    with _style():
+    with figure_style():
         figure = Figure(figsize=(8.5, 0.8 + 1.6 * len(bands)), layout="constrained")
         panels = figure.subplots(len(bands), 1, sharex=True, squeeze=False)[:, 0]
         for axes, band in zip(panels, bands, strict=True):
@@ -133,7 +104,7 @@ def launch_figure(trajectory: Trajectory, names: Sequence[str] = ()) -> Figure:
     """
     panels = _panels(_quantities(trajectory, names))
     held = {info.name for info in trajectory.model.inputs if info.interpolation == "hold"}
-    with _style():
+    with figure_style():
         figure = Figure(figsize=(8.5, 0.8 + 1.75 * len(panels)), layout="constrained")
         axes = figure.subplots(len(panels), 1, sharex=True, squeeze=False)[:, 0]
         for panel, (unit, group) in zip(axes, panels, strict=True):
@@ -151,7 +122,7 @@ def launch_figure(trajectory: Trajectory, names: Sequence[str] = ()) -> Figure:
 
 def missing_effort_figure(found: MissingEffort) -> Figure:
     """What is missing against the quantity it depends on, with medians, and the found law drawn through it."""
-    with _style():
+    with figure_style():
         figure = Figure(figsize=(7.0, 4.4), layout="constrained")
         axes = figure.subplots()
         finite = np.isfinite(found.x) & np.isfinite(found.missing)
@@ -186,7 +157,7 @@ def missing_effort_figure(found: MissingEffort) -> Figure:
 
 def trace_figure(trace: Sequence[TraceRow]) -> Figure:
     """How a search came down: negative log-likelihood above its final value against evaluations, by stage."""
-    with _style():
+    with figure_style():
         figure = Figure(figsize=(7.0, 3.2), layout="constrained")
         axes = figure.subplots()
         best = min((row.nll for row in trace if np.isfinite(row.nll)), default=0.0)
@@ -208,7 +179,7 @@ def trace_figure(trace: Sequence[TraceRow]) -> Figure:
 def figure_svg(figure: Figure) -> str:
     """The figure as SVG text, the same for the same figure."""
     buffer = io.StringIO()
-    with _style():
+    with figure_style():
         figure.savefig(buffer, format="svg", dpi=180, metadata={"Date": None, "Creator": None})
     return buffer.getvalue()
 

@@ -154,3 +154,21 @@ def test_either_of_two_geared_inertias_may_be_given(tmp_path: Path, capsys: pyte
     assert first["derivatives"] == pytest.approx({"momentum(one)": 2.0 * rate})
     assert second["derivatives"] == pytest.approx({"momentum(two)": 0.5 * 3.0 * rate})
     assert first["bonds"]["b->two"] == pytest.approx(second["bonds"]["b->two"])
+
+
+def test_linearise_prints_modes_and_transfer_functions(
+    motor_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    picture = tmp_path / "bode.svg"
+    assert main(["linearise", str(motor_file), "--transfer", "u_a", "omega", "--bode", str(picture)]) == 0
+    text = capsys.readouterr().out
+    assert "eigenvalue [1/s]" in text and "k_m/(J*L_a*s**2" in text
+    assert picture.read_text(encoding="utf-8").startswith("<?xml")
+    assert main(["linearise", str(motor_file), "--at", "J=0.05", "--json"]) == 0
+    answer = json.loads(capsys.readouterr().out)
+    assert answer["A"][1] == pytest.approx([0.1 / 0.05, -0.1 / 0.05])
+
+
+def test_linearise_refuses_what_is_no_number(motor_file: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["linearise", str(motor_file), "--at", "J=heavy"]) == 2
+    assert "must be a number" in capsys.readouterr().err

@@ -1,0 +1,210 @@
+"""A declared graph near an operating point: matrices, modes, transfer functions and Bode diagrams."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import sympy
+from matplotlib.figure import Figure
+from sympy import QQ, Expr
+
+from bondgraph.declare.graph import BondGraph
+from bondgraph.derive.causality import assign_causality
+from bondgraph.derive.derivation import check_closed, derive
+from bondgraph.derive.equations import StateEquations
+from bondgraph.derive.linearise import (
+    Equilibrium,
+    LinearModel,
+    equilibrium,
+    linearise,
+    mode_table,
+    modes,
+)
+from bondgraph.derive.response import frequency_response, telling_frequencies
+from bondgraph.derive.transfer import LAPLACE_S, poles_zeros, transfer_function
+from bondgraph.errors import DerivationError, OptionError, suggest
+from bondgraph.report.figures import AFTER, figure_style
+
+#: Transfer functions with more states between input and output than this are given in numbers only.
+_IN_SYMBOLS = 6
+#: Matrices of models with more states than this are not printed as text.
+_ON_A_PAGE = 14
+
+
+@dataclass(frozen=True)
+class LinearAnswer:
+    """A linear model, the equilibrium it was taken at (if one was looked for), and the equations it came from."""
+
+    equations: StateEquations
+    model: LinearModel
+    steady: Equilibrium | None
+    parameters: Mapping[str, float]
+
+
+def linear_answer(
+    graph: BondGraph, at: Mapping[str, float], steady: bool = False, moving: Sequence[str] = ()
+) -> LinearAnswer:
+    """Linearise a graph.
+
+    Parameters
+    ----------
+    graph
+        The declared graph.
+    at
+        Values of states, inputs and parameters by name; the rest are initial and default values.
+    steady
+        Look for an equilibrium first, from these states.
+    moving
+        States that may go on moving in that equilibrium (a distance).
+
+    Raises
+    ------
+    OptionError
+        If a name is unknown.
+    DerivationError
+        If there is no equilibrium near the point.
+    """
+    equations = derive(assign_causality(graph))
+    check_closed(equations)
+    groups = {
+        "state": [state.symbol.name for state in equations.states],
+        "input": [given.name for given in equations.inputs],
+        "parameter": [given.name for given in equations.parameters],
+    }
+    every = [name for names in groups.values() for name in names]
+    for name in at:
+        if name not in every:
+            raise OptionError(
+                f"--at {name}: no state, input or parameter of {graph.name}{suggest(name, every)} - there are "
+                f"{', '.join(every)}",
+                where=("--at", name),
+            )
+    x, u, theta = ({name: at[name] for name in names if name in at} for names in groups.values())
+    found = equilibrium(equations, u, theta, x, moving) if steady else None
+    if found is not None and not found.found:
+        raise DerivationError(f"{graph.name}: {found.outcome.value}", where=(graph.name,))
+    model = linearise(equations, x if found is None else found.x, u, theta)
+    values = {given.name: given.value for given in equations.parameters} | theta
+    return LinearAnswer(equations, model, found, values)
+
+
+def linear_json(answer: LinearAnswer) -> dict[str, Any]:
+    """The answer as one JSON object: names, operating point, matrices (rows of numbers), modes."""
+    model = answer.model
+    return {
+        "name": answer.equations.name,
+        "states": list(model.states),
+        "inputs": list(model.inputs),
+        "outputs": list(model.outputs),
+        "x": dict(zip(model.states, model.x.tolist(), strict=True)),
+        "u": dict(zip(model.inputs, model.u.tolist(), strict=True)),
+        "rates": dict(zip(model.states, model.rates.tolist(), strict=True)),
+        "A": model.A.tolist(),
+        "B": model.B.tolist(),
+        "C": model.C.tolist(),
+        "D": model.D.tolist(),
+        "modes": [
+            {
+                "eigenvalue": [mode.eigenvalue.real, mode.eigenvalue.imag],
+                "natural_frequency": mode.natural_frequency,
+                "damping": mode.damping,
+                "time_constant": mode.time_constant,
+                "state": mode.state,
+            }
+            for mode in modes(model)
+        ],
+    }
+
+
+def linear_text(answer: LinearAnswer) -> str:
+    """The answer for reading: operating point, modes, and the matrices with their names."""
+    model = answer.model
+    first_line = answer.equations.doc.strip().partition("\n")[0]
+    lines = [f"{answer.equations.name}: {first_line}".removesuffix(": "), ""]
+    if answer.steady is not None:
+        lines += [f"equilibrium: {answer.steady.outcome.value}", ""]
+    lines.append("operating point")
+    for name, unit, value, rate in zip(model.states, model.units.states, model.x, model.rates, strict=True):
+        lines.append(f"  {name:24} {value:>12.6g} {unit:10} rate {rate:.4g}")
+    for name, unit, value in zip(model.inputs, model.units.inputs, model.u, strict=True):
+        lines.append(f"  {name:24} {value:>12.6g} {unit:10} input")
+    lines += ["", mode_table(modes(model))]
+    if len(model.states) > _ON_A_PAGE:
+        return "\n".join([*lines, "", f"matrices of {len(model.states)} states do not fit here: use --json"])
+    for letter, matrix, rows, columns in (
+        ("A", model.A, model.states, model.states),
+        ("B", model.B, model.states, model.inputs),
+        ("C", model.C, model.outputs, model.states),
+        ("D", model.D, model.outputs, model.inputs),
+    ):
+        if matrix.size:
+            lines += ["", *_matrix(letter, matrix, rows, columns)]
+    return "\n".join(lines)
+
+
+def _matrix(letter: str, matrix: np.ndarray[Any, Any], rows: Sequence[str], columns: Sequence[str]) -> list[str]:
+    width = max(11, *(len(name) + 2 for name in columns))
+    label = max(len(name) for name in rows)
+    lines = [letter + " " * (label + 1) + "".join(f"{name:>{width}}" for name in columns)]
+    return lines + [
+        f"  {name:{label}}" + "".join(f"{value:>{width}.4g}" for value in values)
+        for name, values in zip(rows, matrix, strict=True)
+    ]
+
+
+def transfer_text(answer: LinearAnswer, given: str, measured: str) -> str:
+    """Transfer function from an input to an output, in symbols where the graph is linear and small; poles and zeros."""
+    numeric = transfer_function(answer.model, given, measured)
+    lines = [f"{measured}(s)/{given}(s)"]
+    if len(answer.model.states) <= _IN_SYMBOLS:
+        try:
+            lines.append(f"  = {transfer_function(answer.equations, given, measured)}")
+        except DerivationError:
+            lines.append("  at this operating point (the graph is not linear between them)")
+    found = poles_zeros(numeric)
+    lines.append(f"  = {_normalised(numeric)}")
+    lines.append(f"  poles [1/s]: {_list_of(found.poles)}")
+    lines.append(f"  zeros [1/s]: {_list_of(found.zeros)}")
+    return "\n".join(lines)
+
+
+def _normalised(transfer: Expr) -> Expr:
+    """The same ratio with a denominator that begins with one, in six digits."""
+    above, below = (sympy.Poly(part, LAPLACE_S, domain=QQ) for part in sympy.fraction(transfer))
+    leading = below.LC()
+    return (above.mul_ground(1 / leading).as_expr() / below.mul_ground(1 / leading).as_expr()).evalf(6)
+
+
+def _list_of(values: np.ndarray[Any, Any]) -> str:
+    shown = [f"{value.real:.5g}{value.imag:+.5g}j" if value.imag else f"{value.real:.5g}" for value in values]
+    return ", ".join(shown) or "none"
+
+
+def bode_figure(answer: LinearAnswer, pairs: Sequence[tuple[str, str]]) -> Figure:
+    """Magnitude and phase against frequency, a column for each pair of input and output."""
+    model = answer.model
+    frequencies = telling_frequencies(model)
+    response = frequency_response(model, frequencies)
+    with figure_style():
+        figure = Figure(figsize=(max(5.0, 4.2 * len(pairs)), 5.2), layout="constrained")
+        panels = figure.subplots(2, len(pairs), sharex="col", squeeze=False)
+        for column, (given, measured) in enumerate(pairs):
+            row, at = _index(model.outputs, measured, "output"), _index(model.inputs, given, "input")
+            unit = f"{model.units.outputs[row] or '1'} per {model.units.inputs[at] or '1'}"
+            curve = response[row, at]
+            panels[0, column].loglog(frequencies, np.abs(curve), color=AFTER)
+            panels[0, column].set_title(f"{given} to {measured}")
+            panels[0, column].set_ylabel(f"magnitude [{unit}]")
+            panels[1, column].semilogx(frequencies, np.degrees(np.unwrap(np.angle(curve))), color=AFTER)
+            panels[1, column].set_ylabel("phase [deg]")
+            panels[1, column].set_xlabel("frequency [Hz]")
+    return figure
+
+
+def _index(names: Sequence[str], name: str, kind: str) -> int:
+    if name not in names:
+        raise OptionError(f"{name}: no {kind} of this name{suggest(name, names)}", where=(name,))
+    return list(names).index(name)
