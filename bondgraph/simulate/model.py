@@ -23,6 +23,7 @@ from bondgraph.simulate.loader import parse_module, require_function, run_module
 
 if TYPE_CHECKING:
     from bondgraph.simulate.compile import CompiledModel
+    from bondgraph.simulate.program.model_program import Equations, ModelProgram
 
 Kind = Literal["state", "input", "parameter", "output"]
 
@@ -155,6 +156,13 @@ class Model:
 
         return compile_model(self)
 
+    @functools.cached_property
+    def program(self) -> ModelProgram:
+        """The equations as a list of operations, which can be differentiated and printed in other forms."""
+        from bondgraph.simulate.program.model_program import ModelProgram  # here: read by those who need it
+
+        return ModelProgram(self)
+
     def rhs(self, t: float | FloatArray, x: npt.ArrayLike, u: npt.ArrayLike, theta: npt.ArrayLike) -> FloatArray:
         """Time derivatives of the states.
 
@@ -179,6 +187,37 @@ class Model:
         """Measured quantities, shape (n_y, *batch); arguments as for :meth:`rhs`."""
         result: FloatArray = self._output(t, np.asarray(x, np.float64), np.asarray(u), np.asarray(theta))
         return result
+
+    def jacobian_x(
+        self, t: float | FloatArray, x: npt.ArrayLike, u: npt.ArrayLike, theta: npt.ArrayLike, of: Equations = "rhs"
+    ) -> FloatArray:
+        """Derivatives of ``rhs`` (or ``output``) with respect to the states, exact; arguments as for :meth:`rhs`.
+
+        Returns
+        -------
+        FloatArray
+            Shape (rows of ``of``, n_x, *batch). ``program.jacobian(of, "x")`` tells which entries are always zero.
+
+        Examples
+        --------
+        >>> from bondgraph.simulate.example import pendulum
+        >>> model = pendulum()
+        >>> model.jacobian_x(0.0, model.x0(angle=0.0), model.u0(), model.theta()).round(6).tolist()
+        [[0.0, 1.0], [-9.81, -0.1]]
+        """
+        return self.program.dense_jacobian(of, "x", t, *map(np.asarray, (x, u, theta)))
+
+    def jacobian_u(
+        self, t: float | FloatArray, x: npt.ArrayLike, u: npt.ArrayLike, theta: npt.ArrayLike, of: Equations = "rhs"
+    ) -> FloatArray:
+        """Derivatives with respect to the inputs, (rows, n_u, *batch), as :meth:`jacobian_x`."""
+        return self.program.dense_jacobian(of, "u", t, *map(np.asarray, (x, u, theta)))
+
+    def jacobian_theta(
+        self, t: float | FloatArray, x: npt.ArrayLike, u: npt.ArrayLike, theta: npt.ArrayLike, of: Equations = "rhs"
+    ) -> FloatArray:
+        """Derivatives with respect to the parameters, (rows, n_theta, *batch), as :meth:`jacobian_x`."""
+        return self.program.dense_jacobian(of, "theta", t, *map(np.asarray, (x, u, theta)))
 
     def names(self, kind: Kind) -> tuple[str, ...]:
         """Names of the states, inputs, parameters or outputs, in the order of their vector."""

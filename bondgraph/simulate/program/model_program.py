@@ -1,0 +1,121 @@
+"""The equations of a model as programs, and their Jacobians with the places of what is not zero."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+
+from bondgraph.simulate.arrays import FloatArray, IntArray
+from bondgraph.simulate.loader import parse_module, run_module
+from bondgraph.simulate.program.evaluate import evaluate, stack_rows
+from bondgraph.simulate.program.parse import Reader
+from bondgraph.simulate.program.tangent import tangents
+from bondgraph.simulate.program.tape import Program, Tape
+
+if TYPE_CHECKING:
+    from bondgraph.simulate.model import Model
+
+Equations = Literal["rhs", "output"]
+Variables = Literal["x", "u", "theta"]
+
+
+@dataclass(frozen=True)
+class SparseJacobian:
+    """A Jacobian of ``shape``: entry k stands in row ``rows[k]``, column ``columns[k]``, and is result k of a program.
+
+    Entries are sorted by row and column; what is not listed is zero by structure.
+    """
+
+    shape: tuple[int, int]
+    rows: IntArray
+    columns: IntArray
+    program: Program = field(repr=False)
+
+    def dense(self, values: FloatArray) -> FloatArray:
+        """Entries (entries, *batch) as a full array (rows, columns, *batch)."""
+        full = np.zeros((*self.shape, *values.shape[1:]))
+        full[self.rows, self.columns] = values
+        return full
+
+    @property
+    def pattern(self) -> np.ndarray[Any, np.dtype[np.bool_]]:
+        """Where entries may differ from zero, shape ``shape``."""
+        marks = np.zeros(self.shape, dtype=np.bool_)
+        marks[self.rows, self.columns] = True
+        return marks
+
+
+class ModelProgram:
+    """The equations of one model on a tape, and what is derived from them.
+
+    Parameters
+    ----------
+    model
+        The model; its text is read once.
+
+    Examples
+    --------
+    >>> from bondgraph.simulate.example import pendulum
+    >>> jacobian = ModelProgram(pendulum()).jacobian("rhs", "x")
+    >>> jacobian.rows.tolist(), jacobian.columns.tolist()
+    ([0, 1, 1], [1, 0, 1])
+    """
+
+    def __init__(self, model: Model) -> None:
+        tree = parse_module(model.text, model.name)
+        namespace = run_module(tree, model.name)
+        self.tree = tree
+        self.tape = Tape()
+        self.reader = Reader(tree, namespace, self.tape)
+        self.rows: Mapping[Equations, tuple[int, ...]] = {
+            "rhs": self.reader.equations("rhs"),
+            "output": self.reader.equations("output"),
+        }
+        self.solvers: Mapping[str, Callable[..., Any]] = {name: namespace[name] for name in self.reader.solvers}
+        self.sizes = {"x": len(model.states), "u": len(model.inputs), "theta": len(model.parameters)}
+        self._jacobians: dict[tuple[Equations, Variables], SparseJacobian] = {}
+
+    def derivative(self, nodes: tuple[int, ...], vector: str, position: int) -> tuple[int, ...]:
+        """Derivatives of nodes with respect to one element of a vector."""
+        return tangents(self.reader, nodes, {self.tape.leaf(vector, position): self.tape.constant(1.0)})
+
+    def jacobian_nodes(self, equations: Equations, by: Variables) -> dict[tuple[int, int], int]:
+        """Nodes of all entries of a Jacobian that are not zero by structure, by row and column."""
+        entries: dict[tuple[int, int], int] = {}
+        for column in range(self.sizes[by]):
+            for row, node in enumerate(self.derivative(self.rows[equations], by, column)):
+                if not self.tape.is_zero(node):
+                    entries[row, column] = node
+        return dict(sorted(entries.items()))
+
+    def jacobian(self, equations: Equations, by: Variables) -> SparseJacobian:
+        """Derivatives of ``rhs`` or ``output`` with respect to the states, inputs or parameters."""
+        key = (equations, by)
+        if key not in self._jacobians:
+            entries = self.jacobian_nodes(equations, by)
+            places = np.array(list(entries), dtype=np.int64).reshape(-1, 2)
+            shape = (len(self.rows[equations]), self.sizes[by])
+            program = self.tape.program(entries.values())
+            self._jacobians[key] = SparseJacobian(shape, places[:, 0], places[:, 1], program)
+        return self._jacobians[key]
+
+    def dense_jacobian(
+        self,
+        equations: Equations,
+        by: Variables,
+        t: float | FloatArray,
+        x: FloatArray,
+        u: FloatArray,
+        theta: FloatArray,
+    ) -> FloatArray:
+        """A Jacobian at a point or a batch of points, shape (rows, columns, *batch), with its zeros."""
+        jacobian = self.jacobian(equations, by)
+        leaves = {"t": (t,), "x": x, "u": u, "theta": theta}
+        return jacobian.dense(self.evaluate(jacobian.program, leaves, x.shape[1:]))
+
+    def evaluate(self, program: Program, leaves: Mapping[str, Any], batch: tuple[int, ...]) -> FloatArray:
+        """Results of a program of this model, shape (results, *batch)."""
+        return stack_rows(evaluate(program, leaves, self.solvers), batch)
