@@ -1,6 +1,6 @@
 # Generated from vehicle_graphs/baja.py -- do not edit.
 # Regenerate with:  bondgraph generate vehicle_graphs.baja:launch
-# Generator: bondgraph 0.1.0, sympy 1.14.0.  Equations: f70d7bb113444a17
+# Generator: bondgraph 0.1.0, sympy 1.14.0.  Equations: 7cc8d7b1a92ffd56
 """Terps Racing TR24 Baja car: full-throttle launch through a flyweight rubber-belt CVT (Gaged GX9).
 
 States x:
@@ -367,19 +367,16 @@ def rhs(t, x, u, theta):
     feedback_gain = helix_torque_share*secondary_radius/(helix_radius*np.tan(helix_angle))  # [1] helix force per belt force
     primary_clamp = np.maximum(flyweight_mass*omega_engine**2*_table_flyweights_lift(x_sheave)*_table_flyweights_radius(x_sheave) - primary_spring_rate*(primary_spring_preload + x_sheave), 0.0)*np.minimum(5*contact, 1.0)  # [N] clamp force of the primary
     drive_limit = belt_friction*np.minimum(primary_clamp, secondary_spring_force/np.maximum(1 - belt_friction*feedback_gain, 0.001))  # [N] belt force in full slip, driving
-    m_secondary_pulley = 1/secondary_radius  # modulus of secondary_pulley
-    m_reduction = 1/gear_reduction  # modulus of reduction
-    omega_secondary = omega_wheel/m_reduction  # [rad/s] flow of secondary
+    omega_secondary = gear_reduction*omega_wheel  # [rad/s] flow of secondary
     overrun_limit = belt_friction*np.minimum(primary_clamp, secondary_spring_force)  # [N] belt force in full slip, overrun
-    F_belt = drive_limit*np.tanh(np.maximum(omega_engine*primary_radius - omega_secondary/m_secondary_pulley, 0.0)/slip_speed) + overrun_limit*np.tanh(np.minimum(omega_engine*primary_radius - omega_secondary/m_secondary_pulley, 0.0)/slip_speed)  # [N] effort of belt
+    F_belt = drive_limit*np.tanh(np.maximum(omega_engine*primary_radius - secondary_radius*omega_secondary, 0.0)/slip_speed) + overrun_limit*np.tanh(np.minimum(omega_engine*primary_radius - secondary_radius*omega_secondary, 0.0)/slip_speed)  # [N] effort of belt
     F_helix = -feedback_gain*np.maximum(F_belt, 0.0)  # [N] effort of helix
     v_shift = (omega_engine*m_flyweights - F_primary_spring - contact*_table_wrap_ratio(primary_radius)*(secondary_spring_force - F_helix))/shift_damping  # [m/s] flow of shift
     v_body = tyre_radius*omega_wheel  # [m/s] flow of body
     F_rolling = rolling_force*np.tanh(v_body/creep_speed)  # [N] effort of rolling
     F_aero = (1/2)*drag_area*air_density*v_body*np.abs(v_body)  # [N] effort of aero
-    tau_wheel_inertia_part = -m_vehicle*tyre_radius**2/J_wheels - J_secondary/(J_wheels*m_reduction**2)  # part of effort of wheel_inertia
-    tau_wheel_inertia_part_ = F_belt/(m_secondary_pulley*m_reduction) - tyre_radius*(F_rolling + F_aero)  # part of effort of wheel_inertia
-    d_omega_wheel = tau_wheel_inertia_part_/(J_wheels*(1 - tau_wheel_inertia_part))  # rate of flow of wheel_inertia
+    tau_wheel_inertia_part = -J_secondary*gear_reduction**2/J_wheels - m_vehicle*tyre_radius**2/J_wheels  # part of effort of wheel_inertia
+    d_omega_wheel = (gear_reduction*secondary_radius*F_belt - tyre_radius*(F_rolling + F_aero))/(J_wheels*(1 - tau_wheel_inertia_part))  # rate of flow of wheel_inertia
     dx0 = (tau_combustion - primary_radius*F_belt - m_flyweights*v_shift)/engine_inertia  # d(omega_engine)/dt
     dx1 = v_shift  # d(x_sheave)/dt
     dx2 = d_omega_wheel  # d(omega_wheel)/dt

@@ -1,6 +1,6 @@
 # Generated from vehicle_graphs/baja.py -- do not edit.
 # Regenerate with:  bondgraph generate vehicle_graphs.baja:launch_given_engine
-# Generator: bondgraph 0.1.0, sympy 1.14.0.  Equations: 4bc0d0dcf2985b2a
+# Generator: bondgraph 0.1.0, sympy 1.14.0.  Equations: b18c7a6dc645047a
 """Terps TR24 Baja car: the engine's power carried to the wheels at the measured engine speed.
 
 States x:
@@ -103,14 +103,13 @@ def rhs(t, x, u, theta):
     creep_speed = theta[8]
     drag_area = theta[9]
     air_density = theta[10]
-    m_reduction = 1/gear_reduction  # modulus of reduction
-    omega_secondary = omega_wheel/m_reduction  # [rad/s] flow of secondary
+    omega_secondary = gear_reduction*omega_wheel  # [rad/s] flow of secondary
     v_body = tyre_radius*omega_wheel  # [m/s] flow of body
     F_rolling = rolling_force*np.tanh(v_body/creep_speed)  # [N] effort of rolling
     F_aero = (1/2)*drag_area*air_density*v_body*np.abs(v_body)  # [N] effort of aero
     tau_secondary_reduction_part = throttle*_table_engine_torque(engine_speed)/np.maximum(omega_secondary/np.maximum(engine_speed, slowest_engine), 1/lowest_ratio)  # part of effort of bond secondary -> reduction
-    tau_wheel_inertia_part = -m_vehicle*tyre_radius**2/J_wheels - J_secondary/(J_wheels*m_reduction**2)  # part of effort of wheel_inertia
-    d_omega_wheel = (tau_secondary_reduction_part/m_reduction - tyre_radius*(F_rolling + F_aero))/(J_wheels*(1 - tau_wheel_inertia_part))  # rate of flow of wheel_inertia
+    tau_wheel_inertia_part = -J_secondary*gear_reduction**2/J_wheels - m_vehicle*tyre_radius**2/J_wheels  # part of effort of wheel_inertia
+    d_omega_wheel = (gear_reduction*tau_secondary_reduction_part - tyre_radius*(F_rolling + F_aero))/(J_wheels*(1 - tau_wheel_inertia_part))  # rate of flow of wheel_inertia
     dx0 = d_omega_wheel  # d(omega_wheel)/dt
     return _stack(x, (dx0,))
 

@@ -1,6 +1,6 @@
 # Generated from vehicle_graphs/driveline.py -- do not edit.
 # Regenerate with:  bondgraph generate vehicle_graphs.driveline:driveline
-# Generator: bondgraph 0.1.0, sympy 1.14.0.  Equations: 813bba688501dc4d
+# Generator: bondgraph 0.1.0, sympy 1.14.0.  Equations: c55654ba08e32105
 """A driveline on a test bench: engine torque through a slipping belt and an elastic half-shaft to a vehicle.
 
 States x:
@@ -100,8 +100,7 @@ def rhs(t, x, u, theta):
     c_aero = theta[12]
     gravity = theta[13]
     tau_engine_drag = c_engine*omega_primary  # [N m] effort of engine_drag
-    m_variator = 1/ratio  # modulus of variator
-    tau_belt = tau_grip*np.tanh((omega_primary - omega_axle/m_variator)/w_slip)  # [N m] effort of belt
+    tau_belt = tau_grip*np.tanh((omega_primary - ratio*omega_axle)/w_slip)  # [N m] effort of belt
     tau_half_shaft = k_shaft*twist_shaft  # [N m] effort of half_shaft
     omega_twist = omega_axle - v_body/r_tyre  # [rad/s] flow of twist
     tau_shaft_damping = d_shaft*omega_twist  # [N m] effort of shaft_damping
@@ -109,7 +108,7 @@ def rhs(t, x, u, theta):
     F_rolling = F_roll*np.tanh(v_body/v_roll)  # [N] effort of rolling
     F_air = c_aero*v_body*np.abs(v_body)  # [N] effort of air
     dx0 = (engine_torque - tau_engine_drag - tau_belt)/J_primary  # d(omega_primary)/dt
-    dx1 = (tau_belt/m_variator - tau_shaft)/J_axle  # d(omega_axle)/dt
+    dx1 = (ratio*tau_belt - tau_shaft)/J_axle  # d(omega_axle)/dt
     dx2 = omega_twist  # d(twist_shaft)/dt
     dx3 = (tau_shaft/r_tyre - m_vehicle*gravity*grade - F_rolling - F_air)/m_vehicle  # d(v_body)/dt
     return _stack(x, (dx0, dx1, dx2, dx3))

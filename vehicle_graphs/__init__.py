@@ -5,4 +5,8 @@ GENERATED = (
     "vehicle_graphs.driveline:driveline",
     "vehicle_graphs.baja:launch",
     "vehicle_graphs.baja:launch_given_engine",
+    "vehicle_graphs.ranger:full",
+    "vehicle_graphs.ranger:full_awd",
+    "vehicle_graphs.ranger:coast_down",
+    "vehicle_graphs.ranger:coast_down_quasi_static",
 )

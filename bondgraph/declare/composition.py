@@ -12,6 +12,7 @@ from bondgraph.declare.elements import Bond, Node
 from bondgraph.declare.expressions import is_local, normalise, signal, signal_name
 from bondgraph.declare.functions import TableFunction, table_function
 from bondgraph.declare.quantities import Integral, NamedSignal, Output, symbol
+from bondgraph.errors import DeclarationError
 
 if TYPE_CHECKING:
     from bondgraph.declare.graph import BondGraph, SubGraph
@@ -45,7 +46,7 @@ def flatten(graph: BondGraph) -> BondGraph:
         inner = dict(part.ports).get(inner, inner)
         return f"{part_name}.{inner if inner in inside.nodes else _resolve_inside(part.graph, inner)}"
 
-    outer = _Renaming(lambda name: name, resolve, {})
+    outer = _Renaming(_outer_names(graph), resolve, {})
     for quantity in graph.quantities.values():
         flat._quantities[quantity.name] = outer.quantity(quantity)
     for part, inside in parts.values():
@@ -67,19 +68,51 @@ def _resolve_inside(graph: BondGraph, name: str) -> str:
     return name
 
 
+def _outer_names(graph: BondGraph) -> Callable[[str], str]:
+    """What the outer graph's name of a quantity becomes: a shared one loses the name of its part."""
+    shared = {part.name for part in graph.subgraphs if part.shared}
+
+    def rename(name: str) -> str:
+        part, dot, inner = name.partition(".")
+        return inner if dot and part in shared else name
+
+    return rename
+
+
+def share(graph: BondGraph, quantities: dict[str, Any], quantity: Any, part: str) -> None:
+    """Add a quantity of a part under its own name, where equal ones may meet.
+
+    Raises
+    ------
+    DeclarationError
+        If another quantity of the same name differs.
+    """
+    known = quantities.setdefault(quantity.name, quantity)
+    if known != quantity:
+        raise DeclarationError(
+            f"{graph.name}: {part}: its {quantity.name} and another of the same name differ ({known} and {quantity}) - "
+            "declare both alike, rename one, or bind it",
+            where=(f"{part}.{quantity.name}",),
+        )
+
+
 def _copy_part(flat: BondGraph, part: SubGraph, inside: BondGraph, outer: _Renaming) -> None:
     bound = {name: outer.expression(expression) for name, expression in part.bind}
-    renaming = _Renaming(lambda name: f"{part.name}.{name}", lambda name: f"{part.name}.{name}", bound)
+    quantity_name = (lambda name: name) if part.shared else (lambda name: f"{part.name}.{name}")
+    renaming = _Renaming(quantity_name, lambda name: f"{part.name}.{name}", bound)
     for quantity in inside.quantities.values():
         if quantity.name not in bound:
             renamed = renaming.quantity(quantity)
-            flat._quantities[renamed.name] = renamed
+            if part.shared:
+                share(flat, flat._quantities, renamed, part.name)
+            else:
+                flat._quantities[renamed.name] = renamed
     for node in inside.nodes.values():
         name = f"{part.name}.{node.name}"
         flat._nodes[name] = renaming.node(node, name)
     flat._bonds += [Bond(f"{part.name}.{b.source}", f"{part.name}.{b.target}") for b in inside.bonds]
     for output in inside.outputs:
-        name = f"{part.name}.{output.name}"
+        name = quantity_name(output.name)
         flat._outputs[name] = dataclasses.replace(output, name=name, expression=renaming.expression(output.expression))
 
 
@@ -117,6 +150,11 @@ class _Renaming:
         name = self.quantity_name(quantity.name)
         if isinstance(quantity, Integral):
             return dataclasses.replace(quantity, name=name, of=self.expression(quantity.of))
-        if isinstance(quantity, NamedSignal | Output):
+        if isinstance(quantity, NamedSignal):
+            guess = None if quantity.guess is None else self.expression(quantity.guess)
+            return dataclasses.replace(
+                quantity, name=name, expression=self.expression(quantity.expression), guess=guess
+            )
+        if isinstance(quantity, Output):
             return dataclasses.replace(quantity, name=name, expression=self.expression(quantity.expression))
         return dataclasses.replace(quantity, name=name)

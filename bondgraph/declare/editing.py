@@ -95,7 +95,12 @@ def with_values(graph: BondGraph, values: Mapping[str, float]) -> BondGraph:
         if dot and part in twin._subgraphs:
             inner.setdefault(part, {})[rest] = value
             continue
+        sharing = [p.name for p in twin.subgraphs if p.shared and _has_parameter(p.graph, name)]
+        for shared in sharing:
+            inner.setdefault(shared, {})[name] = value
         declared = twin._quantities.get(name)
+        if declared is None and sharing:
+            continue
         if not isinstance(declared, Parameter):
             known = [parameter.name for parameter in graph.flatten().parameters]
             raise DeclarationError(f"{graph.name}: no parameter {name!r}{suggest(name, known)}", where=(name,))
@@ -106,3 +111,7 @@ def with_values(graph: BondGraph, values: Mapping[str, float]) -> BondGraph:
         subgraph = twin._subgraphs[part]
         twin._subgraphs[part] = dataclasses.replace(subgraph, graph=with_values(subgraph.graph, own))
     return twin
+
+
+def _has_parameter(graph: BondGraph, name: str) -> bool:
+    return isinstance(graph.flatten().quantities.get(name), Parameter)

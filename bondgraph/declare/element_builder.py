@@ -153,12 +153,13 @@ class ElementBuilder(GraphStore):
         form: str = "effort",
         at: Sequence[At] = (),
         initial: Sequence[float] = (),
-        state: str = "",
+        state: str | Sequence[str] = "",
     ) -> Handle:
         """A multiport C, I or R, its port k bonded to the k-th junction of ``at``.
 
         Laws are functions of all ports' own variables (displacements, momenta, flows or, with ``form="flow"``, efforts;
         ``form="residual"``: all efforts, then all flows), or ``energy`` is such a function whose gradient gives them.
+        ``state`` names the states, one name per port, or all by one stem and the number of the port.
         """
         ports = len(at) or len(laws or ())
         own_stems = {"effort": ("flow",), "flow": ("effort",)}.get(form, ("effort", "flow"))
@@ -170,7 +171,8 @@ class ElementBuilder(GraphStore):
         else:
             names = numbered(gives, len(laws or ())) if ports > 1 else (gives,)
             pairs = tuple((given, apply_law(law, *own)) for given, law in zip(names, laws or (), strict=True))
-        node = Node(name, kind, laws=pairs, ports=ports, initial=tuple(map(float, initial)), state=state)
+        stem = state if isinstance(state, str) else " ".join(state)
+        node = Node(name, kind, laws=pairs, ports=ports, initial=tuple(map(float, initial)), state=stem)
         return self._multiport(node, at)
 
     def element(self, name: str, kind: ElementType, at: Sequence[At] = ()) -> Handle:

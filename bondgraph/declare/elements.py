@@ -60,7 +60,8 @@ class Node:
     ``laws`` pairs what is given with its expression: ``effort`` of an R, ``modulus`` of a TF, ``effort1`` .. of a
     field, ``energy`` of a storage, ``1.effort1``, ``1.flow2`` .. of the first form of a user-defined element.
     ``initial`` holds one start value per state (for a residual, where the search for its root starts); ``state`` is the
-    state's own name where the user gave one.
+    state's own name where the user gave one; of a multiport it is the stem of numbered names, or one name per port with
+    spaces between.
     """
 
     name: str
@@ -75,6 +76,20 @@ class Node:
     def law(self, given: str) -> Expr | None:
         """The law that gives ``given``, or None."""
         return dict(self.laws).get(given)
+
+    def state_name(self, port: int = 1) -> str:
+        """The state's own name at a port, empty where none was given.
+
+        Examples
+        --------
+        >>> springs = Node("springs", "C", ports=2, state="heave pitch")
+        >>> springs.state_name(2), Node("springs", "C", ports=2, state="q").state_name(2)
+        ('pitch', 'q2')
+        """
+        names = self.state.split()
+        if len(names) == self.ports:
+            return names[port - 1]
+        return f"{self.state}{port if self.is_field else ''}" if self.state else ""
 
     @property
     def is_junction(self) -> bool:

@@ -59,10 +59,14 @@ class BondGraph(QuantityBuilder, ElementBuilder):
         graph: BondGraph,
         ports: Mapping[str, str] | None = None,
         bind: Mapping[str, Any] | None = None,
+        *,
+        shared: bool = False,
     ) -> SubGraph:
         """Use a graph as a part; outer bonds reach it as ``"name.port"``.
 
-        ``bind`` replaces inputs and parameters of the part by expressions of this graph.
+        ``bind`` replaces inputs and parameters of the part by expressions of this graph. Inner names get the part's
+        name and a dot in front; with ``shared`` those of quantities stay as they are, and parts that declare the same
+        quantity (the tyre radius, the throttle) share it.
         """
         if name in self._nodes or name in self._subgraphs:
             raise DeclarationError(f"{self.name}: {name} is declared twice - use another name", (name,))
@@ -80,8 +84,13 @@ class BondGraph(QuantityBuilder, ElementBuilder):
                     f"{self.name}: {name}: {graph.name} has no input or parameter {key!r}{suggest(key, replaceable)}",
                     where=(f"{name}.{key}",),
                 )
-        part = SubGraph(name, graph, tuple((ports or {}).items()), tuple(bound.items()))
+        part = SubGraph(name, graph, tuple((ports or {}).items()), tuple(bound.items()), shared)
         self._subgraphs[name] = part
+        try:
+            flatten(self)
+        except DeclarationError:
+            del self._subgraphs[name]
+            raise
         return part
 
     def exchange(self, name: str, graph: BondGraph) -> None:
@@ -92,7 +101,7 @@ class BondGraph(QuantityBuilder, ElementBuilder):
         old = self._subgraphs.pop(name)
         try:
             new = [key for key, _ in old.bind if key in graph.quantities]
-            self.include(name, graph, dict(old.ports), {key: dict(old.bind)[key] for key in new})
+            self.include(name, graph, dict(old.ports), {key: dict(old.bind)[key] for key in new}, shared=old.shared)
         except DeclarationError:
             self._subgraphs[name] = old
             raise

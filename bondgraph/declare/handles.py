@@ -68,13 +68,15 @@ At: TypeAlias = Handle | str
 class SubGraph:
     """A graph used as a part of another; ``ports`` names the inner junctions that outer bonds may reach.
 
-    ``bind`` gives inner inputs and parameters as expressions of the outer graph.
+    ``bind`` gives inner inputs and parameters as expressions of the outer graph. The quantities of a ``shared`` part
+    keep their own names, so that parts which declare the same one share it.
     """
 
     name: str
     graph: BondGraph
     ports: tuple[tuple[str, str], ...]
     bind: tuple[tuple[str, Expr], ...] = ()
+    shared: bool = False
 
 
 @dataclass(frozen=True)

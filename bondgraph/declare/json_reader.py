@@ -25,13 +25,13 @@ _QUANTITY_KEYS = {
     "inputs": ("name", "unit", "meaning", "default", "interpolation", "letters"),
     "parameters": ("name", "value", "unit", "meaning", "bounds"),
     "integrals": ("name", "of", "unit", "meaning", "initial"),
-    "signals": ("name", "is", "unit", "meaning"),
+    "signals": ("name", "is", "residual", "guess", "unit", "meaning"),
     "outputs": ("name", "variable", "at", "is", "unit", "meaning"),
 }
-_REQUIRED = {"parameters": ("name", "value"), "integrals": ("name", "of"), "signals": ("name", "is")}
+_REQUIRED = {"parameters": ("name", "value"), "integrals": ("name", "of")}
 _TABLE_KEYS = ("x", "y", "values", "unit", "argument_units", "meaning")
 _NODE_KEYS = ("id", "kind", "domain", "initial", "state", "doc")
-_PART_KEYS = ("id", "kind", "graph", "ports", "bind")
+_PART_KEYS = ("id", "kind", "graph", "ports", "bind", "shared")
 _BOND_KEYS = ("source", "target", "key")
 
 
@@ -63,12 +63,12 @@ class _Reader:
                 raise DeclarationError(
                     f"{where}: node {index} {record!r} must be an object with an id", where=("nodes",)
                 )
-        parts = [record for record in nodes if record.get("kind") == "graph"]
-        for record in parts:
+        self.parts = [record for record in nodes if record.get("kind") == "graph"]
+        for record in self.parts:
             self._part(record)
         self.names = self._declared_names()
         self._quantities()
-        for record in parts:
+        for record in self.parts:
             self._bind(record)
         for record in nodes:
             if record.get("kind") != "graph":
@@ -98,9 +98,11 @@ class _Reader:
         for name, record in mapping(self.head, "tables", self.where).items():
             check_keys(record, _TABLE_KEYS, f"{self.where}: table {name}", required=("x", "values"))
             names[name] = table_function(name, 2 if record.get("y") else 1)
+        shared = {record["id"] for record in self.parts if record.get("shared")}
         for part in self.graph.subgraphs:
             inner = part.graph.flatten().quantities
             names |= {f"{part.name}.{name}": symbol(f"{part.name}.{name}") for name in inner}
+            names |= {name: symbol(name) for name in inner} if part.name in shared else {}
         return names
 
     def _quantities(self) -> None:
@@ -111,12 +113,20 @@ class _Reader:
         for name, record in mapping(self.head, "tables", self.where).items():
             self._table(name, record)
         for record in self._records("signals"):
-            expression = parse(record["is"], self.names, record["name"])
-            self.graph._declare(NamedSignal(record["name"], expression, *_unit_and_meaning(record)))
+            self._signal(record)
         for record in self._records("integrals"):
             expression = parse(record["of"], self.names, record["name"])
             start = number(record.get("initial", 0.0), record["name"])
             self.graph._declare(Integral(record["name"], expression, *_unit_and_meaning(record), start))
+
+    def _signal(self, record: Mapping[str, Any]) -> None:
+        name = record["name"]
+        law = "residual" if "residual" in record else "is"
+        allowed = (law, "name", "unit", "meaning", *(("guess",) if law == "residual" else ()))
+        check_keys(record, allowed, f"{self.where}: signal {name}", required=(law,))
+        expression = parse(record[law], self.names, name)
+        guess = parse(record.get("guess", "0"), self.names, f"{name}: guess") if law == "residual" else None
+        self.graph._declare(NamedSignal(name, expression, *_unit_and_meaning(record), guess))
 
     def _input(self, record: Mapping[str, Any]) -> None:
         name, held = record["name"], record.get("interpolation", "linear")
@@ -180,15 +190,17 @@ class _Reader:
         here = f"{self.where}: {record['id']}"
         check_keys(record, _PART_KEYS, here, required=("graph",))
         ports = {port: str(inner) for port, inner in mapping(record, "ports", here).items()}
+        if not isinstance(record.get("shared", False), bool):
+            raise DeclarationError(f"{here}: shared must be true or false", where=(record["id"],))
         self.graph.include(record["id"], graph_from_json(record["graph"], here), ports)
 
     def _bind(self, record: Mapping[str, Any]) -> None:
-        bound = mapping(record, "bind", f"{self.where}: {record['id']}")
-        if bound:
+        bound, shared = mapping(record, "bind", f"{self.where}: {record['id']}"), record.get("shared", False)
+        if bound or shared:
             order = list(self.graph._subgraphs)
             part = self.graph._subgraphs.pop(record["id"])
             expressions = {key: parse(law, self.names, f"{part.name}.{key}") for key, law in bound.items()}
-            self.graph.include(part.name, part.graph, dict(part.ports), expressions)
+            self.graph.include(part.name, part.graph, dict(part.ports), expressions, shared=shared)
             self.graph._subgraphs = {name: self.graph._subgraphs[name] for name in order}
 
     def _output(self, record: Mapping[str, Any]) -> None:

@@ -12,7 +12,7 @@ from bondgraph.declare.elements import Node
 from bondgraph.declare.expressions import signal_name, to_text
 from bondgraph.declare.graph import BondGraph
 from bondgraph.declare.json_reader import FORMAT
-from bondgraph.declare.quantities import Input, Output, Parameter, Table
+from bondgraph.declare.quantities import Input, NamedSignal, Output, Parameter, Table
 
 
 def to_networkx(graph: BondGraph) -> nx.MultiDiGraph[str]:
@@ -22,6 +22,8 @@ def to_networkx(graph: BondGraph) -> nx.MultiDiGraph[str]:
         record: dict[str, Any] = {"kind": "graph", "graph": graph_to_json(part.graph), "ports": dict(part.ports)}
         if part.bind:
             record["bind"] = {key: to_text(value) for key, value in part.bind}
+        if part.shared:
+            record["shared"] = True
         network.add_node(part.name, **record)
     for node in graph.nodes.values():
         network.add_node(node.name, **_node_record(node))
@@ -62,10 +64,7 @@ def _head(graph: BondGraph) -> dict[str, Any]:
     head["inputs"] = [_input_record(quantity) for quantity in graph.inputs]
     head["parameters"] = [_parameter_record(quantity) for quantity in graph.parameters]
     head["tables"] = {table.name: _table_record(table) for table in graph.tables}
-    head["signals"] = [
-        _without_empty({"name": s.name, "is": to_text(s.expression), "unit": s.unit, "meaning": s.meaning})
-        for s in graph.signals
-    ]
+    head["signals"] = [_signal_record(signal) for signal in graph.signals]
     head["integrals"] = [
         _without_empty({"name": i.name, "of": to_text(i.of), "unit": i.unit, "meaning": i.meaning})
         | ({"initial": i.initial} if i.initial else {})
@@ -90,6 +89,13 @@ def _parameter_record(quantity: Parameter) -> dict[str, Any]:
     record: dict[str, Any] = {"name": quantity.name, "value": quantity.value}
     record |= _without_empty({"unit": quantity.unit, "meaning": quantity.meaning})
     return record | ({"bounds": list(quantity.bounds)} if quantity.bounds else {})
+
+
+def _signal_record(named: NamedSignal) -> dict[str, Any]:
+    law = {"is": to_text(named.expression)}
+    if named.guess is not None:
+        law = {"residual": to_text(named.expression), "guess": to_text(named.guess)}
+    return {"name": named.name} | law | _without_empty({"unit": named.unit, "meaning": named.meaning})
 
 
 def _table_record(table: Table) -> dict[str, Any]:

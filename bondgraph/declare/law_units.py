@@ -52,7 +52,11 @@ class _LawUnits:
             if node.laws:
                 self._node(node)
         for named in self.graph.signals:
-            self._require(named.name, named.name, of_unit(named.unit), named.expression, {})
+            if named.guess is None:
+                self._require(named.name, named.name, of_unit(named.unit), named.expression, {})
+            else:
+                self._require(named.name, f"the residual of {named.name}", None, named.expression, {})
+                self._require(named.name, f"the guess of {named.name}", of_unit(named.unit), named.guess, {})
         for integral in self.graph.integrals:
             unit = of_unit(integral.unit)
             rate = None if unit is None else subtract(unit, SECOND)

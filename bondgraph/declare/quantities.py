@@ -92,12 +92,17 @@ class Integral:
 
 @dataclass(frozen=True)
 class NamedSignal:
-    """An expression with a name; it carries no power."""
+    """An expression with a name; it carries no power.
+
+    With a ``guess`` the signal is implicit: it is the value of its own symbol at which the expression vanishes, and
+    the search for it starts there.
+    """
 
     name: str
     expression: Expr
     unit: str = ""
     meaning: str = ""
+    guess: Expr | None = None
 
 
 @dataclass(frozen=True)

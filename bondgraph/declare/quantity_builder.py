@@ -85,6 +85,27 @@ class QuantityBuilder(GraphStore):
         """Name an expression of flows, efforts, displacements, momenta, inputs and parameters."""
         return self._declare(NamedSignal(name, self._checked(expression, (), name), unit, meaning))
 
+    def implicit_signal(self, name: str, residual: Any, unit: str, meaning: str = "", *, guess: Any = 0.0) -> Symbol:
+        """Name the value at which ``residual``, a function of it, vanishes; Newton's method starts at ``guess``.
+
+        The guess is an expression of states, inputs and parameters, near enough to lead to the wanted root.
+
+        Examples
+        --------
+        >>> from bondgraph.declare.graph import BondGraph
+        >>> g = BondGraph("orbit")
+        >>> anomaly = g.input("anomaly", "rad", "mean anomaly")
+        >>> e = g.parameter("e", 0.1, "1", "eccentricity")
+        >>> from sympy import sin
+        >>> g.implicit_signal("E", lambda E: E - e * sin(E) - anomaly, "rad", "eccentric anomaly", guess=anomaly)
+        E
+        """
+        own = symbol(name)
+        expression = self._checked(residual(own) if callable_law(residual) else residual, (), name, also=own)
+        if own not in expression.free_symbols:
+            raise DeclarationError(f"{self.name}: {name}: the residual does not contain {name} - use signal()", (name,))
+        return self._declare(NamedSignal(name, expression, unit, meaning, self._checked(guess, (), f"{name}: guess")))
+
     def measure(self, name: str, expression: Any, unit: str, meaning: str = "") -> None:
         """Declare a measured quantity as an expression."""
         if name in self._outputs:

@@ -215,8 +215,10 @@ class GraphStore:
                 )
 
     def _is_inner_quantity(self, name: str) -> bool:
+        if any(part.shared and part.graph._has_quantity(name) for part in self.subgraphs):
+            return True
         part, _, inner = name.partition(".")
-        if part not in self._subgraphs:
-            return False
-        graph = self._subgraphs[part].graph
-        return inner in graph.quantities or graph._is_inner_quantity(inner)
+        return part in self._subgraphs and self._subgraphs[part].graph._has_quantity(inner)
+
+    def _has_quantity(self, name: str) -> bool:
+        return name in self._quantities or self._is_inner_quantity(name)

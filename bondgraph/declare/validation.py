@@ -102,7 +102,7 @@ def _check_state_names(graph: BondGraph) -> None:
     seen: dict[str, str] = {}
     for node in graph.nodes.values():
         for port in range(1, node.ports + 1) if node.state else ():
-            name = f"{node.state}{port if node.ports > 1 else ''}"
+            name = node.state_name(port)
             taken = seen.get(name) or (name if name in graph.quantities else "")
             if taken or not _NAME.match(name) or _RESERVED.match(name):
                 problem = f"is taken by {taken}" if taken else "is no name, or one that is reserved"
@@ -176,7 +176,7 @@ def _refuse_mixed(graph: BondGraph, network: nx.Graph[str], declared: list[str])
 def _check_signals(graph: BondGraph) -> None:
     users: list[tuple[str, Any]] = [(n.name, law) for n in graph.nodes.values() for _, law in n.laws]
     users += [(i.name, i.of) for i in graph.integrals]
-    users += [(s.name, s.expression) for s in graph.signals]
+    users += [(s.name, law) for s in graph.signals for law in (s.expression, s.guess) if law is not None]
     users += [(o.name, o.expression) for o in graph.outputs]
     for user, expression in users:
         for used in signals_in(expression):

@@ -26,7 +26,7 @@ from bondgraph.errors import DerivationError
 __all__ = ["Derivation", "bond_labels", "check_closed", "derive", "is_long", "is_small"]
 
 
-def derive(causal: CausalGraph, bonds: bool = False, smooth: bool = True) -> StateEquations:
+def derive(causal: CausalGraph, bonds: bool = False, smooth: bool = True, *, signals: bool = False) -> StateEquations:
     """State equations of a causal graph.
 
     Parameters
@@ -35,6 +35,8 @@ def derive(causal: CausalGraph, bonds: bool = False, smooth: bool = True) -> Sta
         Graph with all strokes placed.
     bonds
         Add the effort and flow of every bond to the outputs, named ``effort(a->b)`` and ``flow(a->b)``.
+    signals
+        Add the named signals after those (as ``signal(name)`` where an output has that name already).
     smooth
         Take every ``switch`` in a law as a smooth step of its declared width, as filters and gradients need it; else as
         a jump, and list where it jumps in ``events``.
@@ -56,7 +58,7 @@ def derive(causal: CausalGraph, bonds: bool = False, smooth: bool = True) -> Sta
     >>> derive(assign_causality(g)).derivatives
     (F/m,)
     """
-    return Derivation(causal, smooth).equations(bonds)
+    return Derivation(causal, smooth).equations(bonds, signals)
 
 
 class Derivation:
@@ -78,14 +80,16 @@ class Derivation:
 
     # ------------------------------------------------------------------ the whole
 
-    def equations(self, bonds: bool = False) -> StateEquations:
+    def equations(self, bonds: bool = False, signals: bool = False) -> StateEquations:
         """All state derivatives and outputs."""
         graph, variables = self.causal.graph, self.variables
         rates = [("d", ("x", state.symbol.name)) for state in variables.states]
         measured = [(output, variables.law(output.expression)) for output in graph.outputs]
-        every = (
-            [key for b in range(len(graph.bonds)) for key in (variables.effort(b), variables.flow(b))] if bonds else []
-        )
+        every: list[Key] = []
+        if bonds:
+            every = [key for b in range(len(graph.bonds)) for key in (variables.effort(b), variables.flow(b))]
+        if signals:
+            every += [("s", named.name) for named in graph.signals]
         jumps = self.variables.jumps
         used = [key for law in (*(law for _, law in measured), *jumps) for key in law.depends]
         self.compute([*rates, *used, *every])
@@ -95,6 +99,7 @@ class Derivation:
             for output, law in measured
         ]
         outputs += self._bond_outputs() if bonds else []
+        outputs += self._signal_outputs() if signals else []
         derivatives = tuple(self.values[rate] for rate in rates)
         rates_used = self._input_rates([*derivatives, *(output.expression for output in outputs)])
         return StateEquations(
@@ -221,6 +226,14 @@ class Derivation:
                 unit = "" if domain is None else getattr(domain, f"{variable}_unit")
                 value = self.values[read(bond)]
                 outputs.append(OutputEquation(signal(variable, label), value, unit, f"{variable} of bond {label}"))
+        return outputs
+
+    def _signal_outputs(self) -> list[OutputEquation]:
+        taken = {output.name for output in self.causal.graph.outputs}
+        outputs = []
+        for named in self.causal.graph.signals:
+            name = f"signal({named.name})" if named.name in taken else named.name
+            outputs.append(OutputEquation(symbol(name), self.values["s", named.name], named.unit, named.meaning))
         return outputs
 
     def _input_rates(self, results: Sequence[Expr]) -> list[Input]:

@@ -12,11 +12,13 @@ def is_small(value: Expr) -> bool:
     --------
     >>> import sympy
     >>> a, b = sympy.symbols("a b", real=True)
-    >>> is_small(-a), is_small(a / b), is_small(a * b + b)
-    (True, False, False)
+    >>> is_small(-a), is_small(1 / a), is_small(a / b), is_small(a * b + b)
+    (True, True, False, False)
     """
     if value.is_Atom:
         return True
+    if value.is_Pow and value.exp == -1:  # a modulus 1/a divides as a product with a, also where a is zero
+        return bool(value.base.is_Atom)
     return bool(value.is_Mul and len(value.args) == 2 and value.args[0] == -1 and value.args[1].is_Atom)
 
 

@@ -14,7 +14,7 @@ from bondgraph.declare.functions import jump, smooth_step, switch
 from bondgraph.declare.quantities import Integral, NamedSignal, symbol
 from bondgraph.declare.validation import node_domains
 from bondgraph.derive.causality import CausalGraph
-from bondgraph.derive.definitions import Definition, Key, Law, Rate
+from bondgraph.derive.definitions import Definition, Key, Law, Rate, Residual
 from bondgraph.derive.equations import State, StateVariable
 from bondgraph.derive.laws import linear_coefficient
 from bondgraph.derive.rules import define
@@ -202,7 +202,7 @@ class BondVariables:
         prefix = {"displacement": "q", "momentum": "p"}.get(variable)
         if prefix is None:
             prefix = UNDECLARED_PREFIXES[1] if domain is None else domain.flow_prefix
-        wanted = f"{node.state}{port.suffix}" if node.state else f"{prefix}_{node.name}{port.suffix}"
+        wanted = node.state_name(port.number) or f"{prefix}_{node.name}{port.suffix}"
         initial = node.initial[port.number - 1] if len(node.initial) >= port.number else 0.0
         where = f" (port {port.number})" if node.ports > 1 else ""
         return State(
@@ -243,8 +243,26 @@ class BondVariables:
             self.definitions[rate] = self.law(quantity.of)
             self.labels[rate] = (f"d_{quantity.name}", "", f"rate of {quantity.name}")
         elif isinstance(quantity, NamedSignal):
-            self.definitions["s", quantity.name] = self.law(quantity.expression)
+            self.definitions["s", quantity.name] = self._named_signal(quantity)
             self.labels["s", quantity.name] = (quantity.name, quantity.unit, quantity.meaning or "signal")
+
+    def _named_signal(self, quantity: NamedSignal) -> Law | Residual:
+        own = symbol(quantity.name)
+        if quantity.guess is None:
+            return self.law(quantity.expression)
+        inside = {symbol(s.name): s.expression for s in self.graph.signals if s.guess is None}
+        guess = quantity.guess
+        while not inside.keys().isdisjoint(guess.free_symbols):
+            guess = guess.xreplace(inside)
+        start = self.law(guess)
+        if any(key[0] != "x" for key in start.depends):
+            raise DerivationError(
+                f"{self.graph.name}: {quantity.name}: the guess must follow from states, inputs and parameters alone - "
+                "leave out efforts, flows and implicit signals",
+                where=(quantity.name,),
+            )
+        law = self.law(quantity.expression, unknown=own)
+        return Residual(law.template, own, 1, law.arguments, start.template)
 
     def law(
         self, expression: Expr, own: dict[Symbol, tuple[Key, int]] | None = None, unknown: Symbol | None = None

@@ -76,7 +76,7 @@ class _Evaluator:
     def __init__(self, causal: CausalGraph) -> None:
         self.causal = causal
         derivation = Derivation(causal)
-        equations = derivation.equations(bonds=True)
+        equations = derivation.equations(bonds=True, signals=True)
         self.variables = derivation.variables
         self.model = Model.from_text(render(equations), source=f"{causal.graph.name} (derived)")
         self.own = len(causal.graph.outputs)
@@ -111,7 +111,7 @@ class _Evaluator:
             "outputs": {
                 info.name: float(v) for info, v in zip(self.model.outputs[: self.own], y[: self.own], strict=True)
             },
-            "signals": self._signals(bonds),
+            "signals": self._signals(bonds, y),
             "bonds": bonds,
         }
 
@@ -184,8 +184,8 @@ class _Evaluator:
         count = len(labels)
         return {label: {"effort": float(values[i]), "flow": float(values[count + i])} for i, label in enumerate(labels)}
 
-    def _signals(self, bonds: Mapping[str, Mapping[str, float]]) -> dict[str, float]:
-        """The common variable of every junction."""
+    def _signals(self, bonds: Mapping[str, Mapping[str, float]], y: Any) -> dict[str, float]:
+        """The common variable of every junction, and the named signals."""
         labels = bond_labels(self.causal)
         found = {}
         for node in self.causal.graph.nodes.values():
@@ -193,7 +193,8 @@ class _Evaluator:
                 variable = "effort" if node.kind == "0" else "flow"
                 first = self.variables.incidence[node.name][0][0]
                 found[f"{variable}({node.name})"] = bonds[labels[first]][variable]
-        return found
+        named = self.causal.graph.signals
+        return found | {s.name: float(value) for s, value in zip(named, y[self.own + 2 * len(labels) :], strict=True)}
 
 
 def _number(expression: Expr, parameters: Mapping[str, float]) -> float:

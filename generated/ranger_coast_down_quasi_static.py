@@ -1,0 +1,241 @@
+# Generated from vehicle_graphs/ranger.py -- do not edit.
+# Regenerate with:  bondgraph generate vehicle_graphs.ranger:coast_down_quasi_static
+# Generator: bondgraph 0.1.0, sympy 1.14.0.  Equations: 91cf15812f6417d5
+"""Ranger-class vehicle coasting in neutral on a suspension that follows at once.
+
+States x:
+      0  forward_velocity  [m/s]  flow of body.mass
+      1  rear_axle_speed   [rad/s]  flow of rear_axle.inertia
+      2  front_axle_speed  [rad/s]  flow of front_axle.inertia
+      3  inclination       [rad]  inclination of the ground, uphill positive
+      4  height            [m]  height of the vehicle
+
+Inputs u:
+      0  inclination_rate  [rad/s]  rate at which the inclination of the ground changes
+      1  brake             [1]  brake pedal, 0 to 1
+
+Parameters theta:
+      0  th_off       [rad]  offset of the measured pitch
+      1  m            [kg]  vehicle 1040 kg with a payload of 160 kg
+      2  g            [m/s^2]  gravity
+      3  a            [m]  centre of mass to the front axle
+      4  b            [m]  centre of mass to the rear axle
+      5  r_z          [m]  height of the centre of mass over the ground
+      6  spring_gain  [1]  spring rates relative to k_f and k_r: the pitch stiffness
+      7  k_f          [N/m]  front springs
+      8  k_r          [N/m]  rear springs
+      9  rho          [kg/m^3]  air density
+     10  CdA          [m^2]  drag coefficient times frontal area
+     11  J_r          [kg m^2]  rear axle with wheels
+     12  brake_gain   [1]  brake torque relative to its nominal value, both axles
+     13  T_br_max     [N m]  largest brake torque of the rear axle
+     14  w_brake      [rad/s]  axle speed at which the brake reaches 76 % (smoothing)
+     15  f_r          [1]  rolling resistance coefficient
+     16  w_roll       [rad/s]  axle speed at which rolling resistance reaches 76 % (smoothing)
+     17  r_d          [m]  dynamic tyre radius
+     18  J_f          [kg m^2]  front axle with wheels
+     19  T_bf_max     [N m]  largest brake torque of the front axle
+     20  mu           [1]  friction of tyre on gravel
+     21  C_k          [1]  force over load per slip, small slip
+     22  v_low        [m/s]  speed below which slip refers to it (standstill)
+
+Outputs y:
+      0  axle_speed        [rad/s]  rear axle speed
+      1  forward_velocity  [m/s]  forward velocity
+      2  height            [m]  height of the vehicle
+      3  pitch             [rad]  inclination of the body, with the offset
+"""
+import numpy as np
+
+NAME = "ranger_coast_down_quasi_static"
+FORMAT = "bondgraph-module/1"
+# name, unit, initial value, meaning
+STATES = (
+    ("forward_velocity", "m/s", 0.0, "flow of body.mass"),
+    ("rear_axle_speed", "rad/s", 0.0, "flow of rear_axle.inertia"),
+    ("front_axle_speed", "rad/s", 0.0, "flow of front_axle.inertia"),
+    ("inclination", "rad", 0.0, "inclination of the ground, uphill positive"),
+    ("height", "m", 0.0, "height of the vehicle"),
+)
+# name, unit, default, between samples ("linear" or "hold"), letters of a text signal, meaning
+INPUTS = (
+    ("inclination_rate", "rad/s", 0.0, "linear", None, "rate at which the inclination of the ground changes"),
+    ("brake", "1", 0.0, "linear", None, "brake pedal, 0 to 1"),
+)
+# name, unit, value, lower and upper bound (None: known, stays fixed), meaning
+PARAMETERS = (
+    ("th_off", "rad", 0.0, -0.1, 0.1, "offset of the measured pitch"),
+    ("m", "kg", 1200.0, None, None, "vehicle 1040 kg with a payload of 160 kg"),
+    ("g", "m/s^2", 9.81, None, None, "gravity"),
+    ("a", "m", 1.26, None, None, "centre of mass to the front axle"),
+    ("b", "m", 0.79, None, None, "centre of mass to the rear axle"),
+    ("r_z", "m", 0.6, None, None, "height of the centre of mass over the ground"),
+    ("spring_gain", "1", 1.0, 0.6, 1.5, "spring rates relative to k_f and k_r: the pitch stiffness"),
+    ("k_f", "N/m", 41000.0, None, None, "front springs"),
+    ("k_r", "N/m", 75000.0, None, None, "rear springs"),
+    ("rho", "kg/m^3", 1.225, None, None, "air density"),
+    ("CdA", "m^2", 1.4, 0.6, 2.4, "drag coefficient times frontal area"),
+    ("J_r", "kg m^2", 2.0, None, None, "rear axle with wheels"),
+    ("brake_gain", "1", 1.0, 0.5, 1.5, "brake torque relative to its nominal value, both axles"),
+    ("T_br_max", "N m", 1200.0, None, None, "largest brake torque of the rear axle"),
+    ("w_brake", "rad/s", 0.5, None, None, "axle speed at which the brake reaches 76 % (smoothing)"),
+    ("f_r", "1", 0.035, 0.01, 0.08, "rolling resistance coefficient"),
+    ("w_roll", "rad/s", 0.3, None, None, "axle speed at which rolling resistance reaches 76 % (smoothing)"),
+    ("r_d", "m", 0.315, 0.27, 0.36, "dynamic tyre radius"),
+    ("J_f", "kg m^2", 2.0, None, None, "front axle with wheels"),
+    ("T_bf_max", "N m", 1800.0, None, None, "largest brake torque of the front axle"),
+    ("mu", "1", 0.65, None, None, "friction of tyre on gravel"),
+    ("C_k", "1", 10.0, None, None, "force over load per slip, small slip"),
+    ("v_low", "m/s", 1.0, None, None, "speed below which slip refers to it (standstill)"),
+)
+# name, unit, meaning
+OUTPUTS = (
+    ("axle_speed", "rad/s", "rear axle speed"),
+    ("forward_velocity", "m/s", "forward velocity"),
+    ("height", "m", "height of the vehicle"),
+    ("pitch", "rad", "inclination of the body, with the offset"),
+)
+
+
+def _linear_2(a0_0, a0_1, a1_0, a1_1, b0, b1):
+    """Solution of a x = b by Gaussian elimination with the largest pivot first."""
+    swap = np.abs(a1_0) > np.abs(a0_0)
+    a0_0, a1_0 = np.where(swap, a1_0, a0_0), np.where(swap, a0_0, a1_0)
+    a0_1, a1_1 = np.where(swap, a1_1, a0_1), np.where(swap, a0_1, a1_1)
+    b0, b1 = np.where(swap, b1, b0), np.where(swap, b0, b1)
+    factor = a1_0/a0_0
+    a1_1 = a1_1 - factor*a0_1
+    b1 = b1 - factor*b0
+    x1 = b1/a1_1
+    x0 = (b0 - a0_1*x1)/a0_0
+    return x0, x1
+
+
+def _solve_S_r_S_f(S_r, S_f, m, g, a, b, r_z, r_d, mu, C_k, forward_velocity, rear_axle_speed, front_axle_speed, inclination, slip_speed_f, slip_speed_r):
+    """S_r [N], S_f [N] of the algebraic loop S_r_S_f (loop of N_r, S_r, N_f, S_f), by damped Newton steps; nan where they fail."""
+    _best_S_r, _step_S_r = S_r, 1.0 + np.abs(S_r)
+    _best_S_f, _step_S_f = S_f, 1.0 + np.abs(S_f)
+    _error, _demand, _part, _w0, _w1 = np.inf, 0.0, -2.0, 0.0, 0.0
+    for _ in range(200):
+        F_rear_tyre_contact_in_loop = mu*np.tanh(C_k*(r_d*rear_axle_speed - forward_velocity)/(mu*slip_speed_r))*np.maximum(S_r, 0.0)
+        _F_rear_tyre_contact_in_loop_by_S_r = mu*np.tanh(C_k*(r_d*rear_axle_speed - forward_velocity)/(mu*slip_speed_r))*np.where(S_r >= 0, 1.0, 0.0)
+        F_front_tyre_contact_in_loop = mu*np.tanh(C_k*(r_d*front_axle_speed - forward_velocity)/(mu*slip_speed_f))*np.maximum(S_f, 0.0)
+        _F_front_tyre_contact_in_loop_by_S_f = mu*np.tanh(C_k*(r_d*front_axle_speed - forward_velocity)/(mu*slip_speed_f))*np.where(S_f >= 0, 1.0, 0.0)
+        _r0 = (m*g*a*np.cos(inclination) + r_z*(F_rear_tyre_contact_in_loop + F_front_tyre_contact_in_loop))/(a + b) - S_r
+        _r1 = (m*g*b*np.cos(inclination) - r_z*(F_rear_tyre_contact_in_loop + F_front_tyre_contact_in_loop))/(a + b) - S_f
+        _j0_0 = r_z*_F_rear_tyre_contact_in_loop_by_S_r/(a + b) - 1
+        _j0_1 = r_z*_F_front_tyre_contact_in_loop_by_S_f/(a + b)
+        _j1_0 = -r_z*_F_rear_tyre_contact_in_loop_by_S_r/(a + b)
+        _j1_1 = -r_z*_F_front_tyre_contact_in_loop_by_S_f/(a + b) - 1
+        _trial = _w0*np.abs(_r0) + _w1*np.abs(_r1)
+        _better = _trial < (1.0 - _demand*np.abs(_part))*_error
+        _newton_S_r, _newton_S_f = _linear_2(_j0_0, _j0_1, _j1_0, _j1_1, -_r0, -_r1)
+        _usable = (np.abs(_newton_S_r) < 1e9*(1.0 + np.abs(S_r))) & (np.abs(_newton_S_f) < 1e9*(1.0 + np.abs(S_f))) & (np.abs(_newton_S_r) + np.abs(_newton_S_f) > 0.0)
+        _demand = np.where(_better, np.where(_usable, 0.25, 0.0), _demand)
+        _step_S_r = np.where(_better, np.where(_usable, _newton_S_r, 1.0 + np.abs(S_r)), _step_S_r)
+        _step_S_f = np.where(_better, np.where(_usable, _newton_S_f, 1.0 + np.abs(S_f)), _step_S_f)
+        _w0 = np.where(_better, 1.0/(np.abs(_j0_0)*(1.0 + np.abs(S_r)) + np.abs(_j0_1)*(1.0 + np.abs(S_f)) + 1e-30), _w0)
+        _w1 = np.where(_better, 1.0/(np.abs(_j1_0)*(1.0 + np.abs(S_r)) + np.abs(_j1_1)*(1.0 + np.abs(S_f)) + 1e-30), _w1)
+        _error = np.where(_better, _w0*np.abs(_r0) + _w1*np.abs(_r1), _error)
+        _best_S_r = np.where(_better, S_r, _best_S_r)
+        _best_S_f = np.where(_better, S_f, _best_S_f)
+        _part = np.where(_better, np.minimum(4.0*np.abs(_part), 1.0), -0.5*_part)
+        _settled = (_error == 0.0) | (np.abs(_part) < 1e-18) | ((np.abs(_part*_step_S_r) <= 4e-16*np.abs(_best_S_r)) & (np.abs(_part*_step_S_f) <= 4e-16*np.abs(_best_S_f)))
+        _part = np.where(_settled, 0.0, _part)
+        if np.all(_part == 0.0):
+            break
+        S_r = _best_S_r + _part*_step_S_r
+        S_f = _best_S_f + _part*_step_S_f
+    _found = (_error == 0.0) | ((np.abs(_step_S_r) <= 1e-6*np.abs(_best_S_r) + 1e-9) & (np.abs(_step_S_f) <= 1e-6*np.abs(_best_S_f) + 1e-9))
+    return np.where(_found, _best_S_r, np.nan), np.where(_found, _best_S_f, np.nan)
+
+
+def rhs(t, x, u, theta):
+    """dx/dt, shape (n_x, *batch)."""
+    forward_velocity = x[0]
+    rear_axle_speed = x[1]
+    front_axle_speed = x[2]
+    inclination = x[3]
+    inclination_rate = u[0]
+    brake = u[1]
+    m = theta[1]
+    g = theta[2]
+    a = theta[3]
+    b = theta[4]
+    r_z = theta[5]
+    rho = theta[9]
+    CdA = theta[10]
+    J_r = theta[11]
+    brake_gain = theta[12]
+    T_br_max = theta[13]
+    w_brake = theta[14]
+    f_r = theta[15]
+    w_roll = theta[16]
+    r_d = theta[17]
+    J_f = theta[18]
+    T_bf_max = theta[19]
+    mu = theta[20]
+    C_k = theta[21]
+    v_low = theta[22]
+    F_body_air = (1/2)*rho*CdA*forward_velocity*np.abs(forward_velocity)  # [N] effort of body.air
+    F_body_gravity = -m*g*np.sin(inclination)  # [N] effort of body.gravity
+    slip_speed_f = np.maximum(np.maximum(np.abs(forward_velocity), np.abs(r_d*front_axle_speed)), v_low)  # [m/s] speed that the slip of the front tyres refers to
+    slip_speed_r = np.maximum(np.maximum(np.abs(forward_velocity), np.abs(r_d*rear_axle_speed)), v_low)  # [m/s] speed that the slip of the rear tyres refers to
+    S_r, S_f = _solve_S_r_S_f(0.0, 0.0, m, g, a, b, r_z, r_d, mu, C_k, forward_velocity, rear_axle_speed, front_axle_speed, inclination, slip_speed_f, slip_speed_r)  # loop of N_r, S_r, N_f, S_f
+    N_r = np.maximum(S_r, 0.0)  # [N] load of the rear tyres
+    F_rear_tyre_contact = mu*N_r*np.tanh(C_k*(r_d*rear_axle_speed - forward_velocity)/(mu*slip_speed_r))  # [N] effort of rear_tyre.contact
+    N_f = np.maximum(S_f, 0.0)  # [N] load of the front tyres
+    F_front_tyre_contact = mu*N_f*np.tanh(C_k*(r_d*front_axle_speed - forward_velocity)/(mu*slip_speed_f))  # [N] effort of front_tyre.contact
+    tau_rear_axle_brake_discs = brake_gain*T_br_max*brake*np.tanh(rear_axle_speed/w_brake)  # [N m] effort of rear_axle.brake_discs
+    tau_rear_axle_rolling = f_r*r_d*N_r*np.tanh(rear_axle_speed/w_roll)  # [N m] effort of rear_axle.rolling
+    tau_front_axle_brake_discs = brake_gain*T_bf_max*brake*np.tanh(front_axle_speed/w_brake)  # [N m] effort of front_axle.brake_discs
+    tau_front_axle_rolling = f_r*r_d*N_f*np.tanh(front_axle_speed/w_roll)  # [N m] effort of front_axle.rolling
+    dx0 = (F_body_gravity + F_rear_tyre_contact + F_front_tyre_contact - F_body_air)/m  # d(forward_velocity)/dt
+    dx1 = (-r_d*F_rear_tyre_contact - tau_rear_axle_brake_discs - tau_rear_axle_rolling)/J_r  # d(rear_axle_speed)/dt
+    dx2 = (-r_d*F_front_tyre_contact - tau_front_axle_brake_discs - tau_front_axle_rolling)/J_f  # d(front_axle_speed)/dt
+    dx3 = inclination_rate  # d(inclination)/dt
+    dx4 = forward_velocity*np.sin(inclination)  # d(height)/dt
+    return _stack(x, (dx0, dx1, dx2, dx3, dx4))
+
+
+def output(t, x, u, theta):
+    """y, shape (n_y, *batch)."""
+    forward_velocity = x[0]
+    rear_axle_speed = x[1]
+    front_axle_speed = x[2]
+    inclination = x[3]
+    height = x[4]
+    th_off = theta[0]
+    m = theta[1]
+    g = theta[2]
+    a = theta[3]
+    b = theta[4]
+    r_z = theta[5]
+    spring_gain = theta[6]
+    k_f = theta[7]
+    k_r = theta[8]
+    r_d = theta[17]
+    mu = theta[20]
+    C_k = theta[21]
+    v_low = theta[22]
+    slip_speed_f = np.maximum(np.maximum(np.abs(forward_velocity), np.abs(r_d*front_axle_speed)), v_low)  # [m/s] speed that the slip of the front tyres refers to
+    slip_speed_r = np.maximum(np.maximum(np.abs(forward_velocity), np.abs(r_d*rear_axle_speed)), v_low)  # [m/s] speed that the slip of the rear tyres refers to
+    S_r, S_f = _solve_S_r_S_f(0.0, 0.0, m, g, a, b, r_z, r_d, mu, C_k, forward_velocity, rear_axle_speed, front_axle_speed, inclination, slip_speed_f, slip_speed_r)  # loop of N_r, S_r, N_f, S_f
+    N_r = np.maximum(S_r, 0.0)  # [N] load of the rear tyres
+    F_rear_tyre_contact = mu*N_r*np.tanh(C_k*(r_d*rear_axle_speed - forward_velocity)/(mu*slip_speed_r))  # [N] effort of rear_tyre.contact
+    N_f = np.maximum(S_f, 0.0)  # [N] load of the front tyres
+    F_front_tyre_contact = mu*N_f*np.tanh(C_k*(r_d*front_axle_speed - forward_velocity)/(mu*slip_speed_f))  # [N] effort of front_tyre.contact
+    pitch = r_z*(F_rear_tyre_contact + F_front_tyre_contact)/(spring_gain*k_f*a**2 + spring_gain*k_r*b**2)  # [rad] pitch of the body relative to the ground
+    y0 = rear_axle_speed  # axle_speed [rad/s]
+    y1 = forward_velocity  # forward_velocity [m/s]
+    y2 = height  # height [m]
+    y3 = th_off + inclination + pitch  # pitch [rad]
+    return _stack(x, (y0, y1, y2, y3))
+
+
+def _stack(x, rows):
+    """Rows, each a number or of the batch shape of x, as one array of shape (len(rows), *batch)."""
+    stacked = np.empty((len(rows), *x.shape[1:]))
+    for i, row in enumerate(rows):
+        stacked[i] = row
+    return stacked

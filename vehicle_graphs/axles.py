@@ -1,0 +1,49 @@
+"""Axles: two wheels on one shaft, with brake and rolling resistance, both smoothed around standstill.
+
+Rolling resistance on gravel, 0.012 packed to 0.06 wet: Wong, *Theory of Ground Vehicles* (2008), chapter 1.
+"""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from sympy import Symbol, tanh
+
+from bondgraph.declare.domains import ROTATION
+from bondgraph.declare.graph import BondGraph
+
+End = Literal["front", "rear"]
+
+_INERTIA = {"front": ("J_f", "front_axle_speed"), "rear": ("J_r", "rear_axle_speed")}
+_BRAKE = {"front": ("T_bf_max", 1800.0), "rear": ("T_br_max", 1200.0)}
+
+
+def tyre_radius(g: BondGraph) -> Symbol:
+    """Dynamic radius of the tyres, which all axles and tyres share."""
+    return g.parameter("r_d", 0.315, "m", "dynamic tyre radius", (0.27, 0.36))
+
+
+def axle(end: End) -> BondGraph:
+    """One axle: port ``hub``, inputs ``brake`` and ``load`` (force on the ground).
+
+    Examples
+    --------
+    >>> [element.name for element in axle("front").nodes.values()]
+    ['hub', 'inertia', 'brake_discs', 'rolling']
+    """
+    g = BondGraph(f"{end}_axle", doc=__doc__)
+    brake = g.input("brake", "1", "brake pedal, 0 to 1")
+    load = g.input("load", "N", "force of the tyres on the ground")
+    inertia, state = _INERTIA[end]
+    largest, torque = _BRAKE[end]
+    hub = g.one_junction("hub", ROTATION)
+    g.inertance("inertia", g.parameter(inertia, 2.0, "kg m^2", f"{end} axle with wheels"), at=hub, state=state)
+    gain = g.parameter("brake_gain", 1.0, "1", "brake torque relative to its nominal value, both axles", (0.5, 1.5))
+    T_b = g.parameter(largest, torque, "N m", f"largest brake torque of the {end} axle")
+    w_b = g.parameter("w_brake", 0.5, "rad/s", "axle speed at which the brake reaches 76 % (smoothing)")
+    g.resistance("brake_discs", lambda w: brake * gain * T_b * tanh(w / w_b), at=hub)
+    f_r = g.parameter("f_r", 0.035, "1", "rolling resistance coefficient", (0.01, 0.08))
+    w_r = g.parameter("w_roll", 0.3, "rad/s", "axle speed at which rolling resistance reaches 76 % (smoothing)")
+    r_d = tyre_radius(g)
+    g.resistance("rolling", lambda w: f_r * load * r_d * tanh(w / w_r), at=hub)
+    return g
