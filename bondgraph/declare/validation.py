@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import networkx as nx
 
+from bondgraph.declare.both_forms import check_both_forms
 from bondgraph.declare.domains import Domain
 from bondgraph.declare.elements import SOURCES, STORAGES, TWO_PORTS, Node, a_kind
 from bondgraph.declare.expressions import signal_name, signals_in
@@ -92,6 +93,7 @@ def validate(graph: BondGraph) -> None:
     incidence = graph.incidence()
     for node in graph.nodes.values():
         _check_degree(graph, node, incidence[node.name])
+        check_both_forms(node, graph.parameters, graph.name)
     domains = node_domains(graph)
     _check_signals(graph)
     _check_state_names(graph)

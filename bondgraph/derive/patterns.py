@@ -113,11 +113,13 @@ def _determines(node: Node, pattern: Pattern) -> bool:
     return is_regular([[slope(equation, unknown) for unknown in unknowns] for equation in equations_of(node)])
 
 
-def match(equations: Sequence[Expr], unknowns: Sequence[Symbol]) -> list[int] | None:
+def match(equations: Sequence[Expr], unknowns: Sequence[Symbol], spare: bool = False) -> list[int] | None:
     """For each unknown the equation that is to give it, or None where the equations cannot give them all.
 
     An equation in which an unknown is linear, with a coefficient that depends on none of the others, is preferred;
-    among those the order of declaration decides (augmenting paths, Kuhn 1955, Nav. Res. Logist. Q. 2).
+    among those the order of declaration decides (augmenting paths, Kuhn 1955, Nav. Res. Logist. Q. 2). With ``spare``
+    what is left over is paired too: an equation about other variables determines an unknown through the rest of the
+    graph, as the output of an ideal operational amplifier follows from its input.
 
     Examples
     --------
@@ -142,6 +144,8 @@ def match(equations: Sequence[Expr], unknowns: Sequence[Symbol]) -> list[int] | 
         for unknown in range(len(unknowns)):
             if unknown not in giver.values():
                 augment(unknown, set(), allowed)
-    if len(giver) < len(unknowns):
+    if len(giver) < len(unknowns) and not spare:
         return None
+    left = [unknown for unknown in range(len(unknowns)) if unknown not in giver.values()]
+    giver |= zip([e for e in range(len(equations)) if e not in giver], left, strict=False)
     return [next(e for e, u in giver.items() if u == unknown) for unknown in range(len(unknowns))]

@@ -113,7 +113,8 @@ def _solve(
     An equation may contain other unknowns; then they form an algebraic loop, which is solved as any other. Newton's
     method starts from the declared start value of the port.
     """
-    givers = match(equations, unknowns)
+    implicit = node.kind == "R" and node.laws[0][0].startswith("residual")
+    givers = match(equations, unknowns, spare=implicit)
     if givers is None:
         names = ", ".join(f"{unknown.name}({node.name})" for unknown in unknowns)
         raise DerivationError(
@@ -123,6 +124,9 @@ def _solve(
         )
     for position, (unknown, giver) in enumerate(zip(unknowns, givers, strict=True)):
         key, sign = own[unknown]
+        if unknown not in equations[giver].free_symbols:  # the equation holds through what the unknown does elsewhere
+            variables.definitions[key] = variables.law(sign * unknown + equations[giver], own)
+            continue
         solved = solve_for(equations[giver], unknown)
         if solved is not None:
             variables.definitions[key] = variables.law(sign * solved, own)

@@ -1,0 +1,70 @@
+"""Laws given in both forms must be each other's inverse."""
+
+from __future__ import annotations
+
+import random
+from collections.abc import Mapping, Sequence
+
+from sympy import Expr, Float, Symbol
+
+from bondgraph.declare.elements import ENERGY_VARIABLE, LAW_GIVES, Node
+from bondgraph.declare.functions import TableFunction
+from bondgraph.declare.quantities import Parameter, symbol
+from bondgraph.errors import DeclarationError
+
+_SIZES = (0.01, 0.3, 1.0, 4.0)
+_FEWEST = 3
+
+
+def check_both_forms(node: Node, parameters: Sequence[Parameter], graph: str) -> None:
+    """Raise DeclarationError where the two forms of a law contradict each other wherever both have a value.
+
+    Laws with several branches need not agree everywhere: the square root of a square is an inverse on one side only.
+
+    Examples
+    --------
+    >>> laws = (("effort", symbol("R") * symbol("flow")), ("flow", symbol("effort") * symbol("R")))
+    >>> check_both_forms(Node("r", "R", laws=laws), [Parameter("R", 2.0, "")], "g")
+    Traceback (most recent call last):
+    ...
+    bondgraph.errors.DeclarationError: g: r: its two laws contradict each other: at flow 0.01 the effort is 0.02, but at
+    effort 0.02 the flow is 0.04 - correct one of them, or give one only
+    """
+    laws = dict(node.laws)
+    gives = LAW_GIVES.get(node.kind, "effort")
+    stored = ENERGY_VARIABLE.get(node.kind, "flow")
+    if node.kind not in ("R", "C", "I") or not {gives, stored} <= laws.keys():
+        return
+    first, second, own = laws[gives], laws[stored], symbol(stored)
+    if second.xreplace({symbol(gives): first}) == own or first.has(TableFunction) or second.has(TableFunction):
+        return
+    declared = {quantity.symbol: Float(quantity.value, 30) for quantity in parameters}
+    wrong: list[tuple[Expr, Expr, Expr]] = []
+    for size in (*_SIZES, *(-s for s in _SIZES)):
+        at = _point(first, second, declared) | {own: Float(repr(size), 30)}
+        there = _real(first, at)
+        back = None if there is None else _real(second, {**at, symbol(gives): there})
+        if there is None or back is None:
+            continue
+        if abs(back - at[own]) <= 1e-3 * (abs(back) + abs(at[own])):
+            return
+        wrong.append((at[own], there, back))
+    if len(wrong) >= _FEWEST:
+        x, there, back = (f"{float(value):.6g}" for value in wrong[0])
+        raise DeclarationError(
+            f"{graph}: {node.name}: its two laws contradict each other: at {stored} {x} the {gives} is {there}, but at "
+            f"{gives} {there} the {stored} is {back} - correct one of them, or give one only",
+            where=(node.name,),
+        )
+
+
+def _point(first: Expr, second: Expr, declared: Mapping[Symbol, Expr]) -> dict[Symbol, Expr]:
+    """Parameters at their values, whatever else the laws use at random ones."""
+    draw = random.Random(0)
+    used = sorted(first.free_symbols | second.free_symbols, key=str)
+    return {name: declared.get(name, Float(draw.uniform(0.5, 1.5), 30)) for name in used}
+
+
+def _real(law: Expr, at: Mapping[Symbol, Expr]) -> Expr | None:
+    value = law.xreplace(dict(at)).evalf(30)
+    return value if value.is_Float and value.is_finite else None
