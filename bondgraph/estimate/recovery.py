@@ -20,6 +20,33 @@ _BIASED = 2.0
 
 
 @dataclass(frozen=True)
+class Trial:
+    """One repetition, as plain values that a JSON file can hold: everything by name and in the model's units.
+
+    ``failure`` is empty where the search succeeded, else its message.
+    """
+
+    truth: Mapping[str, float]
+    values: Mapping[str, float]
+    std: Mapping[str, float]
+    ci95: Mapping[str, tuple[float, float]]
+    nll: float
+    evaluations: int
+    seconds: float
+    failure: str = ""
+
+    @classmethod
+    def of(cls, estimate: Estimate, truth: Mapping[str, float]) -> Trial:
+        """The trial that an estimate is, given the true values of what was free."""
+        known = {name: float(truth[name]) for name in estimate.problem.names}
+        failure = "" if estimate.outcome.succeeded else estimate.outcome.value
+        return cls(
+            known, dict(estimate.values), dict(estimate.std), dict(estimate.ci95),
+            float(estimate.nll), estimate.evaluations, estimate.seconds, failure,
+        )  # fmt: skip
+
+
+@dataclass(frozen=True)
 class ParameterRecovery:
     """How one parameter was recovered, in its own unit.
 
@@ -88,41 +115,34 @@ class Recovery:
         )
 
 
-def recovery(estimates: Sequence[Estimate], truths: Sequence[Mapping[str, float]]) -> Recovery:
+def recovery(trials: Sequence[Trial]) -> Recovery:
     """Compare estimates with the truth behind each.
 
     Parameters
     ----------
-    estimates
+    trials
         One per repetition, of the same free parameters.
-    truths
-        True values by name, one mapping per repetition.
 
     Raises
     ------
     EstimationError
         If fewer than two estimates succeeded, which says nothing about scatter.
     """
-    pairs = [(one, truth) for one, truth in zip(estimates, truths, strict=True) if one.outcome.succeeded]
-    failures = tuple(
-        f"repetition {number}: {one.outcome.value}"
-        for number, one in enumerate(estimates, start=1)
-        if not one.outcome.succeeded
-    )
-    if len(pairs) < 2:
+    good = [trial for trial in trials if not trial.failure]
+    failures = tuple(f"repetition {n}: {trial.failure}" for n, trial in enumerate(trials, start=1) if trial.failure)
+    if len(good) < 2:
         raise EstimationError(
-            f"{len(pairs)} of {len(estimates)} estimates succeeded - at least two are needed"
+            f"{len(good)} of {len(trials)} estimates succeeded - at least two are needed"
             + (f"; first failure: {failures[0]}" if failures else "")
         )
     rows, held = [], []
-    for name in pairs[0][0].problem.names:
-        values = np.array([one.values[name] for one, _ in pairs])
-        true = np.array([truth[name] for _, truth in pairs])
-        stated = np.array([one.std[name] for one, _ in pairs])
-        bounds = np.array([one.ci95[name] for one, _ in pairs])
+    for name in good[0].values:
+        true = np.array([trial.truth[name] for trial in good])
+        error = np.array([trial.values[name] for trial in good]) - true
+        bounds = np.array([trial.ci95[name] for trial in good])
         inside = (bounds[:, 0] <= true) & (true <= bounds[:, 1])
         held.append(inside)
-        rows.append(_row(name, values - true, true, stated, inside))
+        rows.append(_row(name, error, true, np.array([trial.std[name] for trial in good]), inside))
     return Recovery(tuple(rows), float(np.mean(held)), failures)
 
 
