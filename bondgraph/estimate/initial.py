@@ -3,17 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Literal
+from typing import Literal, get_args
 
 import numpy as np
+from scipy.integrate import solve_ivp
 
 from bondgraph.data.log import MatchedLog
 from bondgraph.errors import EstimationError
-from bondgraph.estimate.objective import FloatArray
+from bondgraph.estimate.objective import BoolArray, FloatArray
 from bondgraph.simulate.model import Model
 
-#: ``"measured"``: measured states start at their first measurement; ``"model"``: all start as declared.
-InitialRule = Literal["measured", "model"]
+#: ``"model"``: all states start as declared; ``"measured"``: measured ones at their first measurement; ``"settled"``:
+#: and the others where they come to rest while those are held (wheels roll, springs carry, a governor has settled).
+InitialRule = Literal["measured", "settled", "model"]
+
+#: Time [s] that states get to come to rest; what still moves then (a distance) is left as declared.
+_SETTLING = 10.0
 
 
 def initial_states(model: Model, logs: Sequence[MatchedLog], theta: FloatArray, rule: InitialRule) -> list[FloatArray]:
@@ -34,25 +39,72 @@ def initial_states(model: Model, logs: Sequence[MatchedLog], theta: FloatArray, 
     Raises
     ------
     EstimationError
-        If the rule is not one of the two.
+        If the rule is not one of the three.
     """
-    if rule not in ("measured", "model"):
-        raise EstimationError(f"initial states: rule {rule!r} is neither 'measured' nor 'model'", where=(rule,))
+    if rule not in get_args(InitialRule):
+        raise EstimationError(
+            f"initial states: rule {rule!r} is not known - choose {', '.join(get_args(InitialRule))}", where=(rule,)
+        )
     if rule == "model":
         return [model.x0() for _ in logs]
-    return [_from_measurements(model, log, theta) for log in logs]
+    starts = []
+    for log in logs:
+        known = theta.copy()
+        for name, value in log.theta_overrides.items():
+            known[model.index("parameter", name)] = value
+        x0, held = _from_measurements(model, log, known)
+        starts.append(settled(model, x0, log.u[:, 0], known, held) if rule == "settled" else x0)
+    return starts
 
 
-def _from_measurements(model: Model, log: MatchedLog, theta: FloatArray) -> FloatArray:
-    known = theta.copy()
-    for name, value in log.theta_overrides.items():
-        known[model.index("parameter", name)] = value
+def _from_measurements(model: Model, log: MatchedLog, theta: FloatArray) -> tuple[FloatArray, BoolArray]:
+    """Initial state (n_x,), and which of its parts were measured."""
     x0 = model.x0()
+    held = np.zeros(x0.size, dtype=np.bool_)
     early = log.time <= log.time[0] + 0.05 * (log.time[-1] - log.time[0])
-    for output, (state, slope, offset) in directly_measured(model, log.u[:, 0], known).items():
+    for output, (state, slope, offset) in directly_measured(model, log.u[:, 0], theta).items():
         first = np.flatnonzero(~np.isnan(log.y[output]) & early)
         if first.size:
             x0[state] = (log.y[output, first[0]] - offset) / slope
+            held[state] = True
+    return x0, held
+
+
+def settled(model: Model, x0: FloatArray, u: FloatArray, theta: FloatArray, held: BoolArray) -> FloatArray:
+    """Where the states that are not ``held`` (n_x,) come to rest while the others keep their values; shape (n_x,).
+
+    A state that does not come to rest is held at its start too, and the others are settled anew.
+
+    Examples
+    --------
+    >>> from bondgraph.simulate.example import pendulum
+    >>> swing = pendulum()
+    >>> moving = settled(swing, np.array([0.3, 0.0]), swing.u0(), swing.theta(damping=8.0), np.array([False, False]))
+    >>> bool(np.abs(moving).max() < 1e-4)
+    True
+    """
+    kept = held.copy()
+    while not kept.all():
+        free = ~kept
+
+        def rates(time: float, values: FloatArray, free: BoolArray = free) -> FloatArray:
+            x = x0.copy()
+            x[free] = values
+            with np.errstate(all="ignore"):
+                found: FloatArray = model.rhs(time, x, u, theta)[free]
+            return found
+
+        run = solve_ivp(rates, (0.0, _SETTLING), x0[free], method="LSODA", rtol=1e-8, atol=1e-10)
+        ended = run.y[:, -1]
+        if not (run.success and np.isfinite(ended).all()):
+            return x0
+        excursion = np.maximum(np.ptp(run.y, axis=1), 1e-6 * np.maximum(np.abs(ended), 1.0))
+        restless = np.abs(rates(_SETTLING, ended)) * _SETTLING > 1e-2 * excursion
+        if not restless.any():
+            found = x0.copy()
+            found[free] = ended
+            return found
+        kept[np.flatnonzero(free)[restless]] = True
     return x0
 
 

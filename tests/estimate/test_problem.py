@@ -7,11 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from bondgraph.data.log import MatchedLog
 from bondgraph.errors import EstimationError
 from bondgraph.estimate.free import FreeParameter, declared_free, parse_target
 from bondgraph.estimate.initial import directly_measured, initial_states
 from bondgraph.estimate.problem import FilterLikelihood, pose
 from bondgraph.simulate.example import pendulum
+from bondgraph.simulate.model import Model
 from tests.estimate.linear import ExactLikelihood, lag, simulated
 
 LOGS = (simulated("run1", 1, {}), simulated("run2", 2, {}, x0=1.0, load=0.5))
@@ -65,7 +67,7 @@ def test_measured_states_start_at_their_first_measurement() -> None:
     assert [float(x0[0]) for x0 in initial_states(model, LOGS, model.theta(), "model")] == [0.0, 0.0]
     late.y[0, :30] = np.nan
     assert initial_states(model, [late], model.theta(), "measured")[0] == [0.0]
-    with pytest.raises(EstimationError, match="rule 'guess' is neither"):
+    with pytest.raises(EstimationError, match="rule 'guess' is not known - choose measured, settled, model"):
         initial_states(model, LOGS, model.theta(), "guess")  # type: ignore[arg-type]
 
 
@@ -147,3 +149,58 @@ def test_problems_that_say_nothing_are_refused() -> None:
     ):
         with pytest.raises(EstimationError, match=message):
             pose(model, logs, free)
+
+
+def test_states_that_are_not_measured_settle_while_the_others_are_held() -> None:
+    """A vehicle that rolls: its other axle turns, its springs carry the thrust, its distance is left alone."""
+    model = Model.from_text(VEHICLE)
+    time = np.array([0.0, 1.0])
+    log = MatchedLog("rolling", time, np.zeros((0, 2)), np.array([[10.0, 9.9]]))
+    (x0,) = initial_states(model, [log], model.theta(), "settled")
+    assert dict(zip(model.names("state"), x0.tolist(), strict=True)) == pytest.approx(
+        {"v": 10.0, "wheel": 10.0 / 0.3, "sag": 0.01, "sag_rate": 0.0, "distance": 5.0}, abs=1e-6
+    )
+
+
+def test_states_that_never_come_to_rest_start_as_declared() -> None:
+    model = Model.from_text(VEHICLE)
+    log = MatchedLog("rolling", np.array([0.0, 1.0]), np.zeros((0, 2)), np.array([[10.0, 9.9]]))
+    (x0,) = initial_states(model, [log], model.theta(damping=0.0), "settled")
+    assert x0[model.index("state", "sag")] == 0.0 and x0[model.index("state", "wheel")] == pytest.approx(10.0 / 0.3)
+
+
+VEHICLE = '''"""A vehicle that rolls without drive."""
+import numpy as np
+
+NAME = "rolling"
+FORMAT = "bondgraph-module/1"
+STATES = (
+    ("v", "m/s", 0.0, "speed"),
+    ("wheel", "rad/s", 0.0, "wheel"),
+    ("sag", "m", 0.0, "deflection of the suspension"),
+    ("sag_rate", "m/s", 0.0, "its rate"),
+    ("distance", "m", 5.0, "distance"),
+)
+INPUTS = ()
+PARAMETERS = (("damping", "1/s", 6.0, 0.0, 20.0, "of the suspension"),)
+OUTPUTS = (("speed", "m/s", "speed"),)
+
+
+def rhs(t, x, u, theta):
+    """dx/dt, shape (n_x, *batch)."""
+    lift = 400.0*(0.001*x[0] - x[2])
+    return _stack(x, (-0.1*x[0], 50.0*(x[0] - 0.3*x[1]), x[3], lift - theta[0]*x[3], x[0]))
+
+
+def output(t, x, u, theta):
+    """y, shape (n_y, *batch)."""
+    return _stack(x, (x[0],))
+
+
+def _stack(x, rows):
+    """Rows broadcast to the batch of x, shape (n, *batch)."""
+    result = np.empty((len(rows),) + x.shape[1:])
+    for i, row in enumerate(rows):
+        result[i] = row
+    return result
+'''
