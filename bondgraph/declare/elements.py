@@ -14,6 +14,7 @@ from dataclasses import dataclass, field
 from sympy import Expr, Symbol
 
 from bondgraph.declare.domains import Domain
+from bondgraph.declare.modal_laws import MODAL_LAWS, check_modal
 from bondgraph.errors import DeclarationError, suggest
 
 JUNCTIONS = ("0", "1")
@@ -33,7 +34,7 @@ _LAWS: dict[str, dict[str, tuple[str, ...]]] = {
     "1": {},
     "Se": {"effort": ()},
     "Sf": {"flow": ()},
-    "R": {"effort": ("flow",), "flow": ("effort",), "residual": ("effort", "flow")},
+    "R": {"effort": ("flow",), "flow": ("effort",), "residual": ("effort", "flow"), **MODAL_LAWS},
     "C": {
         "effort": ("displacement",),
         "displacement": ("effort",),
@@ -189,6 +190,7 @@ def check_node(node: Node, graph: str) -> None:
                 where=(node.name,),
             )
     _check_complete(node, where)
+    check_modal(node, where)
 
 
 def _check_complete(node: Node, where: str) -> None:
@@ -204,7 +206,7 @@ def _check_complete(node: Node, where: str) -> None:
                 where=(node.name,),
             )
     elif not node.is_junction and not given:
-        needed = " or ".join(allowed_laws(node.kind, 1))
+        needed = " or ".join(name for name in allowed_laws(node.kind, 1) if name not in MODAL_LAWS)
         raise DeclarationError(f"{where}: {a_kind(node.kind)} needs a law - give its {needed}", where=(node.name,))
     elif given & {"residual", "energy"} and len(given) > 1:
         alone = "residual" if "residual" in given else "energy"

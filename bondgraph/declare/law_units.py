@@ -11,6 +11,7 @@ from bondgraph.declare.dimensions import SECOND, DimensionReader, Known, Mismatc
 from bondgraph.declare.domains import Domain
 from bondgraph.declare.elements import ENERGY_VARIABLE, TWO_PORTS, Node
 from bondgraph.declare.expressions import signal_name, signals_in, to_text
+from bondgraph.declare.modal_laws import MODAL_LAWS, modal_dimension
 from bondgraph.declare.quantities import Input, Integral, NamedSignal, Parameter, symbol
 from bondgraph.errors import DimensionError
 from bondgraph.units import dimension_text
@@ -80,6 +81,9 @@ class _LawUnits:
             return self._modulus(node)
         if given == "energy":
             return _energy(node, domains)
+        if given in MODAL_LAWS:
+            effort, flow, displacement = (own[symbol(name)] for name in _VARIABLES[:3])
+            return modal_dimension(given, node.law("gap") is not None, effort, flow, displacement)
         return own.get(symbol(given.rpartition(".")[2]))
 
     def _port_domains(self, node: Node) -> list[Domain | None]:

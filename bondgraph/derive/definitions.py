@@ -15,6 +15,7 @@ from typing import Any
 from sympy import Add, Expr, Integer, Mul, Symbol
 
 from bondgraph.derive.laws import slope
+from bondgraph.errors import DerivationError
 
 Key = tuple[Any, ...]
 Values = Mapping[Key, Expr]
@@ -189,4 +190,47 @@ class Rate:
         return [scale * term for term in terms] if residual else terms
 
 
-Definition = Sum | Law | Scaled | Residual | Rate
+@dataclass(frozen=True)
+class Constrained:
+    """The effort of an element with modes: what keeps its flow at zero, or ``slip`` where it is free.
+
+    ``rate`` is that of the flow, ``constrained`` the condition under which it stays zero. The rule is solved in
+    :mod:`bondgraph.derive.modes`, as a part of the loop from effort to rate to effort.
+    """
+
+    element: str
+    rate: Key
+    constrained: Expr
+    slip: Law
+
+    @property
+    def depends(self) -> tuple[Key, ...]:
+        """Keys the rule uses."""
+        return (self.rate, *self.slip.depends)
+
+    def partials(self, values: Values) -> list[tuple[Key, Expr]]:
+        """None: the rule is no explicit function."""
+        return []
+
+    def build(self, values: Values) -> Expr:
+        """Refuse: outside of a loop, the flow does not react to the effort."""
+        raise self.refusal()
+
+    def rate_refusal(self) -> DerivationError:
+        """The error for an effort whose rate a dependent storage needs."""
+        return DerivationError(
+            f"{self.element}: its effort jumps when its mode changes, but a storage in derivative causality needs the "
+            "rate of it - separate them by another storage, or derive the graph smooth",
+            where=(self.element,),
+        )
+
+    def refusal(self) -> DerivationError:
+        """The error for an element whose flow does not react to its effort."""
+        return DerivationError(
+            f"{self.element}: its flow is imposed and does not react to its own effort, so it cannot lock or rebound - "
+            "give its junction an inertance, or derive the graph smooth",
+            where=(self.element,),
+        )
+
+
+Definition = Sum | Law | Scaled | Residual | Rate | Constrained

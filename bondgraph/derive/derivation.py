@@ -15,7 +15,7 @@ from bondgraph.declare.expressions import signal
 from bondgraph.declare.quantities import Input, symbol
 from bondgraph.derive.causality import CausalGraph
 from bondgraph.derive.definitions import Definition, Key, Law, Residual
-from bondgraph.derive.equations import Assignment, ImplicitLoop, OutputEquation, StateEquations
+from bondgraph.derive.equations import Assignment, ImplicitLoop, Mode, OutputEquation, StateEquations
 from bondgraph.derive.loops import Loop, LoopSolver
 from bondgraph.derive.order import components
 from bondgraph.derive.size import is_long, is_small
@@ -64,10 +64,10 @@ def derive(causal: CausalGraph, bonds: bool = False, smooth: bool = True, *, sig
 class Derivation:
     """Values of the variables computed so far, in order, as expressions in named symbols."""
 
-    def __init__(self, causal: CausalGraph, smooth: bool = True) -> None:
+    def __init__(self, causal: CausalGraph, smooth: bool = True, free: bool = False) -> None:
         self.causal = causal
         self.smooth = smooth
-        self.variables = BondVariables(causal, smooth)
+        self.variables = BondVariables(causal, smooth, free)
         self.values: dict[Key, Expr] = {}
         self.assignments: list[Assignment | ImplicitLoop] = []
         self.loops: list[Loop] = []
@@ -90,8 +90,8 @@ class Derivation:
             every = [key for b in range(len(graph.bonds)) for key in (variables.effort(b), variables.flow(b))]
         if signals:
             every += [("s", named.name) for named in graph.signals]
-        jumps = self.variables.jumps
-        used = [key for law in (*(law for _, law in measured), *jumps) for key in law.depends]
+        noted = variables.modes
+        used = [*(key for _, law in measured for key in law.depends), *noted.depends()]
         self.compute([*rates, *used, *every])
         self._check_determined()
         outputs = [
@@ -101,20 +101,28 @@ class Derivation:
         outputs += self._bond_outputs() if bonds else []
         outputs += self._signal_outputs() if signals else []
         derivatives = tuple(self.values[rate] for rate in rates)
-        rates_used = self._input_rates([*derivatives, *(output.expression for output in outputs)])
+        modes = self._with_resets(noted.build(self.values))
+        events = tuple(dict.fromkeys(function.expression for mode in modes for function in mode.functions))
+        rates_used = self._input_rates([*derivatives, *(output.expression for output in outputs), *events])
         return StateEquations(
             name=graph.name,
             doc=graph.doc,
             source=graph.source,
             states=tuple(variables.states),
-            inputs=(*graph.inputs, *rates_used),
+            inputs=(*graph.inputs, *rates_used, *noted.inputs()),
             parameters=graph.parameters,
             tables=graph.tables,
             assignments=tuple(self.assignments),
             derivatives=derivatives,
             outputs=tuple(outputs),
-            events=tuple(dict.fromkeys(law.build(self.values) for law in jumps)),
+            events=events,
+            modes=modes,
         )
+
+    def _with_resets(self, modes: Sequence[Mode]) -> tuple[Mode, ...]:
+        from bondgraph.derive.impulse import with_resets  # here: it derives what happens between events itself
+
+        return tuple(modes) if self.variables.modes.free else with_resets(self.causal, modes)
 
     def compute(self, roots: Sequence[Key]) -> None:
         """Give every variable that the roots need a value, in order."""
@@ -140,7 +148,7 @@ class Derivation:
         left = [key for key in every if key not in self.values]
         loops = [m for m in components(left, self._depends) if len(m) > 1 or m[0] in self._depends(m[0])]
         if any(members[0] not in self.values for members in loops):
-            Derivation(self.causal, self.smooth).compute(left)
+            Derivation(self.causal, self.smooth, self.variables.modes.free).compute(left)
 
     def _depends(self, key: Key) -> Sequence[Key]:
         rule = self.variables.definition(key)

@@ -14,6 +14,7 @@ from sympy import Expr, Symbol
 from bondgraph.declare.quantities import Input, Parameter, Table
 
 StateVariable = Literal["flow", "momentum", "displacement", "effort", "integral"]
+ModeKind = Literal["switch", "friction", "impact"]
 
 
 @dataclass(frozen=True)
@@ -66,11 +67,43 @@ class OutputEquation:
 
 
 @dataclass(frozen=True)
+class ZeroFunction:
+    """An expression at whose zero a mode ends."""
+
+    expression: Expr
+    unit: str
+    meaning: str
+
+
+@dataclass(frozen=True)
+class Reset:
+    """The values of all states after an impact or lock; ``assignments`` are computed before, for this alone."""
+
+    assignments: tuple[Assignment | ImplicitLoop, ...]
+    states: tuple[Expr, ...]
+
+
+@dataclass(frozen=True)
+class Mode:
+    """A discrete value that holds between events; ``symbol`` is the held input by which the equations take it.
+
+    ``functions`` are, of a switch, its argument; of a friction, its flow and what it can carry beyond its effort in
+    either direction; of an impact, its gap, what it pushes and the speed at which it opens.
+    """
+
+    symbol: Symbol
+    kind: ModeKind
+    element: str
+    functions: tuple[ZeroFunction, ...]
+    reset: Reset | None = None
+
+
+@dataclass(frozen=True)
 class StateEquations:
     """Explicit state equations of one graph, ready to be printed.
 
     ``derivatives[i]`` is the time derivative of ``states[i]``; ``assignments`` are in order of computation. At the
-    zeros of ``events`` a law jumps or bends (only where the switches of the laws are not derived smooth).
+    zeros of ``events`` a law jumps or bends and a mode may end (only where the laws are not derived smooth).
     """
 
     name: str
@@ -84,3 +117,4 @@ class StateEquations:
     derivatives: tuple[Expr, ...]
     outputs: tuple[OutputEquation, ...]
     events: tuple[Expr, ...] = ()
+    modes: tuple[Mode, ...] = ()

@@ -9,10 +9,11 @@ from typing import TYPE_CHECKING
 
 from sympy import Add, Expr, Symbol
 
-from bondgraph.derive.definitions import ONE, ZERO, Key, Rate, Residual
+from bondgraph.derive.definitions import ONE, ZERO, Constrained, Key, Rate, Residual
 from bondgraph.derive.equations import Assignment, ImplicitLoop
 from bondgraph.derive.laws import solve_for
 from bondgraph.derive.linear import solve_linear
+from bondgraph.derive.modes import solve_constrained
 from bondgraph.derive.order import tear
 from bondgraph.derive.piecewise import solve_piecewise
 from bondgraph.derive.size import is_long
@@ -46,7 +47,7 @@ class LoopSolver:
         self.stand_ins = {key: Symbol(f"__loop_{i}", real=True) for i, key in enumerate(members)}
         self.open_values = ChainMap({**self.stand_ins}, derivation.values)
         self.loop_symbols = set(self.stand_ins.values())
-        implicit = [key for key in members if isinstance(self.rules[key], Residual)]
+        implicit = [key for key in members if isinstance(self.rules[key], Residual | Constrained)]
         self.torn, self.order = tear(members, self._within, implicit, self._nonlinear_arguments())
         self.elements = self._elements()
         self.signals = [key[1] for key in members if key[0] == "s"]
@@ -63,7 +64,7 @@ class LoopSolver:
         """
         found: dict[Key, None] = {}
         for rule in self.rules.values():
-            if rule is None or isinstance(rule, Residual | Rate):
+            if rule is None or isinstance(rule, Residual | Rate | Constrained):
                 continue
             for used, partial in rule.partials(self.open_values):
                 if used in self.inside and not partial.free_symbols.isdisjoint(self.loop_symbols):
@@ -72,6 +73,11 @@ class LoopSolver:
 
     def solve(self) -> None:
         """Give every member a value."""
+        if any(isinstance(rule, Constrained) for rule in self.rules.values()):
+            solve_constrained(self)
+            for key in self._remaining():
+                self.derivation.assign(key)
+            return
         mark = self.derivation.mark()
         linear = self._linear_system()
         of_rates = all(key[0] == "d" for key in self.torn)

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from sympy import Expr, Symbol
 
 from bondgraph.declare.elements import Node
+from bondgraph.declare.modal_laws import is_modal
 from bondgraph.declare.quantities import symbol
 from bondgraph.derive.laws import inverse, slope
 from bondgraph.derive.zero import is_regular
@@ -77,6 +78,8 @@ def forms(node: Node) -> list[dict[str, Expr]]:
 
 def _one_port(node: Node) -> tuple[Pattern, ...] | None:
     laws = dict(node.laws)
+    if is_modal(laws):
+        return ((False,),)
     if "residual" in laws or len(laws) == 2:
         return None
     given, law = next(iter(laws.items()))

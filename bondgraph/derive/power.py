@@ -37,6 +37,7 @@ from bondgraph.derive.equations import OutputEquation, StateEquations
 from bondgraph.derive.integrals import agree, integral, line_integral
 from bondgraph.derive.jacobian import gradient, jacobian
 from bondgraph.derive.laws import solve_for
+from bondgraph.derive.modes import by_value
 from bondgraph.derive.variables import BondVariables
 from bondgraph.errors import DerivationError, suggest
 
@@ -190,7 +191,7 @@ class _Balance:
             taken[name] = None
             names.append(name)
             graph.measure(name, self._energy(node), "")
-        equations = derive(replace(self.causal, graph=graph), bonds=True, smooth=self.smooth)
+        equations = by_value(derive(replace(self.causal, graph=graph), bonds=True, smooth=self.smooth))
         values = [output.expression for output in equations.outputs]
         count, first = len(graph.bonds), len(self.graph.outputs)
         energies = dict(zip((node.name for node in stores), values[first:], strict=False))

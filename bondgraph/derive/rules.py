@@ -9,6 +9,7 @@ from sympy import Expr, Symbol
 
 from bondgraph.declare.elements import ENERGY_VARIABLE, LAW_GIVES, Node
 from bondgraph.declare.functions import number
+from bondgraph.declare.modal_laws import is_modal
 from bondgraph.declare.quantities import symbol
 from bondgraph.derive.definitions import ZERO, Key, Residual, Scaled, Sum
 from bondgraph.derive.laws import slope, solve_for
@@ -77,6 +78,9 @@ def _two_port(variables: BondVariables, node: Node) -> None:
 
 def _resistance(variables: BondVariables, node: Node) -> None:
     """What each port gives, from the law that has it as its subject, or by solving the laws for it."""
+    if is_modal(dict(node.laws)):
+        variables.modes.define(node)
+        return
     ports = variables.ports(node)
     pattern = tuple(variables.causal.receives_effort(port.bond, node.name) for port in ports)
     unknowns = unknowns_of(node, pattern)

@@ -10,13 +10,14 @@ from sympy import Expr, Symbol
 from bondgraph.declare.domains import UNDECLARED_PREFIXES, Domain
 from bondgraph.declare.elements import MULTIPORTS, SOURCES, STORAGES, Node
 from bondgraph.declare.expressions import signal_name
-from bondgraph.declare.functions import jump, smooth_step, switch
+from bondgraph.declare.functions import smooth_step, switch
 from bondgraph.declare.quantities import Integral, NamedSignal, symbol
 from bondgraph.declare.validation import node_domains
 from bondgraph.derive.causality import CausalGraph
-from bondgraph.derive.definitions import Definition, Key, Law, Rate, Residual
+from bondgraph.derive.definitions import Constrained, Definition, Key, Law, Rate, Residual
 from bondgraph.derive.equations import State, StateVariable
 from bondgraph.derive.laws import linear_coefficient
+from bondgraph.derive.modes import ModeNotes
 from bondgraph.derive.rules import define
 from bondgraph.errors import DerivationError
 
@@ -43,10 +44,10 @@ class Port:
 class BondVariables:
     """Keys, names, units and definitions of every variable of a causal graph (built once, then only read)."""
 
-    def __init__(self, causal: CausalGraph, smooth: bool = True) -> None:
+    def __init__(self, causal: CausalGraph, smooth: bool = True, free: bool = False) -> None:
         self.causal = causal
         self.smooth = smooth
-        self.jumps: list[Law] = []
+        self.modes = ModeNotes(self, free)
         self.graph = causal.graph
         self.incidence = causal.graph.incidence()
         self.domains = node_domains(causal.graph)
@@ -64,9 +65,12 @@ class BondVariables:
         self._declare_states()
         self._state_symbols = {state.symbol for state in self.states}
         for quantity in self.graph.quantities.values():
+            self.modes.owner = quantity.name
             self._quantity(quantity)
         for node in self.graph.nodes.values():
+            self.modes.owner = node.name
             define(self, node)
+        self.modes.owner = ""
 
     # ------------------------------------------------------------------ equal variables
 
@@ -292,13 +296,10 @@ class BondVariables:
         return Law(template, tuple(dict.fromkeys(arguments)))
 
     def _with_switches(self, expression: Expr, own: dict[Symbol, tuple[Key, int]]) -> Expr:
-        """Switches as smooth steps, or as jumps that are noted."""
+        """Switches as smooth steps, or as jumps whose sides are held."""
         if not expression.has(switch):
             return expression
-        if not self.smooth:
-            for used in sorted(expression.atoms(switch), key=str):
-                self.jumps.append(self.law(used.args[0], own))
-        return expression.replace(switch, smooth_step if self.smooth else jump)
+        return expression.replace(switch, smooth_step) if self.smooth else self.modes.hold(expression, own)
 
     def signal(self, used: Symbol) -> tuple[Key, int] | Expr:
         """The variable a signal reads, as a key with sign, or as an expression of states."""
@@ -330,6 +331,8 @@ class BondVariables:
             self._refuse_second_derivative(of[1])
         inner = self.definition(of)
         assert inner is not None and not isinstance(inner, Rate)
+        if isinstance(inner, Constrained):
+            raise inner.rate_refusal()
         explicit = [*self.input_rates.items(), (symbol("t"), symbol("t") ** 0)]
         constant = tuple(k for k in inner.depends if self._is_constant(k))
         rate = Rate(of, inner, tuple(explicit), constant)

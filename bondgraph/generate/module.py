@@ -8,16 +8,17 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import sympy
 from sympy import Expr
 
 import bondgraph
-from bondgraph.derive.equations import Assignment, ImplicitLoop, StateEquations
+from bondgraph.derive.equations import Assignment, ImplicitLoop, Mode, StateEquations
 from bondgraph.errors import GenerationError
 from bondgraph.generate.expressions import ExpressionPrinter, derivative_ending
 from bondgraph.generate.literals import one_line
+from bondgraph.generate.modes import mode_tables, reset_names
 from bondgraph.generate.names import identifiers, stems
 from bondgraph.generate.newton import LoopText, linear_solver_text, loop_text
 from bondgraph.generate.preamble import preamble
@@ -81,10 +82,12 @@ def _body(equations: StateEquations) -> str:
             "output", "y, shape (n_y, *batch).", equations, assignments, _output_lines(equations, printer), printer
         ),
     ]
+    functions += _mode_functions(equations, assignments, printer, solvers)
     called = {name: solver for name, solver in solvers.items() if _calls(name, functions)}
     sizes = sorted({solver.unknowns for solver in called.values() if solver.unknowns > 1})
     code = [*map(linear_solver_text, sizes), *(solver.function for solver in called.values()), *functions, _STACK]
-    return "\n\n\n".join([preamble(equations), *_table_parts(equations, printer, code), *code]) + "\n"
+    head = "\n".join([preamble(equations), *mode_tables(equations)])
+    return "\n\n\n".join([head, *_table_parts(equations, printer, code), *code]) + "\n"
 
 
 def _calls(function: str, texts: Iterable[str]) -> bool:
@@ -178,6 +181,46 @@ def _output_lines(equations: StateEquations, printer: ExpressionPrinter) -> list
         _line("", f"y{i}", output.expression, _comment("", f"{output.symbol.name} [{output.unit or '?'}]"), printer)
         for i, output in enumerate(equations.outputs)
     ]
+
+
+def _mode_functions(
+    equations: StateEquations, assignments: Sequence[_Line], printer: ExpressionPrinter, solvers: dict[str, LoopText]
+) -> list[str]:
+    """The zero functions of all modes, and for each element with modes the states after its impact or lock."""
+    if not equations.modes:
+        return []
+    rows = [
+        _line("", f"_event{i}", function.expression, _comment(function.unit, function.meaning), printer)
+        for i, function in enumerate(function for mode in equations.modes for function in mode.functions)
+    ]
+    purpose = "Zero functions of the modes, shape (n_events, *batch), in the order of EVENTS."
+    functions = [_function("events", purpose, equations, assignments, rows, printer)]
+    for name, mode in zip(reset_names(equations), equations.modes, strict=True):
+        if mode.reset is not None:
+            between = replace(equations, assignments=mode.reset.assignments)
+            functions.append(_reset_function(name, mode, between, solvers))
+    return functions
+
+
+def _reset_function(name: str, mode: Mode, equations: StateEquations, solvers: dict[str, LoopText]) -> str:
+    printer = _printer(equations)
+    lines, own_solvers = _assignment_lines(equations, printer)
+    assert mode.reset is not None
+    states = zip(equations.states, mode.reset.states, strict=True)
+    rows = [
+        _line("", f"_x{i}", value, _comment(state.unit, state.symbol.name), printer)
+        for i, (state, value) in enumerate(states)
+    ]
+    what = "an impact on" if mode.kind == "impact" else "locking"
+    text = _function(name, f"x after {what} {mode.element}, shape (n_x, *batch).", equations, lines, rows, printer)
+    for solver, loop in own_solvers.items():
+        if _calls(solver, [text]) and solvers.setdefault(solver, loop).function != loop.function:
+            raise GenerationError(
+                f"{equations.name}: {mode.element}: the loop {loop.function.split('(')[0][4:]} differs at an impact - "
+                "derive the graph smooth",
+                where=(equations.name, mode.element),
+            )
+    return text
 
 
 def _line(name: str, target: str, expression: Expr, comment: str, printer: ExpressionPrinter) -> _Line:

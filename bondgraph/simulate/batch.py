@@ -13,7 +13,7 @@ from bondgraph.simulate.inputs import InputSegment
 from bondgraph.simulate.integrators import RK4
 from bondgraph.simulate.model import Model
 from bondgraph.simulate.outcome import Outcome
-from bondgraph.simulate.task import Inputs, Task
+from bondgraph.simulate.task import Inputs, Task, refuse_modes
 from bondgraph.simulate.trajectory import BatchTrajectory
 
 
@@ -60,6 +60,7 @@ def simulate_batch(
     """
     if substeps < 1:
         raise OptionError(f"substeps={substeps}: at least one step is needed between two times")
+    refuse_modes(model)
     task = Task.of(model, time, inputs, theta, x0)
     members = count_members((task.theta, task.x0))
     parameters = member_columns("theta", task.theta, len(model.parameters), members)

@@ -31,6 +31,9 @@ Equations = Callable[[float, FloatArray, FloatArray], FloatArray]
 
 _SOLVERS: dict[str, type[OdeSolver]] = {"LSODA": LSODA, "Radau": Radau, "BDF": BDF, "RK45": RK45, "DOP853": DOP853}
 
+#: Where to stop within a step from ``start`` to ``end`` with states ``dense(times)``; None: nowhere.
+Until = Callable[[float, float, Callable[[FloatArray], FloatArray]], float | None]
+
 #: A state beyond this multiple of its scale has diverged.
 _DIVERGED = 1e12
 
@@ -154,15 +157,24 @@ class Adaptive(AbstractIntegrator):
             raise OptionError(f"rtol={self.rtol!r}, atol={self.atol!r}: tolerances must be positive")
 
     def step(
-        self, rhs: Equations, segment: InputSegment, times: FloatArray, state: IntegratorState
+        self,
+        rhs: Equations,
+        segment: InputSegment,
+        times: FloatArray,
+        state: IntegratorState,
+        until: Until | None = None,
     ) -> tuple[FloatArray, IntegratorState]:
-        """Advance with steps of the method's own choice; see the abstract class."""
+        """Advance with steps of the method's own choice; see the abstract class.
+
+        ``until(start, end, dense)`` is asked after every step where to stop within it, with the states over the step as
+        a function of times; then the remaining values are NaN and ``state.time`` is before the end.
+        """
         watched = _Watched(rhs, segment)
         values = np.full((state.x.size, times.size), np.nan)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # failures are told by the outcome
             try:
-                state = self._run(watched, segment.end, times, state, values)
+                state = self._run(watched, segment.end, times, state, values, until)
             except (ValueError, FloatingPointError, np.linalg.LinAlgError):  # implicit methods refuse NaN matrices
                 state = replace(state, outcome=Outcome.NON_FINITE)
         if state.outcome is Outcome.DIVERGED and watched.met_non_finite:
@@ -170,7 +182,13 @@ class Adaptive(AbstractIntegrator):
         return values, state
 
     def _run(
-        self, rhs: _Watched, end: float, times: FloatArray, state: IntegratorState, values: FloatArray
+        self,
+        rhs: _Watched,
+        end: float,
+        times: FloatArray,
+        state: IntegratorState,
+        values: FloatArray,
+        until: Until | None,
     ) -> IntegratorState:
         scale = np.broadcast_to(1.0 if self.scale is None else np.asarray(self.scale), state.x.shape)
         atol = self.rtol * scale if self.atol is None else self.atol
@@ -185,10 +203,13 @@ class Adaptive(AbstractIntegrator):
             steps += 1
             if solver.status == "failed" or not np.all(np.abs(solver.y) < _DIVERGED * np.maximum(scale, 1.0)):
                 return IntegratorState(float(solver.t), solver.y, steps, Outcome.DIVERGED)
-            reached = int(np.searchsorted(times, solver.t, side="right"))
+            stop = None if until is None else until(float(solver.t_old), float(solver.t), solver.dense_output())
+            reached = int(np.searchsorted(times, solver.t if stop is None else stop, side="right"))
             if reached > filled:
                 values[:, filled:reached] = solver.dense_output()(times[filled:reached])
                 filled = reached
+            if stop is not None:
+                return IntegratorState(stop, np.asarray(solver.dense_output()(stop)), steps, state.outcome)
         values[:, -1] = solver.y
         return IntegratorState(end, solver.y, steps, state.outcome)
 

@@ -12,7 +12,7 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, TypeVar, get_args
+from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import numpy as np
 import numpy.typing as npt
@@ -20,6 +20,7 @@ import numpy.typing as npt
 from bondgraph.errors import ModelError, suggest
 from bondgraph.simulate.arrays import FloatArray
 from bondgraph.simulate.loader import parse_module, require_function, run_module
+from bondgraph.simulate.rows import EventInfo, ModeInfo, events_of, rows
 
 if TYPE_CHECKING:
     from bondgraph.simulate.compile import CompiledModel
@@ -71,9 +72,6 @@ class OutputInfo:
     meaning: str
 
 
-_Info = TypeVar("_Info", StateInfo, InputInfo, ParameterInfo, OutputInfo)
-
-
 @dataclass(frozen=True)
 class Model:
     """State equations of one generated module: ``dx/dt = rhs(t, x, u, theta)``, ``y = output(t, x, u, theta)``.
@@ -99,6 +97,10 @@ class Model:
     outputs: tuple[OutputInfo, ...] = field(compare=False, repr=False)
     _rhs: Callable[..., Any] = field(compare=False, repr=False)
     _output: Callable[..., Any] = field(compare=False, repr=False)
+    modes: tuple[ModeInfo, ...] = field(default=(), compare=False, repr=False)
+    event_rows: tuple[EventInfo, ...] = field(default=(), compare=False, repr=False)
+    _events: Callable[..., Any] | None = field(default=None, compare=False, repr=False)
+    _resets: Mapping[str, Callable[..., Any]] = field(default_factory=dict, compare=False, repr=False)
 
     @classmethod
     def from_text(cls, text: str, source: str = "generated module") -> Model:
@@ -115,12 +117,13 @@ class Model:
             name=str(names["NAME"]),
             text=text,
             doc=str(names.get("__doc__") or ""),
-            states=_rows(names, "STATES", StateInfo, source),
-            inputs=_rows(names, "INPUTS", InputInfo, source),
-            parameters=_rows(names, "PARAMETERS", ParameterInfo, source),
-            outputs=_rows(names, "OUTPUTS", OutputInfo, source),
+            states=rows(names, "STATES", StateInfo, source),
+            inputs=rows(names, "INPUTS", InputInfo, source),
+            parameters=rows(names, "PARAMETERS", ParameterInfo, source),
+            outputs=rows(names, "OUTPUTS", OutputInfo, source),
             _rhs=require_function(names, "rhs", source),
             _output=require_function(names, "output", source),
+            **events_of(names, source),
         )
         _check_rows(model, source)
         _check_shapes(model, source)
@@ -186,6 +189,35 @@ class Model:
     def output(self, t: float | FloatArray, x: npt.ArrayLike, u: npt.ArrayLike, theta: npt.ArrayLike) -> FloatArray:
         """Measured quantities, shape (n_y, *batch); arguments as for :meth:`rhs`."""
         result: FloatArray = self._output(t, np.asarray(x, np.float64), np.asarray(u), np.asarray(theta))
+        return result
+
+    def events(self, t: float | FloatArray, x: npt.ArrayLike, u: npt.ArrayLike, theta: npt.ArrayLike) -> FloatArray:
+        """Zero functions of the modes, shape (n_events, *batch), a row for each of ``event_rows``; none without modes.
+
+        Arguments as for :meth:`rhs`.
+        """
+        states = np.asarray(x, np.float64)
+        if self._events is None:
+            return np.empty((0, *states.shape[1:]))
+        result: FloatArray = self._events(t, states, np.asarray(u), np.asarray(theta))
+        return result
+
+    def reset(self, mode: str, t: float, x: npt.ArrayLike, u: npt.ArrayLike, theta: npt.ArrayLike) -> FloatArray:
+        """The states after an impact on the element of a mode, or after it has locked, shape (n_x, *batch).
+
+        Raises
+        ------
+        ModelError
+            If there is no such mode, or it is one of a switch.
+        """
+        if mode not in self._resets:
+            known = ", ".join(self._resets) or "none"
+            raise ModelError(
+                f"{self.name}: mode {mode!r} does not change the states{suggest(mode, self._resets)} - those that do:"
+                f" {known}",
+                where=(self.name, mode),
+            )
+        result: FloatArray = self._resets[mode](t, np.asarray(x, np.float64), np.asarray(u), np.asarray(theta))
         return result
 
     def jacobian_x(
@@ -287,17 +319,6 @@ class Model:
         return vector
 
 
-def _rows(names: Mapping[str, Any], table: str, kind: type[_Info], source: str) -> tuple[_Info, ...]:
-    try:
-        return tuple(kind(*row) for row in names[table])
-    except TypeError:
-        fields = ", ".join(kind.__dataclass_fields__)
-        raise ModelError(
-            f"{source}: a row of {table} does not have the columns ({fields}) - regenerate the module",
-            where=(source, table),
-        ) from None
-
-
 def _check_rows(model: Model, source: str) -> None:
     """Names are used once, numbers finite, bounds and interpolation meaningful."""
 
@@ -312,6 +333,8 @@ def _check_rows(model: Model, source: str) -> None:
             require(names.count(name) == 1, name, f"names two {kind}s")
     for state in model.states:
         require(_is_finite(state.initial), state.name, f"initial value {state.initial!r} is not a finite number")
+    for held in (*(mode.input for mode in model.modes), *(row.mode for row in model.event_rows)):
+        require(held in model.names("input"), held, "is said to hold a mode but is no input")
     for signal in model.inputs:
         require(_is_finite(signal.default), signal.name, f"default {signal.default!r} is not a finite number")
         between = f"interpolation {signal.interpolation!r} is neither 'linear' nor 'hold'"
@@ -332,9 +355,11 @@ def _is_finite(value: object) -> bool:
 def _check_shapes(model: Model, source: str) -> None:
     """The functions run and give one row per state and per output, for one state and for a batch."""
     x, u, theta = model.x0(), model.u0(), model.theta()
-    for name, function, rows in (("rhs", model.rhs, len(model.states)), ("output", model.output, len(model.outputs))):
+    functions = [("rhs", model.rhs, len(model.states)), ("output", model.output, len(model.outputs))]
+    functions += [("events", model.events, len(model.event_rows))] if model.modes else []
+    for name, function, expected_rows in functions:
         for state in (x, np.repeat(x[:, np.newaxis], 2, axis=1)):
-            expected = (rows, *state.shape[1:])
+            expected = (expected_rows, *state.shape[1:])
             try:
                 shape = np.shape(function(0.0, state, u, theta))
             except Exception as error:  # any failure of the text's own functions is reported as the module's

@@ -29,6 +29,18 @@ class Outcome(enum.Enum):
         "the integrator used all the steps it may take"
         " - raise max_steps, loosen rtol, or use a stiff method (Radau, BDF)"
     )
+    ZENO = (
+        "events follow each other ever faster (a Zeno point)"
+        " - declare the contact as an impact, which comes to rest, or derive the graph smooth"
+    )
+    CHATTER = (
+        "a switch changes its side again and again at one instant, since both sides lead back to it (a sliding mode)"
+        " - declare it as a friction, which can lock, give it a hysteresis, or derive the graph smooth"
+    )
+    NO_MODE = (
+        "no combination of locked and slipping elements fits the equations"
+        " - check that static capacities are not below sliding ones, or derive the graph smooth"
+    )
     NOT_POSITIVE = (
         "the innovation covariance lost positive definiteness"
         " - use beta >= alpha^2, larger measurement noise, or smaller initial uncertainty"

@@ -11,10 +11,11 @@ import numpy.typing as npt
 from bondgraph.errors import ModelError
 from bondgraph.simulate.arrays import FloatArray
 from bondgraph.simulate.batch import simulate_batch
+from bondgraph.simulate.hybrid import integrate_hybrid
 from bondgraph.simulate.integrators import RK4, AbstractIntegrator, Adaptive, Equations
 from bondgraph.simulate.model import Model
 from bondgraph.simulate.outcome import Outcome
-from bondgraph.simulate.task import Inputs, Task, Vector
+from bondgraph.simulate.task import Inputs, Task, Vector, refusal, refuse_modes
 from bondgraph.simulate.trajectory import Trajectory
 
 #: Tolerance of the pilot run that finds the size of each state.
@@ -35,6 +36,9 @@ def simulate(
     compiled: bool = False,
 ) -> Trajectory:
     """Integrate a model over ``time``.
+
+    A model with modes (of an exactly derived graph) is integrated from event to event by an adaptive method; what
+    happened is in ``Trajectory.events``.
 
     Parameters
     ----------
@@ -76,14 +80,36 @@ def simulate(
     if task.theta.ndim > 1 or task.x0.ndim > 1:
         raise ModelError(f"{model.name}: simulate takes one member - use simulate_batch for many", where=(model.name,))
     if method == "rk4" or isinstance(method, RK4):
+        refuse_modes(model)
         steps = method.substeps if isinstance(method, RK4) else substeps
         return _fixed(task, steps, compiled)
+    if model.modes:
+        return _hybrid(task, method, rtol, atol, compiled)
     integrator = method if isinstance(method, AbstractIntegrator) else _named(method, rtol, atol)
     rhs = _compiled_equations(task) if compiled else _equations(task)
     if isinstance(integrator, Adaptive) and integrator.atol is None and integrator.scale is None:
         integrator = replace(integrator, scale=_reached_sizes(rhs, integrator, task))
     x, outcome, ended_at = _integrate(rhs, integrator, task)
     return _trajectory(task, x, outcome, ended_at)
+
+
+def _hybrid(
+    task: Task, method: str | AbstractIntegrator, rtol: float, atol: float | tuple[float, ...] | None, compiled: bool
+) -> Trajectory:
+    """A model with modes: events are located, modes are held between them."""
+    integrator = method if isinstance(method, AbstractIntegrator) else _named(method, rtol, atol)
+    if not isinstance(integrator, Adaptive):
+        raise refusal(task.model, f"{type(integrator).__name__} does not locate events")
+    rhs = _compiled_equations(task) if compiled else _equations(task)
+    if integrator.atol is None and integrator.scale is None:
+        pilot = integrate_hybrid(rhs, replace(integrator, rtol=max(_PILOT_RTOL, integrator.rtol)), task)
+        integrator = replace(integrator, scale=_sizes(task, pilot.x))
+    run = integrate_hybrid(rhs, integrator, task)
+    u = task.signal.at(task.times)
+    u[[task.model.index("input", mode.input) for mode in task.model.modes]] = run.modes
+    y = task.model.output(task.times, run.x, u, task.theta)
+    y[:, ~np.isfinite(run.x).all(axis=0)] = np.nan
+    return Trajectory(task.model, task.times, run.x, y, u, run.outcome, run.ended_at, run.events)
 
 
 def _named(method: str, rtol: float, atol: float | tuple[float, ...] | None) -> Adaptive:
@@ -107,6 +133,10 @@ def _trajectory(task: Task, x: FloatArray, outcome: Outcome, ended_at: float) ->
 def _reached_sizes(rhs: Equations, integrator: Adaptive, task: Task) -> tuple[float, ...]:
     """Largest magnitude of each state in a coarse pilot run; 1 for a state that stays at zero."""
     x, _, _ = _integrate(rhs, replace(integrator, rtol=max(_PILOT_RTOL, integrator.rtol)), task)
+    return _sizes(task, x)
+
+
+def _sizes(task: Task, x: FloatArray) -> tuple[float, ...]:
     size = np.nanmax(np.abs(np.column_stack([task.x0, x])), axis=1)
     return tuple(float(value) if value > 0 else 1.0 for value in size)
 

@@ -90,3 +90,19 @@ def as_vector(model: Model, kind: Literal["parameter", "state"], values: Vector)
             where=(model.name,),
         )
     return vector
+
+
+def refuse_modes(model: Model) -> None:
+    """Raise ModelError for a model with modes, whose events only an adaptive method locates."""
+    if model.modes:
+        raise refusal(model, "fixed steps do not locate events")
+
+
+def refusal(model: Model, why: str) -> ModelError:
+    """The error for a model with modes where its events cannot be located."""
+    elements = list(dict.fromkeys(mode.element or mode.input for mode in model.modes))
+    return ModelError(
+        f"{model.name}: {', '.join(elements)} change their modes at events, and {why} - derive the graph smooth, or"
+        " simulate it with an adaptive method",
+        where=(model.name, *elements),
+    )

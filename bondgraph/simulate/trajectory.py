@@ -11,10 +11,30 @@ from bondgraph.simulate.outcome import Outcome, describe_end
 
 
 @dataclass(frozen=True)
+class EventRecord:
+    """An event of a simulation: when [s], of which element, and what happened.
+
+    Examples
+    --------
+    >>> print(EventRecord(0.25, "plates", "locks"))
+    t = 0.25 s: plates locks
+    """
+
+    time: float
+    element: str
+    what: str
+
+    def __str__(self) -> str:
+        return f"t = {self.time:.12g} s: {f'{self.element} ' if self.element else ''}{self.what}"
+
+
+@dataclass(frozen=True)
 class Trajectory:
     """States, outputs and inputs of one model over time.
 
     ``x`` (n_x, n), ``y`` (n_y, n) and ``u`` (n_u, n) are at ``time`` (n,), s. After ``ended_at`` x and y are NaN.
+    ``events`` are in order of time (only of a model with modes, whose held inputs are in ``u``); at the very time of an
+    event the states are those before it.
     """
 
     model: Model
@@ -24,6 +44,7 @@ class Trajectory:
     u: FloatArray
     outcome: Outcome
     ended_at: float
+    events: tuple[EventRecord, ...] = ()
 
     def state(self, name: str) -> FloatArray:
         """One state over time, shape (n,)."""

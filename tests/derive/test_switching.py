@@ -40,9 +40,12 @@ def clutch() -> BondGraph:
     return g
 
 
-def rates(equations, x, u):
+def rates(equations, x, u, *sides):
+    """State rates; switches whose sides are not given take that of their value."""
     module = loaded(equations)
-    return module["rhs"](0.0, np.array(x), np.array(u), np.array([given.value for given in equations.parameters]))
+    held = [*sides, *[0.0] * (len(equations.inputs) - len(u) - len(sides))]
+    theta = np.array([given.value for given in equations.parameters])
+    return module["rhs"](0.0, np.array(x), np.array([*u, *held]), theta)
 
 
 def test_one_flag_chooses_between_smooth_and_exact():
