@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Literal, get_args
 
 import numpy as np
@@ -16,12 +16,14 @@ from bondgraph.simulate.model import Model
 #: ``"model"``: all states start as declared; ``"measured"``: measured ones at their first measurement; ``"settled"``:
 #: and the others where they come to rest while those are held (wheels roll, springs carry, a governor has settled).
 InitialRule = Literal["measured", "settled", "model"]
+#: A rule, or the states of every log by name, where they are known; states not named start as declared.
+Initial = InitialRule | tuple[Mapping[str, float], ...]
 
 #: Time [s] that states get to come to rest; what still moves then (a distance) is left as declared.
 _SETTLING = 10.0
 
 
-def initial_states(model: Model, logs: Sequence[MatchedLog], theta: FloatArray, rule: InitialRule) -> list[FloatArray]:
+def initial_states(model: Model, logs: Sequence[MatchedLog], theta: FloatArray, rule: Initial) -> list[FloatArray]:
     """Initial state of each log, shape (n_x,).
 
     Parameters
@@ -33,14 +35,22 @@ def initial_states(model: Model, logs: Sequence[MatchedLog], theta: FloatArray, 
     theta
         Parameters, shape (n_theta,).
     rule
-        Where initial states come from. States that are not measured, or only later than a twentieth of the log, start
-        as declared.
+        Where initial states come from, or the states themselves. States that are not measured, or only later than a
+        twentieth of the log, start as declared or settled.
 
     Raises
     ------
     EstimationError
-        If the rule is not one of the three.
+        If the rule is not one of the three, or states are not given for every log.
+    ModelError
+        If a given state is not one of the model.
     """
+    if not isinstance(rule, str):
+        if len(rule) != len(logs):
+            raise EstimationError(
+                f"initial states: given for {len(rule)} logs of {len(logs)} - give one mapping per log"
+            )
+        return [model.x0(**dict(given)) for given in rule]
     if rule not in get_args(InitialRule):
         raise EstimationError(
             f"initial states: rule {rule!r} is not known - choose {', '.join(get_args(InitialRule))}", where=(rule,)

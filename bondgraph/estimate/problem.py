@@ -16,7 +16,7 @@ import numpy as np
 from bondgraph.data.log import MatchedLog
 from bondgraph.errors import EstimationError, suggest
 from bondgraph.estimate.free import FreeParameter, declared_free, parse_target, require_known
-from bondgraph.estimate.initial import InitialRule, initial_states
+from bondgraph.estimate.initial import Initial, initial_states
 from bondgraph.estimate.objective import FloatArray, Terms
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.likelihood import innovations, negative_log_likelihood
@@ -114,7 +114,7 @@ class EstimationProblem:
     filter_model: FilterModel
     logs: tuple[MatchedLog, ...]
     free: tuple[FreeParameter, ...]
-    initial: InitialRule = "measured"
+    initial: Initial = "measured"
     likelihood: LikelihoodFunction = FilterLikelihood()
 
     def __post_init__(self) -> None:
@@ -214,7 +214,7 @@ def pose(
     filter_model: FilterModel,
     logs: MatchedLog | Sequence[MatchedLog],
     free: Sequence[str | FreeParameter],
-    initial: InitialRule = "measured",
+    initial: Initial = "measured",
     likelihood: LikelihoodFunction | None = None,
 ) -> EstimationProblem:
     """Pose an estimation problem.
