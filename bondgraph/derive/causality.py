@@ -57,7 +57,8 @@ def assign_causality(graph: BondGraph, independent: Sequence[str] = ()) -> Causa
     graph
         The declared graph; parts are flattened.
     independent
-        Storages that choose first, where several could be independent; the others follow in order of declaration.
+        Storages that choose first, where several could be independent; the others follow in order of declaration. One
+        port of a field is given as ``field.2``.
 
     Raises
     ------
@@ -78,12 +79,20 @@ def assign_causality(graph: BondGraph, independent: Sequence[str] = ()) -> Causa
     """
     flat = graph.flatten()
     flat.validate()
-    storages = [node.name for node in flat.nodes.values() if node.kind in STORAGES]
-    for name in independent:
-        if name not in storages:
-            raise CausalityError(f"{graph.name}: no storage {name!r}{suggest(name, storages)}", where=(name,))
+    first = [_storage_port(flat, name) for name in dict.fromkeys(independent)]
     refuse_rings(flat)
-    return _Assignment(flat).run(independent)
+    return _Assignment(flat).run(first)
+
+
+def _storage_port(graph: BondGraph, name: str) -> tuple[Node, int]:
+    """A storage by its name and the port that is meant, 0 for all."""
+    storages = {node.name: node for node in graph.nodes.values() if node.kind in STORAGES}
+    if name in storages:
+        return storages[name], 0
+    field, _, port = name.rpartition(".")
+    if field in storages and port.isdigit() and 1 <= int(port) <= storages[field].ports:
+        return storages[field], int(port)
+    raise CausalityError(f"{graph.name}: no storage {name!r}{suggest(name, storages)}", where=(name,))
 
 
 class _Assignment:
@@ -95,15 +104,14 @@ class _Assignment:
         several = {name: allowed for name, allowed in self.patterns.items() if allowed and len(allowed) > 1}
         self.search = StrokeSearch(graph, several)
 
-    def run(self, independent: Sequence[str]) -> CausalGraph:
+    def run(self, first: Sequence[tuple[Node, int]]) -> CausalGraph:
         nodes = list(self.graph.nodes.values())
-        first = [self.graph.nodes[name] for name in dict.fromkeys(independent)]
-        storages = [node for node in (*first, *nodes) if node.kind in STORAGES]
+        storages = [*first, *((node, 0) for node in nodes if node.kind in STORAGES)]
         try:
             self.search.run([
                 *(decision for node in nodes if node.kind in ("Se", "Sf") for decision in self._source(node)),
                 *(decision for node in nodes for decision in self._law(node)),
-                *(decision for node in storages for decision in self._storage(node)),
+                *(decision for node, port in storages for decision in self._storage(node, port)),
                 *(decision for node in nodes for decision in self._element(node)),
                 *(self._rest(bond) for bond in range(len(self.graph.bonds))),
             ])  # fmt: skip
@@ -137,14 +145,15 @@ class _Assignment:
         reason = Reason("law", node.name, f"{node.kind} {node.name}, whose modulus can become zero, gives the {gives}")
         return Decision(bond, takes_effort == inward, reason)
 
-    def _storage(self, node: Node) -> list[Decision]:
+    def _storage(self, node: Node, port: int) -> list[Decision]:
         reason = Reason("integral", node.name, f"{node.name} in integral causality gives the {LAW_GIVES[node.kind]}")
 
         def otherwise(contradiction: ContradictionError, causes: Sequence[int]) -> Reason:
             text = f"{node.name} in derivative causality, since in integral causality "
             return Reason("derivative", node.name, text + clash(self.search, contradiction, causes), tuple(causes))
 
-        return [Decision(bond, (node.kind == "I") == inward, reason, otherwise) for bond, inward in self._bonds(node)]
+        bonds = self._bonds(node)[port - 1 : port] if port else self._bonds(node)
+        return [Decision(bond, (node.kind == "I") == inward, reason, otherwise) for bond, inward in bonds]
 
     def _element(self, node: Node) -> list[Decision]:
         """Laws that allow several patterns take the declared form where they can."""

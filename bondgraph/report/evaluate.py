@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from sympy import Expr
 
-from bondgraph.declare.elements import ENERGY_VARIABLE, STORAGES
+from bondgraph.declare.elements import ENERGY_VARIABLE, STORAGES, Node
 from bondgraph.declare.graph import BondGraph
 from bondgraph.declare.quantities import symbol
 from bondgraph.derive.causality import CausalGraph, assign_causality
@@ -68,7 +68,8 @@ def _wanted_independent(flat: BondGraph, point: Mapping[str, Any]) -> tuple[str,
     for key in point.get("states", {}):
         found = _ENERGY.match(key)
         if found and found[3] in flat.nodes and flat.nodes[found[3]].kind in STORAGES:
-            named[found[3]] = None
+            several = flat.nodes[found[3]].ports > 1 and found[2]
+            named[f"{found[3]}.{found[2]}" if several else found[3]] = None
     return tuple(named)
 
 
@@ -90,7 +91,7 @@ class _Evaluator:
             for port in range(1, node.ports + 1) if node.kind in STORAGES else ():
                 state = self.variables.state_of(node.name, port)
                 if state is not None:
-                    name = f"{ENERGY_VARIABLE[node.kind]}{port if node.ports > 1 else ''}({node.name})"
+                    name = _energy_name(node, port)
                     inertia = self.variables.constant_inertia(node) if state.variable == "flow" else None
                     found[name] = (index[state.symbol], inertia)
         return found
@@ -143,7 +144,7 @@ class _Evaluator:
     def _states(self, given: Mapping[str, Any], parameters: Mapping[str, float], where: str) -> Any:
         names = self.model.names("state")
         x = self.model.x0()
-        dependent = {f"{ENERGY_VARIABLE[self.causal.graph.nodes[n].kind]}({n})" for n, _ in self.causal.derivative}
+        dependent = {_energy_name(self.causal.graph.nodes[name], port) for name, port in self.causal.derivative}
         for name, value in given.items():
             if name in self.energy:
                 index, inertia = self.energy[name]
@@ -195,6 +196,10 @@ class _Evaluator:
                 found[f"{variable}({node.name})"] = bonds[labels[first]][variable]
         named = self.causal.graph.signals
         return found | {s.name: float(value) for s, value in zip(named, y[self.own + 2 * len(labels) :], strict=True)}
+
+
+def _energy_name(node: Node, port: int) -> str:
+    return f"{ENERGY_VARIABLE[node.kind]}{port if node.ports > 1 else ''}({node.name})"
 
 
 def _number(expression: Expr, parameters: Mapping[str, float]) -> float:

@@ -58,6 +58,17 @@ def test_the_commands_take_the_same_files(name: str, tmp_path, capsys):
     assert main(["draw", str(graph), "--out", str(tmp_path / "g.svg")]) == 0
 
 
+def test_points_may_name_dependent_storages_and_ports():
+    case = next(case for case in CASES if case.name == "coupled_coils_in_series")
+    states = {"momentum1(coils)": 1.4, "momentum2(coils)": 0.9}
+    point = {"states": states, "inputs": {"u": 5.0}, "parameters": {"L1": 1.0, "L2": 0.5, "M": 0.4, "R": 3.0}}
+    found = evaluate(graph_from_json(case.graph), [point])[0]["derivatives"]
+    rate = (5.0 - 3.0) / 2.3
+    assert found == {
+        "momentum1(coils)": pytest.approx(1.4 * rate), "momentum2(coils)": pytest.approx(0.9 * rate)
+    }  # fmt: skip
+
+
 @pytest.mark.parametrize("name", refused.files())
 def test_impossible_graphs_are_refused_in_words(name: str, tmp_path, capsys):
     kind, words, data = refused.files()[name]

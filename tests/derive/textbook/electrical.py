@@ -190,6 +190,20 @@ CASES = (
         "u",
     ),
     Case(
+        "coupled_coils_in_series_seen_from_the_second",
+        """u Se effort: u
+        loop 1
+        R R effort: R*flow
+        coils I ports: 2; energy: (L2*momentum1**2 - 2*M*momentum1*momentum2 + L1*momentum2**2)/(2*(L1*L2 - M**2))""",
+        "u>loop loop>coils loop>coils loop>R",
+        """i = momentum2(coils)/(L2 + M)
+        di = (u - R*i)/(L1 + L2 + 2*M)
+        der momentum2(coils) = (L2 + M)*di
+        flow u->loop = i""",
+        "L1=1 L2=0.5 M=0.4 R=3",
+        "u",
+    ),
+    Case(
         "op_amp_integrator_with_high_gain",
         """u Se effort: u
         a 1
