@@ -1,6 +1,6 @@
 # Generated from vehicle_graphs/ranger.py -- do not edit.
 # Regenerate with:  bondgraph generate vehicle_graphs.ranger:full
-# Generator: bondgraph 0.1.0, sympy 1.14.0.  Equations: a2b2aa588083a559
+# Generator: bondgraph 0.1.0, sympy 1.14.0.  Equations: 0c0e7d45adce157f
 """Ranger-class vehicle with rubber-belt CVT, rear drive: the whole vehicle.
 
 States x:
@@ -108,8 +108,8 @@ STATES = (
     ("pitch", "rad", 0.0, "displacement of body.springs (port 2)"),
     ("rear_axle_speed", "rad/s", 0.0, "flow of rear_axle.inertia"),
     ("front_axle_speed", "rad/s", 0.0, "flow of front_axle.inertia"),
-    ("engine_speed", "rad/s", 125.65049, "flow of engine.inertia"),
-    ("sheave_displacement", "m", -0.00024996, "displacement of primary.stops"),
+    ("engine_speed", "rad/s", 125.650494711, "flow of engine.inertia"),
+    ("sheave_displacement", "m", -0.000249959694589, "displacement of primary.stops"),
     ("inclination", "rad", 0.0, "inclination of the ground, uphill positive"),
     ("height", "m", 0.0, "height of the vehicle"),
 )

@@ -1,6 +1,6 @@
 # Generated from vehicle_graphs/ranger.py -- do not edit.
 # Regenerate with:  bondgraph generate vehicle_graphs.ranger:full_awd
-# Generator: bondgraph 0.1.0, sympy 1.14.0.  Equations: 52a6e918330be359
+# Generator: bondgraph 0.1.0, sympy 1.14.0.  Equations: 0392f8633c6473c7
 """Ranger-class vehicle with rubber-belt CVT, both axles geared to the secondary shaft.
 
 States x:
@@ -106,8 +106,8 @@ STATES = (
     ("heave", "m", 0.0, "displacement of body.springs (port 1)"),
     ("pitch", "rad", 0.0, "displacement of body.springs (port 2)"),
     ("rear_axle_speed", "rad/s", 0.0, "flow of rear_axle.inertia"),
-    ("engine_speed", "rad/s", 125.65049, "flow of engine.inertia"),
-    ("sheave_displacement", "m", -0.00024996, "displacement of primary.stops"),
+    ("engine_speed", "rad/s", 125.650494711, "flow of engine.inertia"),
+    ("sheave_displacement", "m", -0.000249959694589, "displacement of primary.stops"),
     ("inclination", "rad", 0.0, "inclination of the ground, uphill positive"),
     ("height", "m", 0.0, "height of the vehicle"),
 )

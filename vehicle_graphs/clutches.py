@@ -13,8 +13,8 @@ from bondgraph.declare.domains import TRANSLATION
 from bondgraph.declare.functions import clip, maximum
 from bondgraph.declare.graph import BondGraph
 
-#: Belt released, the pressure of the secondary's spring rests the sheave in its lower stop.
-RELEASED = -0.00024996
+#: Belt released, the spring of the secondary holds the sheave so far in its lower stop [m].
+RELEASED = -0.000249959694589
 
 
 def sheave_travel(g: BondGraph) -> Symbol:

@@ -17,8 +17,8 @@ from bondgraph.declare.domains import ROTATION
 from bondgraph.declare.functions import clip, maximum
 from bondgraph.declare.graph import BondGraph, Handle
 
-#: Default of the idle state: crankshaft speed at which governor and friction balance, belt released.
-IDLE_SPEED = 125.65049
+#: Crankshaft speed at which governor and friction balance, belt released [rad/s].
+IDLE_SPEED = 125.650494711
 
 
 def engine() -> BondGraph:

@@ -99,14 +99,18 @@ def _add_linearise(commands: Any) -> None:
     c.add_argument("--json", action="store_true", help="print matrices and modes as one JSON object instead of text")
 
 
-def _add_run_commands(commands: Any) -> None:
+def _add_simulate(commands: Any) -> None:
     c = _command(
         commands, "simulate", "simulate a graph over a table of inputs",
         "  bondgraph simulate motor.json --inputs steps.csv --until 2 --step 0.01 --set J=0.05 --out run.csv\n"
-        "  bondgraph simulate vehicle_graphs.driveline:driveline --until 20 --set engine_torque=30 --plot run.png",
+        "  bondgraph simulate vehicle_graphs.driveline:driveline --until 20 --set engine_torque=30 --plot run.png\n"
+        "  bondgraph simulate vehicle_graphs.ranger:full --scenario full_throttle_launch --plot launch.png",
     )  # fmt: skip
     c.add_argument("graph", metavar="GRAPH", help=GRAPH_HELP)
     c.add_argument("--inputs", metavar="FILE", help="log with a column per input: 'time [s],u_a [V]'")
+    c.add_argument(
+        "--scenario", metavar="NAME", help="manoeuvre declared beside the graph (a name that is none lists them)"
+    )
     c.add_argument("--until", type=float, metavar="T", help="end in s (default: the end of the inputs)")
     c.add_argument("--step", type=_positive, metavar="DT", help="interval of the answer in s")
     c.add_argument("--set", action="append", default=[], metavar="NAME=VALUE", help="parameter, or constant input")
@@ -117,6 +121,9 @@ def _add_run_commands(commands: Any) -> None:
     c.add_argument("--out", metavar="FILE", help="log to write: .csv, .csv.gz or .parquet (default: print CSV)")
     c.add_argument("--plot", metavar="FILE", help="picture of states and outputs: .png, .svg or .pdf")
 
+
+def _add_run_commands(commands: Any) -> None:
+    _add_simulate(commands)
     c = _command(
         commands, "filter", "filter logs with a model: states with bands, innovations, consistency",
         "  bondgraph filter vehicle_graphs.driveline:driveline --data run.csv --smooth --out filtered",

@@ -14,6 +14,7 @@ from bondgraph.data.match import match, read_mapping
 from bondgraph.data.read import read_log
 from bondgraph.data.write import csv_text, write_log
 from bondgraph.declare.files import load_graph
+from bondgraph.errors import OptionError
 from bondgraph.estimate.estimate import Settings
 from bondgraph.estimate.estimate import estimate as run_estimate
 from bondgraph.estimate.sensitivity import sensitivity as find_sensitivity
@@ -23,8 +24,10 @@ from bondgraph.report.figures import save_figure
 from bondgraph.report.filtering import filter_logs
 from bondgraph.report.html import Provenance
 from bondgraph.report.logs import grouped_notes
+from bondgraph.report.manoeuvre import manoeuvre_figure
 from bondgraph.report.plots import launch_figure
 from bondgraph.report.progress import WorkProgress
+from bondgraph.report.scenarios import declared_panels, declared_scenario
 from bondgraph.report.simulation import SimulationOptions, simulate_graph, trajectory_log
 from bondgraph.report.tables import parameter_table, text_of
 from bondgraph.simulate.model import Model
@@ -32,15 +35,25 @@ from bondgraph.simulate.model import Model
 
 def simulate(options: argparse.Namespace) -> int:
     """Simulate a graph over a table of inputs."""
+    if options.scenario and options.inputs:
+        raise OptionError("--scenario and --inputs both give the inputs - leave one out", where=("--scenario",))
+    graph = load_graph(options.graph)
     inputs = read_log(options.inputs) if options.inputs else None
+    scenario = declared_scenario(options.graph, options.scenario) if options.scenario else None
+    panels = declared_panels(options.graph) if options.plot else ()
     chosen = SimulationOptions(
         options.until, options.step, assignments(options.set, "--set"), initial(options.initial),
-        options.rtol, options.atol, options.all,
+        options.rtol, options.atol, options.all, scenario, signals=bool(panels),
     )  # fmt: skip
-    trajectory = simulate_graph(load_graph(options.graph), inputs, chosen).raise_if_failed()
+    trajectory = simulate_graph(graph, inputs, chosen).raise_if_failed()
+    if scenario and scenario.left_out(trajectory.model):
+        names = ", ".join(scenario.left_out(trajectory.model))
+        print(f"left out, since {graph.name} does not have them: {names}", file=sys.stderr)
     log = trajectory_log(trajectory)
     if options.plot:
-        save_figure(launch_figure(trajectory), Path(options.plot))
+        title = f"{graph.name}: {scenario.meaning}" if scenario else graph.name
+        figure = manoeuvre_figure(trajectory, panels, title) if panels else launch_figure(trajectory)
+        save_figure(figure, Path(options.plot))
         print(f"picture: {options.plot}", file=sys.stderr)
     if options.out:
         print(f"written: {write_log(options.out, log)}", file=sys.stderr)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -17,6 +17,7 @@ from bondgraph.errors import OptionError, suggest
 from bondgraph.generate.module import render
 from bondgraph.simulate.inputs import InputSignal, hold_flags
 from bondgraph.simulate.model import Model
+from bondgraph.simulate.scenario import Scenario
 from bondgraph.simulate.simulate import simulate
 from bondgraph.simulate.trajectory import Trajectory
 
@@ -26,7 +27,11 @@ _POINTS = 1000
 
 @dataclass(frozen=True)
 class SimulationOptions:
-    """What a simulation may be told: end and step of time in s, values by name, tolerances, every bond's variables."""
+    """What a simulation may be told: end and step of time in s, values by name, tolerances, every bond's variables.
+
+    A ``scenario`` gives inputs, start and end; values and initial states given beside it come before its own. With
+    ``signals`` the named signals are outputs too.
+    """
 
     until: float | None = None
     step: float | None = None
@@ -35,6 +40,8 @@ class SimulationOptions:
     rtol: float = 1e-9
     atol: float | None = None
     all_variables: bool = False
+    scenario: Scenario | None = None
+    signals: bool = False
 
 
 def simulate_graph(graph: BondGraph, inputs: Log | None, options: SimulationOptions) -> Trajectory:
@@ -56,15 +63,19 @@ def simulate_graph(graph: BondGraph, inputs: Log | None, options: SimulationOpti
     DataError
         If the table does not fit the inputs.
     """
-    equations = derive(assign_causality(graph), bonds=options.all_variables)
+    equations = derive(
+        assign_causality(graph), bonds=options.all_variables, signals=options.signals or options.all_variables
+    )
     check_closed(equations)
     check_dimensions(equations)
     model = Model.from_text(render(equations), source=graph.name)
     theta, constants = _values(model, options.values or {})
     _require_states(model, options.initial or {})
+    start = options.scenario.start(model) if options.scenario else {}
     times, table = _inputs(model, inputs, constants, options)
+    compiled = options.scenario is not None  # a manoeuvre is run again and again, and its machine code is kept
     return simulate(
-        model, times, table, theta, dict(options.initial or {}), rtol=options.rtol,
+        model, times, table, theta, start | dict(options.initial or {}), rtol=options.rtol, compiled=compiled,
         atol=None if options.atol is None else (options.atol,) * len(model.states),
     )  # fmt: skip
 
@@ -104,6 +115,8 @@ def _inputs(
     model: Model, inputs: Log | None, constants: Mapping[str, float], options: SimulationOptions
 ) -> tuple[FloatArray, InputSignal]:
     """Times of the answer, and the input signal."""
+    if options.scenario is not None:
+        return _scenario_inputs(model, options.scenario, constants, options)
     if inputs is None:
         if options.until is None:
             raise OptionError("simulate needs --until T, or --inputs with a table that has an end", where=("--until",))
@@ -124,6 +137,18 @@ def _inputs(
     else:
         wanted = np.linspace(times[0], end, _POINTS + 1)
     return wanted, InputSignal(times, values, hold_flags(model))
+
+
+def _scenario_inputs(
+    model: Model, scenario: Scenario, constants: Mapping[str, float], options: SimulationOptions
+) -> tuple[FloatArray, InputSignal]:
+    shorter = scenario if options.until is None else replace(scenario, duration=options.until)
+    signal = scenario.signal(model)
+    values = signal.values.copy()
+    for name, value in constants.items():
+        values[model.index("input", name)] = value
+    times = shorter.times() if options.step is None else shorter.times(options.step)
+    return times, InputSignal(signal.time, values, signal.hold)
 
 
 def trajectory_log(trajectory: Trajectory) -> Log:

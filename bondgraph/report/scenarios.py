@@ -1,0 +1,53 @@
+"""Scenarios and panels declared beside a graph, found by the reference ``module:function`` of the graph."""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from bondgraph.errors import OptionError, suggest
+from bondgraph.simulate.scenario import Panel, Scenario
+
+
+def declared_scenario(reference: str, name: str) -> Scenario:
+    """The scenario of that name in the module of a graph.
+
+    Raises
+    ------
+    OptionError
+        If there is none; the message lists those that exist.
+
+    Examples
+    --------
+    >>> declared_scenario("motor.json", "start")
+    Traceback (most recent call last):
+    ...
+    bondgraph.errors.OptionError: --scenario start: motor.json declares no scenarios - give its inputs by
+    --inputs FILE.csv, or declare SCENARIOS in the module of the graph
+    """
+    known: Mapping[str, Scenario] = _declared(reference, "SCENARIOS", {})
+    if not known:
+        raise OptionError(
+            f"--scenario {name}: {reference} declares no scenarios - give its inputs by --inputs FILE.csv, or declare "
+            "SCENARIOS in the module of the graph",
+            where=("--scenario", name),
+        )
+    if name not in known:
+        listed = "".join(f"\n  {one}: {scenario.meaning}" for one, scenario in known.items())
+        raise OptionError(
+            f"--scenario {name}: {reference} has no scenario of this name{suggest(name, known)} - it has{listed}",
+            where=("--scenario", name),
+        )
+    return known[name]
+
+
+def declared_panels(reference: str) -> Sequence[Panel]:
+    """The panels in the module of a graph, none where it declares none."""
+    panels: Sequence[Panel] = _declared(reference, "PANELS", ())
+    return panels
+
+
+def _declared(reference: str, name: str, otherwise: Any) -> Any:
+    module, colon, _ = reference.partition(":")
+    return getattr(importlib.import_module(module), name, otherwise) if colon else otherwise
