@@ -46,7 +46,7 @@ Measure = Callable[
 
 # contract: a*b + c in one rounding. error_model: numpy's rules for division by zero. nogil: threads run side by side.
 # Functions never called from Python (_inner) go without the wrappers for it, which would take half of the compile time.
-_HEADER = '''"""{title}; written by bondgraph, safe to delete."""
+HEADER = '''"""{title}; written by bondgraph, safe to delete."""
 from __future__ import annotations
 
 import math
@@ -105,7 +105,7 @@ def compile_model(model: Model) -> CompiledModel:
     True
     """
     if has_numba():
-        module = _load_compiled(model_source(model))
+        module = load_compiled(model_source(model))
         return CompiledModel(module.rhs_into, module.output_into, module.advance, module.measure, "numba")
 
     def rhs_into(t: float, x: FloatArray, u: FloatArray, theta: FloatArray, dx: FloatArray) -> None:
@@ -120,7 +120,7 @@ def compile_model(model: Model) -> CompiledModel:
 def model_source(model: Model) -> str:
     """The source that numba compiles for one model."""
     parts = [
-        _HEADER.format(title=f"Compiled form of the generated module {model.name!r}"),
+        HEADER.format(title=f"Compiled form of the generated module {model.name!r}"),
         *_functions(table_kernel, "@_inner\n"),
         scalar_source(parse_module(model.text, model.name), "@_jit", "@_inner"),
         *_functions(rk4_kernel, "@_inner\n"),
@@ -141,8 +141,8 @@ def load_kernel(kernel: ModuleType) -> Any:
     if not has_numba():
         raise ModelError(f"{kernel.__name__}: numba is not installed - install the package 'numba'")
     title = f"Compiled form of {kernel.__name__}"
-    parts = [_HEADER.format(title=title), *_functions(kernel, "@_jit\n")]
-    return _load_compiled("\n\n".join(parts) + "\n")
+    parts = [HEADER.format(title=title), *_functions(kernel, "@_jit\n")]
+    return load_compiled("\n\n".join(parts) + "\n")
 
 
 def has_numba() -> bool:
@@ -178,7 +178,7 @@ def _functions(kernel: ModuleType, decorator: str) -> list[str]:
     return parts
 
 
-def _load_compiled(source: str) -> ModuleType:
+def load_compiled(source: str) -> ModuleType:
     """The module of a source, from the cache folder, once per process."""
     name = f"bondgraph_compiled_{hashlib.sha256(source.encode()).hexdigest()[:24]}"
     with _lock:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Literal
@@ -101,6 +102,17 @@ class ModelProgram:
             program = self.tape.program(entries.values())
             self._jacobians[key] = SparseJacobian(shape, places[:, 0], places[:, 1], program)
         return self._jacobians[key]
+
+    @functools.cached_property
+    def trend(self) -> Program:
+        """Derivatives of ``rhs`` with respect to time while inputs change at the rates in the vector ``du``."""
+        return self.tape.program(self.trend_nodes())
+
+    def trend_nodes(self) -> tuple[int, ...]:
+        """Nodes of :attr:`trend`."""
+        tape = self.tape
+        seeds = {tape.leaf("u", j): tape.leaf("du", j) for j in range(self.sizes["u"])}
+        return tangents(self.reader, self.rows["rhs"], {**seeds, tape.leaf("t", 0): tape.constant(1.0)})
 
     def dense_jacobian(
         self,

@@ -88,7 +88,7 @@ class Reader:
         wanted = [f"_r{k}" for k in range(solver.unknowns)]
         loop = next(node for node in solver.function.body if isinstance(node, ast.For | ast.While))
         for statement in loop.body:
-            self._run([statement], environment)
+            self.follow([statement], environment)
             if all(name in environment for name in wanted):
                 return tuple(self._node(environment[name]) for name in wanted)
         raise ModelError(
@@ -101,12 +101,13 @@ class Reader:
     def _call(self, function: ast.FunctionDef, arguments: Sequence[Value]) -> Value:
         names = [argument.arg for argument in function.args.args]
         environment: dict[str, Value] = dict(zip(names, arguments, strict=True))
-        result = self._run(function.body, environment)
+        result = self.follow(function.body, environment)
         if result is None:
             raise self._unknown(function, "a function without a value")
         return result
 
-    def _run(self, body: Iterable[ast.stmt], environment: dict[str, Value]) -> Value | None:
+    def follow(self, body: Iterable[ast.stmt], environment: dict[str, Value]) -> Value | None:
+        """Run assignments, changing the environment; the value of a return."""
         for statement in body:
             if isinstance(statement, ast.Return) and statement.value is not None:
                 return self._value(statement.value, environment)
@@ -132,6 +133,10 @@ class Reader:
         raise self._unknown(target, "an assignment that is not followed")
 
     # ------------------------------------------------------------------ expressions
+
+    def expression(self, node: ast.expr, environment: Mapping[str, Value]) -> int:
+        """The node of an expression in an environment."""
+        return self._node(self._value(node, environment))
 
     def _value(self, node: ast.expr, environment: Mapping[str, Value]) -> Value:
         if isinstance(node, ast.Constant) and isinstance(node.value, int | float):

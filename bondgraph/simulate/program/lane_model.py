@@ -1,0 +1,195 @@
+"""The text that numba compiles for one model: its equations in lanes, and how they are integrated.
+
+The work buffer ``w`` holds, for up to 16 lanes, one row per number:
+
+    THETA  parameters                          set by the caller, then prepare(w, n)
+    HOISTED  what depends on them only         written by prepare
+    X  state                                   set by the caller, moved by advance
+    Y  outputs at X                            written by measure
+    STAGE SLOPE TOTAL TREND STAGES FACTORS     used by advance, see ``lane_kernel``
+"""
+
+from __future__ import annotations
+
+import ast
+import inspect
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from bondgraph.simulate.program import lane_kernel, lane_math
+from bondgraph.simulate.program.hoist import Hoister
+from bondgraph.simulate.program.lane_text import LANES, Place, lane_function
+from bondgraph.simulate.program.model_program import ModelProgram
+from bondgraph.simulate.program.solver import loop_programs
+from bondgraph.simulate.program.sparse_lu import SparseFactors, factorise, substitute
+from bondgraph.simulate.program.tape import Program, Tape
+
+if TYPE_CHECKING:
+    from types import ModuleType
+
+#: Most stages of a stiff method.
+_STAGES = 6
+
+
+@dataclass(frozen=True)
+class LaneText:
+    """Source of the lane functions of a model, first rows of its vectors, and rows of the work buffer in all."""
+
+    source: str
+    theta: int
+    x: int
+    y: int
+    rows: int
+
+
+def lane_text(equations: ModelProgram, stiff: bool) -> LaneText:
+    """Text of ``prepare``, ``advance`` and ``measure`` of a model, explicit or stiff.
+
+    Examples
+    --------
+    >>> from bondgraph.simulate.example import pendulum
+    >>> text = lane_text(ModelProgram(pendulum()), stiff=False)
+    >>> print(text.source.partition("def rates")[2].partition("def measure")[0].strip())
+    (clock, inputs, w, n):
+        inputs_0 = inputs[0]
+        for l in range(n):
+            v_4 = _lane_sin(w[80 + l])
+            dx1_9 = (inputs_0 - (w[96 + l] * w[16 + l])) - (v_4 * w[208 + l])
+            w[112 + l] = w[96 + l]
+            w[128 + l] = dx1_9
+    """
+    return _Writer(equations, stiff).text()
+
+
+class _Writer:
+    """Lays out the work buffer and prints one function after another."""
+
+    def __init__(self, equations: ModelProgram, stiff: bool) -> None:
+        self._equations = equations
+        self._stiff = stiff
+        self._tape: Tape = equations.tape
+        self._hoister = Hoister(self._tape)
+        self._rows: dict[str, int] = {}
+        self._next = 0
+        reader = equations.reader
+        self._solvers = {name: loop_programs(reader, solver) for name, solver in reader.solvers.items()}
+
+    def text(self) -> LaneText:
+        """All of the text."""
+        n_x, n_u = self._equations.sizes["x"], self._equations.sizes["u"]
+        programs = self._programs()
+        hoisted = self._tape.program(self._hoister.nodes)
+        for name, size in (
+            ("theta", self._equations.sizes["theta"]), ("x", n_x), ("stage", n_x), ("slope", n_x), ("total", n_x),
+            ("trend", n_x), ("hoisted", len(self._hoister.nodes)), ("y", len(self._equations.rows["output"])),
+            ("factors", self._n_factors if self._stiff else 0), ("stages", _STAGES * n_x if self._stiff else 0),
+        ):  # fmt: skip
+            self._rows[name] = self._next
+            self._next += size
+        common = {"theta": Place(self._rows["theta"]), "hoisted": Place(self._rows["hoisted"])}
+        timed = {
+            "t": Place(0, "clock"), "step": Place(1, "clock"), "u": Place(0, "inputs"), "du": Place(n_u, "inputs"),
+            "factors": Place(self._rows["factors"]), "right": Place(self._rows["total"]),
+        }  # fmt: skip
+        at_x = {**common, **timed, "x": Place(self._rows["x"])}
+        at_stage = {**at_x, "x": Place(self._rows["stage"])}
+        parts = [
+            self._function("prepare", "w, n", hoisted, common, ["hoisted"]),
+            self._function("rates", "clock, inputs, w, n", programs["rates"], at_stage, ["slope"]),
+            self._function("measure", "clock, inputs, w, n", programs["measure"], at_x, ["y"]),
+        ]
+        if self._stiff:
+            parts.append(
+                self._function("factor", "clock, inputs, w, n", programs["factor"], at_x, ["trend", "factors"])
+            )
+            parts.append(self._function("substitute", "w, n", programs["substitute"], at_x, ["total"]))
+        plain = ("def prepare", "def measure")  # these become C callbacks as they are
+        functions = "\n\n\n".join(part if part.startswith(plain) else f"@_inner\n{part}" for part in parts)
+        source = "\n\n\n".join([self._preamble(), functions, self._kernel()])
+        return LaneText(source, self._rows["theta"], self._rows["x"], self._rows["y"], self._next + self._spare)
+
+    _spare = 0
+    _n_factors = 0
+
+    def _programs(self) -> dict[str, Program]:
+        equations, tape = self._equations, self._tape
+        rewrite, rows = self._hoister.rewrite, equations.rows
+        programs = {
+            "rates": tape.program(rewrite(rows["rhs"])),
+            "measure": tape.program(rewrite(rows["output"])),
+        }
+        if self._stiff:
+            programs["factor"], programs["substitute"] = self._solver_programs()
+        return programs
+
+    def _solver_programs(self) -> tuple[Program, Program]:
+        """Factors of 1/(gamma h) I - J with df/dt, and the solution for a right-hand side."""
+        equations, tape = self._equations, self._tape
+        n_x = equations.sizes["x"]
+        factors = factorise(tape, n_x, equations.jacobian_nodes("rhs", "x"), tape.leaf("step", 0))
+        nodes = [*factors.entries.values(), *factors.inverse_pivots.values()]
+        new = dict(zip(nodes, self._hoister.rewrite(nodes), strict=True))
+        stored: dict[int, int] = {}
+
+        def known(node: int) -> int:
+            operation = tape.operations[node]
+            if operation.kind == "constant" or (operation.kind == "leaf" and operation.value[0] != "step"):
+                return node
+            return tape.leaf("factors", stored.setdefault(node, len(stored)))
+
+        kept = SparseFactors(
+            factors.order,
+            {place: known(new[node]) for place, node in factors.entries.items()},
+            {k: known(new[node]) for k, node in factors.inverse_pivots.items()},
+        )
+        right = [tape.leaf("right", i) for i in range(n_x)]
+        solution = tape.program(substitute(tape, kept, right))
+        self._n_factors = len(stored)
+        return tape.program([*self._hoister.rewrite(equations.trend_nodes()), *stored]), solution
+
+    def _function(
+        self, name: str, arguments: str, program: Program, places: dict[str, Place], targets: list[str]
+    ) -> str:
+        sizes = {"trend": self._equations.sizes["x"]}
+        rows: list[int] = []
+        for target in targets:
+            count = sizes.get(target, len(program.results) - len(rows))
+            rows += [self._rows[target] + i for i in range(count)]
+        used = dict.fromkeys(op.value[0] for op in program.operations if op.kind == "solve")
+        text, spare = lane_function(
+            name, arguments, program, places, rows, self._next, {name: self._solvers[name] for name in used}
+        )
+        self._spare = max(self._spare, spare)
+        return text
+
+    def _preamble(self) -> str:
+        """Numbers of rows, tables, functions of lanes and solvers of loops."""
+        lines = [f"LANES = {LANES}", f"ROWS = {self._next + self._spare}", f"N_X = {self._equations.sizes['x']}"]
+        names = ("x", "stage", "slope", "total", "trend", "stages")
+        lines += [f"{name.upper()} = {self._rows[name]}" for name in names]
+        for key, values in self._tape.arrays.items():
+            numbers = np.array2string(values, separator=", ", threshold=values.size + 1, floatmode="unique")
+            lines.append(f"{key} = np.array({numbers})")
+        functions = _functions(lane_math, "@_lane")
+        return "\n\n\n".join(["\n".join(lines), *functions])
+
+    def _kernel(self) -> str:
+        unused = "_rk4_step" if self._stiff else "_rosenbrock_step"
+        used = "_rosenbrock_step" if self._stiff else "_rk4_step"
+        parts = _functions(lane_kernel, "@_inner")
+        kept = [part.replace("one_step", used) for part in parts if f"def {unused}" not in part]
+        kept.sort(key=lambda part: "def advance" in part)
+        kept[-1] = kept[-1].removeprefix("@_inner\n")
+        return "\n\n\n".join(kept)
+
+
+def _functions(kernel: ModuleType, decorator: str) -> list[str]:
+    """The functions of a kernel module, each with a decorator."""
+    text = inspect.getsource(kernel)
+    return [
+        f"{decorator}\n{ast.get_source_segment(text, node)}"
+        for node in ast.parse(text).body
+        if isinstance(node, ast.FunctionDef)
+    ]

@@ -1,0 +1,30 @@
+"""Names that lane kernels use before they exist: every printed module defines them itself.
+
+Kernels import them for the type checker only.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from bondgraph.simulate.arrays import FloatArray
+
+LANES: int
+N_X: int
+ROWS: int
+X: int
+STAGE: int
+SLOPE: int
+TOTAL: int
+TREND: int
+STAGES: int
+
+#: ``rates(clock, inputs, w, n)`` and ``factor(clock, inputs, w, n)``
+rates: Callable[[FloatArray, FloatArray, FloatArray, int], None]
+factor: Callable[[FloatArray, FloatArray, FloatArray, int], None]
+
+#: The step of the method at hand: ``_rk4_step`` or ``_rosenbrock_step``.
+one_step: Callable[..., None]
+
+#: ``substitute(w, n)``
+substitute: Callable[[FloatArray, int], None]

@@ -1,0 +1,197 @@
+"""Rosenbrock methods reach their order, stay bounded far beyond explicit steps, and are the same in lanes."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from bondgraph.errors import OptionError
+from bondgraph.simulate.compile import load_compiled
+from bondgraph.simulate.inputs import InputSegment
+from bondgraph.simulate.integrators import RK4, AbstractIntegrator, IntegratorState
+from bondgraph.simulate.model import Model
+from bondgraph.simulate.outcome import Outcome
+from bondgraph.simulate.program import lane_math
+from bondgraph.simulate.program.evaluate import evaluate
+from bondgraph.simulate.program.lane_text import LANES
+from bondgraph.simulate.program.lanes import LaneModel, load_lanes
+from bondgraph.simulate.program.sparse_lu import elimination_order, factorise, substitute
+from bondgraph.simulate.program.tape import Tape
+from bondgraph.simulate.rosenbrock import TABLEAUS
+from bondgraph.simulate.stiff import ModelEquations, Rosenbrock, step_lengths
+from tests.simulate.points import model_of, points_of
+from tests.simulate.samples import decay
+
+ORDERS = {"ros3p": 3, "rodas4": 4}
+LANE_MODELS = ("driveline", "orifices", "pendulum", "generated/driveline", "generated/baja_launch")
+METHODS = pytest.mark.parametrize("method", sorted(TABLEAUS))
+
+_CALLS = """
+from numba import njit
+
+@njit
+def call_prepare(f, w, n):
+    f(w, n)
+
+@njit
+def call_measure(f, clock, inputs, w, n):
+    f(clock, inputs, w, n)
+
+@njit
+def call_advance(f, start, length, substeps, grading, tableau, u_left, u_right, clock, inputs, w, n):
+    f(start, length, substeps, grading, tableau, u_left, u_right, clock, inputs, w, n)
+"""
+
+
+def at_end(method: AbstractIntegrator, rhs, x0: np.ndarray, segment: InputSegment) -> np.ndarray:
+    x, state = method.step(rhs, segment, np.array([segment.end]), IntegratorState(segment.start, x0))
+    assert state.outcome is Outcome.OK
+    return x[:, 0]
+
+
+def advanced(
+    lanes: LaneModel, model: Model, method: str, substeps: int, grading: float, segment: InputSegment, x, theta
+) -> tuple[np.ndarray, np.ndarray]:
+    """States at the end of a segment and outputs there, (n, members), by the compiled functions."""
+    calls = load_compiled(_CALLS)
+    members = x.shape[1]
+    w = lanes.buffer()
+    rows = w.reshape(-1, LANES)
+    segment = InputSegment(segment.start, segment.end, *map(np.ascontiguousarray, (segment.left, segment.right)))
+    lane = np.arange(LANES) % members
+    rows[lanes.theta : lanes.theta + theta.shape[0]] = theta[:, lane]
+    rows[lanes.x : lanes.x + x.shape[0]] = x[:, lane]
+    clock, inputs = np.array([segment.end, 0.0]), np.zeros(2 * segment.left.size)
+    tableau = TABLEAUS[method].numbers if method in TABLEAUS else np.empty(0)
+    calls.call_prepare(lanes.prepare, w, LANES)
+    calls.call_advance(
+        lanes.advance, segment.start, segment.end - segment.start, substeps, grading, tableau,
+        segment.left, segment.right, clock, inputs, w, LANES,
+    )  # fmt: skip
+    inputs[: segment.left.size] = segment.right
+    clock[0] = segment.end
+    calls.call_measure(lanes.measure, clock, inputs, w, LANES)
+    n_y = len(model.outputs)
+    return rows[lanes.x : lanes.x + x.shape[0], :members].copy(), rows[lanes.y : lanes.y + n_y, :members].copy()
+
+
+@METHODS
+def test_the_order_is_reached_on_a_nonlinear_equation_with_time_and_ramping_input(method: str) -> None:
+    def rhs(t: float, x: np.ndarray, u: np.ndarray) -> np.ndarray:
+        return np.array([-x[0] * x[1] + u[0] + np.sin(3.0 * t), x[0] - 2.0 * x[1] ** 2 + u[0] * x[0]])
+
+    segment = InputSegment(0.0, 1.0, np.array([0.5]), np.array([2.0]))
+    x0 = np.array([1.0, 0.5])
+    exact = solve_ivp(lambda t, x: rhs(t, x, segment.at(t)), (0, 1), x0, rtol=1e-12, atol=1e-13, method="DOP853")
+    errors = [np.abs(at_end(Rosenbrock(method, n), rhs, x0, segment) - exact.y[:, -1]).max() for n in (16, 32, 64)]
+    orders = np.log2(np.array(errors[:-1]) / np.array(errors[1:]))
+    assert np.all(np.abs(orders - ORDERS[method]) < 0.3), orders
+
+
+@METHODS
+def test_a_step_of_ten_thousand_time_constants_stays_bounded(method: str) -> None:
+    """Prothero and Robinson's equation: the solution follows the input, whatever the rate."""
+    model = decay(rate=1e4)
+    equations = ModelEquations(model, model.theta())
+    segment = InputSegment(0.0, 1.0, np.array([1e4, 0.0]), np.array([2e4, 0.0]))
+    x = at_end(Rosenbrock(method, 1), equations, np.array([1.0]), segment)
+    assert abs(x[0] - 2.0) < 1.5
+    steps = at_end(Rosenbrock(method, 8, 1.5), equations, np.array([1.0]), segment)
+    assert abs(steps[0] - 2.0) < 1e-2
+    unstable, state = RK4(8).step(equations, segment, np.array([1.0]), IntegratorState(0.0, np.array([1.0])))
+    assert not abs(unstable[0, 0]) < 1e10
+    assert state.x.shape == (1,)
+
+
+@METHODS
+def test_differences_serve_where_derivatives_are_not_given(method: str) -> None:
+    model = model_of("driveline")
+    equations = ModelEquations(model, model.theta())
+    segment = InputSegment(0.0, 0.02, model.u0(), model.u0() * 1.01)
+    exact = at_end(Rosenbrock(method, 3, 1.5), equations, model.x0(), segment)
+    plain = at_end(Rosenbrock(method, 3, 1.5), lambda t, x, u: model.rhs(t, x, u, model.theta()), model.x0(), segment)
+    np.testing.assert_allclose(plain, exact, rtol=1e-6, atol=1e-9)
+
+
+@pytest.mark.parametrize("method", ["rk4", *sorted(TABLEAUS)])
+@pytest.mark.parametrize("name", LANE_MODELS)
+def test_lanes_advance_and_measure_as_numpy_does(name: str, method: str) -> None:
+    model, (_, x, u, theta) = model_of(name), points_of(name, 5, seed=8)
+    grading = 1.0 if method == "rk4" else 1.5
+    segment = InputSegment(0.1, 0.1 + 1e-4, u[:, 0], u[:, 0] + 1e-3 * np.abs(u[:, 0]))
+    integrator = RK4(3) if method == "rk4" else Rosenbrock(method, 3, grading)
+    expected, _ = integrator.step(
+        ModelEquations(model, theta), segment, np.array([segment.end]), IntegratorState(segment.start, x)
+    )
+    found, y = advanced(load_lanes(model, method != "rk4"), model, method, 3, grading, segment, x, theta)
+    size = np.abs(expected[:, 0]).max(axis=1, keepdims=True)
+    moved = np.abs(expected[:, 0] - x).max(axis=1, keepdims=True)
+    assert np.all(np.abs(found - expected[:, 0]) <= 1e-9 * moved + 1e-12 * size + 1e-300)
+    np.testing.assert_allclose(y, model.output(segment.end, found, segment.right, theta), rtol=1e-11, atol=1e-12)
+
+
+def test_a_pivot_that_loses_its_digits_is_not_finite() -> None:
+    """The matrix ((1, 1), (1, 1)): after the first step nothing is left of the second pivot."""
+    tape = Tape()
+    entries = {(k // 2, k % 2): tape.leaf("j", k) for k in range(4)}
+    factors = factorise(tape, 2, entries, tape.leaf("g", 0))
+    program = tape.program(substitute(tape, factors, [tape.leaf("b", 0), tape.leaf("b", 1)]))
+    solved = evaluate(program, {"j": np.array([0.0, -1.0, -2.0, 0.0]), "g": [3.0], "b": np.array([5.0, 4.0])}, {})
+    np.testing.assert_allclose(np.linalg.solve([[3.0, 1.0], [2.0, 3.0]], [5.0, 4.0]), solved)
+    assert np.isnan(evaluate(program, {"j": np.array([0.0, -1.0, -1.0, 0.0]), "g": [1.0], "b": [1.0, 2.0]}, {})).all()
+
+
+def test_elimination_fills_in_little() -> None:
+    """An arrow matrix: its head last, so that nothing fills in."""
+    places = [(0, k) for k in range(1, 6)] + [(k, 0) for k in range(1, 6)]
+    order = elimination_order(6, places)
+    assert order.index(0) >= 4
+
+
+@pytest.mark.parametrize(
+    ("name", "low", "high", "ulps"),
+    [("tanh", -22.0, 22.0, 8), ("tanh", -1e-3, 1e-3, 8), ("exp", -700.0, 700.0, 2), ("exp", -2.0, 2.0, 2),
+     ("arcsin", -1.0, 1.0, 3), ("arcsin", -1e-2, 1e-2, 3), ("arctan", -1e3, 1e3, 3), ("arctan", -3.0, 3.0, 3)],
+)  # fmt: skip
+def test_functions_of_lanes_have_the_stated_error(name: str, low: float, high: float, ulps: int) -> None:
+    function = getattr(lane_math, f"_lane_{name}")
+    for x in np.random.default_rng(1).uniform(low, high, 20_000):
+        with np.errstate(all="ignore"):
+            value, exact = float(function(float(x))), float(getattr(np, name)(x))
+        assert abs(value - exact) <= ulps * np.spacing(abs(exact)), x
+
+
+@pytest.mark.parametrize("name", ["sin", "cos"])
+@pytest.mark.parametrize("high", [1e-3, 10.0, 1e5])
+def test_sines_of_lanes_have_the_stated_error(name: str, high: float) -> None:
+    function = getattr(lane_math, f"_lane_{name}")
+    for x in np.random.default_rng(2).uniform(-high, high, 20_000):
+        assert abs(float(function(float(x))) - getattr(math, name)(x)) <= 3e-16, x
+
+
+def test_functions_of_lanes_keep_what_is_not_finite() -> None:
+    with np.errstate(all="ignore"):
+        for name in ("tanh", "exp", "sin", "cos", "arctan"):
+            assert math.isnan(getattr(lane_math, f"_lane_{name}")(math.nan))
+        assert lane_math._lane_exp(1e4) == math.inf
+        assert lane_math._lane_exp(-1e4) == 0.0
+        assert lane_math._lane_tanh(math.inf) == 1.0
+
+
+def test_graded_steps_add_up() -> None:
+    lengths = step_lengths(2.0, 5, 1.5)
+    assert lengths.sum() == pytest.approx(2.0)
+    np.testing.assert_allclose(lengths[1:] / lengths[:-1], 1.5)
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [({"method": "rodas"}, "stiff method 'rodas' is not known; did you mean 'rodas4'"), ({"substeps": 0}, "substeps=0"),
+     ({"grading": 0.0}, "grading=0.0")],
+)  # fmt: skip
+def test_settings_out_of_range_are_told(settings: dict, message: str) -> None:
+    with pytest.raises(OptionError, match=message):
+        Rosenbrock(**settings)
