@@ -45,6 +45,7 @@ def _add_graph_commands(commands: Any) -> None:
     c.add_argument("--json", action="store_true", help="print the stable JSON object instead of text")
     c.add_argument("--latex", action="store_true", help="print LaTeX instead of text")
     c.add_argument("--independent", nargs="+", default=(), metavar="STORAGE", help="storages that choose first")
+    _add_exact(c)
 
     c = _command(
         commands, "evaluate", "evaluate a graph at given points: derivatives, outputs, every bond",
@@ -54,6 +55,7 @@ def _add_graph_commands(commands: Any) -> None:
     c.add_argument("graph", metavar="GRAPH", help=GRAPH_HELP)
     c.add_argument("--points", required=True, metavar="P.json", help="list of points in energy variables")
     c.add_argument("--json", action="store_true", help="answer in JSON (always so; kept for scripts)")
+    _add_exact(c)
 
     c = _command(
         commands, "draw", "draw a graph with its causal strokes",
@@ -72,6 +74,7 @@ def _add_graph_commands(commands: Any) -> None:
         "names", nargs="*", metavar="NAME", help="graphs by name, or module:function (default: all declared)"
     )
     c.add_argument("--check", action="store_true", help="compare only, write nothing")
+    _add_exact(c)
     c.add_argument("--folder", default="generated", help="folder of the modules (default: generated)")
     c.add_argument(
         "--graphs", default="vehicle_graphs", help="package that declares GENERATED (default: vehicle_graphs)"
@@ -107,6 +110,7 @@ def _add_simulate(commands: Any) -> None:
         "  bondgraph simulate vehicle_graphs.ranger:full --scenario full_throttle_launch --plot launch.png",
     )  # fmt: skip
     c.add_argument("graph", metavar="GRAPH", help=GRAPH_HELP)
+    _add_exact(c)
     c.add_argument("--inputs", metavar="FILE", help="log with a column per input: 'time [s],u_a [V]'")
     c.add_argument(
         "--scenario", metavar="NAME", help="manoeuvre declared beside the graph (a name that is none lists them)"
@@ -191,6 +195,11 @@ def _add_data(command: argparse.ArgumentParser) -> None:
     command.add_argument(
         "--map", action="append", default=[], metavar="COLUMN=NAME", help="other names, or a JSON file of them"
     )
+    command.add_argument(
+        "--start", default="measured", choices=("measured", "settled", "model"),
+        help="states at the start of a log: measured ones as measured and the others as declared (default), or where "
+        "they come to rest while the measured ones are held, or all as declared",
+    )  # fmt: skip
 
 
 def _add_problem(command: argparse.ArgumentParser) -> None:
@@ -213,6 +222,13 @@ def _add_loop(command: argparse.ArgumentParser) -> None:
     command.add_argument("--max-effects", type=int, default=3, metavar="N", help="effects to add at most (default: 3)")
     command.add_argument("--level", type=_share, default=0.01, help="chance of a false alarm per round (default: 0.01)")
     command.add_argument("--rate", type=_positive, metavar="HZ", help="use every k-th sample, down to this rate")
+
+
+def _add_exact(command: argparse.ArgumentParser) -> None:
+    command.add_argument(
+        "--exact", action="store_true",
+        help="switches jump, friction locks, impacts rebound, at events (default: their smooth forms)",
+    )  # fmt: skip
 
 
 def _positive(text: str) -> float:

@@ -20,6 +20,7 @@ from bondgraph.estimate.estimate import estimate as run_estimate
 from bondgraph.estimate.sensitivity import sensitivity as find_sensitivity
 from bondgraph.report.collect import versions
 from bondgraph.report.estimation import declared_problem, write_estimate
+from bondgraph.report.events import events_text, mark_events
 from bondgraph.report.figures import save_figure
 from bondgraph.report.filtering import filter_logs
 from bondgraph.report.html import Provenance
@@ -44,8 +45,12 @@ def simulate(options: argparse.Namespace) -> int:
     chosen = SimulationOptions(
         options.until, options.step, assignments(options.set, "--set"), initial(options.initial),
         options.rtol, options.atol, options.all, scenario, signals=bool(panels),
+        smooth=not options.exact,
     )  # fmt: skip
-    trajectory = simulate_graph(graph, inputs, chosen).raise_if_failed()
+    trajectory = simulate_graph(graph, inputs, chosen)
+    if options.exact:
+        print(events_text(trajectory), file=sys.stderr)
+    trajectory.raise_if_failed()
     if scenario and scenario.left_out(trajectory.model):
         names = ", ".join(scenario.left_out(trajectory.model))
         print(f"left out, since {graph.name} does not have them: {names}", file=sys.stderr)
@@ -53,6 +58,7 @@ def simulate(options: argparse.Namespace) -> int:
     if options.plot:
         title = f"{graph.name}: {scenario.meaning}" if scenario else graph.name
         figure = manoeuvre_figure(trajectory, panels, title) if panels else launch_figure(trajectory)
+        mark_events(figure, trajectory)
         save_figure(figure, Path(options.plot))
         print(f"picture: {options.plot}", file=sys.stderr)
     if options.out:
@@ -65,14 +71,14 @@ def simulate(options: argparse.Namespace) -> int:
 def filter(options: argparse.Namespace) -> int:
     """Filter logs and write states with bands, innovations and consistency."""
     model, driven, logs = _model_and_logs(options)
-    print(filter_logs(model, driven, logs, Path(options.out), options.smooth))
+    print(filter_logs(model, driven, logs, Path(options.out), options.smooth, options.start))
     return 0
 
 
 def estimate(options: argparse.Namespace) -> int:
     """Estimate parameters from logs."""
     model, driven, logs = _model_and_logs(options)
-    problem = declared_problem(model, driven, logs, names(options.free), options.process_noise)
+    problem = declared_problem(model, driven, logs, names(options.free), options.process_noise, options.start)
     folder = Path(options.out)
     settings = Settings(method=options.method, seed=options.seed)
     with WorkProgress("estimating", None, "evaluations") as work:
@@ -87,7 +93,7 @@ def estimate(options: argparse.Namespace) -> int:
 def sensitivity(options: argparse.Namespace) -> int:
     """Print what the logs say about each parameter."""
     model, driven, logs = _model_and_logs(options)
-    problem = declared_problem(model, driven, logs, names(options.free), options.process_noise)
+    problem = declared_problem(model, driven, logs, names(options.free), options.process_noise, options.start)
     print(json.dumps(finite(find_sensitivity(problem).to_dict()), indent=1))
     return 0
 

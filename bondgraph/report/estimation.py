@@ -9,6 +9,7 @@ from bondgraph.correct.loop import free_parameters
 from bondgraph.correct.setup import filter_setup
 from bondgraph.data.log import MatchedLog
 from bondgraph.estimate.free import declared_free, parse_target
+from bondgraph.estimate.initial import Initial
 from bondgraph.estimate.innovation_summary import fitted_runs, innovation_summary
 from bondgraph.estimate.problem import EstimationProblem
 from bondgraph.estimate.result import Estimate
@@ -22,7 +23,12 @@ from bondgraph.simulate.trajectory import Trajectory
 
 
 def declared_problem(
-    model: Model, driven: Sequence[str], logs: Sequence[MatchedLog], free: Sequence[str], process_noise: str
+    model: Model,
+    driven: Sequence[str],
+    logs: Sequence[MatchedLog],
+    free: Sequence[str],
+    process_noise: str,
+    initial: Initial = "measured",
 ) -> EstimationProblem:
     """The estimation problem that a command poses: noises from the logs, the named parameters or all with bounds free.
 
@@ -36,7 +42,7 @@ def declared_problem(
     others = [declared_free(name, setup.filter_model) for name in free if parse_target(name).kind != "parameter"]
     given = {parameter.name for parameter in others}
     noise = [parameter for parameter in setup.noise if parameter.name not in given]
-    return EstimationProblem(setup.filter_model, tuple(logs), (*named, *others, *noise))
+    return EstimationProblem(setup.filter_model, tuple(logs), (*named, *others, *noise), initial)
 
 
 def write_estimate(estimate: Estimate, folder: Path, made: Provenance) -> ReportData:

@@ -10,7 +10,7 @@ from typing import Any
 from bondgraph.correct.setup import filter_setup
 from bondgraph.data.log import Log, LogChannel, MatchedLog
 from bondgraph.data.write import write_log
-from bondgraph.estimate.initial import initial_states
+from bondgraph.estimate.initial import Initial, initial_states
 from bondgraph.filter.consistency import Consistency, consistency
 from bondgraph.filter.filter_run import FilterRun
 from bondgraph.filter.likelihood import run
@@ -23,7 +23,12 @@ from bondgraph.simulate.model import Model
 
 
 def filter_logs(
-    model: Model, driven: Sequence[str], logs: Sequence[MatchedLog], folder: Path, smoothed: bool = False
+    model: Model,
+    driven: Sequence[str],
+    logs: Sequence[MatchedLog],
+    folder: Path,
+    smoothed: bool = False,
+    initial: Initial = "measured",
 ) -> str:
     """Filter logs with a model at its declared parameters and write states, innovations and consistency.
 
@@ -39,7 +44,7 @@ def filter_logs(
     folder.mkdir(parents=True, exist_ok=True)
     lines, result = [], {}
     for log in logs:
-        start = initial_states(model, [log], model.theta(), "measured")[0]
+        start = initial_states(model, [log], model.theta(), initial)[0]
         record = run(filter_model, log, x0=start).raise_if_failed()
         shown_run = _smoothed(record) if smoothed else record
         write_log(folder / f"{log.name}_states.csv", _states_log(shown_run))

@@ -67,6 +67,21 @@ def test_filter_writes_states_with_bands(motor_file: Path, run_file: Path, tmp_p
     assert (out / "run_states.png").stat().st_size > 10_000
 
 
+def test_what_is_not_measured_can_start_settled(motor_file: Path, tmp_path: Path) -> None:
+    """A motor at speed under voltage: its current has settled long before the log begins."""
+    log, out = tmp_path / "late.csv", tmp_path / "filtered"
+    rows = "".join(f"{0.01 * k:.2f},12,{60.0 + 0.1 * (k % 2)}\n" for k in range(60))
+    log.write_text("time [s],u_a [V],omega [rad/s]\n" + rows, encoding="utf-8")
+    command = ["filter", str(motor_file), "--data", str(log), "--out", str(out)]
+    starts = {}
+    for rule in ("measured", "settled"):
+        assert main([*command, "--start", rule]) == 0
+        first = (out / "late_states.csv").read_text(encoding="utf-8").splitlines()[1]
+        starts[rule] = float(first.split(",")[1])
+    assert starts["measured"] == pytest.approx(0.0, abs=1e-6)
+    assert starts["settled"] == pytest.approx((12.0 - 0.1 * 60.0) / 1.0, rel=1e-3)
+
+
 def test_sensitivity_answers_in_json(motor_file: Path, run_file: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["sensitivity", str(motor_file), "--data", str(run_file), "--free", "b,R_a"]) == 0
     assert "b" in capsys.readouterr().out
