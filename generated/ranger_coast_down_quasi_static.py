@@ -1,6 +1,6 @@
 # Generated from vehicle_graphs/ranger.py -- do not edit.
 # Regenerate with:  bondgraph generate vehicle_graphs.ranger:coast_down_quasi_static
-# Generator: bondgraph 0.1.0, sympy 1.14.0.  Equations: 91cf15812f6417d5
+# Generator: bondgraph 0.1.0, sympy 1.14.0.  Equations: 8f1621103920929b
 """Ranger-class vehicle coasting in neutral on a suspension that follows at once.
 
 States x:
@@ -97,59 +97,6 @@ OUTPUTS = (
 )
 
 
-def _linear_2(a0_0, a0_1, a1_0, a1_1, b0, b1):
-    """Solution of a x = b by Gaussian elimination with the largest pivot first."""
-    swap = np.abs(a1_0) > np.abs(a0_0)
-    a0_0, a1_0 = np.where(swap, a1_0, a0_0), np.where(swap, a0_0, a1_0)
-    a0_1, a1_1 = np.where(swap, a1_1, a0_1), np.where(swap, a0_1, a1_1)
-    b0, b1 = np.where(swap, b1, b0), np.where(swap, b0, b1)
-    factor = a1_0/a0_0
-    a1_1 = a1_1 - factor*a0_1
-    b1 = b1 - factor*b0
-    x1 = b1/a1_1
-    x0 = (b0 - a0_1*x1)/a0_0
-    return x0, x1
-
-
-def _solve_S_r_S_f(S_r, S_f, m, g, a, b, r_z, r_d, mu, C_k, forward_velocity, rear_axle_speed, front_axle_speed, inclination, slip_speed_f, slip_speed_r):
-    """S_r [N], S_f [N] of the algebraic loop S_r_S_f (loop of N_r, S_r, N_f, S_f), by damped Newton steps; nan where they fail."""
-    _best_S_r, _step_S_r = S_r, 1.0 + np.abs(S_r)
-    _best_S_f, _step_S_f = S_f, 1.0 + np.abs(S_f)
-    _error, _demand, _part, _w0, _w1 = np.inf, 0.0, -2.0, 0.0, 0.0
-    for _ in range(200):
-        F_rear_tyre_contact_in_loop = mu*np.tanh(C_k*(r_d*rear_axle_speed - forward_velocity)/(mu*slip_speed_r))*np.maximum(S_r, 0.0)
-        _F_rear_tyre_contact_in_loop_by_S_r = mu*np.tanh(C_k*(r_d*rear_axle_speed - forward_velocity)/(mu*slip_speed_r))*np.where(S_r >= 0, 1.0, 0.0)
-        F_front_tyre_contact_in_loop = mu*np.tanh(C_k*(r_d*front_axle_speed - forward_velocity)/(mu*slip_speed_f))*np.maximum(S_f, 0.0)
-        _F_front_tyre_contact_in_loop_by_S_f = mu*np.tanh(C_k*(r_d*front_axle_speed - forward_velocity)/(mu*slip_speed_f))*np.where(S_f >= 0, 1.0, 0.0)
-        _r0 = (m*g*a*np.cos(inclination) + r_z*(F_rear_tyre_contact_in_loop + F_front_tyre_contact_in_loop))/(a + b) - S_r
-        _r1 = (m*g*b*np.cos(inclination) - r_z*(F_rear_tyre_contact_in_loop + F_front_tyre_contact_in_loop))/(a + b) - S_f
-        _j0_0 = r_z*_F_rear_tyre_contact_in_loop_by_S_r/(a + b) - 1
-        _j0_1 = r_z*_F_front_tyre_contact_in_loop_by_S_f/(a + b)
-        _j1_0 = -r_z*_F_rear_tyre_contact_in_loop_by_S_r/(a + b)
-        _j1_1 = -r_z*_F_front_tyre_contact_in_loop_by_S_f/(a + b) - 1
-        _trial = _w0*np.abs(_r0) + _w1*np.abs(_r1)
-        _better = _trial < (1.0 - _demand*np.abs(_part))*_error
-        _newton_S_r, _newton_S_f = _linear_2(_j0_0, _j0_1, _j1_0, _j1_1, -_r0, -_r1)
-        _usable = (np.abs(_newton_S_r) < 1e9*(1.0 + np.abs(S_r))) & (np.abs(_newton_S_f) < 1e9*(1.0 + np.abs(S_f))) & (np.abs(_newton_S_r) + np.abs(_newton_S_f) > 0.0)
-        _demand = np.where(_better, np.where(_usable, 0.25, 0.0), _demand)
-        _step_S_r = np.where(_better, np.where(_usable, _newton_S_r, 1.0 + np.abs(S_r)), _step_S_r)
-        _step_S_f = np.where(_better, np.where(_usable, _newton_S_f, 1.0 + np.abs(S_f)), _step_S_f)
-        _w0 = np.where(_better, 1.0/(np.abs(_j0_0)*(1.0 + np.abs(S_r)) + np.abs(_j0_1)*(1.0 + np.abs(S_f)) + 1e-30), _w0)
-        _w1 = np.where(_better, 1.0/(np.abs(_j1_0)*(1.0 + np.abs(S_r)) + np.abs(_j1_1)*(1.0 + np.abs(S_f)) + 1e-30), _w1)
-        _error = np.where(_better, _w0*np.abs(_r0) + _w1*np.abs(_r1), _error)
-        _best_S_r = np.where(_better, S_r, _best_S_r)
-        _best_S_f = np.where(_better, S_f, _best_S_f)
-        _part = np.where(_better, np.minimum(4.0*np.abs(_part), 1.0), -0.5*_part)
-        _settled = (_error == 0.0) | (np.abs(_part) < 1e-18) | ((np.abs(_part*_step_S_r) <= 4e-16*np.abs(_best_S_r)) & (np.abs(_part*_step_S_f) <= 4e-16*np.abs(_best_S_f)))
-        _part = np.where(_settled, 0.0, _part)
-        if np.all(_part == 0.0):
-            break
-        S_r = _best_S_r + _part*_step_S_r
-        S_f = _best_S_f + _part*_step_S_f
-    _found = (_error == 0.0) | ((np.abs(_step_S_r) <= 1e-6*np.abs(_best_S_r) + 1e-9) & (np.abs(_step_S_f) <= 1e-6*np.abs(_best_S_f) + 1e-9))
-    return np.where(_found, _best_S_r, np.nan), np.where(_found, _best_S_f, np.nan)
-
-
 def rhs(t, x, u, theta):
     """dx/dt, shape (n_x, *batch)."""
     forward_velocity = x[0]
@@ -181,18 +128,24 @@ def rhs(t, x, u, theta):
     F_body_gravity = -m*g*np.sin(inclination)  # [N] effort of body.gravity
     slip_speed_f = np.maximum(np.maximum(np.abs(forward_velocity), np.abs(r_d*front_axle_speed)), v_low)  # [m/s] speed that the slip of the front tyres refers to
     slip_speed_r = np.maximum(np.maximum(np.abs(forward_velocity), np.abs(r_d*rear_axle_speed)), v_low)  # [m/s] speed that the slip of the rear tyres refers to
-    S_r, S_f = _solve_S_r_S_f(0.0, 0.0, m, g, a, b, r_z, r_d, mu, C_k, forward_velocity, rear_axle_speed, front_axle_speed, inclination, slip_speed_f, slip_speed_r)  # loop of N_r, S_r, N_f, S_f
-    N_r = np.maximum(S_r, 0.0)  # [N] load of the rear tyres
-    F_rear_tyre_contact = mu*N_r*np.tanh(C_k*(r_d*rear_axle_speed - forward_velocity)/(mu*slip_speed_r))  # [N] effort of rear_tyre.contact
-    N_f = np.maximum(S_f, 0.0)  # [N] load of the front tyres
-    F_front_tyre_contact = mu*N_f*np.tanh(C_k*(r_d*front_axle_speed - forward_velocity)/(mu*slip_speed_f))  # [N] effort of front_tyre.contact
+    F_rear_tyre_contact_part = r_z*mu*np.tanh(C_k*(r_d*rear_axle_speed - forward_velocity)/(mu*slip_speed_r))/(a + b)  # part of effort of rear_tyre.contact
+    F_rear_tyre_contact_part_2 = r_z*mu*np.tanh(C_k*(r_d*rear_axle_speed - forward_velocity)/(mu*slip_speed_r))/(a + b)  # part of effort of rear_tyre.contact
+    F_rear_tyre_contact_part_3 = m*g*a*mu*np.cos(inclination)*np.tanh(C_k*(r_d*rear_axle_speed - forward_velocity)/(mu*slip_speed_r))/(a + b)  # part of effort of rear_tyre.contact
+    F_front_tyre_contact_part = -r_z*mu*np.tanh(C_k*(r_d*front_axle_speed - forward_velocity)/(mu*slip_speed_f))/(a + b)  # part of effort of front_tyre.contact
+    F_front_tyre_contact_part_2 = -r_z*mu*np.tanh(C_k*(r_d*front_axle_speed - forward_velocity)/(mu*slip_speed_f))/(a + b)  # part of effort of front_tyre.contact
+    F_front_tyre_contact_part_3 = m*g*b*mu*np.cos(inclination)*np.tanh(C_k*(r_d*front_axle_speed - forward_velocity)/(mu*slip_speed_f))/(a + b)  # part of effort of front_tyre.contact
+    loop_pivot_1_1 = 1 - F_front_tyre_contact_part - F_rear_tyre_contact_part*F_front_tyre_contact_part_2/(1 - F_rear_tyre_contact_part_2)  # loop of
+    loop_solution_1 = (F_rear_tyre_contact_part_3*F_front_tyre_contact_part_2/(1 - F_rear_tyre_contact_part_2) + F_front_tyre_contact_part_3)/loop_pivot_1_1  # loop of
+    loop_solution_0 = (F_rear_tyre_contact_part_3 + F_rear_tyre_contact_part*loop_solution_1)/(1 - F_rear_tyre_contact_part_2)  # loop of
+    N_r = (m*g*a*np.cos(inclination) + r_z*(loop_solution_1 + loop_solution_0))/(a + b)  # [N] load of the rear tyres
+    N_f = (m*g*b*np.cos(inclination) - r_z*(loop_solution_1 + loop_solution_0))/(a + b)  # [N] load of the front tyres
     tau_rear_axle_brake_discs = brake_gain*T_br_max*brake*np.tanh(rear_axle_speed/w_brake)  # [N m] effort of rear_axle.brake_discs
     tau_rear_axle_rolling = f_r*r_d*N_r*np.tanh(rear_axle_speed/w_roll)  # [N m] effort of rear_axle.rolling
     tau_front_axle_brake_discs = brake_gain*T_bf_max*brake*np.tanh(front_axle_speed/w_brake)  # [N m] effort of front_axle.brake_discs
     tau_front_axle_rolling = f_r*r_d*N_f*np.tanh(front_axle_speed/w_roll)  # [N m] effort of front_axle.rolling
-    dx0 = (F_body_gravity + F_rear_tyre_contact + F_front_tyre_contact - F_body_air)/m  # d(forward_velocity)/dt
-    dx1 = (-r_d*F_rear_tyre_contact - tau_rear_axle_brake_discs - tau_rear_axle_rolling)/J_r  # d(rear_axle_speed)/dt
-    dx2 = (-r_d*F_front_tyre_contact - tau_front_axle_brake_discs - tau_front_axle_rolling)/J_f  # d(front_axle_speed)/dt
+    dx0 = (F_body_gravity + loop_solution_1 + loop_solution_0 - F_body_air)/m  # d(forward_velocity)/dt
+    dx1 = (-r_d*loop_solution_0 - tau_rear_axle_brake_discs - tau_rear_axle_rolling)/J_r  # d(rear_axle_speed)/dt
+    dx2 = (-r_d*loop_solution_1 - tau_front_axle_brake_discs - tau_front_axle_rolling)/J_f  # d(front_axle_speed)/dt
     dx3 = inclination_rate  # d(inclination)/dt
     dx4 = forward_velocity*np.sin(inclination)  # d(height)/dt
     return _stack(x, (dx0, dx1, dx2, dx3, dx4))
@@ -220,12 +173,16 @@ def output(t, x, u, theta):
     v_low = theta[22]
     slip_speed_f = np.maximum(np.maximum(np.abs(forward_velocity), np.abs(r_d*front_axle_speed)), v_low)  # [m/s] speed that the slip of the front tyres refers to
     slip_speed_r = np.maximum(np.maximum(np.abs(forward_velocity), np.abs(r_d*rear_axle_speed)), v_low)  # [m/s] speed that the slip of the rear tyres refers to
-    S_r, S_f = _solve_S_r_S_f(0.0, 0.0, m, g, a, b, r_z, r_d, mu, C_k, forward_velocity, rear_axle_speed, front_axle_speed, inclination, slip_speed_f, slip_speed_r)  # loop of N_r, S_r, N_f, S_f
-    N_r = np.maximum(S_r, 0.0)  # [N] load of the rear tyres
-    F_rear_tyre_contact = mu*N_r*np.tanh(C_k*(r_d*rear_axle_speed - forward_velocity)/(mu*slip_speed_r))  # [N] effort of rear_tyre.contact
-    N_f = np.maximum(S_f, 0.0)  # [N] load of the front tyres
-    F_front_tyre_contact = mu*N_f*np.tanh(C_k*(r_d*front_axle_speed - forward_velocity)/(mu*slip_speed_f))  # [N] effort of front_tyre.contact
-    pitch = r_z*(F_rear_tyre_contact + F_front_tyre_contact)/(spring_gain*k_f*a**2 + spring_gain*k_r*b**2)  # [rad] pitch of the body relative to the ground
+    F_rear_tyre_contact_part = r_z*mu*np.tanh(C_k*(r_d*rear_axle_speed - forward_velocity)/(mu*slip_speed_r))/(a + b)  # part of effort of rear_tyre.contact
+    F_rear_tyre_contact_part_2 = r_z*mu*np.tanh(C_k*(r_d*rear_axle_speed - forward_velocity)/(mu*slip_speed_r))/(a + b)  # part of effort of rear_tyre.contact
+    F_rear_tyre_contact_part_3 = m*g*a*mu*np.cos(inclination)*np.tanh(C_k*(r_d*rear_axle_speed - forward_velocity)/(mu*slip_speed_r))/(a + b)  # part of effort of rear_tyre.contact
+    F_front_tyre_contact_part = -r_z*mu*np.tanh(C_k*(r_d*front_axle_speed - forward_velocity)/(mu*slip_speed_f))/(a + b)  # part of effort of front_tyre.contact
+    F_front_tyre_contact_part_2 = -r_z*mu*np.tanh(C_k*(r_d*front_axle_speed - forward_velocity)/(mu*slip_speed_f))/(a + b)  # part of effort of front_tyre.contact
+    F_front_tyre_contact_part_3 = m*g*b*mu*np.cos(inclination)*np.tanh(C_k*(r_d*front_axle_speed - forward_velocity)/(mu*slip_speed_f))/(a + b)  # part of effort of front_tyre.contact
+    loop_pivot_1_1 = 1 - F_front_tyre_contact_part - F_rear_tyre_contact_part*F_front_tyre_contact_part_2/(1 - F_rear_tyre_contact_part_2)  # loop of
+    loop_solution_1 = (F_rear_tyre_contact_part_3*F_front_tyre_contact_part_2/(1 - F_rear_tyre_contact_part_2) + F_front_tyre_contact_part_3)/loop_pivot_1_1  # loop of
+    loop_solution_0 = (F_rear_tyre_contact_part_3 + F_rear_tyre_contact_part*loop_solution_1)/(1 - F_rear_tyre_contact_part_2)  # loop of
+    pitch = r_z*(loop_solution_1 + loop_solution_0)/(spring_gain*k_f*a**2 + spring_gain*k_r*b**2)  # [rad] pitch of the body relative to the ground
     y0 = rear_axle_speed  # axle_speed [rad/s]
     y1 = forward_velocity  # forward_velocity [m/s]
     y2 = height  # height [m]

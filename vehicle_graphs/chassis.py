@@ -84,7 +84,7 @@ def quasi_static_chassis() -> BondGraph:
     Examples
     --------
     >>> [signal.name for signal in quasi_static_chassis().signals]
-    ['S_f', 'S_r', 'N_f', 'N_r', 'pitch']
+    ['N_f', 'N_r', 'S_f', 'S_r', 'pitch']
     """
     g = BondGraph("quasi_static_chassis", doc=__doc__)
     thrust = g.input("thrust", "N", "force of all tyres along the ground")
@@ -93,7 +93,11 @@ def quasi_static_chassis() -> BondGraph:
     g.bond(ground, _forward(g, frame))
     wheelbase = frame.a + frame.b
     normal = frame.m * frame.g * cos(frame.slope)
-    _loads(g, (frame.b * normal - frame.r_z * thrust) / wheelbase, (frame.a * normal + frame.r_z * thrust) / wheelbase)
+    # friction is too low to lift an axle, so what the suspension carries presses on the ground
+    front = g.signal("N_f", (frame.b * normal - frame.r_z * thrust) / wheelbase, "N", "load of the front tyres")
+    rear = g.signal("N_r", (frame.a * normal + frame.r_z * thrust) / wheelbase, "N", "load of the rear tyres")
+    g.signal("S_f", front, "N", "force of the front suspension")
+    g.signal("S_r", rear, "N", "force of the rear suspension")
     stiffness = frame.a**2 * frame.k_f + frame.b**2 * frame.k_r
     g.signal("pitch", thrust * frame.r_z / stiffness, "rad", "pitch of the body relative to the ground")
     return g

@@ -54,7 +54,7 @@ SCENARIOS = {
     "throttle_ramp": Scenario("throttle opens by 0.01 per second", 30.0, {"throttle": [(0.0, 0.0), (30.0, 0.3)]}),
     "fast_throttle_ramp": Scenario("throttle opens by 0.02 per second", 20.0, {"throttle": [(0.0, 0.0), (20.0, 0.4)]}),
     "hill_start": Scenario(
-        "full throttle from rest on a slope of 10 degrees, held by the brake until the engine pulls", 40.0,
+        "full throttle from rest on a slope of 10 degrees", 40.0,
         {"throttle": [(0.0, 0.0), (0.1, 1.0)]}, {"inclination": radians(10.0)},
     ),
     "half_brake": Scenario(

@@ -1,0 +1,168 @@
+"""The Ranger's parts: what causality finds in them, and exchanging them one by one."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from bondgraph.correct.build import BuiltModel, build
+from bondgraph.declare.files import graph_from_json, graph_to_json
+from bondgraph.declare.graph import BondGraph
+from bondgraph.derive.causality import assign_causality
+from bondgraph.derive.derivation import Derivation
+from bondgraph.derive.equations import ImplicitLoop
+from bondgraph.report.evaluate import evaluate
+from bondgraph.simulate.model import Model
+from bondgraph.simulate.scenario import Scenario
+from bondgraph.simulate.simulate import simulate
+from bondgraph.simulate.trajectory import Trajectory
+from vehicle_graphs import tyres
+from vehicle_graphs.engine import mapped_engine
+from vehicle_graphs.ranger import SCENARIOS, coast_down, coast_down_quasi_static, full, full_awd
+from vehicle_graphs.tyres import Tyre
+
+LAWS = (tyres.slip_velocity_tyre, tyres.brush_tyre, tyres.pacejka_tyre, tyres.relaxation_tyre)
+
+STATES = {
+    "engine_speed", "sheave_displacement", "rear_axle_speed", "front_axle_speed", "forward_velocity", "heave",
+    "heave_rate", "pitch", "pitch_rate", "height", "inclination",
+}  # fmt: skip
+
+
+def drive(model: Model, scenario: Scenario, duration: float) -> Trajectory:
+    times = np.arange(0.0, duration, 0.05)
+    run = simulate(model, times, scenario.signal(model), x0=scenario.start(model), rtol=1e-6)
+    return run.raise_if_failed()
+
+
+# ---------------------------------------------------------------------- what causality finds
+
+
+def test_states_have_the_names_that_scripts_use() -> None:
+    assert set(build(full()).model.names("state")) == STATES
+    assert set(build(coast_down()).model.names("state")) == STATES - {"engine_speed", "sheave_displacement"}
+    bare = {"rear_axle_speed", "front_axle_speed", "forward_velocity", "height", "inclination"}
+    assert set(build(coast_down_quasi_static()).model.names("state")) == bare
+
+
+def test_geared_inertias_are_dependent_storages() -> None:
+    assert assign_causality(full()).derivative == (("gearbox.secondary", 1),)
+    assert assign_causality(full_awd()).derivative == (("front_axle.inertia", 1), ("gearbox.secondary", 1))
+
+
+def test_belt_and_helix_are_an_algebraic_loop_that_is_solved_in_closed_form() -> None:
+    derivation = Derivation(assign_causality(full()))
+    equations = derivation.equations()
+    loops = [loop.torn for loop in derivation.loops if not loop.of_rates and len(loop.torn) == 1]
+    assert ("F_belt.belt",) in loops
+    iterated = [step.unknowns for step in equations.assignments if isinstance(step, ImplicitLoop)]
+    assert [str(unknown) for (unknown,) in iterated] == ["r_s"]
+
+
+def test_loads_of_the_quasi_static_suspension_and_tyre_forces_are_a_loop_in_closed_form() -> None:
+    derivation = Derivation(assign_causality(coast_down_quasi_static()))
+    equations = derivation.equations()
+    assert [loop.linear for loop in derivation.loops] == [True]
+    assert not any(isinstance(step, ImplicitLoop) for step in equations.assignments)
+
+
+def test_the_declared_vehicle_survives_its_file() -> None:
+    assert graph_from_json(graph_to_json(full())) == full()
+
+
+def test_a_state_and_an_output_of_the_same_name_are_kept_apart() -> None:
+    point = {"states": {"pitch": 0.02, "inclination": 0.05}, "parameters": {"th_off": 0.001}}
+    answer = evaluate(full(), [point])[0]
+    assert answer["outputs"]["pitch"] == pytest.approx(0.071)
+    assert answer["derivatives"]["pitch"] == 0.0  # the pitch rate, not that of the measured pitch
+
+
+# ---------------------------------------------------------------------- neutral, all-wheel drive
+
+
+def test_in_neutral_the_secondary_stands_and_revving_only_slips_the_belt() -> None:
+    states = {"engine_speed": 400.0, "rear_axle_speed": 20.0, "forward_velocity": 6.3, "front_axle_speed": 20.0}
+    rolling = {**states, "sheave_displacement": 0.001}
+    idle, revved = evaluate(
+        full(), [{"states": {**rolling, "engine_speed": w}, "inputs": {"gear": "N"}} for w in (130.0, 400.0)]
+    )
+    assert revved["signals"]["F_b"] > 100 > idle["signals"]["F_b"]
+    assert revved["signals"]["flow(gearbox.shaft)"] == 0
+    assert revved["derivatives"]["rear_axle_speed"] == idle["derivatives"]["rear_axle_speed"]
+
+
+def test_all_wheel_drive_has_the_inertia_of_both_axles_and_drives_both() -> None:
+    states = {"engine_speed": 500.0, "rear_axle_speed": 12.0, "forward_velocity": 3.6, "sheave_displacement": 0.002}
+    answer = evaluate(full_awd(), [{"states": states}])[0]
+    signals = answer["signals"]
+    torque = 0.95 * 10 * signals["F_b"] * signals["r_s"] - 0.315 * (signals["F_xf"] + signals["F_xr"])
+    rolling = 0.035 * 0.315 * (signals["N_f"] + signals["N_r"])
+    assert answer["derivatives"]["rear_axle_speed"] == pytest.approx((torque - rolling) / (4.0 + 100 * 0.03), rel=1e-9)
+    assert signals["F_xf"] > 0 and signals["flow(front_axle.hub)"] == 12.0
+
+
+# ---------------------------------------------------------------------- exchanging parts
+
+
+def test_a_dynamometer_map_replaces_the_formula() -> None:
+    throttles, speeds = (0.0, 0.15, 0.55, 1.0), (130.0, 260.0, 480.0, 690.0, 716.0)
+    points = [{"states": {"engine_speed": w}, "inputs": {"throttle": u}} for u in throttles for w in speeds]
+    formula, mapped = (evaluate(graph, points) for graph in (full(), full(engine=mapped_engine)))
+    for a, b in zip(formula, mapped, strict=True):
+        assert b["signals"]["T_e"] == pytest.approx(a["signals"]["T_e"], abs=0.4)
+
+
+def test_a_part_is_exchanged_in_a_declared_graph() -> None:
+    g = full()
+    g.exchange("engine", mapped_engine())
+    assert g == full(engine=mapped_engine)
+
+
+@pytest.mark.parametrize("tyre", LAWS)
+def test_tyre_laws_agree_for_small_slip(tyre: Tyre) -> None:
+    v, slip = 10.0, 1e-4
+    speeds = {"forward_velocity": v, "rear_axle_speed": v * (1 + slip) / 0.315, "front_axle_speed": v / 0.315}
+    if tyre is tyres.relaxation_tyre:
+        speeds["tyre_slip_r"] = slip
+    parameters = {"K": 10.0 * 1200 * 9.81 * 1.26 / 2.05 / v} if tyre is tyres.slip_velocity_tyre else {}
+    force = evaluate(coast_down(tyre), [{"states": speeds, "parameters": parameters}])[0]["signals"]["F_xr"]
+    assert force == pytest.approx(10.0 * slip * 1200 * 9.81 * 1.26 / 2.05, rel=1e-2)
+
+
+@pytest.mark.parametrize("tyre", LAWS)
+def test_tyre_laws_saturate_at_the_friction(tyre: Tyre) -> None:
+    spinning = {"forward_velocity": 2.0, "rear_axle_speed": 60.0, "front_axle_speed": 2.0 / 0.315}
+    if tyre is tyres.relaxation_tyre:
+        spinning["tyre_slip_r"] = 0.9
+    answer = evaluate(coast_down(tyre), [{"states": spinning}])[0]["signals"]
+    share = 0.6 if tyre is tyres.pacejka_tyre else 0.9  # of the peak, beyond which the magic formula falls
+    assert share * 0.65 * answer["N_r"] < answer["F_xr"] <= 0.65 * answer["N_r"]
+
+
+def test_slip_builds_up_over_the_relaxation_length() -> None:
+    model = build(coast_down(tyres.relaxation_tyre)).model
+    start = Scenario("", 1.0, {"brake": 0.3}, {**SCENARIOS["neutral_coast_down"].initial})
+    run = drive(model, start, 1.0)
+    assert run.state("tyre_slip_r")[0] == 0.0
+    assert -0.2 < run.state("tyre_slip_r")[-1] < -0.005
+
+
+def test_quasi_static_suspension_pitches_at_once_and_by_the_stiffness_of_its_springs() -> None:
+    rolling = {"forward_velocity": 10.0, "rear_axle_speed": 31.0, "front_axle_speed": 31.0}
+    point = {"states": rolling, "inputs": {"brake": 0.4}}
+    answer = evaluate(coast_down_quasi_static(), [point])[0]["signals"]
+    thrust = answer["F_xf"] + answer["F_xr"]
+    assert answer["pitch"] == pytest.approx(thrust * 0.6 / (1.26**2 * 41e3 + 0.79**2 * 75e3), rel=1e-12)
+    assert answer["S_f"] + answer["S_r"] == pytest.approx(1200 * 9.81, rel=1e-12)
+    assert 1.26 * answer["S_f"] - 0.79 * answer["S_r"] + 0.6 * thrust == pytest.approx(0.0, abs=1e-6)
+
+
+def coasting(graph: BondGraph) -> tuple[BuiltModel, Trajectory]:
+    built = build(graph)
+    return built, drive(built.model, SCENARIOS["neutral_coast_down"], 20.0)
+
+
+def test_reduced_coast_down_models_coast_as_the_whole_vehicle_does() -> None:
+    whole = coasting(full())[1].state("forward_velocity")[-1]
+    assert coasting(coast_down())[1].state("forward_velocity")[-1] == pytest.approx(whole, abs=1e-4)
+    assert coasting(coast_down_quasi_static())[1].state("forward_velocity")[-1] == pytest.approx(whole, abs=0.02)
