@@ -27,6 +27,8 @@ from bondgraph.derive.jacobian import Jacobian, jacobian
 from bondgraph.derive.linear import quotient
 from bondgraph.errors import DerivationError
 
+_Step = Assignment | ImplicitLoop
+
 
 @dataclass(frozen=True)
 class _Free:
@@ -51,8 +53,7 @@ def with_resets(causal: CausalGraph, modes: Sequence[Mode]) -> tuple[Mode, ...]:
         return tuple(modes)
     free = _derive_free(causal, names)
     found = jacobian(free.equations, by=("x", "u"))
-    steps = (*free.equations.assignments, *found.assignments)
-    resets = {name: Reset(steps, _states_after(free, found, index)) for index, name in enumerate(names)}
+    resets = {name: _reset(free, found, index) for index, name in enumerate(names)}
     return tuple(
         mode if mode.kind == "switch" else dataclasses.replace(mode, reset=resets[mode.element]) for mode in modes
     )
@@ -106,7 +107,7 @@ def _check_gaps(causal: CausalGraph, names: Sequence[str]) -> None:
             )
 
 
-def _states_after(free: _Free, found: Jacobian, index: int) -> tuple[Expr, ...]:
+def _reset(free: _Free, found: Jacobian, index: int) -> Reset:
     name, equations = free.names[index], free.equations
     column = len(equations.inputs) - len(free.names) + index
     gains = {e.row: e.value for e in found.block("derivatives", "u").entries if e.column == column}
@@ -119,27 +120,31 @@ def _states_after(free: _Free, found: Jacobian, index: int) -> tuple[Expr, ...]:
             where=(name,),
         )
     moved = {equations.states[k].symbol for k in gains} | set(free.derivation.variables.modes.efforts.values())
-    if not moved.isdisjoint(_behind([*gains.values(), *slopes.values()], (*equations.assignments, *found.assignments))):
+    steps: tuple[_Step, ...] = (*equations.assignments, *found.assignments)
+    if not moved.isdisjoint(_behind([*gains.values(), *slopes.values()], steps)[0]):
         raise DerivationError(
             f"{equations.name}: {name}: an impulse through it acts nonlinearly on {', '.join(sorted(map(str, moved)))}"
             " - use inertances with a constant inertia there, or derive the graph smooth",
             where=(name,),
         )
     impulse = quotient((ONE + free.restitutions[index]) * equations.outputs[index].expression, -mobility)
-    return tuple(
+    states = tuple(
         state.symbol + gains[k] * impulse if k in gains else state.symbol for k, state in enumerate(equations.states)
     )
+    return Reset(_behind(states, steps)[1], states)
 
 
-def _behind(values: Sequence[Expr], steps: Sequence[Assignment | ImplicitLoop]) -> set[Symbol]:
-    """All symbols on which expressions depend, through assignments."""
+def _behind(values: Sequence[Expr], steps: Sequence[_Step]) -> tuple[set[Symbol], tuple[_Step, ...]]:
+    """All symbols on which expressions depend, through assignments, and these assignments."""
     wanted = {used for value in values for used in value.free_symbols}
+    needed = []
     for step in reversed(steps):
         if isinstance(step, Assignment):
-            if step.symbol in wanted:
-                wanted |= step.expression.free_symbols
-        elif not wanted.isdisjoint(step.unknowns):
-            wanted |= {
-                used for part in (*step.residuals, *(a.expression for a in step.body)) for used in part.free_symbols
-            }
-    return wanted
+            defined, parts = {step.symbol}, (step.expression,)
+        else:
+            defined = {*step.unknowns, *(local.symbol for local in step.body)}
+            parts = (*step.residuals, *step.guesses, *(local.expression for local in step.body))
+        if not wanted.isdisjoint(defined):
+            needed.append(step)
+            wanted |= {used for part in parts for used in part.free_symbols}
+    return wanted, tuple(reversed(needed))

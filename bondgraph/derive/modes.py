@@ -15,7 +15,7 @@ from __future__ import annotations
 from collections import ChainMap
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from sympy import Add, Eq, Expr, Integer, Piecewise, Symbol
 
@@ -76,10 +76,9 @@ class ModeNotes:
             value = used.args[0]
             law = self.variables.law(value, own)
             if law not in self._sides:
-                side = symbol(self.variables._unused(f"side_{self.owner or 'law'}"))
-                meaning = f"{to_text(value)} of {self.owner or 'a law'}"
+                side = symbol(self.variables._unused(f"side_{self.owner or 'output'}"))
                 self._sides[law] = side
-                self.drafts[side] = _Draft("switch", self.owner, ((law, "", meaning),))
+                self.drafts[side] = _Draft("switch", self.owner or "output", ((law, "", to_text(value)),))
             expression = expression.xreplace({used: held_jump(value, self._sides[law])})
         return expression
 
@@ -140,7 +139,8 @@ class ModeNotes:
         """The held inputs by which the equations take their modes."""
         found = []
         for mode, draft in self.drafts.items():
-            meaning = f"mode of {draft.element}" if draft.kind != "switch" else f"side of {draft.functions[0][2]}"
+            of = draft.element if draft.kind != "switch" else f"{draft.functions[0][2]} in {draft.element}"
+            meaning = f"{'side' if draft.kind == 'switch' else 'mode'} of {of}"
             found.append(Input(mode.name, "1", meaning, 0.0, "hold", LETTERS[draft.kind]))
         return found
 
@@ -203,6 +203,27 @@ def _replaced(step: Assignment | ImplicitLoop, values: Mapping[Symbol, Expr]) ->
         residuals=tuple(residual.xreplace(values) for residual in step.residuals),
         body=tuple(replace(local, expression=local.expression.xreplace(values)) for local in step.body),
     )
+
+
+def modes_json(equations: StateEquations) -> list[dict[str, Any]]:
+    """The modes as ``bondgraph equations --exact --json`` prints them."""
+    return [
+        {
+            "name": mode.symbol.name, "kind": mode.kind, "element": mode.element, "values": dict(LETTERS[mode.kind]),
+            "functions": [{"is": to_text(f.expression), "unit": f.unit, "meaning": f.meaning} for f in mode.functions],
+        }
+        for mode in equations.modes
+    ]  # fmt: skip
+
+
+def modes_text(equations: StateEquations) -> str:
+    """The modes as a person reads them, empty where there are none."""
+    lines = [
+        f"  {mode.kind} {mode.element}: {function.meaning} = {to_text(function.expression)}"
+        for mode in equations.modes
+        for function in mode.functions
+    ]
+    return "\n".join(["", "events, where one of these passes zero", *lines]) if lines else ""
 
 
 # ---------------------------------------------------------------------- constrained efforts

@@ -9,7 +9,7 @@ from __future__ import annotations
 import difflib
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
 
@@ -35,8 +35,8 @@ class Difference:
     diff: str
 
 
-def render_graph(graph: BondGraph, command: str | None = None) -> str:
-    """Text of the module of a graph: causality, derivation, dimensions, text.
+def render_graph(graph: BondGraph, command: str | None = None, *, smooth: bool = True) -> str:
+    """Text of the module of a graph: causality, derivation (``smooth`` or with modes), dimensions, text.
 
     Raises
     ------
@@ -51,19 +51,34 @@ def render_graph(graph: BondGraph, command: str | None = None) -> str:
     >>> "def rhs(t, x, u, theta):" in render_graph(g)
     True
     """
-    equations = derive(assign_causality(graph))
+    equations = derive(assign_causality(graph), smooth=smooth)
     check_closed(equations)
     check_dimensions(equations)
+    if not smooth:
+        equations = replace(equations, name=exact_name(graph.name))
     return render(equations, command)
 
 
-def render_all(references: Iterable[str]) -> dict[str, str]:
+def exact_name(name: str) -> str:
+    """The name of the exactly derived module of a graph, which may stand beside the smooth one.
+
+    Examples
+    --------
+    >>> exact_name("clutch")
+    'clutch_exact'
+    """
+    return f"{name}_exact"
+
+
+def render_all(references: Iterable[str], *, smooth: bool = True) -> dict[str, str]:
     """Texts of several graphs by the names of their modules.
 
     Parameters
     ----------
     references
         ``module:function`` or the path of a graph file, as for every command.
+    smooth
+        Derive switches, friction and impacts smooth; else with modes, in modules called ``<name>_exact``.
 
     Raises
     ------
@@ -81,12 +96,13 @@ def render_all(references: Iterable[str]) -> dict[str, str]:
                 " - name it with letters, digits and underscores",
                 where=(reference,),
             )
-        if graph.name in modules:
+        if {graph.name, exact_name(graph.name)} & modules.keys():
             raise GenerationError(
                 f"{reference}: another graph is called {graph.name!r} too - give one of them another name",
                 where=(reference, graph.name),
             )
-        modules[graph.name] = render_graph(graph, f"bondgraph generate {reference}")
+        command = f"bondgraph generate {reference}" + ("" if smooth else " --exact")
+        modules[graph.name if smooth else exact_name(graph.name)] = render_graph(graph, command, smooth=smooth)
     return modules
 
 

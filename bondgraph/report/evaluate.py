@@ -18,12 +18,13 @@ from bondgraph.derive.equations import StateEquations
 from bondgraph.errors import DataError, suggest
 from bondgraph.generate.module import render
 from bondgraph.simulate.model import Model
+from bondgraph.simulate.modes import consistent_inputs
 
 _POINT_KEYS = ("t", "states", "inputs", "input_derivatives", "parameters")
 _ENERGY = re.compile(r"(displacement|momentum)(\d*)\((.+)\)\Z")
 
 
-def evaluate(graph: BondGraph, points: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
+def evaluate(graph: BondGraph, points: Sequence[Mapping[str, Any]], *, smooth: bool = True) -> list[dict[str, Any]]:
     """Derivatives, outputs, signals and bond variables of a graph at given points.
 
     Parameters
@@ -33,6 +34,9 @@ def evaluate(graph: BondGraph, points: Sequence[Mapping[str, Any]]) -> list[dict
     points
         Objects with ``t``, ``states`` (by ``displacement(X)``, ``momentum(X)`` or a state's own name), ``inputs``,
         ``input_derivatives`` and ``parameters``; what is left out has its default.
+    smooth
+        As in :func:`~bondgraph.derive.derivation.derive`; if not, modes that are not given are those in which a
+        simulation would begin at the point.
 
     Raises
     ------
@@ -57,7 +61,7 @@ def evaluate(graph: BondGraph, points: Sequence[Mapping[str, Any]]) -> list[dict
         _require(point, _POINT_KEYS, f"point {index}")
         wanted = _wanted_independent(flat, point)
         if wanted not in evaluators:
-            evaluators[wanted] = _Evaluator(assign_causality(graph, wanted))
+            evaluators[wanted] = _Evaluator(assign_causality(graph, wanted), smooth)
         answers.append(evaluators[wanted].at(point, index))
     return answers
 
@@ -74,9 +78,9 @@ def _wanted_independent(flat: BondGraph, point: Mapping[str, Any]) -> tuple[str,
 
 
 class _Evaluator:
-    def __init__(self, causal: CausalGraph) -> None:
+    def __init__(self, causal: CausalGraph, smooth: bool) -> None:
         self.causal = causal
-        derivation = Derivation(causal)
+        derivation = Derivation(causal, smooth)
         equations = derivation.equations(bonds=True, signals=True)
         self.variables = derivation.variables
         self.model = Model.from_text(render(equations), source=f"{causal.graph.name} (derived)")
@@ -101,8 +105,8 @@ class _Evaluator:
         theta = self._vector(point.get("parameters", {}), "parameter", self.model.theta(), where)
         values = {p.name: float(v) for p, v in zip(self.model.parameters, theta, strict=True)}
         x = self._states(point.get("states", {}), values, where)
-        u = self._inputs(point, where)
         t = float(point.get("t", 0.0))
+        u = self._with_modes(point, t, x, self._inputs(point, where), theta)
         with np.errstate(all="ignore"):  # a point outside a law's domain gives nan in the answer
             dx = self.model.rhs(t, x, u, theta)
             y = self.model.output(t, x, u, theta)
@@ -115,6 +119,13 @@ class _Evaluator:
             "signals": self._signals(bonds, y),
             "bonds": bonds,
         }
+
+    def _with_modes(self, point: Mapping[str, Any], t: float, x: Any, u: Any, theta: Any) -> Any:
+        """The inputs with modes that fit the point, where it does not give them."""
+        found = consistent_inputs(self.model, t, x, u, theta) if self.model.modes else u
+        for name in set(point.get("inputs", {})) & {mode.input for mode in self.model.modes}:
+            found[self.model.index("input", name)] = u[self.model.index("input", name)]
+        return found
 
     def _vector(self, given: Mapping[str, Any], kind: Any, start: Any, where: str) -> Any:
         names = self.model.names(kind)

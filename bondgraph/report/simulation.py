@@ -30,7 +30,8 @@ class SimulationOptions:
     """What a simulation may be told: end and step of time in s, values by name, tolerances, every bond's variables.
 
     A ``scenario`` gives inputs, start and end; values and initial states given beside it come before its own. With
-    ``signals`` the named signals are outputs too.
+    ``signals`` the named signals are outputs too. Not ``smooth``: switches, friction and impacts have modes, and events
+    are located.
     """
 
     until: float | None = None
@@ -42,6 +43,7 @@ class SimulationOptions:
     all_variables: bool = False
     scenario: Scenario | None = None
     signals: bool = False
+    smooth: bool = True
 
 
 def simulate_graph(graph: BondGraph, inputs: Log | None, options: SimulationOptions) -> Trajectory:
@@ -64,7 +66,10 @@ def simulate_graph(graph: BondGraph, inputs: Log | None, options: SimulationOpti
         If the table does not fit the inputs.
     """
     equations = derive(
-        assign_causality(graph), bonds=options.all_variables, signals=options.signals or options.all_variables
+        assign_causality(graph),
+        bonds=options.all_variables,
+        smooth=options.smooth,
+        signals=options.signals or options.all_variables,
     )
     check_closed(equations)
     check_dimensions(equations)
@@ -152,7 +157,7 @@ def _scenario_inputs(
 
 
 def trajectory_log(trajectory: Trajectory) -> Log:
-    """A trajectory as a log: states, then outputs that are not states already."""
+    """A trajectory as a log: states, then outputs that are not states already, then modes."""
     model = trajectory.model
     channels: dict[str, LogChannel] = {}
     named = [(state.name, state.unit) for state in model.states]
@@ -160,4 +165,6 @@ def trajectory_log(trajectory: Trajectory) -> Log:
     for (name, unit), values in zip(named, (*trajectory.x, *trajectory.y), strict=True):
         if name not in channels:
             channels[name] = LogChannel(name, unit or "1", values)
+    for mode in model.modes:
+        channels.setdefault(mode.input, LogChannel(mode.input, "1", trajectory.input(mode.input)))
     return Log(model.name, trajectory.time, channels)

@@ -20,6 +20,7 @@ from bondgraph.simulate.arrays import FloatArray
 from bondgraph.simulate.crossing import Crossing, first_crossing
 from bondgraph.simulate.inputs import InputSegment
 from bondgraph.simulate.integrators import Adaptive, Equations, IntegratorState
+from bondgraph.simulate.model import Model
 from bondgraph.simulate.modes import Modes, NoConsistentModeError, Point, Watch
 from bondgraph.simulate.outcome import Outcome
 from bondgraph.simulate.task import Task
@@ -37,37 +38,41 @@ _MANY, _WITHIN = 500, 1e-7
 
 @dataclass(frozen=True)
 class HybridRun:
-    """States at the times of a task (n_x, n), modes there (n_modes, n), how it ended and what happened."""
+    """States and inputs at the times of a task (n_x, n) and (n_u, n), how it ended and what happened.
+
+    The inputs hold the modes in their places, and the rates of those of which a rate is an input.
+    """
 
     x: FloatArray
-    modes: FloatArray
+    u: FloatArray
     outcome: Outcome
     ended_at: float
     events: tuple[EventRecord, ...]
 
 
-def integrate_hybrid(rhs: Equations, integrator: Adaptive, task: Task) -> HybridRun:
-    """From event to event and from break point to break point of the inputs.
+def integrate_hybrid(rhs: Equations, integrator: Adaptive, task: Task, most_events: int | None = None) -> HybridRun:
+    """From event to event and from break point to break point of the inputs, or only so far as ``most_events``.
 
     Raises
     ------
     ModelError
         If bodies overlap at the start.
     """
-    return _Run(rhs, integrator, task).run()
+    return _Run(rhs, integrator, task, most_events).run()
 
 
 class _Run:
     """One run: where it stands, in which modes, and what has happened."""
 
-    def __init__(self, rhs: Equations, integrator: Adaptive, task: Task) -> None:
-        self.rhs, self.integrator, self.task = rhs, integrator, task
+    def __init__(self, rhs: Equations, integrator: Adaptive, task: Task, most_events: int | None) -> None:
+        self.rhs, self.integrator, self.task, self.most_events = rhs, integrator, task, most_events
         self.span = float(task.times[-1] - task.times[0])
         self.modes = Modes(task.model, task.theta, max(_SHORTEST * self.span, np.finfo(float).tiny))
         self.state = integrator.init(float(task.times[0]), task.x0)
         self.now = np.zeros(len(task.model.modes))
         self.x = np.full((task.x0.size, task.times.size), np.nan)
-        self.held = np.zeros((len(task.model.modes), task.times.size))
+        self.u = task.signal.at(task.times)
+        self.rates = _rates(task.model)
         self.is_stiff = integrator.method != "LSODA"
         self.events: list[EventRecord] = []
         self.instants: list[tuple[float, int]] = []
@@ -80,27 +85,38 @@ class _Run:
         try:
             self._begin(edges)
             for left, right in itertools.pairwise(edges):
-                self._stretch(self.task.signal.segment(left, right))
-                if self.state.outcome is not Outcome.OK:
+                self._stretch(self._segment(left, right))
+                if self.state.outcome is not Outcome.OK or self._has_enough():
                     break
         except NoConsistentModeError:
             self.state = replace(self.state, outcome=Outcome.NO_MODE)
-        return HybridRun(self.x, self.held, self.state.outcome, self.state.time, tuple(self.events))
+        return HybridRun(self.x, self.u, self.state.outcome, self.state.time, tuple(self.events))
 
     def _begin(self, edges: list[float]) -> None:
-        first = self.task.signal.segment(*edges[:2]).left if len(edges) > 1 else self.task.signal.at(edges[0])
+        first = self._segment(*edges[:2]).left if len(edges) > 1 else self.u[:, 0]
         self.now = self.modes.start(Point(self.state.time, self.state.x, first))
-        self.held[:, 0] = self.now
+        self.u[:, 0] = self.modes.with_modes(first, self.now)
+
+    def _segment(self, left: float, right: float) -> InputSegment:
+        """The inputs between two break points, with the rates that are inputs themselves."""
+        segment = self.task.signal.segment(left, right)
+        start, end = segment.left.copy(), segment.right.copy()
+        for rate, of in self.rates:
+            start[rate] = end[rate] = (segment.right[of] - segment.left[of]) / (right - left)
+        return replace(segment, left=start, right=end)
 
     # ------------------------------------------------------------------ between break points of the inputs
 
     def _stretch(self, segment: InputSegment) -> None:
-        while self.state.outcome is Outcome.OK and self.state.time < segment.end:
+        while self.state.outcome is Outcome.OK and self.state.time < segment.end and not self._has_enough():
             watch = self._violated(segment)
             if watch is None:
                 watch = self._advance(segment)
             if watch is not None and self.state.outcome is Outcome.OK:
                 self._fire(watch, segment)
+
+    def _has_enough(self) -> bool:
+        return self.most_events is not None and len(self.events) >= self.most_events
 
     def _violated(self, segment: InputSegment) -> Watch | None:
         """A watched function that is below zero already, because an input jumped or another event changed it."""
@@ -145,7 +161,9 @@ class _Run:
             self.state = replace(self.state, outcome=Outcome.OK)
         filled = np.isfinite(values[:, : inside.size]).all(axis=0)
         self.x[:, inside[filled]] = values[:, : inside.size][:, filled]
-        self.held[:, inside] = self.now[:, np.newaxis]
+        rates = [rate for rate, _ in self.rates]
+        self.u[np.ix_(rates, inside)] = segment.left[rates][:, np.newaxis]
+        self.u[np.ix_(self.modes.places, inside)] = self.now[:, np.newaxis]
         return watches[hit[0].row] if hit else None
 
     def _integrator(self) -> Adaptive:
@@ -184,3 +202,13 @@ class _Run:
         if len(self.instants) > _MANY and time - self.instants[-_MANY][0] < _WITHIN * self.span:
             return Outcome.ZENO
         return Outcome.OK
+
+
+def _rates(model: Model) -> list[tuple[int, int]]:
+    """Inputs that are the rate of another, as derivation adds them where a storage or a lock follows an input."""
+    names = model.names("input")
+    return [
+        (i, names.index(name.removeprefix("d_")))
+        for i, name in enumerate(names)
+        if name.removeprefix("d_") in names[:i] and model.inputs[i].meaning.startswith("rate of ")
+    ]

@@ -18,9 +18,12 @@ import numpy as np
 from bondgraph.errors import ModelError
 from bondgraph.simulate.arrays import FloatArray
 from bondgraph.simulate.model import Model
+from bondgraph.simulate.outcome import Outcome
 
 #: Relative change of states, inputs and time by which rounding is told from a value of a zero function.
 _ROUNDING = 1e-13
+#: A moment, s: long enough that a flow changes by more than rounding.
+_MOMENT = 1e-9
 #: Pivots per element after which the search for consistent modes gives up.
 _PIVOTS = 20
 
@@ -146,8 +149,8 @@ class Modes:
         new = modes.copy()
         if kind == "switch":
             new[i] = -modes[i]
-            said = "becomes positive" if new[i] > 0 else "becomes negative"
-            return at.x, new, f"{self.model.event_rows[watch.row].meaning} {said}"
+            side = "positive" if new[i] > 0 else "negative"
+            return at.x, new, f"switches, {self.model.event_rows[watch.row].meaning} becomes {side}"
         if kind == "impact" and modes[i] == 0.0:
             return self._hit(i, at, new)
         if kind == "impact":
@@ -242,6 +245,21 @@ class Modes:
         if self.kinds[i] == "friction" and values[row + 1] < -rounding[row + 1]:
             return -1.0
         return locked
+
+
+def consistent_inputs(model: Model, t: float, x: FloatArray, u: FloatArray, theta: FloatArray) -> FloatArray:
+    """Inputs (n_u,) with the modes in which a trajectory would begin at a point.
+
+    Raises
+    ------
+    ModelError
+        If bodies overlap there, or no modes fit.
+    """
+    modes = Modes(model, theta, _MOMENT)
+    try:
+        return modes.with_modes(u, modes.start(Point(t, x, u)))
+    except NoConsistentModeError:
+        raise ModelError(f"{model.name}: {Outcome.NO_MODE.value}", where=(model.name,)) from None
 
 
 def _direction(mode: float) -> str:

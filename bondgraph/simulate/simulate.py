@@ -20,6 +20,8 @@ from bondgraph.simulate.trajectory import Trajectory
 
 #: Tolerance of the pilot run that finds the size of each state.
 _PILOT_RTOL = 1e-4
+#: The same of a run with events, which a coarse error may produce; after so many it has seen enough.
+_PILOT_EVENT_RTOL, _PILOT_EVENTS = 1e-6, 50
 
 
 def simulate(
@@ -102,14 +104,14 @@ def _hybrid(
         raise refusal(task.model, f"{type(integrator).__name__} does not locate events")
     rhs = _compiled_equations(task) if compiled else _equations(task)
     if integrator.atol is None and integrator.scale is None:
-        pilot = integrate_hybrid(rhs, replace(integrator, rtol=max(_PILOT_RTOL, integrator.rtol)), task)
+        pilot = integrate_hybrid(
+            rhs, replace(integrator, rtol=max(_PILOT_EVENT_RTOL, integrator.rtol)), task, _PILOT_EVENTS
+        )
         integrator = replace(integrator, scale=_sizes(task, pilot.x))
     run = integrate_hybrid(rhs, integrator, task)
-    u = task.signal.at(task.times)
-    u[[task.model.index("input", mode.input) for mode in task.model.modes]] = run.modes
-    y = task.model.output(task.times, run.x, u, task.theta)
+    y = task.model.output(task.times, run.x, run.u, task.theta)
     y[:, ~np.isfinite(run.x).all(axis=0)] = np.nan
-    return Trajectory(task.model, task.times, run.x, y, u, run.outcome, run.ended_at, run.events)
+    return Trajectory(task.model, task.times, run.x, y, run.u, run.outcome, run.ended_at, run.events)
 
 
 def _named(method: str, rtol: float, atol: float | tuple[float, ...] | None) -> Adaptive:
