@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+import sympy
 from sympy import Expr, Symbol
 
 from bondgraph.declare.expressions import to_text
@@ -12,10 +14,15 @@ from bondgraph.declare.sympy_text import to_sympy_text
 from bondgraph.derive.derivation import Derivation, bond_labels
 from bondgraph.derive.equations import Assignment, StateEquations
 
+#: Expressions of more parts than this are printed in pieces: written out, a chain of loops grows exponentially.
+_MOST_PARTS = 120_000
+#: In pieces, an intermediate result of more parts than this that is used more than once keeps its name.
+_LONG_PIECE = 500
+
 
 @dataclass(frozen=True)
 class ImplicitEquations:
-    """Unknowns of a nonlinear loop and the residuals that vanish at them."""
+    """Unknowns and the residuals that vanish at them: a nonlinear loop, or a result too long to be written out."""
 
     unknowns: tuple[Symbol, ...]
     residuals: tuple[Expr, ...]
@@ -23,7 +30,11 @@ class ImplicitEquations:
 
 @dataclass(frozen=True)
 class ExplicitEquations:
-    """Derivatives and outputs with all assignments substituted; only nonlinear loops keep their unknowns."""
+    """Derivatives and outputs with all assignments substituted; nonlinear loops keep their unknowns.
+
+    Where that would not fit on any page, intermediate results that are used often keep their names too, and
+    ``implicit`` says what they are, in order of computation.
+    """
 
     derivatives: tuple[tuple[Symbol, Expr], ...]
     outputs: tuple[tuple[Symbol, Expr], ...]
@@ -48,11 +59,17 @@ def explicit(equations: StateEquations) -> ExplicitEquations:
     >>> explicit(derive(assign_causality(g))).derivatives
     ((f_mass, -b*f_mass/m),)
     """
+    results = [*equations.derivatives, *(output.expression for output in equations.outputs)]
+    kept = _pieces(equations, results)
     known: dict[Symbol, Expr] = {}
     loops = []
     for step in equations.assignments:
         if isinstance(step, Assignment):
-            known[step.symbol] = step.expression.xreplace(known)
+            value = step.expression.xreplace(known)
+            if step.symbol in kept:
+                loops.append(ImplicitEquations((step.symbol,), (step.symbol - value,)))
+            else:
+                known[step.symbol] = value
             continue
         inside = dict(known)
         for local in step.body:
@@ -64,6 +81,43 @@ def explicit(equations: StateEquations) -> ExplicitEquations:
         tuple((output.symbol, output.expression.xreplace(known)) for output in equations.outputs),
         tuple(loops),
     )
+
+
+def _pieces(equations: StateEquations, results: Sequence[Expr]) -> set[Symbol]:
+    """Assigned symbols that keep their names: none, unless the results would be too long without."""
+    steps = [step for step in equations.assignments if isinstance(step, Assignment)]
+    written_out: dict[Expr, int] = {}
+    for step in steps:
+        written_out[step.symbol] = _parts(step.expression, written_out)
+    if sum(_parts(value, written_out) for value in results) <= _MOST_PARTS:
+        return set()
+    uses: dict[Expr, int] = {}
+    for value in (*(step.expression for step in steps), *results):
+        for node in sympy.preorder_traversal(value):
+            uses[node] = uses.get(node, 0) + node.is_Symbol
+    kept: dict[Symbol, None] = {}
+    in_pieces: dict[Expr, int] = {}
+    for step in steps:
+        size = _parts(step.expression, in_pieces)
+        if size > _LONG_PIECE and uses.get(step.symbol, 0) > 1:
+            kept[step.symbol] = None
+        else:
+            in_pieces[step.symbol] = size
+    return set(kept)
+
+
+def _parts(value: Expr, sizes: Mapping[Expr, int]) -> int:
+    """How many parts an expression has once the symbols with a size are written out."""
+    found: dict[Expr, int] = {}
+
+    def parts(node: Expr) -> int:
+        if node.is_Symbol:
+            return sizes.get(node, 1)
+        if node not in found:
+            found[node] = 1 + sum(map(parts, node.args))
+        return found[node]
+
+    return parts(value)
 
 
 def equations_json(derivation: Derivation, equations: StateEquations) -> dict[str, Any]:
