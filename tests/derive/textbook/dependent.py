@@ -1,4 +1,4 @@
-"""Dependent storages, implicit laws and modulation where they meet: Borutzky (2010), chapter 4; Karnopp et al. (2012)."""
+"""Dependent storages, implicit laws and modulation: Borutzky (2010), chapter 4; Karnopp et al. (2012), chapter 7."""
 
 from __future__ import annotations
 
@@ -232,7 +232,8 @@ CASES = (
         """a 1
         b 1
         c 1
-        K C ports: 3; energy: k*(displacement1 + displacement2 - displacement3)**2/2 + h*displacement1**2*displacement2**2
+        K C ports: 3; energy: k*(displacement1 + displacement2 - displacement3)**2/2 \
+        + h*displacement1**2*displacement2**2
         M I ports: 3; laws: ["a11*momentum1", "a11*momentum2 + a12*momentum3", "a12*momentum2 + 2*momentum3"]
         B R ports: 3; laws: ["r*(flow1 - flow2)", "r*(flow2 - flow1) + s*flow3**3", "flow3 + s*flow2"]
         F Se effort: F""",
