@@ -80,12 +80,13 @@ def estimate(options: argparse.Namespace) -> int:
     model, driven, logs = _model_and_logs(options)
     problem = declared_problem(model, driven, logs, names(options.free), options.process_noise, options.start)
     folder = Path(options.out)
-    settings = Settings(method=options.method, seed=options.seed)
+    settings = Settings(method=options.method, seed=options.seed, certify=options.certify)
     with WorkProgress("estimating", None, "evaluations") as work:
         found = run_estimate(problem, settings, progress=work.trace, folder=folder, resume=options.resume)
     data = write_estimate(found, folder, _provenance(options, found.seconds))
     print(text_of(parameter_table(data.parameters)), end="")
     print(f"{found.outcome.value}\nnegative log-likelihood {found.nll:.4f} after {found.evaluations} evaluations")
+    print(f"integrated by {found.certification}")
     print(f"report: {folder / 'report.html'}")
     return 0 if found.outcome.succeeded else 1
 

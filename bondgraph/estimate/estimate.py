@@ -10,11 +10,13 @@ from typing import Literal, get_args
 import numpy as np
 
 from bondgraph.errors import OptionError, suggest
+from bondgraph.estimate.certify import Certification, Depth, check, finer_filters
 from bondgraph.estimate.checkpoint import Checkpoint, load_checkpoint, problem_digest, save_checkpoint
 from bondgraph.estimate.gauss_newton import (
     GaussNewtonSettings,
     GaussNewtonState,
     finish_starts,
+    gauss_newton,
     initial_starts,
     starts_ended,
     step_starts,
@@ -34,6 +36,9 @@ from bondgraph.estimate.result import Estimate, Found, describe
 
 Method = Literal["both", "pso", "gradient"]
 
+#: How often a search goes on with finer integration steps.
+_MOST_REFINEMENTS = 4
+
 #: Points closer than this share of the bounds in every coordinate count as one start.
 _DISTINCT = 0.02
 
@@ -51,6 +56,9 @@ class Settings:
         The same seed gives the same estimate, on any number of threads.
     starts
         Gradient searches at once.
+    certify
+        How the result is looked at again with finer integration steps, see :mod:`bondgraph.estimate.certify`; where it
+        would move by more than a tenth of a standard deviation, a gradient search goes on with the finer steps.
     swarm, gradient
         Settings of the two searches. With ``"both"`` the swarm only needs to find the right valleys.
     """
@@ -58,6 +66,7 @@ class Settings:
     method: Method = "both"
     seed: int = 0
     starts: int = 4
+    certify: Depth = "step"
     swarm: SwarmSettings = field(default_factory=lambda: SwarmSettings(iterations=30, patience=10, tolerance=1.0))
     gradient: GaussNewtonSettings = field(default_factory=GaussNewtonSettings)
 
@@ -67,6 +76,11 @@ class Settings:
                 f"estimate: method {self.method!r} is not known{suggest(self.method, get_args(Method))}"
                 f" - choose {', '.join(get_args(Method))}",
                 where=("method", self.method),
+            )
+        if self.certify not in get_args(Depth):
+            raise OptionError(
+                f"estimate: certify {self.certify!r} is not known - choose {', '.join(get_args(Depth))}",
+                where=("certify", self.certify),
             )
         if self.starts < 1:
             raise OptionError(f"estimate: starts = {self.starts} must be at least 1", where=("starts",))
@@ -161,7 +175,44 @@ def estimate(
     states = dict(found.states) if found is not None else {}
     started = time.perf_counter() - (found.seconds if found is not None else 0.0)
     run = _Run(problem, settings, progress, folder, digest, jacobian, states, started)
-    return describe(problem, _search(run), jacobian, lambda: run.seconds)
+    return _certified(describe(problem, _search(run), jacobian, lambda: run.seconds), run)
+
+
+def _certified(found: Estimate, run: _Run) -> Estimate:
+    """The estimate with its certification, after going on with finer steps as often as these move it."""
+    depth, limit = run.settings.certify, run.settings.gradient
+    for continued in range(_MOST_REFINEMENTS + 1):
+        used = found.problem.filter_model
+        asked = found.outcome.succeeded and depth != "none"
+        filters = list(finer_filters(found.problem, found.point, depth)) if asked else []
+        spread = found.coordinate_covariance
+        try:
+            checks = tuple(check(found.problem, found.point, spread, finer, run.jacobian) for finer in filters)
+        except KeyboardInterrupt:
+            checks = ()
+        certification = Certification(used.method, used.substeps, checks, continued)
+        found = replace(found, certification=certification, seconds=run.seconds)
+        if not checks or certification.certified or continued == _MOST_REFINEMENTS:
+            break
+        worst = max(range(len(checks)), key=lambda index: checks[index].shift)
+        problem = replace(found.problem, filter_model=filters[worst])
+        state = gauss_newton(problem, found.point, limit, run.progress, run.jacobian)
+        found = describe(problem, _continued(found, state), run.jacobian, lambda: run.seconds)
+    return found
+
+
+def _continued(before: Estimate, state: GaussNewtonState) -> Found:
+    """The end of a search that went on from an estimate."""
+    rows = tuple(replace(row, evaluations=row.evaluations + before.evaluations) for row in state.trace)
+    return Found(
+        state.points[:, 0],
+        float(state.values[0]),
+        state.outcomes[0] or SearchOutcome.ITERATION_LIMIT,
+        before.evaluations + state.evaluations,
+        before.trace + rows,
+        ((state.points[:, 0], float(state.values[0])),),
+        state.steps[:, 0],
+    )
 
 
 def _search(run: _Run) -> Found:

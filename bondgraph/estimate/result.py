@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from bondgraph.errors import EstimationError, suggest
+from bondgraph.estimate.certify import Certification
 from bondgraph.estimate.free import FreeParameter
 from bondgraph.estimate.objective import Expand, FloatArray, SearchOutcome, TraceRow, fitted_expansion
 from bondgraph.estimate.problem import Batch, EstimationProblem
@@ -72,6 +73,8 @@ class Estimate:
         Of the search; evaluations count members, uncertainty included.
     uncertainty_outcome
         Where the covariance comes from.
+    certification
+        How the model was integrated, and whether finer steps would move the estimate.
     """
 
     problem: EstimationProblem
@@ -87,6 +90,7 @@ class Estimate:
     trace: tuple[TraceRow, ...]
     outcome: SearchOutcome
     uncertainty_outcome: UncertaintyOutcome
+    certification: Certification
 
     @cached_property
     def values(self) -> Mapping[str, float]:
@@ -100,6 +104,13 @@ class Estimate:
         with np.errstate(invalid="ignore"):
             deviations = np.sqrt(np.diag(self.covariance))
         return {name: float(value) for name, value in zip(self.problem.names, deviations, strict=True)}
+
+    @property
+    def coordinate_covariance(self) -> FloatArray:
+        """Covariance of the coordinates that were searched, shape (n, n); NaN for what is not identifiable."""
+        slopes = np.array([parameter.slope(self.values[parameter.name]) for parameter in self.problem.free])
+        covariance: FloatArray = self.covariance / np.outer(slopes, slopes)
+        return covariance
 
     @cached_property
     def ci95(self) -> Mapping[str, tuple[float, float]]:
@@ -211,6 +222,7 @@ class Estimate:
             "converged": self.outcome.succeeded,
             "uncertainty": self.uncertainty_outcome.value,
             "optima": [{"values": dict(o.values), "nll": o.nll, "starts": o.starts} for o in self.optima],
+            "discretisation": self.certification.to_dict(),
             "logs": [log.name for log in self.problem.logs],
         }
 
@@ -244,6 +256,7 @@ def describe(problem: EstimationProblem, found: Found, jacobian: Expand, seconds
         trace=found.trace,
         outcome=found.outcome,
         uncertainty_outcome=known.outcome,
+        certification=Certification(problem.filter_model.method, problem.filter_model.substeps, (), 0),
     )
 
 

@@ -1,0 +1,135 @@
+"""Is an estimate free of its integration steps? It is looked at again with finer ones, where it was found.
+
+A step that is too long does not crash, it shifts the likelihood, and often by an amount that moves no estimate. So the
+search may use a cheap discretisation, and its end is judged by what matters: one Gauss-Newton step with a finer one
+says how far each parameter would move, in units of its standard deviation. Beyond a tenth the search goes on with the
+finer steps.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import Any, Literal
+
+import numpy as np
+
+from bondgraph.estimate.objective import Expand, FloatArray
+from bondgraph.estimate.problem import EstimationProblem
+from bondgraph.filter.discretisation import step_times_rate
+from bondgraph.filter.filter_model import FilterModel
+from bondgraph.filter.likelihood import run
+
+#: ``"step"``: against doubled substeps; ``"full"``: also against the classical Runge-Kutta method; ``"none"``: never.
+Depth = Literal["none", "step", "full"]
+
+#: A shift that does not matter, in standard deviations.
+NEGLIGIBLE_SHIFT = 0.1
+
+#: Step times rate at which the Runge-Kutta method of the full check is accurate as well as stable.
+_ACCURATE = 1.0
+
+
+@dataclass(frozen=True)
+class Check:
+    """What another discretisation would change: the likelihood in nats, and the estimate in standard deviations."""
+
+    method: str
+    substeps: int
+    nats: float
+    shift: float
+    parameter: str
+
+    def __str__(self) -> str:
+        return (
+            f"{self.method} with {self.substeps} substeps: likelihood {self.nats:+.3g} nats, "
+            f"{self.parameter} moves by {self.shift:.2g} standard deviations"
+        )
+
+
+@dataclass(frozen=True)
+class Certification:
+    """How an estimate was integrated, what finer discretisations would change, and how often the search went on."""
+
+    method: str
+    substeps: int
+    checks: tuple[Check, ...]
+    continued: int
+
+    @property
+    def shift(self) -> float:
+        """The largest shift of any parameter in any check, in standard deviations."""
+        return max((check.shift for check in self.checks), default=math.nan)
+
+    @property
+    def certified(self) -> bool:
+        """Whether checks were made and none would move the estimate noticeably."""
+        return bool(self.checks) and self.shift <= NEGLIGIBLE_SHIFT
+
+    def __str__(self) -> str:
+        state = "certified" if self.certified else "not certified" if self.checks else "not checked"
+        return "\n  ".join([f"{self.method} with {self.substeps} substeps: {state}", *map(str, self.checks)])
+
+    def to_dict(self) -> dict[str, Any]:
+        """As ``result.json`` holds it."""
+        return {
+            "method": self.method,
+            "substeps": self.substeps,
+            "certified": self.certified,
+            "continued": self.continued,
+            "checks": [
+                {"method": c.method, "substeps": c.substeps, "nats": c.nats, "shift": c.shift, "parameter": c.parameter}
+                for c in self.checks
+            ],
+        }
+
+
+def finer_filters(problem: EstimationProblem, point: FloatArray, depth: Depth) -> Iterator[FilterModel]:
+    """The filters that a result at a point (n,) is compared with."""
+    used = problem.filter_model
+    if depth == "none":
+        return
+    yield replace(used, substeps=2 * used.substeps)
+    if depth == "full" and used.method != "rk4":
+        batch = problem.batch(point[:, np.newaxis])
+        theta = batch.theta[:, 0]
+        largest = max(
+            step_times_rate(run(used, log, theta, x0=x0[:, 0]), log, theta)
+            for log, x0 in zip(problem.logs, batch.x0, strict=True)
+        )
+        if math.isfinite(largest):
+            yield replace(used, method="rk4", substeps=max(1, math.ceil(used.substeps * largest / _ACCURATE)))
+
+
+def check(
+    problem: EstimationProblem, point: FloatArray, covariance: FloatArray, finer: FilterModel, jacobian: Expand
+) -> Check:
+    """What a finer filter would change at the estimate.
+
+    Parameters
+    ----------
+    problem
+        As it was solved.
+    point, covariance
+        The estimate and its covariance in the coordinates of the problem, (n,) and (n, n); NaN for what is not
+        identifiable, which cannot be shifted.
+    finer
+        The filter to compare with.
+    jacobian
+        How the gradient is formed.
+    """
+    known = np.nan_to_num(covariance)
+    std = np.sqrt(np.diag(known))
+    span = problem.upper - problem.lower
+    steps = np.clip(0.1 * std, 1e-9 * span, 1e-4 * span)
+    again = replace(problem, filter_model=finer)
+    (expansion,) = jacobian(again, point[:, np.newaxis], steps[:, np.newaxis])
+    moved = -known @ expansion.gradient
+    moved = np.clip(point + moved, problem.lower, problem.upper) - point
+    in_std = np.divide(np.abs(moved), std, out=np.zeros_like(std), where=std > 0.0)
+    both = [float(objective.nll(point[:, np.newaxis])[0]) for objective in (problem, again)]
+    nats = both[0] - both[1]
+    shift = float(np.max(in_std, initial=0.0)) if np.isfinite(in_std).all() and math.isfinite(nats) else math.inf
+    worst = problem.names[int(np.argmax(np.nan_to_num(in_std, nan=np.inf)))] if problem.names else "nothing"
+    return Check(finer.method, finer.substeps, nats, shift, worst)

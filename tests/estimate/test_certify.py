@@ -1,0 +1,103 @@
+"""Certification: a step that moves the estimate is seen and mended, one that does not is left alone."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from bondgraph.data.log import MatchedLog
+from bondgraph.errors import OptionError
+from bondgraph.estimate.certify import NEGLIGIBLE_SHIFT, Certification, Check
+from bondgraph.estimate.estimate import Settings, estimate
+from bondgraph.estimate.problem import EstimationProblem, pose
+from bondgraph.filter.draw import draw_logs
+from bondgraph.filter.filter_model import FilterModel
+from bondgraph.simulate.model import Model
+
+OSCILLATOR = '''"""An oscillator of 2 Hz, measured so well that the error of a long step matters."""
+import numpy as np
+
+NAME = "oscillator"
+FORMAT = "bondgraph-module/1"
+STATES = (("q", "m", 1.0, "deflection"), ("v", "m/s", 0.0, "speed"))
+INPUTS = ()
+PARAMETERS = (("k", "1/s^2", 150.0, 100.0, 200.0, "rate"), ("d", "1/s", 0.4, 0.0, 4.0, "damping"))
+OUTPUTS = (("deflection", "m", "deflection"),)
+
+
+def rhs(t, x, u, theta):
+    """dx/dt, shape (n_x, *batch)."""
+    return _stack(x, (x[1], -theta[0]*x[0] - theta[1]*x[1]))
+
+
+def output(t, x, u, theta):
+    """y, shape (n_y, *batch)."""
+    return _stack(x, (x[0],))
+
+
+def _stack(x, rows):
+    """Rows broadcast to the batch of x, shape (n, *batch)."""
+    result = np.empty((len(rows),) + x.shape[1:])
+    for i, row in enumerate(rows):
+        result[i] = row
+    return result
+'''
+
+TRUTH = {"k": 156.0, "d": 0.5}
+
+
+def problem(substeps: int) -> EstimationProblem:
+    model = Model.from_text(OSCILLATOR)
+    exact = FilterModel(model, {"v": 0.01}, {"deflection": 0.002}, {"q": 0.01, "v": 0.01}, substeps=16)
+    time = np.arange(120) * 0.05
+    pattern = MatchedLog("ring", time, np.zeros((0, 120)), np.zeros((1, 120)))
+    log = draw_logs(exact, pattern, 1, seed=5, theta=model.theta(**TRUTH)).logs[0]
+    return pose(replace(exact, substeps=substeps), log, ["k", "d"], initial="model")
+
+
+def solved(substeps: int, **settings: object) -> object:
+    return estimate(problem(substeps), Settings(method="gradient", starts=1, **settings))
+
+
+def test_a_fine_step_is_certified_as_it_is() -> None:
+    found = solved(8)
+    assert found.certification.certified and found.certification.continued == 0
+    (check,) = found.certification.checks
+    assert check.substeps == 16 and check.shift < NEGLIGIBLE_SHIFT
+    assert found.to_dict()["discretisation"]["certified"] is True
+
+
+def test_a_long_step_is_seen_and_the_search_goes_on_with_finer_ones() -> None:
+    left = solved(1, certify="none")
+    assert not left.certification.certified and left.certification.checks == ()
+    assert abs(left.values["d"] - TRUTH["d"]) > 4.0 * left.std["d"]
+    mended = solved(1)
+    assert mended.certification.certified and mended.certification.continued >= 1
+    assert mended.certification.substeps == mended.problem.filter_model.substeps > 1
+    assert abs(mended.values["d"] - TRUTH["d"]) < 3.0 * mended.std["d"]
+    assert mended.evaluations > left.evaluations and mended.trace[-1].evaluations > left.trace[-1].evaluations
+
+
+def test_the_shift_that_is_foretold_is_the_one_that_happens() -> None:
+    coarse = solved(2, certify="step")
+    if coarse.certification.continued:
+        coarse = solved(4)
+    (check,) = coarse.certification.checks
+    finer = solved(check.substeps, certify="none")
+    moved = (finer.values[check.parameter] - coarse.values[check.parameter]) / coarse.std[check.parameter]
+    assert abs(moved) == pytest.approx(check.shift, rel=0.1, abs=1e-3)
+    assert coarse.nll - finer.nll == pytest.approx(check.nats, abs=0.02)
+
+
+def test_it_reads_as_a_sentence() -> None:
+    check = Check("rk4", 8, -0.02, 0.31, "mass")
+    text = str(Certification("rk4", 4, (check,), 2))
+    assert text.startswith("rk4 with 4 substeps: not certified")
+    assert "mass moves by 0.31 standard deviations" in text
+
+
+def test_a_depth_that_does_not_exist_is_refused() -> None:
+    with pytest.raises(OptionError, match="certify 'deep' is not known"):
+        Settings(certify="deep")  # type: ignore[arg-type]
