@@ -147,8 +147,8 @@ def _add_run_commands(commands: Any) -> None:
     c.add_argument("--method", default="both", choices=("both", "pso", "gradient"), help="search (default: both)")
     c.add_argument(
         "--certify", default="step", choices=("step", "full", "none"),
-        help="look at the result again with doubled integration steps, fully also with the classical Runge-Kutta method,"
-        " and go on with finer ones where it moves (default: step)",
+        help="look at the result again with doubled integration steps, or fully also with the classical Runge-Kutta "
+        "method, and go on with finer ones where it moves (default: step)",
     )  # fmt: skip
     c.add_argument("--seed", type=int, default=0, help="seed of the swarm (default: 0)")
     c.add_argument("--out", default="estimate", metavar="DIR", help="folder to write (default: estimate)")
