@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -10,16 +9,24 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from bondgraph.filter import kernel
+from bondgraph.filter import kernel, kernel_algebra, kernel_record
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.filter_run import FilterRun
+from bondgraph.filter.kernel_record import Record
+from bondgraph.filter.kernel_types import Log, Members, Rules, Verdicts, Work
 from bondgraph.filter.members import MemberBatch
 from bondgraph.filter.samples import Samples
 from bondgraph.filter.sigma_points import PIVOT_FLOOR
 from bondgraph.filter.ukf import reference_run
 from bondgraph.simulate.arrays import FloatArray
-from bondgraph.simulate.compile import CompiledModel, has_numba, load_kernel
+from bondgraph.simulate.compile import has_numba, load_kernel
 from bondgraph.simulate.outcome import OUTCOMES, Outcome
+from bondgraph.simulate.program.lane_text import LANES
+from bondgraph.simulate.program.lanes import LaneModel, load_lanes
+from bondgraph.simulate.rosenbrock import TABLEAUS
+
+#: Fewer members than this are filtered one by one, with their sigma points side by side.
+_FEW = 5
 
 
 @dataclass(frozen=True)
@@ -27,8 +34,8 @@ class BatchRun:
     """All members over one log: what the kernel decided and, as deep as asked for, what it recorded."""
 
     samples: Samples
-    verdicts: kernel.Verdicts
-    record: kernel.Record
+    verdicts: Verdicts
+    record: Record
 
     def outcome(self, m: int) -> Outcome:
         """How member ``m`` ended."""
@@ -38,7 +45,7 @@ class BatchRun:
         """The full record of member ``m``; needs depth 2."""
         record = self.record
         last = int(self.verdicts.last[m])
-        names = kernel.Record._fields[1:]
+        names = Record._fields[1:]
         arrays = {name: np.ascontiguousarray(getattr(record, name)[..., m]) for name in names}
         for array in arrays.values():
             array[..., last + 1 :] = np.nan
@@ -69,7 +76,7 @@ def run_batches(
     filter_model, logs, batches
         The filter, the logs, and the members of each log.
     depth
-        How much is recorded, see :class:`bondgraph.filter.kernel.Record`.
+        How much is recorded, see :class:`bondgraph.filter.kernel_record.Record`.
     threads
         Threads to use; None: one per available core.
     compiled
@@ -82,25 +89,18 @@ def run_batches(
     runs = tuple(
         _empty_run(filter_model, samples, batch.size, depth) for samples, batch in zip(logs, batches, strict=True)
     )
-    workers = available_cores() if threads is None else max(1, threads)
-    tasks = [
-        (run, batch, first, end)
-        for run, batch in zip(runs, batches, strict=True)
-        for first, end in _blocks(batch.size, workers)
-    ]
-
     # Compiled before threads start: both parse Python text, which CPython 3.11 cannot do in two threads at once.
-    filter_members, functions = load_kernel(kernel).filter_members, filter_model.model.compiled
-
-    def work_on(task: tuple[BatchRun, MemberBatch, int, int]) -> None:
-        _in_kernel(filter_model, filter_members, functions, *task)
-
+    compiled_filter = _CompiledFilter.of(filter_model)
+    tasks = [
+        (run, batch, first, end) for run, batch in zip(runs, batches, strict=True) for first, end in _blocks(batch.size)
+    ]
+    workers = available_cores() if threads is None else max(1, threads)
     if workers == 1 or len(tasks) == 1:
         for task in tasks:
-            work_on(task)
+            compiled_filter.run(*task)
     else:
         with ThreadPoolExecutor(workers) as executor:
-            list(executor.map(work_on, tasks))
+            list(executor.map(lambda task: compiled_filter.run(*task), tasks))
     return runs
 
 
@@ -112,83 +112,113 @@ def available_cores() -> int:
         return os.cpu_count() or 1
 
 
-def _blocks(members: int, workers: int) -> list[tuple[int, int]]:
-    """Even blocks of members, at most one per worker."""
-    edges = np.linspace(0, members, min(members, workers) + 1).astype(int)
-    return [(int(first), int(end)) for first, end in itertools.pairwise(edges)]
+def _blocks(members: int) -> list[tuple[int, int]]:
+    """Blocks of members that are filtered side by side: as many as there are lanes; a small rest one by one.
+
+    Examples
+    --------
+    >>> _blocks(18), _blocks(21)
+    ([(0, 16), (16, 17), (17, 18)], [(0, 16), (16, 21)])
+    """
+    whole = members // LANES * LANES
+    blocks = [(first, first + LANES) for first in range(0, whole, LANES)]
+    if members - whole < _FEW:
+        return blocks + [(m, m + 1) for m in range(whole, members)]
+    return [*blocks, (whole, members)]
 
 
-def _in_kernel(
-    filter_model: FilterModel,
-    filter_members: Callable[..., None],
-    functions: CompiledModel,
-    run: BatchRun,
-    batch: MemberBatch,
-    first: int,
-    end: int,
-) -> None:
-    points = filter_model.points
-    rules = kernel.Rules(points.spread, points.weight, points.correction, PIVOT_FLOOR, filter_model.appended_index)
-    members = kernel.Members(batch.theta, batch.x0, batch.initial_std, batch.process_std, batch.noise_std)
-    work = _work(filter_model)
-    filter_members(
-        functions.advance,
-        functions.measure,
-        _log(run.samples),
-        rules,
-        members,
-        first,
-        end,
-        run.verdicts,
-        run.record,
-        work,
-    )
+@dataclass(frozen=True)
+class _CompiledFilter:
+    """The compiled kernel and the compiled functions of a model."""
+
+    filter_model: FilterModel
+    filter_members: Callable[..., None]
+    lanes: LaneModel
+
+    @classmethod
+    def of(cls, filter_model: FilterModel) -> _CompiledFilter:
+        functions = load_kernel(kernel, kernel_algebra, kernel_record)
+        return cls(filter_model, functions.filter_members, load_lanes(filter_model.model, _is_stiff(filter_model)))
+
+    def run(self, run: BatchRun, batch: MemberBatch, first: int, end: int) -> None:
+        """Filter a block of members over a log."""
+        lanes = self.lanes
+        equations = kernel.Equations(lanes.prepare, lanes.advance, lanes.measure)
+        members = Members(batch.theta, batch.x0, batch.initial_std, batch.process_std, batch.noise_std)
+        side_by_side = 1 if end - first == 1 else (end - first + 7) // 8 * 8
+        work = _work(self.filter_model, lanes, side_by_side)
+        self.filter_members(
+            equations, _log(run.samples), self._rules(), members, first, end, run.verdicts, run.record, work
+        )
+
+    def _rules(self) -> Rules:
+        filter_model, lanes = self.filter_model, self.lanes
+        points = filter_model.points
+        return Rules(
+            spread=points.spread,
+            weight=points.weight,
+            correction=points.correction,
+            pivot_floor=PIVOT_FLOOR,
+            appended=filter_model.appended_index,
+            tableau=TABLEAUS[filter_model.method].numbers if _is_stiff(filter_model) else np.empty(0),
+            grading=filter_model.grading,
+            lanes=LANES,
+            n_x=len(filter_model.model.states),
+            theta=lanes.theta,
+            x=lanes.x,
+            y=lanes.y,
+        )
 
 
-def _log(samples: Samples) -> kernel.Log:
+def _is_stiff(filter_model: FilterModel) -> bool:
+    return filter_model.method in TABLEAUS
+
+
+def _log(samples: Samples) -> Log:
     """Samples as contiguous rows in time."""
 
     def rows(array: FloatArray) -> FloatArray:
         return np.array(array.T, order="C", dtype=np.float64)
 
     u, u_left, u_right, y = map(rows, (samples.u, samples.u_left, samples.u_right, samples.y))
-    return kernel.Log(np.array(samples.time, dtype=np.float64), u, u_left, u_right, y, samples.substeps)
+    return Log(np.array(samples.time, dtype=np.float64), u, u_left, u_right, y, samples.substeps)
 
 
-def _work(filter_model: FilterModel) -> kernel.Work:
+def _work(filter_model: FilterModel, lanes: LaneModel, width: int) -> Work:
+    """Scratch for ``width`` members side by side."""
     model = filter_model.model
-    n_x, n_s, n_y = len(model.states), len(filter_model.state_names), len(model.outputs)
+    n_s, n_y = len(filter_model.state_names), len(model.outputs)
     shapes: dict[str, tuple[int, ...]] = {
         "mean": (n_s,),
         "cov": (n_s, n_s),
         "lower": (n_s, n_s),
         "points": (2 * n_s + 1, n_s),
         "outputs": (2 * n_s + 1, n_y),
-        "shift": (n_s,),
-        "slopes": (max(n_s, n_y),),
+        "shift": (max(n_s, n_y),),
+        "slopes": (n_s,),
         "output_mean": (n_y,),
         "output_cov": (n_y, n_y),
         "joint": (n_y + n_s, n_y + n_s),
         "innovation": (n_y,),
-        "theta": (len(model.parameters),),
-        "x": (n_x,),
-        "u": (len(model.inputs),),
-        "y": (n_y,),
-        "stages": (3, n_x),
+        "nll": (),
+        "pivot": (),
     }
-    arrays = {name: np.zeros(shape) for name, shape in shapes.items()}
-    return kernel.Work(channels=np.zeros(n_y, dtype=np.int64), **arrays)
+    arrays = {name: np.zeros((*shape, width)) for name, shape in shapes.items()}
+    whole = (np.zeros(size, dtype=np.int64) for size in (width, width, width, n_y))
+    floored, code, who, channels = whole
+    own = {"buffer": lanes.buffer(), "clock": np.zeros(2), "inputs": np.zeros(2 * len(model.inputs))}
+    return Work(floored=floored, code=code, who=who, channels=channels, **arrays, **own)
 
 
 def _empty_run(filter_model: FilterModel, samples: Samples, members: int, depth: int) -> BatchRun:
     n_s, n_y, n = len(filter_model.state_names), len(filter_model.model.outputs), samples.time.size
     integers = (np.zeros(members, dtype=np.int64) for _ in range(3))
-    verdicts = kernel.Verdicts(np.full(members, np.inf), *integers)
+    verdicts = Verdicts(np.full(members, np.inf), *integers)
 
     def kept(level: int, *rows: int) -> FloatArray:
         return np.full((*rows, n, members) if depth >= level else (0,) * (len(rows) + 2), np.nan)
 
-    record = kernel.Record(
+    record = Record(
         depth=depth,
         whitened=kept(1, n_y),
         log_scales=kept(1, n_y),
@@ -212,7 +242,7 @@ def _in_numpy(filter_model: FilterModel, samples: Samples, batch: MemberBatch, d
         run.verdicts.outcome[m] = OUTCOMES.index(one.outcome)
         run.verdicts.last[m] = np.count_nonzero(~np.isnan(one.whitened[0])) - 1
         run.verdicts.floored[m] = one.floored_pivots
-        for level, names in ((1, kernel.Record._fields[1:3]), (2, kernel.Record._fields[3:])):
+        for level, names in ((1, Record._fields[1:3]), (2, Record._fields[3:])):
             for name in names if depth >= level else ():
                 getattr(run.record, name)[..., m] = getattr(one, name)
     return run

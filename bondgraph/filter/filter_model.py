@@ -13,8 +13,10 @@ from bondgraph.errors import FilterError, suggest
 from bondgraph.filter.sigma_points import MerweScaled
 from bondgraph.simulate.arrays import FloatArray, IntArray
 from bondgraph.simulate.model import Model
+from bondgraph.simulate.rosenbrock import TABLEAUS
 
-METHODS = ("rk4",)
+#: Integration methods; see :mod:`bondgraph.simulate.stiff` for the stiff ones.
+METHODS = ("rk4", *TABLEAUS)
 
 
 @dataclass(frozen=True)
@@ -37,7 +39,9 @@ class FilterModel:
     substeps
         Integration steps between samples one median interval apart; longer intervals get proportionally more.
     method
-        Integration method, ``"rk4"``.
+        Integration method: ``"rk4"``, or for stiff models ``"ros3p"`` or ``"rodas4"``.
+    grading
+        Length of each step between two samples over that of the one before, for the stiff methods.
     alpha, beta, kappa
         Spread of the sigma points, see :class:`bondgraph.filter.sigma_points.MerweScaled`.
     appended
@@ -65,6 +69,7 @@ class FilterModel:
     initial_std: Mapping[str, float]
     substeps: int = 1
     method: str = "rk4"
+    grading: float = 1.0
     alpha: float = 0.1
     beta: float = 2.0
     kappa: float = 0.0
@@ -153,6 +158,12 @@ class FilterModel:
             raise FilterError(
                 f"{self.model.name}: filter method {self.method!r} is not known - use {', '.join(METHODS)}",
                 where=(self.model.name, "method"),
+            )
+        if not 0.1 <= self.grading <= 10.0 or (self.grading != 1.0 and self.method not in TABLEAUS):
+            raise FilterError(
+                f"{self.model.name}: grading={self.grading!r} with method {self.method!r}"
+                f" - give a number from 0.1 to 10, other than 1 only with {', '.join(TABLEAUS)}",
+                where=(self.model.name, "grading"),
             )
         if self.substeps < 1:
             raise FilterError(

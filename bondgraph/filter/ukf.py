@@ -18,6 +18,8 @@ from bondgraph.filter.samples import Samples
 from bondgraph.simulate.arrays import FloatArray
 from bondgraph.simulate.integrators import RK4
 from bondgraph.simulate.outcome import Outcome
+from bondgraph.simulate.rosenbrock import TABLEAUS
+from bondgraph.simulate.stiff import ModelEquations, Rosenbrock
 
 
 @dataclass(frozen=True)
@@ -38,14 +40,14 @@ def transition(filter_model: FilterModel, samples: Samples, k: int, theta: Float
     """Moves points of the filter's state over the interval that ends at sample ``k``; appended parameters stay."""
     model = filter_model.model
     n_x = len(model.states)
-    integrator = RK4(int(samples.substeps[k - 1]))
+    substeps = int(samples.substeps[k - 1])
+    stiff = filter_model.method in TABLEAUS
+    integrator = Rosenbrock(filter_model.method, substeps, filter_model.grading) if stiff else RK4(substeps)
 
     def move(points: FloatArray) -> FloatArray:
         parameters = _point_parameters(filter_model, points, theta)
 
-        def rhs(t: float, x: FloatArray, u: FloatArray) -> FloatArray:
-            return model.rhs(t, x, u, parameters)
-
+        rhs = ModelEquations(model, parameters)
         state = integrator.init(float(samples.time[k - 1]), points[:n_x])
         moved, _ = integrator.step(rhs, samples.segment(k), samples.time[k : k + 1], state)
         return np.vstack([moved[:, 0], points[n_x:]])

@@ -130,8 +130,8 @@ def model_source(model: Model) -> str:
 
 
 @functools.cache
-def load_kernel(kernel: ModuleType) -> Any:
-    """The functions of a kernel module, compiled; kernels take the functions of a model as arguments.
+def load_kernel(*kernels: ModuleType) -> Any:
+    """The functions of kernel modules, compiled together; kernels take the functions of a model as arguments.
 
     Raises
     ------
@@ -139,9 +139,9 @@ def load_kernel(kernel: ModuleType) -> Any:
         If numba is not installed; ask :func:`has_numba` first.
     """
     if not has_numba():
-        raise ModelError(f"{kernel.__name__}: numba is not installed - install the package 'numba'")
-    title = f"Compiled form of {kernel.__name__}"
-    parts = [HEADER.format(title=title), *_functions(kernel, "@_jit\n")]
+        raise ModelError(f"{kernels[0].__name__}: numba is not installed - install the package 'numba'")
+    title = f"Compiled form of {', '.join(kernel.__name__ for kernel in kernels)}"
+    parts = [HEADER.format(title=title), *(part for kernel in kernels for part in _functions(kernel, "@_jit\n"))]
     return load_compiled("\n\n".join(parts) + "\n")
 
 

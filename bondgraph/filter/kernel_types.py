@@ -1,0 +1,89 @@
+"""What the filter kernel reads, writes and works on."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from bondgraph.simulate.arrays import FloatArray, IntArray
+
+
+class Log(NamedTuple):
+    """A log: time (n,); u (n, n_u); u_left, u_right (n-1, n_u); y (n, n_y); substeps (n-1,)."""
+
+    time: FloatArray
+    u: FloatArray
+    u_left: FloatArray
+    u_right: FloatArray
+    y: FloatArray
+    substeps: IntArray
+
+
+class Rules(NamedTuple):
+    """Numbers of the sigma points and of the method, and where vectors are in the work buffer of the model.
+
+    ``appended`` holds the positions of the appended parameters in theta, ``pivot_floor`` the share of a pivot that is
+    rounding; ``tableau`` the coefficients of a stiff method, empty for Runge-Kutta; ``theta``, ``x``, ``y`` the first
+    rows of these vectors in the buffer of ``lanes`` lanes.
+    """
+
+    spread: float
+    weight: float
+    correction: float
+    pivot_floor: float
+    appended: IntArray
+    tableau: FloatArray
+    grading: float
+    lanes: int
+    n_x: int
+    theta: int
+    x: int
+    y: int
+
+
+class Members(NamedTuple):
+    """Numbers of each member in a column: theta, x0 (n_x), initial_std and process_std (n_s), noise_std (n_y)."""
+
+    theta: FloatArray
+    x0: FloatArray
+    initial_std: FloatArray
+    process_std: FloatArray
+    noise_std: FloatArray
+
+
+class Verdicts(NamedTuple):
+    """Per member: negative log-likelihood, code of the outcome, index of the last finished sample, floored pivots."""
+
+    nll: FloatArray
+    outcome: IntArray
+    last: IntArray
+    floored: IntArray
+
+
+class Work(NamedTuple):
+    """Scratch of one thread; the last axis of the first part is the lane.
+
+    The belief: mean (n_s, L), cov and its lower factor (n_s, n_s, L). Points (2 n_s + 1, n_s, L) and their outputs
+    (2 n_s + 1, n_y, L). Per lane: likelihood so far, floored pivots, code of a failure, and whose numbers it has. The
+    model's own: ``buffer``, ``clock`` (2,), ``inputs`` (2 n_u,).
+    """
+
+    mean: FloatArray
+    cov: FloatArray
+    lower: FloatArray
+    points: FloatArray
+    outputs: FloatArray
+    shift: FloatArray
+    slopes: FloatArray
+    output_mean: FloatArray
+    output_cov: FloatArray
+    joint: FloatArray
+    innovation: FloatArray
+    nll: FloatArray
+    pivot: FloatArray
+    floored: IntArray
+    code: IntArray
+    who: IntArray
+    channels: IntArray
+    buffer: FloatArray
+    clock: FloatArray
+    inputs: FloatArray
