@@ -1,6 +1,6 @@
 # Generated from vehicle_graphs/ranger.py -- do not edit.
 # Regenerate with:  bondgraph generate vehicle_graphs.ranger:full
-# Generator: bondgraph 0.1.0, sympy 1.14.0.  Equations: 0c0e7d45adce157f
+# Generator: bondgraph 0.1.0, sympy 1.14.0.  Equations: 7ada647ac1abb986
 """Ranger-class vehicle with rubber-belt CVT, rear drive: the whole vehicle.
 
 States x:
@@ -329,19 +329,20 @@ def rhs(t, x, u, theta):
     r_s = _solve_r_s(r_s0 - (1/2)*np.minimum(np.maximum(sheave_displacement, 0.0), x_max)/np.tan(al), C, L_b, r_p)  # law of r_s
     travel_share = np.minimum(np.maximum(sheave_displacement/x_max, 0.0), 1.0)  # [1] sheave travel from open 0 to closed 1
     F_p = np.maximum(m_fw*engine_speed**2*(r_f0 + r_f1*travel_share)*(td0 + td1*travel_share) - F_p0 - k_p*np.maximum(sheave_displacement, 0.0), 0.0)  # [N] clamp force of the primary
+    F_secondary_spring = -F_s0 - k_s*np.maximum(sheave_displacement, 0.0)  # [N] effort of secondary.spring
     F_belt_belt_part_1 = 2*mu_b*np.tanh((engine_speed*r_p - omega_gearbox_shaft*r_s)/v_s)/np.cos(al)  # loop of F_s
-    F_belt_belt_part_2 = F_s0 + k_s*np.maximum(sheave_displacement, 0.0)  # loop of F_s
-    F_belt_belt_part_3 = 1/(2*r_h*tan_h)  # loop of F_s
+    F_belt_belt_part_2 = 1/(2*r_h*tan_h)  # loop of F_s
     F_belt_belt_branch_1 = F_p*F_belt_belt_part_1  # loop of F_s
-    F_belt_belt_remainder_1 = np.abs(F_belt_belt_branch_1 - F_belt_belt_part_1*np.minimum(F_p, F_belt_belt_part_2 + F_belt_belt_part_3*np.maximum(r_s*F_belt_belt_branch_1, 0.0)))  # loop of F_s
-    F_belt_belt_branch_2 = F_belt_belt_part_1*F_belt_belt_part_2  # loop of F_s
-    F_belt_belt_remainder_2 = np.abs(F_belt_belt_branch_2 - F_belt_belt_part_1*np.minimum(F_p, F_belt_belt_part_2 + F_belt_belt_part_3*np.maximum(r_s*F_belt_belt_branch_2, 0.0)))  # loop of F_s
+    F_belt_belt_remainder_1 = np.abs(F_belt_belt_branch_1 - F_belt_belt_part_1*np.minimum(F_p, F_belt_belt_part_2*np.maximum(r_s*F_belt_belt_branch_1, 0.0) - F_secondary_spring))  # loop of F_s
+    F_belt_belt_branch_2 = -F_secondary_spring*F_belt_belt_part_1  # loop of F_s
+    F_belt_belt_remainder_2 = np.abs(F_belt_belt_branch_2 - F_belt_belt_part_1*np.minimum(F_p, F_belt_belt_part_2*np.maximum(r_s*F_belt_belt_branch_2, 0.0) - F_secondary_spring))  # loop of F_s
     F_belt_belt_best_of_2 = np.where(F_belt_belt_remainder_2 < (1/1000000)*F_belt_belt_remainder_1, F_belt_belt_branch_2, F_belt_belt_branch_1)  # loop of F_s
     F_belt_belt_least_of_2 = np.where(F_belt_belt_remainder_2 < (1/1000000)*F_belt_belt_remainder_1, F_belt_belt_remainder_2, F_belt_belt_remainder_1)  # loop of F_s
-    F_belt_belt_branch_3 = F_belt_belt_part_1*F_belt_belt_part_2/(1 - r_s*F_belt_belt_part_1*F_belt_belt_part_3)  # loop of F_s
-    F_belt_belt_remainder_3 = np.abs(F_belt_belt_branch_3 - F_belt_belt_part_1*np.minimum(F_p, F_belt_belt_part_2 + F_belt_belt_part_3*np.maximum(r_s*F_belt_belt_branch_3, 0.0)))  # loop of F_s
+    F_belt_belt_branch_3 = -F_secondary_spring*F_belt_belt_part_1/(1 - r_s*F_belt_belt_part_1*F_belt_belt_part_2)  # loop of F_s
+    F_belt_belt_remainder_3 = np.abs(F_belt_belt_branch_3 - F_belt_belt_part_1*np.minimum(F_p, F_belt_belt_part_2*np.maximum(r_s*F_belt_belt_branch_3, 0.0) - F_secondary_spring))  # loop of F_s
     F_belt_belt = np.where(F_belt_belt_remainder_3 < (1/1000000)*F_belt_belt_least_of_2, F_belt_belt_branch_3, F_belt_belt_best_of_2)  # [N] effort of belt.belt
-    F_s = F_s0 + k_s*np.maximum(sheave_displacement, 0.0) + (1/2)*np.maximum(r_s*F_belt_belt, 0.0)/(r_h*tan_h)  # [N] clamp force of the secondary
+    F_secondary_helix = -(1/2)*np.maximum(r_s*F_belt_belt, 0.0)/(r_h*tan_h)  # [N] effort of secondary.helix
+    F_belt_length_secondary_sheave = -F_secondary_spring - F_secondary_helix  # [N] effort of bond belt_length -> secondary.sheave
     tau_gearbox_mesh_loss = G*r_s*F_belt_belt*(eta - 1)  # [N m] effort of gearbox.mesh_loss
     tau_rear_axle_inertia_part = G*r_s*F_belt_belt + tau_gearbox_mesh_loss - r_d*F_rear_tyre_contact - tau_rear_axle_brake_discs - tau_rear_axle_rolling  # part of effort of rear_axle.inertia
     d_rear_axle_speed = tau_rear_axle_inertia_part/(J_r + J_s*G**2)  # rate of flow of rear_axle.inertia
@@ -357,7 +358,7 @@ def rhs(t, x, u, theta):
     F_primary_stops = k_st*np.maximum(sheave_displacement - x_max, 0.0) - k_st*np.maximum(-sheave_displacement, 0.0)  # [N] effort of primary.stops
     lean = np.arcsin((r_s - r_p)/C)  # [rad] angle of the free strands to the line of centres
     wrap_ratio = (np.pi - 2*lean)/(2*lean + np.pi)  # [1] wrap angle of the primary over the secondary's
-    v_primary_sheave = (F_p - F_primary_stops - F_s*wrap_ratio)/c_x  # [m/s] flow of primary.sheave
+    v_primary_sheave = (F_p - F_primary_stops - F_belt_length_secondary_sheave*wrap_ratio)/c_x  # [m/s] flow of primary.sheave
     dx0 = (F_body_gravity + F_body_thrust - F_body_air)/m  # d(forward_velocity)/dt
     dx1 = (F_body_weight - F_body_rear_strut - F_body_front_strut - F_body_springs1)/m  # d(heave_rate)/dt
     dx2 = (b*F_body_rear_strut + r_z*F_body_thrust - a*F_body_front_strut - tau_body_springs2)/I  # d(pitch_rate)/dt

@@ -57,14 +57,14 @@ def primary_clutch() -> BondGraph:
 
 
 def secondary_clutch() -> BondGraph:
-    """Secondary clutch: port ``sheave``, inputs ``travel`` and ``belt_torque``; signal ``F_s`` is its clamp force.
+    """Secondary clutch: port ``sheave``, inputs ``travel`` and ``belt_torque``.
 
     The helix adds the axial force of half the belt's torque, in drive only.
 
     Examples
     --------
-    >>> [signal.name for signal in secondary_clutch().signals]
-    ['F_s']
+    >>> [element.name for element in secondary_clutch().nodes.values()]
+    ['sheave', 'spring', 'helix']
     """
     g = BondGraph("secondary_clutch", doc=__doc__)
     travel = g.input("travel", "m", "travel of the primary sheave")
@@ -74,7 +74,7 @@ def secondary_clutch() -> BondGraph:
     r_h = g.parameter("r_h", 0.045, "m", "radius of the helix; stands for r_h tan_h", (0.030, 0.065))
     tan_h = g.parameter("tan_h", 1.0, "1", "tangent of the helix angle")
     sheave = g.one_junction("sheave", TRANSLATION)
-    helix = maximum(torque, 0) / (2 * r_h * tan_h)
-    clamp = g.signal("F_s", F_s0 + k_s * maximum(travel, 0) + helix, "N", "clamp force of the secondary")
-    g.effort_source("spring_and_helix", -clamp, at=sheave)
+    # a spring, but its travel is that of the primary, which is the state: it needs no storage of its own
+    g.effort_source("spring", -F_s0 - k_s * maximum(travel, 0), at=sheave)
+    g.effort_source("helix", -maximum(torque, 0) / (2 * r_h * tan_h), at=sheave)
     return g

@@ -127,7 +127,9 @@ def _power_train(g: BondGraph, engine: Part) -> None:
     crank_speed, travel = signal("flow", "engine.crank"), signal("displacement", "primary.stops")
     g.include("engine", engine(), {"crank": "crank"}, shared=True)
     g.include("primary", primary_clutch(), {"sheave": "sheave"}, {"crank_speed": crank_speed}, shared=True)
-    clamps = {"primary_clamp": symbol("F_p"), "secondary_clamp": signal("effort", "belt_length", 2)}
+    # what the secondary presses is felt at its end of the belt; the helix makes it follow the belt's force in turn
+    F_s = g.signal("F_s", signal("effort", "belt_length", 2), "N", "clamp force of the secondary")
+    clamps = {"primary_clamp": symbol("F_p"), "secondary_clamp": F_s}
     g.include("belt", rubber_belt(), {"belt": "belt"}, {"travel": travel, **clamps}, shared=True)
     belt_torque = symbol("r_s") * signal("effort", "belt.belt")
     bind = {"travel": travel, "belt_torque": belt_torque}

@@ -96,7 +96,11 @@ def _inside(name: str, frame: str) -> str:
 
 
 class _LawPrinter(StrPrinter):  # type: ignore[misc]
-    """Expressions as an engineer writes them: a·b, x², and bars around an absolute value."""
+    """Expressions as an engineer writes them: a·b, x², bars around an absolute value, sums with a plus in front."""
+
+    def _as_ordered_terms(self, expression: Expr, order: str | None = None) -> list[Expr]:
+        terms: list[Expr] = super()._as_ordered_terms(expression, order=order)
+        return sorted(terms, key=lambda term: bool(term.could_extract_minus_sign()))
 
     def _print_Mul(self, expression: Expr) -> str:
         return str(super()._print_Mul(expression)).replace("*", "·")
@@ -157,7 +161,9 @@ def _definitions(graph: BondGraph) -> tuple[tuple[str, str], ...]:
     pairs = []
     for quantity in graph.quantities.values():
         frame = frame_of(quantity.name)
-        if isinstance(quantity, NamedSignal):
+        if isinstance(quantity, NamedSignal) and quantity.guess is not None:
+            pairs.append((quantity.name, f"from  0 = {_expression(quantity.expression, {}, frame)}"))
+        elif isinstance(quantity, NamedSignal):
             pairs.append((quantity.name, f"= {_expression(quantity.expression, {}, frame)}"))
         elif isinstance(quantity, Integral):
             pairs.append((quantity.name, f"= ∫ {_expression(quantity.of, {}, frame)} dt"))

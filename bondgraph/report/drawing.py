@@ -51,6 +51,8 @@ __all__ = [
 ]
 
 PAGE_MARGIN, HEADER = 28.0, 56.0
+#: Drawings at least so wide have their small print in two columns.
+TWO_COLUMNS = 1000.0
 
 
 def draw_svg(drawing: Drawing, highlight: frozenset[str] = frozenset()) -> str:
@@ -130,7 +132,7 @@ def picture_of(drawing: Drawing, highlight: frozenset[str] = frozenset()) -> Pic
         extent.right, *(part.x + text_width(part.text, part.size, part.bold) for part in (title, *legend, *laws)
                         if isinstance(part, Text)),
     )  # fmt: skip
-    height = (laws[-1].y if laws else extent.bottom + 30) + 24
+    height = max((line.y for line in laws), default=extent.bottom + 30) + 24
     parts = (*_graph_parts(drawing, layout, domains, highlight), title, *legend, *laws)
     return Picture(math.ceil(widest + PAGE_MARGIN), math.ceil(height), drawing.title, parts)
 
@@ -206,11 +208,18 @@ def _legend(drawing: Drawing, domains: Sequence[str], added: bool, y: float) -> 
 
 def _small_print(drawing: Drawing, layout: Layout, y: float, width: float) -> list[Text]:
     """In full below the graph: the laws that were cut in their labels, and the definitions."""
-    letters = max(int(width / 6.2), 60)
     entries = [f"{node.name}:  {node.law}" for node in drawing.nodes if layout.labels[node.name].cut]
     entries += [f"{name} {text}" for name, text in drawing.definitions]
+    columns = 2 if width >= TWO_COLUMNS and len(entries) > 8 else 1
+    letters = max(int(width / columns / 6.2), 60)
     lines = [(i, line) for entry in entries for i, line in enumerate(break_lines(entry, letters, 40)[0])]
+    rows = -(-len(lines) // columns)
+    while columns == 2 and rows < len(lines) and lines[rows][0]:  # an entry stays in one column
+        rows += 1
     return [
-        Text(PAGE_MARGIN + (16 if i else 0), y + 15 * k, line, 10.0, QUIET, role="law")
+        Text(
+            PAGE_MARGIN + (16 if i else 0) + (width / 2 if k >= rows else 0.0), y + 15 * (k % max(rows, 1)), line, 10.0,
+            QUIET, role="law",
+        )
         for k, (i, line) in enumerate(lines)
-    ]
+    ]  # fmt: skip
