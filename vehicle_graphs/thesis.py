@@ -1,0 +1,263 @@
+"""The thesis' estimation, redone with known truth, to see whether its estimates are biased and its intervals hold.
+
+    python -m vehicle_graphs.thesis --out study                        coast-downs, 20 repetitions, both suspensions
+    python -m vehicle_graphs.thesis --stage driveline --out study      then the driveline, with the coast-downs' results
+    python -m vehicle_graphs.thesis --repetitions 3 --short --out try  a quick look
+
+Every repetition draws true parameters, simulates logs with them, and estimates them back. Stage *coast-down* estimates
+rolling resistance, drag, brake gain, pitch offset, tyre radius and pitch stiffness from two runs in neutral, once with
+the suspension that the logs were made with and once with the quasi-static one of the thesis (P. M. Auby 2016), which
+that work names as the source of its bias. Stage *driveline* estimates eight parameters of engine and CVT from a drive.
+An interrupted study goes on where it stopped: each repetition is a file in the folder.
+"""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import functools
+import json
+import sys
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from bondgraph.correct.build import build
+from bondgraph.data.log import MatchedLog
+from bondgraph.errors import BondGraphError, DataError
+from bondgraph.estimate.estimate import Method, Settings, estimate
+from bondgraph.estimate.problem import pose
+from bondgraph.estimate.recovery import Recovery, Trial, recovery, recovery_table
+from bondgraph.filter.draw import draw_logs
+from bondgraph.filter.filter_model import FilterModel
+from bondgraph.report.figures import AFTER, BEFORE, figure_style, save_figure
+from bondgraph.report.progress import WorkProgress
+from bondgraph.simulate.model import Model
+from vehicle_graphs import ranger
+
+#: Samples per second of the thesis.
+RATE = 40.0
+#: Standard deviations of the sensors of the simulated logs.
+SENSOR_NOISE = {"engine_speed": 2.0, "axle_speed": 0.1, "forward_velocity": 0.05, "height": 0.05, "pitch": 0.003}
+#: The inclination as a random walk, the only process noise of the thesis [rad per sqrt(s)].
+INCLINATION_WALK = 0.004
+#: What is not known of the start of a run.
+START_STD = {
+    "forward_velocity": 0.05, "rear_axle_speed": 0.1, "front_axle_speed": 0.1, "height": 0.05, "inclination": 0.01,
+    "heave": 0.001, "pitch": 0.002,
+}  # fmt: skip
+#: True values are drawn within this share of their nominal ones; the offset of the pitch within this many radians.
+SPREAD, OFFSET_SPREAD = 0.12, 0.02
+#: Steps between samples: the tyre at standstill has a rate of 3600 1/s, the gripping belt one of up to 12000 1/s.
+COASTING_STEPS, DRIVING_STEPS = 40, 120
+
+COAST_DOWN = ("f_r", "CdA", "brake_gain", "th_off", "r_d", "spring_gain")
+DRIVELINE = ("T_pk", "T_f0", "k_u", "m_fw", "F_p0", "k_p", "r_h", "mu_b")
+
+
+@dataclass(frozen=True)
+class Variant:
+    """A model that estimates, and the stage it belongs to."""
+
+    name: str
+    stage: str
+    graph: str
+    free: tuple[str, ...]
+
+
+VARIANTS = (
+    Variant("dynamic suspension", "coast-down", "coast_down", COAST_DOWN),
+    Variant("quasi-static suspension", "coast-down", "coast_down_quasi_static", COAST_DOWN),
+    Variant("full model", "driveline", "full", DRIVELINE),
+)
+STAGES = tuple(dict.fromkeys(variant.stage for variant in VARIANTS))
+
+
+@functools.cache
+def _model(graph: str) -> Model:
+    return build(getattr(ranger, graph)()).model
+
+
+def _filter_model(graph: str) -> FilterModel:
+    model = _model(graph)
+    states, outputs = model.names("state"), model.names("output")
+    return FilterModel(
+        model,
+        {"inclination": INCLINATION_WALK},
+        {name: std for name, std in SENSOR_NOISE.items() if name in outputs},
+        {name: std for name, std in START_STD.items() if name in states},
+        substeps=DRIVING_STEPS if graph == "full" else COASTING_STEPS,
+        alpha=0.5,
+    )
+
+
+def _pattern(model: Model, name: str, duration: float, inputs: Mapping[str, np.ndarray]) -> MatchedLog:
+    time = np.arange(0.0, duration, 1.0 / RATE)
+    u = np.repeat(model.u0()[:, np.newaxis], time.size, axis=1)
+    for channel, values in inputs.items():
+        u[model.index("input", channel)] = values
+    return MatchedLog(name, time, u, np.zeros((len(model.outputs), time.size)))
+
+
+def coast_downs(model: Model, rng: np.random.Generator, short: bool) -> list[MatchedLog]:
+    """Two runs in neutral from 15 m/s: one rolls, one is braked now and then."""
+    duration = 6.0 if short else 30.0
+    time = np.arange(0.0, duration, 1.0 / RATE)
+    brake = np.zeros(time.size)
+    for start in np.arange(1.0, duration - 2.0, 6.0):
+        on = start + rng.uniform(0.0, 2.0)
+        brake += rng.uniform(0.05, 0.25) * np.clip(np.minimum((time - on) / 0.2, (on + 1.2 - time) / 0.2), 0.0, 1.0)
+    return [_pattern(model, "rolling", duration, {}), _pattern(model, "braked", duration, {"brake": brake})]
+
+
+def drives(model: Model, rng: np.random.Generator, short: bool) -> list[MatchedLog]:
+    """One drive in high gear: throttle of changing size with pauses, then the brake, again and again."""
+    duration = 6.0 if short else 90.0
+    time = np.arange(0.0, duration, 1.0 / RATE)
+    knots = np.arange(0.0, duration + 5.0, 2.5)
+    throttle = np.interp(time, knots, rng.uniform(0.05, 1.0, knots.size) * (rng.random(knots.size) > 0.25))
+    stops = np.interp(time, knots, np.where(rng.random(knots.size) > 0.85, rng.uniform(0.1, 0.4, knots.size), 0.0))
+    return [_pattern(model, "drive", duration, {"throttle": throttle, "brake": np.where(throttle < 0.05, stops, 0.0)})]
+
+
+def draw_truth(model: Model, free: Sequence[str], rng: np.random.Generator) -> dict[str, float]:
+    """True values of the free parameters, around their nominal ones."""
+    truth = {}
+    for name in free:
+        nominal = model.parameters[model.index("parameter", name)].value
+        spread = SPREAD * nominal if nominal else OFFSET_SPREAD
+        truth[name] = float(nominal + spread * rng.uniform(-1.0, 1.0))
+    return truth
+
+
+def _rolling_start(truth: Mapping[str, float], model: Model) -> dict[str, float]:
+    """Rolling at 15 m/s; the tyre radius is what the wheels turn by, so this much of the truth a driver can see."""
+    radius = truth.get("r_d", model.parameters[model.index("parameter", "r_d")].value)
+    return {"forward_velocity": 15.0, "rear_axle_speed": 15.0 / radius, "front_axle_speed": 15.0 / radius}
+
+
+@dataclass(frozen=True)
+class Study:
+    """What to do: how often, with which search, where to keep it."""
+
+    folder: Path
+    repetitions: int = 20
+    seed: int = 0
+    method: Method = "gradient"
+    short: bool = False
+
+    def trial(self, variant: Variant, repetition: int) -> Trial:
+        """The trial of one repetition: from its file, or computed and written there."""
+        path = self.folder / variant.stage / f"{variant.graph}_{repetition + 1:03d}.json"
+        settings = [self.seed, self.method, self.short]
+        if path.is_file():
+            kept = json.loads(path.read_text(encoding="utf-8"))
+            if kept["settings"] != settings:
+                raise DataError(
+                    f"{path}: was made with seed, method, short = {kept['settings']}, now asked for {settings} - take "
+                    "another folder or remove this one",
+                    where=(str(path),),
+                )
+            return Trial(**kept["trial"])
+        trial = self._estimated(variant, repetition)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        text = json.dumps({"settings": settings, "trial": dataclasses.asdict(trial)}, indent=1)
+        path.write_text(text, encoding="utf-8")
+        return trial
+
+    def _estimated(self, variant: Variant, repetition: int) -> Trial:
+        stage = STAGES.index(variant.stage)
+        rng = np.random.default_rng([self.seed, stage, repetition])
+        maker = _filter_model("coast_down" if variant.stage == "coast-down" else "full")
+        truth = draw_truth(maker.model, variant.free, rng)
+        coasting = variant.stage == "coast-down"
+        start = _rolling_start(truth, maker.model) if coasting else {}
+        patterns = coast_downs(maker.model, rng, self.short) if coasting else drives(maker.model, rng, self.short)
+        logs = [
+            draw_logs(
+                maker, pattern, 1, int(rng.integers(2**31)),
+                theta=maker.model.theta(**truth), x0=maker.model.x0(**start),
+            ).logs[0]
+            for pattern in patterns
+        ]  # fmt: skip
+        estimator = _filter_model(variant.graph)
+        problem = pose(estimator, logs, variant.free, initial=(start,) * len(logs))
+        found = estimate(problem, Settings(method=self.method, seed=self.seed, starts=1))
+        return Trial.of(found, truth)
+
+
+def run_study(study: Study, stages: Sequence[str]) -> dict[str, Recovery]:
+    """All variants of the stages; writes ``result.json`` and ``recovery.png`` into the folder."""
+    chosen = [variant for variant in VARIANTS if variant.stage in stages]
+    found: dict[str, Recovery] = {}
+    with WorkProgress("estimating", len(chosen) * study.repetitions, "repetitions") as work:
+        for variant in chosen:
+            work.describe(variant.name)
+            trials = []
+            for repetition in range(study.repetitions):
+                trials.append(study.trial(variant, repetition))
+                work.advance()
+            found[variant.name] = recovery(trials)
+    written = {name: dataclasses.asdict(result) for name, result in found.items()}
+    (study.folder / "result.json").write_text(json.dumps(written, indent=1), encoding="utf-8")
+    save_figure(recovery_figure(found), study.folder / "recovery.png")
+    return found
+
+
+def recovery_figure(found: Mapping[str, Recovery]) -> Figure:
+    """Mean error of every parameter in units of the scatter, with twice its standard error, and the coverage."""
+    names = list(dict.fromkeys(row.name for result in found.values() for row in result.parameters))
+    with figure_style():
+        figure = Figure(figsize=(9.0, 1.4 + 0.42 * len(names)), layout="constrained")
+        errors, covered = figure.subplots(1, 2, sharey=True, width_ratios=(2.2, 1.0))
+        for number, (label, result) in enumerate(found.items()):
+            colour = (AFTER, BEFORE)[number % 2]
+            for row in result.parameters:
+                at = len(names) - 1 - names.index(row.name) + 0.22 * (0.5 - number % 2)
+                bar = 2.0 * row.standard_error / row.stated
+                shown = label if row is result.parameters[0] else None
+                errors.errorbar(
+                    row.mean_error / row.stated, at, xerr=bar, fmt="o", color=colour, capsize=3, label=shown
+                )
+                covered.plot(100.0 * row.coverage, at, "o", color=colour)
+        errors.axvline(0.0, color="#5b636d", linewidth=0.8)
+        errors.set_yticks(range(len(names)), names[::-1])
+        errors.set_xlabel("mean error over the stated standard deviation, with two standard errors")
+        errors.legend(loc="lower right")
+        covered.axvline(95.0, color="#5b636d", linewidth=0.8)
+        covered.set_xlim(-3.0, 103.0)
+        covered.set_xlabel("95 % intervals that hold the truth [%]")
+    return figure
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Command line; 0 when done, 2 with a message for bad input."""
+    parser = argparse.ArgumentParser(
+        prog="python -m vehicle_graphs.thesis", description=__doc__,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )  # fmt: skip
+    parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder of the study, made if absent")
+    parser.add_argument("--stage", choices=(*STAGES, "both"), default="coast-down", help="default: coast-down")
+    parser.add_argument("--repetitions", type=int, default=20, metavar="N", help="default: 20; at least 2")
+    parser.add_argument("--method", choices=("gradient", "pso", "both"), default="gradient", help="default: gradient")
+    parser.add_argument("--seed", type=int, default=0, help="default: 0")
+    parser.add_argument("--short", action="store_true", help="runs of 6 s instead of 30 s and 90 s")
+    options = parser.parse_args(arguments)
+    study = Study(options.out, max(options.repetitions, 2), options.seed, options.method, options.short)
+    try:
+        options.out.mkdir(parents=True, exist_ok=True)
+        found = run_study(study, STAGES if options.stage == "both" else (options.stage,))
+    except (BondGraphError, OSError) as error:
+        print(error, file=sys.stderr)
+        return 2
+    for name, result in found.items():
+        print(f"{name}, {study.repetitions} repetitions\n{recovery_table(result)}\n")
+    print(f"written: {options.out / 'result.json'}, {options.out / 'recovery.png'}")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
