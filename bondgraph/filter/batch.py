@@ -5,9 +5,10 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
+import numpy.typing as npt
 
 from bondgraph.filter import kernel, kernel_algebra, kernel_record
 from bondgraph.filter.filter_model import FilterModel
@@ -18,7 +19,7 @@ from bondgraph.filter.members import MemberBatch
 from bondgraph.filter.samples import Samples
 from bondgraph.filter.sigma_points import PIVOT_FLOOR
 from bondgraph.filter.ukf import reference_run
-from bondgraph.simulate.arrays import FloatArray
+from bondgraph.simulate.arrays import BoolArray, FloatArray
 from bondgraph.simulate.compile import has_numba, load_kernel
 from bondgraph.simulate.outcome import OUTCOMES, Outcome
 from bondgraph.simulate.program.lane_text import LANES
@@ -31,11 +32,15 @@ _FEW = 5
 
 @dataclass(frozen=True)
 class BatchRun:
-    """All members over one log: what the kernel decided and, as deep as asked for, what it recorded."""
+    """All members over one log: what the kernel decided and, as deep as asked for, what it recorded.
+
+    ``refined`` (members,) tells which members were repeated with twice the integration steps because they diverged.
+    """
 
     samples: Samples
     verdicts: Verdicts
     record: Record
+    refined: BoolArray
 
     def outcome(self, m: int) -> Outcome:
         """How member ``m`` ended."""
@@ -69,7 +74,7 @@ def run_batches(
     threads: int | None,
     compiled: bool,
 ) -> tuple[BatchRun, ...]:
-    """Filter every member over every log.
+    """Filter every member over every log; a member that diverges is tried once more with twice the steps.
 
     Parameters
     ----------
@@ -82,10 +87,36 @@ def run_batches(
     compiled
         Use the compiled kernel; without numba, or with False, the numpy filter does the same one by one.
     """
-    if not (compiled and has_numba()):
-        return tuple(
-            _in_numpy(filter_model, samples, batch, depth) for samples, batch in zip(logs, batches, strict=True)
-        )
+    filter_all = _all_in_kernel if compiled and has_numba() else _all_in_numpy
+    runs = filter_all(filter_model, logs, batches, depth, threads)
+    for run, batch in zip(runs, batches, strict=True):
+        diverged = np.flatnonzero(run.verdicts.outcome == OUTCOMES.index(Outcome.DIVERGED))
+        if diverged.size:
+            finer = replace(run.samples, substeps=2 * run.samples.substeps)
+            (again,) = filter_all(filter_model, [finer], [batch.chosen(diverged)], depth, threads)
+            _replace_members(run, again, diverged)
+    return runs
+
+
+def _replace_members(run: BatchRun, again: BatchRun, members: npt.NDArray[np.intp]) -> None:
+    """Put the members of another run in the place of these."""
+    for kept, found in zip(run.verdicts, again.verdicts, strict=True):
+        kept[members] = found
+    for level, names in ((1, Record._fields[1:3]), (2, Record._fields[3:])):
+        for name in names if run.record.depth >= level else ():
+            getattr(run.record, name)[..., members] = getattr(again.record, name)
+    run.refined[members] = True
+
+
+def _all_in_numpy(
+    filter_model: FilterModel, logs: Sequence[Samples], batches: Sequence[MemberBatch], depth: int, threads: int | None
+) -> tuple[BatchRun, ...]:
+    return tuple(_in_numpy(filter_model, samples, batch, depth) for samples, batch in zip(logs, batches, strict=True))
+
+
+def _all_in_kernel(
+    filter_model: FilterModel, logs: Sequence[Samples], batches: Sequence[MemberBatch], depth: int, threads: int | None
+) -> tuple[BatchRun, ...]:
     runs = tuple(
         _empty_run(filter_model, samples, batch.size, depth) for samples, batch in zip(logs, batches, strict=True)
     )
@@ -230,7 +261,7 @@ def _empty_run(filter_model: FilterModel, samples: Samples, members: int, depth:
         output_mean=kept(2, n_y),
         output_cov=kept(2, n_y, n_y),
     )
-    return BatchRun(samples, verdicts, record)
+    return BatchRun(samples, verdicts, record, np.zeros(members, dtype=np.bool_))
 
 
 def _in_numpy(filter_model: FilterModel, samples: Samples, batch: MemberBatch, depth: int) -> BatchRun:

@@ -30,13 +30,17 @@ class Likelihood:
 
     ``nll`` (members,) is the sum over logs of ``nll_per_log`` (n_logs, members), infinite where a member failed;
     ``outcomes`` says how each member ended (its first failure), ``floored_pivots`` (members,) how many directions of a
-    covariance were lost to rounding.
+    covariance were lost to rounding, ``refined`` (members,) who diverged somewhere and was repeated there with twice
+    the integration steps. ``method`` and ``substeps`` are what the integration used otherwise.
     """
 
     nll: FloatArray
     outcomes: tuple[Outcome, ...]
     nll_per_log: FloatArray
     floored_pivots: IntArray
+    refined: BoolArray
+    method: str
+    substeps: int
 
 
 @dataclass(frozen=True)
@@ -106,7 +110,10 @@ def likelihood(
     runs = _run(filter_model, logs, theta, values, depth=0, threads=threads, compiled=compiled)
     per_log = np.array([run.verdicts.nll for run in runs])
     floored = np.sum([run.verdicts.floored for run in runs], axis=0)
-    return Likelihood(per_log.sum(axis=0), _outcomes(runs), per_log, floored)
+    refined = np.any([run.refined for run in runs], axis=0)
+    return Likelihood(
+        per_log.sum(axis=0), _outcomes(runs), per_log, floored, refined, filter_model.method, filter_model.substeps
+    )
 
 
 def negative_log_likelihood(

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TypedDict
 
+import numpy as np
 import numpy.typing as npt
 
 from bondgraph.errors import FilterError
@@ -43,6 +44,11 @@ class MemberBatch:
     def size(self) -> int:
         """Number of members."""
         return int(self.theta.shape[1])
+
+    def chosen(self, members: npt.NDArray[np.intp]) -> MemberBatch:
+        """Some of the members."""
+        arrays = (self.theta, self.x0, self.initial_std, self.process_std, self.noise_std)
+        return MemberBatch(*(np.ascontiguousarray(array[:, members]) for array in arrays))
 
     def member(self, m: int) -> Member:
         """The numbers of one member."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
@@ -63,6 +64,7 @@ class LaneModel:
         return np.zeros(self.rows * LANES)
 
 
+@functools.lru_cache(maxsize=256)
 def load_lanes(model: Model, stiff: bool) -> LaneModel:
     """The lane functions of a model, compiled or from the cache; ``stiff`` for Rosenbrock methods instead of RK4."""
     text = lane_text(model.program, stiff)
