@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
-from dataclasses import dataclass
+import itertools
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -16,16 +17,26 @@ from bondgraph.declare.elements import STORAGES
 from bondgraph.declare.graph import BondGraph
 from bondgraph.derive.causality import assign_causality
 from bondgraph.derive.derivation import Derivation, bond_labels
-from bondgraph.derive.equations import ImplicitLoop
+from bondgraph.derive.equations import ImplicitLoop, StateEquations
 from bondgraph.errors import (
     BondGraphError,
     CausalityError,
     DeclarationError,
     DerivationError,
+    EstimationError,
     OptionError,
     suggest,
 )
 from bondgraph.filter.filter_run import FilterRun
+from bondgraph.generate.module import render
+from bondgraph.simulate.model import Model
+
+#: Values of a shape parameter that are tried, as shares of its bounds (on a logarithmic scale where these allow it).
+_SHAPES = (0.1, 0.35, 0.65, 0.9)
+#: With several shape parameters each takes fewer values.
+_FEWER_SHAPES = (0.2, 0.5, 0.8)
+#: Coefficients of smooth laws are probed at this share of their bounds.
+_PROBE = 1e-4
 
 
 @dataclass(frozen=True)
@@ -33,12 +44,13 @@ class Candidate:
     """One effect at one place: a way in which the declared graph may be incomplete.
 
     ``passive``: its coefficients cannot be negative, so that it only takes energy. ``beside_storage``: the place is a
-    junction with a storage, whose flow or effort is a state.
+    junction with a storage, whose flow or effort is a state. ``model`` is that of the graph with the effect.
     """
 
     function: EffectFunction
     place: Place
     effect: Effect
+    model: Model
     passive: bool = True
     beside_storage: bool = True
 
@@ -50,9 +62,64 @@ class Candidate:
     def apply(self, graph: BondGraph) -> BondGraph:
         """The graph with this effect; the given one is left alone."""
         extended = copy(graph)
-        place = Place(handle(extended, self.place.junction.name), self.place.scale, self.place.bond)
-        self.function(extended, place)
+        self.function(extended, placed(extended, self.place))
         return extended
+
+    @property
+    def lower(self) -> FloatArray:
+        """Lower bounds of the coefficients."""
+        return np.array([self.bounds(name)[0] for name in self.effect.coefficients])
+
+    @property
+    def upper(self) -> FloatArray:
+        """Upper bounds of the coefficients."""
+        return np.array([self.bounds(name)[1] for name in self.effect.coefficients])
+
+    @property
+    def variants(self) -> tuple[Variant, ...]:
+        """The shapes and amplitudes at which the effect is tried; one, without shapes, where it is linear."""
+        grids = [self._values(name) for name in self.effect.shapes]
+        shapes = [dict(zip(self.effect.shapes, values, strict=True)) for values in itertools.product(*grids)]
+        small = _PROBE * (self.upper - self.lower)
+        first = [share * self.upper[0] for share in self.effect.amplitudes] or [small[0]]
+        return tuple(Variant(shape, (size, *small[1:])) for shape in shapes for size in first)
+
+    def bounds(self, name: str) -> tuple[float, float]:
+        """Bounds of a coefficient or shape.
+
+        Raises
+        ------
+        EstimationError
+            If the effect function declares none.
+        """
+        info = self.model.parameters[self.model.index("parameter", name)]
+        if info.lower is None or info.upper is None:
+            raise EstimationError(
+                f"{self.label}: its coefficient {name} has no bounds, so nothing says how large it may be - "
+                "declare them in the effect function",
+                where=(name,),
+            )
+        return info.lower, info.upper
+
+    def _values(self, name: str) -> list[float]:
+        shares = _SHAPES if len(self.effect.shapes) == 1 else _FEWER_SHAPES
+        lower, upper = self.bounds(name)
+        if lower > 0.0:
+            return [lower * (upper / lower) ** share for share in shares]
+        return [lower + share * (upper - lower) for share in shares]
+
+
+@dataclass(frozen=True)
+class Variant:
+    """One way of trying a candidate: values of its shapes, and the size of each coefficient at which it is probed."""
+
+    shapes: Mapping[str, float]
+    sizes: tuple[float, ...]
+
+
+def placed(graph: BondGraph, place: Place) -> Place:
+    """The same place of another graph."""
+    return place if place.output else replace(place, junction=handle(graph, place.junction.name))
 
 
 @dataclass(frozen=True)
@@ -65,7 +132,7 @@ class Refused:
 
 
 def places(built: BuiltModel, logs: Sequence[MatchedLog], runs: Sequence[FilterRun], theta: FloatArray) -> list[Place]:
-    """All junctions and bonds with the size of effort and flow that the filtered runs show there.
+    """All junctions, bonds and sensors with the size of effort and flow that the filtered runs show there.
 
     A place where nothing moves, or no effort acts, in any log is left out: no effect could be seen there.
     """
@@ -85,6 +152,17 @@ def places(built: BuiltModel, logs: Sequence[MatchedLog], runs: Sequence[FilterR
         index = labels.index(f"{bond.source}->{bond.target}") if f"{bond.source}->{bond.target}" in labels else -1
         if index >= 0 and min(effort[index], flow[index]) > 0.0:
             found.append(Place(handle(graph, bond.source), Scale(effort[index], flow[index]), bond))
+    return found + _sensors(built.model, logs)
+
+
+def _sensors(model: Model, logs: Sequence[MatchedLog]) -> list[Place]:
+    """The measured outputs; one that shows the same value all the time cannot be told to be wrong in scale."""
+    found = []
+    for row, name in enumerate(model.names("output")):
+        seen = np.concatenate([log.y[row][np.isfinite(log.y[row])] for log in logs])
+        size = float(np.percentile(np.abs(seen), 99.0)) if seen.size else 0.0
+        if size > 0.0:
+            found.append(Place.sensor(name, Scale(size, float(np.percentile(np.abs(seen - np.mean(seen)), 99.0)))))
     return found
 
 
@@ -133,18 +211,24 @@ def candidates(
             trial = copy(built.graph)
             try:
                 effect = _effect(function, trial, place)
-                why = None if effect is None else _why_not(built, trial, effect)
+                equations = None if effect is None else _equations(trial)
             except (DeclarationError, CausalityError, DerivationError) as error:
                 refused.append(Refused(function.__name__, place.label, error.message))
                 continue
-            if effect is None:
+            if effect is None or equations is None:
                 continue
+            why = _why_not(built, trial, effect, equations)
             if why is not None:
                 refused.append(Refused(effect.name, place.label, why))
                 continue
-            beside = place.bond is None and _beside_storage(built.graph, place.junction.name)
-            found.append(Candidate(function, place, effect, _passive(trial, effect), beside))
+            beside = place.bond is None and not place.output and _beside_storage(built.graph, place.junction.name)
+            model = Model.from_text(render(equations), source=f"{built.graph.name} with {effect.name}")
+            found.append(Candidate(function, place, effect, model, _passive(trial, effect), beside))
     return found, refused
+
+
+def _equations(graph: BondGraph) -> StateEquations:
+    return Derivation(assign_causality(graph)).equations()
 
 
 def _effect(function: EffectFunction, graph: BondGraph, place: Place) -> Effect | None:
@@ -159,8 +243,8 @@ def _effect(function: EffectFunction, graph: BondGraph, place: Place) -> Effect 
             "it, or let it return None where it makes no sense",
             where=(function.__name__, place.label),
         ) from error
-    known = {parameter.name for parameter in graph.parameters}
-    for name in () if effect is None else effect.coefficients:
+    known = {parameter.name for parameter in graph.flatten().parameters}
+    for name in () if effect is None else effect.parameters:
         if name not in known:
             raise OptionError(
                 f"effect function {function.__name__} names the coefficient {name!r} at {place.label} but declares no"
@@ -170,27 +254,33 @@ def _effect(function: EffectFunction, graph: BondGraph, place: Place) -> Effect 
     return effect
 
 
-def _why_not(built: BuiltModel, extended: BondGraph, effect: Effect) -> str | None:
+def _why_not(built: BuiltModel, extended: BondGraph, effect: Effect, equations: StateEquations) -> str | None:
     """Why an effect cannot be tried, or None."""
-    values = {parameter.name: parameter.value for parameter in extended.parameters}
-    if len(effect.coefficients) != 1:
-        return f"has {len(effect.coefficients)} coefficients; one is tested, the others must be plain parameters"
-    if not effect.adds_state and values[effect.coefficients[0]] != 0.0:
-        return f"does not vanish: its coefficient is {values[effect.coefficients[0]]:g} when it is added, not 0"
-    equations = Derivation(assign_causality(extended)).equations()
+    values = {parameter.name: parameter.value for parameter in extended.flatten().parameters}
+    if not effect.coefficients:
+        return "has no coefficient that could be tested"
+    lasting = [name for name in effect.coefficients if values[name] != 0.0]
+    if not effect.adds_state and lasting:
+        return f"does not vanish: its coefficient is {values[lasting[0]]:g} when it is added, not 0"
     if len(equations.inputs) != len(built.equations.inputs):
         return "would need the rate of an input, which no log has"
     loops = sum(isinstance(step, ImplicitLoop) for step in equations.assignments) - built.implicit_loops
     if loops > 0:
         return "would close a nonlinear algebraic loop"
-    if len(equations.states) > len(built.equations.states) and not effect.adds_state:
-        return "would add a state that has no size yet"
+    states = {state.symbol.name for state in equations.states}
+    own = {state.symbol.name for state in built.equations.states}
+    if not own <= states and not effect.adds_state:
+        return f"would take the place of the state {sorted(own - states)[0]}"
+    if any(state.variable != "integral" for state in equations.states if state.symbol.name not in own):
+        return None if effect.adds_state else "would add a state that has no size yet"
     return None
 
 
 def _passive(graph: BondGraph, effect: Effect) -> bool:
-    bounds = {parameter.name: parameter.bounds for parameter in graph.parameters}
+    bounds = {parameter.name: parameter.bounds for parameter in graph.flatten().parameters}
     known = [bounds[name] for name in effect.coefficients]
+    if effect.channel:
+        return False
     return all(bound is not None and bound[0] >= 0.0 for bound in known)
 
 

@@ -14,46 +14,51 @@ import numpy as np
 from scipy import stats
 
 from bondgraph.correct.candidates import Candidate
-from bondgraph.correct.fit import Fit, restricted, time_blocks
-from bondgraph.correct.score import Scores, robust_variance
+from bondgraph.correct.fit import BLOCKS, Fit, restricted, score_blocks
+from bondgraph.correct.score import Scores, robust_variance, solve
 from bondgraph.correct.trials import Alternative, Detectable, Evidence, Trial
 from bondgraph.data.log import MatchedLog
-from bondgraph.estimate.free import FreeParameter
-from bondgraph.estimate.problem import EstimationProblem
+from bondgraph.declare.effect import Effect
 
-#: Blocks of the sandwich variance over all training logs: enough for its distribution, long enough to be independent.
-_BLOCKS = 40
 #: Chance of being found at the size that is called detectable.
 _POWER = 0.9
 #: Candidates whose likelihoods differ by less than this many nats are not told apart by the data.
 CLOSE = 3.0
 
 
-def judge(base: Fit, refit: Fit, coefficients: Sequence[str], tried: int) -> Evidence:
-    """Evidence of a refit against the fit without the candidate's coefficients."""
+def judge(base: Fit, refit: Fit, effect: Effect, tried: int, gated: bool = False) -> Evidence:
+    """Evidence of a refit against the fit without the effect; a switching time counts as one more parameter."""
     gain = base.nll - refit.nll
-    count = len(coefficients)
+    count = len(effect.parameters) + gated
     measured = int(sum(np.isfinite(log.y).sum() for log in refit.problem.logs))
     ratio = float(stats.chi2.sf(2.0 * max(gain, 0.0), count))
-    blocks = score_blocks(refit.problem)
-    free = ~refit.held
-    variance = np.zeros((free.size, free.size))
-    variance[np.ix_(free, free)] = robust_variance(restricted(refit.expansion, free), blocks)
-    robust = 1.0
-    for name in coefficients:
-        index = refit.problem.names.index(name)
-        value = float(refit.problem.values(refit.point)[index])
-        std = refit.problem.free[index].slope(value) * math.sqrt(max(variance[index, index], 0.0))
-        distance = abs(value) / std if std > 0.0 else 0.0
-        robust = min(robust, 2.0 * float(stats.t.sf(distance, max(int(blocks.max()), 2))))
     penalty = 0.5 * count * math.log(max(measured, 2)) + math.log(max(tried, 1))
+    robust = robust_p_value(refit, effect.coefficients)
     return Evidence(gain, min(1.0, ratio * tried), min(1.0, robust * tried), gain - penalty, tried)
 
 
-def score_blocks(problem: EstimationProblem) -> np.ndarray:
-    """Blocks of time whose score sums count as independent, for the terms of a problem."""
-    total = sum(float(log.time[-1] - log.time[0]) for log in problem.logs)
-    return time_blocks(problem, max(total / _BLOCKS, 1e-9))
+def robust_p_value(fitted: Fit, coefficients: Sequence[str]) -> float:
+    """P-value of coefficients being zero, by their block-sandwich variance; Hotelling's statistic if several.
+
+    A coefficient of which nothing but zero is left counts as absent.
+    """
+    blocks = score_blocks(fitted.problem)
+    free = ~fitted.held
+    variance = np.zeros((free.size, free.size))
+    variance[np.ix_(free, free)] = robust_variance(restricted(fitted.expansion, free), blocks)
+    rows, distances = [], []
+    for name in coefficients:
+        index = fitted.problem.names.index(name)
+        value = float(fitted.problem.values(fitted.point)[index])
+        if value != 0.0 and variance[index, index] > 0.0:
+            rows.append(index)
+            distances.append(value / fitted.problem.free[index].slope(value))
+    if not rows:
+        return 1.0
+    distance = np.array(distances)
+    squared = float(distance @ solve(variance[np.ix_(rows, rows)], distance[:, np.newaxis])[:, 0])
+    count, size = max(int(blocks.max()) + 1, len(rows) + 2), len(rows)
+    return float(stats.f.sf(squared * (count - size) / (size * (count - 1)), size, count - size))
 
 
 def hurdle(logs: Sequence[MatchedLog], tried: int, level: float) -> float:
@@ -61,39 +66,33 @@ def hurdle(logs: Sequence[MatchedLog], tried: int, level: float) -> float:
     measured = sum(int(np.isfinite(log.y).sum()) for log in logs)
     each = level / max(tried, 1)
     ratio = 0.5 * float(stats.chi2.isf(each, 1))
-    robust = 0.5 * float(stats.t.isf(0.5 * each, _BLOCKS)) ** 2
+    robust = 0.5 * float(stats.t.isf(0.5 * each, BLOCKS)) ** 2
     return max(ratio, robust, 0.5 * math.log(max(measured, 2)) + math.log(max(tried, 1)))
 
 
-def detectable(
-    vanishing: Sequence[Candidate],
-    coefficients: Sequence[FreeParameter],
-    found: Scores,
-    units: dict[str, str],
-    need: float,
-) -> tuple[Detectable, ...]:
+def detectable(vanishing: Sequence[Candidate], found: Scores, need: float) -> tuple[Detectable, ...]:
     """The size at which each candidate would have been found nine times in ten.
 
     The root of twice the gain is nearly normal around size * sqrt(information) with unit variance; it must pass the
-    root of twice the ``need``.
+    root of twice the ``need``. Of an effect with several coefficients the first is meant.
 
     Parameters
     ----------
-    vanishing, coefficients
-        The candidates and the coefficient of each.
+    vanishing
+        The candidates.
     found
         Their scores.
-    units
-        Units of the coefficients by name.
     need
         Gain in nats that passes the tests, see :func:`hurdle`.
     """
     reach = math.sqrt(2.0 * need) + float(stats.norm.ppf(_POWER))
-    sizes = [reach / math.sqrt(told) if told > 0.0 else math.inf for told in found.information]
-    return tuple(
-        Detectable(one.effect.name, one.place.label, coefficient.name, size, units[coefficient.name])
-        for one, coefficient, size in zip(vanishing, coefficients, sizes, strict=True)
-    )
+    listed = []
+    for one, told in zip(vanishing, found.information, strict=True):
+        name = one.effect.coefficients[0]
+        info = one.model.parameters[one.model.index("parameter", name)]
+        size = reach / math.sqrt(told) if told > 0.0 else math.inf
+        listed.append(Detectable(one.effect.name, one.place.label, name, size, info.unit))
+    return tuple(listed)
 
 
 def choose(trials: Sequence[Trial], level: float) -> Trial | None:

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from bondgraph.correct.differences import forward_differences
+from bondgraph.correct.journal import Journal, Noted, fit_key
 from bondgraph.data.log import FloatArray, MatchedLog
 from bondgraph.errors import EstimationError
 from bondgraph.estimate.free import FreeParameter
@@ -27,10 +28,8 @@ from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.filter_run import FilterRun
 from bondgraph.filter.likelihood import run
 
-#: Coefficients of candidates are probed at this share of their bounds.
-_PROBE = 1e-4
-#: Free parameters are probed at this share of their standard deviation.
-_PROBE_STD = 0.1
+#: Blocks of the sandwich variance over all training logs: enough for its distribution, long enough to be independent.
+BLOCKS = 40
 #: Factors on declared noise levels at which a first fit looks for its start.
 _NOISIER = (1.0, 5.0, 25.0, 125.0)
 #: A fit that is to beat another gives up when it is behind by more than this many times what a step promises or gains.
@@ -137,6 +136,7 @@ def fit(
     tolerance: float = 1e-3,
     starts: Sequence[FloatArray] = (),
     beat: float = np.inf,
+    journal: Journal | None = None,
 ) -> Fit:
     """Estimate the free parameters by Gauss-Newton, until a step promises less than ``tolerance`` or two gain less.
 
@@ -150,6 +150,8 @@ def fit(
         Coordinates to start from, each (n,); the best of them counts. None: the starts of the free parameters.
     beat
         A negative log-likelihood to be reached: the search ends early where it clearly will not be.
+    journal
+        Finished fits, from which this one is taken if it is there, and where it is noted if not.
 
     Raises
     ------
@@ -157,6 +159,23 @@ def fit(
         If the model diverges at every start.
     """
     problem = EstimationProblem(filter_model, tuple(logs), tuple(free))
+    if journal is None:
+        return _search(problem, iterations, tolerance, starts, beat)[0]
+    key = fit_key(filter_model, logs, free, (iterations, tolerance, list(starts), beat))
+    known = journal.find(key)
+    if known is not None:
+        expansion = expand(problem, known.point, known.steps)
+        return Fit(problem, known.point, known.nll, expansion, known.evaluations, SearchOutcome[known.outcome])
+    found, steps = _search(problem, iterations, tolerance, starts, beat)
+    journal.note(key, Noted(found.point, steps, found.nll, found.evaluations, found.outcome.name))
+    return found
+
+
+def _search(
+    problem: EstimationProblem, iterations: int, tolerance: float, starts: Sequence[FloatArray], beat: float
+) -> tuple[Fit, FloatArray]:
+    """The fit, and the difference steps of its expansion."""
+    filter_model = problem.filter_model
     settings = GaussNewtonSettings(iterations=iterations, tolerance=tolerance)
     start, evaluations = _best_start(problem, starts)
     differences = _Differences()
@@ -164,8 +183,8 @@ def fit(
     if not np.isfinite(state.values[0]):
         raise EstimationError(
             f"{filter_model.model.name}: the model diverges at its declared parameters on "
-            f"{', '.join(log.name for log in logs)} with {filter_model.substeps} substeps between samples - check "
-            "units, initial states and declared values"
+            f"{', '.join(log.name for log in problem.logs)} with {filter_model.substeps} substeps between samples - "
+            "check units, initial states and declared values"
         )
     idle = 0
     while not starts_ended(state, settings) and idle < 2:
@@ -212,11 +231,12 @@ class _Differences:
 
     def __init__(self) -> None:
         self.point: FloatArray | None = None
+        self.steps: FloatArray | None = None
         self.expansion: Expansion | None = None
 
     def __call__(self, objective: Objective, points: FloatArray, steps: FloatArray) -> tuple[Expansion, ...]:
         (self.expansion,) = forward_differences(objective, points, steps)
-        self.point = points[:, 0].copy()
+        self.point, self.steps = points[:, 0].copy(), steps[:, 0].copy()
         return (self.expansion,)
 
     def promise(self, objective: Objective) -> float:
@@ -226,33 +246,23 @@ class _Differences:
         return newton_decrement(objective, self.point, self.expansion)
 
 
-def _fit(problem: EstimationProblem, state: GaussNewtonState, known: _Differences, evaluations: int) -> Fit:
+def _fit(
+    problem: EstimationProblem, state: GaussNewtonState, known: _Differences, evaluations: int
+) -> tuple[Fit, FloatArray]:
     point, outcome = state.points[:, 0], state.outcomes[0] or SearchOutcome.ITERATION_LIMIT
     evaluations += state.evaluations
-    expansion = known.expansion
-    if expansion is None or known.point is None or not np.array_equal(known.point, point):
-        expansion = expand(problem, point, state.steps[:, 0])
+    expansion, steps = known.expansion, known.steps
+    if expansion is None or steps is None or known.point is None or not np.array_equal(known.point, point):
+        steps = state.steps[:, 0]
+        expansion = expand(problem, point, steps)
         evaluations += expansion.evaluations
-    return Fit(problem, point, float(state.values[0]), expansion, evaluations, outcome)
+    return Fit(problem, point, float(state.values[0]), expansion, evaluations, outcome), steps
 
 
 def expand(problem: EstimationProblem, point: FloatArray, steps: FloatArray) -> Expansion:
     """Gradient, information and terms at one point."""
     (expansion,) = forward_differences(problem, point[:, np.newaxis], steps[:, np.newaxis])
     return expansion
-
-
-def expand_with(fitted: Fit, filter_model: FilterModel, coefficients: Sequence[FreeParameter]) -> Expansion:
-    """The expansion of a fit on a larger model, extended by coefficients that are not yet free, where they start."""
-    problem = EstimationProblem(
-        filter_model, fitted.problem.logs, (*fitted.problem.free, *coefficients), fitted.problem.initial
-    )
-    added = np.array([parameter.coordinate(parameter.start) for parameter in coefficients])
-    widths = np.array([_PROBE * (parameter.upper - parameter.lower) for parameter in coefficients])
-    std = standard_deviations(fitted.expansion)
-    span = fitted.problem.upper - fitted.problem.lower
-    steps = np.clip(_PROBE_STD * std, 1e-7 * span, 1e-2 * span)
-    return expand(problem, np.concatenate([fitted.point, added]), np.concatenate([steps, widths]))
 
 
 def time_blocks(problem: EstimationProblem, seconds: float) -> np.ndarray:
@@ -265,3 +275,9 @@ def time_blocks(problem: EstimationProblem, seconds: float) -> np.ndarray:
         first = int(own.max()) + 1
     priors = sum(parameter.prior_mean is not None for parameter in problem.free)
     return np.concatenate([*blocks, np.full(priors, -1)])
+
+
+def score_blocks(problem: EstimationProblem) -> np.ndarray:
+    """Blocks of time whose score sums count as independent, for the terms of a problem."""
+    total = sum(float(log.time[-1] - log.time[0]) for log in problem.logs)
+    return time_blocks(problem, max(total / BLOCKS, 1e-9))

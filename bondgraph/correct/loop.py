@@ -2,31 +2,36 @@
 
 graph + training logs -> fit -> scores of all candidates -> refits of the few best -> decision -> corrected graph -> fit
 
-Held-out logs are assessed before and after and decide nothing.
+After every addition the effects that are already there are tested again (backward elimination), and whether the new
+one is the same throughout the data. At the end a function without a law is tried at every place: it says what stays
+unexplained, and withdraws a named effect that it makes needless. Held-out logs are assessed before and after and
+decide nothing.
 """
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
 
-from bondgraph.correct.absent import absent_when_zero
 from bondgraph.correct.assess import Assessment, assess
 from bondgraph.correct.build import BuiltModel, build
-from bondgraph.correct.candidates import Candidate, Refused, candidates, places, superset
-from bondgraph.correct.decide import alternatives, choose, detectable, hurdle, score_blocks
-from bondgraph.correct.fit import Fit, Report, expand_with, fit, no_report, noisy_starts, restricted
-from bondgraph.correct.refit import Ground, at_optimum, coefficients, refit_best, try_storage
-from bondgraph.correct.score import Scores, scores
+from bondgraph.correct.faults import SENSOR_FAULTS
+from bondgraph.correct.fit import Fit, Report, fit, no_report, noisy_starts
+from bondgraph.correct.journal import Journal
+from bondgraph.correct.progress import Decision, Progress, advance
+from bondgraph.correct.rest import Rest, settle
+from bondgraph.correct.round import Round, RoundSettings, one_round
 from bondgraph.correct.setup import FilterSetup, filter_setup
-from bondgraph.correct.trials import Alternative, Detectable, Trial
+from bondgraph.correct.structure import Structure, structure
+from bondgraph.correct.trials import Detectable, Trial
+from bondgraph.correct.unexplained import Unexplained
 from bondgraph.correct.whiteness import Whiteness, whiteness
 from bondgraph.data.log import MatchedLog
-from bondgraph.declare.editing import with_values
-from bondgraph.declare.effect import EffectFunction, Place
+from bondgraph.declare.editing import handle, with_values
+from bondgraph.declare.effect import EffectFunction, Place, Scale
 from bondgraph.declare.graph import BondGraph
 from bondgraph.errors import DataError, EstimationError, OptionError
 from bondgraph.estimate.free import FreeParameter, declared_free
@@ -37,7 +42,7 @@ _MEASUREMENTS_EACH = 20
 _TOLERANCE = 0.05
 _MOST_ITERATIONS = 60
 
-Verdict = Literal["effect found", "no missing effect", "unexplained residual"]
+Verdict = Literal["effect found", "no missing effect", "unexplained residual", "sensor fault suspected"]
 
 
 @dataclass(frozen=True)
@@ -45,7 +50,9 @@ class LoopSettings:
     """How far a correction goes.
 
     ``level`` is the chance of a false alarm over all candidates of one round; ``refits`` how many of the best scores
-    are refitted at most; ``process_noise`` as in :func:`bondgraph.correct.setup.filter_setup`.
+    are refitted at most; ``process_noise`` as in :func:`bondgraph.correct.setup.filter_setup`; ``faults``: faults of
+    sensors are candidates too; ``tables``: what stays unexplained is added as a table whose points are parameters;
+    ``journal`` keeps finished fits.
     """
 
     level: float = 0.01
@@ -53,19 +60,9 @@ class LoopSettings:
     refits: int = 6
     process_noise: str = "free"
     free: tuple[str, ...] = ()
-
-
-@dataclass(frozen=True)
-class Round:
-    """One turn of the loop: what was tried on a fitted model, what was decided, and what could have been seen."""
-
-    base: Fit
-    trials: tuple[Trial, ...]
-    refused: tuple[Refused, ...]
-    scores: Scores
-    chosen: Trial | None
-    alternatives: tuple[Alternative, ...]
-    detectable: tuple[Detectable, ...] = ()
+    faults: bool = True
+    tables: bool = False
+    journal: Journal = field(default_factory=Journal)
 
 
 @dataclass(frozen=True)
@@ -92,7 +89,11 @@ class ClosedLoop:
     corrected_built: BuiltModel
     added: tuple[Added, ...]
     rounds: tuple[Round, ...]
-    whiteness: tuple[Whiteness, ...] = field(default=())
+    structure: Structure
+    whiteness: tuple[Whiteness, ...] = ()
+    unexplained: tuple[Unexplained, ...] = ()
+    history: tuple[Decision, ...] = ()
+    cautions: tuple[str, ...] = ()
 
     @property
     def corrected_graph(self) -> BondGraph:
@@ -131,7 +132,7 @@ def close_loop(
     Raises
     ------
     DataError
-        If there is no training log.
+        If there is no training log, or too little in them.
     EstimationError
         If the declared model cannot be fitted at all.
     BondGraphError
@@ -143,32 +144,95 @@ def close_loop(
     setup = filter_setup(built.model, built.driven, train, settings.process_noise)
     free = (*free_parameters(setup, settings.free), *setup.noise)
     _check_enough(graph, train, len(free))
+    told = structure(built, _everywhere(built, train), train, setup.sizes)
     report("fit the declared model", 0, 1)
-    nominal = fit(setup.filter_model, train, free, _MOST_ITERATIONS, _TOLERANCE, noisy_starts(free))
+    nominal = fit(
+        setup.filter_model, train, free, _MOST_ITERATIONS, _TOLERANCE, noisy_starts(free), journal=settings.journal
+    )
     report("fit the declared model", 1, 1)
-    current, current_built = nominal, built
-    added: list[Added] = []
+    every = (*functions, *(SENSOR_FAULTS if settings.faults else ()))
+    own = RoundSettings(settings.level, settings.refits, report, settings.journal)
+    state = Progress(graph, built, nominal, tuple(train))
     rounds: list[Round] = []
     reason = f"the limit of {settings.max_effects} effects was reached"
-    while len(added) < settings.max_effects:
-        present = {(a.trial.candidate.function.__name__, a.trial.candidate.place.label) for a in added}
-        turn = one_round(current_built, current, train, functions, settings, report, present)
+    while len(state.added) < settings.max_effects and len(rounds) < 2 * settings.max_effects + 1:
+        turn = one_round(state.built, state.fit, state.train, every, own, state.present)
         rounds.append(turn)
         if turn.chosen is None:
-            reason = "no further candidate passes the tests" if added else "no candidate passes the tests"
+            reason = "no further candidate passes the tests" if state.added else "no candidate passes the tests"
             break
-        current_built, current = _estimated_again(turn.chosen, train, report)
-        added.append(Added(turn.chosen, turn.chosen.candidate.effect.coefficients))
-    residual = whiteness(current, train)
-    corrected_built = build(with_values(current_built.graph, _model_values(current)))
+        state = advance(state, turn, own)
+    rest = settle(state, rounds, own, settings.tables)
+    return _result(built, nominal, rest, rounds, holdout, told, reason, settings, report)
+
+
+def _result(
+    built: BuiltModel,
+    nominal: Fit,
+    rest: Rest,
+    rounds: Sequence[Round],
+    holdout: Sequence[MatchedLog],
+    told: Structure,
+    reason: str,
+    settings: LoopSettings,
+    report: Report,
+) -> ClosedLoop:
+    state, train = rest.state, nominal.problem.logs
+    current = state.fit
+    residual = whiteness(current, state.train)
+    corrected_built = build(with_values(state.built.graph, _model_values(current)))
     report("assess", 0, 1)
+    added = tuple(Added(trial, trial.candidate.effect.parameters) for trial in state.added)
+    history = (*state.history, Decision(len(rounds), "stopped", "", reason))
     result = ClosedLoop(
-        *_verdict(added, residual, settings.level, reason), nominal, current,
-        assess(nominal, train), assess(nominal, holdout), assess(current, train), assess(current, holdout),
-        built, corrected_built, tuple(added), tuple(rounds), residual,
+        *_verdict(added, rest.unexplained, residual, settings.level, reason), nominal, current,
+        assess(nominal, train), assess(nominal, holdout), assess(current, state.train), assess(current, holdout),
+        built, corrected_built, added, tuple(rounds), told, residual, rest.unexplained, history,
+        _cautions(nominal, rounds),
     )  # fmt: skip
     report("assess", 1, 1)
     return result
+
+
+def _everywhere(built: BuiltModel, train: Sequence[MatchedLog]) -> list[Place]:
+    """All junctions and sensors, of whatever size: the structure knows no data."""
+    one = Scale(1.0, 1.0)
+    nodes = built.causal.graph.nodes.values()
+    return [
+        *(Place(handle(built.graph, node.name), one) for node in nodes if node.is_junction),
+        *(Place.sensor(name, one) for name in built.model.names("output")),
+    ]
+
+
+def _cautions(nominal: Fit, rounds: Sequence[Round]) -> tuple[str, ...]:
+    """What these logs leave open whatever the verdict: parameters at bounds or unknown, candidates nothing shows."""
+    said = []
+    held = [
+        parameter.name
+        for parameter, resting in zip(nominal.problem.free, nominal.held, strict=True)
+        if resting and parameter.target.kind == "parameter"
+    ]
+    if held:
+        said.append(
+            f"{', '.join(held)} rest on their bounds in the declared model: the bounds are too narrow, or an effect is "
+            "missing that they stand in for"
+        )
+    unknown = [
+        parameter.name
+        for parameter in nominal.problem.free
+        if parameter.target.kind == "parameter" and _uninformed(nominal, parameter)
+    ]
+    if unknown:
+        said.append(f"these logs say next to nothing about {', '.join(unknown)}: drive with more variety, or fix them")
+    blind = [f"{one.effect} at {one.junction}" for one in rounds[0].detectable if not np.isfinite(one.size)]
+    if blind:
+        said.append(f"undetectable with these sensors and free parameters, of whatever size: {', '.join(blind)}")
+    return tuple(said)
+
+
+def _uninformed(fitted: Fit, parameter: FreeParameter) -> bool:
+    span = parameter.coordinate(parameter.upper) - parameter.coordinate(parameter.lower)
+    return fitted.std[parameter.name] > 0.3 * span
 
 
 def _check_given(graph: BondGraph, train: Sequence[MatchedLog], functions: Sequence[EffectFunction]) -> None:
@@ -198,85 +262,6 @@ def free_parameters(setup: FilterSetup, names: Sequence[str]) -> tuple[FreeParam
     return tuple(declared_free(name, setup.filter_model) for name in chosen)
 
 
-def one_round(
-    built: BuiltModel,
-    base: Fit,
-    train: Sequence[MatchedLog],
-    functions: Sequence[EffectFunction],
-    settings: LoopSettings,
-    report: Report,
-    present: Collection[tuple[str, str]] = (),
-) -> Round:
-    """Score every candidate on the fitted model, refit the best, decide."""
-    report("score the candidates", 0, 1)
-    runs = base.runs(train)
-    where = places(built, train, runs, base.theta)
-    found, refused = candidates(built, functions, where, present)
-    found, spoiling = absent_when_zero(built, found, train, runs)
-    refused += spoiling
-    if not found:
-        raise DataError(_nothing_to_try(built, where, refused))
-    vanishing = [candidate for candidate in found if not candidate.effect.adds_state]
-    need = hurdle(train, len(found), settings.level)
-    result, seen = _scored(built, base, vanishing, need)
-    report("score the candidates", 1, 1)
-    corrected_p = np.minimum(1.0, result.p_value * len(found))
-    trials = [
-        Trial(candidate, float(result.gain[j]), float(result.step[j]), score_p=float(corrected_p[j]))
-        for j, candidate in enumerate(vanishing)
-    ]
-    ground = Ground(built, base, tuple(train), len(found), settings.level, need)
-    trials = refit_best(trials, result, ground, settings.refits, report)
-    for candidate in (candidate for candidate in found if candidate.effect.adds_state):
-        report("try storages", len(trials) - len(vanishing), len(found) - len(vanishing))
-        best = choose(trials, settings.level)
-        beat = np.inf if best is None or best.fit is None else best.fit.nll
-        trials.append(try_storage(Trial(candidate, 0.0, 0.0), ground, beat))
-    chosen = choose(trials, settings.level)
-    others = alternatives(chosen, trials, result, settings.level)
-    return Round(base, tuple(trials), tuple(refused), result, chosen, tuple(others), seen)
-
-
-def _scored(
-    built: BuiltModel, base: Fit, vanishing: Sequence[Candidate], need: float
-) -> tuple[Scores, tuple[Detectable, ...]]:
-    """Scores of all vanishing candidates, on one model that holds them all with zero coefficients; and their power."""
-    everything = superset(built, vanishing)
-    wide = replace(base.problem.filter_model, model=everything.model)
-    added = [coefficients(candidate, wide)[0] for candidate in vanishing]
-    expansion = expand_with(base, wide, added)
-    free = ~base.held
-    one_sided = np.array([coefficient.lower >= 0.0 for coefficient in added], dtype=bool)
-    kept = np.concatenate([free, np.ones(len(added), dtype=bool)])
-    result = scores(restricted(expansion, kept), int(free.sum()), one_sided, score_blocks(base.problem))
-    units = {info.name: info.unit for info in everything.model.parameters}
-    return result, detectable(vanishing, added, result, units, need)
-
-
-def _nothing_to_try(built: BuiltModel, where: Sequence[Place], refused: Sequence[Refused]) -> str:
-    if not where:
-        return (
-            f"{built.graph.name}: nothing moves in the training logs at any junction, so no effect could show - take "
-            "logs in which the machine works"
-        )
-    reasons = "; ".join(f"{no.effect} at {no.place} {no.why}" for no in refused[:3])
-    return (
-        f"{built.graph.name}: no effect can be tried at any of {len(where)} places"
-        f"{f' ({reasons})' if reasons else ''} - give other effect functions"
-    )
-
-
-def _estimated_again(chosen: Trial, train: Sequence[MatchedLog], report: Report) -> tuple[BuiltModel, Fit]:
-    """The chosen candidate's own model, estimated to the full tolerance from where its refit ended."""
-    if chosen.fit is None or chosen.built is None:
-        raise EstimationError(f"{chosen.candidate.label}: only a candidate that was refitted can be added")
-    report("add the effect and estimate again", 0, 1)
-    filter_model = replace(chosen.fit.problem.filter_model, model=chosen.built.model)
-    fitted = fit(filter_model, train, at_optimum(chosen.fit))
-    report("add the effect and estimate again", 1, 1)
-    return chosen.built, fitted
-
-
 def _model_values(fitted: Fit) -> dict[str, float]:
     return {
         parameter.name: fitted.values[parameter.name]
@@ -285,9 +270,14 @@ def _model_values(fitted: Fit) -> dict[str, float]:
     }
 
 
-def _verdict(added: Sequence[Added], residual: Sequence[Whiteness], level: float, reason: str) -> tuple[Verdict, str]:
+def _verdict(
+    added: Sequence[Added], left: Sequence[Unexplained], residual: Sequence[Whiteness], level: float, reason: str
+) -> tuple[Verdict, str]:
     coloured = [test.channel for test in residual if test.p_value * len(residual) < level]
-    left = f"; the innovations of {', '.join(coloured)} stay coloured" if coloured else ""
-    if added:
-        return "effect found", reason + left
-    return "unexplained residual" if coloured else "no missing effect", reason + left
+    said = f"; the innovations of {', '.join(coloured)} stay coloured" if coloured else ""
+    named = [one for one in added if one.trial.candidate.effect.name != "table"]
+    if named and all(one.trial.candidate.effect.channel for one in named):
+        return "sensor fault suspected", reason + said
+    if named:
+        return "effect found", reason + said
+    return "unexplained residual" if coloured or left or added else "no missing effect", reason + said

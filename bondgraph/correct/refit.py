@@ -9,19 +9,20 @@ clearly falls behind an accepted one is given up.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from bondgraph.correct.build import BuiltModel, build
-from bondgraph.correct.candidates import Candidate, superset
+from bondgraph.correct.candidates import Candidate, Variant, superset
 from bondgraph.correct.decide import judge
 from bondgraph.correct.fit import Fit, Report, expand, fit
+from bondgraph.correct.journal import Journal
 from bondgraph.correct.score import Scores
+from bondgraph.correct.scoring import Scored
 from bondgraph.correct.setup import filter_setup
 from bondgraph.correct.trials import Trial
 from bondgraph.data.log import FloatArray, MatchedLog
-from bondgraph.errors import EstimationError
 from bondgraph.estimate.free import FreeParameter
 from bondgraph.estimate.gauss_newton import GaussNewtonSettings
 from bondgraph.estimate.problem import EstimationProblem
@@ -33,6 +34,8 @@ _TOLERANCE = 0.05
 _MOST_ITERATIONS = 25
 #: Responses more alike than this are one and the same but for rounding.
 _SAME = 1.0 - 1e-6
+#: A candidate whose score is this likely by chance, even as the only one tried, is not refitted.
+_CHANCE = 0.05
 #: A candidate with less than this share of the best score's gain is not refitted: scores are right to a factor of two.
 _WORTH = 0.4
 #: Shares of the step that a score points at where a refit looks for its start.
@@ -51,29 +54,27 @@ class Ground:
     tried: int
     level: float
     need: float
+    journal: Journal = field(default_factory=Journal)
 
 
-def coefficients(candidate: Candidate, filter_model: FilterModel) -> list[FreeParameter]:
-    """Coefficients of a candidate as free parameters; linear where zero is where they begin.
+def coefficients(
+    candidate: Candidate, filter_model: FilterModel, variant: Variant | None = None
+) -> tuple[FreeParameter, ...]:
+    """Coefficients and shapes of a candidate as free parameters; linear where zero is where they begin.
 
     Raises
     ------
     EstimationError
         If one has no bounds.
     """
-    parameters = {info.name: info for info in filter_model.model.parameters}
+    shapes = {} if variant is None else variant.shapes
+    model = filter_model.model
     found = []
-    for name in candidate.effect.coefficients:
-        info = parameters[name]
-        if info.lower is None or info.upper is None:
-            raise EstimationError(
-                f"{candidate.label}: its coefficient {name} has no bounds, so nothing says how large it may be - "
-                "declare them in the effect function",
-                where=(name,),
-            )
-        positive = info.lower > 0.0
-        found.append(FreeParameter(name, info.lower, info.upper, info.value, scale="log" if positive else "linear"))
-    return found
+    for name in candidate.effect.parameters:
+        lower, upper = candidate.bounds(name)
+        value = shapes.get(name, model.parameters[model.index("parameter", name)].value)
+        found.append(FreeParameter(name, lower, upper, value, scale="log" if lower > 0.0 else "linear"))
+    return tuple(found)
 
 
 def at_optimum(base: Fit) -> tuple[FreeParameter, ...]:
@@ -85,14 +86,14 @@ def at_optimum(base: Fit) -> tuple[FreeParameter, ...]:
     )
 
 
-def refit_best(trials: Sequence[Trial], found: Scores, ground: Ground, most: int, report: Report) -> list[Trial]:
+def refit_best(trials: Sequence[Trial], scored: Scored, ground: Ground, most: int, report: Report) -> list[Trial]:
     """The trials of vanishing candidates, the best of them refitted.
 
     Parameters
     ----------
     trials
         In the order of the scores.
-    found
+    scored
         Scores of the same candidates.
     ground
         What to start from.
@@ -102,7 +103,7 @@ def refit_best(trials: Sequence[Trial], found: Scores, ground: Ground, most: int
         Told of each.
     """
     done = list(trials)
-    groups = alike(trials, found, 0.5 * ground.need)
+    groups = alike(trials, scored.scores, 0.5 * ground.need)
     best = max((trials[group[0]].score_gain for group in groups), default=0.0)
     groups = [group for group in groups if trials[group[0]].score_gain >= _WORTH * best][:most]
     if not groups:
@@ -113,7 +114,7 @@ def refit_best(trials: Sequence[Trial], found: Scores, ground: Ground, most: int
     for count, group in enumerate(groups):
         report("refit the best candidates", count, len(groups))
         index = group[0]
-        fitted = _refit(index, trials[index], found, filter_model, ground, leader)
+        fitted = _refit(index, trials[index], scored, filter_model, ground, leader)
         done[index] = _judged(trials[index], fitted, ground, tuple(trials[j].candidate.label for j in group[1:]))
         for other in group[1:]:
             done[other] = replace(trials[other], evidence=done[index].evidence)
@@ -136,38 +137,50 @@ def alike(trials: Sequence[Trial], found: Scores, least: float) -> list[list[int
         if found.gain[j] <= least:
             break
         twin = next((group for group in groups if abs(found.correlation[group[0], j]) > _SAME), None)
-        if twin is None:
-            groups.append([j])
-        else:
+        if twin is not None:
             twin.append(j)
+        elif found.p_value[j] < _CHANCE:
+            groups.append([j])
     return [sorted(group, key=lambda j: (*_remoteness(trials[j].candidate), j)) for group in groups]
 
 
-def _remoteness(candidate: Candidate) -> tuple[bool, bool]:
-    return not candidate.passive, not candidate.beside_storage
+def _remoteness(candidate: Candidate) -> tuple[int, bool, bool, bool]:
+    size = len(candidate.effect.parameters)
+    return size, not candidate.passive, bool(candidate.effect.channel), not candidate.beside_storage
 
 
 def _refit(
-    index: int, trial: Trial, found: Scores, filter_model: FilterModel, ground: Ground, leader: tuple[int, Fit] | None
+    index: int,
+    trial: Trial,
+    scored: Scored,
+    filter_model: FilterModel,
+    ground: Ground,
+    leader: tuple[int, Fit] | None,
 ) -> Fit:
-    (coefficient,) = coefficients(trial.candidate, filter_model)
-    free = (*at_optimum(ground.base), coefficient)
-    starts = [_along(ground.base, found, index, _inside(coefficient, share * trial.step)) for share in _STRIDES]
+    own = coefficients(trial.candidate, filter_model, scored.variants[index])
+    free = (*at_optimum(ground.base), *own)
+    found = scored.scores
+    starts = [_along(ground.base, found, index, own, share) for share in _STRIDES]
     beat = np.inf
     if leader is not None:
         first, fitted = leader
-        told = found.information[first] / found.information[index]
-        step = float(found.correlation[first, index] * np.sqrt(told) * fitted.point[-1])
-        starts.append(np.append(fitted.point[:-1], _inside(coefficient, step)))
         beat = fitted.nll
-    return fit(filter_model, ground.train, free, _MOST_ITERATIONS, _TOLERANCE, starts, beat)
+        if len(own) == 1 and len(trial.candidate.effect.coefficients) == fitted.point.size - ground.base.point.size:
+            told = found.information[first] / found.information[index]
+            step = float(found.correlation[first, index] * np.sqrt(told) * fitted.point[-1])
+            starts.append(np.append(fitted.point[:-1], _inside(own[0], step)))
+    return fit(filter_model, ground.train, free, _MOST_ITERATIONS, _TOLERANCE, starts, beat, ground.journal)
 
 
-def _along(base: Fit, found: Scores, index: int, value: float) -> FloatArray:
-    """The optimum without a coefficient, moved as it moves with that coefficient, and the coefficient's value."""
+def _along(base: Fit, found: Scores, index: int, own: Sequence[FreeParameter], share: float) -> FloatArray:
+    """The optimum without a candidate, moved as it moves with a share of its step; shapes start where they start."""
+    step = found.steps[index]
+    reached = np.array([_inside(parameter, share * value) for parameter, value in zip(own, step, strict=False)])
+    shapes = [parameter.coordinate(parameter.start) for parameter in own[step.size :]]
+    cut = min((abs(a / (share * b)) for a, b in zip(reached, step, strict=True) if share * b != 0.0), default=1.0)
     point = base.point.copy()
-    point[~base.held] += value * found.follow[:, index]
-    return np.append(point, value)
+    point[~base.held] += share * min(cut, 1.0) * found.follows(index)
+    return np.concatenate([point, reached, shapes])
 
 
 def _inside(coefficient: FreeParameter, step: float) -> float:
@@ -179,7 +192,7 @@ def _inside(coefficient: FreeParameter, step: float) -> float:
 
 
 def _judged(trial: Trial, fitted: Fit, ground: Ground, twins: tuple[str, ...]) -> Trial:
-    evidence = judge(ground.base, fitted, trial.candidate.effect.coefficients, ground.tried)
+    evidence = judge(ground.base, fitted, trial.candidate.effect, ground.tried)
     built = build(trial.candidate.apply(ground.built.graph))
     return replace(trial, built=built, fit=fitted, evidence=evidence, stands_for=twins)
 
@@ -211,11 +224,33 @@ def try_storage(trial: Trial, ground: Ground, beat: float) -> Trial:
     trial = replace(trial, built=extended, score_gain=max(promise, 0.0))
     if promise < 0.5 * ground.need:
         return trial
-    fitted = _fitted_storage(problem, starts[:, best], beat)
-    return replace(
-        trial, fit=fitted, evidence=judge(ground.base, fitted, trial.candidate.effect.coefficients, ground.tried)
-    )
+    fitted = fit(
+        problem.filter_model, problem.logs, problem.free, _MOST_ITERATIONS, _TOLERANCE, [starts[:, best]], beat,
+        ground.journal,
+    )  # fmt: skip
+    return replace(trial, fit=fitted, evidence=judge(ground.base, fitted, trial.candidate.effect, ground.tried))
 
 
-def _fitted_storage(problem: EstimationProblem, start: FloatArray, beat: float) -> Fit:
-    return fit(problem.filter_model, problem.logs, problem.free, _MOST_ITERATIONS, _TOLERANCE, [start], beat)
+def refit_alone(
+    trial: Trial, start: Sequence[float], ground: Ground, shapes: Variant | None = None, tried: int | None = None
+) -> Trial:
+    """A vanishing candidate refitted on a model of its own, from a value of each coefficient on.
+
+    ``tried`` counts what it was picked from, if that is not what the round tried.
+    """
+    extended = build(trial.candidate.apply(ground.built.graph))
+    filter_model = replace(ground.base.problem.filter_model, model=extended.model)
+    own = coefficients(trial.candidate, filter_model, shapes)
+    rest = [parameter.coordinate(parameter.start) for parameter in own[len(start) :]]
+    starts = [
+        np.concatenate([
+            ground.base.point, [_inside(one, share * value) for one, value in zip(own, start, strict=False)], rest
+        ])
+        for share in _STRIDES
+    ]  # fmt: skip
+    free = (*at_optimum(ground.base), *own)
+    fitted = fit(
+        filter_model, ground.train, free, _MOST_ITERATIONS, _TOLERANCE, starts, journal=ground.journal
+    )  # fmt: skip
+    evidence = judge(ground.base, fitted, trial.candidate.effect, tried or ground.tried, trial.gate is not None)
+    return replace(trial, built=extended, fit=fitted, evidence=evidence)

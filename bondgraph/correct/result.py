@@ -7,33 +7,21 @@ from typing import Any
 
 from bondgraph.correct.assess import Assessment
 from bondgraph.correct.fit import Fit
-from bondgraph.correct.located import located
 from bondgraph.correct.loop import Added, ClosedLoop
 from bondgraph.correct.trials import Trial
 
 
 def result_json(closed: ClosedLoop) -> dict[str, Any]:
     """The result of a closed loop with the names of the stable interface; numbers that do not exist are None."""
-    first = closed.rounds[0] if closed.rounds else None
     return {
         "name": closed.nominal_built.graph.name,
         "verdict": closed.verdict,
         "reason": closed.reason,
         "nominal": _state(closed.nominal, closed.nominal_train, closed.nominal_holdout),
         "corrected": _state(closed.corrected, closed.corrected_train, closed.corrected_holdout),
-        "located_at": [] if first is None else [
-            {"junction": at.junction, "variable": at.variable, "p_value": at.p_value, "share": at.share}
-            for at in located(first)
-        ],
+        **_located(closed),
         "effects": [_effect(added, closed.corrected) for added in closed.added],
-        "alternatives": [
-            {
-                "name": other.name, "junction": other.junction, "delta_nll": number(other.delta_nll),
-                "indistinguishable": other.indistinguishable, "why": other.why, "round": index + 1,
-            }
-            for index, turn in enumerate(closed.rounds)
-            for other in turn.alternatives
-        ],
+        "alternatives": _alternatives(closed),
         "refused": [
             {"name": no.effect, "junction": no.place, "why": no.why}
             for turn in closed.rounds[:1]
@@ -47,11 +35,49 @@ def result_json(closed: ClosedLoop) -> dict[str, Any]:
             for d in closed.detectable
         ],
         "unexplained": unexplained(closed),
+        "history": [
+            {"round": one.round, "action": one.action, "what": one.what, "why": one.why} for one in closed.history
+        ],
+        "cautions": list(closed.cautions),
         "whiteness": {
             test.channel: {"p_value": number(test.p_value), "nis_mean": number(test.nis_mean)}
             for test in closed.whiteness
         },
     }  # fmt: skip
+
+
+def _located(closed: ClosedLoop) -> dict[str, Any]:
+    """Places and sensors by how much of the residual they explain, and what the structure lets one tell apart."""
+    places = closed.rounds[0].located if closed.rounds else ()
+    return {
+        "located_at": [
+            {"junction": at.junction, "variable": at.variable, "p_value": at.p_value, "share": at.share}
+            for at in places
+            if at.variable != "sensor"
+        ],
+        "sensors": [
+            {"channel": at.junction, "p_value": at.p_value, "share": at.share}
+            for at in places
+            if at.variable == "sensor"
+        ],
+        "structure": {
+            "indistinguishable": [list(group) for group in closed.structure.classes],
+            "undetectable": list(closed.structure.invisible),
+            "sensors": list(closed.structure.sensors),
+        },
+    }
+
+
+def _alternatives(closed: ClosedLoop) -> list[dict[str, Any]]:
+    return [
+        {
+            "name": other.name, "junction": other.junction, "delta_nll": number(other.delta_nll),
+            "indistinguishable": other.indistinguishable, "why": other.why, "separate": other.separate,
+            "round": index + 1,
+        }
+        for index, turn in enumerate(closed.rounds)
+        for other in turn.alternatives
+    ]  # fmt: skip
 
 
 def number(value: float) -> float | None:
@@ -71,14 +97,28 @@ def intervals(fitted: Fit) -> dict[str, tuple[float, float]]:
 
 
 def unexplained(closed: ClosedLoop) -> list[dict[str, Any]]:
-    """Where a residual remains that no candidate explains: the best place of the last round, for that verdict only."""
-    if closed.verdict != "unexplained residual" or not closed.rounds:
-        return []
-    places = located(closed.rounds[-1])
+    """What no known effect explains: its place, what it is a function of, and its shape with the 95 % band.
+
+    Where innovations stay coloured and no function explains it, the place that explains most, without a shape.
+    """
     channels = [test.channel for test in closed.whiteness if test.p_value < 0.01]
+    found = [
+        {
+            "junction": one.place.label, "variable": one.variable, "as_function_of": one.signal,
+            "shape": {
+                "at": one.knots.tolist(), "unit_at": one.signal_unit, "values": one.values.tolist(),
+                "lower": (one.values - 1.96 * one.std).tolist(), "upper": (one.values + 1.96 * one.std).tolist(),
+                "unit": one.unit,
+            },
+            "channels": channels, "p_value": one.p_value, "delta_nll": number(one.gain), "like": list(one.like),
+        }
+        for one in closed.unexplained
+    ]  # fmt: skip
+    if found or closed.verdict != "unexplained residual" or not closed.rounds:
+        return found
     return [
         {"junction": at.junction, "as_function_of": None, "shape": None, "channels": channels, "p_value": at.p_value}
-        for at in places[:1]
+        for at in closed.rounds[-1].located[:1]
     ]
 
 
@@ -130,11 +170,17 @@ def _effect(added: Added, corrected: Fit) -> dict[str, Any]:
     effect, place = added.trial.candidate.effect, added.trial.candidate.place
     ends = intervals(corrected)
     units = {info.name: info.unit for info in corrected.problem.filter_model.model.parameters}
+    fault = {"channel": effect.channel, "kind": effect.kind} if effect.channel else {}
+    gate = added.trial.gate
+    acts = {} if gate is None else {"acts": gate.when, "log": gate.log, "time": gate.time}
     return {
         "name": effect.name,
         "element": effect.element,
         "law": effect.law,
         "junction": place.label,
+        "reference": effect.reference,
+        **fault,
+        **acts,
         "coefficients": {
             name: {"value": corrected.values[name], "unit": units[name], "ci95": list(ends[name])}
             for name in added.coefficients

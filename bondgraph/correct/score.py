@@ -1,17 +1,23 @@
 """Score tests: how much the likelihood would gain by each candidate, from one linearisation and without refits.
 
 With the whitened innovations z and log scales log s of the fitted model and their derivatives with respect to the free
-parameters F and the candidates' coefficients, the score r_j of candidate j and its information d_j are
+parameters F and the coefficients J of a candidate, its score r and information D are
 
-    r_j = -(g_j - I_jF I_FF^-1 g_F),      d_j = I_jj - I_jF I_FF^-1 I_Fj,
+    r = -(g_J - I_JF I_FF^-1 g_F),      D = I_JJ - I_JF I_FF^-1 I_FJ,
 
-the free parameters projected out. r_j^2 / d_j is chi-square with one degree of freedom when nothing is missing, and
-half of it is the gain in nats that a refit may expect; r_j / d_j is the coefficient it would find. Reference: Rao
-(1948), Proc. Cambridge Phil. Soc. 44(1); Engle (1984), Handbook of Econometrics II, chapter 13.
+the free parameters projected out. r' D^-1 r is chi-square with as many degrees of freedom as it has coefficients when
+nothing is missing, and half of it is the gain in nats that a refit may expect; D^-1 r are the coefficients it would
+find. Reference: Rao (1948), Proc. Cambridge Phil. Soc. 44(1); Engle (1984), Handbook of Econometrics II, chapter 13.
+
+Neighbouring innovations are not independent under coloured noise, nor Gaussian in practice. Sums of the score over
+blocks of time are nearly both, so every p-value is the larger of that of the chi-square and of Hotelling's statistic
+with the scatter of these sums: White (1982), Econometrica 50(1); Hotelling (1931), Ann. Math. Statist. 2(3).
 """
 
 from __future__ import annotations
 
+import itertools
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -22,31 +28,67 @@ from bondgraph.estimate.objective import Expansion, FloatArray
 
 #: Information left of a candidate, free parameters projected out, below which nothing but rounding is left of it.
 _LEFT = 1e-7
+#: Two candidates' coefficients more alike than this are one but for rounding.
+_SINGULAR = 1e-9
 
 
 @dataclass(frozen=True)
 class Scores:
-    """Score statistics of several candidates, each array (candidates,).
+    """Score statistics of several candidates, each array (candidates,) unless said.
 
-    ``information`` is what the data tell of each coefficient beyond the free parameters, zero where these take all of
-    its response; ``step`` the coefficient that a linear model would find, ``gain`` the likelihood gain in nats,
-    ``correlation`` (candidates, candidates) how alike their responses are once the free parameters have taken their
-    share, ``follow`` (free, candidates) how the free parameters move with each coefficient. ``p_value`` is the larger
-    of that of the chi-square test and of one that holds under coloured noise too, not yet corrected for the number of
-    candidates.
+    ``information`` is what the data tell of the candidate's leading coefficient beyond the free parameters, zero where
+    these take all of its response; ``steps`` the coefficients that a linear model would find, one array per candidate;
+    ``gain`` the likelihood gain in nats; ``correlation`` (candidates, candidates) how alike their responses are once
+    the free parameters have taken their share; ``follow`` (free, candidates) how the free parameters move with the
+    step, per unit of the leading coefficient. ``p_value`` is the larger of that of the chi-square test and of one that
+    holds under coloured noise too, not yet corrected for the number of candidates.
     """
 
-    score: FloatArray
     information: FloatArray
-    step: FloatArray
+    steps: tuple[FloatArray, ...]
     gain: FloatArray
     correlation: FloatArray
     follow: FloatArray
     p_value: FloatArray
 
+    @property
+    def step(self) -> FloatArray:
+        """The leading coefficient of each candidate."""
+        return np.array([step[0] for step in self.steps])
 
-def scores(expansion: Expansion, free: int, one_sided: np.ndarray, blocks: np.ndarray | None = None) -> Scores:
-    """Score tests of the coordinates after the first ``free`` ones.
+    def follows(self, index: int) -> FloatArray:
+        """How the free parameters move when a candidate makes its whole step, shape (free,)."""
+        moved: FloatArray = self.follow[:, index] * (self.steps[index][0] or float(len(self.steps[index]) > 1))
+        return moved
+
+
+@dataclass(frozen=True)
+class Projected:
+    """Scores (n,) and information (n, n) of all coefficients with the free parameters taken out.
+
+    ``share`` (free, n) is how these follow, ``seen`` (n,) which coefficients leave more than rounding, and ``sums``
+    (blocks, n) the scores summed over blocks of time, None where these are not known.
+    """
+
+    score: FloatArray
+    information: FloatArray
+    share: FloatArray
+    seen: np.ndarray
+    sums: FloatArray | None
+
+    def within(self, chosen: Sequence[int], held: Sequence[int] = ()) -> Projected:
+        """The same for some of the coefficients, with others (``held``) counted among the free parameters."""
+        inner, outer = np.array(held, dtype=int), np.array(chosen, dtype=int)
+        follow = solve(self.information[np.ix_(inner, inner)], self.information[np.ix_(inner, outer)])
+        left = self.information[np.ix_(outer, outer)] - self.information[np.ix_(outer, inner)] @ follow
+        own = np.maximum(np.diag(self.information)[outer], np.finfo(float).tiny)
+        sums = None if self.sums is None else self.sums[:, outer] - self.sums[:, inner] @ follow
+        score = self.score[outer] - follow.T @ self.score[inner]
+        return Projected(score, left, -follow, self.seen[outer] & (np.diag(left) > _LEFT * own), sums)
+
+
+def project(expansion: Expansion, free: int, blocks: np.ndarray | None = None) -> Projected:
+    """Take the first ``free`` coordinates out of the scores of the others.
 
     Parameters
     ----------
@@ -54,11 +96,39 @@ def scores(expansion: Expansion, free: int, one_sided: np.ndarray, blocks: np.nd
         Gradient and information of a problem in the free parameters, then the candidates' coefficients, at the fit.
     free
         How many coordinates are free parameters.
-    one_sided
-        Which candidates may only be positive, shape (candidates,); a negative score gains nothing there.
     blocks
-        Block of time of each term, shape (n_terms,), as for :func:`robust_variance`; None: innovations are taken as
-        independent.
+        Block of each term, shape (n_terms,), as for :func:`robust_variance`.
+    """
+    information, gradient = expansion.information, expansion.gradient
+    inner, outer = slice(0, free), slice(free, gradient.size)
+    share = solve(information[inner, inner], information[inner, outer])
+    score = -(gradient[outer] - share.T @ gradient[inner])
+    left = information[outer, outer] - information[outer, inner] @ share
+    own = np.maximum(np.diag(information[outer, outer]), np.finfo(float).tiny)
+    sums = None
+    if blocks is not None:
+        pieces = block_sums(expansion, blocks)
+        sums = -(pieces[:, free:] - pieces[:, :free] @ share)
+    return Projected(score, left, -share, np.diag(left) > _LEFT * own, sums)
+
+
+def scores(
+    expansion: Expansion,
+    free: int,
+    one_sided: np.ndarray,
+    blocks: np.ndarray | None = None,
+    sizes: Sequence[int] | None = None,
+) -> Scores:
+    """Score tests of the coordinates after the first ``free`` ones.
+
+    Parameters
+    ----------
+    expansion, free, blocks
+        As for :func:`project`; without blocks innovations are taken as independent.
+    one_sided
+        Which coefficients may only be positive, shape (coefficients,); a negative score gains nothing there.
+    sizes
+        How many neighbouring coefficients belong to each candidate; None: one each.
 
     Examples
     --------
@@ -69,49 +139,79 @@ def scores(expansion: Expansion, free: int, one_sided: np.ndarray, blocks: np.nd
     >>> scores(expansion, 1, np.array([True])).step.round(6).tolist()
     [1.0]
     """
-    information, gradient = expansion.information, expansion.gradient
-    inner, outer = slice(0, free), slice(free, gradient.size)
-    share = _solve(information[inner, inner], information[inner, outer])
-    score = -(gradient[outer] - share.T @ gradient[inner])
-    left = information[outer, outer] - information[outer, inner] @ share
-    own = np.diag(information[outer, outer])
-    projected = np.maximum(np.diag(left), 0.0)
-    seen = projected > _LEFT * np.maximum(own, np.finfo(float).tiny)
-    projected = np.where(seen, projected, 0.0)
+    found = project(expansion, free, blocks)
+    sizes = [1] * one_sided.size if sizes is None else sizes
+    edges = np.concatenate([[0], np.cumsum(sizes)]).astype(int)
+    steps, gain, p_value = [], np.zeros(len(sizes)), np.ones(len(sizes))
+    mixed = np.zeros((one_sided.size, len(sizes)))
+    for j, (first, end) in enumerate(itertools.pairwise(edges)):
+        own = list(range(first, end))
+        step, gain[j], p_value[j] = best_step(found, own, one_sided[first:end])
+        steps.append(step)
+        mixed[own, j] = step if len(own) > 1 and np.any(step) else np.eye(len(own))[0]
+    left = mixed.T @ found.information @ mixed
+    size = np.sqrt(np.maximum(np.diag(left), 0.0))
+    seen = np.array([found.seen[first:end].any() for first, end in itertools.pairwise(edges)], dtype=bool)
     with np.errstate(divide="ignore", invalid="ignore"):
-        step = np.where(seen, score / projected, 0.0)
-        gain = np.where(seen, 0.5 * score**2 / projected, 0.0)
-        scale = np.sqrt(np.outer(projected, projected))
-        correlation = np.where(np.outer(seen, seen), left / scale, 0.0)
-    gain = np.where(one_sided & (score < 0.0), 0.0, gain)
-    p_value = stats.chi2.sf(2.0 * gain, 1)
-    if blocks is not None:
-        p_value = np.maximum(p_value, _robust_p_value(expansion, share, score, blocks))
-    return Scores(score, projected, step, gain, correlation, -share, np.where(gain > 0.0, p_value, 1.0))
+        correlation = np.where(np.outer(seen, seen), left / np.outer(size, size), 0.0)
+    leading = edges[:-1]
+    told = np.where(found.seen[leading], np.maximum(np.diag(found.information)[leading], 0.0), 0.0)
+    unit = np.where(mixed[leading, np.arange(len(sizes))] == 0.0, 1.0, mixed[leading, np.arange(len(sizes))])
+    return Scores(told, tuple(steps), gain, correlation, found.share @ (mixed / unit), p_value)
 
 
-def _robust_p_value(expansion: Expansion, share: FloatArray, score: FloatArray, blocks: np.ndarray) -> FloatArray:
-    """Two-sided p-values of the projected scores with the scatter of their sums over blocks of time."""
-    sums = _block_sums(expansion, blocks)
-    free = share.shape[0]
-    own = sums[:, free:] - sums[:, :free] @ share
-    count = own.shape[0]
-    scatter = np.sum((own - own.mean(axis=0)) ** 2, axis=0) * count / max(count - 1, 1)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        distance = np.where(scatter > 0.0, np.abs(score) / np.sqrt(scatter), 0.0)
-    p_value: FloatArray = 2.0 * stats.t.sf(distance, max(count - 1, 1))
-    return p_value
+def best_step(found: Projected, own: Sequence[int], one_sided: np.ndarray) -> tuple[FloatArray, float, float]:
+    """Step (k,), gain in nats and p-value of one candidate with the coefficients ``own``.
+
+    Where coefficients may only be positive, the best point of the quadratic inside is taken; its p-value is that of as
+    many degrees of freedom as there are coefficients, which is on the safe side.
+    """
+    score, information = found.score[own], found.information[np.ix_(own, own)]
+    step, gain = np.zeros(len(own)), 0.0
+    usable = [k for k in range(len(own)) if found.seen[own[k]]]
+    for count in range(len(usable), 0, -1):
+        for chosen in map(list, itertools.combinations(usable, count) if one_sided.any() else [usable]):
+            trial = solve(information[np.ix_(chosen, chosen)], score[chosen][:, np.newaxis])[:, 0]
+            if np.any(trial[one_sided[chosen]] < 0.0):
+                continue
+            own_gain = 0.5 * float(score[chosen] @ trial)
+            if own_gain > gain:
+                step, gain = np.zeros(len(own)), own_gain
+                step[chosen] = trial
+        if gain > 0.0 or not one_sided.any():
+            break
+    if gain <= 0.0:
+        return step, 0.0, 1.0
+    moved = [k for k in range(len(own)) if step[k] != 0.0]
+    p_value = float(stats.chi2.sf(2.0 * gain, len(usable)))
+    if found.sums is not None:
+        rows = [own[k] for k in moved]
+        p_value = max(p_value, hotelling(found.score[rows], found.sums[:, rows]))
+    return step, gain, p_value
 
 
-def _block_sums(expansion: Expansion, blocks: np.ndarray) -> FloatArray:
+def hotelling(score: FloatArray, sums: FloatArray) -> float:
+    """P-value of scores (k,) being zero, given their sums over blocks (blocks, k): Hotelling's T-squared."""
+    count, size = sums.shape
+    if count <= size + 1:
+        return 1.0
+    scatter = np.atleast_2d(np.cov(sums, rowvar=False)) * count
+    distance = float(score @ solve(scatter, score[:, np.newaxis])[:, 0])
+    return float(stats.f.sf(distance * (count - size) / (size * (count - 1)), size, count - size))
+
+
+def block_sums(expansion: Expansion, blocks: np.ndarray) -> FloatArray:
     """The gradient's pieces summed over each block of time, shape (blocks, n)."""
     if expansion.terms is None:
         raise EstimationError("a variance that holds under coloured noise needs the terms of the expansion")
     z, slopes_z = expansion.terms.innovations[:, 0], expansion.terms.innovations[:, 1:]
     pieces = slopes_z * z[:, np.newaxis] + expansion.terms.log_scales[:, 1:]
-    inside = blocks >= 0
+    inside = np.flatnonzero(blocks >= 0)
+    order = inside[np.argsort(blocks[inside], kind="stable")]
     sums = np.zeros((int(blocks.max()) + 1, pieces.shape[1]))
-    np.add.at(sums, blocks[inside], pieces[inside])
+    present, first = np.unique(blocks[order], return_index=True)
+    if order.size:
+        sums[present] = np.add.reduceat(pieces[order], first, axis=0)
     return sums
 
 
@@ -129,22 +229,22 @@ def robust_variance(terms: Expansion, blocks: np.ndarray) -> FloatArray:
     blocks
         Block of each term, shape (n_terms,), -1 for terms without a time (priors).
     """
-    sums = _block_sums(terms, blocks)
+    sums = block_sums(terms, blocks)
     count = sums.shape[0]
     sums -= sums.mean(axis=0)
     meat = sums.T @ sums * (count / max(count - 1, 1))
-    bread = _solve(terms.information, np.eye(terms.information.shape[0]))
+    bread = solve(terms.information, np.eye(terms.information.shape[0]))
     variance: FloatArray = bread @ meat @ bread
     return variance
 
 
-def _solve(matrix: FloatArray, right: FloatArray) -> FloatArray:
+def solve(matrix: FloatArray, right: FloatArray) -> FloatArray:
     """Solve a symmetric system in scaled coordinates, directions without information left out."""
     if matrix.size == 0:
         return np.zeros((0, right.shape[1]))
     scale = 1.0 / np.sqrt(np.maximum(np.diag(matrix), np.finfo(float).tiny))
     values, vectors = np.linalg.eigh(scale[:, np.newaxis] * matrix * scale)
-    kept = values > 1e-10 * values.max()
+    kept = values > max(_SINGULAR * values.max(), 0.0)
     inverse = (vectors[:, kept] / values[kept]) @ vectors[:, kept].T
     solution: FloatArray = scale[:, np.newaxis] * (inverse @ (scale[:, np.newaxis] * right))
     return solution

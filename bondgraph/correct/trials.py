@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from bondgraph.correct.build import BuiltModel
 from bondgraph.correct.candidates import Candidate
 from bondgraph.correct.fit import Fit
+from bondgraph.correct.gates import Gate
 
 
 @dataclass(frozen=True)
@@ -33,17 +34,18 @@ class Trial:
     """A candidate with its score, and its refit if it came that far.
 
     ``score_p`` is the p-value of the score, corrected for the number of candidates. ``stands_for`` names the candidates
-    whose response is the same to rounding, of which this one was refitted.
+    whose response is the same to rounding, of which this one was refitted. ``gate``: it acts in part of the data only.
     """
 
     candidate: Candidate
     score_gain: float
-    step: float
+    step: tuple[float, ...] = ()
     built: BuiltModel | None = None
     fit: Fit | None = None
     evidence: Evidence | None = None
     score_p: float = 1.0
     stands_for: tuple[str, ...] = ()
+    gate: Gate | None = None
 
     @property
     def gain(self) -> float:
@@ -58,13 +60,14 @@ class Trial:
 
 @dataclass(frozen=True)
 class Alternative:
-    """A candidate that was not chosen, and why."""
+    """A candidate that was not chosen, and why; of one that the data do not tell from the chosen, what would."""
 
     name: str
     junction: str
     delta_nll: float
     indistinguishable: bool
     why: str
+    separate: str = ""
 
 
 @dataclass(frozen=True)

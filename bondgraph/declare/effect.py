@@ -5,8 +5,10 @@ added; where it makes no physical sense it returns None and leaves the graph alo
 function of a module with the signature ``(BondGraph, Place) -> Effect | None`` is a candidate.
 
 The coefficients of an effect are parameters whose value is zero when it is added: with all of them zero the graph
-behaves as before, so that a candidate can be tested before it is believed. An effect that brings a storage of its own
-(``adds_state``) cannot vanish in this way; it is tried by refitting.
+behaves as before, so that a candidate can be tested before it is believed. Parameters that shape its law but mean
+nothing while it is absent (a Stribeck speed, a warm-up time) are named as ``shapes``; they are tried at several values
+and then estimated. A law that is not smooth at zero (a backlash) names the ``amplitudes`` at which it is tried. An
+effect that brings a storage of its own (``adds_state``) cannot vanish in this way; it is tried by refitting.
 """
 
 from __future__ import annotations
@@ -32,21 +34,39 @@ class Scale:
 
 @dataclass(frozen=True)
 class Place:
-    """Where an effect may be added: a junction, or a bond between two nodes (then ``junction`` is its tail)."""
+    """Where an effect may be added: a junction, a bond between two nodes (then ``junction`` is its tail), or a sensor.
+
+    A sensor is named by ``output``; its ``junction`` is then no node, and its scale holds the size of what it shows
+    (``effort``) and how far that moves from its mean (``flow``), both in the sensor's unit.
+    """
 
     junction: Handle
     scale: Scale
     bond: Bond | None = None
+    output: str = ""
+
+    @classmethod
+    def sensor(cls, output: str, scale: Scale) -> Place:
+        """The sensor of an output.
+
+        Examples
+        --------
+        >>> Place.sensor("speed", Scale(12.0, 4.0)).label
+        'sensor speed'
+        """
+        return cls(Handle(output, "output", None), scale, None, output)
 
     @property
     def name(self) -> str:
-        """Name of the junction, or ``a_b`` for the bond a -> b; dots of parts become underscores."""
+        """Name of the junction or sensor, or ``a_b`` for the bond a -> b; dots of parts become underscores."""
         name = self.junction.name if self.bond is None else f"{self.bond.source}_{self.bond.target}"
         return name.replace(".", "_")
 
     @property
     def label(self) -> str:
         """The place as a person reads it."""
+        if self.output:
+            return f"sensor {self.output}"
         return self.junction.name if self.bond is None else str(self.bond)
 
     @property
@@ -59,8 +79,11 @@ class Place:
 class Effect:
     """What an effect function added.
 
-    ``name`` is the kind of effect, ``element`` the added element, ``law`` its law as text, ``coefficients`` the
-    parameters that are zero when the effect is absent. ``adds_state``: the effect brings a storage of its own.
+    ``name`` is the kind of effect, ``element`` the added (or changed) element, ``law`` its law as text,
+    ``coefficients`` the parameters that are zero when the effect is absent, ``shapes`` parameters that shape its law
+    and are estimated with them. ``amplitudes`` are shares of the first coefficient's largest value at which a law
+    that is not smooth at zero is tried. ``adds_state``: the effect brings a storage of its own and cannot vanish.
+    ``reference`` says where the law comes from. A fault of a sensor names its ``channel`` and ``kind``.
     """
 
     name: str
@@ -68,13 +91,23 @@ class Effect:
     law: str
     coefficients: tuple[str, ...]
     adds_state: bool = False
+    shapes: tuple[str, ...] = ()
+    amplitudes: tuple[float, ...] = ()
+    reference: str = ""
+    channel: str = ""
+    kind: str = ""
+
+    @property
+    def parameters(self) -> tuple[str, ...]:
+        """Everything that is estimated with the effect: coefficients, then shapes."""
+        return (*self.coefficients, *self.shapes)
 
 
 EffectFunction = Callable[[BondGraph, Place], Effect | None]
 
 
 def effect_functions(module: ModuleType) -> tuple[EffectFunction, ...]:
-    """The effect functions of a module, in order of definition.
+    """The effect functions of a module or of the modules of a package, in order of definition or import.
 
     Examples
     --------
@@ -88,9 +121,15 @@ def effect_functions(module: ModuleType) -> tuple[EffectFunction, ...]:
     """
     found = []
     for name, function in vars(module).items():
-        if name.startswith("_") or not inspect.isfunction(function) or function.__module__ != module.__name__:
+        if name.startswith("_") or not inspect.isfunction(function) or not _defined_in(module, function):
             continue
-        hints = get_type_hints(function, vars(module) | globals())
+        hints = get_type_hints(function, function.__globals__ | globals())
         if hints.get("return") == Effect | None and len(inspect.signature(function).parameters) == 2:
             found.append(function)
     return tuple(found)
+
+
+def _defined_in(module: ModuleType, function: Callable[..., object]) -> bool:
+    """Whether a function is the module's own, or that of a module of the package."""
+    own = function.__module__ == module.__name__
+    return own or (hasattr(module, "__path__") and function.__module__.startswith(f"{module.__name__}."))

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from bondgraph.correct.build import build
-from bondgraph.correct.fit import fit, no_report
-from bondgraph.correct.located import located
-from bondgraph.correct.loop import ClosedLoop, LoopSettings, close_loop, one_round
+from bondgraph.correct.fit import fit
+from bondgraph.correct.loop import ClosedLoop, close_loop
 from bondgraph.correct.missing import missing_effort
 from bondgraph.correct.refit import at_optimum, coefficients
+from bondgraph.correct.round import one_round
 from bondgraph.data.log import MatchedLog
 from bondgraph.declare.domains import TRANSLATION
 from bondgraph.declare.editing import handle
@@ -96,7 +96,7 @@ def test_an_effect_of_detectable_size_is_found_about_nine_times_in_ten(nothing: 
             pull(true, 300 + seed, name="first", driven=3, c_guide=16.0),
             pull(true, 400 + seed, name="second", driven=103, c_guide=16.0),
         ]
-        turn = one_round(built(), fitted(train), train, FUNCTIONS, LoopSettings(), no_report)
+        turn = one_round(built(), fitted(train), train, FUNCTIONS)
         found += turn.chosen is not None
     assert found >= 14  # noise levels that are estimated take a little of the gain: 16 to 18 are expected
 
@@ -134,7 +134,7 @@ def test_the_corrected_graph_read_back_gives_the_same_model(found: ClosedLoop, t
 def test_scores_predict_what_refits_gain_for_small_effects() -> None:
     train = logs(added(effects.quadratic_loss, "runner", 0.005), 3)
     base = fitted(train)
-    turn = one_round(built(), base, train, FUNCTIONS, LoopSettings(), no_report)
+    turn = one_round(built(), base, train, FUNCTIONS)
     for trial in turn.trials:
         if trial.candidate.place.label != "runner":
             continue
@@ -147,11 +147,13 @@ def test_scores_predict_what_refits_gain_for_small_effects() -> None:
 
 
 def test_places_are_ranked_by_what_they_explain(found: ClosedLoop, nothing: ClosedLoop) -> None:
-    first, second = located(found.rounds[0])
+    first, second, *others = found.rounds[0].located
     assert {first.junction, second.junction} == {"runner", "drum"}
-    assert (first.variable, first.share) == ("effort", 1.0) and second.share == pytest.approx(1.0, abs=1e-6)
+    assert first.variable == second.variable == "effort"
+    assert first.share == pytest.approx(1.0, abs=1e-6) and second.share == pytest.approx(1.0, abs=1e-6)
     assert max(first.p_value, second.p_value) < 1e-6
-    assert min(place.p_value for place in located(nothing.rounds[0])) > 0.01
+    assert [(place.junction, place.variable) for place in others] == [("force", "sensor"), ("speed", "sensor")]
+    assert min(place.p_value for place in nothing.rounds[0].located) > 0.01
 
 
 def test_the_missing_effort_follows_the_law(found: ClosedLoop) -> None:
@@ -192,7 +194,7 @@ def test_false_alarms_are_rare_whatever_the_parameters_and_the_colour_of_the_noi
         train = [
             pull(sled(), 1000 + 2 * seed + run, name=f"run{run}", colour=colour, c_guide=friction) for run in (0, 1)
         ]
-        turn = one_round(built(), fitted(train), train, FUNCTIONS, LoopSettings(), no_report)
+        turn = one_round(built(), fitted(train), train, FUNCTIONS)
         alarms += turn.chosen is not None
     assert alarms <= 1  # at a level of 1 % two or more happen once in 40 times
 

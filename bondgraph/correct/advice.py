@@ -1,0 +1,207 @@
+"""What would tell two effects apart that these data do not: another sensor, or another manoeuvre.
+
+The correlation of two candidates' responses, free parameters taken out, says how well data can tell them apart; it can
+be computed for data that nobody has measured. Tried are a sensor on every effort and flow that both models have, and
+manoeuvres that step one input while the others rest. The model is then left alone (no gains), with sensors as good as
+those there are. Reference: Fedorov (1972), Theory of Optimal Experiments, for designs that discriminate.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from bondgraph.correct.bonds import bond_model
+from bondgraph.correct.build import BuiltModel
+from bondgraph.correct.candidates import Candidate, Variant
+from bondgraph.correct.fit import Fit
+from bondgraph.correct.response import Path, model_change, open_loop, output_slopes, respond, together
+from bondgraph.correct.score import solve
+from bondgraph.data.log import FloatArray, MatchedLog
+from bondgraph.derive.causality import assign_causality
+from bondgraph.errors import BondGraphError
+from bondgraph.simulate.model import Model
+from bondgraph.simulate.simulate import simulate
+
+#: A proposal must bring the correlation below this share of what is left of it.
+_WORTH = 0.98
+#: Noise of a sensor that is proposed, as a share of the size of what it would show.
+_SENSOR = 0.01
+_SAMPLES = 400
+
+
+@dataclass(frozen=True)
+class Separation:
+    """How alike two candidates are in these data, and what would separate them best (empty: nothing that was tried)."""
+
+    correlation: float
+    sensor: str = ""
+    with_sensor: float = 1.0
+    manoeuvre: str = ""
+    with_manoeuvre: float = 1.0
+
+    def __str__(self) -> str:
+        parts = []
+        if self.sensor:
+            parts.append(f"a sensor for the {self.sensor} (correlation {abs(self.with_sensor):.3f})")
+        if self.manoeuvre:
+            parts.append(f"{self.manoeuvre} (correlation {abs(self.with_manoeuvre):.3f})")
+        return " or ".join(parts) if parts else "none of the sensors and manoeuvres that were tried would separate them"
+
+
+def separation(
+    built: BuiltModel, fitted: Fit, a: tuple[Candidate, Variant], b: tuple[Candidate, Variant], known: float
+) -> Separation:
+    """What would tell two candidates apart.
+
+    Parameters
+    ----------
+    built, fitted
+        The model without either, and its fit.
+    a, b
+        The candidates, in the variant that fits best.
+    known
+        Correlation of their responses in the data that there are.
+    """
+    best = Separation(known)
+    log = fitted.problem.logs[0]
+    wide = _wide(built, (a[0], b[0]))
+    here = _simulated(fitted, log, log.u, log.time)
+    if here is not None and wide is not None:
+        rows, extra = _responses(fitted, here, (a, b), wide)
+        for name, row in extra.items():
+            value = _alike(np.concatenate([rows, row]))
+            if abs(value) < _WORTH * abs(best.with_sensor if best.sensor else known):
+                best = replace(best, sensor=name, with_sensor=value)
+    for name, inputs, time in _manoeuvres(fitted, log):
+        path = _simulated(fitted, log, inputs, time)
+        if path is None:
+            continue
+        value = _alike(_responses(fitted, path, (a, b), None)[0])
+        if abs(value) < _WORTH * abs(best.with_manoeuvre if best.manoeuvre else known):
+            best = replace(best, manoeuvre=name, with_manoeuvre=value)
+    return best
+
+
+def _simulated(fitted: Fit, log: MatchedLog, u: FloatArray, time: FloatArray) -> Path | None:
+    """Where the fitted model goes with some inputs."""
+    model = fitted.problem.filter_model.model
+    theta = fitted.theta.copy()
+    for name, value in log.theta_overrides.items():
+        theta[model.index("parameter", name)] = value
+    steps = 2 * fitted.problem.filter_model.substeps
+    x0 = fitted.problem.initial_states[0]
+    run = simulate(model, time, u, theta, x0, method="rk4", substeps=steps, compiled=True)
+    if not np.isfinite(run.x).all():
+        return None
+    made = MatchedLog("simulated", time, u, run.y, dict(log.theta_overrides))
+    return Path(made, time, run.x[:, :-1], run.x[:, 1:], u[:, :-1], u[:, 1:], run.x, u, theta)
+
+
+def _manoeuvres(fitted: Fit, log: MatchedLog) -> list[tuple[str, FloatArray, FloatArray]]:
+    """Each input stepped up and down while the others rest at their medians, and each left at rest, twice as long."""
+    model = fitted.problem.filter_model.model
+    step = float(np.median(np.diff(log.time)))
+    time = log.time[0] + step * np.arange(_SAMPLES)
+    inputs = np.concatenate([one.u for one in fitted.problem.logs], axis=1)
+    middle, low, high = (np.percentile(inputs, q, axis=1) for q in (50.0, 2.0, 98.0))
+    found = []
+    for row, info in enumerate(model.inputs):
+        if high[row] == low[row]:
+            continue
+        for seconds in (40.0 * step, 120.0 * step):
+            u = np.repeat(middle[:, np.newaxis], time.size, axis=1)
+            up = ((time - time[0]) // seconds).astype(int) % 2 == 0
+            u[row] = np.where(up, high[row], low[row])
+            found.append((f"steps of {info.name} every {seconds:.3g} s, the other inputs at rest", u, time))
+        u = np.repeat(middle[:, np.newaxis], time.size, axis=1)
+        u[row] = np.where(np.arange(time.size) < time.size // 3, high[row], min(max(low[row], 0.0), high[row]))
+        found.append((f"running out after {info.name} is taken away", u, time))
+    return found
+
+
+Pair = tuple[tuple[Candidate, Variant], tuple[Candidate, Variant]]
+
+
+@dataclass(frozen=True)
+class _Wide:
+    """Models whose outputs are followed by the effort and flow of every bond: the declared one and both candidates'."""
+
+    declared: Model
+    candidates: tuple[Model, Model]
+
+
+def _wide(built: BuiltModel, pair: tuple[Candidate, Candidate]) -> _Wide | None:
+    try:
+        first, second = (bond_model(assign_causality(one.apply(built.graph))) for one in pair)
+    except BondGraphError:
+        return None
+    return _Wide(bond_model(built.causal), (first, second))
+
+
+def _responses(fitted: Fit, path: Path, pair: Pair, wide: _Wide | None) -> tuple[FloatArray, dict[str, FloatArray]]:
+    """Responses (rows, free + 2) of the model left alone, and (n, free + 2) of each quantity that might be measured."""
+    model = fitted.problem.filter_model.model
+    noise = fitted.problem.batch(fitted.point[:, np.newaxis]).noise_std[:, 0]
+    known = dict(zip(model.names("parameter"), map(float, path.theta), strict=True))
+    changed: list[tuple[Model, Model | None, FloatArray, float]] = []
+    for parameter in fitted.problem.free:
+        if parameter.target.kind == "parameter":
+            size = 1e-4 * (parameter.upper - parameter.lower)
+            theta = model.theta(**known | {parameter.name: known[parameter.name] + size})
+            changed.append((model, None if wide is None else wide.declared, theta, size))
+    for k, (candidate, variant) in enumerate(pair):
+        name, size = candidate.effect.coefficients[0], variant.sizes[0]
+        theta = candidate.model.theta(**known | dict(variant.shapes) | {name: size})
+        changed.append((candidate.model, None if wide is None else wide.candidates[k], theta, size))
+    linear = open_loop(path, model, noise)
+    changes = together([model_change(path, model, other, theta, size) for other, _, theta, size in changed])
+    rows, states = respond(linear, changes, range(path.time.size))
+    return rows, {} if wide is None else _measurable(path, wide.declared, model, changed, states)
+
+
+def _measurable(
+    path: Path,
+    declared: Model,
+    model: Model,
+    changed: Sequence[tuple[Model, Model | None, FloatArray, float]],
+    states: FloatArray,
+) -> dict[str, FloatArray]:
+    """What a sensor on each effort and flow would show of each change, over its noise."""
+    slopes = output_slopes(path, declared)
+    shown = declared.output(path.time, path.before, path.u, path.theta)
+    own = len(model.outputs)
+    found = {}
+    after = [
+        None if wide is None or len(wide.states) != len(declared.states)
+        else (wide.output(path.time, path.before, path.u, theta), {n: k for k, n in enumerate(wide.names("output"))})
+        for _, wide, theta, _ in changed
+    ]  # fmt: skip
+    for row in range(own, len(declared.outputs)):
+        name = declared.outputs[row].name
+        if any(one is None or name not in one[1] for one in after):
+            continue
+        size = float(np.abs(shown[row]).max())
+        if not size > 0.0:
+            continue
+        direct = np.array([
+            (one[0][one[1][name]] - shown[row]) / width
+            for one, (_, _, _, width) in zip(after, changed, strict=True) if one is not None
+        ])  # fmt: skip
+        response = np.einsum("kx,kxl->kl", slopes[:, row], states) + direct.T
+        found[name] = response / (_SENSOR * size)
+    return found
+
+
+def _alike(rows: FloatArray) -> float:
+    """Correlation of the last two columns once the others have taken their share; 1 where nothing is left of one."""
+    rows = np.nan_to_num(rows)
+    information = rows.T @ rows
+    inner, outer = slice(0, -2), slice(-2, None)
+    share = solve(information[inner, inner], information[inner, outer])
+    left = information[outer, outer] - information[outer, inner] @ share
+    size = float(np.sqrt(max(left[0, 0], 0.0) * max(left[1, 1], 0.0)))
+    kept = min(left[0, 0] / max(information[-2, -2], 1e-300), left[1, 1] / max(information[-1, -1], 1e-300))
+    return float(left[0, 1]) / size if kept > 1e-6 else 1.0

@@ -1,0 +1,73 @@
+"""Faults of sensors: what a sensor shows beside what it should, as effects that change an output of the graph.
+
+They are candidates beside missing physics, tried on every measured output. A fault is told from missing physics only as
+far as other sensors contradict it. Reference: Isermann (2006), Fault-Diagnosis Systems, chapter 3; Blanke, Kinnaert,
+Lunze, Staroswiecki (2016), Diagnosis and Fault-Tolerant Control, chapter 5.
+"""
+
+from __future__ import annotations
+
+from bondgraph.declare.effect import Effect, EffectFunction, Place
+from bondgraph.declare.graph import BondGraph
+from bondgraph.declare.quantities import symbol
+from bondgraph.declare.revision import revise_output
+
+_REFERENCE = "Isermann (2006), Fault-Diagnosis Systems, chapter 3"
+#: Longest delay of a sensor that is tried, s.
+LONGEST_DELAY = 2.0
+
+
+def sensor_bias(g: BondGraph, at: Place) -> Effect | None:
+    """A constant that the sensor adds: a zero that was not set, an inclined mounting."""
+    if not at.output:
+        return None
+    limit = 2.0 * at.scale.effort
+    bias = g.parameter(f"bias_{at.name}", 0.0, _unit(g, at), f"bias of {at.output}", (-limit, limit))
+    revise_output(g, at.output, lambda shown: shown + bias)
+    return _fault("bias", at, "shown = true + b", bias.name)
+
+
+def sensor_scale(g: BondGraph, at: Place) -> Effect | None:
+    """A wrong factor: a tyre radius, a number of teeth, an amplifier."""
+    if not at.output:
+        return None
+    error = g.parameter(f"scale_{at.name}", 0.0, "1", f"relative error of scale of {at.output}", (-0.6, 0.6))
+    revise_output(g, at.output, lambda shown: (1 + error) * shown)
+    return _fault("scale", at, "shown = (1 + s)*true", error.name)
+
+
+def sensor_drift(g: BondGraph, at: Place) -> Effect | None:
+    """A value that wanders off evenly with time: a strain gauge that warms up, an integrated offset."""
+    if not at.output:
+        return None
+    limit, unit = 0.5 * at.scale.effort, _unit(g, at)
+    drift = g.parameter(f"drift_{at.name}", 0.0, f"{unit}/s" if unit else "", f"drift of {at.output}", (-limit, limit))
+    revise_output(g, at.output, lambda shown: shown + drift * symbol("t"))
+    return _fault("drift", at, "shown = true + d*t", drift.name)
+
+
+def sensor_delay(g: BondGraph, at: Place) -> Effect | None:
+    """A value that comes late: a filter in the amplifier, a slow bus; of first order."""
+    if not at.output:
+        return None
+    name = f"delay_{at.name}"
+    shown = next(output.expression for output in g.outputs if output.name == at.output)
+    delay = g.parameter(name, 0.05, "s", f"time by which {at.output} comes late", (1e-3, LONGEST_DELAY))
+    late = g.integral(f"late_{at.name}", lambda held: (shown - held) / delay, _unit(g, at), f"{at.output} as shown")
+    revise_output(g, at.output, late)
+    return Effect(
+        "sensor_delay", at.output, "shown = true, late by T (first order)", (name,), adds_state=True,
+        reference=_REFERENCE, channel=at.output, kind="delay",
+    )  # fmt: skip
+
+
+#: All faults, in the order in which they are preferred where data do not tell them apart.
+SENSOR_FAULTS: tuple[EffectFunction, ...] = (sensor_bias, sensor_scale, sensor_drift, sensor_delay)
+
+
+def _fault(kind: str, at: Place, law: str, coefficient: str) -> Effect:
+    return Effect(f"sensor_{kind}", at.output, law, (coefficient,), reference=_REFERENCE, channel=at.output, kind=kind)
+
+
+def _unit(g: BondGraph, at: Place) -> str:
+    return next((output.unit for output in g.outputs if output.name == at.output), "")

@@ -1,0 +1,251 @@
+"""Effects that act only in part of the data: constancy of a coefficient, and candidates that begin or end at a time.
+
+The logs are taken one after the other, as they were driven. A coefficient that is the same throughout has scores whose
+running sum is a Brownian bridge; its largest weighted square tells whether it changed, without a guess when. Reference:
+Andrews (1993), Econometrica 61(4), for the test and its distribution; Hansen (1997), J. Business Econ. Statist. 15(1).
+
+A gated candidate is a candidate whose coefficients are multiplied by a switch of time. Its switching time is known per
+log: it lies before, inside or after it.
+"""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+
+from bondgraph.correct.fit import Fit, restricted
+from bondgraph.correct.response import decay
+from bondgraph.correct.score import best_step, block_sums, solve
+from bondgraph.correct.scoring import Linearisation, Scored
+from bondgraph.data.log import FloatArray, MatchedLog
+from bondgraph.declare.effect import Effect, EffectFunction, Place
+from bondgraph.declare.functions import switch
+from bondgraph.declare.graph import BondGraph
+from bondgraph.declare.quantities import symbol
+from bondgraph.declare.revision import replace_symbols
+
+When = Literal["from", "until"]
+
+#: A change is looked for where at least this share of the information lies on either side.
+_TRIM = 0.1
+#: Gates that are tried, evenly over all training time.
+_GATES = 14
+#: Far away in time, s: an effect that is on, or off, throughout a log.
+_FAR = 1e6
+
+
+@dataclass(frozen=True)
+class Gate:
+    """A point in time, as log and seconds in it; ``when``: the effect acts from it, or until it."""
+
+    when: When
+    log: str
+    time: float
+
+    def __str__(self) -> str:
+        return f"{self.when} {self.time:.4g} s of {self.log}"
+
+    def times(self, logs: Sequence[MatchedLog]) -> dict[str, float]:
+        """The switching time as each log sees it, by name of the log."""
+        names = [log.name for log in logs]
+        own = names.index(self.log)
+        return {
+            name: self.time if k == own else (_FAR if k < own else -_FAR) for k, name in enumerate(names)
+        }  # fmt: skip
+
+
+def gated(function: EffectFunction, gate: Gate, logs: Sequence[MatchedLog]) -> EffectFunction:
+    """The effect function whose effect acts from or until a time; the time is a parameter that each log knows."""
+    width = 0.5 * float(np.median(np.diff(logs[0].time)))
+    only = gate.time if len(logs) == 1 else (-_FAR if gate.when == "from" else _FAR)
+
+    def extended(g: BondGraph, at: Place) -> Effect | None:
+        effect = function(g, at)
+        if effect is None or effect.adds_state:
+            return None
+        own = g.parameter(gate_name(effect), only, "s", f"time {gate.when} which {effect.element} acts")
+        past = switch(symbol("t") - own, width)
+        on = past if gate.when == "from" else 1 - past
+        replace_symbols(g, {name: symbol(name) * on for name in effect.coefficients})
+        return replace(effect, law=f"{effect.law}, {gate.when} {gate.time:.4g} s of {gate.log}")
+
+    extended.__name__ = function.__name__
+    return extended
+
+
+def gate_name(effect: Effect) -> str:
+    """The parameter that holds the switching time of an effect."""
+    return f"switch_{effect.coefficients[0]}"
+
+
+def with_gate(logs: Sequence[MatchedLog], effect: Effect, gate: Gate) -> tuple[MatchedLog, ...]:
+    """The logs, each knowing when the effect switches."""
+    times = gate.times(logs)
+    return tuple(
+        replace(log, theta_overrides={**log.theta_overrides, gate_name(effect): times[log.name]}) for log in logs
+    )
+
+
+def gates(logs: Sequence[MatchedLog]) -> tuple[tuple[str, float], ...]:
+    """Evenly spaced points over the time of all logs."""
+    lengths = np.array([log.time[-1] - log.time[0] for log in logs])
+    ends = np.cumsum(lengths)
+    found = []
+    for share in np.linspace(0.0, 1.0, _GATES + 2)[1:-1]:
+        at = share * ends[-1]
+        k = int(np.searchsorted(ends, at, side="right"))
+        start = ends[k] - lengths[k]
+        found.append((logs[k].name, float(logs[k].time[0] + at - start)))
+    return tuple(found)
+
+
+@dataclass(frozen=True)
+class Constancy:
+    """Whether a coefficient is the same throughout: the p-value, and where it most likely changes."""
+
+    p_value: float
+    log: str
+    time: float
+
+
+def constancy(fitted: Fit, coefficient: str) -> Constancy:
+    """The largest weighted square of the running sum of scores of a fitted coefficient, all else taken out."""
+    logs = fitted.problem.logs
+    free = ~fitted.held
+    index = int(np.flatnonzero(np.flatnonzero(free) == fitted.problem.names.index(coefficient))[0])
+    blocks, places = _fine_blocks(fitted)
+    expansion = restricted(fitted.expansion, free)
+    others = [k for k in range(int(free.sum())) if k != index]
+    follow = solve(expansion.information[np.ix_(others, others)], expansion.information[others, index][:, np.newaxis])
+    pieces = block_sums(expansion, blocks)
+    sums = pieces[:, index] - pieces[:, others] @ follow[:, 0]
+    assert expansion.terms is not None
+    slope = expansion.terms.innovations[:, 1 + index] - expansion.terms.innovations[:, 1:][:, others] @ follow[:, 0]
+    told = np.bincount(blocks[blocks >= 0], weights=slope[blocks >= 0] ** 2, minlength=sums.size)
+    share = np.cumsum(told) / max(float(told.sum()), np.finfo(float).tiny)
+    inside = np.flatnonzero((share > _TRIM) & (share < 1.0 - _TRIM))
+    if not inside.size:
+        return Constancy(1.0, logs[0].name, float(logs[0].time[0]))
+    running = np.cumsum(sums - sums.sum() * told / told.sum())
+    scatter = _long_run(sums - sums.sum() * told / told.sum())
+    statistic = running[inside] ** 2 / (scatter * share[inside] * (1.0 - share[inside]))
+    best = int(np.argmax(statistic))
+    log, time = places[inside[best]]
+    return Constancy(_andrews(float(statistic[best])), log, time)
+
+
+def _long_run(sums: FloatArray) -> float:
+    """Sum of squares of neighbouring blocks taken by fours: the scatter that a running sum has under coloured noise."""
+    by_four = np.add.reduceat(sums, np.arange(0, sums.size, 4))
+    return float(max(np.sum(by_four**2), np.finfo(float).tiny))
+
+
+def _fine_blocks(fitted: Fit) -> tuple[np.ndarray, list[tuple[str, float]]]:
+    """About 160 blocks of time over all logs, and where each ends."""
+    logs = fitted.problem.logs
+    seconds = sum(float(log.time[-1] - log.time[0]) for log in logs) / 160.0
+    pieces, places, first = [], [], 0
+    for log in logs:
+        own = ((log.time - log.time[0]) / max(seconds, 1e-9)).astype(np.int64)
+        pieces += [first + own] * log.y.shape[0]
+        places += [(log.name, float(log.time[0] + (k + 1) * seconds)) for k in range(int(own.max()) + 1)]
+        first += int(own.max()) + 1
+    priors = sum(parameter.prior_mean is not None for parameter in fitted.problem.free)
+    return np.concatenate([*pieces, np.full(priors, -1)]), places
+
+
+@functools.cache
+def _bridges() -> FloatArray:
+    """The statistic's distribution when nothing changes, by simulated Brownian bridges; sorted."""
+    rng = np.random.default_rng(7)
+    share = np.linspace(0.0, 1.0, 161)[1:]
+    walks = np.cumsum(rng.standard_normal((20000, share.size)), axis=1) / np.sqrt(share.size)
+    bridges = walks - walks[:, -1:] * share
+    inside = (share > _TRIM) & (share < 1.0 - _TRIM)
+    found: FloatArray = np.sort((bridges[:, inside] ** 2 / (share * (1.0 - share))[inside]).max(axis=1))
+    return found
+
+
+def _andrews(statistic: float) -> float:
+    """P-value of the largest weighted square; beyond the simulated range the tail falls as that of a chi-square."""
+    known = _bridges()
+    above = float(np.mean(known >= statistic))
+    if above > 2e-3:
+        return above
+    edge = float(known[int(0.998 * known.size)])
+    return 2e-3 * float(np.exp(-0.5 * (statistic - edge)))
+
+
+@dataclass(frozen=True)
+class Gated:
+    """The gated candidate that scores best: which, when, its gain in nats, its step, and how many were tried."""
+
+    index: int
+    gate: Gate
+    gain: float
+    step: float
+    p_value: float
+    tested: int
+
+
+def gate_samples(logs: Sequence[MatchedLog]) -> list[list[int]]:
+    """The samples of each log just before the gates that lie in it."""
+    found: list[list[int]] = [[] for _ in logs]
+    names = [log.name for log in logs]
+    for name, time in gates(logs):
+        k = names.index(name)
+        found[k].append(int(np.searchsorted(logs[k].time, time)) - 1)
+    return found
+
+
+def best_gated(linear: Linearisation, scored: Scored) -> Gated | None:
+    """Score all candidates of one coefficient as acting from, or until, each of some times.
+
+    ``scored`` must hold the states at the samples of :func:`gate_samples`.
+    """
+    found = scored.candidates
+    usable = [j for j, one in enumerate(found) if len(one.effect.parameters) == 1 and not one.effect.channel]
+    if not usable:
+        return None
+    logs = [log.path.log for log in linear.logs]
+    whole = np.concatenate([scored.columns[j] for j in usable], axis=1)
+    one_sided = np.array([found[j].lower[0] >= 0.0 for j in usable])
+    points = gates(logs)
+    best: Gated | None = None
+    for number, (name, time) in enumerate(points):
+        after = _after(linear, whole, scored, usable, number)
+        for when, response in (("from", after), ("until", whole - after)):
+            projected = linear.projected(response)
+            told = np.where(projected.seen, np.maximum(np.diag(projected.information), 1e-300), np.inf)
+            gain = np.where(one_sided & (projected.score < 0.0), 0.0, 0.5 * projected.score**2 / told)
+            top = int(np.argmax(gain))
+            if best is None or gain[top] > best.gain:
+                step, own, p_value = best_step(projected, [top], one_sided[[top]])
+                gate = Gate("from" if when == "from" else "until", name, time)
+                best = Gated(usable[top], gate, own, float(step[0]), p_value, 2 * len(points) * len(usable))
+    return best
+
+
+def _after(linear: Linearisation, whole: FloatArray, scored: Scored, usable: Sequence[int], number: int) -> FloatArray:
+    """Responses of candidates that act from a gate on: what they do from then on, less what went before it leaves."""
+    samples = gate_samples([log.path.log for log in linear.logs])
+    own = next(k for k in range(len(samples)) if number < sum(map(len, samples[: k + 1])))
+    place = number - sum(map(len, samples[:own]))
+    after = np.zeros(whole.shape)
+    first = 0
+    for k, log in enumerate(linear.logs):
+        outputs, count = log.slope.shape[1], log.slope.shape[0]
+        rows = slice(first, first + outputs * count)
+        if k > own:
+            after[rows] = whole[rows]
+        elif k == own:
+            sample = samples[k][place]
+            left = decay(log, sample) @ scored.states[k][place][:, usable]
+            late = np.tile(np.arange(count) > sample, outputs)
+            after[rows] = np.where(late[:, np.newaxis], whole[rows] - left, 0.0)
+        first += outputs * count
+    return after

@@ -1,0 +1,109 @@
+"""A journal of finished fits, so that an interrupted loop goes on where it stopped.
+
+Closing a loop is a fixed sequence of fits with quick work between them. Each finished fit is noted under a digest of
+everything it depends on; a loop that is run again takes the noted ones as they are and reaches the point of
+interruption in seconds. A changed graph, log or option has other digests, so that nothing stale is ever used.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from bondgraph.data.log import FloatArray, MatchedLog
+from bondgraph.errors import EstimationError
+from bondgraph.estimate.free import FreeParameter
+from bondgraph.filter.filter_model import FilterModel
+
+FILE = "fits.json"
+
+
+@dataclass(frozen=True)
+class Noted:
+    """Where a fit ended: point and difference steps of its expansion (n,), value, evaluations, name of the outcome."""
+
+    point: FloatArray
+    steps: FloatArray
+    nll: float
+    evaluations: int
+    outcome: str
+
+
+@dataclass(frozen=True)
+class Journal:
+    """Fits noted in a folder; without a folder nothing is noted."""
+
+    folder: Path | None = None
+
+    def start(self, resume: bool) -> None:
+        """Begin anew, or keep what is there.
+
+        Raises
+        ------
+        EstimationError
+            If what is there cannot be read.
+        """
+        if self.folder is None:
+            return
+        if resume:
+            self._read()
+        else:
+            (self.folder / FILE).unlink(missing_ok=True)
+
+    def find(self, key: str) -> Noted | None:
+        """A fit that was noted."""
+        entry = self._read().get(key)
+        if entry is None:
+            return None
+        point, steps = np.array(entry["point"]), np.array(entry["steps"])
+        return Noted(point, steps, float(entry["nll"]), int(entry["evaluations"]), str(entry["outcome"]))
+
+    def note(self, key: str, fit: Noted) -> None:
+        """Note a finished fit."""
+        if self.folder is None:
+            return
+        entry = dataclasses.asdict(fit) | {"point": fit.point.tolist(), "steps": fit.steps.tolist()}
+        self.folder.mkdir(parents=True, exist_ok=True)
+        partial = self.folder / f"{FILE}.partial"
+        partial.write_text(json.dumps(self._read() | {key: entry}), encoding="utf-8")
+        partial.replace(self.folder / FILE)
+
+    def _read(self) -> dict[str, Any]:
+        if self.folder is None or not (self.folder / FILE).is_file():
+            return {}
+        try:
+            entries = json.loads((self.folder / FILE).read_text(encoding="utf-8"))
+            return dict(entries)
+        except (OSError, ValueError) as error:
+            raise EstimationError(
+                f"{self.folder / FILE}: the journal of fits cannot be read ({error}) - delete it to start anew",
+                where=(str(self.folder / FILE),),
+            ) from None
+
+
+def fit_key(
+    filter_model: FilterModel, logs: Sequence[MatchedLog], free: Sequence[FreeParameter], options: Sequence[object]
+) -> str:
+    """Digest of everything on which a fit depends."""
+    content = hashlib.sha256()
+    own = filter_model
+    numbers = (own.process_noise, own.measurement_noise, own.initial_std, own.substeps, own.appended, own.alpha)
+    content.update(repr((own.model.digest, own.model.text, numbers, tuple(free), tuple(map(_plain, options)))).encode())
+    for log in logs:
+        content.update(repr((log.name, sorted(log.theta_overrides.items()))).encode())
+        for array in (log.time, log.u, log.y):
+            content.update(np.ascontiguousarray(array).tobytes())
+    return content.hexdigest()
+
+
+def _plain(option: object) -> object:
+    if isinstance(option, np.ndarray):
+        return option.tolist()
+    return [_plain(one) for one in option] if isinstance(option, list | tuple) else option

@@ -1,0 +1,177 @@
+"""How far a loop has come: the model with what was added, its fit, and every decision with its reason."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from bondgraph.correct.build import BuiltModel, build
+from bondgraph.correct.candidates import candidates
+from bondgraph.correct.decide import robust_p_value
+from bondgraph.correct.fit import Fit, fit
+from bondgraph.correct.gates import Gate, constancy, gated, with_gate
+from bondgraph.correct.refit import Ground, at_optimum, refit_alone
+from bondgraph.correct.round import Round, RoundSettings
+from bondgraph.correct.trials import Trial
+from bondgraph.data.log import MatchedLog
+from bondgraph.declare.graph import BondGraph
+from bondgraph.errors import EstimationError
+
+#: An effect that was added before stays only if it is less likely by chance than this once others are there.
+_STAYS = 0.01
+
+
+@dataclass(frozen=True)
+class Decision:
+    """One decision: its round, what was done (``"added"``, ``"gated"``, ``"dropped"``, ``"withdrawn"``), and why."""
+
+    round: int
+    action: str
+    what: str
+    why: str
+
+
+@dataclass(frozen=True)
+class Progress:
+    """The declared graph, the model so far with its fit, the training logs, what was added, and all decisions.
+
+    The logs know the switching times of gated effects.
+    ``banned`` are effects that were dropped, by function and place: they are not offered again.
+    """
+
+    declared: BondGraph
+    built: BuiltModel
+    fit: Fit
+    train: tuple[MatchedLog, ...]
+    added: tuple[Trial, ...] = ()
+    history: tuple[Decision, ...] = ()
+    banned: frozenset[tuple[str, str]] = frozenset()
+
+    @property
+    def present(self) -> set[tuple[str, str]]:
+        """Effects that are not to be offered, by name of function and label of place."""
+        return {_key(trial) for trial in self.added} | self.banned
+
+
+def _key(trial: Trial) -> tuple[str, str]:
+    return trial.candidate.function.__name__, trial.candidate.place.label
+
+
+def advance(state: Progress, turn: Round, settings: RoundSettings) -> Progress:
+    """Add what a round chose, estimate everything again, and test what is there once more."""
+    chosen = turn.chosen
+    if chosen is None or chosen.evidence is None:
+        raise EstimationError("only a candidate that was refitted can be added")
+    settings.report("add the effect and estimate again", 0, 1)
+    number = _rounds(state) + 1
+    evidence = chosen.evidence
+    why = (
+        f"gains {evidence.delta_nll:.1f} nats, p = {max(evidence.p_value, evidence.p_robust):.2g} over "
+        f"{evidence.tried} tried"
+    )
+    history = [Decision(number, "added", chosen.candidate.label, why)]
+    chosen, train = _in_time(state, turn, chosen, number, history, settings)
+    state = _estimated(replace(state, train=train), chosen, settings)
+    state = replace(state, history=(*state.history, *history))
+    settings.report("add the effect and estimate again", 1, 1)
+    return _without_needless(state, number, settings)
+
+
+def _rounds(state: Progress) -> int:
+    return max((decision.round for decision in state.history), default=0)
+
+
+def _estimated(state: Progress, chosen: Trial, settings: RoundSettings) -> Progress:
+    """The chosen candidate's own model, estimated to the full tolerance from where its refit ended."""
+    if chosen.fit is None or chosen.built is None:
+        raise EstimationError(f"{chosen.candidate.label}: only a candidate that was refitted can be added")
+    filter_model = replace(chosen.fit.problem.filter_model, model=chosen.built.model)
+    fitted = fit(filter_model, state.train, at_optimum(chosen.fit), journal=settings.journal)
+    return replace(state, built=chosen.built, fit=fitted, added=(*state.added, chosen))
+
+
+def _in_time(
+    state: Progress, turn: Round, chosen: Trial, number: int, history: list[Decision], settings: RoundSettings
+) -> tuple[Trial, tuple[MatchedLog, ...]]:
+    """The chosen effect as acting from or until a time, if it is not the same throughout and that explains more."""
+    effect = chosen.candidate.effect
+    if chosen.gate is not None:
+        history.append(Decision(number, "gated", chosen.candidate.label, f"acts {chosen.gate}"))
+        return chosen, with_gate(state.train, effect, chosen.gate)
+    if chosen.fit is None or effect.adds_state or effect.channel or len(effect.parameters) != 1:
+        return chosen, state.train
+    found = constancy(chosen.fit, effect.coefficients[0])
+    if found.p_value > settings.level:
+        return chosen, state.train
+    ground = Ground(
+        state.built, state.fit, state.train, turn.tried, settings.level, 0.0, settings.journal
+    )  # fmt: skip
+    trials = [
+        trial
+        for gate in (Gate("from", found.log, found.time), Gate("until", found.log, found.time))
+        for trial in _gated_refit(chosen, gate, ground)
+    ]
+    best = min(trials, key=lambda trial: np.inf if trial.fit is None else trial.fit.nll, default=None)
+    measured = sum(int(np.isfinite(log.y).sum()) for log in state.train)
+    worth = 0.5 * math.log(measured) + math.log(160.0)
+    if best is None or best.fit is None or best.gate is None or chosen.fit.nll - best.fit.nll < worth:
+        what = f"its size changes near {found.time:.4g} s of {found.log} (p = {found.p_value:.2g})"
+        history.append(Decision(number, "not constant", chosen.candidate.label, what))
+        return chosen, state.train
+    why = f"acts {best.gate}: {chosen.fit.nll - best.fit.nll:.1f} nats better than throughout (p = {found.p_value:.2g})"
+    history.append(Decision(number, "gated", chosen.candidate.label, why))
+    return best, with_gate(state.train, best.candidate.effect, best.gate)
+
+
+def _gated_refit(chosen: Trial, gate: Gate, ground: Ground) -> list[Trial]:
+    function = gated(chosen.candidate.function, gate, ground.train)
+    made, _ = candidates(ground.built, [function], [chosen.candidate.place])
+    if not made or chosen.fit is None:
+        return []
+    train = with_gate(ground.train, made[0].effect, gate)
+    start = [chosen.fit.values[name] for name in chosen.candidate.effect.coefficients]
+    trial = replace(chosen, candidate=made[0], gate=gate, stands_for=())
+    return [refit_alone(trial, start, replace(ground, train=train))]
+
+
+def _without_needless(state: Progress, number: int, settings: RoundSettings) -> Progress:
+    """Backward elimination: earlier effects that are no longer needed beside the later ones go."""
+    while len(state.added) > 1:
+        doubts = [robust_p_value(state.fit, trial.candidate.effect.coefficients) for trial in state.added[:-1]]
+        worst = int(np.argmax(doubts))
+        if doubts[worst] < _STAYS:
+            break
+        why = f"p = {doubts[worst]:.2g} beside {state.added[-1].candidate.label}"
+        state = without(state, worst, "dropped", why, number, settings)
+    return state
+
+
+def without(state: Progress, index: int, action: str, why: str, number: int, settings: RoundSettings) -> Progress:
+    """The state with one added effect taken out again, everything else estimated anew."""
+    gone = state.added[index]
+    kept = tuple(trial for k, trial in enumerate(state.added) if k != index)
+    graph = state.declared
+    for trial in kept:
+        graph = trial.candidate.apply(graph)
+    built = build(graph)
+    free = tuple(one for one in at_optimum(state.fit) if one.name not in gone.candidate.effect.parameters)
+    names = built.model.names("state")
+    own = state.fit.problem.filter_model
+    filter_model = replace(
+        own,
+        model=built.model,
+        process_noise={name: std for name, std in own.process_noise.items() if name in names},
+        initial_std={name: std for name, std in own.initial_std.items() if name in names},
+    )
+    known = set(built.model.names("parameter"))
+    train = tuple(
+        replace(log, theta_overrides={n: v for n, v in log.theta_overrides.items() if n in known})
+        for log in state.train
+    )
+    fitted = fit(filter_model, train, free, journal=settings.journal)
+    return replace(
+        state, built=built, fit=fitted, train=train, added=kept, banned=state.banned | {_key(gone)},
+        history=(*state.history, Decision(number, action, gone.candidate.label, why)),
+    )  # fmt: skip

@@ -1,0 +1,76 @@
+"""The end of a loop: what stays unexplained, and which named effects it makes needless."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from bondgraph.correct.candidates import candidates, places
+from bondgraph.correct.probes import probes, signals
+from bondgraph.correct.progress import Decision, Progress, without
+from bondgraph.correct.refit import Ground, refit_alone
+from bondgraph.correct.round import Round, RoundSettings
+from bondgraph.correct.scoring import Linearisation, linearisation
+from bondgraph.correct.trials import Trial
+from bondgraph.correct.unexplained import Splines, Unexplained, needless, splines, table_effect, unexplained
+
+
+@dataclass(frozen=True)
+class Rest:
+    """Where a loop ends: its state, and what stays unexplained."""
+
+    state: Progress
+    unexplained: tuple[Unexplained, ...]
+
+
+def settle(state: Progress, rounds: Sequence[Round], settings: RoundSettings, tables: bool) -> Rest:
+    """Try functions without a law on the final model; withdraw what they make needless; add a table if asked for."""
+    settings.report("look for what stays unexplained", 0, 1)
+    number = len(rounds)
+    found, linear, tried = _look(state, settings)
+    while found is not None and state.added:
+        spare = [
+            k
+            for k, trial in enumerate(state.added)
+            if not trial.candidate.effect.channel
+            and needless(linear, tried, found, trial.candidate.effect.coefficients)
+        ]
+        if not spare:
+            break
+        why = f"needless beside an unknown {found.variable} at {found.place.label} as a function of {found.signal}"
+        state = without(state, spare[-1], "withdrawn", why, number, settings)
+        found, linear, tried = _look(state, settings)
+    settings.report("look for what stays unexplained", 1, 1)
+    if found is None:
+        return Rest(state, ())
+    if tables:
+        state = _with_table(state, found, number, settings)
+    return Rest(state, (found,))
+
+
+def _look(state: Progress, settings: RoundSettings) -> tuple[Unexplained | None, Linearisation, Splines]:
+    linear = linearisation(state.fit, state.train)
+    where = places(state.built, state.train, state.fit.runs(state.train), state.fit.theta)
+    tried = splines(linear, probes(state.built, linear, where), signals(state.built, linear, where))
+    measured = sum(int(np.isfinite(log.y).sum()) for log in state.train)
+    return unexplained(tried, measured, settings.level), linear, tried
+
+
+def _with_table(state: Progress, found: Unexplained, number: int, settings: RoundSettings) -> Progress:
+    """The unexplained function as an element with a table, its points estimated with everything else."""
+    made, _ = candidates(state.built, [table_effect(found)], [found.place])
+    if not made:
+        return state
+    ground = Ground(
+        state.built, state.fit, state.train, 1, settings.level, 0.0, settings.journal
+    )  # fmt: skip
+    trial = refit_alone(Trial(made[0], found.gain), [float(value) for value in found.values], ground)
+    if trial.fit is None or trial.built is None:
+        return state
+    why = f"asked for: {found.variable} as a function of {found.signal}, {found.knots.size} points"
+    return replace(
+        state, built=trial.built, fit=trial.fit, added=(*state.added, trial),
+        history=(*state.history, Decision(number, "added", trial.candidate.label, why)),
+    )  # fmt: skip

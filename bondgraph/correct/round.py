@@ -1,0 +1,192 @@
+"""One turn of the loop: every place and every candidate scored on a fitted model, the best refitted, a decision.
+
+The scores cost one linearised pass of the filter. What they single out is refitted, since a score is right in direction
+but not in size where an effect is large.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from bondgraph.correct.absent import absent_when_zero
+from bondgraph.correct.build import BuiltModel
+from bondgraph.correct.candidates import Candidate, Refused, candidates, places
+from bondgraph.correct.decide import alternatives, choose, detectable, hurdle
+from bondgraph.correct.fit import Fit, Report, no_report
+from bondgraph.correct.gates import best_gated, gate_samples, gated, with_gate
+from bondgraph.correct.journal import Journal
+from bondgraph.correct.located import LocatedAt, locate
+from bondgraph.correct.probes import Probe, Signal, probes, shaped, signals
+from bondgraph.correct.refit import Ground, refit_alone, refit_best, try_storage
+from bondgraph.correct.score import best_step
+from bondgraph.correct.scoring import Linearisation, Scored, linearisation, score_candidates
+from bondgraph.correct.trials import Alternative, Detectable, Trial
+from bondgraph.data.log import MatchedLog
+from bondgraph.declare.effect import EffectFunction, Place
+from bondgraph.errors import DataError
+
+#: A gated candidate must promise this many nats more than the best that acts throughout, beyond its number.
+_GATE_MARGIN = 6.0
+
+
+@dataclass(frozen=True)
+class RoundSettings:
+    """The level of false alarms, how many refits at most, and the work's report and journal."""
+
+    level: float = 0.01
+    refits: int = 6
+    report: Report = no_report
+    journal: Journal = field(default_factory=Journal)
+
+
+@dataclass(frozen=True)
+class Round:
+    """What was tried on a fitted model, what was decided, and what could have been seen.
+
+    ``located`` ranks the places; ``linear``, ``probed`` and ``signals`` are what the scores were made of.
+    """
+
+    base: Fit
+    trials: tuple[Trial, ...]
+    refused: tuple[Refused, ...]
+    scored: Scored
+    chosen: Trial | None
+    alternatives: tuple[Alternative, ...]
+    detectable: tuple[Detectable, ...]
+    located: tuple[LocatedAt, ...]
+    linear: Linearisation
+    probed: tuple[Probe, ...]
+    signals: tuple[Signal, ...]
+    tried: int
+
+
+def one_round(
+    built: BuiltModel,
+    base: Fit,
+    train: Sequence[MatchedLog],
+    functions: Sequence[EffectFunction],
+    settings: RoundSettings | None = None,
+    present: Collection[tuple[str, str]] = (),
+) -> Round:
+    """Locate the residual, score every candidate on the fitted model, refit the best, decide.
+
+    Raises
+    ------
+    DataError
+        If nothing moves in the logs, or no effect can be tried anywhere.
+    """
+    settings = settings or RoundSettings()
+    settings.report("score the candidates", 0, 1)
+    linear = linearisation(base, train)
+    runs = base.runs(train)
+    where = places(built, train, runs, base.theta)
+    found, refused = candidates(built, functions, where, present)
+    found, spoiling = absent_when_zero(built, found, train, runs)
+    refused += spoiling
+    if not [one for one in found if not one.place.output]:
+        raise DataError(_nothing_to_try(built, [place for place in where if not place.output], refused))
+    vanishing = [one for one in found if not one.effect.adds_state]
+    stateful = [one for one in found if one.effect.adds_state]
+    scored = score_candidates(linear, vanishing, gate_samples(train))
+    probed, known = probes(built, linear, where), signals(built, linear, where)
+    located = locate(linear, probed, known)
+    tried = scored.tests + len(stateful)
+    need = hurdle(train, tried, settings.level)
+    settings.report("score the candidates", 1, 1)
+    ground = Ground(built, base, tuple(train), tried, settings.level, need, settings.journal)
+    trials = _trials(scored, tried)
+    trials = refit_best(trials, scored, ground, settings.refits, settings.report)
+    trials = _with_storages(trials, stateful, linear, probed, ground, settings)
+    trials += _gated_trial(linear, scored, trials, ground, settings)
+    chosen = choose(trials, settings.level)
+    others = alternatives(chosen, trials, scored.scores, settings.level)
+    seen = detectable(vanishing, scored.scores, need)
+    return Round(
+        base, tuple(trials), tuple(refused), scored, chosen, tuple(others), seen, located, linear, probed, known, tried
+    )
+
+
+def _trials(scored: Scored, tried: int) -> list[Trial]:
+    result = scored.scores
+    corrected = np.minimum(1.0, result.p_value * tried)
+    return [
+        Trial(one, float(result.gain[j]), tuple(map(float, result.steps[j])), score_p=float(corrected[j]))
+        for j, one in enumerate(scored.candidates)
+    ]
+
+
+def _with_storages(
+    trials: list[Trial],
+    stateful: Sequence[Candidate],
+    linear: Linearisation,
+    probed: Sequence[Probe],
+    ground: Ground,
+    settings: RoundSettings,
+) -> list[Trial]:
+    """The trials, and those with a state of their own; late sensors only where their score asks for it.
+
+    A sensor that comes late can explain coloured noise by its memory; its score is that of the mean alone.
+    """
+    done = list(trials)
+    for count, one in enumerate(stateful):
+        settings.report("try storages", count, len(stateful))
+        trial = Trial(one, 0.0)
+        best = choose(done, ground.level)
+        if one.effect.kind == "delay":
+            trial = _late(trial, linear, probed, ground)
+            ahead = 0.0 if best is None else best.gain
+            if trial.score_gain < max(0.5 * ground.need, 0.4 * ahead) or trial.score_p > ground.level:
+                done.append(trial)
+                continue
+        beat = np.inf if best is None or best.fit is None else best.fit.nll
+        done.append(try_storage(trial, ground, beat))
+    return done
+
+
+def _late(trial: Trial, linear: Linearisation, probed: Sequence[Probe], ground: Ground) -> Trial:
+    """The score of a late sensor: for a short delay it shows as much less as the rate says."""
+    output = trial.candidate.place.output
+    probe = next(probe for probe in probed if probe.place.output == output)
+    row = linear.model.index("output", output)
+    changes = []
+    for log, change in zip(linear.logs, probe.changes, strict=True):
+        shown = linear.model.output(log.path.time, log.path.before, log.path.u, log.path.theta)[row]
+        changes.append(shaped(change, -np.gradient(shown, log.path.time)[np.newaxis]))
+    step, gain, p_value = best_step(linear.projected(linear.columns(changes)), [0], np.array([True]))
+    return replace(trial, score_gain=gain, step=tuple(map(float, step)), score_p=min(1.0, p_value * ground.tried))
+
+
+def _gated_trial(
+    linear: Linearisation, scored: Scored, trials: Sequence[Trial], ground: Ground, settings: RoundSettings
+) -> list[Trial]:
+    """The best candidate that acts in part of the data, if it promises clearly more than those that act throughout."""
+    best = best_gated(linear, scored)
+    if best is None:
+        return []
+    throughout = max((trial.score_gain for trial in trials if trial.candidate in scored.candidates), default=0.0)
+    margin = _GATE_MARGIN + float(np.log(best.tested / max(len(scored.candidates), 1)))
+    if best.gain < throughout + margin or best.p_value * best.tested > 0.05:
+        return []
+    settings.report("refit an effect that acts in part of the data", 0, 1)
+    original = scored.candidates[best.index]
+    function = gated(original.function, best.gate, ground.train)
+    (candidate,), _ = candidates(ground.built, [function], [original.place])
+    train = with_gate(ground.train, candidate.effect, best.gate)
+    trial = Trial(candidate, best.gain, (best.step,), score_p=min(1.0, best.p_value * best.tested), gate=best.gate)
+    return [refit_alone(trial, [best.step], replace(ground, train=train), tried=best.tested)]
+
+
+def _nothing_to_try(built: BuiltModel, where: Sequence[Place], refused: Sequence[Refused]) -> str:
+    if not where:
+        return (
+            f"{built.graph.name}: nothing moves in the training logs at any junction, so no effect could show - take "
+            "logs in which the machine works"
+        )
+    reasons = "; ".join(f"{no.effect} at {no.place} {no.why}" for no in refused[:3])
+    return (
+        f"{built.graph.name}: no effect can be tried at any of {len(where)} places"
+        f"{f' ({reasons})' if reasons else ''} - give other effect functions"
+    )

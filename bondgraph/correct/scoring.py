@@ -1,0 +1,170 @@
+"""Scores of candidates on a fitted model: their responses through the linearised filter, free parameters taken out."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from bondgraph.correct.candidates import Candidate, Variant
+from bondgraph.correct.fit import Fit, score_blocks
+from bondgraph.correct.response import Change, LinearLog, Path, linearise, model_change, respond, together
+from bondgraph.correct.score import Projected, Scores, project, scores
+from bondgraph.data.log import FloatArray, MatchedLog
+from bondgraph.estimate.objective import Expansion, expansion_of
+from bondgraph.simulate.model import Model
+
+#: Lanes that go through the filter at once; bounds the memory, changes no number.
+_LANES = 96
+#: Free parameters are shifted by this share of their bounds.
+_SHIFT = 1e-5
+
+
+@dataclass(frozen=True)
+class Linearisation:
+    """A fitted model with its filter linearised along every training log.
+
+    ``free`` and ``scales`` (n_terms, 1 + free) hold the terms of the likelihood and of their logarithmic scales, with
+    their derivatives by the free coordinates that do not rest on a bound; ``blocks`` (n_terms,) the block of each term.
+    """
+
+    base: Fit
+    model: Model
+    logs: tuple[LinearLog, ...]
+    free: FloatArray
+    scales: FloatArray
+    blocks: np.ndarray
+
+    @property
+    def count(self) -> int:
+        """Number of free coordinates."""
+        return int(self.free.shape[1]) - 1
+
+    def columns(self, changes: Sequence[Change]) -> FloatArray:
+        """Responses (n_terms, lanes) to changes given per log."""
+        return self.columns_and_states(changes, [()] * len(self.logs))[0]
+
+    def columns_and_states(
+        self, changes: Sequence[Change], at: Sequence[Sequence[int]]
+    ) -> tuple[FloatArray, tuple[FloatArray, ...]]:
+        """Responses (n_terms, lanes), and per log the shifts of the filtered states (at, n_x, lanes) at its samples."""
+        lanes = changes[0].outputs.shape[2]
+        pieces, states = [], []
+        for linear, change, own in zip(self.logs, changes, at, strict=True):
+            parts = [
+                respond(linear, Change(*(a[..., first : first + _LANES] for a in _arrays(change))), own)
+                for first in range(0, lanes, _LANES)
+            ]
+            pieces.append(np.concatenate([part for part, _ in parts], axis=1))
+            states.append(np.concatenate([part for _, part in parts], axis=2))
+        whole = np.concatenate(pieces)
+        priors = np.zeros((self.free.shape[0] - whole.shape[0], lanes))
+        return np.concatenate([whole, priors]), tuple(states)
+
+    def expansion(self, columns: FloatArray) -> Expansion:
+        """Gradient and information in the free coordinates, then those of responses (n_terms, lanes)."""
+        scales = np.concatenate([self.scales, np.zeros(columns.shape)], axis=1)
+        return expansion_of(np.concatenate([self.free, columns], axis=1), scales, 0)
+
+    def projected(self, columns: FloatArray) -> Projected:
+        """Scores of responses (n_terms, lanes) with the free coordinates taken out."""
+        return project(self.expansion(columns), self.count, self.blocks)
+
+
+def _arrays(change: Change) -> tuple[FloatArray, FloatArray, FloatArray]:
+    return change.start, change.end, change.outputs
+
+
+def linearisation(base: Fit, train: Sequence[MatchedLog]) -> Linearisation:
+    """Linearise the filter of a fit along its training logs."""
+    model = base.problem.filter_model.model
+    logs = tuple(linearise(run, log, base.theta) for run, log in zip(base.runs(train), train, strict=True))
+    kept = np.flatnonzero(~base.held)
+    terms = base.expansion.terms
+    assert terms is not None  # fits keep their terms
+    chosen = np.concatenate([[0], 1 + kept])
+    free, scales = terms.innovations[:, chosen].copy(), terms.log_scales[:, chosen].copy()
+    bare = Linearisation(base, model, logs, free, scales, score_blocks(base.problem))
+    for column, index in enumerate(kept, start=1):
+        parameter = base.problem.free[index]
+        if parameter.target.kind != "parameter":
+            continue
+        value = base.values[parameter.name]
+        size = _SHIFT * (parameter.upper - parameter.lower)
+        size = -size if value + size > parameter.upper else size
+        changes = [_shifted(linear.path, model, parameter.name, size, parameter.slope(value)) for linear in logs]
+        response = bare.columns(changes)[:, 0]
+        timed = bare.blocks >= 0
+        free[timed, column], scales[timed, column] = response[timed], 0.0
+    return bare
+
+
+def _shifted(path: Path, model: Model, name: str, size: float, slope: float) -> Change:
+    """The change by one parameter; none where the log knows its value."""
+    theta = path.theta.copy()
+    if name not in path.log.theta_overrides:
+        theta[model.index("parameter", name)] += size
+    return model_change(path, model, model, theta, size / slope)
+
+
+def candidate_change(path: Path, declared: Model, candidate: Candidate, variant: Variant) -> Change:
+    """The changes by the coefficients of a candidate, a lane each."""
+    known = dict(zip(declared.names("parameter"), map(float, path.theta), strict=True)) | dict(variant.shapes)
+    lanes = []
+    for name, size in zip(candidate.effect.coefficients, variant.sizes, strict=True):
+        theta = candidate.model.theta(**known, **{name: size})
+        lanes.append(model_change(path, declared, candidate.model, theta, size))
+    return together(lanes)
+
+
+@dataclass(frozen=True)
+class Scored:
+    """Candidates with the variant of each that fits best, its responses and its scores.
+
+    ``columns`` holds one (n_terms, coefficients) per candidate, ``states`` per log the shifts of the filtered states at
+    the gates (gates, n_x, candidates) by the first coefficient; ``tests`` is how many variants were tried in all.
+    """
+
+    candidates: tuple[Candidate, ...]
+    variants: tuple[Variant, ...]
+    columns: tuple[FloatArray, ...]
+    states: tuple[FloatArray, ...]
+    scores: Scores
+    tests: int
+
+
+def score_candidates(
+    linear: Linearisation, found: Sequence[Candidate], at: Sequence[Sequence[int]] | None = None
+) -> Scored:
+    """Score every candidate in every variant, and keep the best variant of each.
+
+    ``at`` holds samples of each log at which the shifts of the states are kept too.
+    """
+    every = [(candidate, variant) for candidate in found for variant in candidate.variants]
+    at = [()] * len(linear.logs) if at is None else at
+    if not every:
+        empty = np.zeros((linear.free.shape[0], 0))
+        return Scored((), (), (), (), scores(linear.expansion(empty), linear.count, np.zeros(0, dtype=bool)), 0)
+    changes = [
+        together([candidate_change(log.path, linear.model, candidate, variant) for candidate, variant in every])
+        for log in linear.logs
+    ]
+    sizes = [len(candidate.effect.coefficients) for candidate, _ in every]
+    columns, states = linear.columns_and_states(changes, at)
+    result = _scores(linear, columns, [candidate for candidate, _ in every], sizes)
+    edges = np.concatenate([[0], np.cumsum(sizes)]).astype(int)
+    best: dict[int, int] = {}
+    for j, k in enumerate(k for k, candidate in enumerate(found) for _ in candidate.variants):
+        if k not in best or result.gain[j] > result.gain[best[k]]:
+            best[k] = j
+    chosen = [best[k] for k in range(len(found))]
+    own = tuple(columns[:, edges[j] : edges[j + 1]] for j in chosen)
+    picked = _scores(linear, np.concatenate(own, axis=1), found, [sizes[j] for j in chosen])
+    kept = tuple(part[..., edges[chosen]] for part in states)
+    return Scored(tuple(found), tuple(every[j][1] for j in chosen), own, kept, picked, len(every))
+
+
+def _scores(linear: Linearisation, columns: FloatArray, found: Iterable[Candidate], sizes: Sequence[int]) -> Scores:
+    one_sided = np.concatenate([candidate.lower >= 0.0 for candidate in found])
+    return scores(linear.expansion(columns), linear.count, one_sided, linear.blocks, sizes)

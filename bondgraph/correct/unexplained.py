@@ -1,0 +1,204 @@
+"""What fits no known effect: an unknown effort or flow at a place as a free function of a signal, with its band.
+
+The function is piecewise linear between knots where the signal is found about equally often. Its values at the knots
+are as many coefficients, estimated with everything else free in the linearised filter; what the free parameters can
+imitate is left to them. Splines as elements of unknown shape: Wahba (1990), Spline Models for Observational Data; as a
+test of a law against an unknown one: Eubank (1999), Nonparametric Regression and Spline Smoothing, chapter 3.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import stats
+from sympy import Expr
+
+from bondgraph.correct.fit import Fit
+from bondgraph.correct.probes import Probe, Signal, Variable, hats, knots, shaped
+from bondgraph.correct.score import Projected, best_step, solve
+from bondgraph.correct.scoring import Linearisation
+from bondgraph.data.log import FloatArray
+from bondgraph.declare.effect import Effect, EffectFunction, Place
+from bondgraph.declare.expressions import signal as variable_signal
+from bondgraph.declare.functions import maximum, minimum
+from bondgraph.declare.graph import BondGraph
+from bondgraph.declare.quantities import symbol
+
+#: Knots of a spline element.
+_KNOTS = 8
+#: A named effect is not needed beside a spline if what it adds is this likely by chance.
+_NEEDLESS = 0.01
+
+
+@dataclass(frozen=True)
+class Unexplained:
+    """What is missing at a place as a function of a signal, which no known effect explains.
+
+    ``knots``, ``values``, ``std`` (knots,): the shape in the unit of the missing variable, less what free parameters
+    take of it, and its standard deviation by blocks of time. ``gain`` in nats; ``p_value`` corrected for all functions
+    tried. ``like`` names the places that explain it as well.
+    """
+
+    place: Place
+    variable: Variable
+    signal: str
+    signal_unit: str
+    unit: str
+    knots: FloatArray
+    values: FloatArray
+    std: FloatArray
+    gain: float
+    p_value: float
+    like: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Splines:
+    """All functions that were tried on one fit, with their joint scores."""
+
+    pairs: tuple[tuple[Probe, Signal, FloatArray], ...]
+    edges: tuple[int, ...]
+    projected: Projected
+
+    def columns(self, index: int) -> list[int]:
+        """Coefficients of one function."""
+        return list(range(self.edges[index], self.edges[index + 1]))
+
+
+def splines(linear: Linearisation, found: Sequence[Probe], known: Sequence[Signal]) -> Splines:
+    """Score a function of every signal at every place; a sensor's error only as one of what it shows or of time."""
+    pairs = []
+    for probe in found:
+        for one in known:
+            if probe.variable == "sensor" and one.name != "time":
+                continue
+            at = knots(one, _KNOTS)
+            if at.size > 2:
+                pairs.append((probe, one, at))
+    edges, pieces = [0], []
+    for probe, one, at in pairs:
+        changes = [shaped(probe.changes[k], hats(one.values[k], at)) for k in range(len(linear.logs))]
+        pieces.append(linear.columns(changes))
+        edges.append(edges[-1] + at.size)
+    columns = np.concatenate(pieces, axis=1) if pieces else np.zeros((linear.free.shape[0], 0))
+    return Splines(tuple(pairs), tuple(edges), linear.projected(columns))
+
+
+def unexplained(tried: Splines, measured: int, level: float) -> Unexplained | None:
+    """The function that explains most, if it passes the tests: p-values times the number tried, and the BIC."""
+    best: tuple[float, int, FloatArray, float] | None = None
+    count = len(tried.pairs)
+    gains = np.zeros(count)
+    for index in range(count):
+        own = tried.columns(index)
+        step, gain, p_value = best_step(tried.projected, own, np.zeros(len(own), dtype=bool))
+        gains[index] = gain
+        penalty = 0.5 * len(own) * math.log(max(measured, 2)) + math.log(count)
+        if p_value * count < level and gain > penalty and (best is None or gain > best[0] + 1e-6):
+            best = (gain, index, step, p_value * count)
+    if best is None:
+        return None
+    gain, index, step, p_value = best
+    probe, one, at = tried.pairs[index]
+    like = [
+        tried.pairs[k][0].place.label
+        for k in range(count)
+        if k != index and tried.pairs[k][1].name == one.name and gain - gains[k] < 1.0
+    ]
+    std = _band(tried.projected, tried.columns(index))
+    return Unexplained(
+        probe.place, probe.variable, one.name, one.unit, _unit(probe), at, step, std, gain, p_value, tuple(like)
+    )
+
+
+def _band(found: Projected, own: Sequence[int]) -> FloatArray:
+    """Standard deviations of a function at its knots: the larger of those of white noise and of blocks of time."""
+    information = found.information[np.ix_(own, own)]
+    bread = solve(information, np.eye(len(own)))
+    white = np.diag(bread)
+    if found.sums is None:
+        return np.sqrt(np.maximum(white, 0.0))
+    sums = found.sums[:, own] - found.sums[:, own].mean(axis=0)
+    return np.sqrt(np.maximum(np.maximum(white, np.diag(bread @ (sums.T @ sums) @ bread)), 0.0))
+
+
+def _unit(probe: Probe) -> str:
+    domain = probe.place.domain
+    if domain is None:
+        return ""
+    return domain.effort_unit if probe.variable == "effort" else domain.flow_unit
+
+
+def needless(linear: Linearisation, tried: Splines, chosen: Unexplained, coefficients: Sequence[str]) -> bool:
+    """Whether an effect that is in the model would be dropped if the function were there: a wrong near relative.
+
+    With both free, what the effect's coefficients still add is a quadratic form in where they would then be.
+    """
+    fitted = linear.base
+    index = next(
+        k
+        for k, (probe, one, _) in enumerate(tried.pairs)
+        if probe.place.label == chosen.place.label and one.name == chosen.signal
+    )
+    probe, one, at = tried.pairs[index]
+    columns = linear.columns([shaped(probe.changes[k], hats(one.values[k], at)) for k in range(len(linear.logs))])
+    expansion = linear.expansion(columns)
+    kept = [fitted.problem.names[k] for k in np.flatnonzero(~fitted.held)]
+    rows = [kept.index(name) for name in coefficients if name in kept]
+    if not rows:
+        return True
+    covariance = solve(expansion.information, np.eye(expansion.information.shape[0]))
+    moved = -covariance @ expansion.gradient
+    values = np.array([_value(fitted, kept[row]) for row in rows]) + moved[rows]
+    size = float(values @ solve(covariance[np.ix_(rows, rows)], values[:, np.newaxis])[:, 0])
+    return float(stats.chi2.sf(size, len(rows))) > _NEEDLESS
+
+
+def _value(fitted: Fit, name: str) -> float:
+    return fitted.values[name]
+
+
+def table_effect(found: Unexplained) -> EffectFunction:
+    """The unexplained function as an effect: an element whose law is a table with its points as parameters."""
+
+    def tabulated(g: BondGraph, at: Place) -> Effect | None:
+        if at.label != found.place.label or at.output:
+            return None
+        name = f"table_{at.name}"
+        reach = 4.0 * float(np.abs(found.values).max() + found.std.max())
+        points = [
+            g.parameter(f"{name}_{k}", 0.0, found.unit, f"missing at {knot:.4g} {found.signal_unit}", (-reach, reach))
+            for k, knot in enumerate(found.knots)
+        ]
+        argument = _argument(g, found.signal)
+        law = sum(point * hat for point, hat in zip(points, _hat_laws(argument, found.knots), strict=True))
+        if found.variable == "effort":
+            g.effort_source(name, -law, at=at.junction)
+        else:
+            g.flow_source(name, -law, at=at.junction)
+        text = f"{found.variable} = table({found.signal}), {found.knots.size} points"
+        return Effect("table", name, text, tuple(point.name for point in points))
+
+    tabulated.__name__ = f"table_of_{found.signal.replace(' ', '_')}"
+    return tabulated
+
+
+def _argument(g: BondGraph, name: str) -> Expr:
+    """The signal of a name that :func:`bondgraph.correct.probes.signals` gave."""
+    variable, separator, node = name.partition(" of ")
+    if separator:
+        return variable_signal(variable, node)
+    return symbol("t" if name == "time" else name)
+
+
+def _hat_laws(x: Expr, at: FloatArray) -> list[Expr]:
+    """The functions of :func:`bondgraph.correct.probes.hats` as expressions."""
+    laws: list[Expr] = []
+    for k in range(at.size):
+        rise = (x - at[k - 1]) / (at[k] - at[k - 1]) if k else 1.0
+        fall = (at[k + 1] - x) / (at[k + 1] - at[k]) if k + 1 < at.size else 1.0
+        laws.append(maximum(0.0, minimum(1.0, minimum(rise, fall))))
+    return laws
