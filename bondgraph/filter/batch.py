@@ -169,7 +169,7 @@ class _CompiledFilter:
     @classmethod
     def of(cls, filter_model: FilterModel) -> _CompiledFilter:
         functions = load_kernel(kernel, kernel_algebra, kernel_record)
-        return cls(filter_model, functions.filter_members, load_lanes(filter_model.model, _is_stiff(filter_model)))
+        return cls(filter_model, functions.filter_members, load_lanes(filter_model.model, filter_model.is_stiff))
 
     def run(self, run: BatchRun, batch: MemberBatch, first: int, end: int) -> None:
         """Filter a block of members over a log."""
@@ -191,18 +191,14 @@ class _CompiledFilter:
             correction=points.correction,
             pivot_floor=PIVOT_FLOOR,
             appended=filter_model.appended_index,
-            tableau=TABLEAUS[filter_model.method].numbers if _is_stiff(filter_model) else np.empty(0),
-            grading=filter_model.grading,
+            tableau=TABLEAUS[filter_model.method].numbers if filter_model.is_stiff else np.empty(0),
+            grading=filter_model.grading if filter_model.is_stiff else 1.0,
             lanes=LANES,
             n_x=len(filter_model.model.states),
             theta=lanes.theta,
             x=lanes.x,
             y=lanes.y,
         )
-
-
-def _is_stiff(filter_model: FilterModel) -> bool:
-    return filter_model.method in TABLEAUS
 
 
 def _log(samples: Samples) -> Log:

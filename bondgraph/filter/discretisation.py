@@ -7,27 +7,29 @@ accurate well below 1. A change of less than 0.1 nats cannot move an estimate no
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Unpack
 
 import numpy as np
 import numpy.typing as npt
 
+from bondgraph.filter.choice import choose_method, fastest_rates
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.filter_run import FilterRun
 from bondgraph.filter.likelihood import likelihood, run
+from bondgraph.filter.members import MemberValues, per_log
 from bondgraph.filter.samples import MeasuredLog, Samples
 from bondgraph.simulate.arrays import FloatArray
 from bondgraph.simulate.model import Model
+from bondgraph.simulate.stiff import step_lengths
 
 #: Step times rate up to which the classical Runge-Kutta method is stable on the negative real axis.
 STABLE = 2.78
 
 #: A shift of the likelihood that does not matter, in nats.
 NEGLIGIBLE = 0.1
-
-#: Points along each log at which rates are looked at.
-_POINTS = 40
 
 
 @dataclass(frozen=True)
@@ -41,6 +43,7 @@ class DiscretisationError:
     nats: float
     step_times_rate: float
     substeps: int
+    method: str = "rk4"
 
     @property
     def negligible(self) -> bool:
@@ -49,10 +52,11 @@ class DiscretisationError:
 
     def __str__(self) -> str:
         verdict = "negligible" if self.negligible else "too large - use more substeps or a stiff method"
-        unstable = "" if self.step_times_rate < STABLE else f", beyond the {STABLE} up to which the step is stable"
+        stable = self.method != "rk4" or self.step_times_rate < STABLE
+        unstable = "" if stable else f", beyond the {STABLE} up to which the step is stable"
         return (
-            f"with {self.substeps} substeps the likelihood is off by {self.nats:+.3g} nats ({verdict});"
-            f" step times fastest rate is {self.step_times_rate:.3g}{unstable}"
+            f"with {self.substeps} substeps of {self.method} the likelihood is off by {self.nats:+.3g} nats"
+            f" ({verdict}); step times fastest rate is {self.step_times_rate:.3g}{unstable}"
         )
 
 
@@ -62,6 +66,7 @@ def discretisation_error(
     theta: npt.ArrayLike | None = None,
     *,
     compiled: bool = True,
+    **values: Unpack[MemberValues],
 ) -> DiscretisationError:
     """Discretisation error of the likelihood of logs at one set of parameters.
 
@@ -71,6 +76,8 @@ def discretisation_error(
         As for :func:`bondgraph.filter.likelihood.likelihood`.
     theta
         Parameters (n_theta,); None: declared values.
+    **values
+        Numbers of that member, see :class:`bondgraph.filter.members.MemberValues`.
 
     Returns
     -------
@@ -88,42 +95,34 @@ def discretisation_error(
     True
     """
     listed = logs if isinstance(logs, Sequence) else (logs,)
-    finer = replace(filter_model, substeps=2 * filter_model.substeps)
-    coarse = likelihood(filter_model, listed, theta, compiled=compiled).nll[0]
-    fine = likelihood(finer, listed, theta, compiled=compiled).nll[0]
+    used = choose_method(filter_model, listed, compiled=compiled)
+    finer = replace(used, substeps=2 * used.substeps, grading=math.sqrt(used.grading))
+    coarse = likelihood(used, listed, theta, compiled=compiled, **values).nll[0]
+    fine = likelihood(finer, listed, theta, compiled=compiled, **values).nll[0]
     nats = float(coarse - fine) if np.isfinite(coarse) and np.isfinite(fine) else np.inf
-    rates = [step_times_rate(run(filter_model, log, theta, compiled=compiled), log, theta) for log in listed]
-    return DiscretisationError(nats, max(rates), filter_model.substeps)
+    x0 = per_log("x0", values.get("x0"), len(listed))
+    initial_std = per_log("initial_std", values.get("initial_std"), len(listed))
+    rates = []
+    for i, log in enumerate(listed):
+        own: MemberValues = {**values, "x0": x0[i], "initial_std": initial_std[i]}
+        rates.append(step_times_rate(run(used, log, theta, compiled=compiled, **own), log, theta))
+    return DiscretisationError(nats, max(rates), used.substeps, used.method)
 
 
 def jacobian(model: Model, t: float, x: FloatArray, u: FloatArray, theta: FloatArray) -> FloatArray:
-    """Derivative of the state equations with respect to the states, (n_x, n_x), by central differences."""
-    step = np.cbrt(np.finfo(np.float64).eps) * np.maximum(np.abs(x), 1e-3)
-    above = model.rhs(t, x[:, np.newaxis] + np.diag(step), u, theta)
-    below = model.rhs(t, x[:, np.newaxis] - np.diag(step), u, theta)
-    slopes: FloatArray = (above - below) / (2.0 * step)
-    return slopes
+    """Derivative of the state equations with respect to the states, (n_x, n_x)."""
+    return model.jacobian_x(t, x, u, theta)
 
 
 def step_times_rate(filtered: FilterRun, log: MeasuredLog, theta: npt.ArrayLike | None) -> float:
     """Largest product of step and rate along one filtered log, at evenly chosen samples; infinite if it diverged."""
     filter_model = filtered.filter_model
-    model = filter_model.model
     samples = Samples.of(filter_model, log)
     if samples.time.size < 2:
         return 0.0
-    parameters = samples.theta(filter_model, np.array(model.theta() if theta is None else theta, dtype=np.float64))
-    steps = np.diff(samples.time) / samples.substeps
-    largest = 0.0
-    for k in np.unique(np.linspace(0, steps.size - 1, _POINTS).astype(int)):
-        state = filtered.filtered_mean[:, k]
-        if not np.isfinite(state).all():
-            return float("inf")
-        known = parameters.copy()
-        known[filter_model.appended_index] = state[len(model.states) :]
-        with np.errstate(all="ignore"):  # what is not finite is told as infinite
-            slopes = jacobian(model, float(samples.time[k]), state[: len(model.states)], samples.u[:, k], known)
-        if not np.isfinite(slopes).all():
-            return float("inf")
-        largest = max(largest, float(steps[k] * np.max(np.abs(np.linalg.eigvals(slopes)), initial=0.0)))
-    return largest
+    parameters = None if theta is None else np.array(theta, dtype=np.float64)
+    longest = np.max(np.diff(samples.time) / samples.substeps)
+    if filter_model.is_stiff:
+        lengths = step_lengths(1.0, filter_model.substeps, filter_model.grading)
+        longest *= filter_model.substeps * np.max(lengths)
+    return float(longest * np.max(fastest_rates(filtered, samples, parameters)))

@@ -16,7 +16,7 @@ from bondgraph.simulate.model import Model
 from bondgraph.simulate.rosenbrock import TABLEAUS
 
 #: Integration methods; see :mod:`bondgraph.simulate.stiff` for the stiff ones.
-METHODS = ("rk4", *TABLEAUS)
+METHODS = ("rk4", *TABLEAUS, "auto")
 
 
 @dataclass(frozen=True)
@@ -39,9 +39,11 @@ class FilterModel:
     substeps
         Integration steps between samples one median interval apart; longer intervals get proportionally more.
     method
-        Integration method: ``"rk4"``, or for stiff models ``"ros3p"`` or ``"rodas4"``.
+        Integration method: ``"rk4"``, or for stiff models ``"ros3p"`` or ``"rodas4"``; ``"auto"`` chooses between
+        them by the rates of the model along the logs, see :func:`bondgraph.filter.choice.choose_method`.
     grading
-        Length of each step between two samples over that of the one before, for the stiff methods.
+        Length of each step between two samples over that of the one before, for the stiff methods; sigma points relax
+        anew after each sample, which short first steps resolve. ``"rk4"`` takes equal steps.
     alpha, beta, kappa
         Spread of the sigma points, see :class:`bondgraph.filter.sigma_points.MerweScaled`.
     appended
@@ -86,6 +88,11 @@ class FilterModel:
     def state_names(self) -> tuple[str, ...]:
         """States of the model, then appended parameters."""
         return (*self.model.names("state"), *self.appended)
+
+    @property
+    def is_stiff(self) -> bool:
+        """Whether the method is one for stiff models."""
+        return self.method in TABLEAUS
 
     @functools.cached_property
     def points(self) -> MerweScaled:
@@ -159,10 +166,9 @@ class FilterModel:
                 f"{self.model.name}: filter method {self.method!r} is not known - use {', '.join(METHODS)}",
                 where=(self.model.name, "method"),
             )
-        if not 0.1 <= self.grading <= 10.0 or (self.grading != 1.0 and self.method not in TABLEAUS):
+        if not 0.1 <= self.grading <= 10.0:
             raise FilterError(
-                f"{self.model.name}: grading={self.grading!r} with method {self.method!r}"
-                f" - give a number from 0.1 to 10, other than 1 only with {', '.join(TABLEAUS)}",
+                f"{self.model.name}: grading={self.grading!r} - give a number from 0.1 to 10",
                 where=(self.model.name, "grading"),
             )
         if self.substeps < 1:

@@ -7,21 +7,26 @@ with the innovation covariance S of the m channels measured at a sample.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Unpack
+import functools
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Unpack
 
 import numpy as np
 import numpy.typing as npt
 
 from bondgraph.errors import FilterError
 from bondgraph.filter.batch import BatchRun, run_batches
+from bondgraph.filter.choice import choose_method
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.filter_run import FilterRun
-from bondgraph.filter.members import MemberValues, member_batches
+from bondgraph.filter.members import MemberBatch, MemberValues, member_batches
 from bondgraph.filter.samples import MeasuredLog, Samples
 from bondgraph.simulate.arrays import BoolArray, FloatArray, IntArray
 from bondgraph.simulate.outcome import Outcome
+
+if TYPE_CHECKING:
+    from bondgraph.filter.discretisation import DiscretisationError
 
 
 @dataclass(frozen=True)
@@ -41,6 +46,12 @@ class Likelihood:
     refined: BoolArray
     method: str
     substeps: int
+    _best: Callable[[], DiscretisationError] = field(repr=False, compare=False)
+
+    @functools.cached_property
+    def discretisation(self) -> DiscretisationError:
+        """How much the integration steps disturb the value of the best member, in nats; filtered anew when asked."""
+        return self._best()
 
 
 @dataclass(frozen=True)
@@ -107,13 +118,25 @@ def likelihood(
     >>> int(np.argmin(likelihood(swing, log, lengths).nll))
     1
     """
-    runs = _run(filter_model, logs, theta, values, depth=0, threads=threads, compiled=compiled)
+    used, batches, runs = _run(filter_model, logs, theta, values, depth=0, threads=threads, compiled=compiled)
     per_log = np.array([run.verdicts.nll for run in runs])
     floored = np.sum([run.verdicts.floored for run in runs], axis=0)
     refined = np.any([run.refined for run in runs], axis=0)
-    return Likelihood(
-        per_log.sum(axis=0), _outcomes(runs), per_log, floored, refined, filter_model.method, filter_model.substeps
-    )
+    nll = per_log.sum(axis=0)
+
+    def best() -> DiscretisationError:
+        from bondgraph.filter.discretisation import discretisation_error  # here: it asks for likelihoods itself
+
+        m = int(np.argmin(nll))
+        own: MemberValues = {
+            "noise_std": batches[0].noise_std[:, m],
+            "process_std": batches[0].process_std[:, m],
+            "x0": [batch.x0[:, m] for batch in batches],
+            "initial_std": [batch.initial_std[:, m] for batch in batches],
+        }
+        return discretisation_error(used, logs, batches[0].theta[:, m], compiled=compiled, **own)
+
+    return Likelihood(nll, _outcomes(runs), per_log, floored, refined, used.method, used.substeps, best)
 
 
 def negative_log_likelihood(
@@ -143,7 +166,7 @@ def innovations(
 
     With z and log s of a record, nll = sum(z^2/2 + log s) + log(2 pi)/2 per measured value.
     """
-    runs = _run(filter_model, logs, theta, values, depth=1, threads=threads, compiled=compiled)
+    _, _, runs = _run(filter_model, logs, theta, values, depth=1, threads=threads, compiled=compiled)
     return tuple(_whitened(run) for run in runs)
 
 
@@ -167,10 +190,10 @@ def run(
     >>> run(swing, log, compiled=False).mean("angle").shape
     (40,)
     """
-    (batch,) = _run(filter_model, log, theta, values, depth=2, threads=1, compiled=compiled)
+    used, _, (batch,) = _run(filter_model, log, theta, values, depth=2, threads=1, compiled=compiled)
     if batch.verdicts.nll.size != 1:
         raise FilterError(f"{log.name}: run takes one member, not {batch.verdicts.nll.size} - use likelihood for many")
-    return batch.filter_run(filter_model, 0)
+    return batch.filter_run(used, 0)
 
 
 def _run(
@@ -182,13 +205,15 @@ def _run(
     depth: int,
     threads: int | None,
     compiled: bool,
-) -> tuple[BatchRun, ...]:
+) -> tuple[FilterModel, tuple[MemberBatch, ...], tuple[BatchRun, ...]]:
+    """The filter model with its method decided, and for each log the members and the run."""
     listed = logs if isinstance(logs, Sequence) else (logs,)
     if not listed:
         raise FilterError(f"{filter_model.model.name}: there is no log to filter - give at least one")
+    filter_model = choose_method(filter_model, listed, compiled=compiled)
     samples = [Samples.of(filter_model, log) for log in listed]
     batches = member_batches(filter_model, samples, theta, values)
-    return run_batches(filter_model, samples, batches, depth, threads, compiled)
+    return filter_model, batches, run_batches(filter_model, samples, batches, depth, threads, compiled)
 
 
 def _outcomes(runs: Sequence[BatchRun]) -> tuple[Outcome, ...]:

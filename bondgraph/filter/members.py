@@ -67,8 +67,8 @@ def member_batches(
     FilterError, ModelError
         If a shape does not fit, or a list does not have one entry per log.
     """
-    x0 = _per_log("x0", values.get("x0"), len(logs))
-    initial_std = _per_log("initial_std", values.get("initial_std"), len(logs))
+    x0 = per_log("x0", values.get("x0"), len(logs))
+    initial_std = per_log("initial_std", values.get("initial_std"), len(logs))
     noise_std, process_std = values.get("noise_std"), values.get("process_std")
     members = count_members((theta, noise_std, process_std, *x0, *initial_std))
     model = filter_model.model
@@ -91,7 +91,7 @@ def member_batches(
     )
 
 
-def _per_log(
+def per_log(
     name: str, given: npt.ArrayLike | list[npt.ArrayLike | None] | None, logs: int
 ) -> list[npt.ArrayLike | None]:
     """One entry per log; a list of plain numbers is one vector for all logs."""

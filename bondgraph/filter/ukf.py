@@ -18,7 +18,6 @@ from bondgraph.filter.samples import Samples
 from bondgraph.simulate.arrays import FloatArray
 from bondgraph.simulate.integrators import RK4
 from bondgraph.simulate.outcome import Outcome
-from bondgraph.simulate.rosenbrock import TABLEAUS
 from bondgraph.simulate.stiff import ModelEquations, Rosenbrock
 
 
@@ -41,7 +40,7 @@ def transition(filter_model: FilterModel, samples: Samples, k: int, theta: Float
     model = filter_model.model
     n_x = len(model.states)
     substeps = int(samples.substeps[k - 1])
-    stiff = filter_model.method in TABLEAUS
+    stiff = filter_model.is_stiff
     integrator = Rosenbrock(filter_model.method, substeps, filter_model.grading) if stiff else RK4(substeps)
 
     def move(points: FloatArray) -> FloatArray:

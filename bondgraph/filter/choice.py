@@ -1,0 +1,118 @@
+"""Choose an integration method by how fast a model is along its logs.
+
+An explicit method must resolve the fastest rate of the model, whether or not it matters; a stiff method need not. So
+the logs are filtered once with a method that is stable for all rates, at the declared parameters, and the largest
+magnitude of an eigenvalue of the model's Jacobian along the filtered states decides.
+"""
+
+from __future__ import annotations
+
+import functools
+import hashlib
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from bondgraph.filter.batch import run_batches
+from bondgraph.filter.filter_model import FilterModel
+from bondgraph.filter.filter_run import FilterRun
+from bondgraph.filter.members import member_batches
+from bondgraph.filter.samples import MeasuredLog, Samples
+from bondgraph.simulate.arrays import FloatArray
+
+#: With the classical Runge-Kutta method, step times rate stays below this: stable with a margin for other parameters.
+STEP_TIMES_RATE = 1.5
+
+#: Beyond so many explicit steps between two samples a stiff method is cheaper.
+_MOST_EXPLICIT = 16
+
+#: The stiff choice: steps between two samples, and how much longer each is than the one before.
+_STIFF_SUBSTEPS, _STIFF_GRADING = 8, 2.0
+
+#: Points along each log at which rates are looked at.
+_POINTS = 40
+
+
+def choose_method(filter_model: FilterModel, logs: Sequence[MeasuredLog], *, compiled: bool = True) -> FilterModel:
+    """The filter model with a method in the place of ``"auto"``; one with a method is returned as it is.
+
+    The same model and logs give the same choice, whatever parameters are tried later. ``substeps`` of the filter model
+    is the least number of steps.
+
+    Examples
+    --------
+    >>> from bondgraph.data.log import MatchedLog
+    >>> from bondgraph.simulate.example import pendulum
+    >>> swing = FilterModel(
+    ...     pendulum(), {"rate": 0.1}, {"deflection": 0.05}, {"angle": 0.1, "rate": 0.1}, method="auto"
+    ... )
+    >>> time = np.arange(40) * 0.05
+    >>> log = MatchedLog("swing", time, np.zeros((1, 40)), 0.5 * np.cos(3.1 * time)[np.newaxis])
+    >>> choose_method(swing, [log], compiled=False).method
+    'rk4'
+    """
+    if filter_model.method != "auto":
+        return filter_model
+    return _chosen(_Question(_content(filter_model, logs), filter_model, tuple(logs), compiled))
+
+
+@dataclass(frozen=True)
+class _Question:
+    """What is asked, equal by content."""
+
+    content: str
+    filter_model: FilterModel = field(compare=False)
+    logs: tuple[MeasuredLog, ...] = field(compare=False)
+    compiled: bool
+
+
+def _content(filter_model: FilterModel, logs: Sequence[MeasuredLog]) -> str:
+    digest = hashlib.sha256(repr(filter_model).encode())
+    for log in logs:
+        for array in (log.time, log.u, log.y):
+            digest.update(np.ascontiguousarray(array).tobytes())
+        digest.update(repr(sorted(log.theta_overrides.items())).encode())
+    return digest.hexdigest()
+
+
+@functools.lru_cache(maxsize=64)
+def _chosen(question: _Question) -> FilterModel:
+    filter_model = question.filter_model
+    stiff = replace(
+        filter_model, method="rodas4", substeps=max(filter_model.substeps, _STIFF_SUBSTEPS), grading=_STIFF_GRADING
+    )
+    samples = [Samples.of(stiff, log) for log in question.logs]
+    batches = member_batches(stiff, samples, None, {})
+    runs = run_batches(stiff, samples, batches, 2, 1, question.compiled)
+    needed = max(
+        rate * float(np.median(np.diff(log.time))) / STEP_TIMES_RATE if log.time.size > 1 else 0.0
+        for log, run in zip(samples, runs, strict=True)
+        for rate in fastest_rates(run.filter_run(stiff, 0), log, None)
+    )
+    steps = max(filter_model.substeps, math.ceil(needed)) if math.isfinite(needed) else math.inf
+    if steps <= max(_MOST_EXPLICIT, filter_model.substeps):
+        return replace(filter_model, method="rk4", substeps=int(steps), grading=1.0)
+    return replace(stiff, method="ros3p")
+
+
+def fastest_rates(filtered: FilterRun, samples: Samples, theta: FloatArray | None) -> FloatArray:
+    """Largest magnitude of an eigenvalue of the Jacobian at evenly chosen samples of a filtered log, 1/s.
+
+    Infinite where the filter or the Jacobian is not finite.
+    """
+    filter_model = filtered.filter_model
+    model = filter_model.model
+    n_x = len(model.states)
+    chosen = np.unique(np.linspace(0, max(samples.time.size - 2, 0), _POINTS).astype(int))
+    parameters = samples.theta(filter_model, np.array(model.theta() if theta is None else theta, dtype=np.float64))
+    rates = np.full(chosen.size, np.inf)
+    for i, k in enumerate(chosen):
+        state = filtered.filtered_mean[:, k]
+        known = parameters.copy()
+        known[filter_model.appended_index] = state[n_x:]
+        slopes = model.jacobian_x(float(samples.time[k]), state[:n_x], samples.u[:, k], known)
+        if np.isfinite(state).all() and np.isfinite(slopes).all():
+            rates[i] = np.max(np.abs(np.linalg.eigvals(slopes)), initial=0.0)
+    return rates

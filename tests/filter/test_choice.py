@@ -1,0 +1,59 @@
+"""The integration method is chosen by the rates of a model along its logs, once for all parameters."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from bondgraph.filter.choice import STEP_TIMES_RATE, choose_method
+from bondgraph.filter.discretisation import discretisation_error
+from bondgraph.filter.filter_model import FilterModel
+from bondgraph.filter.likelihood import likelihood, run
+from tests.filter.logs import PlainLog, driveline_filter, simulated_log
+from tests.simulate.samples import decay
+
+
+def following(rate: float, **settings: object) -> tuple[FilterModel, PlainLog]:
+    time = np.arange(60) * 0.1
+    log = PlainLog("fast", time, np.stack([rate * np.sin(time), 0.0 * time]), np.sin(time)[None])
+    noise = {"process_noise": {"level": 0.1}, "measurement_noise": {"reading": 0.1}, "initial_std": {"level": 0.1}}
+    return FilterModel(decay(rate=rate), **noise, **settings), log  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("rate", [3.0, 100.0])
+def test_a_slow_model_is_integrated_with_as_many_explicit_steps_as_it_needs(rate: float) -> None:
+    model, log = following(rate, method="auto", substeps=2)
+    chosen = choose_method(model, [log])
+    assert chosen.method == "rk4"
+    assert chosen.substeps == max(2, np.ceil(rate * 0.1 / STEP_TIMES_RATE))
+
+
+def test_a_fast_model_is_integrated_with_a_stiff_method() -> None:
+    model, log = following(1e4, method="auto")
+    chosen = choose_method(model, [log])
+    assert (chosen.method, chosen.grading) == ("ros3p", 2.0)
+    assert choose_method(model, [log]) is chosen
+    assert choose_method(chosen, [log]) is chosen
+
+
+def test_a_likelihood_says_what_was_chosen_and_carries_its_error() -> None:
+    model, log = following(1e3, method="auto")
+    rates = np.array([[1.0, 1e3, 3.0]])
+    found = likelihood(model, log, rates)
+    assert (found.method, found.substeps) == ("ros3p", 8)
+    assert int(np.argmin(found.nll)) == 1
+    assert found.discretisation == discretisation_error(model, log, rates[:, 1])
+    assert found.discretisation.negligible
+    assert found.discretisation.step_times_rate > 10.0
+    assert "beyond" not in str(found.discretisation)
+    assert run(model, log).filter_model.method == "ros3p"
+
+
+def test_the_error_belongs_to_the_numbers_of_the_best_member() -> None:
+    model = driveline_filter(substeps=6)
+    log = simulated_log(model, np.arange(60) * 0.02, seed=2)
+    values = {"noise_std": model.noise_std[:, None] * [1.0, 3.0], "x0": model.model.x0()[:, None] * [1.0, 1.01]}
+    found = likelihood(model, [log, log], **values)
+    m = int(np.argmin(found.nll))
+    own = {name: array[:, m] for name, array in values.items()}
+    assert found.discretisation == discretisation_error(model, [log, log], **own)
