@@ -91,9 +91,10 @@ def validate(graph: BondGraph) -> None:
     if not graph.nodes:
         raise DeclarationError(f"{graph.name}: the graph has no nodes - declare junctions and elements", (graph.name,))
     incidence = graph.incidence()
+    parameters = graph.parameters
     for node in graph.nodes.values():
         _check_degree(graph, node, incidence[node.name])
-        check_both_forms(node, graph.parameters, graph.name)
+        check_both_forms(node, parameters, graph.name)
     domains = node_domains(graph)
     _check_signals(graph)
     _check_state_names(graph)

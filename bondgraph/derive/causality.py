@@ -9,11 +9,12 @@ The causal stroke of a bond marks the end that receives the effort; the other en
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-from bondgraph.declare.elements import LAW_GIVES, STORAGES, TWO_PORTS, Node
+from bondgraph.declare.elements import LAW_GIVES, STORAGES, TWO_PORTS, Bond, Node
 from bondgraph.declare.functions import switch
 from bondgraph.declare.graph import BondGraph
 from bondgraph.derive.patterns import Pattern, stroke_patterns
@@ -39,10 +40,15 @@ class CausalGraph:
     reasons: tuple[Reason, ...]
     derivative: tuple[tuple[str, int], ...]
 
+    @functools.cached_property
+    def bonds(self) -> tuple[Bond, ...]:
+        """The bonds of the graph."""
+        return self.graph.bonds
+
     def receives_effort(self, bond: int, node: str) -> bool:
         """Whether the effort of a bond acts on ``node``, that is, whether the stroke is at this end."""
-        end = self.graph.bonds[bond].target if self.strokes[bond] == "target" else self.graph.bonds[bond].source
-        return end == node
+        ends = self.bonds[bond]
+        return (ends.target if self.strokes[bond] == "target" else ends.source) == node
 
     def explain(self, bond: int) -> str:
         """The chain of reasons of one stroke, as text."""
@@ -113,7 +119,7 @@ class _Assignment:
                 *(decision for node in nodes for decision in self._law(node)),
                 *(decision for node, port in storages for decision in self._storage(node, port)),
                 *(decision for node in nodes for decision in self._element(node)),
-                *(self._rest(bond) for bond in range(len(self.graph.bonds))),
+                *(self._rest(bond) for bond in range(len(self.search.bonds))),
             ])  # fmt: skip
         except ContradictionError as contradiction:
             raise refusal(self.search, contradiction) from None
@@ -167,7 +173,7 @@ class _Assignment:
 
     def _rest(self, bond: int) -> Decision:
         """What nothing asks for: bonds in a ring of junctions or two-ports."""
-        return self._free(bond, True, self.graph.bonds[bond].target)
+        return self._free(bond, True, self.search.bonds[bond].target)
 
     def _free(self, bond: int, at_target: bool, node: str) -> Decision:
         def otherwise(contradiction: ContradictionError, causes: Sequence[int]) -> Reason:

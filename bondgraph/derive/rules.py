@@ -35,7 +35,7 @@ def _junction(variables: BondVariables, node: Node) -> None:
     terms = tuple((-sign[strong] * sign[bond], read(bond)) for bond, _ in bonds if bond != strong)
     key = read(strong)
     variables.definitions[key] = Sum(terms)
-    ends = variables.graph.bonds[strong]
+    ends = variables.causal.bonds[strong]
     variable = "flow" if imposes_by_effort else "effort"
     domain = variables.bond_domain(strong)
     variables.label(key, variable, f"{ends.source}_{ends.target}", domain, f"{variable} of bond {ends}")

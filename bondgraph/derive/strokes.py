@@ -65,7 +65,8 @@ class StrokeSearch:
         self.graph = graph
         self.patterns = patterns
         self.incidence = graph.incidence()
-        count = len(graph.bonds)
+        self.bonds = graph.bonds
+        count = len(self.bonds)
         self.at_target: list[bool | None] = [None] * count
         self.reasons: list[Reason | None] = [None] * count
         self.trail: list[int] = []
@@ -145,7 +146,7 @@ class StrokeSearch:
                 self._element(node, queue)
 
     def _assign(self, bond: int, at_target: bool, reason: Reason, queue: deque[str]) -> None:
-        ends = self.graph.bonds[bond]
+        ends = self.bonds[bond]
         if self.at_target[bond] is not None:
             if self.at_target[bond] != at_target:
                 raise ContradictionError(reason.node, (bond,), (bond, reason))
@@ -166,7 +167,7 @@ class StrokeSearch:
             self.at_target[later] = None
             self.reasons[later] = None
             self._decided.pop(later, None)
-            ends = self.graph.bonds[later]
+            ends = self.bonds[later]
             for end in (ends.source, ends.target):
                 self._open[end] += 1
                 if later in self._strong[end]:
@@ -192,7 +193,7 @@ class StrokeSearch:
         common = "effort" if node.kind == "0" else "flow"
         open_bonds = [pair for pair in self.incidence[node.name] if self.at_target[pair[0]] is None]
         if strong:
-            text = f"{self.graph.bonds[strong[0]]} imposes the {common} of {node.kind}-junction {node.name}"
+            text = f"{self.bonds[strong[0]]} imposes the {common} of {node.kind}-junction {node.name}"
             causes: tuple[int, ...] = (strong[0],)
         else:
             text = f"only this bond is left to impose the {common} of {node.kind}-junction {node.name}"

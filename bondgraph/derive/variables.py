@@ -174,7 +174,7 @@ class BondVariables:
 
     def bond_domain(self, bond: int) -> Domain | None:
         """Domain of a bond, from the end that knows it."""
-        ends = self.graph.bonds[bond]
+        ends = self.causal.bonds[bond]
         return self.domains[ends.source] or self.domains[ends.target]
 
     def _unused(self, name: str) -> str:

@@ -1,26 +1,28 @@
 """Time from a declared graph to a generated module: a chain of N mass-spring-damper stages.
 
-    python tests/benchmarks/bench_derivation.py [--peers] [N ...]
+    python tests/benchmarks/bench_derivation.py [N ...] [--peers [N ...]] [--json FILE]
 
-Prints one row per N with the processor seconds of each stage and the growth between rows. The bound is 1 s for N = 100
-(200 states, 600 bonds), from declaration to text, after imports, and growth no worse than N^1.3. ``--peers`` adds the
-time that other installed tools take to derive the state equations of the same chain (BondGraphTools; Kane's method of
-sympy), each in a process of its own that is stopped after two minutes.
+Prints one row per N with the processor seconds of each stage, and the growth from N = 100 on. The bound is 1 s for
+N = 100 (200 states, 600 bonds), from declaration to text, after imports, and growth no worse than N^1.3. ``--peers``
+installs other tools into temporary environments and adds the time they take to the state equations of the same chain
+(BondGraphTools, ``bondgraph`` of PyPI, Kane's method of sympy), each size in a process that is stopped after two
+minutes, and the ratio to ours.
 """
 
 from __future__ import annotations
 
 import argparse
-import importlib.util
+import gc
+import json
 import math
-import subprocess
-import sys
 import time
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
+from derivation_peers import PEERS, peer_seconds
+
 STAGES = ("declare", "causality", "derive", "dimensions", "render")
-PEER_LIMIT = 120.0
 
 
 def chain(stages: int) -> Any:
@@ -61,6 +63,8 @@ def stage_seconds(stages: int) -> dict[str, float]:
 
     seconds: dict[str, float] = {}
 
+    gc.collect()  # what earlier chains left behind is not ours to clear away
+
     def timed(stage: str, action: Callable[[], Any]) -> Any:
         start = time.process_time()
         result = action()
@@ -83,86 +87,53 @@ def growth(sizes: list[int], seconds: list[float]) -> float:
     return sum((a - mean_x) * (b - mean_y) for a, b in zip(x, y, strict=True)) / sum((a - mean_x) ** 2 for a in x)
 
 
-PEERS = {
-    "BondGraphTools": """
-import BondGraphTools as bgt, time, sys
-n = int(sys.argv[1]); start = time.perf_counter()
-model = bgt.new(name="chain"); before = None
-for i in range(n):
-    body, joint, stretch = bgt.new("1", name=f"b{i}"), bgt.new("0", name=f"j{i}"), bgt.new("1", name=f"s{i}")
-    mass, spring = bgt.new("I", name=f"m{i}", value=1.0 + i), bgt.new("C", name=f"k{i}", value=0.01)
-    damper = bgt.new("R", name=f"d{i}", value=1.0)
-    bgt.add(model, body, joint, stretch, mass, spring, damper)
-    bgt.connect(body, mass); bgt.connect(joint, stretch); bgt.connect(stretch, spring); bgt.connect(stretch, damper)
-    if before is None:
-        bgt.connect(body, joint)
-    else:
-        bgt.connect(before, joint); bgt.connect(joint, body)
-    before = body
-model.constitutive_relations
-print(time.perf_counter() - start)
-""",
-    "sympy": """
-import sys, time
-from sympy import symbols
-from sympy.physics.mechanics import KanesMethod, Particle, Point, ReferenceFrame, dynamicsymbols
-n = int(sys.argv[1]); start = time.perf_counter()
-frame = ReferenceFrame("N"); origin = Point("O"); origin.set_vel(frame, 0)
-q, u = dynamicsymbols(f"q:{n}"), dynamicsymbols(f"u:{n}")
-m, k, d = symbols(f"m:{n}"), symbols(f"k:{n}"), symbols(f"d:{n}")
-points, bodies, loads = [], [], []
-for i in range(n):
-    point = origin.locatenew(f"P{i}", q[i] * frame.x); point.set_vel(frame, u[i] * frame.x)
-    below = (q[i - 1], u[i - 1]) if i else (0, 0)
-    force = -k[i] * (q[i] - below[0]) - d[i] * (u[i] - below[1])
-    if i + 1 < n:
-        force += k[i + 1] * (q[i + 1] - q[i]) + d[i + 1] * (u[i + 1] - u[i])
-    bodies.append(Particle(f"M{i}", point, m[i])); loads.append((point, force * frame.x))
-kane = KanesMethod(frame, q, u, kd_eqs=[a.diff() - b for a, b in zip(q, u)])
-kane.kanes_equations(bodies, loads); kane.rhs()
-print(time.perf_counter() - start)
-""",
-}
+def table(sizes: list[int]) -> dict[int, dict[str, float]]:
+    """Print one row per size; the seconds of each stage and in all."""
+    titles = " ".join(f"{stage:>10}" for stage in STAGES)
+    print(f"{'N':>5} {'states':>7} {'bonds':>6} {titles} {'total':>8}  [s]")
+    found = {}
+    for size in sizes:
+        seconds = stage_seconds(size)
+        found[size] = seconds | {"total": sum(seconds.values())}
+        cells = " ".join(f"{seconds[stage]:10.3f}" for stage in STAGES)
+        print(f"{size:5d} {2 * size:7d} {6 * size:6d} {cells} {found[size]['total']:8.3f}", flush=True)
+    return found
 
 
-def peer_seconds(peer: str, stages: int) -> str:
-    """Seconds a peer takes, or why there are none."""
-    if importlib.util.find_spec(peer) is None:
-        return "not installed"
-    command = [sys.executable, "-W", "ignore", "-c", PEERS[peer], str(stages)]
-    try:
-        done = subprocess.run(command, capture_output=True, text=True, timeout=PEER_LIMIT, check=False)
-    except subprocess.TimeoutExpired:
-        return f"> {PEER_LIMIT:.0f}"
-    if done.returncode:
-        return "fails: " + (done.stderr.strip().splitlines() or ["?"])[-1][:60]
-    return f"{float(done.stdout.split()[-1]):.2f}"
+def peer_table(sizes: list[int]) -> dict[str, dict[str, float | str]]:
+    """Print what each peer takes; the seconds, and their ratio to ours for the same chain up to printed text."""
+    found: dict[str, dict[str, float | str]] = {}
+    for name, peer in PEERS.items():
+        found[name] = {}
+        for size, answer in peer_seconds(peer, sizes).items():
+            found[name][f"seconds_{size}"] = answer
+            text = answer
+            if isinstance(answer, float):
+                ratio = answer / sum(stage_seconds(size).values())
+                found[name][f"ratio_{size}"] = round(ratio, 1)
+                text = f"{answer:.2f} s, {ratio:.0f} times ours"
+            print(f"{name:>18} N = {size:3d}: {text}", flush=True)
+    return found
 
 
 def main() -> None:
     """Measure and print the tables."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("sizes", nargs="*", type=int, default=[25, 50, 100, 200, 400])
-    parser.add_argument("--peers", action="store_true", help="also time other installed tools")
+    parser.add_argument("--peers", nargs="*", type=int, metavar="N", help="also time other tools (5 10 20 50)")
+    parser.add_argument("--json", type=Path, metavar="FILE", help="write the numbers")
     options = parser.parse_args()
     stage_seconds(3)  # imports and caches
-    titles = " ".join(f"{stage:>10}" for stage in STAGES)
-    print(f"{'N':>5} {'states':>7} {'bonds':>6} {titles} {'total':>8}  [s]")
-    totals = []
-    for size in options.sizes:
-        seconds = stage_seconds(size)
-        totals.append(sum(seconds.values()))
-        cells = " ".join(f"{seconds[stage]:10.3f}" for stage in STAGES)
-        print(f"{size:5d} {2 * size:7d} {6 * size:6d} {cells} {totals[-1]:8.3f}")
-    if len(totals) > 1:
-        print(f"growth: N^{growth(options.sizes, totals):.2f}")
-    if options.peers:
-        for peer in PEERS:
-            for size in (5, 10, 25, 50):
-                text = peer_seconds(peer, size)
-                print(f"{peer:>16} N = {size:3d}: {text}{' s' * text[0].isdigit()}")
-                if not text[0].isdigit():
-                    break
+    rows = table(options.sizes)
+    answer: dict[str, Any] = {"seconds": {str(size): row for size, row in rows.items()}}
+    large = [size for size in options.sizes if size >= 100]
+    if len(large) > 1:
+        answer["growth_exponent"] = round(growth(large, [rows[size]["total"] for size in large]), 3)
+        print(f"growth from {large[0]} to {large[-1]}: N^{answer['growth_exponent']:.2f}")
+    if options.peers is not None:
+        answer["peers"] = peer_table(options.peers or [5, 10, 20, 50])
+    if options.json:
+        options.json.write_text(json.dumps(answer, indent=1) + "\n", encoding="utf-8")
 
 
 if __name__ == "__main__":
