@@ -15,6 +15,8 @@ from bondgraph.simulate.hybrid import integrate_hybrid
 from bondgraph.simulate.integrators import RK4, AbstractIntegrator, Adaptive, Equations
 from bondgraph.simulate.model import Model
 from bondgraph.simulate.outcome import Outcome
+from bondgraph.simulate.rosenbrock import TABLEAUS
+from bondgraph.simulate.stiff import ModelEquations, Rosenbrock
 from bondgraph.simulate.task import Inputs, Task, Vector, refusal, refuse_modes
 from bondgraph.simulate.trajectory import Trajectory
 
@@ -53,9 +55,10 @@ def simulate(
     theta, x0
         Parameters and initial state: by name, or whole vectors; None: declared values.
     method
-        ``"adaptive"`` (LSODA), ``"rk4"``, the name of a method of scipy, or an integrator.
+        ``"adaptive"`` (LSODA), ``"rk4"``, ``"ros3p"`` or ``"rodas4"`` (stiff, fixed steps), the name of a method of
+        scipy, or an integrator.
     substeps
-        Steps of ``"rk4"`` between neighbouring times.
+        Steps of the methods with fixed steps between neighbouring times.
     rtol, atol
         Tolerances of the adaptive methods; without ``atol`` errors count relative to the size each state reaches.
     compiled
@@ -87,8 +90,11 @@ def simulate(
         return _fixed(task, steps, compiled)
     if model.modes:
         return _hybrid(task, method, rtol, atol, compiled)
+    if method in TABLEAUS:
+        method = Rosenbrock(str(method), substeps)
     integrator = method if isinstance(method, AbstractIntegrator) else _named(method, rtol, atol)
-    rhs = _compiled_equations(task) if compiled else _equations(task)
+    plain = not compiled or isinstance(integrator, Rosenbrock)
+    rhs = ModelEquations(model, task.theta) if plain else _compiled_equations(task)
     if isinstance(integrator, Adaptive) and integrator.atol is None and integrator.scale is None:
         integrator = replace(integrator, scale=_reached_sizes(rhs, integrator, task))
     x, outcome, ended_at = _integrate(rhs, integrator, task)
@@ -99,6 +105,8 @@ def _hybrid(
     task: Task, method: str | AbstractIntegrator, rtol: float, atol: float | tuple[float, ...] | None, compiled: bool
 ) -> Trajectory:
     """A model with modes: events are located, modes are held between them."""
+    if method in TABLEAUS:
+        raise refusal(task.model, f"{method} does not locate events")
     integrator = method if isinstance(method, AbstractIntegrator) else _named(method, rtol, atol)
     if not isinstance(integrator, Adaptive):
         raise refusal(task.model, f"{type(integrator).__name__} does not locate events")

@@ -21,6 +21,7 @@ from bondgraph.simulate.program.lanes import LaneModel, load_lanes
 from bondgraph.simulate.program.sparse_lu import elimination_order, factorise, substitute
 from bondgraph.simulate.program.tape import Tape
 from bondgraph.simulate.rosenbrock import TABLEAUS
+from bondgraph.simulate.simulate import simulate
 from bondgraph.simulate.stiff import ModelEquations, Rosenbrock, step_lengths
 from tests.simulate.points import model_of, points_of
 from tests.simulate.samples import decay
@@ -179,6 +180,16 @@ def test_functions_of_lanes_keep_what_is_not_finite() -> None:
         assert lane_math._lane_exp(1e4) == math.inf
         assert lane_math._lane_exp(-1e4) == 0.0
         assert lane_math._lane_tanh(math.inf) == 1.0
+
+
+@METHODS
+def test_a_stiff_method_is_chosen_by_its_name(method: str) -> None:
+    model, time = model_of("driveline"), np.linspace(0.0, 0.4, 21)
+    reference = simulate(model, time)
+    for compiled in (False, True):
+        found = simulate(model, time, method=method, substeps=24, compiled=compiled)
+        assert found.outcome is Outcome.OK
+        np.testing.assert_allclose(found.x, reference.x, rtol=2e-4, atol=2e-4)
 
 
 def test_graded_steps_add_up() -> None:
