@@ -7,7 +7,8 @@ since all finite efforts do nothing in no time. The impulse is the one after whi
 
 with the restitution e of an impact and e = 0 of an element that locks (Mosterman and Biswas 1998, J. Franklin Inst.
 335(8); Brogliato 2016, Nonsmooth Mechanics, chapter 4). Momentum is conserved by construction, also through
-transformers and dependent storages. Other elements with modes pass no impulse: their capacity is finite.
+transformers and dependent storages. A state that counts what passes (a heat, the integral of effort times flow) takes
+the flows midway through the impulse. Other elements with modes pass no impulse: their capacity is finite.
 """
 
 from __future__ import annotations
@@ -119,19 +120,38 @@ def _reset(free: _Free, found: Jacobian, index: int) -> Reset:
             "its junction an inertance, or derive the graph smooth",
             where=(name,),
         )
-    moved = {equations.states[k].symbol for k in gains} | set(free.derivation.variables.modes.efforts.values())
     steps: tuple[_Step, ...] = (*equations.assignments, *found.assignments)
-    if not moved.isdisjoint(_behind([*gains.values(), *slopes.values()], steps)[0]):
+    given = set(free.derivation.variables.modes.efforts.values())
+    symbols = [state.symbol for state in equations.states]
+    moved = given | {symbols[k] for k in gains}
+    counters = [k for k, gain in gains.items() if not moved.isdisjoint(_behind([gain], steps)[0])]
+    refused = [k for k in counters if k in slopes] or [k for k in counters if not _is_counted(gains[k], given, steps)]
+    if refused or not moved.isdisjoint(_behind(list(slopes.values()), steps)[0]):
+        names = ", ".join(str(symbols[k]) for k in refused) or name
         raise DerivationError(
-            f"{equations.name}: {name}: an impulse through it acts nonlinearly on {', '.join(sorted(map(str, moved)))}"
-            " - use inertances with a constant inertia there, or derive the graph smooth",
+            f"{equations.name}: {name}: an impulse through it acts nonlinearly on {names} - use inertances with a "
+            "constant inertia there, or derive the graph smooth",
             where=(name,),
         )
     impulse = quotient((ONE + free.restitutions[index]) * equations.outputs[index].expression, -mobility)
-    states = tuple(
-        state.symbol + gains[k] * impulse if k in gains else state.symbol for k, state in enumerate(equations.states)
-    )
+    midway = {symbols[k]: symbols[k] + gains[k] * impulse / 2 for k in gains if k not in counters}
+    gains |= {k: _written_out(gains[k], steps).xreplace(midway) for k in counters}
+    states = tuple(value + gains[k] * impulse if k in gains else value for k, value in enumerate(symbols))
     return Reset(_behind(states, steps)[1], states)
+
+
+def _is_counted(gain: Expr, given: set[Symbol], steps: Sequence[_Step]) -> bool:
+    """Whether a state that counts (a heat, a distance) can be advanced with the flows midway through the impulse."""
+    behind, needed = _behind([gain], steps)
+    return given.isdisjoint(behind) and all(isinstance(step, Assignment) for step in needed)
+
+
+def _written_out(value: Expr, steps: Sequence[_Step]) -> Expr:
+    """An expression with all assignments in their places."""
+    for step in reversed(steps):
+        if isinstance(step, Assignment) and step.symbol in value.free_symbols:
+            value = value.xreplace({step.symbol: step.expression})
+    return value
 
 
 def _behind(values: Sequence[Expr], steps: Sequence[_Step]) -> tuple[set[Symbol], tuple[_Step, ...]]:

@@ -17,7 +17,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
-from sympy import Add, Eq, Expr, Integer, Piecewise, Symbol
+from sympy import Add, Dummy, Eq, Expr, Integer, Piecewise, Symbol
 
 from bondgraph.declare.elements import Node
 from bondgraph.declare.expressions import to_text
@@ -352,13 +352,22 @@ class _ConstrainedSystem:
                 line.append((ONE if i == j else ZERO) + held - (1 - locked) * slip_row[j])
             matrix.append(line)
             right.append(locked * quotient(constant, -row[i]) + (1 - locked) * slip)
-        is_zero = self.derivation.zero_test.is_zero
-        return solve_linear(matrix, right, self._name, lambda _: self._undetermined(), is_zero)
+        # no pivot vanishes, whatever is locked: the gains are those of a mass matrix, and regular with all locked
+        return solve_linear(matrix, right, self._name, lambda _: self._undetermined(), lambda value: value == 0)
 
     def _require_determined(self, gains: list[list[Expr]]) -> None:
+        """Refuse gains that are singular with all elements locked."""
+        zero_test = self.derivation.zero_test
+
+        def stand_in(value: Expr, hint: str) -> Expr:
+            if not is_long(value, _LONG):
+                return value
+            short = Dummy(hint, real=True)
+            zero_test.define(short, value)
+            return short
+
         rows, zeros = [[*row] for row in gains], [ZERO] * len(gains)
-        is_zero = self.derivation.zero_test.is_zero
-        solve_linear(rows, zeros, lambda value, _: value, lambda _: self._undetermined(), is_zero)
+        solve_linear(rows, zeros, stand_in, lambda _: self._undetermined(), zero_test.is_zero)
 
     def _undetermined(self) -> DerivationError:
         names = ", ".join(self.names)

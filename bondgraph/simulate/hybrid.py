@@ -28,12 +28,17 @@ from bondgraph.simulate.trajectory import EventRecord
 
 #: The shortest flight between two impacts that is followed, as a share of the whole time.
 _SHORTEST = 1e-9
+#: What a zero function lacks at the start of a stretch, as a share of its largest value so far, is left over from the
+#: event before.
+_ROUNDING = 1e-12
 #: Steps of the one-step method after which a stretch counts as stiff.
 _BEGINNING = 300
-#: Events of one element at one instant after which its mode does not settle.
-_AT_ONE_INSTANT = 20
+#: Events of one element at one instant after which its mode does not settle: impacts pass a push on many times.
+_AT_ONE_INSTANT = {"switch": 20, "friction": 20, "impact": 300}
 #: So many events within the given share of the whole time have no end.
 _MANY, _WITHIN = 500, 1e-7
+#: Switches that change in turn within this share of the whole time converge to a point; one alone slides.
+_NEARBY = 1e-6
 
 
 @dataclass(frozen=True)
@@ -73,6 +78,7 @@ class _Run:
         self.x = np.full((task.x0.size, task.times.size), np.nan)
         self.u = task.signal.at(task.times)
         self.rates = _rates(task.model)
+        self.largest = np.zeros(len(task.model.event_rows))
         self.is_stiff = integrator.method != "LSODA"
         self.events: list[EventRecord] = []
         self.instants: list[tuple[float, int]] = []
@@ -123,8 +129,8 @@ class _Run:
         at = self._point(segment)
         values, rounding = self.modes.values(at, self.now), self.modes.rounding(at, self.now)
         for watch in self.modes.watches(self.now):
-            zero = max(rounding[watch.row], np.finfo(float).tiny)
-            if watch.sign * values[watch.row] < -zero and not self.modes.is_opening(watch, values):
+            zero = max(rounding[watch.row], _ROUNDING * self.largest[watch.row], np.finfo(float).tiny)
+            if watch.sign * values[watch.row] < -zero:
                 return watch
         return None
 
@@ -139,11 +145,14 @@ class _Run:
         watches = self.modes.watches(self.now)
         hit: list[Crossing] = []
         functions = self._functions(segment, watches)
+        rows = [watch.row for watch in watches]
         start_values = functions(np.array([start]), self.state.x[:, np.newaxis])
         above = np.maximum(0.0, -start_values)  # rounding of the last event is no distance that must be made up first
-        tolerance = self.modes.rounding(self._point(segment), self.now)[[watch.row for watch in watches]]
+        tolerance = self.modes.rounding(self._point(segment), self.now)[rows]
 
         def until(left: float, right: float, dense: Callable[[FloatArray], FloatArray]) -> float | None:
+            ends = np.array([left, right])
+            self.largest[rows] = np.maximum(self.largest[rows], np.max(np.abs(functions(ends, dense(ends))), axis=1))
             found = first_crossing(lambda t: functions(t, dense(t)) + above, left, right, tolerance)
             if found is None:
                 return None
@@ -161,9 +170,10 @@ class _Run:
             self.state = replace(self.state, outcome=Outcome.OK)
         filled = np.isfinite(values[:, : inside.size]).all(axis=0)
         self.x[:, inside[filled]] = values[:, : inside.size][:, filled]
-        rates = [rate for rate, _ in self.rates]
-        self.u[np.ix_(rates, inside)] = segment.left[rates][:, np.newaxis]
-        self.u[np.ix_(self.modes.places, inside)] = self.now[:, np.newaxis]
+        for rate, _ in self.rates:
+            self.u[rate, inside] = segment.left[rate]
+        for place, mode in zip(self.modes.places, self.now, strict=True):
+            self.u[place, inside] = mode
         return watches[hit[0].row] if hit else None
 
     def _integrator(self) -> Adaptive:
@@ -196,9 +206,11 @@ class _Run:
     def _endless(self, watch: Watch) -> Outcome:
         """Whether events have no end: at one instant, or ever faster."""
         time = self.state.time
-        lately = [mode for t, mode in self.instants[-_MANY:] if time - t <= 1e-14 * max(abs(time), self.span)]
-        if lately.count(watch.mode) > _AT_ONE_INSTANT:
-            return Outcome.CHATTER if self.modes.kinds[watch.mode] == "switch" else Outcome.ZENO
+        lately = [mode for t, mode in self.instants[-3 * _MANY :] if time - t <= 1e-14 * max(abs(time), self.span)]
+        kind = self.modes.kinds[watch.mode]
+        if lately.count(watch.mode) > _AT_ONE_INSTANT[kind]:
+            nearby = {mode for t, mode in self.instants[-_MANY:] if time - t <= _NEARBY * self.span}
+            return Outcome.CHATTER if kind == "switch" and len(nearby) == 1 else Outcome.ZENO
         if len(self.instants) > _MANY and time - self.instants[-_MANY][0] < _WITHIN * self.span:
             return Outcome.ZENO
         return Outcome.OK

@@ -22,6 +22,8 @@ from bondgraph.simulate.outcome import Outcome
 
 #: Relative change of states, inputs and time by which rounding is told from a value of a zero function.
 _ROUNDING = 1e-13
+#: A rebound with less than this share of the speed of an impact is none.
+_NO_REBOUND = 1e-12
 #: A moment, s: long enough that a flow changes by more than rounding.
 _MOMENT = 1e-9
 #: Pivots per element after which the search for consistent modes gives up.
@@ -92,12 +94,6 @@ class Modes:
         changed = self.model.events(at.t, x, self.with_modes(u, modes), self.theta)
         found: FloatArray = np.max(np.abs(changed - self.values(at, modes)[:, np.newaxis]), axis=1, initial=0.0)
         return found
-
-    def is_opening(self, watch: Watch, values: FloatArray) -> bool:
-        """Whether a watched function is a gap that opens, so that what it lacks is rounding."""
-        return bool(
-            self.kinds[watch.mode] == "impact" and watch.row == self.first[watch.mode] and values[watch.row + 2] >= 0
-        )
 
     # ------------------------------------------------------------------ start
 
@@ -187,7 +183,8 @@ class Modes:
         after = Point(at.t, rebound, at.u)
         speed = self.values(after, modes)[speed_row]
         acceleration = (self._ahead(after, modes)[speed_row] - speed) / self.shortest
-        if before < 0.0 and 2.0 * speed >= -acceleration * self.shortest:
+        flies = 2.0 * speed >= -acceleration * self.shortest and speed > -_NO_REBOUND * before
+        if before < 0.0 and flies:
             return rebound, self._released(after, modes, i), "rebounds"
         rest = at.x if before == speed else at.x + (rebound - at.x) * before / (before - speed)
         still = Point(at.t, rest, at.u)
@@ -196,16 +193,17 @@ class Modes:
         return rest, self._settled(still, modes, self._constrained(modes), frozenset()), "comes to rest"
 
     def _released(self, at: Point, modes: FloatArray, hit: int) -> FloatArray:
-        """The modes after an impulse: what it has set in motion is neither locked nor at rest any more."""
+        """The modes after an impulse: what it has set in motion slips that way, or is not at rest any more."""
         new, values = modes.copy(), self.values(at, modes)
         rounding = self.rounding(at, modes)
-        for i in self._constrained(modes):
-            row = self.first[i] + (2 if self.kinds[i] == "impact" else 0)
-            if i != hit and abs(values[row]) > 1e3 * rounding[row] + self._slow(row, values):
-                new[i] = np.sign(values[row]) if self.kinds[i] == "friction" else 0.0
+        for i, kind in enumerate(self.kinds):
+            row = self.first[i] + (2 if kind == "impact" else 0)
+            moves = abs(values[row]) > 1e3 * rounding[row] + self._slow(values)
+            if kind != "switch" and i != hit and moves:
+                new[i] = np.sign(values[row]) if kind == "friction" else 0.0
         return new
 
-    def _slow(self, row: int, values: FloatArray) -> float:
+    def _slow(self, values: FloatArray) -> float:
         """Speeds below this share of the fastest are rounding of the impulse."""
         return float(1e-12 * np.max(np.abs(values[[self.first[i] + 2 for i in self._impacts()]]), initial=0.0))
 
