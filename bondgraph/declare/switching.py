@@ -2,8 +2,9 @@
 
 Each is an expression with :class:`~bondgraph.declare.functions.switch` in it. The same declaration is derived smooth
 (for filters, gradients, fixed-step integration) or as jumps whose places are listed as events, by one flag of
-``derive``. The width is the range of the argument in which the smooth form changes over; choose it small against the
-values that matter and large against what one integration step moves.
+``derive``; a simulation holds each switch on its side between events. The width is the range of the argument in which
+the smooth form changes over; choose it small against the values that matter and large against what one integration
+step moves.
 """
 
 from __future__ import annotations
@@ -32,7 +33,8 @@ def positive_part(value: Any, width: Any) -> Expr:
 def dry_friction(flow: Any, level: Any, width: Any) -> Expr:
     """Coulomb friction of a level that opposes the flow; also the torque of a slipping clutch of that capacity.
 
-    Its smooth form is ``level*tanh(flow/width)``: below the width it creeps instead of sticking.
+    Its smooth form is ``level*tanh(flow/width)``: below the width it creeps instead of sticking. Its exact form jumps
+    and cannot stick: what comes to rest is declared by :func:`bondgraph.declare.modal.friction`.
 
     Examples
     --------

@@ -14,6 +14,7 @@ from bondgraph.filter.sigma_points import MerweScaled
 from bondgraph.simulate.arrays import FloatArray, IntArray
 from bondgraph.simulate.model import Model
 from bondgraph.simulate.rosenbrock import TABLEAUS
+from bondgraph.simulate.task import refuse_modes
 
 #: Integration methods; see :mod:`bondgraph.simulate.stiff` for the stiff ones.
 METHODS = ("rk4", *TABLEAUS, "auto")
@@ -80,6 +81,7 @@ class FilterModel:
     def __post_init__(self) -> None:
         for name in ("process_noise", "measurement_noise", "initial_std", "appended"):
             object.__setattr__(self, name, dict(getattr(self, name)))
+        refuse_modes(self.model)
         self._check_names()
         self._check_values()
         MerweScaled(len(self.state_names), self.alpha, self.beta, self.kappa)  # raises for a bad spread

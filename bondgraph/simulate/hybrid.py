@@ -31,8 +31,8 @@ _SHORTEST = 1e-9
 #: What a zero function lacks at the start of a stretch, as a share of its largest value so far, is left over from the
 #: event before.
 _ROUNDING = 1e-12
-#: Steps of the one-step method after which a stretch counts as stiff.
-_BEGINNING = 300
+#: Steps of the one-step method after which LSODA takes over, and how often, after which it begins too.
+_BEGINNING, _HANDED_OVER = 300, 3
 #: Events of one element at one instant after which its mode does not settle: impacts pass a push on many times.
 _AT_ONE_INSTANT = {"switch": 20, "friction": 20, "impact": 300}
 #: So many events within the given share of the whole time have no end.
@@ -79,7 +79,7 @@ class _Run:
         self.u = task.signal.at(task.times)
         self.rates = _rates(task.model)
         self.largest = np.zeros(len(task.model.event_rows))
-        self.is_stiff = integrator.method != "LSODA"
+        self.is_handed_over, self.times_handed_over = False, 0
         self.events: list[EventRecord] = []
         self.instants: list[tuple[float, int]] = []
 
@@ -165,9 +165,11 @@ class _Run:
             right=self.modes.with_modes(segment.right, self.now),
         )
         values, self.state = self._integrator().step(self.rhs, held, asked, self.state, until)
-        if self.state.outcome is Outcome.STEP_LIMIT and not self.is_stiff:
-            self.is_stiff = True
+        if self.state.outcome is Outcome.STEP_LIMIT and not self.is_handed_over:
+            self.is_handed_over, self.times_handed_over = True, self.times_handed_over + 1
             self.state = replace(self.state, outcome=Outcome.OK)
+        else:
+            self.is_handed_over = False
         filled = np.isfinite(values[:, : inside.size]).all(axis=0)
         self.x[:, inside[filled]] = values[:, : inside.size][:, filled]
         for rate, _ in self.rates:
@@ -177,7 +179,8 @@ class _Run:
         return watches[hit[0].row] if hit else None
 
     def _integrator(self) -> Adaptive:
-        if self.is_stiff:
+        if self.integrator.method != "LSODA" or self.is_handed_over or self.times_handed_over >= _HANDED_OVER:
+            self.is_handed_over = True  # the method asked for goes on until its own limit
             return self.integrator
         return replace(self.integrator, method="DOP853", max_steps=self.state.steps + _BEGINNING)
 

@@ -11,6 +11,7 @@ from bondgraph.declare.graph import BondGraph
 from bondgraph.declare.quantities import Integral, symbol
 from bondgraph.declare.switching import closed, dry_friction, end_stop, switch
 from bondgraph.errors import ModelError
+from bondgraph.filter.filter_model import FilterModel
 from bondgraph.simulate.batch import simulate_batch
 from bondgraph.simulate.crossing import first_crossing
 from bondgraph.simulate.model import Model
@@ -99,6 +100,21 @@ def test_a_relay_that_opens_leaves_the_spring_as_it_was():
     np.testing.assert_allclose(found.state("q"), np.sin(10 * closed_for) / 10, atol=1e-8)
 
 
+def test_a_stiff_model_is_handed_over_and_keeps_its_events():
+    """A fast pole (1e6/s) follows a charge that turns round when its clock has run for a second."""
+    g = BondGraph("saw")
+    fast, slow = g.zero_junction("fast"), g.zero_junction("slow")
+    g.compliance("c_fast", 1e6, at=fast, state="q_fast")
+    g.resistance("r_fast", 1.0, at=fast)
+    g.flow_source("charge", 1 - 3 * switch(g.integral("clock", 1, "") - 1, 1e-3), at=slow)
+    g.compliance("c_slow", 1.0, at=slow, state="q_slow")
+    g.flow_source("follow", slow.effort, at=fast)
+    found = simulate(exact(g), np.linspace(0.0, 2.0, 5))
+    assert [event.time for event in found.events] == pytest.approx([1.0], abs=1e-8)
+    np.testing.assert_allclose(found.state("q_slow"), [0.0, 0.5, 1.0, 0.0, -1.0], atol=1e-8)
+    np.testing.assert_allclose(found.state("q_fast")[1:], 1e-6 * (found.state("q_slow")[1:]), atol=3e-12)
+
+
 def test_a_held_input_that_jumps_switches_at_its_own_time():
     g = BondGraph("valve")
     v = g.one_junction("v", TRANSLATION)
@@ -144,6 +160,7 @@ def test_fixed_steps_are_refused_with_the_way_out():
     for refused in (
         lambda: simulate(model, [0.0, 1.0], method="rk4"),
         lambda: simulate_batch(model, [0.0, 1.0]),
+        lambda: FilterModel(model, {}, {}, {}),
     ):
         with pytest.raises(ModelError, match=r"grip change their modes at events.* - derive the graph smooth"):
             refused()
