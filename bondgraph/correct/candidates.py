@@ -12,7 +12,7 @@ from bondgraph.correct.bonds import bond_model
 from bondgraph.correct.build import BuiltModel, build
 from bondgraph.data.log import FloatArray, MatchedLog
 from bondgraph.declare.editing import copy, handle
-from bondgraph.declare.effect import Effect, EffectFunction, Place, Scale
+from bondgraph.declare.effect import Effect, EffectFunction, Place, Scale, is_for
 from bondgraph.declare.elements import STORAGES
 from bondgraph.declare.graph import BondGraph
 from bondgraph.derive.causality import assign_causality
@@ -45,6 +45,7 @@ class Candidate:
 
     ``passive``: its coefficients cannot be negative, so that it only takes energy. ``beside_storage``: the place is a
     junction with a storage, whose flow or effort is a state. ``model`` is that of the graph with the effect.
+    ``followed``: states that the effect brings are integrals of the others, so that its response can be scored.
     """
 
     function: EffectFunction
@@ -53,6 +54,7 @@ class Candidate:
     model: Model
     passive: bool = True
     beside_storage: bool = True
+    followed: bool = True
 
     @property
     def label(self) -> str:
@@ -81,8 +83,12 @@ class Candidate:
         grids = [self._values(name) for name in self.effect.shapes]
         shapes = [dict(zip(self.effect.shapes, values, strict=True)) for values in itertools.product(*grids)]
         small = _PROBE * (self.upper - self.lower)
-        first = [share * self.upper[0] for share in self.effect.amplitudes] or [small[0]]
+        first = [self._amplitude(share) for share in self.effect.amplitudes] or [small[0]]
         return tuple(Variant(shape, (size, *small[1:])) for shape in shapes for size in first)
+
+    def _amplitude(self, share: float) -> float:
+        lower, upper = self.lower[0], self.upper[0]
+        return float(lower * (upper / lower) ** share if lower > 0.0 else share * upper)
 
     def bounds(self, name: str) -> tuple[float, float]:
         """Bounds of a coefficient or shape.
@@ -206,7 +212,7 @@ def candidates(
     refused: list[Refused] = []
     for place in where:
         for function in functions:
-            if (function.__name__, place.label) in present:
+            if (function.__name__, place.label) in present or not is_for(function, place):
                 continue
             trial = copy(built.graph)
             try:
@@ -222,8 +228,10 @@ def candidates(
                 refused.append(Refused(effect.name, place.label, why))
                 continue
             beside = place.bond is None and not place.output and _beside_storage(built.graph, place.junction.name)
+            own = {state.symbol.name for state in built.equations.states}
+            followed = all(s.variable == "integral" or s.symbol.name in own for s in equations.states)
             model = Model.from_text(render(equations), source=f"{built.graph.name} with {effect.name}")
-            found.append(Candidate(function, place, effect, model, _passive(trial, effect), beside))
+            found.append(Candidate(function, place, effect, model, _passive(trial, effect), beside, followed))
     return found, refused
 
 

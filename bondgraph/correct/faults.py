@@ -7,7 +7,7 @@ Lunze, Staroswiecki (2016), Diagnosis and Fault-Tolerant Control, chapter 5.
 
 from __future__ import annotations
 
-from bondgraph.declare.effect import Effect, EffectFunction, Place
+from bondgraph.declare.effect import Effect, EffectFunction, Place, sensor_fault
 from bondgraph.declare.graph import BondGraph
 from bondgraph.declare.quantities import symbol
 from bondgraph.declare.revision import revise_output
@@ -17,39 +17,35 @@ _REFERENCE = "Isermann (2006), Fault-Diagnosis Systems, chapter 3"
 LONGEST_DELAY = 2.0
 
 
+@sensor_fault
 def sensor_bias(g: BondGraph, at: Place) -> Effect | None:
     """A constant that the sensor adds: a zero that was not set, an inclined mounting."""
-    if not at.output:
-        return None
     limit = 2.0 * at.scale.effort
     bias = g.parameter(f"bias_{at.name}", 0.0, _unit(g, at), f"bias of {at.output}", (-limit, limit))
     revise_output(g, at.output, lambda shown: shown + bias)
     return _fault("bias", at, "shown = true + b", bias.name)
 
 
+@sensor_fault
 def sensor_scale(g: BondGraph, at: Place) -> Effect | None:
     """A wrong factor: a tyre radius, a number of teeth, an amplifier."""
-    if not at.output:
-        return None
     error = g.parameter(f"scale_{at.name}", 0.0, "1", f"relative error of scale of {at.output}", (-0.6, 0.6))
     revise_output(g, at.output, lambda shown: (1 + error) * shown)
     return _fault("scale", at, "shown = (1 + s)*true", error.name)
 
 
+@sensor_fault
 def sensor_drift(g: BondGraph, at: Place) -> Effect | None:
     """A value that wanders off evenly with time: a strain gauge that warms up, an integrated offset."""
-    if not at.output:
-        return None
     limit, unit = 0.5 * at.scale.effort, _unit(g, at)
     drift = g.parameter(f"drift_{at.name}", 0.0, f"{unit}/s" if unit else "", f"drift of {at.output}", (-limit, limit))
     revise_output(g, at.output, lambda shown: shown + drift * symbol("t"))
     return _fault("drift", at, "shown = true + d*t", drift.name)
 
 
+@sensor_fault
 def sensor_delay(g: BondGraph, at: Place) -> Effect | None:
     """A value that comes late: a filter in the amplifier, a slow bus; of first order."""
-    if not at.output:
-        return None
     name = f"delay_{at.name}"
     shown = next(output.expression for output in g.outputs if output.name == at.output)
     delay = g.parameter(name, 0.05, "s", f"time by which {at.output} comes late", (1e-3, LONGEST_DELAY))
@@ -57,7 +53,7 @@ def sensor_delay(g: BondGraph, at: Place) -> Effect | None:
     revise_output(g, at.output, late)
     return Effect(
         "sensor_delay", at.output, "shown = true, late by T (first order)", (name,), adds_state=True,
-        reference=_REFERENCE, channel=at.output, kind="delay",
+        amplitudes=(0.4, 0.7), reference=_REFERENCE, channel=at.output, kind="delay",
     )  # fmt: skip
 
 

@@ -74,6 +74,7 @@ def gated(function: EffectFunction, gate: Gate, logs: Sequence[MatchedLog]) -> E
         return replace(effect, law=f"{effect.law}, {gate.when} {gate.time:.4g} s of {gate.log}")
 
     extended.__name__ = function.__name__
+    extended.__dict__.update(function.__dict__)
     return extended
 
 

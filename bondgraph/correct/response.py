@@ -30,8 +30,6 @@ from bondgraph.simulate.model import Model
 _TERMS = 9
 #: Finite differences take at least this share of a state's largest value.
 _FINEST = 1e-6
-#: Steps between samples in which states that only a changed model has are carried along.
-_PIECES = 4
 
 
 @dataclass(frozen=True)
@@ -268,28 +266,40 @@ def _others(changed: Model, rows: np.ndarray) -> np.ndarray:
 
 
 def own_states(path: Path, declared: Model, changed: Model, theta: FloatArray) -> FloatArray:
-    """States that only the changed model has, carried along the path by the explicit midpoint rule, (extra, n)."""
+    """States that only the changed model has, carried along the path from where they settle at its first point.
+
+    Their rates are taken as linear in them, which those of lags, integrals and friction with hysteresis are; shape
+    (extra, n).
+    """
     rows = np.array([changed.index("state", name) for name in declared.names("state")], dtype=int)
     others = _others(changed, rows)
     found = np.empty((others.size, path.time.size))
     if not others.size:
         return found
+    start = changed.x0()[others]
 
-    def rate(k: int, share: float, own: FloatArray) -> FloatArray:
-        joined = np.empty(len(changed.states))
-        joined[rows] = (1.0 - share) * path.start[:, k] + share * path.end[:, k]
-        joined[others] = own
-        u = (1.0 - share) * path.u_left[:, k] + share * path.u_right[:, k]
-        t = float((1.0 - share) * path.time[k] + share * path.time[k + 1])
-        moving: FloatArray = changed.rhs(t, joined, u, theta)[others]
+    def rates(t: FloatArray, x: FloatArray, u: FloatArray, own: FloatArray) -> FloatArray:
+        extra = np.repeat(own[:, np.newaxis], x.shape[1], axis=1)
+        with np.errstate(all="ignore"):
+            moving: FloatArray = np.nan_to_num(changed.rhs(t, _joined(changed, rows, x, extra), u, theta)[others])
         return moving
 
-    found[:, 0] = own = changed.x0()[others]
-    for k, length in enumerate(path.intervals / _PIECES):
-        for piece in range(_PIECES):
-            middle = own + 0.5 * length * rate(k, piece / _PIECES, own)
-            own = own + length * rate(k, (piece + 0.5) / _PIECES, middle)
-        found[:, k + 1] = own
+    levels, slopes = [], []
+    for t, x, u in ((path.time[:-1], path.start, path.u_left), (path.time[1:], path.end, path.u_right)):
+        level = rates(t, x, u, start)
+        levels.append(level.T)
+        slopes.append(
+            np.moveaxis(np.array([rates(t, x, u, start + unit) - level for unit in np.eye(start.size)]), 2, 0)
+        )
+    lengths = path.intervals[:, np.newaxis, np.newaxis]
+    slope = 0.5 * (slopes[0] + slopes[1]).swapaxes(1, 2)
+    whole, first, second = _phi(slope * lengths)
+    driven = lengths * (first @ levels[0][:, :, np.newaxis] + second @ (levels[1] - levels[0])[:, :, np.newaxis])
+    moved = -np.linalg.pinv(slope[0]) @ levels[0][0] if slope.shape[0] else np.zeros(start.size)
+    found[:, 0] = start + moved
+    for k in range(lengths.shape[0]):
+        moved = whole[k] @ moved + driven[k, :, 0]
+        found[:, k + 1] = start + moved
     return found
 
 

@@ -19,9 +19,8 @@ from bondgraph.correct.fit import Fit, Report, no_report
 from bondgraph.correct.gates import best_gated, gate_samples, gated, with_gate
 from bondgraph.correct.journal import Journal
 from bondgraph.correct.located import LocatedAt, locate
-from bondgraph.correct.probes import Probe, Signal, probes, shaped, signals
+from bondgraph.correct.probes import Probe, Signal, probes, signals
 from bondgraph.correct.refit import Ground, refit_alone, refit_best, try_storage
-from bondgraph.correct.score import best_step
 from bondgraph.correct.scoring import Linearisation, Scored, linearisation, score_candidates
 from bondgraph.correct.trials import Alternative, Detectable, Trial
 from bondgraph.data.log import MatchedLog
@@ -93,13 +92,13 @@ def one_round(
     scored = score_candidates(linear, vanishing, gate_samples(train))
     probed, known = probes(built, linear, where), signals(built, linear, where)
     located = locate(linear, probed, known)
-    tried = scored.tests + len(stateful)
+    tried = scored.tests + sum(len(one.variants) for one in stateful)
     need = hurdle(train, tried, settings.level)
     settings.report("score the candidates", 1, 1)
     ground = Ground(built, base, tuple(train), tried, settings.level, need, settings.journal)
     trials = _trials(scored, tried)
     trials = refit_best(trials, scored, ground, settings.refits, settings.report)
-    trials = _with_storages(trials, stateful, linear, probed, ground, settings)
+    trials = _with_storages(trials, stateful, linear, ground, settings)
     trials += _gated_trial(linear, scored, trials, ground, settings)
     chosen = choose(trials, settings.level)
     others = alternatives(chosen, trials, scored.scores, settings.level)
@@ -119,44 +118,32 @@ def _trials(scored: Scored, tried: int) -> list[Trial]:
 
 
 def _with_storages(
-    trials: list[Trial],
-    stateful: Sequence[Candidate],
-    linear: Linearisation,
-    probed: Sequence[Probe],
-    ground: Ground,
-    settings: RoundSettings,
+    trials: list[Trial], stateful: Sequence[Candidate], linear: Linearisation, ground: Ground, settings: RoundSettings
 ) -> list[Trial]:
-    """The trials, and those with a state of their own; late sensors only where their score asks for it.
+    """The trials, and those with a state of their own; lags and late sensors only where their score asks for it.
 
     A sensor that comes late can explain coloured noise by its memory; its score is that of the mean alone.
     """
     done = list(trials)
+    followed = score_candidates(linear, [one for one in stateful if one.followed])
+    known = dict(zip((one.label for one in followed.candidates), range(len(followed.candidates)), strict=True))
     for count, one in enumerate(stateful):
         settings.report("try storages", count, len(stateful))
         trial = Trial(one, 0.0)
         best = choose(done, ground.level)
-        if one.effect.kind == "delay":
-            trial = _late(trial, linear, probed, ground)
+        if one.followed:
+            k = known[one.label]
+            p_value = min(1.0, float(followed.scores.p_value[k]) * ground.tried)
+            trial = Trial(
+                one, float(followed.scores.gain[k]), tuple(map(float, followed.scores.steps[k])), score_p=p_value
+            )
             ahead = 0.0 if best is None else best.gain
-            if trial.score_gain < max(0.5 * ground.need, 0.4 * ahead) or trial.score_p > ground.level:
+            if trial.score_gain < max(0.5 * ground.need, 0.4 * ahead) or p_value > ground.level:
                 done.append(trial)
                 continue
         beat = np.inf if best is None or best.fit is None else best.fit.nll
         done.append(try_storage(trial, ground, beat))
     return done
-
-
-def _late(trial: Trial, linear: Linearisation, probed: Sequence[Probe], ground: Ground) -> Trial:
-    """The score of a late sensor: for a short delay it shows as much less as the rate says."""
-    output = trial.candidate.place.output
-    probe = next(probe for probe in probed if probe.place.output == output)
-    row = linear.model.index("output", output)
-    changes = []
-    for log, change in zip(linear.logs, probe.changes, strict=True):
-        shown = linear.model.output(log.path.time, log.path.before, log.path.u, log.path.theta)[row]
-        changes.append(shaped(change, -np.gradient(shown, log.path.time)[np.newaxis]))
-    step, gain, p_value = best_step(linear.projected(linear.columns(changes)), [0], np.array([True]))
-    return replace(trial, score_gain=gain, step=tuple(map(float, step)), score_p=min(1.0, p_value * ground.tried))
 
 
 def _gated_trial(

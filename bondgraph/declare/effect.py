@@ -106,6 +106,17 @@ class Effect:
 EffectFunction = Callable[[BondGraph, Place], Effect | None]
 
 
+def sensor_fault(function: EffectFunction) -> EffectFunction:
+    """Mark an effect function as one for sensors: it is offered every measured output, and no junction or bond."""
+    function.__dict__["for_sensors"] = True
+    return function
+
+
+def is_for(function: EffectFunction, place: Place) -> bool:
+    """Whether an effect function is to be offered a place."""
+    return bool(place.output) == getattr(function, "for_sensors", False)
+
+
 def effect_functions(module: ModuleType) -> tuple[EffectFunction, ...]:
     """The effect functions of a module or of the modules of a package, in order of definition or import.
 

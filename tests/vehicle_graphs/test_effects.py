@@ -7,11 +7,14 @@ import pytest
 
 from bondgraph.correct.bonds import bond_model
 from bondgraph.correct.build import BuiltModel, build
-from bondgraph.declare.domains import HYDRAULIC, ROTATION, THERMAL, TRANSLATION
+from bondgraph.correct.candidates import Candidate, candidates
+from bondgraph.declare.domains import ROTATION, THERMAL, TRANSLATION
 from bondgraph.declare.editing import copy, handle, with_values
 from bondgraph.declare.effect import Effect, EffectFunction, Place, Scale, effect_functions
 from bondgraph.declare.graph import BondGraph
+from bondgraph.declare.quantities import symbol
 from bondgraph.derive.derivation import bond_labels
+from bondgraph.report.missing import law_curve
 from bondgraph.simulate.simulate import simulate
 from vehicle_graphs import effects
 from vehicle_graphs.driveline import driveline
@@ -124,9 +127,9 @@ def test_a_compliance_approaches_the_rigid_machine_as_it_stiffens() -> None:
 
 def test_effects_are_refused_where_they_make_no_sense() -> None:
     graph = BondGraph("mixed")
-    hot, line = graph.one_junction("hot", THERMAL), graph.zero_junction("line", HYDRAULIC)
+    hot, wall = graph.one_junction("hot", THERMAL), graph.zero_junction("wall", THERMAL)
     shaft = graph.one_junction("shaft", ROTATION)
-    sources = [Place(node, Scale(1.0, 1.0)) for node in (hot, line)]
+    sources = [Place(node, Scale(1.0, 1.0)) for node in (hot, wall)]
     before = copy(graph)
     for function in effect_functions(effects):
         assert [function(graph, at) for at in sources] == [None, None]
@@ -153,8 +156,106 @@ def test_coefficients_have_the_units_of_their_domain(domain: object, units: tupl
     assert [parameter.bounds for parameter in added] == [(0.0, 16.0), (0.0, 8.0), (0.0, 4.0)]
 
 
-def test_the_module_lists_its_effects_in_order() -> None:
-    assert [function.__name__ for function in effect_functions(effects)] == [
-        "constant_effort", "viscous_loss", "coulomb_loss", "quadratic_loss", "torque_proportional_loss",
-        "added_inertia", "added_compliance",
-    ]  # fmt: skip
+def test_the_package_lists_the_effects_of_its_modules() -> None:
+    names = [function.__name__ for function in effect_functions(effects)]
+    assert set(names) == {name for name in effects.__all__ if name != "SMOOTHING"}
+    assert len(names) == len(set(names)) == 19
+
+
+EVERYWHERE = [(name, Scale(200.0, 20.0)) for name in ("primary", "belt", "axle", "shaft", "twist", "wheel", "body")]
+
+
+def everywhere() -> list[Candidate]:
+    """Every effect at every junction of the driveline that takes it."""
+    graph = driveline()
+    where = [Place(handle(graph, name), scale) for name, scale in EVERYWHERE]
+    found, _ = candidates(build(graph), effect_functions(effects), where)
+    return found
+
+
+@pytest.fixture(scope="module")
+def offered() -> list[Candidate]:
+    return everywhere()
+
+
+def test_every_effect_that_closes_no_loop_has_a_junction_in_the_driveline(offered: list[Candidate]) -> None:
+    names = {candidate.effect.name for candidate in offered}
+    assert names == {function.__name__ for function in effect_functions(effects)} - {"added_compliance", "slip"}
+
+
+def test_every_effect_says_where_its_law_comes_from_and_how_large_it_may_be(offered: list[Candidate]) -> None:
+    for candidate in offered:
+        assert candidate.effect.law and (candidate.effect.reference or candidate.effect.name == "constant_effort")
+        for name in candidate.effect.parameters:
+            lower, upper = candidate.bounds(name)
+            assert lower < upper
+            info = candidate.model.parameters[candidate.model.index("parameter", name)]
+            assert info.unit and info.meaning
+
+
+def test_every_effect_vanishes_with_its_coefficients_and_is_felt_with_them(offered: list[Candidate]) -> None:
+    declared = build(driveline()).model
+    x, u = points()
+    own = declared.rhs(0.0, x, u, declared.theta())
+    for candidate in (one for one in offered if not one.effect.adds_state):
+        model = candidate.model
+        rows = [model.index("state", name) for name in declared.names("state")]
+        states = np.full((len(model.states), x.shape[1]), 0.5)
+        states[rows] = x
+        for share in (0.0, 0.2):
+            sizes = {name: share * candidate.bounds(name)[1] for name in candidate.effect.coefficients}
+            rates = model.rhs(0.0, states, u, model.theta(**sizes))[rows]
+            same = np.allclose(rates, own, rtol=1e-9, atol=1e-9)
+            assert same == (share == 0.0), candidate.label
+
+
+def test_friction_that_rises_towards_standstill_is_largest_there() -> None:
+    built, effect = extended(effects.stribeck_loss, "axle", 40.0)
+    rise, level = effect.coefficients
+    (width,) = effect.shapes
+    graph = with_values(built.graph, {level: 20.0, width: 4.0})
+    law = law_curve(graph, effect.element, {p.name: p.value for p in graph.parameters}, np.array([1.0, 2.0, 8.0, 15.0]))
+    assert law is not None and (np.diff(law) < 0.0).all()
+    assert law[-1] == pytest.approx(20.0, rel=1e-3) and rise in effect.coefficients
+
+
+def test_a_headwind_shifts_the_declared_drag() -> None:
+    model = extended(effects.headwind, "body", 5.0)[0].model
+    declared = build(driveline()).model
+    x, u = points()
+    shifted = x.copy()
+    shifted[3] += 5.0
+    drag = 0.6 * (shifted[3] * np.abs(shifted[3]) - x[3] * np.abs(x[3]))
+    own = declared.rhs(0.0, x, u, declared.theta())
+    np.testing.assert_allclose(model.rhs(0.0, x, u, model.theta())[3], own[3] - drag / 600.0, rtol=1e-9, atol=1e-9)
+
+
+def test_play_is_taken_up_before_the_spring_carries() -> None:
+    built, effect = extended(effects.backlash, "twist", 0.01)
+    graph = built.graph
+    spring = graph.nodes[effect.element].law("effort")
+    assert spring is not None
+    known = {symbol("k_shaft"): 4000.0, symbol("gap_backlash_twist"): 0.01}
+    way = symbol("displacement")
+    efforts = [float(spring.subs({**known, way: q})) for q in (-0.03, -0.005, 0.0, 0.005, 0.03)]
+    assert efforts == pytest.approx([-80.0, 0.0, 0.0, 0.0, 80.0], abs=1e-9)
+
+
+def test_a_lagging_actuator_follows_its_command() -> None:
+    built, _ = extended(effects.actuator_lag, "primary", 0.5)
+    model = built.model
+    (given,) = [name for name in model.names("state") if name.startswith("given")]
+    x = model.x0(**{given: 10.0})
+    rates = model.rhs(0.0, x, np.array([30.0, 0.0]), model.theta())
+    assert rates[model.index("state", given)] == pytest.approx((30.0 - 10.0) / 0.5)
+
+
+def test_friction_with_hysteresis_settles_at_its_level() -> None:
+    built, effect = extended(effects.hysteresis_loss, "primary", 30.0)
+    model = built.model
+    (bent,) = [name for name in model.names("state") if name.startswith("bent")]
+    x = model.x0(**{bent: 1.0})
+    rates = model.rhs(0.0, x, np.array([20.0, 0.0]), model.theta())
+    assert rates[model.index("state", bent)] == pytest.approx(0.0, abs=1e-12)
+    without = model.rhs(0.0, x, np.array([20.0, 0.0]), model.theta(**{effect.coefficients[0]: 0.0}))
+    assert (rates - without)[model.index("state", "omega_primary")] == pytest.approx(-30.0 / 0.08)

@@ -1,0 +1,134 @@
+"""Friction at a 1-junction: what takes an effort that depends on the flow there.
+
+References: Armstrong-Helouvry, Dupont, Canudas de Wit (1994), Automatica 30(7), a survey of models; Stribeck (1902),
+VDI-Zeitschrift 46; Dahl (1976), AIAA Journal 14(12), for hysteresis; Wong (2008), Theory of Ground Vehicles, section
+1.2, for rolling resistance; Heywood (1988), Internal Combustion Engine Fundamentals, chapter 13, for warm oil.
+"""
+
+from __future__ import annotations
+
+from sympy import Abs, exp, tanh
+
+from bondgraph.declare.domains import ROTATION, TRANSLATION
+from bondgraph.declare.effect import Effect, Place
+from bondgraph.declare.graph import BondGraph
+from bondgraph.declare.quantities import symbol
+from vehicle_graphs.effects.common import (
+    coefficient,
+    direction,
+    effort_unit,
+    elements_at,
+    flow_unit,
+    is_speed,
+    over,
+)
+
+_SURVEY = "Armstrong-Helouvry, Dupont, Canudas de Wit (1994), Automatica 30(7)"
+#: Speed to which speed-dependent rolling resistance is referred, m/s (100 km/h).
+_ROLLING_SPEED = 100.0 / 3.6
+#: Sliding over this many seconds at the largest flow reverses friction with hysteresis.
+_PRESLIDING = 0.1
+
+
+def viscous_loss(g: BondGraph, at: Place) -> Effect | None:
+    """Drag proportional to the flow: bearing oil, a fluid coupling, eddy currents."""
+    if not is_speed(at):
+        return None
+    unit = over(effort_unit(at), flow_unit(at))
+    name, c = coefficient(g, at, "viscous_loss", "viscous coefficient", unit, power=1)
+    g.resistance(name, lambda flow: c * flow, at=at.junction)
+    return Effect("viscous_loss", name, "effort = c*flow", (c.name,), reference=_SURVEY)
+
+
+def coulomb_loss(g: BondGraph, at: Place) -> Effect | None:
+    """Dry friction of constant size against the motion, smoothed around standstill."""
+    if not is_speed(at):
+        return None
+    name, level = coefficient(g, at, "coulomb_loss", "dry friction", effort_unit(at), power=0)
+    w = direction(g, at, name)
+    g.resistance(name, lambda flow: level * tanh(flow / w), at=at.junction)
+    return Effect("coulomb_loss", name, "effort = c*tanh(flow/w)", (level.name,), reference=_SURVEY)
+
+
+def stribeck_loss(g: BondGraph, at: Place) -> Effect | None:
+    """Dry friction that rises towards standstill: lubricated bearings, brake linings, seals."""
+    if not is_speed(at):
+        return None
+    name = f"stribeck_loss_{at.name}"
+    limit, size = 2.0 * at.scale.effort, at.scale.flow
+    level = g.parameter(f"c_{name}", 0.0, effort_unit(at), f"dry friction at {at.label}", (0.0, limit))
+    rise = g.parameter(f"rise_{name}", 0.0, effort_unit(at), "what is added towards standstill", (0.0, limit))
+    width = g.parameter(
+        f"v_{name}", 0.1 * size, flow_unit(at), "flow at which a third of that is left", (0.03 * size, 0.6 * size)
+    )
+    w = direction(g, at, name)
+    g.resistance(
+        name, lambda flow: (level + rise * exp(-((flow / width) ** 2))) * tanh(flow / w), at=at.junction
+    )  # fmt: skip
+    law = "effort = (c + r*exp(-(flow/v)^2))*tanh(flow/w)"
+    return Effect(
+        "stribeck_loss", name, law, (rise.name, level.name), shapes=(width.name,),
+        reference="Stribeck (1902), VDI-Zeitschrift 46",
+    )  # fmt: skip
+
+
+def quadratic_loss(g: BondGraph, at: Place) -> Effect | None:
+    """Drag that grows with the square of the flow: air, churned oil, an orifice."""
+    if not is_speed(at):
+        return None
+    unit = over(effort_unit(at), flow_unit(at), 2)
+    name, c = coefficient(g, at, "quadratic_loss", "quadratic coefficient", unit, power=2)
+    g.resistance(name, lambda flow: c * flow * Abs(flow), at=at.junction)
+    return Effect("quadratic_loss", name, "effort = c*flow*|flow|", (c.name,), reference=_SURVEY)
+
+
+def rolling_speed_loss(g: BondGraph, at: Place) -> Effect | None:
+    """Rolling resistance that grows with speed, by the power 2.5: tyres on a hard road."""
+    if not is_speed(at) or at.domain != TRANSLATION:
+        return None
+    name = f"rolling_speed_loss_{at.name}"
+    limit = 2.0 * at.scale.effort * max(1.0, _ROLLING_SPEED / at.scale.flow) ** 2.5
+    c = g.parameter(
+        f"c_{name}", 0.0, effort_unit(at), f"rolling resistance added at 100 km/h at {at.label}", (0, limit)
+    )
+    fast = g.parameter(f"v_{name}", _ROLLING_SPEED, flow_unit(at), "100 km/h")
+    g.resistance(name, lambda flow: c * (flow / fast) * Abs(flow / fast) ** 1.5, at=at.junction)
+    return Effect(
+        "rolling_speed_loss", name, "effort = c*(flow/v)*|flow/v|^1.5", (c.name,),
+        reference="Wong (2008), Theory of Ground Vehicles, section 1.2",
+    )  # fmt: skip
+
+
+def warm_up_loss(g: BondGraph, at: Place) -> Effect | None:
+    """Viscous drag of cold oil that fades with time from the start of a log on."""
+    if not is_speed(at) or at.domain != ROTATION:
+        return None
+    unit = over(effort_unit(at), flow_unit(at))
+    name, c = coefficient(g, at, "warm_up_loss", "viscous coefficient when cold", unit, power=1)
+    warm = g.parameter(f"T_{name}", 60.0, "s", "time in which it falls to a third", (5.0, 600.0))
+    g.resistance(name, lambda flow: c * exp(-symbol("t") / warm) * flow, at=at.junction)
+    return Effect(
+        "warm_up_loss", name, "effort = c*exp(-t/T)*flow", (c.name,), shapes=(warm.name,),
+        reference="Heywood (1988), Internal Combustion Engine Fundamentals, chapter 13",
+    )  # fmt: skip
+
+
+def hysteresis_loss(g: BondGraph, at: Place) -> Effect | None:
+    """Dry friction that gives way before it slides: clutch linings, bushes; beside friction that is declared."""
+    if not is_speed(at) or not elements_at(g, at, "R"):
+        return None
+    name, level = coefficient(g, at, "hysteresis_loss", "friction with hysteresis", effort_unit(at), power=0)
+    give = g.parameter(f"give_{name}", _PRESLIDING * at.scale.flow, _way(at), "way over which it turns round")
+    flow = at.junction.flow
+    bent = g.integral(
+        f"bent_{name}", lambda h: (flow - Abs(flow) * h) / give, "1", f"share of the friction at {at.label}"
+    )
+    g.effort_source(name, -level * bent, at=at.junction)
+    return Effect(
+        "hysteresis_loss", name, "effort = c*h, dh/dt = (flow - |flow|*h)/d", (level.name,),
+        reference="Dahl (1976), AIAA Journal 14(12)",
+    )  # fmt: skip
+
+
+def _way(at: Place) -> str:
+    return "" if at.domain is None else at.domain.displacement_unit

@@ -1,0 +1,97 @@
+"""Loads from outside, and the actuators that drive: constant forces, wind, wrong maps, lags.
+
+References: Hucho (1998), Aerodynamics of Road Vehicles, chapter 4, for wind; Guzzella, Onder (2010), Introduction to
+Modeling and Control of Internal Combustion Engine Systems, chapter 2, for the lag of an engine's torque.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from sympy import Expr, Symbol, lambdify
+
+from bondgraph.declare.effect import Effect, Place
+from bondgraph.declare.elements import Node
+from bondgraph.declare.graph import BondGraph
+from bondgraph.declare.quantities import symbol
+from bondgraph.declare.revision import revise_law
+from vehicle_graphs.effects.common import effort_unit, elements_at, flow_unit, is_speed
+
+_ENGINE = "Guzzella, Onder (2010), Modeling and Control of Internal Combustion Engine Systems, chapter 2"
+
+
+def constant_effort(g: BondGraph, at: Place) -> Effect | None:
+    """A constant load of unknown sign: a grade, an inclined mounting, a bias of a torque map."""
+    if not is_speed(at):
+        return None
+    name = f"constant_effort_{at.name}"
+    limit = 2.0 * at.scale.effort
+    load = g.parameter(f"load_{name}", 0.0, effort_unit(at), f"constant load on {at.label}", (-limit, limit))
+    g.effort_source(name, -load, at=at.junction)
+    return Effect("constant_effort", name, "effort = -load", (f"load_{name}",))
+
+
+def headwind(g: BondGraph, at: Place) -> Effect | None:
+    """Wind against the motion: a drag that is declared with the square of the speed acts at speed and wind."""
+    drags = [node for node in elements_at(g, at, "R") if _is_square(node)] if is_speed(at) else []
+    if len(drags) != 1:
+        return None
+    name = f"headwind_{at.name}"
+    wind = g.parameter(f"w_{name}", 0.0, flow_unit(at), f"wind against {at.label}", (-at.scale.flow, at.scale.flow))
+    own = symbol("flow")
+    revise_law(g, drags[0].name, "effort", lambda old: old.xreplace({own: own + wind}))
+    return Effect(
+        "headwind", drags[0].name, "drag at flow + w", (wind.name,),
+        reference="Hucho (1998), Aerodynamics of Road Vehicles, chapter 4",
+    )  # fmt: skip
+
+
+def actuator_scale(g: BondGraph, at: Place) -> Effect | None:
+    """A source whose map is wrong by a factor: a torque model, a calibration."""
+    driven = _driven(g, at)
+    if driven is None:
+        return None
+    name = f"actuator_scale_{at.name}"
+    share = g.parameter(f"s_{name}", 0.0, "1", f"share by which {driven[0].name} is stronger", (-0.6, 0.6))
+    revise_law(g, driven[0].name, "effort", lambda old: (1 + share) * old)
+    return Effect("actuator_scale", driven[0].name, "effort = (1 + s)*declared", (share.name,), reference=_ENGINE)
+
+
+def actuator_lag(g: BondGraph, at: Place) -> Effect | None:
+    """A source that follows its command late, by a first-order lag: manifold filling, a current controller."""
+    driven = _driven(g, at)
+    if driven is None:
+        return None
+    node, command = driven
+    name = f"actuator_lag_{at.name}"
+    lag = g.parameter(f"T_{name}", 0.1, "s", f"time in which {node.name} follows its command", (5e-3, 2.0))
+    unit = next(one.unit for one in g.inputs if one.name == command.name)
+    given = g.integral(f"given_{name}", lambda x: (command - x) / lag, unit, f"{command.name} as {node.name} gives it")
+    revise_law(g, node.name, "effort", lambda old: old.xreplace({command: given}))
+    return Effect(
+        "actuator_lag", node.name, "command follows by dx/dt = (u - x)/T", (lag.name,), adds_state=True,
+        amplitudes=(0.35, 0.65), reference=_ENGINE,
+    )  # fmt: skip
+
+
+def _driven(g: BondGraph, at: Place) -> tuple[Node, Symbol] | None:
+    """The source at a junction whose effort is an input, and that input."""
+    if not is_speed(at):
+        return None
+    inputs = {one.symbol for one in g.inputs if not one.is_held}
+    for node in elements_at(g, at, "Se"):
+        law = node.law("effort")
+        if isinstance(law, Expr) and node.name in g.nodes and law in inputs:
+            return node, law
+    return None
+
+
+def _is_square(node: Node) -> bool:
+    """Whether an element's effort is c*flow*|flow|: twice the flow gives four times the effort, with the sign of it."""
+    law, own = node.law("effort"), symbol("flow")
+    if law is None or own not in law.free_symbols:
+        return False
+    others = sorted(law.free_symbols - {own}, key=str)
+    value = lambdify([own, *others], law, "numpy")
+    points = np.array([-2.0, -1.0, 1.0, 2.0])
+    efforts = np.array([float(value(point, *[1.0] * len(others))) for point in points])
+    return bool(np.allclose(efforts, efforts[2] * points * np.abs(points)) and efforts[2] != 0.0)
