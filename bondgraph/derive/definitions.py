@@ -194,19 +194,22 @@ class Rate:
 class Constrained:
     """The effort of an element with modes: what keeps its flow at zero, or ``slip`` where it is free.
 
-    ``rate`` is that of the flow, ``constrained`` the condition under which it stays zero. The rule is solved in
-    :mod:`bondgraph.derive.modes`, as a part of the loop from effort to rate to effort.
+    ``rate`` is that of the flow, ``constrained`` the condition under which it stays zero; ``static`` is what the
+    element can hold, ``sign`` that of the flow as the element counts it. The rule is solved in
+    :mod:`bondgraph.derive.locking`, as a part of the loop from effort to rate to effort.
     """
 
     element: str
     rate: Key
     constrained: Expr
     slip: Law
+    static: Law
+    sign: int
 
     @property
     def depends(self) -> tuple[Key, ...]:
         """Keys the rule uses."""
-        return (self.rate, *self.slip.depends)
+        return (self.rate, *self.slip.depends, *self.static.depends)
 
     def partials(self, values: Values) -> list[tuple[Key, Expr]]:
         """None: the rule is no explicit function."""

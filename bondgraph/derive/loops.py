@@ -13,7 +13,7 @@ from bondgraph.derive.definitions import ONE, ZERO, Constrained, Key, Rate, Resi
 from bondgraph.derive.equations import Assignment, ImplicitLoop
 from bondgraph.derive.laws import solve_for
 from bondgraph.derive.linear import solve_linear
-from bondgraph.derive.modes import solve_constrained
+from bondgraph.derive.locking import solve_constrained
 from bondgraph.derive.order import tear
 from bondgraph.derive.piecewise import solve_piecewise
 from bondgraph.derive.size import is_long

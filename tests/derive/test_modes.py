@@ -8,16 +8,20 @@ import numpy as np
 import pytest
 
 from bondgraph.declare.domains import ROTATION, TRANSLATION
+from bondgraph.declare.elements import Node
 from bondgraph.declare.graph import BondGraph
 from bondgraph.declare.json_reader import graph_from_json
 from bondgraph.declare.json_writer import graph_to_json
 from bondgraph.declare.modal import clutch, friction, impact
+from bondgraph.declare.quantities import symbol
 from bondgraph.derive.causality import assign_causality
 from bondgraph.derive.derivation import derive
 from bondgraph.derive.impulse import with_resets
 from bondgraph.derive.modes import by_value, modes_json, modes_text
 from bondgraph.errors import BondGraphError, DeclarationError, DimensionError
 from bondgraph.generate.drift import render_graph
+from bondgraph.simulate.modes import consistent_inputs
+from bondgraph.simulate.simulate import simulate
 from tests.simulate.machines import ball, belt, cradle, engagement, exact, geared, rectifier, train
 
 
@@ -148,12 +152,29 @@ def refused(graph: BondGraph) -> str:
     return str(caught.value)
 
 
-def test_elements_that_share_a_flow_are_refused_since_their_efforts_are_not_determined():
-    g = block("doubled")
-    friction(g, "brake", g.parameter("F_b", 3.0, "N"), width=g.parameter("w_b", 0.01, "m/s"), at="v")
+def test_elements_on_one_flow_carry_it_in_proportion_to_what_they_can_hold():
+    g = block("shared")
+    width = g.parameter("w_b", 0.01, "m/s")
+    for name, level in (("brake", 9.0), ("drag", 0.0)):
+        friction(g, name, g.parameter(f"F_{name}", level, "N"), width=width, at="v")
+    g.bond(g.add_node(Node("guide", "R", laws=(("capacity", symbol("F_c")), ("width", symbol("w"))))), "v")
+    model = exact(g)
+    u = consistent_inputs(model, 0.0, np.zeros(1), model.u0(F=5.0), model.theta())
+    assert model.rhs(0.0, [0.0], u, model.theta())[0] == pytest.approx(0.0, abs=1e-15)
+    events = model.events(0.0, [0.0], u, model.theta()).reshape(4, 3)
+    np.testing.assert_allclose((events[:, 2] - events[:, 1]) / 2, [1.0, 3.0, 0.0, -1.0], atol=1e-14)
+    found = simulate(model, np.linspace(0.0, 1.0, 2), {"F": [10.0, 20.0]})
+    assert {event.element: event.time for event in found.events} == pytest.approx(dict.fromkeys(
+        ("floor", "brake", "drag", "guide"), 0.5
+    ), abs=1e-9)  # fmt: skip
+    assert found.state("v_block")[-1] == pytest.approx(0.5 * 5.0 * 0.5 / 2.0, abs=1e-9)
+
+
+def test_flows_that_follow_from_each_other_are_refused_since_the_efforts_are_not_determined():
+    g = train((1.0, 2.0), (3.0,), (4.0, 5.0))
     said = refused(g)
-    assert "with all of floor, brake locked their efforts are not determined" in said
-    assert "join those that share a flow into one" in said
+    assert "locked their efforts are not determined" in said and "floor0" in said
+    assert "put a compliance between them" in said
     assert derive(assign_causality(g)).modes == ()
 
 

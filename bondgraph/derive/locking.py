@@ -1,0 +1,212 @@
+"""Efforts of elements that hold their flows at zero: found from the equations, in closed form, all at once.
+
+    d(flow)/dt = 0,        where  d(flow)/dt = a + sum of B_j effort_j  over all elements with modes,
+
+is a small linear system, the same for all combinations of locked and slipping elements (Pfeiffer and Glocker 1996,
+Multibody Dynamics with Unilateral Contacts, chapter 3, for the theory of such systems). Elements on one flow, such as
+a brake and a bearing on one shaft, share what holds it in proportion to what each can hold.
+"""
+
+from __future__ import annotations
+
+from collections import ChainMap
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+from sympy import Add, Dummy, Expr, Mul, Piecewise, Rational
+
+from bondgraph.derive.definitions import ONE, ZERO, Constrained, Key, Residual
+from bondgraph.derive.linear import quotient, solve_linear
+from bondgraph.derive.size import is_long
+from bondgraph.errors import DerivationError
+
+if TYPE_CHECKING:
+    from bondgraph.derive.loops import LoopSolver
+
+#: Intermediate results with more operations than this get a name.
+_LONG = 12
+
+
+def solve_constrained(solver: LoopSolver) -> None:
+    """Give the members of a loop through constrained efforts their values.
+
+    Raises
+    ------
+    DerivationError
+        If an effort acts on its own flow nonlinearly or not at all, or several locked elements leave their efforts
+        undetermined.
+    """
+    system = _ConstrainedSystem(solver)
+    derivation = solver.derivation
+    for key, value in zip(system.held, system.solve(), strict=True):
+        derivation.values[key] = derivation.name(key, value)
+    efforts = [derivation.values[key] for key in system.held]
+    for key, (row, constant) in zip(system.rest, system.rest_rows, strict=True):
+        rule = solver.rules[key]
+        assert rule is not None
+        value = Add(constant, *(a * effort for a, effort in zip(row, efforts, strict=True)))
+        derivation.values[key] = derivation.named(key, rule, value)
+
+
+class _ConstrainedSystem:
+    """Rates of the flows as ``constant + row * efforts``, and the efforts that follow from the modes."""
+
+    def __init__(self, solver: LoopSolver) -> None:
+        self.solver, self.derivation = solver, solver.derivation
+        self.held = [key for key in solver.torn if isinstance(solver.rules[key], Constrained)]
+        self.rest = [key for key in solver.torn if key not in self.held]
+        self.rules = [rule for key in self.held if isinstance(rule := solver.rules[key], Constrained)]
+        self.names = [rule.element for rule in self.rules]
+        self.coefficients: dict[Key, dict[Key, Expr]] = {key: {key: ONE} for key in solver.torn}
+        self.constants = ChainMap(dict.fromkeys(solver.torn, ZERO), self.derivation.values)
+        if any(isinstance(solver.rules[key], Residual) for key in solver.torn):
+            raise self._nonlinear()
+        for key in solver.order:
+            self.coefficients[key], self.constants[key] = self._affine(key)
+        self.rest_rows = self._eliminate()
+
+    def _affine(self, key: Key) -> tuple[dict[Key, Expr], Expr]:
+        row = self.solver._affine(key, self.coefficients, self.constants)
+        if row is None:
+            raise self._nonlinear()
+        return row
+
+    def _nonlinear(self) -> DerivationError:
+        names = ", ".join(self.names)
+        return DerivationError(
+            f"{names}: its effort acts on its own flow through a nonlinear algebraic loop, so what keeps it locked has "
+            "no closed form - put an inertance at its junction, or derive the graph smooth",
+            where=tuple(self.names),
+        )
+
+    def _name(self, value: Expr, hint: str) -> Expr:
+        if not is_long(value, _LONG):
+            return value
+        return self.derivation.assign_as(f"lock_{hint}", value, "", f"constraint of {', '.join(self.names)}")
+
+    def _eliminate(self) -> list[tuple[list[Expr], Expr]]:
+        """The other torn variables of the loop (rates of dependent storages) by the efforts: row and constant."""
+        if not self.rest:
+            return []
+        rows = [self._affine(key) for key in self.rest]
+        matrix = [
+            [(ONE if a == b else ZERO) - row.get(b, ZERO) for b in self.rest]
+            for a, (row, _) in zip(self.rest, rows, strict=True)
+        ]
+        columns = []
+        for right in [*([row.get(held, ZERO) for row, _ in rows] for held in self.held), [c for _, c in rows]]:
+            is_zero = self.derivation.zero_test.is_zero
+            copy = [[*line] for line in matrix]
+            columns.append(solve_linear(copy, right, self._name, lambda _: self._nonlinear(), is_zero))
+        return [([column[i] for column in columns[:-1]], columns[-1][i]) for i in range(len(self.rest))]
+
+    def _by_efforts(self, row: dict[Key, Expr], constant: Expr) -> tuple[list[Expr], Expr]:
+        """A row over all torn variables as one over the efforts."""
+        found = [row.get(held, ZERO) for held in self.held]
+        for key, (inner, inner_constant) in zip(self.rest, self.rest_rows, strict=True):
+            if (factor := row.get(key, ZERO)) != 0:
+                found = [Add(a, factor * b) for a, b in zip(found, inner, strict=True)]
+                constant = Add(constant, factor * inner_constant)
+        return found, constant
+
+    def solve(self) -> list[Expr]:
+        """The efforts."""
+        rates = [self._by_efforts(*self._row_of(rule.rate)) for rule in self.rules]
+        for i, rule in enumerate(self.rules):
+            if self.derivation.zero_test.is_zero(rates[i][0][i]):
+                raise rule.refusal()
+        slips = [self._slip(rule) for rule in self.rules]
+        if len(self.rules) == 1:
+            (row, constant), (slip_row, slip) = rates[0], slips[0]
+            locked, free = quotient(constant, -row[0]), slip / (ONE - slip_row[0])
+            return [Piecewise((locked, self.rules[0].constrained), (free, True))]
+        self._require_determined([row for row, _ in rates])
+        return self._joint(rates, slips)
+
+    def _row_of(self, key: Key) -> tuple[dict[Key, Expr], Expr]:
+        return self.coefficients[key], self.constants[key]
+
+    def _slip(self, rule: Constrained) -> tuple[list[Expr], Expr]:
+        """The effort of a slipping element, which may depend on the other efforts (a normal force)."""
+        key: Key = ("slip", rule.element)
+        self.solver.rules[key] = rule.slip
+        return self._by_efforts(*self._affine(key))
+
+    def _joint(self, rates: list[tuple[list[Expr], Expr]], slips: list[tuple[list[Expr], Expr]]) -> list[Expr]:
+        """One equation per element: its flow stays, where it is locked; its effort is the slipping one elsewhere.
+
+        The first is divided by the element's own gain, so that both have the unit of an effort and the diagonal is one.
+        """
+        locked = [
+            self.derivation.assign_as(
+                f"locked_{rule.element}", Piecewise((ONE, rule.constrained), (ZERO, True)), "1",
+                f"one while the flow of {rule.element} is held at zero",
+            )
+            for rule in self.rules
+        ]  # fmt: skip
+        matrix, right = [], []
+        for i, (slip_row, slip) in enumerate(slips):
+            row, constant = rates[i]
+            line = [ZERO if rate == 0 else quotient(-rate, -row[i]) for rate in row]
+            line[i] = ONE
+            constant = quotient(constant, -row[i])
+            before = [g for g in range(i) if self.rules[g].rate == self.rules[i].rate]
+            if before:  # one of them holds the flow already, so this one takes its share of the effort
+                alone = Mul(*(1 - locked[g] for g in before))
+                shares = self._shares(i, {g: locked[g] for g in before})
+                line = [alone * held + (1 - alone) * share for held, share in zip(line, shares, strict=True)]
+                constant = alone * constant
+            free = [(ONE if i == j else ZERO) - slip_row[j] for j in range(len(line))]
+            matrix.append([_mixed(locked[i], held, slips) for held, slips in zip(line, free, strict=True)])
+            right.append(locked[i] * constant + (1 - locked[i]) * slip)
+        # no pivot vanishes, whatever is locked: the gains are those of a mass matrix, and regular with all locked
+        return solve_linear(matrix, right, self._name, lambda _: self._undetermined(), lambda value: value == 0)
+
+    def _shares(self, i: int, locked: Mapping[int, Expr]) -> list[Expr]:
+        """A row that vanishes where an element has its share of what those locked before on its flow carry with it.
+
+        The share is in proportion to what each can hold.
+        """
+        try:
+            static = {k: self.rules[k].static.build(self.derivation.values) for k in (i, *locked)}
+        except KeyError:  # what one can hold depends on the efforts that are to be found
+            raise self._undetermined() from None
+        others = Add(*(locked[g] * static[g] for g in locked))
+        whole = self._name(others + static[i], f"share_{i}")
+        half = Rational(1, 2)  # where none can hold anything
+        line = [ZERO] * len(self.rules)
+        line[i] = Piecewise((others / whole, whole > 0), (half, True))
+        own = Piecewise((static[i] / whole, whole > 0), (half, True))
+        for g, is_locked in locked.items():
+            line[g] = -self.rules[i].sign * self.rules[g].sign * is_locked * own
+        return line
+
+    def _require_determined(self, rates: list[list[Expr]]) -> None:
+        """Refuse gains that are singular with all elements locked, those on a common flow taken as one."""
+        flows = [rule.rate for rule in self.rules]
+        first = [i for i, flow in enumerate(flows) if flow not in flows[:i]]
+        gains = [[rates[i][j] for j in first] for i in first]
+        zero_test = self.derivation.zero_test
+
+        def stand_in(value: Expr, hint: str) -> Expr:
+            if not is_long(value, _LONG):
+                return value
+            short = Dummy(hint, real=True)
+            zero_test.define(short, value)
+            return short
+
+        rows, zeros = [[*row] for row in gains], [ZERO] * len(gains)
+        solve_linear(rows, zeros, stand_in, lambda _: self._undetermined(), zero_test.is_zero)
+
+    def _undetermined(self) -> DerivationError:
+        names = ", ".join(self.names)
+        return DerivationError(
+            f"{self.derivation.causal.graph.name}: with all of {names} locked their efforts are not determined, since "
+            "their flows follow from each other - put a compliance between them, or derive the graph smooth",
+            where=tuple(self.names),
+        )
+
+
+def _mixed(locked: Expr, held: Expr, free: Expr) -> Expr:
+    """One coefficient of an element that is locked or free."""
+    return held if held == free else locked * held + (1 - locked) * free
