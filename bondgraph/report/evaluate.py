@@ -7,16 +7,14 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from sympy import Expr
 
-from bondgraph.declare.elements import ENERGY_VARIABLE, STORAGES, Node
+from bondgraph.declare.elements import STORAGES
 from bondgraph.declare.graph import BondGraph
-from bondgraph.declare.quantities import symbol
 from bondgraph.derive.causality import CausalGraph, assign_causality
 from bondgraph.derive.derivation import Derivation, bond_labels
-from bondgraph.derive.equations import StateEquations
 from bondgraph.errors import DataError, suggest
 from bondgraph.generate.module import render
+from bondgraph.report.energy import energy_name, energy_states, inertia_value
 from bondgraph.simulate.model import Model
 from bondgraph.simulate.modes import consistent_inputs
 
@@ -85,27 +83,14 @@ class _Evaluator:
         self.variables = derivation.variables
         self.model = Model.from_text(render(equations), source=f"{causal.graph.name} (derived)")
         self.own = len(causal.graph.outputs)
-        self.energy = self._energy_states(equations)
-
-    def _energy_states(self, equations: StateEquations) -> dict[str, tuple[int, Expr | None]]:
-        """Energy variable -> index of its state, and the inertia by which a flow state is multiplied."""
-        found: dict[str, tuple[int, Expr | None]] = {}
-        index = {state.symbol: i for i, state in enumerate(equations.states)}
-        for node in self.causal.graph.nodes.values():
-            for port in range(1, node.ports + 1) if node.kind in STORAGES else ():
-                state = self.variables.state_of(node.name, port)
-                if state is not None:
-                    name = _energy_name(node, port)
-                    inertia = self.variables.constant_inertia(node) if state.variable == "flow" else None
-                    found[name] = (index[state.symbol], inertia)
-        return found
+        self.energy = energy_states(self.variables)
 
     def at(self, point: Mapping[str, Any], number: int) -> dict[str, Any]:
         where = f"point {number}"
         theta = self._vector(point.get("parameters", {}), "parameter", self.model.theta(), where)
         values = {p.name: float(v) for p, v in zip(self.model.parameters, theta, strict=True)}
         x = self._states(point.get("states", {}), values, where)
-        t = float(point.get("t", 0.0))
+        t = _number(point.get("t", 0.0), "t", where)
         u = self._with_modes(point, t, x, self._inputs(point, where), theta)
         with np.errstate(all="ignore"):  # a point outside a law's domain gives nan in the answer
             dx = self.model.rhs(t, x, u, theta)
@@ -132,7 +117,7 @@ class _Evaluator:
         for name, value in given.items():
             if name not in names:
                 raise DataError(f"{where}: no {kind} {name!r}{suggest(name, names)}", where=(name,))
-            start[names.index(name)] = float(value)
+            start[names.index(name)] = _number(value, name, where)
         return start
 
     def _inputs(self, point: Mapping[str, Any], where: str) -> Any:
@@ -144,8 +129,9 @@ class _Evaluator:
                     raise DataError(f"{where}: {name} {given[name]!r} is none of {', '.join(codes)}", where=(name,))
                 given[name] = codes[given[name]]
         names = self.model.names("input")
-        rates = {f"d_{name}": value for name, value in point.get("input_derivatives", {}).items()}
         declared = [quantity.name for quantity in self.causal.graph.inputs]
+        rate_names = {used.name: rate.name for used, rate in self.variables.input_rates.items()}
+        rates = {rate_names.get(name, ""): value for name, value in point.get("input_derivatives", {}).items()}
         for name in point.get("input_derivatives", {}):
             if name not in declared:
                 raise DataError(f"{where}: no input {name!r}{suggest(name, declared)}", where=(name,))
@@ -155,13 +141,13 @@ class _Evaluator:
     def _states(self, given: Mapping[str, Any], parameters: Mapping[str, float], where: str) -> Any:
         names = self.model.names("state")
         x = self.model.x0()
-        dependent = {_energy_name(self.causal.graph.nodes[name], port) for name, port in self.causal.derivative}
+        dependent = {energy_name(self.causal.graph.nodes[name], port) for name, port in self.causal.derivative}
         for name, value in given.items():
             if name in self.energy:
-                index, inertia = self.energy[name]
-                x[index] = float(value) / (1.0 if inertia is None else _number(inertia, parameters))
+                state, inertia = self.energy[name]
+                x[names.index(state)] = _number(value, name, where) / inertia_value(inertia, parameters)
             elif name in names:
-                x[names.index(name)] = float(value)
+                x[names.index(name)] = _number(value, name, where)
             elif name not in dependent:
                 known = [*self.energy, *names]
                 raise DataError(
@@ -173,14 +159,13 @@ class _Evaluator:
         self, given: Mapping[str, Any], dx: Any, parameters: Mapping[str, float], bonds: Mapping[str, Any]
     ) -> dict[str, float]:
         names = self.model.names("state")
-        by_energy = {
-            name: float(dx[i]) * (1.0 if inertia is None else _number(inertia, parameters))
-            for name, (i, inertia) in self.energy.items()
-        }
         by_name = {name: float(value) for name, value in zip(names, dx, strict=True)}
-        inverse = {index: name for name, (index, _) in self.energy.items()}
-        keys = list(given) or [inverse.get(i, name) for i, name in enumerate(names)]
-        keys += [key for i, name in enumerate(names) if (key := inverse.get(i, name)) not in keys and name not in keys]
+        by_energy = {
+            name: by_name[state] * inertia_value(inertia, parameters) for name, (state, inertia) in self.energy.items()
+        }
+        inverse = {state: name for name, (state, _) in self.energy.items()}
+        keys = list(given) or [inverse.get(name, name) for name in names]
+        keys += [key for name in names if (key := inverse.get(name, name)) not in keys and name not in keys]
         known = {**by_name, **by_energy}
         return {key: known[key] if key in known else self._dependent_rate(key, bonds) for key in keys}
 
@@ -209,17 +194,17 @@ class _Evaluator:
         return found | {s.name: float(value) for s, value in zip(named, y[self.own + 2 * len(labels) :], strict=True)}
 
 
-def _energy_name(node: Node, port: int) -> str:
-    return f"{ENERGY_VARIABLE[node.kind]}{port if node.ports > 1 else ''}({node.name})"
-
-
-def _number(expression: Expr, parameters: Mapping[str, float]) -> float:
-    return float(expression.subs({symbol(name): value for name, value in parameters.items()}))
+def _number(value: Any, name: str, where: str) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise DataError(f"{where}: {name} must be a number but is {value!r}", where=(name,))
+    return float(value)
 
 
 def _require(point: Mapping[str, Any], known: Sequence[str], where: str) -> None:
     if not isinstance(point, Mapping):
         raise DataError(f"{where}: expected an object with {', '.join(known)}", where=(where,))
-    for key in point:
+    for key, value in point.items():
         if key not in known:
             raise DataError(f"{where}: unknown key {key!r}{suggest(key, known)}", where=(key,))
+        if key != "t" and not isinstance(value, Mapping):
+            raise DataError(f"{where}: {key} must be an object of names and numbers but is {value!r}", where=(key,))

@@ -6,15 +6,17 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
+from sympy import Expr
 
 from bondgraph.data.log import FloatArray, Log, LogChannel
 from bondgraph.data.match import match_inputs
 from bondgraph.declare.graph import BondGraph
 from bondgraph.derive.causality import assign_causality
-from bondgraph.derive.derivation import check_closed, derive
+from bondgraph.derive.derivation import Derivation, check_closed
 from bondgraph.derive.dimensions import check_dimensions
 from bondgraph.errors import OptionError, suggest
 from bondgraph.generate.module import render
+from bondgraph.report.energy import energy_states, inertia_value
 from bondgraph.simulate.inputs import InputSignal, hold_flags
 from bondgraph.simulate.model import Model
 from bondgraph.simulate.scenario import Scenario
@@ -65,22 +67,18 @@ def simulate_graph(graph: BondGraph, inputs: Log | None, options: SimulationOpti
     DataError
         If the table does not fit the inputs.
     """
-    equations = derive(
-        assign_causality(graph),
-        bonds=options.all_variables,
-        smooth=options.smooth,
-        signals=options.signals or options.all_variables,
-    )
+    derivation = Derivation(assign_causality(graph), options.smooth)
+    equations = derivation.equations(options.all_variables, options.signals or options.all_variables)
     check_closed(equations)
     check_dimensions(equations)
     model = Model.from_text(render(equations), source=graph.name)
     theta, constants = _values(model, options.values or {})
-    _require_states(model, options.initial or {})
+    initial = _initial(model, energy_states(derivation.variables), options.initial or {}, theta)
     start = options.scenario.start(model) if options.scenario else {}
     times, table = _inputs(model, inputs, constants, options)
     compiled = options.scenario is not None  # a manoeuvre is run again and again, and its machine code is kept
     return simulate(
-        model, times, table, theta, start | dict(options.initial or {}), rtol=options.rtol, compiled=compiled,
+        model, times, table, theta, start | initial, rtol=options.rtol, compiled=compiled,
         atol=None if options.atol is None else (options.atol,) * len(model.states),
     )  # fmt: skip
 
@@ -105,15 +103,29 @@ def _values(model: Model, values: Mapping[str, float | str]) -> tuple[dict[str, 
     return theta, constants
 
 
-def _require_states(model: Model, initial: Mapping[str, float]) -> None:
-    for name in initial:
-        if name not in model.names("state"):
+def _initial(
+    model: Model,
+    energies: Mapping[str, tuple[str, Expr | None]],
+    given: Mapping[str, float],
+    theta: Mapping[str, float],
+) -> dict[str, float]:
+    """Initial states by their names, given by these or by energy variables of the independent storages."""
+    parameters = {parameter.name: parameter.value for parameter in model.parameters} | dict(theta)
+    found = {}
+    for name, value in given.items():
+        if name in energies:
+            state, inertia = energies[name]
+            found[state] = value / inertia_value(inertia, parameters)
+        elif name in model.names("state"):
+            found[name] = value
+        else:
             known = model.names("state")
             raise OptionError(
-                f"--initial {name}: {model.name} has no state of this name{suggest(name, known)} - it has "
-                f"{', '.join(known)}",
+                f"--initial {name}: {model.name} has no state of this name{suggest(name, (*known, *energies))} - it "
+                f"has {', '.join(known)}",
                 where=("--initial", name),
             )
+    return found
 
 
 def _inputs(

@@ -71,7 +71,8 @@ class Case:
         """What the equations give at a point: (kind, name) -> value."""
         scope: dict[str, Any] = {name: getattr(np, name) for name in _NUMPY}
         scope |= {"np": np, "t": point["t"], "solve": np.linalg.solve, "root": root}
-        scope |= {f"d_{name}": value for name, value in point["input_derivatives"].items()}
+        for name, rate in point["input_derivatives"].items():
+            scope |= {f"d_{name}": rate, f"rate_{name}": rate}
         scope |= {_plain(name): value for name, value in point["parameters"].items()} | dict(point["inputs"])
         states = point["states"]
         found: dict[tuple[str, str], float] = {}

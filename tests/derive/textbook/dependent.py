@@ -23,6 +23,18 @@ CASES = (
         rates=("F",),
     ),
     Case(
+        "rate_of_an_input_beside_a_parameter_of_its_name",
+        """u Se effort: u
+        z 0
+        C C effort: displacement/C
+        d_u R flow: effort/d_u""",
+        "u>z z>C z>d_u",
+        """flow u->z = C*rate_u + u/d_u""",
+        "C=2 d_u=3",
+        "u",
+        rates=("u",),
+    ),
+    Case(
         "square_law_storages_in_parallel",
         """i Sf flow: i
         z 0
