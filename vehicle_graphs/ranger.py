@@ -11,20 +11,23 @@ from collections.abc import Callable
 
 from sympy import Expr
 
+from bondgraph.correct.build import build
 from bondgraph.declare.expressions import signal
 from bondgraph.declare.graph import BondGraph
 from bondgraph.declare.quantities import symbol
+from bondgraph.filter.filter_model import FilterModel
 from vehicle_graphs.axles import End, axle
 from vehicle_graphs.belt import rubber_belt
 from vehicle_graphs.chassis import chassis, quasi_static_chassis
 from vehicle_graphs.clutches import primary_clutch, secondary_clutch
 from vehicle_graphs.engine import engine
 from vehicle_graphs.gearbox import gearbox
+from vehicle_graphs.ranger_filters import NOISE
 from vehicle_graphs.ranger_scenarios import PANELS, SCENARIOS
 from vehicle_graphs.terrain import terrain
 from vehicle_graphs.tyres import Tyre, tanh_tyre
 
-__all__ = ["PANELS", "SCENARIOS", "coast_down", "coast_down_quasi_static", "full", "full_awd"]
+__all__ = ["NOISE", "PANELS", "SCENARIOS", "coast_down", "coast_down_quasi_static", "filter_model", "full", "full_awd"]
 
 #: A function that declares a part.
 Part = Callable[[], BondGraph]
@@ -97,6 +100,17 @@ def coast_down_quasi_static(tyre: Tyre = tanh_tyre) -> BondGraph:
     _vehicle(g, quasi_static_chassis(), tyre, {"thrust": thrust})
     _measure(g)
     return g
+
+
+def filter_model(graph: BondGraph) -> FilterModel:
+    """The filter of one of these graphs, with the noises of its sensors and of the road.
+
+    Examples
+    --------
+    >>> filter_model(coast_down()).process_noise
+    {'inclination': 0.01}
+    """
+    return NOISE[graph.name].filter_model(build(graph).model)
 
 
 def _vehicle(g: BondGraph, body: BondGraph, tyre: Tyre, bind: dict[str, Expr] | None = None) -> None:

@@ -28,7 +28,7 @@ from bondgraph.report.logs import grouped_notes
 from bondgraph.report.manoeuvre import manoeuvre_figure
 from bondgraph.report.plots import launch_figure
 from bondgraph.report.progress import WorkProgress
-from bondgraph.report.scenarios import declared_panels, declared_scenario
+from bondgraph.report.scenarios import declared_noise, declared_panels, declared_scenario
 from bondgraph.report.simulation import SimulationOptions, simulate_graph, trajectory_log
 from bondgraph.report.tables import parameter_table, text_of
 from bondgraph.simulate.model import Model
@@ -71,7 +71,8 @@ def simulate(options: argparse.Namespace) -> int:
 def filter(options: argparse.Namespace) -> int:
     """Filter logs and write states with bands, innovations and consistency."""
     model, driven, logs = _model_and_logs(options)
-    print(filter_logs(model, driven, logs, Path(options.out), options.smooth, options.start))
+    noise = declared_noise(options.model, model.name)
+    print(filter_logs(model, driven, logs, Path(options.out), options.smooth, options.start, noise))
     return 0
 
 

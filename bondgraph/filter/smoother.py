@@ -21,6 +21,9 @@ from bondgraph.errors import FilterError, suggest
 from bondgraph.filter.filter_run import FilterRun
 from bondgraph.simulate.arrays import FloatArray
 
+#: Eigenvalues of a correlation matrix below this share of the largest are rounding.
+_ROUNDING = 1e-11
+
 
 @dataclass(frozen=True)
 class SmootherRun:
@@ -128,16 +131,16 @@ def smooth_step(
 def _gain(cross_cov: FloatArray, predicted_cov: FloatArray) -> FloatArray:
     """``cross_cov`` times the inverse of ``predicted_cov``; a state known exactly takes no part.
 
-    Scaled to unit variances first, since states in different units may differ by many orders of magnitude.
+    Scaled to unit variances first, since states in different units may differ by many orders of magnitude. Directions
+    that are known up to rounding (fast states that have forgotten where they were) say nothing about the sample before:
+    they take no part either.
     """
     variance: FloatArray = np.diag(predicted_cov)
     known = variance <= 0
     scale: FloatArray = np.where(known, 0.0, 1.0 / np.sqrt(np.where(known, 1.0, variance)))
     correlation = scale[:, np.newaxis] * predicted_cov * scale
     scaled = cross_cov * scale
-    try:
-        gain = np.asarray(np.linalg.solve(correlation, scaled.T), dtype=np.float64).T
-    except np.linalg.LinAlgError:
-        gain = scaled @ np.asarray(np.linalg.pinv(correlation, hermitian=True), dtype=np.float64)
-    result: FloatArray = gain * scale
+    values, vectors = np.linalg.eigh(correlation)
+    inverse = np.where(values > _ROUNDING * values[-1], 1.0 / np.where(values > 0.0, values, 1.0), 0.0)
+    result: FloatArray = ((scaled @ vectors) * inverse) @ vectors.T * scale
     return result

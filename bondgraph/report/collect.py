@@ -14,10 +14,12 @@ import bondgraph
 from bondgraph.data.log import MatchedLog
 from bondgraph.declare.effect import Effect, Place
 from bondgraph.declare.graph import BondGraph
+from bondgraph.estimate.initial import directly_measured
 from bondgraph.filter.filter_run import FilterRun
 from bondgraph.report.series import (
     ChannelSeries,
     Coefficient,
+    FloatArray,
     FoundEffect,
     ParameterChange,
     Prediction,
@@ -86,7 +88,10 @@ def channel_series(
 
 
 def state_bands(run: FilterRun, smoothed: FilterRun | None = None) -> tuple[StateBand, ...]:
-    """Filtered states with their standard deviations, and the measurement where an output is that state.
+    """Filtered states with their standard deviations, and the measurement where an output measures that state alone.
+
+    An output of the same name may measure more (a pitch that contains the inclination of the road): it is not shown as
+    the state.
 
     Parameters
     ----------
@@ -96,16 +101,43 @@ def state_bands(run: FilterRun, smoothed: FilterRun | None = None) -> tuple[Stat
         A record whose filtered beliefs are smoothed ones, if there is one: its means and bands are shown instead.
     """
     model = run.filter_model.model
+    direct = directly_measured(model, model.u0(), model.theta())
+    measures = {state: (run.y[row] - offset) / slope for row, (state, slope, offset) in direct.items()}
     units = {info.name: info.unit for info in model.states} | {info.name: info.unit for info in model.parameters}
     shown = smoothed or run
     bands = []
-    for name in run.filter_model.state_names:
-        mean = shown.mean(name)
-        measured = next(
-            (run.y[row] for row, info in enumerate(model.outputs) if info.name == name), np.full(run.time.size, np.nan)
-        )
-        bands.append(StateBand(name, units[name], run.time, mean, shown.std(name), measured))
+    for index, name in enumerate(run.filter_model.state_names):
+        measured = measures.get(index, np.full(run.time.size, np.nan))
+        bands.append(StateBand(name, units[name], run.time, shown.mean(name), shown.std(name), measured))
     return tuple(bands)
+
+
+def output_bands(run: FilterRun, smoothed: FilterRun, u: FloatArray) -> tuple[StateBand, ...]:
+    """What the beliefs say about measured outputs that are more than one state, with the measurements.
+
+    Parameters
+    ----------
+    run, smoothed
+        As for :func:`state_bands`; beliefs about appended parameters are left out.
+    u
+        Inputs at the samples, shape (n_u, n).
+    """
+    model = run.filter_model.model
+    direct = directly_measured(model, model.u0(), model.theta())
+    rows = [row for row in range(len(model.outputs)) if row not in direct and np.isfinite(run.y[row]).any()]
+    if not rows:
+        return ()
+    size = len(model.states)
+    values, vectors = np.linalg.eigh(np.moveaxis(smoothed.filtered_cov[:size, :size], -1, 0))
+    spread = np.moveaxis(vectors * np.sqrt(size * np.maximum(values, 0.0))[:, np.newaxis, :], 0, -1)
+    mean = smoothed.filtered_mean[:size, np.newaxis]
+    points = np.concatenate([mean + spread, mean - spread], axis=1)  # (n_x, 2 n_x, n), with the belief's moments
+    y = model.output(0.0, points, u[:, np.newaxis], model.theta())
+    infos = [model.outputs[row] for row in rows]
+    return tuple(
+        StateBand(f"{info.name} (measured)", info.unit, run.time, y[row].mean(axis=0), y[row].std(axis=0), run.y[row])
+        for row, info in zip(rows, infos, strict=True)
+    )
 
 
 def parameter_changes(

@@ -14,9 +14,10 @@ from bondgraph.estimate.initial import Initial, initial_states
 from bondgraph.filter.consistency import Consistency, consistency
 from bondgraph.filter.filter_run import FilterRun
 from bondgraph.filter.likelihood import run
+from bondgraph.filter.noise import Noise
 from bondgraph.filter.smoother import smooth
 from bondgraph.report.closed_loop import write_json
-from bondgraph.report.collect import state_bands
+from bondgraph.report.collect import output_bands, state_bands
 from bondgraph.report.numbers import shown
 from bondgraph.report.plots import state_figure
 from bondgraph.simulate.model import Model
@@ -29,18 +30,19 @@ def filter_logs(
     folder: Path,
     smoothed: bool = False,
     initial: Initial = "measured",
+    noise: Noise | None = None,
 ) -> str:
     """Filter logs with a model at its declared parameters and write states, innovations and consistency.
 
-    Noises are taken from the logs as for an estimation. Writes ``NAME_states.csv`` and ``NAME_states.png`` per log and
-    one ``result.json``.
+    Noises are the declared ones, or else taken from the logs as for an estimation. Writes ``NAME_states.csv`` and
+    ``NAME_states.png`` per log and one ``result.json``.
 
     Returns
     -------
     str
         A summary for the terminal.
     """
-    filter_model = filter_setup(model, driven, logs).filter_model
+    filter_model = noise.filter_model(model) if noise else filter_setup(model, driven, logs).filter_model
     folder.mkdir(parents=True, exist_ok=True)
     lines, result = [], {}
     for log in logs:
@@ -48,7 +50,8 @@ def filter_logs(
         record = run(filter_model, log, x0=start).raise_if_failed()
         shown_run = _smoothed(record) if smoothed else record
         write_log(folder / f"{log.name}_states.csv", _states_log(shown_run))
-        state_figure(state_bands(record, shown_run), log.name).savefig(folder / f"{log.name}_states.png", dpi=150)
+        bands = (*state_bands(record, shown_run), *output_bands(record, shown_run, log.u))
+        state_figure(bands, log.name).savefig(folder / f"{log.name}_states.png", dpi=150)
         found = consistency(record)
         result[log.name] = {"nll": record.nll, "nis_mean": found.nis_mean, "nis_band": list(found.nis_band)}
         result[log.name] |= {"channels": _channels(found)}

@@ -1,4 +1,4 @@
-"""Scenarios and panels declared beside a graph, found by the reference ``module:function`` of the graph."""
+"""Scenarios, panels and noises declared beside a graph, found by the reference ``module:function`` of the graph."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from bondgraph.errors import OptionError, suggest
+from bondgraph.filter.noise import Noise
 from bondgraph.simulate.scenario import Panel, Scenario
 
 
@@ -46,6 +47,12 @@ def declared_panels(reference: str) -> Sequence[Panel]:
     """The panels in the module of a graph, none where it declares none."""
     panels: Sequence[Panel] = _declared(reference, "PANELS", ())
     return panels
+
+
+def declared_noise(reference: str, model: str) -> Noise | None:
+    """The noise that the module of a graph declares for a model, None where it declares none."""
+    known: Mapping[str, Noise] = _declared(reference, "NOISE", {})
+    return known.get(model)
 
 
 def _declared(reference: str, name: str, otherwise: Any) -> Any:
