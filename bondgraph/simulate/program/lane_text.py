@@ -138,6 +138,7 @@ class _Printer:
             ready = [(node, row) for node, row in stores if self._done(node) == phase]
             body += [f"{element(row)} = {self._read(node, phase)}" for node, row in ready]
             lines += _loop(body)
+            self._text = {}  # after that loop its names hold the last lane's values: all that follows reads rows
             for i, operation in enumerate(operations):
                 if self._phase[i] == phase and operation.kind not in _SMOOTH:
                     lines += self._rough(i, operation, phase)
