@@ -7,6 +7,7 @@ value or in the header of a log. Angles are dimensionless, as in the SI.
 from __future__ import annotations
 
 import functools
+import re
 from collections.abc import Mapping
 from fractions import Fraction
 from typing import Any
@@ -31,9 +32,26 @@ def registry() -> pint.UnitRegistry[Any]:
     return units
 
 
+#: Products that are often written as one word; pint takes ``Nm`` for a measure of yarn.
+_WORDS = {
+    "Nm": "N*m", "Nms": "N*m*s", "Ns": "N*s", "Vs": "V*s", "As": "A*s", "Ws": "W*s", "Js": "J*s", "Pas": "Pa*s",
+    "Ohm": "ohm",
+}  # fmt: skip
+_WORD = re.compile(rf"\b({'|'.join(_WORDS)})\b")
+_POWER = re.compile(r"\b(m|s|kg|A|K)(\d)\b")
+
+
+def _spelled(unit: str) -> str:
+    """A unit string as pint reads it."""
+    text = unit.strip()
+    if text in ("", "1", "-"):
+        return "dimensionless"
+    return _POWER.sub(r"\1^\2", _WORD.sub(lambda found: f"({_WORDS[found[1]]})", text))
+
+
 @functools.cache
 def parse_unit(unit: str) -> pint.Unit:
-    """The pint unit of a unit string; ``1`` is dimensionless.
+    """The pint unit of a unit string; ``1`` and ``-`` are dimensionless, ``Nm`` is a newton metre, ``m3`` a cubic one.
 
     Raises
     ------
@@ -42,11 +60,11 @@ def parse_unit(unit: str) -> pint.Unit:
 
     Examples
     --------
-    >>> parse_unit("N m / A").is_compatible_with("V s")
-    True
+    >>> parse_unit("N m / A").is_compatible_with("V s"), parse_unit("Nm s/rad") == parse_unit("N m s / rad")
+    (True, True)
     """
     try:
-        return registry().Unit("dimensionless" if unit.strip() in ("", "1") else unit)
+        return registry().Unit(_spelled(unit))
     except Exception as error:  # pint raises many kinds: undefined unit, tokenizer and syntax errors
         raise DeclarationError(
             f"unit {unit!r} is not known ({type(error).__name__}) - "

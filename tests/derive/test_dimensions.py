@@ -157,3 +157,19 @@ def test_rates_of_inputs_have_units():
     equations = derive(assign_causality(g))
     check_dimensions(equations)
     assert dimension(equations.inputs[1].unit) == dimension("m/s^2")
+
+
+@pytest.mark.parametrize(
+    ("written", "meant"),
+    [
+        ("Nm", "N m"),
+        ("Nms/rad", "N m s"),
+        ("Ns/m", "N s/m"),
+        ("m3/s", "m^3/s"),
+        ("Ohm", "ohm"),
+        ("-", "1"),
+        ("Vs", "Wb"),
+    ],
+)
+def test_units_written_as_one_word_are_products(written, meant):
+    assert dimension(written) == dimension(meant)
