@@ -13,7 +13,7 @@ from collections import ChainMap
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
-from sympy import Add, Dummy, Expr, Mul, Piecewise, Rational
+from sympy import Abs, Add, Dummy, Expr, Float, Mul, Piecewise, Rational
 
 from bondgraph.derive.definitions import ONE, ZERO, Constrained, Key, Residual
 from bondgraph.derive.linear import quotient, solve_linear
@@ -25,6 +25,11 @@ if TYPE_CHECKING:
 
 #: Intermediate results with more operations than this get a name.
 _LONG = 12
+#: A pivot below this is zero.
+_NO_PIVOT = Float(1e-12)
+
+#: Coefficients of the efforts, and a constant.
+_Row = tuple[list[Expr], Expr]
 
 
 def solve_constrained(solver: LoopSolver) -> None:
@@ -33,8 +38,7 @@ def solve_constrained(solver: LoopSolver) -> None:
     Raises
     ------
     DerivationError
-        If an effort acts on its own flow nonlinearly or not at all, or several locked elements leave their efforts
-        undetermined.
+        If an effort acts on its own flow nonlinearly or not at all.
     """
     system = _ConstrainedSystem(solver)
     derivation = solver.derivation
@@ -120,8 +124,11 @@ class _ConstrainedSystem:
             (row, constant), (slip_row, slip) = rates[0], slips[0]
             locked, free = quotient(constant, -row[0]), slip / (ONE - slip_row[0])
             return [Piecewise((locked, self.rules[0].constrained), (free, True))]
-        self._require_determined([row for row, _ in rates])
-        return self._joint(rates, slips)
+        matrix, right = self._joint(rates, slips)
+        if not self._are_determined([row for row, _ in rates]):
+            return self._solve_where_determined(matrix, right)
+        # no pivot vanishes, whatever is locked: the gains are those of a mass matrix
+        return solve_linear(matrix, right, self._name, lambda _: _SingularError(), lambda value: value == 0)
 
     def _row_of(self, key: Key) -> tuple[dict[Key, Expr], Expr]:
         return self.coefficients[key], self.constants[key]
@@ -132,7 +139,7 @@ class _ConstrainedSystem:
         self.solver.rules[key] = rule.slip
         return self._by_efforts(*self._affine(key))
 
-    def _joint(self, rates: list[tuple[list[Expr], Expr]], slips: list[tuple[list[Expr], Expr]]) -> list[Expr]:
+    def _joint(self, rates: list[_Row], slips: list[_Row]) -> tuple[list[list[Expr]], list[Expr]]:
         """One equation per element: its flow stays, where it is locked; its effort is the slipping one elsewhere.
 
         The first is divided by the element's own gain, so that both have the unit of an effort and the diagonal is one.
@@ -159,8 +166,7 @@ class _ConstrainedSystem:
             free = [(ONE if i == j else ZERO) - slip_row[j] for j in range(len(line))]
             matrix.append([_mixed(locked[i], held, slips) for held, slips in zip(line, free, strict=True)])
             right.append(locked[i] * constant + (1 - locked[i]) * slip)
-        # no pivot vanishes, whatever is locked: the gains are those of a mass matrix, and regular with all locked
-        return solve_linear(matrix, right, self._name, lambda _: self._undetermined(), lambda value: value == 0)
+        return matrix, right
 
     def _shares(self, i: int, locked: Mapping[int, Expr]) -> list[Expr]:
         """A row that vanishes where an element has its share of what those locked before on its flow carry with it.
@@ -170,7 +176,7 @@ class _ConstrainedSystem:
         try:
             static = {k: self.rules[k].static.build(self.derivation.values) for k in (i, *locked)}
         except KeyError:  # what one can hold depends on the efforts that are to be found
-            raise self._undetermined() from None
+            raise self._unknown_capacity() from None
         others = Add(*(locked[g] * static[g] for g in locked))
         whole = self._name(others + static[i], f"share_{i}")
         half = Rational(1, 2)  # where none can hold anything
@@ -181,8 +187,8 @@ class _ConstrainedSystem:
             line[g] = -self.rules[i].sign * self.rules[g].sign * is_locked * own
         return line
 
-    def _require_determined(self, rates: list[list[Expr]]) -> None:
-        """Refuse gains that are singular with all elements locked, those on a common flow taken as one."""
+    def _are_determined(self, rates: list[list[Expr]]) -> bool:
+        """Whether the efforts of all elements follow when all are locked, those on a common flow taken as one."""
         flows = [rule.rate for rule in self.rules]
         first = [i for i, flow in enumerate(flows) if flow not in flows[:i]]
         gains = [[rates[i][j] for j in first] for i in first]
@@ -195,16 +201,53 @@ class _ConstrainedSystem:
             zero_test.define(short, value)
             return short
 
-        rows, zeros = [[*row] for row in gains], [ZERO] * len(gains)
-        solve_linear(rows, zeros, stand_in, lambda _: self._undetermined(), zero_test.is_zero)
+        try:
+            solve_linear(gains, [ZERO] * len(gains), stand_in, lambda _: _SingularError(), zero_test.is_zero)
+        except _SingularError:
+            return False
+        return True
 
-    def _undetermined(self) -> DerivationError:
+    def _solve_where_determined(self, matrix: list[list[Expr]], right: list[Expr]) -> list[Expr]:
+        """Elimination along the diagonal; an effort that the ones before leave no work for is zero.
+
+        A body at rest between two stops, or one that friction and a stop both hold, is such a case: statically
+        indeterminate, so that any efforts in balance will do. The rows have been brought to a diagonal of one, hence a
+        pivot that vanishes is rounding of one.
+        """
+        n, pivots, kept = len(right), [], []
+        for k, name in enumerate(self.names):
+            pivot = self._name(matrix[k][k], f"pivot_{k}")
+            keep = self.derivation.assign_as(
+                f"determined_{name}", Piecewise((ONE, Abs(pivot) > _NO_PIVOT), (ZERO, True)), "1",
+                f"zero where others hold the flow of {name} already",
+            )  # fmt: skip
+            pivots.append(self._name(pivot + 1 - keep, f"divisor_{k}"))
+            kept.append(keep)
+            for i in range(k + 1, n):
+                if matrix[i][k] == 0:
+                    continue
+                ratio = self._name(keep * matrix[i][k] / pivots[k], f"ratio_{i}_{k}")
+                for j in range(k + 1, n):
+                    if matrix[k][j] != 0:
+                        matrix[i][j] = self._name(matrix[i][j] - ratio * matrix[k][j], f"entry_{i}_{j}")
+                right[i] = self._name(right[i] - ratio * right[k], f"right_{i}")
+        efforts: list[Expr] = [ZERO] * n
+        for k in reversed(range(n)):
+            later = Add(*(matrix[k][j] * efforts[j] for j in range(k + 1, n)))
+            efforts[k] = self._name(kept[k] * (right[k] - later) / pivots[k], f"effort_{k}")
+        return efforts
+
+    def _unknown_capacity(self) -> DerivationError:
         names = ", ".join(self.names)
         return DerivationError(
-            f"{self.derivation.causal.graph.name}: with all of {names} locked their efforts are not determined, since "
-            "their flows follow from each other - put a compliance between them, or derive the graph smooth",
+            f"{self.derivation.causal.graph.name}: how {names} share the effort on their flow is not determined, since "
+            "what one of them can hold depends on that effort - join them into one, or derive the graph smooth",
             where=tuple(self.names),
         )
+
+
+class _SingularError(Exception):
+    """Gains that leave an effort free."""
 
 
 def _mixed(locked: Expr, held: Expr, free: Expr) -> Expr:

@@ -149,6 +149,8 @@ class _Run:
         start_values = functions(np.array([start]), self.state.x[:, np.newaxis])
         above = np.maximum(0.0, -start_values)  # rounding of the last event is no distance that must be made up first
         tolerance = self.modes.rounding(self._point(segment), self.now)[rows]
+        is_flow = [self.modes.is_flow(watch) for watch in watches]  # it may be held at zero by another element
+        tolerance = np.maximum(tolerance, np.where(is_flow, _ROUNDING * self.largest[rows], 0.0))
 
         def until(left: float, right: float, dense: Callable[[FloatArray], FloatArray]) -> float | None:
             ends = np.array([left, right])

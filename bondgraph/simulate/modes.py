@@ -82,6 +82,10 @@ class Modes:
                 found.append(Watch(i, first + int(mode), 1.0))
         return found
 
+    def is_flow(self, watch: Watch) -> bool:
+        """Whether a watched function is the flow of a friction that slips."""
+        return self.kinds[watch.mode] == "friction" and watch.row == self.first[watch.mode]
+
     def values(self, at: Point, modes: FloatArray) -> FloatArray:
         """All zero functions (n_events,) at a point, in the given modes."""
         return self.model.events(at.t, at.x, self.with_modes(at.u, modes), self.theta)

@@ -170,12 +170,21 @@ def test_elements_on_one_flow_carry_it_in_proportion_to_what_they_can_hold():
     assert found.state("v_block")[-1] == pytest.approx(0.5 * 5.0 * 0.5 / 2.0, abs=1e-9)
 
 
-def test_flows_that_follow_from_each_other_are_refused_since_the_efforts_are_not_determined():
-    g = train((1.0, 2.0), (3.0,), (4.0, 5.0))
-    said = refused(g)
-    assert "locked their efforts are not determined" in said and "floor0" in said
-    assert "put a compliance between them" in said
-    assert derive(assign_causality(g)).modes == ()
+def test_of_elements_whose_flows_follow_from_each_other_the_ones_that_are_needed_hold():
+    """Two masses on a floor and a joint between them: with all three locked one is not needed."""
+    model = exact(train((1.0, 2.0), (3.0,), (4.0, 5.0)))
+    places = [model.index("input", mode.input) for mode in model.modes]
+    for seed in range(20):
+        rng = np.random.default_rng(seed)
+        forces = rng.uniform(-12.0, 12.0, 2)
+        u = model.u0(F0=forces[0], F1=forces[1])
+        u[places] = rng.integers(-1, 2, 3)
+        a = model.rhs(0.0, np.zeros(2), u, model.theta())
+        held = u[places] == 0
+        np.testing.assert_allclose(np.array([a[0] - a[1], a[0], a[1]])[held], 0.0, atol=1e-12)
+        u = consistent_inputs(model, 0.0, np.zeros(2), u, model.theta())
+        events = model.events(0.0, np.zeros(2), u, model.theta()).reshape(3, 3)
+        assert (events[u[places] == 0, 1:] >= -1e-12).all()
 
 
 def test_a_flow_that_is_imposed_cannot_lock():

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import numpy as np
 import sympy
 
 from bondgraph.declare.domains import ELECTRICAL, ROTATION, TRANSLATION
@@ -115,6 +116,34 @@ def cradle(balls: int = 3, restitution: float = 1.0) -> BondGraph:
         g.bond(junctions[i + 1], between)
         g.bond(between, junctions[i])
         impact(g, f"hit{i}", places[i + 1] - places[i], e, stiffness=stiffness, width=width, at=between)
+    return g
+
+
+def room(seed: int) -> BondGraph:
+    """Three bodies that slide on a rough floor between two walls and hit each other, the middle one on a spring."""
+    rng = np.random.default_rng(seed)
+    g = BondGraph("room")
+    width, size = g.parameter("width", 1e-3, "m/s"), g.parameter("size", 1.0, "m")
+    e = g.parameter("e", float(rng.uniform(0.0, 1.0)), "1")
+    stiffness, depth = g.parameter("k", 1e6, "N/m"), g.parameter("depth", 1e-6, "m")
+    wall = g.one_junction("wall", TRANSLATION)
+    g.flow_source("fixed", 0, at=wall)
+    bodies = [g.one_junction(f"body{i}", TRANSLATION) for i in range(3)]
+    places = [g.integral(f"x{i}", body.flow, "m", initial=float(i)) for i, body in enumerate(bodies)]
+    for i, body in enumerate(bodies):
+        mass, level = (g.parameter(n, float(rng.uniform(*r)), u) for n, r, u in (
+            (f"m{i}", (0.5, 3.0), "kg"), (f"c{i}", (0.1, 1.0), "N")
+        ))  # fmt: skip
+        g.inertance(f"mass{i}", mass, at=body, state=f"v{i}", initial=float(rng.uniform(-3.0, 3.0)))
+        friction(g, f"floor{i}", level, width=width, at=body)
+    g.compliance("spring", g.parameter("k_spring", float(rng.uniform(1.0, 30.0)), "N/m"), at=bodies[1], initial=0.3)
+    pairs = [(places[0] + size, bodies[0], wall), (3 * size - places[2], wall, bodies[2])]
+    pairs += [(places[i + 1] - places[i], bodies[i + 1], bodies[i]) for i in range(2)]
+    for i, (gap, front, behind) in enumerate(pairs):
+        between = g.zero_junction(f"between{i}", TRANSLATION)
+        g.bond(front, between)
+        g.bond(between, behind)
+        impact(g, f"hit{i}", gap, e, stiffness=stiffness, width=depth, at=between)
     return g
 
 

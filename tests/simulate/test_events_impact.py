@@ -12,7 +12,7 @@ from bondgraph.declare.modal import clutch, impact
 from bondgraph.errors import ModelError
 from bondgraph.simulate.outcome import Outcome
 from bondgraph.simulate.simulate import simulate
-from tests.simulate.machines import ball, cradle, exact, shaker
+from tests.simulate.machines import ball, cradle, exact, room, shaker
 
 FALL = np.sqrt(2.0 / 9.81)
 
@@ -112,6 +112,21 @@ def test_an_impact_on_a_body_behind_a_clutch_makes_the_clutch_slip():
     assert [event.what for event in found.events] == ["rebounds"]
     np.testing.assert_allclose(found.x[:2, -1], [-0.5, 1.0], atol=1e-7)
     assert found.input("mode_grip")[-1] == 1.0
+
+
+@pytest.mark.parametrize("seed", [3, 8])
+def test_rough_bodies_between_walls_never_overlap_nor_gain_energy(seed):
+    """Statically indeterminate in many of its modes: floor, walls and neighbours may hold the same body."""
+    model = exact(room(seed))
+    found = simulate(model, np.linspace(0.0, 5.0, 101))
+    assert found.outcome is Outcome.OK and len(found.events) > 5
+    places = np.stack([found.state(f"x{i}") for i in range(3)])
+    walled = np.vstack([np.full(101, -1.0), places, np.full(101, 3.0)])
+    assert np.diff(walled, axis=0).min() > -1e-9
+    value = dict(zip(model.names("parameter"), model.theta(), strict=True))
+    energy = value["k_spring"] * found.state("q_spring") ** 2 / 2
+    energy = energy + sum(value[f"m{i}"] * found.state(f"v{i}") ** 2 / 2 for i in range(3))
+    assert np.diff(energy).max() < 1e-8 < energy[0] - energy[-1]
 
 
 def test_the_smooth_form_rebounds_like_the_exact_one():
