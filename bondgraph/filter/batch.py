@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from bondgraph.filter import kernel, kernel_algebra, kernel_record
+from bondgraph.filter import kernel, kernel_algebra, kernel_channels, kernel_record
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.filter_run import FilterRun
 from bondgraph.filter.kernel_record import Record
@@ -168,7 +168,7 @@ class _CompiledFilter:
 
     @classmethod
     def of(cls, filter_model: FilterModel) -> _CompiledFilter:
-        functions = load_kernel(kernel, kernel_algebra, kernel_record)
+        functions = load_kernel(kernel, kernel_algebra, kernel_channels, kernel_record)
         return cls(filter_model, functions.filter_members, load_lanes(filter_model.model, filter_model.is_stiff))
 
     def run(self, run: BatchRun, batch: MemberBatch, first: int, end: int) -> None:
@@ -179,7 +179,7 @@ class _CompiledFilter:
         side_by_side = 1 if end - first == 1 else (end - first + 7) // 8 * 8
         work = _work(self.filter_model, lanes, side_by_side)
         self.filter_members(
-            equations, _log(run.samples), self._rules(), members, first, end, run.verdicts, run.record, work
+            equations, log_rows(run.samples), self._rules(), members, first, end, run.verdicts, run.record, work
         )
 
     def _rules(self) -> Rules:
@@ -201,7 +201,7 @@ class _CompiledFilter:
         )
 
 
-def _log(samples: Samples) -> Log:
+def log_rows(samples: Samples) -> Log:
     """Samples as contiguous rows in time."""
 
     def rows(array: FloatArray) -> FloatArray:

@@ -52,8 +52,8 @@ def draw_logs(
     theta, x0
         Parameters (n_theta,) and mean initial state (n_x,); None: declared values, those of the pattern first.
     substeps
-        Integration steps between samples; None: four times those of the filter, so that the truth does not share the
-        discretisation error of the filter.
+        Runge-Kutta steps between samples; None: four times as many as the filter has, so that the truth does not share
+        its discretisation error (give them where the filter has a stiff method, which needs fewer).
     compiled
         Integrate with the compiled model.
 

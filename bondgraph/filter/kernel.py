@@ -18,7 +18,8 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from bondgraph.filter.kernel_algebra import _condition, _draw, _expect, _factor, _find_measured, _join, _moments
+from bondgraph.filter.kernel_algebra import _condition, _draw, _expect, _factor, _join, _moments
+from bondgraph.filter.kernel_channels import _find_measured
 from bondgraph.filter.kernel_record import (
     Record,
     _keep_belief,

@@ -5,17 +5,7 @@ from __future__ import annotations
 import math
 
 from bondgraph.filter.kernel_types import Members, Rules, Work
-from bondgraph.simulate.arrays import FloatArray, IntArray
-
-
-def _find_measured(y: FloatArray, k: int, channels: IntArray) -> int:
-    """Number of channels measured at sample ``k``; their positions go into ``channels``."""
-    measured = 0
-    for a in range(channels.size):
-        if not math.isnan(y[k, a]):
-            channels[measured] = a
-            measured += 1
-    return measured
+from bondgraph.simulate.arrays import FloatArray
 
 
 def _draw(rules: Rules, work: Work) -> None:

@@ -60,10 +60,10 @@ def lane_text(equations: ModelProgram, stiff: bool) -> LaneText:
             w[112 + l] = w[96 + l]
             w[128 + l] = dx1_9
     """
-    return _Writer(equations, stiff).text()
+    return Writer(equations, stiff).text()
 
 
-class _Writer:
+class Writer:
     """Lays out the work buffer and prints one function after another."""
 
     def __init__(self, equations: ModelProgram, stiff: bool) -> None:
@@ -134,10 +134,7 @@ class _Writer:
         stored: dict[int, int] = {}
 
         def known(node: int) -> int:
-            operation = tape.operations[node]
-            if operation.kind == "constant" or (operation.kind == "leaf" and operation.value[0] != "step"):
-                return node
-            return tape.leaf("factors", stored.setdefault(node, len(stored)))
+            return self._stored(node, stored, "factors")
 
         kept = SparseFactors(
             factors.order,
@@ -149,10 +146,21 @@ class _Writer:
         self._n_factors = len(stored)
         return tape.program([*self._hoister.rewrite(equations.trend_nodes()), *stored]), solution
 
+    def _stored(self, node: int, stored: dict[int, int], vector: str) -> int:
+        """How another function reads a node: directly where it is fixed, else from a vector in which it is kept."""
+        operation = self._tape.operations[node]
+        if operation.kind == "constant" or (operation.kind == "leaf" and operation.value[0] in ("theta", "hoisted")):
+            return node
+        return self._tape.leaf(vector, stored.setdefault(node, len(stored)))
+
+    def _sizes(self) -> dict[str, int]:
+        """Results that go into one vector where others of the same function go elsewhere."""
+        return {"trend": self._equations.sizes["x"]}
+
     def _function(
         self, name: str, arguments: str, program: Program, places: dict[str, Place], targets: list[str]
     ) -> str:
-        sizes = {"trend": self._equations.sizes["x"]}
+        sizes = self._sizes()
         rows: list[int] = []
         for target in targets:
             count = sizes.get(target, len(program.results) - len(rows))
@@ -178,11 +186,15 @@ class _Writer:
     def _kernel(self) -> str:
         unused = "_rk4_step" if self._stiff else "_rosenbrock_step"
         used = "_rosenbrock_step" if self._stiff else "_rk4_step"
-        parts = _functions(lane_kernel, "@_inner")
-        kept = [part.replace("one_step", used) for part in parts if f"def {unused}" not in part]
-        kept.sort(key=lambda part: "def advance" in part)
-        kept[-1] = kept[-1].removeprefix("@_inner\n")
-        return "\n\n\n".join(kept)
+        parts = kernel_functions(lane_kernel, "@_inner", callback="advance")
+        return "\n\n\n".join(part.replace("one_step", used) for part in parts if f"def {unused}" not in part)
+
+
+def kernel_functions(kernel: ModuleType, decorator: str, callback: str) -> list[str]:
+    """Functions of a kernel module with a decorator; the one that becomes a C callback comes last and without it."""
+    parts = _functions(kernel, decorator)
+    last = next(part for part in parts if f"def {callback}(" in part)
+    return [*(part for part in parts if part is not last), last.removeprefix(f"{decorator}\n")]
 
 
 def _functions(kernel: ModuleType, decorator: str) -> list[str]:

@@ -18,13 +18,19 @@ SLOPE: int
 TOTAL: int
 TREND: int
 STAGES: int
+DIN: int
+DOUT: int
 
-#: ``rates(clock, inputs, w, n)`` and ``factor(clock, inputs, w, n)``
+#: ``rates(clock, inputs, w, n)``, and the same for ``slopes`` and ``factor``
 rates: Callable[[FloatArray, FloatArray, FloatArray, int], None]
+slopes: Callable[[FloatArray, FloatArray, FloatArray, int], None]
 factor: Callable[[FloatArray, FloatArray, FloatArray, int], None]
 
 #: The step of the method at hand: ``_rk4_step`` or ``_rosenbrock_step``.
 one_step: Callable[..., None]
+
+#: ``push(seed, w, n)``
+push: Callable[[FloatArray, FloatArray, int], None]
 
 #: ``substitute(w, n)``
 substitute: Callable[[FloatArray, int], None]

@@ -12,6 +12,7 @@ from bondgraph.simulate.arrays import FloatArray
 from bondgraph.simulate.compile import HEADER, load_compiled
 from bondgraph.simulate.model import Model
 from bondgraph.simulate.program.lane_model import lane_text
+from bondgraph.simulate.program.lane_tangent import TangentText, tangent_text
 from bondgraph.simulate.program.lane_text import LANES
 
 #: ``prepare(w, n)``
@@ -62,6 +63,47 @@ class LaneModel:
     def buffer(self) -> FloatArray:
         """A new work buffer."""
         return np.zeros(self.rows * LANES)
+
+
+_TANGENT_CALLBACKS = """
+_V, _M = "float64[::1]", "float64[:, ::1]"
+prepare_lanes = CompiledFunction(cfunc(f"void({_V}, int64)", **_options)(prepare))
+advance_lanes = CompiledFunction(
+    cfunc(f"void(float64, float64, int64, {_V}, {_V}, {_V}, {_V}, {_M}, {_M}, {_V}, int64)", **_options)(
+        advance_tangents
+    )
+)
+measure_lanes = CompiledFunction(cfunc(f"void({_V}, {_V}, {_V}, int64)", **_options)(measure_slopes))
+push_lanes = CompiledFunction(cfunc(f"void({_V}, {_V}, int64)", **_options)(push_output))
+"""
+
+
+@dataclass(frozen=True)
+class TangentLanes:
+    """Compiled tangent functions of one model, see ``lane_tangent``: ``push`` is the one of the outputs."""
+
+    prepare: Prepare
+    advance: Callable[..., None]
+    measure: Measure
+    push: Callable[[FloatArray, FloatArray, int], None]
+    layout: TangentText
+    text: str = field(repr=False)
+
+    def buffer(self) -> FloatArray:
+        """A new work buffer."""
+        return np.zeros(self.layout.rows * LANES)
+
+
+@functools.lru_cache(maxsize=64)
+def load_tangents(model: Model, parameters: tuple[int, ...]) -> TangentLanes:
+    """The tangent functions of a model for derivatives by the parameters at these positions."""
+    layout = tangent_text(model.program, parameters)
+    title = f"Tangents of the generated module {model.name!r}"
+    source = "\n\n".join([HEADER.format(title=title) + _LANE, layout.source]) + "\n" + _TANGENT_CALLBACKS
+    module = load_compiled(source)
+    return TangentLanes(
+        module.prepare_lanes, module.advance_lanes, module.measure_lanes, module.push_lanes, layout, source
+    )
 
 
 @functools.lru_cache(maxsize=256)

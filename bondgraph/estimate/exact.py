@@ -1,0 +1,84 @@
+"""Expansions of an estimation problem by exact derivatives of the filter, for the searches' ``jacobian``.
+
+Central differences filter twice for every free parameter. The filter with derivatives takes all of them along, at the
+cost of a few evaluations. Where it does not apply (stiff methods, appended parameters, another likelihood than the
+filter's, no numba) central differences serve.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from bondgraph.estimate.objective import Expansion, FloatArray, Objective, central_differences, expansion_of
+from bondgraph.estimate.problem import EstimationProblem, FilterLikelihood
+from bondgraph.filter.choice import choose_method
+from bondgraph.filter.filter_model import FilterModel
+from bondgraph.filter.gradient import Directions, has_exact_gradient, innovation_tangents
+from bondgraph.filter.ukf import Member
+
+#: What one expansion counts, in evaluations: measured on the vehicle with ten free parameters.
+_EVALUATIONS = 6
+
+#: Step by which the map from coordinates to numbers (straight or exponential) is differentiated, relative.
+_STEP = 1e-5
+
+
+def exact_derivatives(objective: Objective, points: FloatArray, steps: FloatArray) -> tuple[Expansion, ...]:
+    """Expansions at points (n, members); ``steps`` are used where central differences must serve.
+
+    Examples
+    --------
+    >>> from bondgraph.data.log import MatchedLog
+    >>> from bondgraph.estimate.problem import pose
+    >>> from bondgraph.simulate.example import pendulum
+    >>> swing = FilterModel(pendulum(), {"rate": 0.1}, {"deflection": 0.02}, {"angle": 0.1, "rate": 0.1}, substeps=2)
+    >>> time = np.arange(40) * 0.05
+    >>> log = MatchedLog("swing", time, np.zeros((1, 40)), 0.5 * np.cos(3.1 * time)[np.newaxis])
+    >>> problem = pose(swing, log, ["length", "std(deflection)"])
+    >>> (expansion,) = exact_derivatives(problem, problem.start[:, np.newaxis], np.full((2, 1), 1e-4))
+    >>> expansion.information.shape
+    (2, 2)
+    """
+    if not (isinstance(objective, EstimationProblem) and isinstance(objective.likelihood, FilterLikelihood)):
+        return central_differences(objective, points, steps)
+    filter_model = choose_method(objective.filter_model, objective.logs)
+    if not (objective.likelihood.compiled and has_exact_gradient(filter_model)):
+        return central_differences(objective, points, steps)
+    found = (_expand(objective, filter_model, points[:, m]) for m in range(points.shape[1]))
+    return tuple(
+        central_differences(objective, points[:, [m]], steps[:, [m]])[0] if expansion is None else expansion
+        for m, expansion in enumerate(found)
+    )
+
+
+def _expand(problem: EstimationProblem, filter_model: FilterModel, point: FloatArray) -> Expansion | None:
+    """The expansion at a point (n,); None where the filter fails."""
+    free = problem.upper > problem.lower
+    step = _STEP * np.maximum(1.0, np.abs(point))
+    moved = np.diag(np.where(free, step, 0.0))
+    around = np.concatenate([point[:, np.newaxis], point[:, np.newaxis] + moved, point[:, np.newaxis] - moved], axis=1)
+    batch = problem.batch(around)
+
+    def slopes(array: FloatArray) -> FloatArray:
+        n = point.size
+        return np.asarray((array[:, 1 : n + 1] - array[:, n + 1 :]) / (2.0 * step))
+
+    still = np.zeros((filter_model.start_std.size, point.size))
+    members = [
+        Member(batch.theta[:, 0], x0[:, 0], filter_model.start_std, batch.process_std[:, 0], batch.noise_std[:, 0])
+        for x0 in batch.x0
+    ]
+    noise, process = np.nan_to_num(slopes(batch.noise_std)), slopes(batch.process_std)
+    directions = [Directions(slopes(batch.theta), slopes(x0), still, process, noise) for x0 in batch.x0]
+    likelihood = problem.likelihood
+    threads = likelihood.threads if isinstance(likelihood, FilterLikelihood) else None
+    found = innovation_tangents(filter_model, problem.logs, members, directions, threads)
+    priors = problem._prior_terms(around)
+    d_priors = slopes(priors)
+    columns = [np.hstack([f.values.reshape(-1, 1), f.d_values.reshape(-1, point.size)]) for f in found]
+    scales = [np.hstack([f.log_scales.reshape(-1, 1), f.d_log_scales.reshape(-1, point.size)]) for f in found]
+    innovations = np.vstack([*columns, np.hstack([priors[:, :1], d_priors])])
+    log_scales = np.vstack([*scales, np.zeros((priors.shape[0], 1 + point.size))])
+    if not (np.isfinite(innovations).all() and np.isfinite(log_scales).all()):
+        return None
+    return expansion_of(innovations, log_scales, _EVALUATIONS)

@@ -1,0 +1,197 @@
+"""Exact derivatives of the innovations of a filter, and so of its likelihood, in any directions.
+
+A direction moves parameters, initial states, and standard deviations of noises together; central differences would
+filter twice for each. The whitened innovations z and log scales of :func:`bondgraph.filter.likelihood.innovations`
+with their derivatives give the gradient of the negative log-likelihood, sum(z dz + dlog s), and Fisher's information.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+
+import numpy as np
+
+from bondgraph.errors import FilterError
+from bondgraph.filter import gradient_algebra, gradient_kernel, kernel_channels
+from bondgraph.filter.batch import available_cores, log_rows
+from bondgraph.filter.filter_model import FilterModel
+from bondgraph.filter.gradient_types import Found, Prior, Scratch, TangentEquations, TangentRules
+from bondgraph.filter.samples import MeasuredLog, Samples
+from bondgraph.filter.sigma_points import PIVOT_FLOOR
+from bondgraph.filter.ukf import Member
+from bondgraph.simulate.arrays import FloatArray
+from bondgraph.simulate.compile import has_numba, load_kernel
+from bondgraph.simulate.outcome import OUTCOMES, Outcome
+from bondgraph.simulate.program.lane_text import LANES
+from bondgraph.simulate.program.lanes import TangentLanes, load_tangents
+
+
+@dataclass(frozen=True)
+class Directions:
+    """How the numbers of a member move in each of D directions.
+
+    theta (n_theta, D), x0 (n_x, D), initial_std and process_std (n_s, D), noise_std (n_y, D).
+    """
+
+    theta: FloatArray
+    x0: FloatArray
+    initial_std: FloatArray
+    process_std: FloatArray
+    noise_std: FloatArray
+
+
+@dataclass(frozen=True)
+class InnovationTangents:
+    """Whitened innovations and log scales (n_y, n) of one log and their derivatives (n_y, n, D).
+
+    Zero where nothing was measured; NaN throughout where the filter failed.
+    """
+
+    log_name: str
+    values: FloatArray
+    log_scales: FloatArray
+    d_values: FloatArray
+    d_log_scales: FloatArray
+    outcome: Outcome
+
+    @property
+    def gradient(self) -> FloatArray:
+        """Derivatives of the negative log-likelihood, shape (D,)."""
+        total: FloatArray = np.einsum("an,and->d", self.values, self.d_values) + self.d_log_scales.sum(axis=(0, 1))
+        return total
+
+
+def has_exact_gradient(filter_model: FilterModel) -> bool:
+    """Whether there are exact derivatives: compiled explicit integration without appended parameters."""
+    return filter_model.method == "rk4" and not filter_model.appended and has_numba()
+
+
+def innovation_tangents(
+    filter_model: FilterModel,
+    logs: Sequence[MeasuredLog],
+    members: Sequence[Member],
+    directions: Sequence[Directions],
+    threads: int | None = None,
+) -> tuple[InnovationTangents, ...]:
+    """Innovations of logs with their derivatives.
+
+    Parameters
+    ----------
+    filter_model
+        With method ``"rk4"`` and no appended parameters.
+    logs, members, directions
+        One member with its directions for each log. A parameter that a log knows does not move there.
+    threads
+        Threads over logs; None: one per core. The result does not depend on it.
+
+    Raises
+    ------
+    FilterError
+        If the filter model has no exact gradient, or a log does not fit it.
+
+    Examples
+    --------
+    >>> from bondgraph.data.log import MatchedLog
+    >>> from bondgraph.simulate.example import pendulum
+    >>> model = pendulum()
+    >>> swing = FilterModel(model, {"rate": 0.1}, {"deflection": 0.05}, {"angle": 0.1, "rate": 0.1}, substeps=2)
+    >>> time = np.arange(40) * 0.05
+    >>> log = MatchedLog("swing", time, np.zeros((1, 40)), 0.5 * np.cos(3.1 * time)[np.newaxis])
+    >>> member = Member(model.theta(), model.x0(), swing.start_std, swing.process_std, swing.noise_std)
+    >>> length = Directions(np.eye(3)[:, :1], *(np.zeros((size, 1)) for size in (2, 2, 2, 1)))
+    >>> (found,) = innovation_tangents(swing, [log], [member], [length])
+    >>> found.d_values.shape, found.gradient.shape
+    ((1, 40, 1), (1,))
+    """
+    if not has_exact_gradient(filter_model):
+        raise FilterError(
+            f"{filter_model.model.name}: method {filter_model.method!r} with {len(filter_model.appended)} appended"
+            " parameters has no exact gradient - use 'rk4' without appended parameters, compiled, or differences",
+            where=(filter_model.model.name, "method"),
+        )
+    moving = np.flatnonzero(np.any([np.any(each.theta != 0.0, axis=1) for each in directions], axis=0))
+    tangents = load_tangents(filter_model.model, tuple(int(position) for position in moving))
+    run = load_kernel(gradient_kernel, gradient_algebra, kernel_channels).filter_with_tangents
+    samples = [Samples.of(filter_model, log) for log in logs]
+
+    def one(index: int) -> InnovationTangents:
+        scratch = _scratch(filter_model, tangents, directions[index].theta.shape[1])
+        found = _found(filter_model, samples[index], scratch)
+        prior = _prior(filter_model, samples[index], members[index], directions[index], moving)
+        equations = TangentEquations(tangents.prepare, tangents.advance, tangents.measure, tangents.push)
+        code = run(equations, log_rows(samples[index]), _rules(filter_model, tangents), prior, found, scratch)
+        if code != 0:
+            for array in found:
+                array[...] = np.nan
+        return InnovationTangents(samples[index].name, *found, OUTCOMES[code])
+
+    workers = min(len(samples), available_cores() if threads is None else max(1, threads))
+    if workers == 1:
+        return tuple(one(index) for index in range(len(samples)))
+    with ThreadPoolExecutor(workers) as executor:
+        return tuple(executor.map(one, range(len(samples))))
+
+
+def _rules(filter_model: FilterModel, tangents: TangentLanes) -> TangentRules:
+    points, layout = filter_model.points, tangents.layout
+    return TangentRules(
+        spread=points.spread,
+        weight=points.weight,
+        correction=points.correction,
+        pivot_floor=PIVOT_FLOOR,
+        lanes=LANES,
+        theta=layout.theta,
+        x=layout.x,
+        y=layout.y,
+        din=layout.din,
+        dy=layout.dy,
+    )
+
+
+def _prior(
+    filter_model: FilterModel, samples: Samples, member: Member, directions: Directions, moving: np.ndarray
+) -> Prior:
+    seeds = directions.theta.copy()
+    for name in samples.theta_overrides:
+        seeds[filter_model.model.index("parameter", name)] = 0.0
+    vectors = (
+        samples.theta(filter_model, member.theta), member.x0, member.initial_std, member.process_std, member.noise_std,
+        seeds[moving].T, directions.x0, directions.initial_std, directions.process_std, directions.noise_std,
+    )  # fmt: skip
+    return Prior(*(np.array(vector, dtype=np.float64, order="C") for vector in vectors))
+
+
+def _found(filter_model: FilterModel, samples: Samples, scratch: Scratch) -> Found:
+    shape = (len(filter_model.model.outputs), samples.time.size)
+    wide = (*shape, scratch.d_pivot.size)
+    return Found(np.empty(shape), np.empty(shape), np.empty(wide), np.empty(wide))
+
+
+def _scratch(filter_model: FilterModel, tangents: TangentLanes, count: int) -> Scratch:
+    model = filter_model.model
+    n_s, n_y = len(model.states), len(model.outputs)
+    shapes: dict[str, tuple[int, ...]] = {
+        "mean": (n_s,),
+        "lower": (n_s, n_s),
+        "points": (2 * n_s + 1, n_s),
+        "outputs": (2 * n_s + 1, n_y),
+        "shift": (max(n_s, n_y),),
+        "slopes": (n_s,),
+        "output_mean": (n_y,),
+        "output_cov": (n_y, n_y),
+        "joint": (n_y + n_s, n_y + n_s),
+    }
+    values = {name: np.zeros(shape) for name, shape in shapes.items()}
+    derivatives = {f"d_{name}": np.zeros((*shape, count)) for name, shape in shapes.items()}
+    return Scratch(
+        **values,
+        **derivatives,
+        d_pivot=np.zeros(count),
+        channels=np.zeros(n_y, dtype=np.int64),
+        buffer=tangents.buffer(),
+        directions=np.zeros((count, 3 * n_s * LANES)),
+        clock=np.zeros(2),
+        inputs=np.zeros(2 * len(model.inputs)),
+    )

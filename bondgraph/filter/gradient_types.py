@@ -1,0 +1,88 @@
+"""What the filter with derivatives reads, writes and works on."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+from bondgraph.simulate.arrays import FloatArray, IntArray
+
+
+class TangentEquations(NamedTuple):
+    """Compiled functions, see :class:`bondgraph.simulate.program.lanes.TangentLanes`."""
+
+    prepare: Callable[..., None]
+    advance: Callable[..., None]
+    measure: Callable[..., None]
+    push: Callable[..., None]
+
+
+class TangentRules(NamedTuple):
+    """Numbers of the sigma points, and first rows of vectors in the work buffer of ``lanes`` lanes."""
+
+    spread: float
+    weight: float
+    correction: float
+    pivot_floor: float
+    lanes: int
+    theta: int
+    x: int
+    y: int
+    din: int
+    dy: int
+
+
+class Prior(NamedTuple):
+    """Numbers of the member, each with its derivatives: theta, x0, initial_std, process_std, noise_std.
+
+    ``seeds`` (D, parameters) are the derivatives of those parameters that move.
+    """
+
+    theta: FloatArray
+    x0: FloatArray
+    initial_std: FloatArray
+    process_std: FloatArray
+    noise_std: FloatArray
+    seeds: FloatArray
+    d_x0: FloatArray
+    d_initial_std: FloatArray
+    d_process_std: FloatArray
+    d_noise_std: FloatArray
+
+
+class Found(NamedTuple):
+    """Whitened innovations and log scales (n_y, n), and their derivatives (n_y, n, D)."""
+
+    whitened: FloatArray
+    log_scales: FloatArray
+    d_whitened: FloatArray
+    d_log_scales: FloatArray
+
+
+class Scratch(NamedTuple):
+    """Values, and their derivatives with D as the last axis; the model's buffers."""
+
+    mean: FloatArray
+    lower: FloatArray
+    points: FloatArray
+    outputs: FloatArray
+    shift: FloatArray
+    slopes: FloatArray
+    output_mean: FloatArray
+    output_cov: FloatArray
+    joint: FloatArray
+    d_mean: FloatArray
+    d_lower: FloatArray
+    d_points: FloatArray
+    d_outputs: FloatArray
+    d_shift: FloatArray
+    d_slopes: FloatArray
+    d_output_mean: FloatArray
+    d_output_cov: FloatArray
+    d_joint: FloatArray
+    d_pivot: FloatArray
+    channels: IntArray
+    buffer: FloatArray
+    directions: FloatArray
+    clock: FloatArray
+    inputs: FloatArray
