@@ -42,7 +42,7 @@ class DimensionReader:
     known
         Dimension of every symbol that has one; it may grow as symbols are assigned.
     declared
-        Symbols of parameters and inputs, beside which a number is a pure number.
+        Symbols of parameters and inputs, beside which a number is a pure number, unless it has digits as 9.81 has.
     tables
         Tables by name.
 
@@ -70,7 +70,7 @@ class DimensionReader:
 
     def _compute(self, value: Any) -> Known:
         if value.is_number:
-            return None if value == 0 else DIMENSIONLESS
+            return None if value == 0 or _may_have_a_unit(value) else DIMENSIONLESS
         if isinstance(value, Mul):
             return self._product(value)
         if isinstance(value, Add):
@@ -84,7 +84,8 @@ class DimensionReader:
 
     def _product(self, value: Mul) -> Known:
         total: Known = DIMENSIONLESS
-        unsure = value.args[0].is_number and abs(value.args[0]) != 1 and not self._is_declared(value)
+        number = value.args[0]
+        unsure = number.is_number and abs(number) != 1 and (not self._is_declared(value) or _may_have_a_unit(number))
         for factor in value.args:
             part = self.of(factor)
             total = None if part is None or total is None else _add(total, part)
@@ -170,6 +171,17 @@ class DimensionReader:
                     f"{to_text(part)}, which is {dimension_text(found)}"
                 )
         return common
+
+
+def _may_have_a_unit(number: Expr) -> bool:
+    """Whether a bare number may be a constant of nature: 9.81, but not 2, 1/3 or 0.5.
+
+    Examples
+    --------
+    >>> _may_have_a_unit(sympy.Float(9.81)), _may_have_a_unit(sympy.Float(0.5)), _may_have_a_unit(sympy.Rational(1, 3))
+    (True, False, False)
+    """
+    return bool(number.is_Float) and not (8 * float(number)).is_integer()
 
 
 def of_unit(unit: str) -> Known:

@@ -54,16 +54,27 @@ class _Checker:
         self.reader = DimensionReader(self.known, {q.symbol for q in declared if q.unit}, tables)
 
     def run(self) -> None:
+        """Check all equations, again as long as they tell the dimension of a state that has no unit."""
+        while self._pass():
+            self.reader = DimensionReader(self.known, self.reader.declared, self.reader.tables)
+        for output in self.equations.outputs:
+            self._require(output.symbol.name, of_unit(output.unit), output.expression)
+
+    def _pass(self) -> bool:
+        """Check assignments and rates; whether a state's dimension was found that was not known."""
         for step in self.equations.assignments:
             if isinstance(step, ImplicitLoop):
                 self._loop(step)
             else:
                 self._assignment(step)
+        learned = False
         for state, value in zip(self.equations.states, self.equations.derivatives, strict=True):
             own = self.known[state.symbol]
-            self._require(f"d({state.symbol.name})/dt", None if own is None else subtract(own, SECOND), value)
-        for output in self.equations.outputs:
-            self._require(output.symbol.name, of_unit(output.unit), output.expression)
+            found = self._require(f"d({state.symbol.name})/dt", None if own is None else subtract(own, SECOND), value)
+            if own is None and found is not None and value != 0:
+                self.known[state.symbol] = tuple(a + b for a, b in zip(found, SECOND, strict=True))
+                learned = True
+        return learned
 
     def _assignment(self, step: Assignment) -> None:
         found = self._require(step.symbol.name, of_unit(step.unit), step.expression)

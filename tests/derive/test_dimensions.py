@@ -173,3 +173,24 @@ def test_rates_of_inputs_have_units():
 )
 def test_units_written_as_one_word_are_products(written, meant):
     assert dimension(written) == dimension(meant)
+
+
+@pytest.mark.parametrize("weight", [lambda m, a: -9.81 * m, lambda m, a: -m * a / 1.3])
+def test_a_number_with_digits_may_be_a_constant_of_nature(weight):
+    g = BondGraph("falling")
+    m, a = g.parameter("m", 2.0, "kg"), g.parameter("a", 9.8, "m/s^2")
+    v = g.one_junction("v", TRANSLATION)
+    g.effort_source("weight", weight(m, a), at=v)
+    g.inertance("mass", m, at=v)
+    check_dimensions(derive(assign_causality(g)))
+
+
+def test_rates_tell_the_dimension_of_states_without_a_domain():
+    g = BondGraph("coil")
+    u, L, R = g.input("u", "V"), g.parameter("L", 0.1, "H"), g.parameter("R", 5.0, "F")
+    loop = g.one_junction("loop")
+    g.effort_source("supply", u, at=loop)
+    g.inertance("coil", L, at=loop)
+    g.resistance("wire", R, at=loop)
+    with pytest.raises(DimensionError, match=r"d\(f_coil\)/dt: .* adds .*u.*kg m\^2 s\^-3 A\^-1"):
+        check_dimensions(derive(assign_causality(g)))
