@@ -37,7 +37,9 @@ def axle(end: End) -> BondGraph:
     inertia, state = _INERTIA[end]
     largest, torque = _BRAKE[end]
     hub = g.one_junction("hub", ROTATION)
-    g.inertance("inertia", g.parameter(inertia, 2.0, "kg m^2", f"{end} axle with wheels"), at=hub, state=state)
+    J = g.parameter(inertia, 2.0, "kg m^2", f"{end} axle with wheels")
+    g.require(J, "an axle without positive inertia does not obey a torque")
+    g.inertance("inertia", J, at=hub, state=state)
     gain = g.parameter("brake_gain", 1.0, "1", "brake torque relative to its nominal value, both axles", (0.5, 1.5))
     T_b = g.parameter(largest, torque, "N m", f"largest brake torque of the {end} axle")
     w_b = g.parameter("w_brake", 0.5, "rad/s", "axle speed at which the brake reaches 76 % (smoothing)")

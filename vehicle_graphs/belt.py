@@ -58,6 +58,12 @@ def _radii(g: BondGraph, al: Expr) -> None:
         step = secondary - primary
         return 2 * sqrt(C**2 - step**2) + pi * (primary + secondary) + 2 * step * asin(step / C)
 
+    g.require(r_p_min, "the belt cannot run around an axis without radius")
+    g.require(C - r_p_min - r_s0, "the belt is longer than the geometry allows: its pulleys would overlap")
+    largest = r_p_min + x_max / (2 * tan(al))
+    g.require(C - largest, "the sheave closes beyond its pulley: the belt would run over the other axis")
+    too_short = "the belt is too short: the whole travel of the sheave would pull it off the secondary"
+    g.require(length(r_p_min, r_s0) - length(largest, 0), too_short)
     L_b = g.signal("L_b", length(r_p_min, r_s0), "m", "length of the belt")
     near = r_s0 - (r_p - r_p_min)  # what one pulley gains the other yields, but for the lean of the strands
     r_s = g.implicit_signal("r_s", lambda r: length(r_p, r) - L_b, "m", "belt radius on the secondary", guess=near)

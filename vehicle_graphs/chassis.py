@@ -43,6 +43,7 @@ def chassis() -> BondGraph:
     g = BondGraph("chassis", doc=__doc__)
     frame = _frame(g)
     inertia = g.parameter("I", 1093.0, "kg m^2", "inertia of the body in pitch")
+    g.require(inertia, "a body without positive inertia does not obey a moment")
     c_f = g.parameter("c_f", 3000.0, "N s/m", "front dampers")
     c_r = g.parameter("c_r", 5200.0, "N s/m", "rear dampers")
 
@@ -106,13 +107,18 @@ def quasi_static_chassis() -> BondGraph:
 def _frame(g: BondGraph) -> _Frame:
     slope = g.input("slope", "rad", "inclination of the ground, uphill positive")
     m = g.parameter("m", 1200.0, "kg", "vehicle 1040 kg with a payload of 160 kg")
+    g.require(m, "a body without positive mass does not obey a force")
     gravity = g.parameter("g", 9.81, "m/s^2", "gravity")
     a = g.parameter("a", 1.26, "m", "centre of mass to the front axle")
     b = g.parameter("b", 0.79, "m", "centre of mass to the rear axle")
     r_z = g.parameter("r_z", 0.60, "m", "height of the centre of mass over the ground")
+    for distance, end in ((a, "front"), (b, "rear")):
+        g.require(distance, f"the centre of mass lies between the axles, or the {end} springs carry no weight")
     gain = g.parameter("spring_gain", 1.0, "1", "spring rates relative to k_f and k_r: the pitch stiffness", (0.6, 1.5))
     k_f = g.parameter("k_f", 41e3, "N/m", "front springs")
     k_r = g.parameter("k_r", 75e3, "N/m", "rear springs")
+    for rate in (k_f, k_r):
+        g.require(rate, "a spring without positive rate does not carry the body")
     return _Frame(m, gravity, a, b, r_z, gain * k_f, gain * k_r, slope)
 
 

@@ -12,18 +12,33 @@ from sympy import Symbol
 from bondgraph.declare.domains import TRANSLATION
 from bondgraph.declare.functions import clip, maximum
 from bondgraph.declare.graph import BondGraph
+from bondgraph.errors import DeclarationError
 
 #: Belt released, the spring of the secondary holds the sheave so far in its lower stop [m].
 RELEASED = -0.000249959694589
+#: No clamp force presses the sheave further into a stop [m].
+YIELDING = 0.005
 
 
 def sheave_travel(g: BondGraph) -> Symbol:
     """Travel between the stops of the primary sheave, which also limits the radius of the belt."""
-    return g.parameter("x_max", 0.0296, "m", "travel of the primary sheave between its stops")
+    x_max = g.parameter("x_max", 0.0296, "m", "travel of the primary sheave between its stops")
+    g.require(x_max, "the upper stop of the sheave lies above the lower one")
+    return x_max
 
 
-def primary_clutch() -> BondGraph:
-    """Primary clutch: port ``sheave``, inputs ``crank_speed``; signal ``F_p`` is its clamp force.
+def primary_clutch(start: float = RELEASED) -> BondGraph:
+    """Primary clutch: port ``sheave``, input ``crank_speed``; signal ``F_p`` is its clamp force.
+
+    Parameters
+    ----------
+    start
+        Where the sheave stands at first, in m.
+
+    Raises
+    ------
+    DeclarationError
+        If it starts further beyond a stop than a stop yields.
 
     Examples
     --------
@@ -38,7 +53,7 @@ def primary_clutch() -> BondGraph:
     sheave = g.one_junction("sheave", TRANSLATION)
     stops = g.compliance(
         "stops", lambda x: k_st * maximum(x - x_max, 0) - k_st * maximum(-x, 0), at=sheave,
-        initial=RELEASED, state="sheave_displacement",
+        initial=_between_stops(g, start), state="sheave_displacement",
     )  # fmt: skip
     g.resistance("shift_friction", c_x, at=sheave)
     x = stops.displacement
@@ -54,6 +69,18 @@ def primary_clutch() -> BondGraph:
     clamp = g.signal("F_p", maximum(weights - F_p0 - k_p * maximum(x, 0), 0), "N", "clamp force of the primary")
     g.effort_source("flyweights", clamp, at=sheave)
     return g
+
+
+def _between_stops(g: BondGraph, start: float) -> float:
+    """The start of the sheave, if it lies between its stops."""
+    longest = next(parameter.value for parameter in g.parameters if parameter.name == "x_max")
+    if not -YIELDING <= start <= longest + YIELDING:
+        raise DeclarationError(
+            f"primary_clutch: the sheave starts at {1e3 * start:.4g} mm, beyond its stops at 0 and "
+            f"{1e3 * longest:.4g} mm, which yield by {1e3 * YIELDING:.4g} mm at most - start it between them",
+            where=("sheave_displacement",),
+        )
+    return start
 
 
 def secondary_clutch() -> BondGraph:

@@ -97,6 +97,7 @@ def _crank(g: BondGraph) -> Handle:
     """Crankshaft with everything that turns with it, and its drag."""
     crank = g.one_junction("crank", ROTATION)
     J_e = g.parameter("J_e", 0.06, "kg m^2", "engine with primary clutch")
+    g.require(J_e, "an engine without positive inertia does not obey a torque")
     b_d = g.parameter("b_d", 0.004, "N m s", "drag of auxiliaries")
     g.inertance("inertia", J_e, at=crank, initial=IDLE_SPEED, state="engine_speed")
     g.resistance("drag", b_d, at=crank)

@@ -11,7 +11,7 @@ from sympy import Expr, Symbol
 from bondgraph.declare.elements import Bond, Node
 from bondgraph.declare.expressions import is_local, normalise, signal, signal_name
 from bondgraph.declare.functions import TableFunction, table_function
-from bondgraph.declare.quantities import Integral, NamedSignal, Output, symbol
+from bondgraph.declare.quantities import Integral, NamedSignal, Output, Requirement, symbol
 from bondgraph.errors import DeclarationError
 
 if TYPE_CHECKING:
@@ -54,6 +54,8 @@ def flatten(graph: BondGraph) -> BondGraph:
     for node in graph.nodes.values():
         flat._nodes[node.name] = outer.node(node, node.name)
     flat._bonds += [Bond(resolve(bond.source), resolve(bond.target)) for bond in graph.bonds]
+    own = [Requirement(outer.expression(r.positive), r.reason) for r in graph.requirements]
+    flat._requirements += [requirement for requirement in own if requirement not in flat._requirements]
     for output in graph.outputs:
         flat._outputs[output.name] = dataclasses.replace(output, expression=outer.expression(output.expression))
     return flat
@@ -111,6 +113,10 @@ def _copy_part(flat: BondGraph, part: SubGraph, inside: BondGraph, outer: _Renam
         name = f"{part.name}.{node.name}"
         flat._nodes[name] = renaming.node(node, name)
     flat._bonds += [Bond(f"{part.name}.{b.source}", f"{part.name}.{b.target}") for b in inside.bonds]
+    for requirement in inside.requirements:
+        renamed = Requirement(renaming.expression(requirement.positive), requirement.reason)
+        if renamed not in flat._requirements:
+            flat._requirements.append(renamed)
     for output in inside.outputs:
         name = quantity_name(output.name)
         flat._outputs[name] = dataclasses.replace(output, name=name, expression=renaming.expression(output.expression))

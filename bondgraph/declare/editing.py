@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from bondgraph.declare.elements import Bond, Node
 from bondgraph.declare.graph import BondGraph, Handle
 from bondgraph.declare.quantities import Parameter
+from bondgraph.declare.requirements import check_requirements
 from bondgraph.declare.validation import check_quantity, node_domains
 from bondgraph.errors import DeclarationError, suggest
 
@@ -29,6 +30,7 @@ def copy(graph: BondGraph) -> BondGraph:
     twin._bonds = list(graph._bonds)
     twin._quantities = dict(graph._quantities)
     twin._outputs = dict(graph._outputs)
+    twin._requirements = list(graph._requirements)
     twin._subgraphs = dict(graph._subgraphs)
     return twin
 
@@ -79,7 +81,7 @@ def with_values(graph: BondGraph, values: Mapping[str, float]) -> BondGraph:
     Raises
     ------
     DeclarationError
-        If there is no such parameter, or a value lies outside its bounds.
+        If there is no such parameter, or a value lies outside its bounds or makes the machine impossible.
 
     Examples
     --------
@@ -110,6 +112,8 @@ def with_values(graph: BondGraph, values: Mapping[str, float]) -> BondGraph:
     for part, own in inner.items():
         subgraph = twin._subgraphs[part]
         twin._subgraphs[part] = dataclasses.replace(subgraph, graph=with_values(subgraph.graph, own))
+    flat = twin.flatten()
+    check_requirements(flat.requirements, flat.parameters, graph.name)
     return twin
 
 

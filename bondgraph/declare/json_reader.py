@@ -20,7 +20,18 @@ from bondgraph.errors import DeclarationError, suggest
 FORMAT = "bondgraph/1"
 
 _TOP_KEYS = ("directed", "multigraph", "graph", "nodes", "bonds")
-_HEAD_KEYS = ("format", "name", "doc", "inputs", "parameters", "tables", "integrals", "signals", "outputs")
+_HEAD_KEYS = (
+    "format",
+    "name",
+    "doc",
+    "inputs",
+    "parameters",
+    "tables",
+    "integrals",
+    "signals",
+    "outputs",
+    "requirements",
+)
 _QUANTITY_KEYS = {
     "inputs": ("name", "unit", "meaning", "default", "interpolation", "letters"),
     "parameters": ("name", "value", "unit", "meaning", "bounds"),
@@ -78,6 +89,10 @@ class _Reader:
             self.graph.bond(text(record, "source", f"{where}: bond"), text(record, "target", f"{where}: bond"))
         for record in self._records("outputs"):
             self._output(record)
+        for record in items(head, "requirements", where):
+            check_keys(record, ("positive", "reason"), f"{where}: requirements", required=("positive", "reason"))
+            reason = text(record, "reason", f"{where}: requirements")
+            self.graph.require(parse(record["positive"], self.names, "requirement"), reason)
 
     # ------------------------------------------------------------------ quantities
 

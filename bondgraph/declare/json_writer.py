@@ -70,6 +70,7 @@ def _head(graph: BondGraph) -> dict[str, Any]:
         | ({"initial": i.initial} if i.initial else {})
         for i in graph.integrals
     ]
+    head["requirements"] = [{"positive": to_text(r.positive), "reason": r.reason} for r in graph.requirements]
     head["outputs"] = [_output_record(output) for output in graph.outputs]
     return {"format": FORMAT, "name": graph.name} | _without_empty(head)
 

@@ -106,6 +106,14 @@ class NamedSignal:
 
 
 @dataclass(frozen=True)
+class Requirement:
+    """An expression of parameters that must be positive, or the machine is impossible, and why."""
+
+    positive: Expr
+    reason: str
+
+
+@dataclass(frozen=True)
 class Output:
     """A measured quantity."""
 

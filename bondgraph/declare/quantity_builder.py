@@ -10,7 +10,8 @@ from sympy import Symbol
 from bondgraph.declare.expressions import signal
 from bondgraph.declare.functions import TableFunction, table_function
 from bondgraph.declare.handles import At, Handle, callable_law
-from bondgraph.declare.quantities import Input, Integral, NamedSignal, Output, Parameter, Table, symbol
+from bondgraph.declare.quantities import Input, Integral, NamedSignal, Output, Parameter, Requirement, Table, symbol
+from bondgraph.declare.requirements import check_requirement
 from bondgraph.declare.store import GraphStore
 from bondgraph.declare.validation import check_quantity, check_table
 from bondgraph.errors import DeclarationError, suggest
@@ -105,6 +106,26 @@ class QuantityBuilder(GraphStore):
         if own not in expression.free_symbols:
             raise DeclarationError(f"{self.name}: {name}: the residual does not contain {name} - use signal()", (name,))
         return self._declare(NamedSignal(name, expression, unit, meaning, self._checked(guess, (), f"{name}: guess")))
+
+    def require(self, positive: Any, reason: str) -> None:
+        """Declare that an expression of parameters must be positive, with the physical reason.
+
+        It is checked here, whenever values of parameters are changed, and before causality is assigned.
+
+        Examples
+        --------
+        >>> from bondgraph.declare.graph import BondGraph
+        >>> g = BondGraph("belt")
+        >>> C, r = g.parameter("C", 0.2, "m"), g.parameter("r", 0.3, "m")
+        >>> g.require(C - r, "the pulley covers the other axis")
+        Traceback (most recent call last):
+        ...
+        bondgraph.errors.DeclarationError: belt: the pulley covers the other axis: C - r is -0.1 with C = 0.2 m,
+        r = 0.3 m - it must be positive
+        """
+        requirement = Requirement(self._checked(positive, (), "requirement"), reason)
+        check_requirement(requirement, self.parameters, self.name)
+        self._requirements.append(requirement)
 
     def measure(self, name: str, expression: Any, unit: str, meaning: str = "") -> None:
         """Declare a measured quantity as an expression."""

@@ -13,7 +13,7 @@ from bondgraph.declare.elements import Bond, Node, check_node, foreign_locals, o
 from bondgraph.declare.expressions import is_local, normalise, signal_name
 from bondgraph.declare.functions import TableFunction
 from bondgraph.declare.handles import At, Handle, SubGraph
-from bondgraph.declare.quantities import Input, Integral, NamedSignal, Output, Parameter, Table, symbol
+from bondgraph.declare.quantities import Input, Integral, NamedSignal, Output, Parameter, Requirement, Table, symbol
 from bondgraph.declare.validation import check_quantity
 from bondgraph.errors import DeclarationError, suggest
 
@@ -31,6 +31,7 @@ class GraphStore:
         self._bonds: list[Bond] = []
         self._quantities: dict[str, Quantity] = {}
         self._outputs: dict[str, Output] = {}
+        self._requirements: list[Requirement] = []
         self._subgraphs: dict[str, SubGraph] = {}
 
     # ------------------------------------------------------------------ what has been declared
@@ -81,6 +82,11 @@ class GraphStore:
         return tuple(self._outputs.values())
 
     @property
+    def requirements(self) -> tuple[Requirement, ...]:
+        """What must be positive for the machine to be possible."""
+        return tuple(self._requirements)
+
+    @property
     def subgraphs(self) -> tuple[SubGraph, ...]:
         """Parts that are graphs themselves."""
         return tuple(self._subgraphs.values())
@@ -105,7 +111,8 @@ class GraphStore:
 
     def _value(self) -> tuple[Any, ...]:
         quantities = (self.inputs, self.parameters, self.tables, self.integrals, self.signals)
-        return (self.name, self.doc, tuple(self._nodes.values()), self.bonds, quantities, self.outputs, self.subgraphs)
+        rest = (quantities, self.outputs, self.subgraphs, self.requirements)
+        return (self.name, self.doc, tuple(self._nodes.values()), self.bonds, *rest)
 
     # ------------------------------------------------------------------ adding
 

@@ -15,6 +15,7 @@ from bondgraph.declare.elements import SOURCES, STORAGES, TWO_PORTS, Node, a_kin
 from bondgraph.declare.expressions import signal_name, signals_in
 from bondgraph.declare.law_units import check_law_units
 from bondgraph.declare.quantities import Input, Integral, NamedSignal, Output, Parameter, Table
+from bondgraph.declare.requirements import check_requirements
 from bondgraph.errors import DeclarationError, suggest
 from bondgraph.units import parse_unit
 
@@ -99,6 +100,7 @@ def validate(graph: BondGraph) -> None:
     _check_signals(graph)
     _check_state_names(graph)
     check_law_units(graph, domains)
+    check_requirements(graph.requirements, graph.parameters, graph.name)
 
 
 def _check_state_names(graph: BondGraph) -> None:

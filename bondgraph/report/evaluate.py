@@ -10,6 +10,7 @@ import numpy as np
 
 from bondgraph.declare.elements import STORAGES
 from bondgraph.declare.graph import BondGraph
+from bondgraph.declare.requirements import check_requirements
 from bondgraph.derive.causality import CausalGraph, assign_causality
 from bondgraph.derive.derivation import Derivation, bond_labels
 from bondgraph.errors import DataError, suggest
@@ -57,6 +58,8 @@ def evaluate(graph: BondGraph, points: Sequence[Mapping[str, Any]], *, smooth: b
     answers = []
     for index, point in enumerate(points):
         _require(point, _POINT_KEYS, f"point {index}")
+        given = {name: float(value) for name, value in point.get("parameters", {}).items()}
+        check_requirements(flat.requirements, flat.parameters, f"{graph.name}: point {index}", given)
         wanted = _wanted_independent(flat, point)
         if wanted not in evaluators:
             evaluators[wanted] = _Evaluator(assign_causality(graph, wanted), smooth)

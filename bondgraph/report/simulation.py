@@ -11,6 +11,7 @@ from sympy import Expr
 from bondgraph.data.log import FloatArray, Log, LogChannel
 from bondgraph.data.match import match_inputs
 from bondgraph.declare.graph import BondGraph
+from bondgraph.declare.requirements import check_requirements
 from bondgraph.derive.causality import assign_causality
 from bondgraph.derive.derivation import Derivation, check_closed
 from bondgraph.derive.dimensions import check_dimensions
@@ -73,6 +74,8 @@ def simulate_graph(graph: BondGraph, inputs: Log | None, options: SimulationOpti
     check_dimensions(equations)
     model = Model.from_text(render(equations), source=graph.name)
     theta, constants = _values(model, options.values or {})
+    flat = graph.flatten()
+    check_requirements(flat.requirements, flat.parameters, graph.name, theta)
     initial = _initial(model, energy_states(derivation.variables), options.initial or {}, theta)
     start = options.scenario.start(model) if options.scenario else {}
     times, table = _inputs(model, inputs, constants, options)

@@ -6,17 +6,20 @@ import numpy as np
 import pytest
 
 from bondgraph.correct.build import BuiltModel, build
+from bondgraph.declare.editing import with_values
 from bondgraph.declare.files import graph_from_json, graph_to_json
 from bondgraph.declare.graph import BondGraph
 from bondgraph.derive.causality import assign_causality
 from bondgraph.derive.derivation import Derivation
 from bondgraph.derive.equations import ImplicitLoop
+from bondgraph.errors import DeclarationError
 from bondgraph.report.evaluate import evaluate
 from bondgraph.simulate.model import Model
 from bondgraph.simulate.scenario import Scenario
 from bondgraph.simulate.simulate import simulate
 from bondgraph.simulate.trajectory import Trajectory
 from vehicle_graphs import tyres
+from vehicle_graphs.clutches import primary_clutch
 from vehicle_graphs.engine import mapped_engine
 from vehicle_graphs.ranger import SCENARIOS, coast_down, coast_down_quasi_static, full, full_awd
 from vehicle_graphs.tyres import Tyre
@@ -166,3 +169,30 @@ def test_reduced_coast_down_models_coast_as_the_whole_vehicle_does() -> None:
     whole = coasting(full())[1].state("forward_velocity")[-1]
     assert coasting(coast_down())[1].state("forward_velocity")[-1] == pytest.approx(whole, abs=1e-4)
     assert coasting(coast_down_quasi_static())[1].state("forward_velocity")[-1] == pytest.approx(whole, abs=0.02)
+
+
+# ---------------------------------------------------------------------- impossible vehicles
+
+
+@pytest.mark.parametrize(
+    ("values", "reason"),
+    [
+        ({"m": -1200.0}, "a body without positive mass does not obey a force: m = -1200 kg"),
+        ({"J_e": 0.0}, "an engine without positive inertia does not obey a torque"),
+        ({"k_f": -41e3}, "a spring without positive rate does not carry the body"),
+        ({"a": -0.1}, "the centre of mass lies between the axles"),
+        ({"r_s0": 0.25}, "the belt is longer than the geometry allows: its pulleys would overlap"),
+        ({"r_s0": 0.05}, "the whole travel of the sheave would pull it off the secondary"),
+        ({"x_max": 0.15}, "the sheave closes beyond its pulley"),
+        ({"x_max": -0.01}, "the upper stop of the sheave lies above the lower one"),
+        ({"T_pk": 500.0}, "outside its bounds"),
+    ],
+)
+def test_an_impossible_vehicle_is_refused_with_the_reason(values: dict[str, float], reason: str) -> None:
+    with pytest.raises(DeclarationError, match=reason):
+        with_values(full(), values)
+
+
+def test_a_sheave_cannot_start_beyond_its_stops() -> None:
+    with pytest.raises(DeclarationError, match=r"starts at 50 mm, beyond its stops at 0 and 29\.6 mm"):
+        primary_clutch(0.05)
