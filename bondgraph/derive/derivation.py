@@ -38,8 +38,9 @@ def derive(causal: CausalGraph, bonds: bool = False, smooth: bool = True, *, sig
     signals
         Add the named signals after those (as ``signal(name)`` where an output has that name already).
     smooth
-        Take every ``switch`` in a law as a smooth step of its declared width, as filters and gradients need it; else as
-        a jump, and list where it jumps in ``events``.
+        Take every ``switch`` in a law as a smooth step of its declared width, and friction and impacts as smooth laws,
+        as filters and gradients need it; else as jumps, locks and rebounds in discrete ``modes``, with ``events`` at
+        the zeros of which a mode may end. Modes are held inputs of the equations.
 
     Raises
     ------
