@@ -1,8 +1,8 @@
 """Expansions of an estimation problem by exact derivatives of the filter, for the searches' ``jacobian``.
 
 Central differences filter twice for every free parameter. The filter with derivatives takes all of them along, at the
-cost of a few evaluations. Where it does not apply (stiff methods, appended parameters, another likelihood than the
-filter's, no numba) central differences serve.
+cost of a few evaluations. Where it does not apply (appended parameters, another likelihood than the filter's, no
+numba) central differences serve.
 """
 
 from __future__ import annotations

@@ -26,6 +26,7 @@ from bondgraph.simulate.compile import has_numba, load_kernel
 from bondgraph.simulate.outcome import OUTCOMES, Outcome
 from bondgraph.simulate.program.lane_text import LANES
 from bondgraph.simulate.program.lanes import TangentLanes, load_tangents
+from bondgraph.simulate.rosenbrock import TABLEAUS
 
 
 @dataclass(frozen=True)
@@ -64,8 +65,8 @@ class InnovationTangents:
 
 
 def has_exact_gradient(filter_model: FilterModel) -> bool:
-    """Whether there are exact derivatives: compiled explicit integration without appended parameters."""
-    return filter_model.method == "rk4" and not filter_model.appended and has_numba()
+    """Whether there are exact derivatives: compiled, with a method that is decided, without appended parameters."""
+    return filter_model.method != "auto" and not filter_model.appended and has_numba()
 
 
 def innovation_tangents(
@@ -80,7 +81,7 @@ def innovation_tangents(
     Parameters
     ----------
     filter_model
-        With method ``"rk4"`` and no appended parameters.
+        With any method but ``"auto"``, and no appended parameters.
     logs, members, directions
         One member with its directions for each log. A parameter that a log knows does not move there.
     threads
@@ -108,11 +109,11 @@ def innovation_tangents(
     if not has_exact_gradient(filter_model):
         raise FilterError(
             f"{filter_model.model.name}: method {filter_model.method!r} with {len(filter_model.appended)} appended"
-            " parameters has no exact gradient - use 'rk4' without appended parameters, compiled, or differences",
+            " parameters has no exact gradient - name the method, append no parameters, and install numba",
             where=(filter_model.model.name, "method"),
         )
     moving = np.flatnonzero(np.any([np.any(each.theta != 0.0, axis=1) for each in directions], axis=0))
-    tangents = load_tangents(filter_model.model, tuple(int(position) for position in moving))
+    tangents = load_tangents(filter_model.model, tuple(int(position) for position in moving), filter_model.is_stiff)
     run = load_kernel(gradient_kernel, gradient_algebra, kernel_channels).filter_with_tangents
     samples = [Samples.of(filter_model, log) for log in logs]
 
@@ -141,6 +142,8 @@ def _rules(filter_model: FilterModel, tangents: TangentLanes) -> TangentRules:
         weight=points.weight,
         correction=points.correction,
         pivot_floor=PIVOT_FLOOR,
+        tableau=TABLEAUS[filter_model.method].numbers if filter_model.is_stiff else np.empty(0),
+        grading=filter_model.grading,
         lanes=LANES,
         theta=layout.theta,
         x=layout.x,
@@ -191,7 +194,7 @@ def _scratch(filter_model: FilterModel, tangents: TangentLanes, count: int) -> S
         d_pivot=np.zeros(count),
         channels=np.zeros(n_y, dtype=np.int64),
         buffer=tangents.buffer(),
-        directions=np.zeros((count, 3 * n_s * LANES)),
+        directions=np.zeros((count, tangents.layout.vectors * n_s * LANES)),
         clock=np.zeros(2),
         inputs=np.zeros(2 * len(model.inputs)),
     )

@@ -18,12 +18,14 @@ class TangentEquations(NamedTuple):
 
 
 class TangentRules(NamedTuple):
-    """Numbers of the sigma points, and first rows of vectors in the work buffer of ``lanes`` lanes."""
+    """Numbers of the sigma points and of the method, and first rows of vectors in the buffer of ``lanes`` lanes."""
 
     spread: float
     weight: float
     correction: float
     pivot_floor: float
+    tableau: FloatArray
+    grading: float
     lanes: int
     theta: int
     x: int

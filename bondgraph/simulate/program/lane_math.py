@@ -25,11 +25,12 @@ def _lane_tanh(x: float) -> float:
     s = y * y
     top = y * (34459425.0 + s * (4729725.0 + s * (135135.0 + s * (990.0 + s))))
     bottom = 34459425.0 + s * (16216200.0 + s * (945945.0 + s * (13860.0 + s * 45.0)))
-    v = top / bottom
-    v = 2.0 * v / (1.0 + v * v)
-    v = 2.0 * v / (1.0 + v * v)
-    v = 2.0 * v / (1.0 + v * v)
-    return 2.0 * v / (1.0 + v * v)
+    # four times tanh(2 y) = 2 tanh(y) / (1 + tanh(y)^2) on numerator and denominator, with one division at the end
+    top, bottom = 2.0 * top * bottom, top * top + bottom * bottom
+    top, bottom = 2.0 * top * bottom, top * top + bottom * bottom
+    top, bottom = 2.0 * top * bottom, top * top + bottom * bottom
+    top, bottom = 2.0 * top * bottom, top * top + bottom * bottom
+    return top / bottom
 
 
 def _lane_exp(x: float) -> float:

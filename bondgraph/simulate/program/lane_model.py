@@ -121,11 +121,12 @@ class Writer:
             "measure": tape.program(rewrite(rows["output"])),
         }
         if self._stiff:
-            programs["factor"], programs["substitute"] = self._solver_programs()
+            nodes, programs["substitute"] = self._solver_nodes()
+            programs["factor"] = tape.program(nodes)
         return programs
 
-    def _solver_programs(self) -> tuple[Program, Program]:
-        """Factors of 1/(gamma h) I - J with df/dt, and the solution for a right-hand side."""
+    def _solver_nodes(self) -> tuple[list[int], Program]:
+        """Nodes of df/dt and of the factors of 1/(gamma h) I - J, and the solution for a right-hand side."""
         equations, tape = self._equations, self._tape
         n_x = equations.sizes["x"]
         factors = factorise(tape, n_x, equations.jacobian_nodes("rhs", "x"), tape.leaf("step", 0))
@@ -144,7 +145,7 @@ class Writer:
         right = [tape.leaf("right", i) for i in range(n_x)]
         solution = tape.program(substitute(tape, kept, right))
         self._n_factors = len(stored)
-        return tape.program([*self._hoister.rewrite(equations.trend_nodes()), *stored]), solution
+        return [*self._hoister.rewrite(equations.trend_nodes()), *stored], solution
 
     def _stored(self, node: int, stored: dict[int, int], vector: str) -> int:
         """How another function reads a node: directly where it is fixed, else from a vector in which it is kept."""

@@ -21,16 +21,19 @@ STAGES: int
 DIN: int
 DOUT: int
 
-#: ``rates(clock, inputs, w, n)``, and the same for ``slopes`` and ``factor``
+#: ``rates(clock, inputs, w, n)``, and the same for ``slopes``, ``curve`` and ``factor``
 rates: Callable[[FloatArray, FloatArray, FloatArray, int], None]
 slopes: Callable[[FloatArray, FloatArray, FloatArray, int], None]
+curve: Callable[[FloatArray, FloatArray, FloatArray, int], None]
 factor: Callable[[FloatArray, FloatArray, FloatArray, int], None]
 
 #: The step of the method at hand: ``_rk4_step`` or ``_rosenbrock_step``.
 one_step: Callable[..., None]
 
-#: ``push(seed, w, n)``
+#: ``push(seed, w, n)``, and the same for ``bend`` and ``sway``
 push: Callable[[FloatArray, FloatArray, int], None]
+bend: Callable[[FloatArray, FloatArray, int], None]
+sway: Callable[[FloatArray, FloatArray, int], None]
 
 #: ``substitute(w, n)``
 substitute: Callable[[FloatArray, int], None]

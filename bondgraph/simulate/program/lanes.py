@@ -69,9 +69,9 @@ _TANGENT_CALLBACKS = """
 _V, _M = "float64[::1]", "float64[:, ::1]"
 prepare_lanes = CompiledFunction(cfunc(f"void({_V}, int64)", **_options)(prepare))
 advance_lanes = CompiledFunction(
-    cfunc(f"void(float64, float64, int64, {_V}, {_V}, {_V}, {_V}, {_M}, {_M}, {_V}, int64)", **_options)(
-        advance_tangents
-    )
+    cfunc(
+        f"void(float64, float64, int64, float64, {_V}, {_V}, {_V}, {_V}, {_V}, {_M}, {_M}, {_V}, int64)", **_options
+    )(advance_tangents)
 )
 measure_lanes = CompiledFunction(cfunc(f"void({_V}, {_V}, {_V}, int64)", **_options)(measure_slopes))
 push_lanes = CompiledFunction(cfunc(f"void({_V}, {_V}, int64)", **_options)(push_output))
@@ -95,10 +95,10 @@ class TangentLanes:
 
 
 @functools.lru_cache(maxsize=64)
-def load_tangents(model: Model, parameters: tuple[int, ...]) -> TangentLanes:
-    """The tangent functions of a model for derivatives by the parameters at these positions."""
-    layout = tangent_text(model.program, parameters)
-    title = f"Tangents of the generated module {model.name!r}"
+def load_tangents(model: Model, parameters: tuple[int, ...], stiff: bool) -> TangentLanes:
+    """The tangent functions of a model, explicit or stiff, for derivatives by the parameters at these positions."""
+    layout = tangent_text(model.program, parameters, stiff)
+    title = f"{'Stiff' if stiff else 'Explicit'} tangents of the generated module {model.name!r}"
     source = "\n\n".join([HEADER.format(title=title) + _LANE, layout.source]) + "\n" + _TANGENT_CALLBACKS
     module = load_compiled(source)
     return TangentLanes(

@@ -30,6 +30,8 @@ def advance_tangents(
     start: float,
     length: float,
     substeps: int,
+    grading: float,
+    tableau: FloatArray,
     u_left: FloatArray,
     u_right: FloatArray,
     clock: FloatArray,
@@ -39,7 +41,7 @@ def advance_tangents(
     w: FloatArray,
     n: int,
 ) -> None:
-    """Advance states and their directions by ``substeps`` steps of the classical Runge-Kutta method of order 4."""
+    """Advance states and their directions by ``substeps`` equal steps of the classical Runge-Kutta method."""
     step = length / substeps
     size = w.size // ROWS * N_X
     for k in range(substeps):
