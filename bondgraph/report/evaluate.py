@@ -59,7 +59,8 @@ def evaluate(graph: BondGraph, points: Sequence[Mapping[str, Any]], *, smooth: b
     for index, point in enumerate(points):
         _require(point, _POINT_KEYS, f"point {index}")
         given = {name: float(value) for name, value in point.get("parameters", {}).items()}
-        check_requirements(flat.requirements, flat.parameters, f"{graph.name}: point {index}", given)
+        if given:  # the declared values have been checked with the graph
+            check_requirements(flat.requirements, flat.parameters, f"{graph.name}: point {index}", given)
         wanted = _wanted_independent(flat, point)
         if wanted not in evaluators:
             evaluators[wanted] = _Evaluator(assign_causality(graph, wanted), smooth)

@@ -104,6 +104,40 @@ def test_all_wheel_drive_has_the_inertia_of_both_axles_and_drives_both() -> None
     assert signals["F_xf"] > 0 and signals["flow(front_axle.hub)"] == 12.0
 
 
+# ---------------------------------------------------------------------- power
+
+DRIVING = {
+    "engine_speed": 480.0, "sheave_displacement": 0.012, "rear_axle_speed": 26.0, "front_axle_speed": 25.0,
+    "forward_velocity": 7.9, "heave": -0.01, "heave_rate": 0.1, "pitch": 0.01, "pitch_rate": -0.2, "inclination": 0.1,
+}  # fmt: skip
+OVERRUN = {**DRIVING, "engine_speed": 300.0}
+
+
+@pytest.mark.parametrize("states", [DRIVING, OVERRUN])
+def test_what_the_sources_supply_is_stored_or_dissipated(states: dict[str, float]) -> None:
+    flat = full().flatten()
+    bonds = evaluate(full(), [{"states": states, "inputs": {"throttle": 0.4, "brake": 0.1}}])[0]["bonds"]
+    into: dict[str, float] = {"Se": 0.0, "I": 0.0, "C": 0.0, "R": 0.0}
+    for label, values in bonds.items():
+        ends = label.partition("#")[0].split("->")
+        for end, sign in zip(ends, (-1, 1), strict=True):
+            kind = flat.nodes[end].kind
+            into[kind] = into.get(kind, 0.0) + sign * values["effort"] * values["flow"]
+    assert -into["Se"] == pytest.approx(into["I"] + into["C"] + into["R"], rel=1e-12)
+    assert into["R"] > 0
+
+
+def test_mesh_loss_takes_power_in_drive_and_feeds_the_vehicle_in_overrun() -> None:
+    drive, overrun = evaluate(full(), [{"states": states} for states in (DRIVING, OVERRUN)])
+    for answer, sign in ((drive, -1), (overrun, 1)):
+        bond, signals = answer["bonds"]["gearbox.mesh_loss->gearbox.output"], answer["signals"]
+        power = bond["effort"] * bond["flow"]
+        assert power == pytest.approx(
+            -0.05 * signals["F_b"] * signals["r_s"] * signals["flow(gearbox.shaft)"], rel=1e-12
+        )
+        assert np.sign(power) == sign
+
+
 # ---------------------------------------------------------------------- exchanging parts
 
 
