@@ -14,9 +14,9 @@ from pathlib import Path
 
 from tests.benchmarks.cases import masses, ranger
 from tests.benchmarks.gradient_rows import gradient
-from tests.benchmarks.likelihood_rows import against_others, growth, methods
+from tests.benchmarks.likelihood_rows import against_c, against_others, growth, methods
 
-PARTS = ("others", "methods", "gradient", "growth")
+PARTS = ("others", "c", "methods", "gradient", "growth")
 
 
 def main() -> None:
@@ -34,6 +34,8 @@ def main() -> None:
         found["others"] = show_numbers(
             "one likelihood, Runge-Kutta with 25 steps", against_others(case, options.rounds)
         )
+    if "c" in options.only:
+        found["c"] = show_numbers("Runge-Kutta steps against C from the same equations", against_c(options.rounds))
     if "methods" in options.only:
         found["methods"] = show_rows("methods", methods(case, options.rounds))
     if "gradient" in options.only:

@@ -10,7 +10,12 @@ from bondgraph.estimate.objective import expansion_of
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.filterpy_bridge import filterpy_run
 from bondgraph.filter.likelihood import innovations, likelihood
-from tests.benchmarks.cases import FREE, Case
+from bondgraph.simulate.compile import load_compiled
+from bondgraph.simulate.model import Model
+from bondgraph.simulate.program.lane_text import LANES
+from bondgraph.simulate.program.lanes import load_lanes
+from tests.benchmarks.c_kernel import c_steps, has_compiler
+from tests.benchmarks.cases import FREE, RANGER, Case
 from tests.benchmarks.scalar_filter import scalar_filter
 from tests.benchmarks.timing import side_by_side
 
@@ -142,3 +147,53 @@ def growth(cases: dict[int, Case], rounds: int) -> list[dict[str, object]]:
         states = len(case.filter_model.model.states)
         rows.append({"masses": count, "states": states, **{f"ms_per_sample_{k}": 1e3 * v for k, v in seconds.items()}})
     return rows
+
+
+def against_c(rounds: int) -> dict[str, float]:
+    """Runge-Kutta steps of 16 lanes in numba and in C from the same printed equations; on the driveline."""
+    if not has_compiler():
+        return {}
+    model = Model.from_file(RANGER.with_name("driveline.py"))
+    lanes, steps = load_lanes(model, stiff=False), 2000
+    in_c, calls = c_steps(model), load_compiled(_CALLS)
+    buffers = [lanes.buffer(), lanes.buffer()]
+    inputs, clock = np.concatenate([model.u0(), model.u0()]), np.zeros(2)
+    for w in buffers:
+        rows = w.reshape(-1, LANES)
+        rows[lanes.theta : lanes.theta + len(model.parameters)] = model.theta()[:, np.newaxis]
+        rows[lanes.x : lanes.x + len(model.states)] = model.x0()[:, np.newaxis]
+        calls.call_prepare(lanes.prepare, w, LANES)
+    u, none = model.u0(), np.empty(0)
+    length = 1e-5 * steps
+
+    def in_numba() -> None:
+        calls.call_advance(lanes.advance, 0.0, length, steps, 1.0, none, u, u, clock, inputs, buffers[0], LANES)
+
+    in_numba()
+    in_c(buffers[1], 1e-5, steps, np.concatenate([u, u]))
+    x = [w.reshape(-1, LANES)[lanes.x : lanes.x + len(model.states)].copy() for w in buffers]
+    seconds = side_by_side(
+        {
+            "numba": (in_numba, steps * LANES),
+            "C": (lambda: in_c(buffers[1], 1e-5, steps, np.concatenate([u, u])), steps * LANES),
+        },
+        rounds,
+    )
+    return {
+        **{f"ns_per_step_and_lane: {name}": 1e9 * value for name, value in seconds.items()},
+        "ratio_c_vs_numba": seconds["C"] / seconds["numba"],
+        "relative_difference": float(np.max(np.abs(x[0] - x[1]) / (np.abs(x[0]) + 1e-9))),
+    }
+
+
+_CALLS = """
+from numba import njit
+
+@njit
+def call_prepare(f, w, n):
+    f(w, n)
+
+@njit
+def call_advance(f, start, length, substeps, grading, tableau, u_left, u_right, clock, inputs, w, n):
+    f(start, length, substeps, grading, tableau, u_left, u_right, clock, inputs, w, n)
+"""
