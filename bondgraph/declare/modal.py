@@ -77,7 +77,7 @@ def clutch(
     >>> [str(bond) for bond in g.bonds]
     ['engine -> plates_torque', 'plates_torque -> shaft', 'plates_torque -> plates']
     """
-    torque = g.add_node(Node(f"{name}_torque", "0"))
+    torque = g.add_node(Node(f"{name}_torque", "0", drive.domain if isinstance(drive, Handle) else None))
     g.bond(drive, torque)
     g.bond(torque, load)
     return friction(g, name, capacity, width=width, static=static, at=torque)

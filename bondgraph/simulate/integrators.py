@@ -17,6 +17,7 @@ import abc
 import warnings
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from scipy.integrate import BDF, DOP853, LSODA, RK45, OdeSolver, Radau
@@ -203,13 +204,15 @@ class Adaptive(AbstractIntegrator):
             steps += 1
             if solver.status == "failed" or not np.all(np.abs(solver.y) < _DIVERGED * np.maximum(scale, 1.0)):
                 return IntegratorState(float(solver.t), solver.y, steps, Outcome.DIVERGED)
-            stop = None if until is None else until(float(solver.t_old), float(solver.t), solver.dense_output())
+            is_asked = filled < times.size and times[filled] <= solver.t
+            dense: Any = solver.dense_output() if is_asked or until is not None else None
+            stop = None if until is None else until(float(solver.t_old), float(solver.t), dense)
             reached = int(np.searchsorted(times, solver.t if stop is None else stop, side="right"))
             if reached > filled:
-                values[:, filled:reached] = solver.dense_output()(times[filled:reached])
+                values[:, filled:reached] = dense(times[filled:reached])
                 filled = reached
             if stop is not None:
-                return IntegratorState(stop, np.asarray(solver.dense_output()(stop)), steps, state.outcome)
+                return IntegratorState(stop, np.asarray(dense(stop)), steps, state.outcome)
         values[:, -1] = solver.y
         return IntegratorState(end, solver.y, steps, state.outcome)
 
