@@ -1,0 +1,118 @@
+"""Effects of measured machines: their laws, units and signs on a small bench."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from bondgraph.correct.build import BuiltModel, build
+from bondgraph.declare.domains import ROTATION, TRANSLATION
+from bondgraph.declare.editing import handle, with_values
+from bondgraph.declare.effect import Effect, EffectFunction, Place, Scale, effect_functions
+from bondgraph.declare.graph import BondGraph
+from vehicle_graphs import machine_effects as effects
+
+LEAD = 0.01
+POWER_TAKING = (effects.cubic_loss, effects.rise_of_friction)
+
+
+def bench() -> BondGraph:
+    """A motor that moves a carriage through a screw."""
+    g = BondGraph("bench")
+    torque = g.input("torque", "N m", "motor torque", hold=True)
+    motor = g.one_junction("motor", ROTATION)
+    carriage = g.one_junction("carriage", TRANSLATION)
+    lead = g.parameter("screw_lead", LEAD, "m", "travel per turn")
+    g.effort_source("drive", torque, at=motor)
+    g.transformer("screw", lead / (2 * np.pi), motor, carriage)
+    g.inertance("mass", g.parameter("mass", 20.0, "kg", "carriage", (5.0, 50.0)), at=carriage, state="v")
+    x = g.integral("x", carriage.flow, "m", "position")
+    g.measure("position", x, "m")
+    return g
+
+
+def added(function: EffectFunction, at: str = "carriage") -> tuple[BondGraph, Effect]:
+    g = bench()
+    effect = function(g, Place(handle(g, at), Scale(100.0, 0.2)))
+    assert effect is not None
+    return g, effect
+
+
+def force(built: BuiltModel, v: float, x: float = 0.0, torque: float = 0.0) -> float:
+    """Force on the carriage [N]."""
+    model = built.model
+    state = model.x0(v=v, x=x)
+    return 20.0 * float(model.rhs(0.0, state, np.array([torque]), model.theta())[model.index("state", "v")])
+
+
+@pytest.mark.parametrize("function", effect_functions(effects), ids=lambda function: function.__name__)
+def test_every_effect_derives_with_right_dimensions_and_vanishes_at_zero(function: EffectFunction) -> None:
+    places = [at for at in ("motor", "carriage") if function(g := bench(), Place(handle(g, at), Scale(100.0, 0.2)))]
+    assert places
+    for at in places:
+        g, effect = added(function, at)
+        built = build(g)
+        if not effect.adds_state:
+            assert force(built, 0.1, 0.003, 2.0) == pytest.approx(force(build(bench()), 0.1, 0.003, 2.0), abs=1e-12)
+
+
+@pytest.mark.parametrize("function", POWER_TAKING, ids=lambda function: function.__name__)
+@pytest.mark.parametrize("v", [-0.1, -0.003, 0.002, 0.15])
+def test_losses_only_take_energy(function: EffectFunction, v: float) -> None:
+    g, effect = added(function)
+    assert force(build(with_values(g, {effect.coefficients[0]: 40.0})), v) * v < 0
+
+
+def test_drag_differs_by_direction() -> None:
+    g, effect = added(effects.direction_dependent_drag)
+    built = build(with_values(g, {effect.coefficients[0]: 30.0}))
+    assert force(built, 0.1) == pytest.approx(-3.0) and force(built, -0.1) == pytest.approx(-3.0)
+
+
+def test_friction_rises_towards_standstill_and_is_gone_at_speed() -> None:
+    g, effect = added(effects.rise_of_friction)
+    built = build(with_values(g, {effect.coefficients[0]: 10.0}))
+    assert force(built, 0.01) == pytest.approx(-10.0 * np.tanh(2.5) * np.exp(-0.25))
+    assert abs(force(built, 0.15)) < 1e-20
+
+
+def test_ripple_repeats_with_every_turn_and_has_two_phases() -> None:
+    for function, where in ((effects.ripple_sine, LEAD / 4), (effects.ripple_cosine, 0.0)):
+        g, effect = added(function)
+        built = build(with_values(g, {effect.coefficients[0]: 2.0}))
+        assert force(built, 0.0, where) == pytest.approx(-2.0)
+        assert force(built, 0.0, where + 7 * LEAD) == pytest.approx(-2.0)
+        assert force(built, 0.0, where + LEAD / 2) == pytest.approx(2.0)
+
+
+def test_position_stiffness_pulls_back() -> None:
+    g, effect = added(effects.position_stiffness)
+    assert force(build(with_values(g, {effect.coefficients[0]: 50.0})), 0.0, 0.2) == pytest.approx(-10.0)
+
+
+def test_overrun_loss_acts_only_when_the_load_drives() -> None:
+    g, effect = added(effects.overrun_loss)
+    built, plain = build(with_values(g, {effect.coefficients[0]: 0.2})), build(bench())
+    assert force(built, 0.1, 0.0, 1.0) == pytest.approx(force(plain, 0.1, 0.0, 1.0))
+    assert force(built, 0.1, 0.0, -1.0) == pytest.approx(1.2 * force(plain, 0.1, 0.0, -1.0))
+
+
+def test_lagging_source_arrives_late_and_whole() -> None:
+    g, effect = added(effects.lagging_source, "motor")
+    model = build(with_values(g, {effect.coefficients[0]: 0.01})).model
+    u = np.array([3.0])
+    late, settled = model.x0(), model.x0(effort_lagging_source_motor=3.0)
+    carriage = model.index("state", "v")
+    assert model.rhs(0.0, late, u, model.theta())[carriage] == pytest.approx(0.0, abs=1e-12)
+    assert model.rhs(0.0, late, u, model.theta())[-1] == pytest.approx(300.0)
+    assert 20.0 * model.rhs(0.0, settled, u, model.theta())[carriage] == pytest.approx(3.0 * 2 * np.pi / LEAD)
+
+
+def test_effects_are_offered_only_where_they_make_sense() -> None:
+    g = bench()
+    motor, carriage = (Place(handle(g, name), Scale(100.0, 0.2)) for name in ("motor", "carriage"))
+    before = len(g.parameters)
+    assert effects.position_stiffness(g, motor) is None  # no position is integrated there
+    assert effects.overrun_loss(g, motor) is None  # nothing arrives there through a gear
+    assert effects.lagging_source(g, carriage) is None  # no drive acts there
+    assert len(g.parameters) == before
