@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 from dataclasses import replace
 
 import numpy as np
@@ -11,6 +12,7 @@ from bondgraph.errors import FilterError
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.filterpy_bridge import filterpy_run
 from bondgraph.filter.likelihood import innovations, likelihood, run
+from bondgraph.simulate import compile
 from bondgraph.simulate.outcome import Outcome
 from tests.filter.logs import PlainLog, circuit_filter, driveline_filter, pendulum_filter, simulated_log
 from tests.simulate.samples import decay
@@ -103,3 +105,20 @@ def test_members_that_fail_do_not_touch_their_neighbours() -> None:
 def test_methods_out_of_range_are_told(settings: dict) -> None:
     with pytest.raises(FilterError, match=r"grading|ros4p"):
         pendulum_filter(**settings)
+
+
+@pytest.mark.parametrize("method", ["rk4", "ros3p"])
+def test_without_numba_the_numbers_are_the_same(method: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    model = pendulum_filter(method=method)
+    log = simulated_log(model, np.arange(20) * 0.05, seed=1)
+    theta = np.stack([model.model.theta(length=length) for length in (0.9, 1.1)], axis=1)
+    expected = likelihood(model, log, theta)
+    found = importlib.util.find_spec
+    monkeypatch.setattr(
+        importlib.util, "find_spec", lambda name, *rest: None if name == "numba" else found(name, *rest)
+    )
+    compile._say_fallback.cache_clear()
+    with pytest.warns(UserWarning, match="numba is not installed"):
+        plain = likelihood(model, log, theta)
+    np.testing.assert_allclose(plain.nll, expected.nll, rtol=1e-9)
+    assert plain.method == method
