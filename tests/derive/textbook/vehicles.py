@@ -188,4 +188,46 @@ CASES = (
         "L=0.1 C=0.2 R=3",
         "u",
     ),
+    Case(
+        "four_bar_linkage",
+        # three bars between two fixed points: a closed chain, two of the three angular speeds follow from the first
+        """T Se effort: T
+        w1 1
+        w2 1
+        w3 1
+        J1 I flow: momentum/J1
+        J2 I flow: momentum/J2
+        J3 I flow: momentum/J3
+        x 0
+        y 0
+        a1 TF modulus: -l1*sin(q1)
+        a2 TF modulus: -l2*sin(q2)
+        a3 TF modulus: l3*sin(q3)
+        b1 TF modulus: l1*cos(q1)
+        b2 TF modulus: l2*cos(q2)
+        b3 TF modulus: -l3*cos(q3)
+        b R effort: b*flow""",
+        "T>w1 w1>J1 w2>J2 w3>J3 w3>b w1>a1 a1>x w2>a2 a2>x w3>a3 a3>x w1>b1 b1>y w2>b2 b2>y w3>b3 b3>y",
+        # loop: sum of l_i e^{i q_i} w_i = 0: w2, w3 from w1
+        """A = array([[-l2*sin(q2), l3*sin(q3)], [l2*cos(q2), -l3*cos(q3)]])
+        c = array([-l1*sin(q1), l1*cos(q1)])
+        w = momentum(J1)/J1
+        k = solve(A, -c)
+        w2 = k[0]*w
+        w3 = k[1]*w
+        dA = array([[-l2*cos(q2)*w2, l3*cos(q3)*w3], [-l2*sin(q2)*w2, l3*sin(q3)*w3]])
+        dc = array([-l1*cos(q1)*w, -l1*sin(q1)*w])
+        dk = solve(A, -dc - dA @ k)
+        M = J1 + J2*k[0]**2 + J3*k[1]**2
+        a = (T - b*k[1]*w3 - (J2*k[0]*dk[0] + J3*k[1]*dk[1])*w)/M
+        der momentum(J1) = J1*a
+        der q1 = w
+        der q2 = w2
+        der q3 = w3
+        flow w2->J2 = w2
+        effort w3->J3 = J3*(k[1]*a + dk[1]*w)""",
+        "J1=0.2 J2=0.3 J3=0.4 l1=0.3 l2=0.8 l3=0.6 b=0.2",
+        "T",
+        {"integrals": [{"name": f"q{i}", "of": f"flow(w{i})"} for i in (1, 2, 3)]},
+    ),
 )
