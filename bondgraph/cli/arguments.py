@@ -177,6 +177,9 @@ def _add_loop_commands(commands: Any) -> None:
         "--map", action="append", default=[], metavar="COLUMN=NAME", help="other names, or a JSON file of them"
     )
     c.add_argument("--out", default="loop", metavar="DIR", help="folder to write (default: loop)")
+    c.add_argument(
+        "--seed", type=int, default=0, help="noted in the report; nothing here is drawn at random (default: 0)"
+    )
     _add_loop(c)
 
     c = _command(
@@ -224,9 +227,16 @@ def _add_loop(command: argparse.ArgumentParser) -> None:
         "--effects", nargs="+", default=["vehicle_graphs.effects"], metavar="MODULE",
         help="modules of effect functions to try (default: vehicle_graphs.effects)",
     )  # fmt: skip
-    command.add_argument("--max-effects", type=int, default=3, metavar="N", help="effects to add at most (default: 3)")
+    command.add_argument(
+        "--max-effects", type=_count, default=3, metavar="N", help="effects to add at most (default: 3)"
+    )
     command.add_argument("--level", type=_share, default=0.01, help="chance of a false alarm per round (default: 0.01)")
     command.add_argument("--rate", type=_positive, metavar="HZ", help="use every k-th sample, down to this rate")
+    command.add_argument("--no-faults", action="store_true", help="do not try faults of sensors")
+    command.add_argument(
+        "--tables", action="store_true", help="add what no effect explains as a table whose points are parameters"
+    )
+    command.add_argument("--resume", action="store_true", help="go on from the finished fits in --out")
 
 
 def _add_exact(command: argparse.ArgumentParser) -> None:
@@ -234,6 +244,13 @@ def _add_exact(command: argparse.ArgumentParser) -> None:
         "--exact", action="store_true",
         help="switches jump, friction locks, impacts rebound, at events (default: their smooth forms)",
     )  # fmt: skip
+
+
+def _count(text: str) -> int:
+    value = int(text)
+    if value < 1:
+        raise argparse.ArgumentTypeError(f"{text} must be at least 1")
+    return value
 
 
 def _positive(text: str) -> float:

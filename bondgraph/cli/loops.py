@@ -13,6 +13,7 @@ from types import ModuleType
 
 from bondgraph.cli.values import names
 from bondgraph.correct.build import build
+from bondgraph.correct.journal import Journal
 from bondgraph.correct.loop import ClosedLoop, LoopSettings
 from bondgraph.correct.loop import close_loop as run_loop
 from bondgraph.data.match import read_mapping
@@ -36,7 +37,7 @@ def close_loop(options: argparse.Namespace) -> int:
     for line in logs.said:
         print(line, file=sys.stderr)
     closed, made = _closed(options, graph, logs)
-    print(summary(write_closed_loop(closed, Path(options.out), made)))
+    print(summary(write_closed_loop(closed, Path(options.out), made, said=logs.split)))
     print(f"report: {Path(options.out) / 'report.html'}")
     return 0
 
@@ -65,21 +66,38 @@ def _closed(options: argparse.Namespace, graph: BondGraph, logs: Splits) -> tupl
     """The closed loop, and how it was made."""
     started = time.monotonic()
     functions = [f for name in options.effects for f in effect_functions(_module(name))]
+    journal = _journal(options)
     settings = LoopSettings(
         level=options.level, max_effects=options.max_effects, process_noise=options.process_noise,
-        free=tuple(names(options.free)),
+        free=tuple(names(options.free)), faults=not options.no_faults, tables=options.tables, journal=journal,
     )  # fmt: skip
     with WorkProgress("closing the loop", None) as work:
 
         def report(stage: str, done: int, total: int) -> None:
             work.describe(f"{stage} ({done}/{total})")
 
-        closed = run_loop(graph, logs.training, logs.held_out, functions, settings, report)
+        try:
+            closed = run_loop(graph, logs.training, logs.held_out, functions, settings, report)
+        except KeyboardInterrupt:
+            print(f"stopped; the finished fits are in {options.out} - go on with --resume", file=sys.stderr)
+            raise
     seed = getattr(options, "seed", None)
     made = Provenance(
         options.command_line, seed, versions(), _names(logs.training), _names(logs.held_out), time.monotonic() - started
     )
     return closed, made
+
+
+def _journal(options: argparse.Namespace) -> Journal:
+    """The journal of finished fits in the folder of the answer, begun anew unless it is to be gone on from."""
+    journal = Journal(Path(options.out))
+    if options.resume and not journal.exists:
+        raise OptionError(
+            f"--resume: there are no finished fits in {options.out} - start without it, or name the folder with --out",
+            where=("--resume",),
+        )
+    journal.start(options.resume)
+    return journal
 
 
 def _names(logs: Sequence[object]) -> tuple[str, ...]:

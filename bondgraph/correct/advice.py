@@ -45,7 +45,7 @@ class Separation:
     def __str__(self) -> str:
         parts = []
         if self.sensor:
-            parts.append(f"a sensor for the {self.sensor} (correlation {abs(self.with_sensor):.3f})")
+            parts.append(f"a sensor of the {self.sensor} (correlation {abs(self.with_sensor):.3f})")
         if self.manoeuvre:
             parts.append(f"{self.manoeuvre} (correlation {abs(self.with_manoeuvre):.3f})")
         return " or ".join(parts) if parts else "none of the sensors and manoeuvres that were tried would separate them"
@@ -74,7 +74,7 @@ def separation(
         for name, row in extra.items():
             value = _alike(np.concatenate([rows, row]))
             if abs(value) < _WORTH * abs(best.with_sensor if best.sensor else known):
-                best = replace(best, sensor=name, with_sensor=value)
+                best = replace(best, sensor=_said(name), with_sensor=value)
     for name, inputs, time in _manoeuvres(fitted, log):
         path = _simulated(fitted, log, inputs, time)
         if path is None:
@@ -83,6 +83,12 @@ def separation(
         if abs(value) < _WORTH * abs(best.with_manoeuvre if best.manoeuvre else known):
             best = replace(best, manoeuvre=name, with_manoeuvre=value)
     return best
+
+
+def _said(name: str) -> str:
+    """``effort(a->b)`` as a person says it."""
+    variable, _, bond = name.partition("(")
+    return f"{variable} on the bond {bond.removesuffix(')').replace('->', ' -> ')}"
 
 
 def _simulated(fitted: Fit, log: MatchedLog, u: FloatArray, time: FloatArray) -> Path | None:

@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy import stats
 
 from bondgraph.correct.fit import Fit
 from bondgraph.data.log import FloatArray, MatchedLog
@@ -17,17 +18,23 @@ from bondgraph.filter.filter_run import FilterRun
 from bondgraph.simulate.simulate import simulate
 from bondgraph.simulate.trajectory import Trajectory
 
+#: Blocks of time by whose scatter errors are judged.
+_BLOCKS = 20
+
 
 @dataclass(frozen=True)
 class ChannelError:
     """Root mean square errors of one channel, in its unit; ``noise_std`` is the sensor noise that the fit found.
 
-    Innovations count from the second sample: what is expected of the first is the prior, not a prediction.
+    Innovations count from the second sample: what is expected of the first is the prior, not a prediction. The 95 %
+    intervals rest on blocks of time (see :func:`rms_interval`).
     """
 
     innovation_rmse: float
     simulation_rmse: float
     noise_std: float
+    innovation_ci95: tuple[float, float] = (float("nan"), float("nan"))
+    simulation_ci95: tuple[float, float] = (float("nan"), float("nan"))
 
 
 @dataclass(frozen=True)
@@ -92,7 +99,8 @@ def _assess_log(fitted: Fit, log: MatchedLog, run: FilterRun) -> LogAssessment:
         if seen.any():
             error = (simulated.y[row] - log.y[row])[seen]
             innovation = run.innovation[row, 1:][seen[1:]]
-            channels[name] = ChannelError(_rms(innovation), _rms(error), float(noise[row]))
+            intervals = rms_interval(innovation), rms_interval(error)
+            channels[name] = ChannelError(_rms(innovation), _rms(error), float(noise[row]), *intervals)
     return LogAssessment(log, run.nll, channels, run, simulated)
 
 
@@ -105,6 +113,39 @@ def free_simulation(fitted: Fit, log: MatchedLog, filtered: FilterRun) -> Trajec
         theta[model.index("parameter", name)] = value
     x0 = filtered.filtered_mean[: len(model.states), 0]
     return simulate(model, log.time, log.u, theta, x0, method="rk4", substeps=2 * filter_model.substeps, compiled=True)
+
+
+def rms_interval(values: FloatArray) -> tuple[float, float]:
+    """The 95 % interval of a root mean square, by the scatter of the mean square over blocks of time.
+
+    Neighbouring errors belong together, so that the number of values says nothing about how sure their mean is.
+
+    Examples
+    --------
+    >>> noise = np.random.default_rng(1).standard_normal(4000)
+    >>> low, high = rms_interval(noise)
+    >>> 0.95 < low < 1.0 < high < 1.05
+    True
+    """
+    known = values[np.isfinite(values)]
+    if known.size < 2 * _BLOCKS:
+        return float("nan"), float("nan")
+    squares = np.array([np.mean(part**2) for part in np.array_split(known, _BLOCKS)])
+    reach = float(stats.t.isf(0.025, _BLOCKS - 1) * squares.std(ddof=1) / np.sqrt(_BLOCKS))
+    middle = float(squares.mean())
+    return float(np.sqrt(max(middle - reach, 0.0))), float(np.sqrt(middle + reach))
+
+
+def gain_interval(before: Assessment, after: Assessment) -> tuple[float, float]:
+    """Gain of log-likelihood from one assessment to another of the same logs, and its standard error, by blocks."""
+    gains = np.concatenate([
+        last.filtered.log_likelihood - first.filtered.log_likelihood
+        for first, last in zip(before.logs, after.logs, strict=True)
+    ])  # fmt: skip
+    if gains.size < 2 * _BLOCKS or not np.isfinite(gains).all():
+        return before.nll - after.nll, float("nan")
+    sums = np.array([part.sum() for part in np.array_split(gains, _BLOCKS)])
+    return float(gains.sum()), float(sums.std(ddof=1) * np.sqrt(_BLOCKS))
 
 
 def _rms(values: FloatArray) -> float:

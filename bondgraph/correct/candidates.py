@@ -23,6 +23,7 @@ from bondgraph.errors import (
     CausalityError,
     DeclarationError,
     DerivationError,
+    DimensionError,
     EstimationError,
     OptionError,
     suggest,
@@ -218,7 +219,7 @@ def candidates(
             try:
                 effect = _effect(function, trial, place)
                 equations = None if effect is None else _equations(trial)
-            except (DeclarationError, CausalityError, DerivationError) as error:
+            except (DeclarationError, CausalityError, DerivationError, DimensionError) as error:
                 refused.append(Refused(function.__name__, place.label, error.message))
                 continue
             if effect is None or equations is None:

@@ -45,14 +45,17 @@ def sensor_drift(g: BondGraph, at: Place) -> Effect | None:
 
 @sensor_fault
 def sensor_delay(g: BondGraph, at: Place) -> Effect | None:
-    """A value that comes late: a filter in the amplifier, a slow bus; of first order."""
+    """A value that comes late: a filter in the amplifier, a slow bus; as two lags in a row, which is near a delay."""
     name = f"delay_{at.name}"
     shown = next(output.expression for output in g.outputs if output.name == at.output)
     delay = g.parameter(name, 0.05, "s", f"time by which {at.output} comes late", (1e-3, LONGEST_DELAY))
-    late = g.integral(f"late_{at.name}", lambda held: (shown - held) / delay, _unit(g, at), f"{at.output} as shown")
+    half = g.integral(
+        f"half_late_{at.name}", lambda x: 2 * (shown - x) / delay, _unit(g, at), f"{at.output}, half late"
+    )
+    late = g.integral(f"late_{at.name}", lambda x: 2 * (half - x) / delay, _unit(g, at), f"{at.output} as shown")
     revise_output(g, at.output, late)
     return Effect(
-        "sensor_delay", at.output, "shown = true, late by T (first order)", (name,), adds_state=True,
+        "sensor_delay", at.output, "shown = true, late by T (two lags of T/2)", (name,), adds_state=True,
         amplitudes=(0.4, 0.7), reference=_REFERENCE, channel=at.output, kind="delay",
     )  # fmt: skip
 

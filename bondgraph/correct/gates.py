@@ -17,10 +17,11 @@ from typing import Literal
 
 import numpy as np
 
+from bondgraph.correct.candidates import Candidate, Variant
 from bondgraph.correct.fit import Fit, restricted
 from bondgraph.correct.response import decay
 from bondgraph.correct.score import best_step, block_sums, solve
-from bondgraph.correct.scoring import Linearisation, Scored
+from bondgraph.correct.scoring import Linearisation, Scored, candidate_change
 from bondgraph.data.log import FloatArray, MatchedLog
 from bondgraph.declare.effect import Effect, EffectFunction, Place
 from bondgraph.declare.functions import switch
@@ -34,6 +35,8 @@ When = Literal["from", "until"]
 _TRIM = 0.1
 #: Gates that are tried, evenly over all training time.
 _GATES = 14
+#: Switching times that are tried between neighbouring gates once a gated candidate stands out.
+_FINER = 30
 #: Far away in time, s: an effect that is on, or off, throughout a log.
 _FAR = 1e6
 
@@ -68,7 +71,8 @@ def gated(function: EffectFunction, gate: Gate, logs: Sequence[MatchedLog]) -> E
         if effect is None or effect.adds_state:
             return None
         own = g.parameter(gate_name(effect), only, "s", f"time {gate.when} which {effect.element} acts")
-        past = switch(symbol("t") - own, width)
+        soft = g.parameter(f"width_{gate_name(effect)}", width, "s", "time in which it changes over")
+        past = switch(symbol("t") - own, soft)
         on = past if gate.when == "from" else 1 - past
         replace_symbols(g, {name: symbol(name) * on for name in effect.coefficients})
         return replace(effect, law=f"{effect.law}, {gate.when} {gate.time:.4g} s of {gate.log}")
@@ -223,7 +227,7 @@ def best_gated(linear: Linearisation, scored: Scored) -> Gated | None:
             projected = linear.projected(response)
             told = np.where(projected.seen, np.maximum(np.diag(projected.information), 1e-300), np.inf)
             gain = np.where(one_sided & (projected.score < 0.0), 0.0, 0.5 * projected.score**2 / told)
-            top = int(np.argmax(gain))
+            top = _simplest(gain, [found[j] for j in usable])
             if best is None or gain[top] > best.gain:
                 step, own, p_value = best_step(projected, [top], one_sided[[top]])
                 gate = Gate("from" if when == "from" else "until", name, time)
@@ -231,22 +235,53 @@ def best_gated(linear: Linearisation, scored: Scored) -> Gated | None:
     return best
 
 
+def _simplest(gain: FloatArray, candidates: Sequence[Candidate]) -> int:
+    """Of the candidates that score within a nat of the best, one without a memory of its own, the first of them."""
+    near = [int(j) for j in np.flatnonzero(gain >= gain.max() - 1.0)]
+    return min(near, key=lambda j: (len(candidates[j].model.states), j))
+
+
+def refined(linear: Linearisation, best: Gated, candidate: Candidate, variant: Variant) -> Gated:
+    """The same gated candidate with its switching time found anew between the neighbouring gates."""
+    logs = [log.path.log for log in linear.logs]
+    names = [log.name for log in logs]
+    own = names.index(best.gate.log)
+    total = sum(float(log.time[-1] - log.time[0]) for log in logs)
+    reach = total / (_GATES + 1)
+    time = logs[own].time
+    inside = np.flatnonzero(np.abs(time - best.gate.time) < reach)
+    inside = inside[(inside > 0) & (inside < time.size - 1)]
+    samples = [int(k) for k in inside[:: max(1, inside.size // _FINER)]]
+    changes = [candidate_change(log.path, linear.model, candidate, variant) for log in linear.logs]
+    whole, states = linear.columns_and_states(changes, [samples if k == own else () for k in range(len(logs))])
+    first = sum(log.slope.shape[0] * log.slope.shape[1] for log in linear.logs[:own])
+    for place, sample in enumerate(samples):
+        after = _tail(linear, whole, own, first, sample, states[own][place])
+        response = after if best.gate.when == "from" else whole - after
+        step, gain, p_value = best_step(linear.projected(response), [0], candidate.lower >= 0.0)
+        if gain > best.gain:
+            gate = Gate(best.gate.when, best.gate.log, float(time[sample + 1]))
+            best = replace(best, gate=gate, gain=gain, step=float(step[0]), p_value=p_value)
+    return best
+
+
+def _tail(linear: Linearisation, whole: FloatArray, own: int, first: int, sample: int, state: FloatArray) -> FloatArray:
+    """Responses of changes that act only after a sample of one log, and in all logs after it."""
+    log = linear.logs[own]
+    outputs, count = log.slope.shape[1], log.slope.shape[0]
+    rows = slice(first, first + outputs * count)
+    late = np.tile(np.arange(count) > sample, outputs)
+    after = whole.copy()
+    after[:first] = 0.0
+    after[rows] = np.where(late[:, np.newaxis], whole[rows] - decay(log, sample) @ state, 0.0)
+    return after
+
+
 def _after(linear: Linearisation, whole: FloatArray, scored: Scored, usable: Sequence[int], number: int) -> FloatArray:
     """Responses of candidates that act from a gate on: what they do from then on, less what went before it leaves."""
     samples = gate_samples([log.path.log for log in linear.logs])
     own = next(k for k in range(len(samples)) if number < sum(map(len, samples[: k + 1])))
     place = number - sum(map(len, samples[:own]))
-    after = np.zeros(whole.shape)
-    first = 0
-    for k, log in enumerate(linear.logs):
-        outputs, count = log.slope.shape[1], log.slope.shape[0]
-        rows = slice(first, first + outputs * count)
-        if k > own:
-            after[rows] = whole[rows]
-        elif k == own:
-            sample = samples[k][place]
-            left = decay(log, sample) @ scored.states[k][place][:, usable]
-            late = np.tile(np.arange(count) > sample, outputs)
-            after[rows] = np.where(late[:, np.newaxis], whole[rows] - left, 0.0)
-        first += outputs * count
-    return after
+    first = sum(log.slope.shape[0] * log.slope.shape[1] for log in linear.logs[:own])
+    state = scored.states[own][place][:, usable]
+    return _tail(linear, whole, own, first, samples[own][place], state)

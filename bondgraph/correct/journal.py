@@ -42,6 +42,11 @@ class Journal:
 
     folder: Path | None = None
 
+    @property
+    def exists(self) -> bool:
+        """Whether fits were noted before."""
+        return self.folder is not None and (self.folder / FILE).is_file()
+
     def start(self, resume: bool) -> None:
         """Begin anew, or keep what is there.
 

@@ -19,7 +19,7 @@ import numpy as np
 from bondgraph.correct.assess import Assessment, assess
 from bondgraph.correct.build import BuiltModel, build
 from bondgraph.correct.faults import SENSOR_FAULTS
-from bondgraph.correct.fit import Fit, Report, fit, no_report, noisy_starts
+from bondgraph.correct.fit import BLOCKS, Fit, Report, fit, no_report, noisy_starts
 from bondgraph.correct.journal import Journal
 from bondgraph.correct.progress import Decision, Progress, advance
 from bondgraph.correct.rest import Rest, settle
@@ -38,6 +38,8 @@ from bondgraph.estimate.free import FreeParameter, declared_free
 
 #: Measurements per free parameter below which nothing can be concluded.
 _MEASUREMENTS_EACH = 20
+#: Samples in a block of time below which it hardly counts as one.
+_BLOCK_SAMPLES = 5
 #: The declared model is fitted to this many nats, far below what an effect must gain.
 _TOLERANCE = 0.05
 _MOST_ITERATIONS = 60
@@ -207,6 +209,24 @@ def _everywhere(built: BuiltModel, train: Sequence[MatchedLog]) -> list[Place]:
 def _cautions(nominal: Fit, rounds: Sequence[Round]) -> tuple[str, ...]:
     """What these logs leave open whatever the verdict: parameters at bounds or unknown, candidates nothing shows."""
     said = []
+    if not nominal.outcome.succeeded:
+        said.append(f"the fit of the declared model ended early ({nominal.outcome.value}): take its numbers with care")
+    loud = [
+        parameter.target.name
+        for parameter, resting in zip(nominal.problem.free, nominal.held, strict=True)
+        if resting and parameter.target.kind == "std" and nominal.values[parameter.name] > parameter.start
+    ]
+    if loud:
+        said.append(
+            f"the declared model does not follow {', '.join(loud)} at all: the noise of these rests on its upper bound"
+        )
+    seconds = sum(float(log.time[-1] - log.time[0]) for log in nominal.problem.logs)
+    samples = sum(log.time.size for log in nominal.problem.logs)
+    if samples < _BLOCK_SAMPLES * BLOCKS:
+        said.append(
+            f"{samples} samples in {seconds:.3g} s are few: tests that hold under coloured noise need blocks of time, "
+            f"and see little with fewer than {_BLOCK_SAMPLES * BLOCKS}"
+        )
     held = [
         parameter.name
         for parameter, resting in zip(nominal.problem.free, nominal.held, strict=True)

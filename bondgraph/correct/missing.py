@@ -1,8 +1,9 @@
-"""The picture of what is missing: an unknown effort at a junction, followed through the logs and drawn over the flow.
+"""The picture of what is missing: an unknown effort or flow at a junction, followed through the logs.
 
-A load that walks at random is put at the junction and followed by the filter as one more state; the smoother says how
-large it was at every sample. How fast it walks, and how much of the model's own process noise is needed beside it, are
-chosen by likelihood. It shows a law to the eye and proves none: its neighbouring values are not independent.
+A load that walks at random is put at the junction (an effort at a 1-junction, a flow at a 0-junction) and followed by
+the filter as one more state; the smoother says how large it was at every sample. How fast it walks, and how much of the
+model's own process noise is needed beside it, are chosen by likelihood. It shows a law to the eye and proves none: its
+neighbouring values are not independent.
 """
 
 from __future__ import annotations
@@ -36,7 +37,7 @@ class MissingEffort:
     """What is missing at a junction at each sample of all logs, one after the other.
 
     ``flow`` of the junction, ``effort`` that is missing there (positive where it takes energy from a positive flow) and
-    its standard deviation ``std``, each (n,).
+    its standard deviation ``std``, each (n,). At a 0-junction, where efforts are common, the two change places.
     """
 
     junction: str
@@ -48,7 +49,7 @@ class MissingEffort:
 
 
 def missing_effort(built: BuiltModel, fitted: Fit, logs: Sequence[MatchedLog], place: Place) -> MissingEffort:
-    """The effort that a model lacks at a 1-junction, by smoothing.
+    """The effort that a model lacks at a 1-junction, or the flow at a 0-junction, by smoothing.
 
     Parameters
     ----------
@@ -61,18 +62,20 @@ def missing_effort(built: BuiltModel, fitted: Fit, logs: Sequence[MatchedLog], p
     logs
         Matched logs.
     place
-        A 1-junction, with the size of its effort.
+        A junction, with the sizes of its effort and flow.
 
     Raises
     ------
     OptionError
-        If the place is not a 1-junction.
+        If the place is not a junction.
     EstimationError
         If the filter diverges with every walk that is tried.
     """
-    if place.bond is not None or place.junction.kind != "1":
+    if place.bond is not None or place.junction.kind not in ("0", "1"):
         raise OptionError(
-            f"{place.label}: a missing effort acts at a 1-junction - name one of the graph", where=(place.label,)
+            f"{place.label}: a missing effort acts at a 1-junction, a missing flow at a 0-junction - name one of the "
+            "graph",
+            where=(place.label,),
         )
     extended, load = _with_load(built, place)
     filter_model = _followed(extended, fitted, load, place)
@@ -90,16 +93,22 @@ def missing_effort(built: BuiltModel, fitted: Fit, logs: Sequence[MatchedLog], p
     flow, effort, std = np.concatenate(pieces, axis=1)
     domain = place.domain
     units = ("", "") if domain is None else (domain.effort_unit, domain.flow_unit)
+    units = units if place.junction.kind == "1" else units[::-1]
     return MissingEffort(place.label, *units, flow, effort, std)
 
 
 def _with_load(built: BuiltModel, place: Place) -> tuple[BuiltModel, str]:
     graph = copy(built.graph)
     name = f"missing_effort_{place.name}"
-    unit = "" if place.domain is None else place.domain.effort_unit
-    load = graph.parameter(name, 0.0, unit, f"effort that is missing at {place.label}")
-    graph.effort_source(f"source_{name}", -load, at=handle(graph, place.junction.name))
+    load = graph.parameter(name, 0.0, "", f"what is missing at {place.label}")
+    declare = graph.effort_source if place.junction.kind == "1" else graph.flow_source
+    declare(f"source_{name}", -load, at=handle(graph, place.junction.name))
     return build(graph), name
+
+
+def _size(place: Place) -> float:
+    """Size of the variable that is missing."""
+    return place.scale.effort if place.junction.kind == "1" else place.scale.flow
 
 
 def _known(fitted: Fit, names: Sequence[str]) -> dict[str, float]:
@@ -125,8 +134,8 @@ def _followed(extended: BuiltModel, fitted: Fit, load: str, place: Place) -> Fil
         own,
         model=extended.model,
         process_noise={name: process[name] for name in states if name in process},
-        initial_std={**start, load: place.scale.effort},
-        appended={load: place.scale.effort},
+        initial_std={**start, load: _size(place)},
+        appended={load: _size(place)},
     )
 
 
@@ -141,7 +150,7 @@ def _likeliest(
     """Process noise (n_s,) of the likeliest pair of a walk and a share of the model's own noise."""
     pairs = np.array(list(itertools.product(_SHARES, _WALKS))).T
     own = filter_model.process_std[:-1]
-    process = np.concatenate([np.outer(own, pairs[0]), place.scale.effort * pairs[1:]])
+    process = np.concatenate([np.outer(own, pairs[0]), _size(place) * pairs[1:]])
     values = likelihood(
         filter_model, list(logs), theta, noise_std=noise, process_std=process, x0=[*x0]
     ).nll  # fmt: skip
@@ -163,7 +172,7 @@ def _flow(
     load: str,
     effort: FloatArray,
 ) -> FloatArray:
-    """The junction's flow at each sample, from smoothed states and load."""
+    """The junction's common variable at each sample, from smoothed states and load."""
     model = bond_model(extended.causal)
     known = np.repeat(theta[:, np.newaxis], log.time.size, axis=1)
     for name, value in log.theta_overrides.items():
@@ -172,5 +181,6 @@ def _flow(
     outputs = model.output(log.time, states, log.u, known)
     labels = bond_labels(extended.causal)
     source = labels.index(f"source_missing_effort_{place.name}->{place.junction.name}")
-    flow: FloatArray = outputs[len(extended.model.outputs) + len(labels) + source]
-    return flow
+    flows = len(labels) if place.junction.kind == "1" else 0
+    common: FloatArray = outputs[len(extended.model.outputs) + flows + source]
+    return common

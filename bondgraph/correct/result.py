@@ -155,6 +155,8 @@ def _assessment(assessment: Assessment) -> dict[str, Any]:
                 "innovation_rmse": number(error.innovation_rmse),
                 "simulation_rmse": number(error.simulation_rmse),
                 "noise_std": number(error.noise_std),
+                "innovation_ci95": [number(end) for end in error.innovation_ci95],
+                "simulation_ci95": [number(end) for end in error.simulation_ci95],
             }
             for name, error in errors.items()
         }

@@ -12,11 +12,12 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from bondgraph.correct.absent import absent_when_zero
+from bondgraph.correct.advice import separation
 from bondgraph.correct.build import BuiltModel
 from bondgraph.correct.candidates import Candidate, Refused, candidates, places
 from bondgraph.correct.decide import alternatives, choose, detectable, hurdle
 from bondgraph.correct.fit import Fit, Report, no_report
-from bondgraph.correct.gates import best_gated, gate_samples, gated, with_gate
+from bondgraph.correct.gates import best_gated, gate_samples, gated, refined, with_gate
 from bondgraph.correct.journal import Journal
 from bondgraph.correct.located import LocatedAt, locate
 from bondgraph.correct.probes import Probe, Signal, probes, signals
@@ -29,6 +30,8 @@ from bondgraph.errors import DataError
 
 #: A gated candidate must promise this many nats more than the best that acts throughout, beyond its number.
 _GATE_MARGIN = 6.0
+#: For so many of the effects that are not told from the chosen one it is said what would tell them apart.
+_ADVISED = 3
 
 
 @dataclass(frozen=True)
@@ -102,10 +105,29 @@ def one_round(
     trials += _gated_trial(linear, scored, trials, ground, settings)
     chosen = choose(trials, settings.level)
     others = alternatives(chosen, trials, scored.scores, settings.level)
+    others = _with_advice(built, base, chosen, others, scored)
     seen = detectable(vanishing, scored.scores, need)
     return Round(
         base, tuple(trials), tuple(refused), scored, chosen, tuple(others), seen, located, linear, probed, known, tried
     )
+
+
+def _with_advice(
+    built: BuiltModel, base: Fit, chosen: Trial | None, others: Sequence[Alternative], scored: Scored
+) -> list[Alternative]:
+    """The alternatives, the first of those that are not told apart with what would tell them apart."""
+    order = {(one.effect.name, one.place.label): j for j, one in enumerate(scored.candidates)}
+    first = None if chosen is None else order.get((chosen.candidate.effect.name, chosen.candidate.place.label))
+    done = list(others)
+    if first is None:
+        return done
+    twins = [k for k, other in enumerate(others) if other.indistinguishable and (other.name, other.junction) in order]
+    for k in twins[:_ADVISED]:
+        second = order[others[k].name, others[k].junction]
+        pair = [(scored.candidates[j], scored.variants[j]) for j in (first, second)]
+        known = float(scored.scores.correlation[first, second])
+        done[k] = replace(others[k], separate=str(separation(built, base, pair[0], pair[1], known)))
+    return done
 
 
 def _trials(scored: Scored, tried: int) -> list[Trial]:
@@ -159,8 +181,12 @@ def _gated_trial(
         return []
     settings.report("refit an effect that acts in part of the data", 0, 1)
     original = scored.candidates[best.index]
+    best = refined(linear, best, original, scored.variants[best.index])
     function = gated(original.function, best.gate, ground.train)
-    (candidate,), _ = candidates(ground.built, [function], [original.place])
+    made, _ = candidates(ground.built, [function], [original.place])
+    if not made:
+        return []
+    candidate = made[0]
     train = with_gate(ground.train, candidate.effect, best.gate)
     trial = Trial(candidate, best.gain, (best.step,), score_p=min(1.0, best.p_value * best.tested), gate=best.gate)
     return [refit_alone(trial, [best.step], replace(ground, train=train), tried=best.tested)]

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from bondgraph.correct.assess import Assessment
+from bondgraph.correct.assess import Assessment, gain_interval
 from bondgraph.correct.loop import ClosedLoop
 from bondgraph.correct.result import intervals, result_json
 from bondgraph.declare.files import write_graph
@@ -19,15 +19,19 @@ from bondgraph.report.html import Located, Provenance, ReportData, write_report
 from bondgraph.report.logs import grouped_notes
 from bondgraph.report.missing import missing_efforts
 from bondgraph.report.numbers import shown
-from bondgraph.report.series import ChannelSeries, FoundEffect, Tried, channel_errors
-from bondgraph.report.tables import error_table, text_of
+from bondgraph.report.series import ChannelSeries, FoundEffect, Power, Step, Tried, channel_errors
+from bondgraph.report.tables import error_table, power_table, text_of
 
 #: Alternatives shown per round; all stand in result.json.
 _MOST_ALTERNATIVES = 10
 
 
 def write_closed_loop(
-    closed: ClosedLoop, folder: Path, made: Provenance, extra: Mapping[str, Any] | None = None
+    closed: ClosedLoop,
+    folder: Path,
+    made: Provenance,
+    extra: Mapping[str, Any] | None = None,
+    said: Sequence[str] = (),
 ) -> ReportData:
     """Write everything a closed loop leaves behind.
 
@@ -41,6 +45,8 @@ def write_closed_loop(
         Command, seed, data files.
     extra
         More keys of ``result.json`` (the truth of a demonstration).
+    said
+        What must be said about the logs beside what the loop knows.
 
     Returns
     -------
@@ -48,8 +54,8 @@ def write_closed_loop(
         What stands in the report.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    result = result_json(closed) | dict(extra or {})
-    data = report_data(closed, result, made)
+    result = result_json(closed) | {"notes": list(said)} | dict(extra or {})
+    data = report_data(closed, result, made, said)
     write_json(folder / "result.json", result)
     write_graph(closed.corrected_graph, folder / "corrected_graph.json")
     (folder / f"{closed.corrected_graph.name}.py").write_text(closed.corrected_built.text, encoding="utf-8")
@@ -66,7 +72,9 @@ def write_json(path: Path, value: Mapping[str, Any]) -> None:
     partial.replace(path)
 
 
-def report_data(closed: ClosedLoop, result: Mapping[str, Any], made: Provenance) -> ReportData:
+def report_data(
+    closed: ClosedLoop, result: Mapping[str, Any], made: Provenance, said: Sequence[str] = ()
+) -> ReportData:
     """The report of a closed loop as plain values."""
     model = closed.corrected_built.model
     series = all_series(closed)
@@ -81,12 +89,13 @@ def report_data(closed: ClosedLoop, result: Mapping[str, Any], made: Provenance)
         drawing=drawing_of(closed.corrected_built.causal),
         added=added_nodes(closed.nominal_built.graph, closed.corrected_graph),
         missing=missing_efforts(closed),
-        located=tuple(
-            Located(at["junction"], at["variable"], at["p_value"], at["share"]) for at in result["located_at"][:8]
-        ),
+        located=tuple(Located(at.junction, at.variable, at.p_value, at.share) for at in closed.rounds[0].located[:8]),
         alternatives=tuple(_tried(closed)),
         parameters=parameter_changes(model, closed.nominal.values, closed.corrected.values, ci95),
-        notes=tuple(_notes(closed)),
+        power=tuple(_power(closed)),
+        history=tuple(Step(one.round, one.action, one.what, one.why) for one in closed.history),
+        structure=tuple(structure_lines(closed)),
+        notes=(*said, *_notes(closed)),
         made=made,
     )
 
@@ -129,17 +138,55 @@ def found_effects(closed: ClosedLoop) -> list[FoundEffect]:
 
 def explanation(closed: ClosedLoop) -> str:
     """The verdict in a sentence or two."""
-    tried = closed.rounds[0].trials if closed.rounds else ()
+    tried = closed.rounds[0].tried if closed.rounds else 0
+    left = [
+        f"an unknown {one.variable} at {one.place.label} as a function of {one.signal}" for one in closed.unexplained
+    ]
     if closed.added:
         names = ", then ".join(added.trial.candidate.label for added in closed.added)
-        return f"The declared model lacks {names}. The search ended because {closed.reason}."
+        if closed.verdict == "sensor fault suspected":
+            faults = [added.trial.candidate.effect for added in closed.added]
+            said = " and ".join(f"a {fault.kind} of the sensor {fault.channel}" for fault in faults)
+            first = f"What the sensors show fits together if there is {said}; no missing effect explains it as well."
+        else:
+            first = f"The declared model lacks {names}. The search ended because {closed.reason}."
+        return first + (f" There remains {left[0]} that no known effect explains." if left else "")
     coloured = [test.channel for test in closed.whiteness if test.p_value * len(closed.whiteness) < 0.01]
+    if left:
+        return (
+            f"There is {left[0]} that none of the {tried} effects and faults tried explains; its shape is shown below."
+        )
     if closed.verdict == "unexplained residual":
         return (
-            f"The innovations of {', '.join(coloured)} are correlated in time, so something is missing, but none of "
-            f"the {len(tried)} candidates explains it well enough to be believed."
+            f"The innovations of {', '.join(coloured)} are correlated in time, so something is missing (or the noise "
+            f"of the sensor is coloured), but none of the {tried} effects and faults tried explains it well enough to "
+            "be believed."
         )
-    return f"None of the {len(tried)} candidates passes the tests, and the innovations are white in every channel."
+    return f"None of the {tried} effects and faults tried passes the tests, and all innovations are white."
+
+
+def structure_lines(closed: ClosedLoop) -> list[str]:
+    """What these sensors can tell apart at all, as sentences."""
+    told = closed.structure
+    lines = []
+    if told.classes:
+        groups = "; ".join(" = ".join(group) for group in told.classes)
+        lines.append(
+            f"By the structure of the model, before any measurement: with the sensors {', '.join(told.sensors)} an "
+            f"unknown at these places shows in the same way, so that only its law can tell them apart: {groups}."
+        )
+    else:
+        lines.append(
+            f"By the structure of the model, the sensors {', '.join(told.sensors)} can tell an unknown at every place "
+            "from one at every other."
+        )
+    if told.invisible:
+        lines.append(f"No sensor sees what is missing at {', '.join(told.invisible)}.")
+    return lines
+
+
+def _power(closed: ClosedLoop) -> list[Power]:
+    return [Power(one.effect, one.junction, one.size, one.unit) for one in closed.detectable]
 
 
 def _tried(closed: ClosedLoop) -> list[Tried]:
@@ -149,19 +196,26 @@ def _tried(closed: ClosedLoop) -> list[Tried]:
             chosen = turn.chosen.candidate
             rows.append(Tried(chosen.effect.name, chosen.place.label, turn.chosen.gain, "added", chosen=True))
         rows += [
-            Tried(other.name, other.junction, other.delta_nll, other.why, indistinguishable=other.indistinguishable)
+            Tried(
+                other.name, other.junction, other.delta_nll, other.why,
+                indistinguishable=other.indistinguishable, separate=other.separate,
+            )
             for other in turn.alternatives[:_MOST_ALTERNATIVES]
-        ]
+        ]  # fmt: skip
     return rows
 
 
 def _notes(closed: ClosedLoop) -> list[str]:
     notes = []
-    gain = closed.nominal_holdout.nll - closed.corrected_holdout.nll
     if closed.added and closed.corrected_holdout.logs:
-        what = "confirm the correction" if gain > 0 else "do not confirm the correction"
+        gain, error = gain_interval(closed.nominal_holdout, closed.corrected_holdout)
+        what = (
+            "confirm the correction" if gain > 2.0 * (error if math.isfinite(error) else 0.0) else "do not confirm it"
+        )
+        within = f" ± {shown(error)}" if math.isfinite(error) else ""
         notes.append(
-            f"The held-out logs {what}: their log-likelihood changes by {shown(gain)} nats. They decided nothing."
+            f"The held-out logs {what}: their log-likelihood changes by {shown(gain)}{within} nats (standard error by "
+            "blocks of time). They decided nothing."
         )
     for added in closed.added:
         twins = [
@@ -169,17 +223,16 @@ def _notes(closed: ClosedLoop) -> list[str]:
         ]
         if twins:
             names = ", ".join(f"{twin.name} at {twin.junction}" for twin in twins)
-            notes.append(f"These data do not tell {added.trial.candidate.label} from {names}.")
+            first = next((twin.separate for twin in twins if twin.separate), "")
+            advice = f" What would: {first}." if first else ""
+            notes.append(f"These data do not tell {added.trial.candidate.label} from {names}.{advice}")
     coloured = [test.channel for test in closed.whiteness if test.p_value * len(closed.whiteness) < 0.01]
     if closed.added and coloured:
         notes.append(
             f"After the correction the innovations of {', '.join(coloured)} are still correlated in time: the model is "
             "not complete."
         )
-    weak = [d for d in closed.detectable if math.isfinite(d.size)]
-    if not closed.added and weak:
-        sizes = "; ".join(f"{d.effect} at {d.junction} {shown(d.size)} {d.unit}" for d in weak)
-        notes.append(f"What these logs would have shown nine times in ten, at least this large: {sizes}.")
+    notes += closed.cautions
     logs = [log.log for part in (closed.nominal_train, closed.nominal_holdout) for log in part.logs]
     notes += grouped_notes(logs)
     return notes
@@ -194,7 +247,9 @@ def summary(data: ReportData) -> str:
             for c in effect.coefficients
         )
         lines.append(f"  {effect.name} at {effect.junction}: {effect.law}, {values}")
-    lines += [f"  {note}" for note in data.notes]
+    lines += [f"  {note}" for note in (*data.notes, *data.structure)]
+    if not data.effects and data.power:
+        lines.append(text_of(power_table(data.power)))
     lines.append(text_of(error_table(data.errors)))
     return "\n".join(lines)
 

@@ -28,6 +28,8 @@ from bondgraph.report.series import (
     FoundEffect,
     MissingEffort,
     ParameterChange,
+    Power,
+    Step,
     Tried,
 )
 from bondgraph.report.tables import ALL_LOGS, grouped_errors, pooled
@@ -79,6 +81,12 @@ class ReportData:
         What is missing against what it depends on, with the found law.
     located, alternatives, parameters, trace
         Places, effects considered, parameters before and after, course of the search.
+    power
+        What the logs would have shown.
+    history
+        Every decision with its reason.
+    structure
+        What these sensors can tell apart at all.
     notes
         What else a reader must know: caveats, what cannot be concluded.
     made
@@ -98,6 +106,9 @@ class ReportData:
     alternatives: tuple[Tried, ...] = ()
     parameters: tuple[ParameterChange, ...] = ()
     trace: tuple[TraceRow, ...] = ()
+    power: tuple[Power, ...] = ()
+    history: tuple[Step, ...] = ()
+    structure: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
     made: Provenance | None = None
 
@@ -119,7 +130,9 @@ def report_html(data: ReportData) -> str:
         lstrip_blocks=True,
     )
     environment.filters |= {"number": shown, "p_value": _p_value, "percent": _percent}
-    environment.globals |= {"change": change, "with_interval": with_interval, "better": _better, "ALL_LOGS": ALL_LOGS}
+    environment.globals |= {
+        "change": change, "with_interval": with_interval, "better": _better, "between": _between, "ALL_LOGS": ALL_LOGS,
+    }  # fmt: skip
     page = environment.get_template("report.html.jinja").render(
         data=data,
         headline=_headline(data.errors),
@@ -187,6 +200,11 @@ def _better(before: float, after: float) -> str:
     if not (math.isfinite(before) and math.isfinite(after)) or abs(after - before) < 0.005 * abs(before):
         return "same"
     return "better" if after < before else "worse"
+
+
+def _between(ends: tuple[float, float]) -> str:
+    """An interval in brackets, empty where it is not known."""
+    return f"[{shown(ends[0], 3)}, {shown(ends[1], 3)}]" if all(map(math.isfinite, ends)) else ""
 
 
 def _p_value(value: float) -> str:

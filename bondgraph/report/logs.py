@@ -16,11 +16,15 @@ from bondgraph.simulate.model import Model
 
 @dataclass(frozen=True)
 class Splits:
-    """Training and held-out logs, and what must be said about how they came about."""
+    """Training and held-out logs, and what must be said about how they came about.
+
+    ``split`` is the part of that which a report must say: that held-out data are parts of the training logs.
+    """
 
     training: tuple[MatchedLog, ...]
     held_out: tuple[MatchedLog, ...]
     said: tuple[str, ...]
+    split: tuple[str, ...] = ()
 
 
 def training_and_held_out(
@@ -55,7 +59,8 @@ def training_and_held_out(
     if not held_out:
         pairs = [split(log, 0.75) for log in training]
         training, held_out = [first for first, _ in pairs], [last for _, last in pairs]
-        said.append("no --holdout given: the last quarter of each training log is held out instead")
+        parted = "no --holdout given: the last quarter of each training log is held out instead"
+        return Splits(tuple(training), tuple(held_out), (*said, parted), (parted,))
     return Splits(tuple(training), tuple(held_out), tuple(said))
 
 

@@ -1,4 +1,4 @@
-"""The picture of a found effect: the missing effort against the flow of its junction, with the law drawn through it."""
+"""Pictures of what is missing: the missing effort or flow at a place against what it depends on, the law through it."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import sympy
 from bondgraph.correct.loop import Added, ClosedLoop
 from bondgraph.correct.missing import missing_effort
 from bondgraph.correct.result import intervals
+from bondgraph.correct.unexplained import Unexplained
 from bondgraph.data.log import FloatArray
 from bondgraph.declare.graph import BondGraph
 from bondgraph.declare.quantities import symbol
@@ -20,9 +21,38 @@ _POINTS = 200
 
 
 def missing_efforts(closed: ClosedLoop) -> tuple[MissingEffort, ...]:
-    """One picture for every added effect whose law is a curve over the flow of its junction."""
+    """A picture for every added effect whose law is a curve over the flow there, and of what no law explains."""
     pictures = [_picture(closed, added) for added in closed.added]
+    pictures += [_unexplained(closed, one) for one in closed.unexplained]
     return tuple(picture for picture in pictures if picture is not None)
+
+
+def _unexplained(closed: ClosedLoop, one: Unexplained) -> MissingEffort | None:
+    """The unknown at its place against the signal it depends on, with the estimated shape and its band."""
+    if one.place.output:
+        return None
+    turn = closed.rounds[-1]
+    logs = [log.log for log in closed.corrected_train.logs]
+    signal = next((signal for signal in turn.signals if signal.name == one.signal), None)
+    if signal is None:
+        return None
+    try:
+        found = missing_effort(closed.corrected_built, closed.corrected, logs, one.place)
+    except EstimationError:
+        return None
+    unit = f" [{one.signal_unit}]" if one.signal_unit else ""
+    return MissingEffort(
+        title=f"unexplained {one.variable} at {one.place.label}",
+        x_label=f"{one.signal}{unit}",
+        y_label=f"missing {one.variable} [{found.effort_unit}]",
+        x=np.concatenate(signal.values),
+        missing=found.effort,
+        law_x=one.knots,
+        law=one.values,
+        law_text="shape without a law, free parameters aside",
+        lower=one.values - 1.96 * one.std,
+        upper=one.values + 1.96 * one.std,
+    )
 
 
 def _picture(closed: ClosedLoop, added: Added) -> MissingEffort | None:

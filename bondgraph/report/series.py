@@ -8,6 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from bondgraph.correct.assess import rms_interval
+
 FloatArray = NDArray[np.float64]
 
 
@@ -76,7 +78,8 @@ class MissingEffort:
 class ChannelError:
     """Errors of one channel in one log before and after a correction, in the channel's unit; NaN where unknown.
 
-    ``samples`` is the number of measurements, the weight with which errors of several logs are pooled.
+    ``samples`` is the number of measurements, the weight with which errors of several logs are pooled. The 95 %
+    intervals are those of the errors after the correction, by blocks of time.
     """
 
     log: str
@@ -89,6 +92,8 @@ class ChannelError:
     simulation_after: float
     noise_std: float = float("nan")
     samples: int = 1
+    one_step_ci95: tuple[float, float] = (float("nan"), float("nan"))
+    simulation_ci95: tuple[float, float] = (float("nan"), float("nan"))
 
 
 @dataclass(frozen=True)
@@ -137,6 +142,27 @@ class Tried:
     why: str
     chosen: bool = False
     indistinguishable: bool = False
+    separate: str = ""
+
+
+@dataclass(frozen=True)
+class Power:
+    """The smallest size of an effect that the logs would have shown; infinite where none would."""
+
+    effect: str
+    junction: str
+    size: float
+    unit: str
+
+
+@dataclass(frozen=True)
+class Step:
+    """One decision on the way: its round, what was done to what, and why."""
+
+    round: int
+    action: str
+    what: str
+    why: str
 
 
 def rmse(difference: FloatArray) -> float:
@@ -166,6 +192,9 @@ def channel_errors(series: Sequence[ChannelSeries]) -> tuple[ChannelError, ...]:
     def error(one: ChannelSeries, predicted: FloatArray | None) -> float:
         return float("nan") if predicted is None else rmse(one.measured - predicted)
 
+    def interval(one: ChannelSeries, predicted: FloatArray | None) -> tuple[float, float]:
+        return (float("nan"),) * 2 if predicted is None else rms_interval(one.measured - predicted)
+
     rows = []
     for one in series:
         after = one.after or Prediction()
@@ -175,6 +204,7 @@ def channel_errors(series: Sequence[ChannelSeries]) -> tuple[ChannelError, ...]:
                 error(one, one.before.one_step), error(one, after.one_step),
                 error(one, one.before.simulated), error(one, after.simulated), one.noise_std,
                 int(np.isfinite(one.measured).sum()),
+                interval(one, after.one_step), interval(one, after.simulated),
             )
         )  # fmt: skip
     return tuple(rows)

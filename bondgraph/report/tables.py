@@ -11,7 +11,7 @@ from rich.table import Table
 from rich.text import Text
 
 from bondgraph.report.numbers import MISSING, change, shown, with_interval
-from bondgraph.report.series import ChannelError, ParameterChange, Tried
+from bondgraph.report.series import ChannelError, ParameterChange, Power, Tried
 
 ALL_LOGS = "all logs"
 
@@ -127,6 +127,18 @@ def alternatives_table(alternatives: Sequence[Tried], title: str = "what was tri
     for row in alternatives:
         style = "bold green" if row.chosen else "yellow" if row.indistinguishable else None
         table.add_row(Text(row.name), Text(row.junction), shown(row.delta_nll), Text(row.why), style=style)
+    return table
+
+
+def power_table(power: Sequence[Power], title: str = "smallest size found nine times in ten") -> Table:
+    """What the logs would have shown, effect by effect."""
+    table = _table(title)
+    for name, right in (("effect", 0), ("at", 0), ("size", 1), ("unit", 0)):
+        table.add_column(name, justify="right" if right else "left")
+    for row in power:
+        known = math.isfinite(row.size)
+        size = shown(row.size) if known else "undetectable"
+        table.add_row(Text(row.effect), Text(row.junction), size, Text(row.unit if known else ""))
     return table
 
 

@@ -173,7 +173,7 @@ def test_a_missing_effort_is_drawn_at_a_junction_of_common_flow(found: ClosedLoo
     train = logs(sled(), 1)
     graph = sled()
     bond = Place(handle(graph, "drum"), Scale(1.0, 1.0), graph.bonds[1])
-    with pytest.raises(OptionError, match="a missing effort acts at a 1-junction"):
+    with pytest.raises(OptionError, match="a missing effort acts at a 1-junction, a missing flow at a 0-junction"):
         missing_effort(found.nominal_built, found.corrected, train, bond)
 
 

@@ -1,0 +1,65 @@
+"""Faults of sensors are told from missing physics, and named with channel and kind."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from bondgraph.correct.journal import Journal
+from bondgraph.correct.loop import LoopSettings, close_loop
+from bondgraph.correct.result import result_json
+from bondgraph.data.log import FloatArray, MatchedLog
+from bondgraph.errors import EstimationError
+from tests.correct.sled import FUNCTIONS, pull, sled
+
+FAULTS = {
+    "bias": (lambda y, t: y + 0.15, 0.15),
+    "scale": (lambda y, t: 1.04 * y, 0.04),
+    "drift": (lambda y, t: y + 0.004 * t, 0.004),
+    "delay": (lambda y, t: np.interp(t - 0.15, t, y), 0.15),
+}
+
+
+def faulty(kind: str) -> list[MatchedLog]:
+    """Logs of the declared sled whose speed sensor has a fault."""
+    return [_with(pull(sled(), seed, name=f"run{seed}"), kind) for seed in (7, 107)]
+
+
+def _with(log: MatchedLog, kind: str) -> MatchedLog:
+    y: FloatArray = log.y.copy()
+    y[0] = FAULTS[kind][0](y[0], log.time)
+    return replace(log, y=y)
+
+
+@pytest.mark.parametrize("kind", ["bias", pytest.param("scale", marks=pytest.mark.slow), "drift", "delay"])
+def test_a_fault_is_named_with_channel_kind_and_size(kind: str) -> None:
+    closed = close_loop(sled(), faulty(kind), [], FUNCTIONS)
+    assert closed.verdict == "sensor fault suspected"
+    (effect,) = result_json(closed)["effects"]
+    assert (effect["channel"], effect["kind"]) == ("speed", kind)
+    ((name, found),) = effect["coefficients"].items()
+    assert name.startswith(kind) and found["value"] == pytest.approx(FAULTS[kind][1], rel=0.15)
+
+
+def test_a_loop_that_is_run_again_takes_its_finished_fits_and_ends_the_same(tmp_path: Path) -> None:
+    logs, journal = faulty("bias"), Journal(tmp_path)
+    first = close_loop(sled(), logs, [], FUNCTIONS, LoopSettings(journal=journal))
+    (tmp_path / "fits.json").replace(tmp_path / "kept")
+    (tmp_path / "kept").rename(tmp_path / "fits.json")
+    stages: list[str] = []
+    again = close_loop(sled(), logs, [], FUNCTIONS, LoopSettings(journal=journal), lambda s, d, t: stages.append(s))
+    assert result_json(again) == result_json(first) and stages
+    (tmp_path / "fits.json").write_text("{")
+    with pytest.raises(EstimationError, match="the journal of fits cannot be read"):
+        journal.start(resume=True)
+    journal.start(resume=False)
+    assert not journal.exists
+
+
+def test_faults_are_left_out_where_they_are_not_wanted() -> None:
+    closed = close_loop(sled(), faulty("bias"), [], FUNCTIONS, LoopSettings(faults=False))
+    assert not any(added.trial.candidate.effect.channel for added in closed.added)
+    assert closed.verdict in ("effect found", "unexplained residual")
