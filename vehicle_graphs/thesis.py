@@ -37,12 +37,12 @@ from bondgraph.report.figures import AFTER, BEFORE, figure_style, save_figure
 from bondgraph.report.progress import WorkProgress
 from bondgraph.simulate.model import Model
 from vehicle_graphs import ranger
+from vehicle_graphs.ranger_filters import SENSORS
 
 #: Samples per second of the thesis.
 RATE = 40.0
-#: Standard deviations of the sensors of the simulated logs.
-SENSOR_NOISE = {"engine_speed": 2.0, "axle_speed": 0.1, "forward_velocity": 0.05, "height": 0.05, "pitch": 0.003}
-#: The inclination as a random walk, the only process noise of the thesis [rad per sqrt(s)].
+#: The inclination as a random walk, the only process noise of the thesis [rad per sqrt(s)]; gentler than on the road of
+#: the logs, so that a vehicle without drive keeps rolling forwards for half a minute.
 INCLINATION_WALK = 0.004
 #: What is not known of the start of a run.
 START_STD = {
@@ -90,7 +90,7 @@ def _filter_model(graph: str) -> FilterModel:
     return FilterModel(
         model,
         {"inclination": INCLINATION_WALK},
-        {name: std for name, std in SENSOR_NOISE.items() if name in outputs},
+        {name: std for name, std in SENSORS.items() if name in outputs},
         {name: std for name, std in START_STD.items() if name in states},
         substeps=DRIVING_STEPS if graph == "full" else COASTING_STEPS,
         method="ros3p",
