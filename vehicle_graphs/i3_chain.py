@@ -1,0 +1,224 @@
+"""The correction of the BMW i3 declaration step by step, from the force balance of the training trips.
+
+Usage, after ``python -m vehicle_graphs.i3_logs FOLDER --out LOGS``::
+
+    python -m vehicle_graphs.i3_chain LOGS
+
+The speed of the car is measured to 0.01 km/h, so the only state is known at every sample, and what the accelerometer
+reads is an output of the model there: a fit is a regression of the generated output equation, with the loss of Huber
+(1964) since friction brakes, whose pedal is not in the data, make heavy tails. Effects are added one by one as long as
+each lowers the error on training trips that were left out (five groups of trips) by ``LEAST_GAIN``.
+
+Printed after every step: the force error, that is the declared mass times the error in acceleration, root mean square
+over all samples at which the car moves; over those at which the motor drives; and over means of a second. Held-out
+trips are assessed and decide nothing.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+from scipy.optimize import least_squares
+
+from bondgraph.correct.build import build
+from bondgraph.data.log import Log, MatchedLog
+from bondgraph.data.match import match
+from bondgraph.data.read import read_log
+from bondgraph.errors import BondGraphError, DataError
+from bondgraph.simulate.model import Model
+from vehicle_graphs import i3
+
+FloatArray = npt.NDArray[np.float64]
+
+#: Speed above which the car counts as moving [m/s].
+MOVING = 1.0
+#: Error in acceleration at which the loss turns from square to linear [m/s^2].
+HUBER = 0.2
+#: An effect must lower the error on left-out training trips by this share.
+LEAST_GAIN = 0.003
+#: Every how manieth sample is fitted (10 Hz data), and groups of trips for cross-validation.
+THINNED, GROUPS = 10, 5
+
+
+@dataclass(frozen=True)
+class Samples:
+    """Moving samples of several trips: speed (n,), inputs (n_u, n), acceleration (n,), and trip and second of each."""
+
+    speed: FloatArray
+    inputs: FloatArray
+    acceleration: FloatArray
+    trip: npt.NDArray[np.int64]
+    second: npt.NDArray[np.int64]
+
+    def rows(self, chosen: npt.NDArray[np.bool_]) -> Samples:
+        """Some of the samples."""
+        return Samples(
+            self.speed[chosen],
+            self.inputs[:, chosen],
+            self.acceleration[chosen],
+            self.trip[chosen],
+            self.second[chosen],
+        )
+
+
+@dataclass(frozen=True)
+class ForceError:
+    """Root mean square force errors [N] while the car moves, and while the motor drives: of samples, of means of 1 s."""
+
+    moving: float
+    driving: float
+    moving_means: float
+    driving_means: float
+
+    def __str__(self) -> str:
+        samples = f"samples {self.moving:6.1f} N moving {self.driving:6.1f} N driving"
+        return f"{samples}; means of 1 s {self.moving_means:6.1f} N moving {self.driving_means:6.1f} N driving"
+
+
+@dataclass(frozen=True)
+class Balance:
+    """A fitted force balance."""
+
+    effects: tuple[str, ...]
+    model: Model
+    values: dict[str, float]
+    left_out: float
+
+
+def samples(logs: Sequence[Log], model: Model) -> Samples:
+    """All samples of trips at which the car moves and both channels were measured."""
+    parts = [_moving(index, match(log, model)) for index, log in enumerate(logs)]
+    return Samples(
+        *(np.concatenate([getattr(part, name) for part in parts], axis=-1)
+          for name in ("speed", "inputs", "acceleration", "trip", "second"))
+    )  # fmt: skip
+
+
+def _moving(index: int, log: MatchedLog) -> Samples:
+    speed, acceleration = log.y
+    kept = (speed > MOVING) & np.isfinite(acceleration)
+    second = np.floor(log.time[kept]).astype(np.int64)
+    return Samples(speed[kept], log.u[:, kept], acceleration[kept], np.full(second.size, index), second)
+
+
+def missing_acceleration(model: Model, values: dict[str, float], data: Samples) -> FloatArray:
+    """What the accelerometer read beyond the model's output at the measured speed [m/s^2]."""
+    outputs = model.output(0.0, data.speed[np.newaxis], data.inputs, model.theta(**values))
+    missing: FloatArray = data.acceleration - outputs[model.index("output", "acceleration")]
+    return missing
+
+
+def fitted(model: Model, data: Samples) -> dict[str, float]:
+    """All parameters that declare bounds, by the loss of Huber."""
+    free = [info for info in model.parameters if info.lower is not None and info.upper is not None]
+    lower, upper = (np.array([getattr(info, side) for info in free], dtype=float) for side in ("lower", "upper"))
+    start = np.clip([info.value for info in free], lower + 1e-3 * (upper - lower), upper - 1e-3 * (upper - lower))
+
+    def residual(shares: FloatArray) -> FloatArray:
+        return missing_acceleration(model, _named(free, lower + shares * (upper - lower)), data)
+
+    shares = (start - lower) / (upper - lower)
+    found = least_squares(residual, shares, bounds=(0.0, 1.0), loss="huber", f_scale=HUBER, x_scale=0.1)
+    return _named(free, lower + found.x * (upper - lower))
+
+
+def _named(free: Sequence[object], values: FloatArray) -> dict[str, float]:
+    return {str(getattr(info, "name", "")): float(value) for info, value in zip(free, values, strict=True)}
+
+
+def force_error(model: Model, values: dict[str, float], data: Samples) -> ForceError:
+    """Force errors of a fitted balance."""
+    missing = i3.MASS * missing_acceleration(model, values, data)
+    drives = data.inputs[model.index("input", "motor_torque")] > 0.0
+    means = _means(missing, data)
+    return ForceError(
+        _rms(missing), _rms(missing[drives]), _rms(means), _rms(_means(missing[drives], data.rows(drives)))
+    )
+
+
+def _means(values: FloatArray, data: Samples) -> FloatArray:
+    """Means over each second of each trip that has at least five samples."""
+    _, group = np.unique(data.trip * 10**6 + data.second, return_inverse=True)
+    counts = np.bincount(group)
+    means: FloatArray = (np.bincount(group, weights=values) / counts)[counts >= 5]
+    return means
+
+
+def _rms(values: FloatArray) -> float:
+    return math.sqrt(float(np.mean(values**2))) if values.size else math.nan
+
+
+def balance(effects: tuple[str, ...], logs: Sequence[Log]) -> Balance:
+    """A set of effects fitted to training trips, and its error on each group of trips that was left out."""
+    model = build(i3.declared(effects)).model
+    data = samples(logs, model)
+    thin = data.rows(np.arange(data.speed.size) % THINNED == 0)
+    values = fitted(model, thin)
+    squares = 0.0
+    for group in range(GROUPS):
+        inside = thin.trip % GROUPS != group
+        others = fitted(model, thin.rows(inside))
+        squares += float(np.sum(_huber(missing_acceleration(model, others, thin.rows(~inside)))))
+    return Balance(effects, model, values, i3.MASS * math.sqrt(squares / thin.speed.size))
+
+
+def _huber(missing: FloatArray) -> FloatArray:
+    """Twice Huber's loss: the square of a small error, linear in a large one."""
+    size = np.abs(missing)
+    loss: FloatArray = np.where(size < HUBER, size**2, HUBER * (2.0 * size - HUBER))
+    return loss
+
+
+def chain(train: Sequence[Log], holdout: Sequence[Log]) -> list[Balance]:
+    """Steps of the correction, each printed when it is made; see the module's first lines."""
+    current = balance((), train)
+    steps = [current]
+    _tell(current, train, holdout)
+    while True:
+        trials = [balance((*current.effects, name), train) for name in i3.EFFECTS if name not in current.effects]
+        trials.sort(key=lambda trial: trial.left_out)
+        for trial in trials:
+            print(f"    {trial.effects[-1]:28s} left-out trips {trial.left_out:7.2f} N", flush=True)
+        if not trials or trials[0].left_out > (1.0 - LEAST_GAIN) * current.left_out:
+            return steps
+        current = trials[0]
+        steps.append(current)
+        _tell(current, train, holdout)
+
+
+def _tell(step: Balance, train: Sequence[Log], holdout: Sequence[Log]) -> None:
+    name = step.effects[-1] if step.effects else "start"
+    told = [force_error(step.model, step.values, samples(logs, step.model)) for logs in (train, holdout)]
+    print(f"{name:28s} left-out trips {step.left_out:7.2f} N\n    training: {told[0]}\n    held out: {told[1]}")
+    print("    " + ", ".join(f"{key} {value:.5g}" for key, value in step.values.items()), flush=True)
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Command line; 0 when done, 2 with a message for bad input."""
+    parser = argparse.ArgumentParser(
+        prog="python -m vehicle_graphs.i3_chain", description=(__doc__ or "").split("\n")[0]
+    )
+    parser.add_argument("logs", type=Path, help="folder written by vehicle_graphs.i3_logs")
+    options = parser.parse_args(arguments)
+    try:
+        train, holdout = (
+            [read_log(path) for path in sorted(options.logs.glob(f"{part}_*.csv.gz"))] for part in ("train", "test")
+        )
+        if len(train) < GROUPS or not holdout:
+            raise DataError(f"{options.logs}: {len(train)} training trips - give the folder of vehicle_graphs.i3_logs")
+        chain(train, holdout)
+    except BondGraphError as error:
+        print(error, file=sys.stderr)
+        return 2
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
