@@ -13,6 +13,10 @@ from bondgraph.simulate.inputs import InputSegment
 from bondgraph.simulate.integrators import RK4
 from bondgraph.simulate.model import Model
 from bondgraph.simulate.outcome import Outcome
+from bondgraph.simulate.program.lane_text import LANES
+from bondgraph.simulate.program.lanes import load_lanes
+from bondgraph.simulate.rosenbrock import TABLEAUS
+from bondgraph.simulate.stiff import ModelEquations, Rosenbrock
 from bondgraph.simulate.task import Inputs, Task, refuse_modes
 from bondgraph.simulate.trajectory import BatchTrajectory
 
@@ -24,10 +28,11 @@ def simulate_batch(
     theta: npt.ArrayLike | None = None,
     x0: npt.ArrayLike | None = None,
     *,
+    method: str | Rosenbrock = "rk4",
     substeps: int = 1,
     compiled: bool = True,
 ) -> BatchTrajectory:
-    """Integrate many members at once with fixed Runge-Kutta steps; members differ in parameters or initial state.
+    """Integrate many members at once with fixed steps; members differ in parameters or initial state.
 
     Parameters
     ----------
@@ -35,8 +40,10 @@ def simulate_batch(
         As for :func:`bondgraph.simulate.simulate.simulate`; the inputs are the same for all members.
     theta, x0
         Shape (n_theta,) or (n_theta, members), and (n_x,) or (n_x, members); None: declared values.
+    method
+        ``"rk4"``, ``"ros3p"`` or ``"rodas4"``, or a stiff integrator with its own steps.
     substeps
-        Runge-Kutta steps between neighbouring times (and break points of the inputs).
+        Steps between neighbouring times (and break points of the inputs).
     compiled
         Use the compiled kernel; without numba, or with False, numpy gives the same results.
 
@@ -66,22 +73,22 @@ def simulate_batch(
     parameters = member_columns("theta", task.theta, len(model.parameters), members)
     start = member_columns("x0", task.x0, len(model.states), members)
     grid = np.union1d(task.times, task.signal.break_points(task.times[0], task.times[-1]))
+    if isinstance(method, Rosenbrock):
+        integrator: RK4 | Rosenbrock = method
+    else:
+        integrator = RK4(substeps) if method == "rk4" else Rosenbrock(method, substeps)
     run = _in_kernel if compiled and has_numba() else _in_numpy
-    x, y, last = run(task, grid, parameters, start, substeps)
+    x, y, last = run(task, grid, parameters, start, integrator)
     chosen = np.searchsorted(grid, task.times)
     outcomes = tuple(Outcome.OK if end == grid.size - 1 else Outcome.DIVERGED for end in last)
     return BatchTrajectory(model, task.times, x[:, chosen], y[:, chosen], outcomes, grid[np.maximum(last, 0)])
 
 
 def _in_numpy(
-    task: Task, grid: FloatArray, theta: FloatArray, start: FloatArray, substeps: int
+    task: Task, grid: FloatArray, theta: FloatArray, start: FloatArray, integrator: RK4 | Rosenbrock
 ) -> tuple[FloatArray, FloatArray, IntArray]:
     """All members in one array; states, outputs and the index of each member's last finite sample."""
-
-    def rhs(t: float, x: FloatArray, u: FloatArray) -> FloatArray:
-        return task.model.rhs(t, x, u, theta)
-
-    integrator = RK4(substeps)
+    rhs = ModelEquations(task.model, theta)
     x = np.empty((start.shape[0], grid.size, start.shape[1]))
     x[:, 0] = start
     left, right = task.signal.intervals(grid)
@@ -100,9 +107,9 @@ def _in_numpy(
 
 
 def _in_kernel(
-    task: Task, grid: FloatArray, theta: FloatArray, start: FloatArray, substeps: int
+    task: Task, grid: FloatArray, theta: FloatArray, start: FloatArray, integrator: RK4 | Rosenbrock
 ) -> tuple[FloatArray, FloatArray, IntArray]:
-    """The same in the compiled kernel, member by member."""
+    """The same in the compiled kernel, sixteen members side by side."""
     n_x, members = start.shape
     n_y, n_u = len(task.model.outputs), len(task.model.inputs)
     x = np.full((n_x, grid.size, members), np.nan)
@@ -110,18 +117,13 @@ def _in_kernel(
     y = np.full((n_y, grid.size, members), np.nan)
     last = np.empty(members, dtype=np.int64)
     left, right = (np.ascontiguousarray(values.T) for values in task.signal.intervals(grid))
-    samples = batch_kernel.Grid(grid, np.ascontiguousarray(task.signal.at(grid).T), left, right, substeps)
-    scratch = batch_kernel.Scratch(
-        point=np.empty((1, n_x)),
-        outputs=np.empty((1, n_y)),
-        theta=np.empty(theta.shape[0]),
-        appended=np.empty(0, dtype=np.int64),
-        x=np.empty(n_x),
-        y=np.empty(n_y),
-        u=np.empty(n_u),
-        stages=np.empty((3, n_x)),
-    )
-    functions = task.model.compiled
-    simulate_members = load_kernel(batch_kernel).simulate_members
-    simulate_members(functions.advance, functions.measure, samples, theta, x, y, last, scratch)
+    stiff = isinstance(integrator, Rosenbrock)
+    tableau = TABLEAUS[integrator.method].numbers if isinstance(integrator, Rosenbrock) else np.empty(0)
+    grading = integrator.grading if isinstance(integrator, Rosenbrock) else 1.0
+    u = np.ascontiguousarray(task.signal.at(grid).T)
+    samples = batch_kernel.Grid(grid, u, left, right, integrator.substeps, grading, tableau)
+    lanes = load_lanes(task.model, stiff)
+    scratch = batch_kernel.Scratch(lanes.buffer(), np.zeros(2), np.zeros(2 * n_u), LANES, lanes.theta, lanes.x, lanes.y)
+    equations = batch_kernel.Equations(lanes.prepare, lanes.advance, lanes.measure)
+    load_kernel(batch_kernel).simulate_members(equations, samples, theta, x, y, last, scratch)
     return x, y, last

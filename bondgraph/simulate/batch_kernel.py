@@ -1,39 +1,47 @@
-"""Fixed-step simulation of many members in the part of Python that numba compiles; the same code for every model."""
+"""Fixed-step simulation of members side by side in the part of Python that numba compiles; the same for every model."""
 
 from __future__ import annotations
 
 from typing import NamedTuple
 
 from bondgraph.simulate.arrays import FloatArray, IntArray
-from bondgraph.simulate.compile import Advance, Measure
+from bondgraph.simulate.program.lanes import Advance, Measure, Prepare
+
+
+class Equations(NamedTuple):
+    """Compiled functions of a model, see :class:`bondgraph.simulate.program.lanes.LaneModel`."""
+
+    prepare: Prepare
+    advance: Advance
+    measure: Measure
 
 
 class Grid(NamedTuple):
-    """Times (n,), inputs at them (n, n_u) and at the ends of each interval (n-1, n_u); steps per interval."""
+    """Times (n,), inputs at them (n, n_u) and at the ends of each interval (n-1, n_u), and how each is integrated."""
 
     time: FloatArray
     u: FloatArray
     u_left: FloatArray
     u_right: FloatArray
     substeps: int
+    grading: float
+    tableau: FloatArray
 
 
 class Scratch(NamedTuple):
-    """Work space: one state as a point (1, n_x), its outputs (1, n_y), and the arguments of the scalar model."""
+    """Work buffer of the model with the first rows of theta, x and y in it, for so many lanes."""
 
-    point: FloatArray
-    outputs: FloatArray
-    theta: FloatArray
-    appended: IntArray
-    x: FloatArray
-    y: FloatArray
-    u: FloatArray
-    stages: FloatArray
+    buffer: FloatArray
+    clock: FloatArray
+    inputs: FloatArray
+    lanes: int
+    theta: int
+    x: int
+    y: int
 
 
 def simulate_members(
-    advance: Advance,
-    measure: Measure,
+    equations: Equations,
     grid: Grid,
     theta: FloatArray,
     x: FloatArray,
@@ -46,40 +54,58 @@ def simulate_members(
     ``x[:, 0]`` holds the initial states; the rest of x, and y, are filled up to the last finite sample, whose index
     goes into ``last``.
     """
-    point, outputs, theta_now = scratch.point, scratch.outputs, scratch.theta
-    for m in range(last.size):
-        for i in range(theta_now.size):
-            theta_now[i] = theta[i, m]
-        for i in range(point.shape[1]):
-            point[0, i] = x[i, 0, m]
-        last[m] = -1
+    for first in range(0, last.size, scratch.lanes):
+        end = min(first + scratch.lanes, last.size)
+        _load(equations, theta, x, first, end, scratch)
+        for m in range(first, end):
+            last[m] = -1
         for k in range(grid.time.size):
             if k > 0:
-                advance(
+                equations.advance(
                     grid.time[k - 1],
                     grid.time[k] - grid.time[k - 1],
                     grid.substeps,
+                    grid.grading,
+                    grid.tableau,
                     grid.u_left[k - 1],
                     grid.u_right[k - 1],
-                    theta_now,
-                    scratch.appended,
-                    point,
-                    scratch.x,
-                    scratch.stages,
-                    scratch.u,
+                    scratch.clock,
+                    scratch.inputs,
+                    scratch.buffer,
+                    scratch.lanes,
                 )
-            if not _is_finite(point[0]):
+            scratch.clock[0] = grid.time[k]
+            for i in range(grid.u.shape[1]):
+                scratch.inputs[i] = grid.u[k, i]
+            equations.measure(scratch.clock, scratch.inputs, scratch.buffer, scratch.lanes)
+            if _store(k, x, y, last, first, end, scratch) == 0:
                 break
-            measure(grid.time[k], grid.u[k], theta_now, scratch.appended, point, outputs, scratch.x, scratch.y)
-            for i in range(point.shape[1]):
-                x[i, k, m] = point[0, i]
-            for i in range(outputs.shape[1]):
-                y[i, k, m] = outputs[0, i]
+
+
+def _load(equations: Equations, theta: FloatArray, x: FloatArray, first: int, end: int, scratch: Scratch) -> None:
+    """Parameters and initial states of a block of members; lanes beyond the last repeat it."""
+    for lane in range(scratch.lanes):
+        m = min(first + lane, end - 1)
+        for i in range(theta.shape[0]):
+            scratch.buffer[(scratch.theta + i) * scratch.lanes + lane] = theta[i, m]
+        for i in range(x.shape[0]):
+            scratch.buffer[(scratch.x + i) * scratch.lanes + lane] = x[i, 0, m]
+    equations.prepare(scratch.buffer, scratch.lanes)
+
+
+def _store(k: int, x: FloatArray, y: FloatArray, last: IntArray, first: int, end: int, scratch: Scratch) -> int:
+    """Keep sample ``k`` of the members that are finite until now; how many there are."""
+    going = 0
+    for m in range(first, end):
+        lane = m - first
+        total = 0.0
+        for i in range(x.shape[0]):
+            total += 0.0 * scratch.buffer[(scratch.x + i) * scratch.lanes + lane]  # zero times infinity is nan
+        if last[m] == k - 1 and total == 0.0:
+            for i in range(x.shape[0]):
+                x[i, k, m] = scratch.buffer[(scratch.x + i) * scratch.lanes + lane]
+            for a in range(y.shape[0]):
+                y[a, k, m] = scratch.buffer[(scratch.y + a) * scratch.lanes + lane]
             last[m] = k
-
-
-def _is_finite(values: FloatArray) -> bool:
-    total = 0.0
-    for i in range(values.size):
-        total += 0.0 * values[i]  # zero times an infinity or a NaN is a NaN
-    return total == 0.0
+            going += 1
+    return going

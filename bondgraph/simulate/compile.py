@@ -1,9 +1,9 @@
 """Compile generated modules with numba, cached by content.
 
-The scalar form of a model and the two functions others call (:mod:`bondgraph.simulate.points_kernel`) are written into
-one source file, named by the digest of what it holds, in a cache folder of the user. numba keeps its machine code
-beside that file: a model is compiled once per machine, and a later start only loads it. Kernels that are the same for
-every model are compiled in the same way, once for all models. Without numba the numpy form runs instead.
+The scalar form of a model is written into a source file, named by the digest of what it holds, in a cache folder of the
+user. numba keeps its machine code beside that file: a model is compiled once per machine, and a later start only loads
+it. Kernels that are the same for every model are compiled in the same way, once for all models, and so is the form of a
+model for many states at once (:mod:`bondgraph.simulate.program.lanes`). Without numba the numpy form runs instead.
 """
 
 from __future__ import annotations
@@ -22,27 +22,14 @@ from types import ModuleType
 from typing import Any
 
 from bondgraph.errors import ModelError
-from bondgraph.simulate import points_kernel, rk4_kernel, table_kernel
-from bondgraph.simulate.arrays import FloatArray, IntArray
+from bondgraph.simulate import table_kernel
+from bondgraph.simulate.arrays import FloatArray
 from bondgraph.simulate.cache import store
 from bondgraph.simulate.loader import parse_module
 from bondgraph.simulate.model import Model
 from bondgraph.simulate.scalar import scalar_source
 
 Scalar = Callable[[float, FloatArray, FloatArray, FloatArray, FloatArray], None]
-
-#: :func:`bondgraph.simulate.points_kernel.advance_points`
-Advance = Callable[
-    [
-        float, float, int, FloatArray, FloatArray, FloatArray, IntArray, FloatArray, FloatArray, FloatArray, FloatArray
-    ],
-    None,
-]  # fmt: skip
-
-#: :func:`bondgraph.simulate.points_kernel.measure_points`
-Measure = Callable[
-    [float, FloatArray, FloatArray, IntArray, FloatArray, FloatArray, FloatArray, FloatArray], None
-]  # fmt: skip
 
 # contract: a*b + c in one rounding. error_model: numpy's rules for division by zero. nogil: threads run side by side.
 # Functions never called from Python (_inner) go without the wrappers for it, which would take half of the compile time.
@@ -63,16 +50,6 @@ _inner = njit(
 _options = {{"cache": True, "nopython": True, "error_model": "numpy", "fastmath": {{"contract"}}}}
 '''
 
-_CALLBACKS = """
-_V, _M, _I = "float64[::1]", "float64[:, ::1]", "int64[::1]"
-advance = CompiledFunction(
-    cfunc(f"void(float64, float64, int64, {_V}, {_V}, {_V}, {_I}, {_M}, {_V}, {_M}, {_V})", **_options)(advance_points)
-)
-measure = CompiledFunction(
-    cfunc(f"void(float64, {_V}, {_V}, {_I}, {_M}, {_M}, {_V}, {_V})", **_options)(measure_points)
-)
-"""
-
 _lock = threading.Lock()
 
 
@@ -81,14 +58,12 @@ class CompiledModel:
     """Compiled functions of one model.
 
     ``rhs_into(t, x, u, theta, dx)`` and ``output_into(t, x, u, theta, y)`` take C-contiguous float vectors and write
-    their last argument. ``advance`` and ``measure`` are what compiled kernels call, None without numba. ``backend`` is
-    ``"numba"`` or, where numba is not installed, ``"numpy"``.
+    their last argument. ``backend`` is ``"numba"`` or, where numba is not installed, ``"numpy"``. Many states at once
+    are the matter of :mod:`bondgraph.simulate.program.lanes`.
     """
 
     rhs_into: Scalar
     output_into: Scalar
-    advance: Advance | None
-    measure: Measure | None
     backend: str
 
 
@@ -106,7 +81,7 @@ def compile_model(model: Model) -> CompiledModel:
     """
     if has_numba():
         module = load_compiled(model_source(model))
-        return CompiledModel(module.rhs_into, module.output_into, module.advance, module.measure, "numba")
+        return CompiledModel(module.rhs_into, module.output_into, "numba")
 
     def rhs_into(t: float, x: FloatArray, u: FloatArray, theta: FloatArray, dx: FloatArray) -> None:
         dx[...] = model.rhs(t, x, u, theta)
@@ -114,7 +89,7 @@ def compile_model(model: Model) -> CompiledModel:
     def output_into(t: float, x: FloatArray, u: FloatArray, theta: FloatArray, y: FloatArray) -> None:
         y[...] = model.output(t, x, u, theta)
 
-    return CompiledModel(rhs_into, output_into, None, None, "numpy")
+    return CompiledModel(rhs_into, output_into, "numpy")
 
 
 def model_source(model: Model) -> str:
@@ -123,10 +98,8 @@ def model_source(model: Model) -> str:
         HEADER.format(title=f"Compiled form of the generated module {model.name!r}"),
         *_functions(table_kernel, "@_inner\n"),
         scalar_source(parse_module(model.text, model.name), "@_jit", "@_inner"),
-        *_functions(rk4_kernel, "@_inner\n"),
-        *_functions(points_kernel, ""),
     ]
-    return "\n\n".join(parts) + "\n" + _CALLBACKS
+    return "\n\n".join(parts) + "\n"
 
 
 @functools.cache

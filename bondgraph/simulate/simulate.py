@@ -16,7 +16,7 @@ from bondgraph.simulate.integrators import RK4, AbstractIntegrator, Adaptive, Eq
 from bondgraph.simulate.model import Model
 from bondgraph.simulate.outcome import Outcome
 from bondgraph.simulate.rosenbrock import TABLEAUS
-from bondgraph.simulate.stiff import ModelEquations, Rosenbrock
+from bondgraph.simulate.stiff import Rosenbrock
 from bondgraph.simulate.task import Inputs, Task, Vector, refusal, refuse_modes
 from bondgraph.simulate.trajectory import Trajectory
 
@@ -86,15 +86,15 @@ def simulate(
         raise ModelError(f"{model.name}: simulate takes one member - use simulate_batch for many", where=(model.name,))
     if method == "rk4" or isinstance(method, RK4):
         refuse_modes(model)
-        steps = method.substeps if isinstance(method, RK4) else substeps
-        return _fixed(task, steps, compiled)
+        return _fixed(task, method if isinstance(method, RK4) else RK4(substeps), compiled)
     if model.modes:
         return _hybrid(task, method, rtol, atol, compiled)
     if method in TABLEAUS:
         method = Rosenbrock(str(method), substeps)
+    if isinstance(method, Rosenbrock):
+        return _fixed(task, method, compiled)
     integrator = method if isinstance(method, AbstractIntegrator) else _named(method, rtol, atol)
-    plain = not compiled or isinstance(integrator, Rosenbrock)
-    rhs = ModelEquations(model, task.theta) if plain else _compiled_equations(task)
+    rhs = _compiled_equations(task) if compiled else _equations(task)
     if isinstance(integrator, Adaptive) and integrator.atol is None and integrator.scale is None:
         integrator = replace(integrator, scale=_reached_sizes(rhs, integrator, task))
     x, outcome, ended_at = _integrate(rhs, integrator, task)
@@ -126,10 +126,12 @@ def _named(method: str, rtol: float, atol: float | tuple[float, ...] | None) -> 
     return Adaptive("LSODA" if method == "adaptive" else method, rtol=rtol, atol=atol)
 
 
-def _fixed(task: Task, substeps: int, compiled: bool) -> Trajectory:
+def _fixed(task: Task, integrator: RK4 | Rosenbrock, compiled: bool) -> Trajectory:
+    method = integrator if isinstance(integrator, Rosenbrock) else "rk4"
     batch = simulate_batch(
-        task.model, task.times, task.signal, task.theta, task.x0, substeps=substeps, compiled=compiled
-    )
+        task.model, task.times, task.signal, task.theta, task.x0,
+        method=method, substeps=integrator.substeps, compiled=compiled,
+    )  # fmt: skip
     return _trajectory(task, batch.x[..., 0], batch.outcomes[0], float(batch.ended_at[0]))
 
 

@@ -11,6 +11,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from bondgraph.errors import OptionError
+from bondgraph.simulate.batch import simulate_batch
 from bondgraph.simulate.compile import load_compiled
 from bondgraph.simulate.inputs import InputSegment
 from bondgraph.simulate.integrators import RK4, AbstractIntegrator, IntegratorState
@@ -223,3 +224,18 @@ def test_lanes_are_packed_into_vector_instructions() -> None:
     packed, single = (len(re.findall(rf"\tv?(?:mul|add|sub|fmadd\w+|div){kind}\t", text)) for kind in ("pd", "sd"))
     assert packed > 20
     assert packed > 0.5 * single
+
+
+@METHODS
+def test_members_side_by_side_are_the_same_as_in_numpy_and_alone(method: str) -> None:
+    model, time = model_of("driveline"), np.linspace(0.0, 0.2, 11)
+    theta = model.theta()[:, None] * np.random.default_rng(3).uniform(0.9, 1.1, (len(model.parameters), 19))
+    theta[:, 4] = np.nan
+    integrator = Rosenbrock(method, 5, 1.4)
+    compiled, plain = (simulate_batch(model, time, theta=theta, method=integrator, compiled=c) for c in (True, False))
+    assert compiled.outcomes == plain.outcomes
+    assert [m for m in range(19) if compiled.outcomes[m] is not Outcome.OK] == [4]
+    np.testing.assert_allclose(compiled.x, plain.x, rtol=1e-8, atol=1e-10)
+    np.testing.assert_allclose(compiled.y, plain.y, rtol=1e-8, atol=1e-10)
+    alone = simulate_batch(model, time, theta=theta[:, 17], method=integrator)
+    np.testing.assert_array_equal(alone.x[..., 0], compiled.x[..., 17])
