@@ -70,7 +70,7 @@ class Samples:
 
 @dataclass(frozen=True)
 class ForceError:
-    """Root mean square force errors [N] while the car moves, and while the motor drives: of samples, of means of 1 s."""
+    """Root mean square force errors [N] of samples and of means of 1 s: while the car moves, while the motor drives."""
 
     moving: float
     driving: float
