@@ -1,6 +1,6 @@
 # Generated from vehicle_graphs/ranger.py -- do not edit.
 # Regenerate with:  bondgraph generate vehicle_graphs.ranger:coast_down_quasi_static
-# Generator: bondgraph 0.1.0, sympy 1.14.0.  Equations: 8f1621103920929b
+# Generator: bondgraph 0.1.0, sympy 1.14.0.  Equations: e6fb339eea3e9fc3
 """Ranger-class vehicle coasting in neutral on a suspension that follows at once.
 
 States x:
@@ -134,9 +134,9 @@ def rhs(t, x, u, theta):
     F_front_tyre_contact_part = -r_z*mu*np.tanh(C_k*(r_d*front_axle_speed - forward_velocity)/(mu*slip_speed_f))/(a + b)  # part of effort of front_tyre.contact
     F_front_tyre_contact_part_2 = -r_z*mu*np.tanh(C_k*(r_d*front_axle_speed - forward_velocity)/(mu*slip_speed_f))/(a + b)  # part of effort of front_tyre.contact
     F_front_tyre_contact_part_3 = m*g*b*mu*np.cos(inclination)*np.tanh(C_k*(r_d*front_axle_speed - forward_velocity)/(mu*slip_speed_f))/(a + b)  # part of effort of front_tyre.contact
-    loop_pivot_1_1 = 1 - F_front_tyre_contact_part - F_rear_tyre_contact_part*F_front_tyre_contact_part_2/(1 - F_rear_tyre_contact_part_2)  # loop of
-    loop_solution_1 = (F_rear_tyre_contact_part_3*F_front_tyre_contact_part_2/(1 - F_rear_tyre_contact_part_2) + F_front_tyre_contact_part_3)/loop_pivot_1_1  # loop of
-    loop_solution_0 = (F_rear_tyre_contact_part_3 + F_rear_tyre_contact_part*loop_solution_1)/(1 - F_rear_tyre_contact_part_2)  # loop of
+    loop_pivot_1_1 = 1 - F_front_tyre_contact_part - F_rear_tyre_contact_part*F_front_tyre_contact_part_2/(1 - F_rear_tyre_contact_part_2)  # loop of rear_tyre.slip, front_tyre.slip
+    loop_solution_1 = (F_rear_tyre_contact_part_3*F_front_tyre_contact_part_2/(1 - F_rear_tyre_contact_part_2) + F_front_tyre_contact_part_3)/loop_pivot_1_1  # loop of rear_tyre.slip, front_tyre.slip
+    loop_solution_0 = (F_rear_tyre_contact_part_3 + F_rear_tyre_contact_part*loop_solution_1)/(1 - F_rear_tyre_contact_part_2)  # loop of rear_tyre.slip, front_tyre.slip
     N_r = (m*g*a*np.cos(inclination) + r_z*(loop_solution_1 + loop_solution_0))/(a + b)  # [N] load of the rear tyres
     N_f = (m*g*b*np.cos(inclination) - r_z*(loop_solution_1 + loop_solution_0))/(a + b)  # [N] load of the front tyres
     tau_rear_axle_brake_discs = brake_gain*T_br_max*brake*np.tanh(rear_axle_speed/w_brake)  # [N m] effort of rear_axle.brake_discs
@@ -179,9 +179,9 @@ def output(t, x, u, theta):
     F_front_tyre_contact_part = -r_z*mu*np.tanh(C_k*(r_d*front_axle_speed - forward_velocity)/(mu*slip_speed_f))/(a + b)  # part of effort of front_tyre.contact
     F_front_tyre_contact_part_2 = -r_z*mu*np.tanh(C_k*(r_d*front_axle_speed - forward_velocity)/(mu*slip_speed_f))/(a + b)  # part of effort of front_tyre.contact
     F_front_tyre_contact_part_3 = m*g*b*mu*np.cos(inclination)*np.tanh(C_k*(r_d*front_axle_speed - forward_velocity)/(mu*slip_speed_f))/(a + b)  # part of effort of front_tyre.contact
-    loop_pivot_1_1 = 1 - F_front_tyre_contact_part - F_rear_tyre_contact_part*F_front_tyre_contact_part_2/(1 - F_rear_tyre_contact_part_2)  # loop of
-    loop_solution_1 = (F_rear_tyre_contact_part_3*F_front_tyre_contact_part_2/(1 - F_rear_tyre_contact_part_2) + F_front_tyre_contact_part_3)/loop_pivot_1_1  # loop of
-    loop_solution_0 = (F_rear_tyre_contact_part_3 + F_rear_tyre_contact_part*loop_solution_1)/(1 - F_rear_tyre_contact_part_2)  # loop of
+    loop_pivot_1_1 = 1 - F_front_tyre_contact_part - F_rear_tyre_contact_part*F_front_tyre_contact_part_2/(1 - F_rear_tyre_contact_part_2)  # loop of rear_tyre.slip, front_tyre.slip
+    loop_solution_1 = (F_rear_tyre_contact_part_3*F_front_tyre_contact_part_2/(1 - F_rear_tyre_contact_part_2) + F_front_tyre_contact_part_3)/loop_pivot_1_1  # loop of rear_tyre.slip, front_tyre.slip
+    loop_solution_0 = (F_rear_tyre_contact_part_3 + F_rear_tyre_contact_part*loop_solution_1)/(1 - F_rear_tyre_contact_part_2)  # loop of rear_tyre.slip, front_tyre.slip
     pitch = r_z*(loop_solution_1 + loop_solution_0)/(spring_gain*k_f*a**2 + spring_gain*k_r*b**2)  # [rad] pitch of the body relative to the ground
     y0 = rear_axle_speed  # axle_speed [rad/s]
     y1 = forward_velocity  # forward_velocity [m/s]

@@ -1,6 +1,6 @@
 # Generated from vehicle_graphs/ranger.py -- do not edit.
 # Regenerate with:  bondgraph generate vehicle_graphs.ranger:full
-# Generator: bondgraph 0.1.0, sympy 1.14.0.  Equations: 7ada647ac1abb986
+# Generator: bondgraph 0.1.0, sympy 1.14.0.  Equations: c1c1008de5bfda1d
 """Ranger-class vehicle with rubber-belt CVT, rear drive: the whole vehicle.
 
 States x:
@@ -330,16 +330,16 @@ def rhs(t, x, u, theta):
     travel_share = np.minimum(np.maximum(sheave_displacement/x_max, 0.0), 1.0)  # [1] sheave travel from open 0 to closed 1
     F_p = np.maximum(m_fw*engine_speed**2*(r_f0 + r_f1*travel_share)*(td0 + td1*travel_share) - F_p0 - k_p*np.maximum(sheave_displacement, 0.0), 0.0)  # [N] clamp force of the primary
     F_secondary_spring = -F_s0 - k_s*np.maximum(sheave_displacement, 0.0)  # [N] effort of secondary.spring
-    F_belt_belt_part_1 = 2*mu_b*np.tanh((engine_speed*r_p - omega_gearbox_shaft*r_s)/v_s)/np.cos(al)  # loop of F_s
-    F_belt_belt_part_2 = 1/(2*r_h*tan_h)  # loop of F_s
-    F_belt_belt_branch_1 = F_p*F_belt_belt_part_1  # loop of F_s
-    F_belt_belt_remainder_1 = np.abs(F_belt_belt_branch_1 - F_belt_belt_part_1*np.minimum(F_p, F_belt_belt_part_2*np.maximum(r_s*F_belt_belt_branch_1, 0.0) - F_secondary_spring))  # loop of F_s
-    F_belt_belt_branch_2 = -F_secondary_spring*F_belt_belt_part_1  # loop of F_s
-    F_belt_belt_remainder_2 = np.abs(F_belt_belt_branch_2 - F_belt_belt_part_1*np.minimum(F_p, F_belt_belt_part_2*np.maximum(r_s*F_belt_belt_branch_2, 0.0) - F_secondary_spring))  # loop of F_s
-    F_belt_belt_best_of_2 = np.where(F_belt_belt_remainder_2 < (1/1000000)*F_belt_belt_remainder_1, F_belt_belt_branch_2, F_belt_belt_branch_1)  # loop of F_s
-    F_belt_belt_least_of_2 = np.where(F_belt_belt_remainder_2 < (1/1000000)*F_belt_belt_remainder_1, F_belt_belt_remainder_2, F_belt_belt_remainder_1)  # loop of F_s
-    F_belt_belt_branch_3 = -F_secondary_spring*F_belt_belt_part_1/(1 - r_s*F_belt_belt_part_1*F_belt_belt_part_2)  # loop of F_s
-    F_belt_belt_remainder_3 = np.abs(F_belt_belt_branch_3 - F_belt_belt_part_1*np.minimum(F_p, F_belt_belt_part_2*np.maximum(r_s*F_belt_belt_branch_3, 0.0) - F_secondary_spring))  # loop of F_s
+    F_belt_belt_part_1 = 2*mu_b*np.tanh((engine_speed*r_p - omega_gearbox_shaft*r_s)/v_s)/np.cos(al)  # loop of belt.traction, F_s
+    F_belt_belt_part_2 = 1/(2*r_h*tan_h)  # loop of belt.traction, F_s
+    F_belt_belt_branch_1 = F_p*F_belt_belt_part_1  # loop of belt.traction, F_s
+    F_belt_belt_remainder_1 = np.abs(F_belt_belt_branch_1 - F_belt_belt_part_1*np.minimum(F_p, F_belt_belt_part_2*np.maximum(r_s*F_belt_belt_branch_1, 0.0) - F_secondary_spring))  # loop of belt.traction, F_s
+    F_belt_belt_branch_2 = -F_secondary_spring*F_belt_belt_part_1  # loop of belt.traction, F_s
+    F_belt_belt_remainder_2 = np.abs(F_belt_belt_branch_2 - F_belt_belt_part_1*np.minimum(F_p, F_belt_belt_part_2*np.maximum(r_s*F_belt_belt_branch_2, 0.0) - F_secondary_spring))  # loop of belt.traction, F_s
+    F_belt_belt_best_of_2 = np.where(F_belt_belt_remainder_2 < (1/1000000)*F_belt_belt_remainder_1, F_belt_belt_branch_2, F_belt_belt_branch_1)  # loop of belt.traction, F_s
+    F_belt_belt_least_of_2 = np.where(F_belt_belt_remainder_2 < (1/1000000)*F_belt_belt_remainder_1, F_belt_belt_remainder_2, F_belt_belt_remainder_1)  # loop of belt.traction, F_s
+    F_belt_belt_branch_3 = -F_secondary_spring*F_belt_belt_part_1/(1 - r_s*F_belt_belt_part_1*F_belt_belt_part_2)  # loop of belt.traction, F_s
+    F_belt_belt_remainder_3 = np.abs(F_belt_belt_branch_3 - F_belt_belt_part_1*np.minimum(F_p, F_belt_belt_part_2*np.maximum(r_s*F_belt_belt_branch_3, 0.0) - F_secondary_spring))  # loop of belt.traction, F_s
     F_belt_belt = np.where(F_belt_belt_remainder_3 < (1/1000000)*F_belt_belt_least_of_2, F_belt_belt_branch_3, F_belt_belt_best_of_2)  # [N] effort of belt.belt
     F_secondary_helix = -(1/2)*np.maximum(r_s*F_belt_belt, 0.0)/(r_h*tan_h)  # [N] effort of secondary.helix
     F_belt_length_secondary_sheave = -F_secondary_spring - F_secondary_helix  # [N] effort of bond belt_length -> secondary.sheave

@@ -18,6 +18,8 @@ from bondgraph.derive.equations import Assignment, StateEquations
 _MOST_PARTS = 120_000
 #: In pieces, an intermediate result of more parts than this that is used more than once keeps its name.
 _LONG_PIECE = 500
+#: What decides between branches is written out up to so many parts.
+_LONG_CONDITION = 30
 
 
 @dataclass(frozen=True)
@@ -60,7 +62,7 @@ def explicit(equations: StateEquations) -> ExplicitEquations:
     ((f_mass, -b*f_mass/m),)
     """
     results = [*equations.derivatives, *(output.expression for output in equations.outputs)]
-    kept = _pieces(equations, results)
+    kept = _pieces(equations, results) | _in_conditions(equations, results)
     known: dict[Symbol, Expr] = {}
     loops = []
     for step in equations.assignments:
@@ -81,6 +83,27 @@ def explicit(equations: StateEquations) -> ExplicitEquations:
         tuple((output.symbol, output.expression.xreplace(known)) for output in equations.outputs),
         tuple(loops),
     )
+
+
+def _in_conditions(equations: StateEquations, results: Sequence[Expr]) -> set[Symbol]:
+    """Assigned symbols that decide between branches and are no short expressions: these keep their names.
+
+    A condition written out with other branches in it cannot be read, and sympy tries to decide it for minutes.
+    """
+    steps = [step for step in equations.assignments if isinstance(step, Assignment)]
+    deciding: set[Any] = set()
+    for value in (*(step.expression for step in steps), *results):
+        for choice in value.atoms(sympy.Piecewise):
+            deciding.update(*(condition.free_symbols for _, condition in choice.args))
+    written_out: dict[Expr, int] = {}
+    kept = set()
+    for step in steps:
+        size = _parts(step.expression, written_out)
+        if step.symbol in deciding and size > _LONG_CONDITION:
+            kept.add(step.symbol)
+            size = 1
+        written_out[step.symbol] = size
+    return kept
 
 
 def _pieces(equations: StateEquations, results: Sequence[Expr]) -> set[Symbol]:
@@ -152,7 +175,7 @@ def equations_json(derivation: Derivation, equations: StateEquations) -> dict[st
             "derivative": [
                 name if causal.graph.nodes[name].ports == 1 else f"{name}.{port}" for name, port in causal.derivative
             ],
-            "loops": [list(loop.elements) for loop in derivation.loops if not loop.of_rates],
+            "loops": [list(loop.elements) for loop in derivation.loops if loop.elements and not loop.of_rates],
         },
     }  # fmt: skip
 

@@ -259,4 +259,5 @@ class LoopSolver:
                 counts[name] = counts.get(name, 0) + 1
         alone = len(self.members) == 1
         nodes = read.positions
-        return tuple(sorted((name for name, count in counts.items() if count >= 2 or alone), key=nodes.__getitem__))
+        most = 1 if alone or max(counts.values(), default=0) < 2 else 2  # a loop of signals passes each element once
+        return tuple(sorted((name for name, count in counts.items() if count >= most), key=nodes.__getitem__))

@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import sympy
 
 from bondgraph.correct.build import BuiltModel, build
 from bondgraph.declare.editing import with_values
 from bondgraph.declare.files import graph_from_json, graph_to_json
 from bondgraph.declare.graph import BondGraph
+from bondgraph.declare.quantities import symbol
 from bondgraph.derive.causality import assign_causality
 from bondgraph.derive.derivation import Derivation
 from bondgraph.derive.equations import ImplicitLoop
+from bondgraph.derive.explicit import equations_json, explicit
 from bondgraph.errors import DeclarationError
 from bondgraph.report.evaluate import evaluate
 from bondgraph.simulate.model import Model
@@ -30,6 +33,13 @@ STATES = {
     "engine_speed", "sheave_displacement", "rear_axle_speed", "front_axle_speed", "forward_velocity", "heave",
     "heave_rate", "pitch", "pitch_rate", "height", "inclination",
 }  # fmt: skip
+
+
+DRIVING = {
+    "engine_speed": 480.0, "sheave_displacement": 0.012, "rear_axle_speed": 26.0, "front_axle_speed": 25.0,
+    "forward_velocity": 7.9, "heave": -0.01, "heave_rate": 0.1, "pitch": 0.01, "pitch_rate": -0.2, "inclination": 0.1,
+}  # fmt: skip
+OVERRUN = {**DRIVING, "engine_speed": 300.0}
 
 
 def drive(model: Model, scenario: Scenario, duration: float) -> Trajectory:
@@ -60,6 +70,36 @@ def test_belt_and_helix_are_an_algebraic_loop_that_is_solved_in_closed_form() ->
     assert ("F_belt.belt",) in loops
     iterated = [step.unknowns for step in equations.assignments if isinstance(step, ImplicitLoop)]
     assert [str(unknown) for (unknown,) in iterated] == ["r_s"]
+
+
+def test_explicit_equations_name_the_loop_and_stay_short() -> None:
+    derivation = Derivation(assign_causality(full()))
+    answer = equations_json(derivation, derivation.equations())
+    assert answer["causality"]["loops"] == [["belt.traction"]]
+    assert max(map(len, answer["derivatives"].values())) < 10_000
+
+
+@pytest.mark.slow
+def test_explicit_equations_give_the_derivatives() -> None:
+    derivation = Derivation(assign_causality(full()))
+    equations = derivation.equations()
+    values: dict[sympy.Expr, float] = {symbol(p.name): p.value for p in equations.parameters}
+    values |= {symbol(i.name): {"throttle": 0.4, "gear": 10.0}.get(i.name, 0.0) for i in equations.inputs}
+    values |= {symbol(state.symbol.name): DRIVING.get(state.symbol.name, 0.0) for state in equations.states}
+    answer = evaluate(full(), [{"states": DRIVING, "inputs": {"throttle": 0.4}}])[0]
+    values[symbol("r_s")] = answer["signals"]["r_s"]
+
+    def number(value: sympy.Expr) -> float:
+        modules = [{"minimum": min, "maximum": max}, "math"]
+        return float(sympy.lambdify(list(values), value, modules, dummify=True)(*values.values()))
+
+    written = explicit(equations)
+    for loop in written.implicit:
+        for unknown, residual in zip(loop.unknowns, loop.residuals, strict=True):
+            if unknown not in values:
+                values[unknown] = number(unknown - residual)
+    for state, value in written.derivatives:
+        assert number(value) == pytest.approx(answer["derivatives"][state.name], rel=1e-9, abs=1e-9), state.name
 
 
 def test_loads_of_the_quasi_static_suspension_and_tyre_forces_are_a_loop_in_closed_form() -> None:
@@ -105,12 +145,6 @@ def test_all_wheel_drive_has_the_inertia_of_both_axles_and_drives_both() -> None
 
 
 # ---------------------------------------------------------------------- power
-
-DRIVING = {
-    "engine_speed": 480.0, "sheave_displacement": 0.012, "rear_axle_speed": 26.0, "front_axle_speed": 25.0,
-    "forward_velocity": 7.9, "heave": -0.01, "heave_rate": 0.1, "pitch": 0.01, "pitch_rate": -0.2, "inclination": 0.1,
-}  # fmt: skip
-OVERRUN = {**DRIVING, "engine_speed": 300.0}
 
 
 @pytest.mark.parametrize("states", [DRIVING, OVERRUN])
