@@ -36,7 +36,7 @@ def read_table(path: Path, numeric: Sequence[str], text: Sequence[str] = ()) -> 
     >>> import tempfile
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     path = Path(folder) / "run.csv"
-    ...     _ = path.write_text("t_s,u_V\\n0.0,1.5\\n0.1,\\n")
+    ...     _ = path.write_text("t_s,u_V\n0.0,1.5\n0.1,\n")
     ...     read_table(path, ("t_s", "u_V"))["u_V"].tolist()
     [1.5, nan]
     """

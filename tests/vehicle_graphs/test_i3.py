@@ -142,6 +142,7 @@ def test_regression_recovers_the_parameters_behind_simulated_readings() -> None:
     assert found["c_quadratic_loss_body"] == pytest.approx(0.4, rel=0.08)
 
 
+@pytest.mark.slow
 def test_corrected_car_has_the_force_error_that_is_claimed(shared_data: Path) -> None:
     logs = i3_logs.read_trips(shared_data.joinpath(*RECORDINGS))
     held_out = [log for name, log in logs.items() if name.startswith("test_")]
