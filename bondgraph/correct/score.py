@@ -11,7 +11,8 @@ find. Reference: Rao (1948), Proc. Cambridge Phil. Soc. 44(1); Engle (1984), Han
 
 Neighbouring innovations are not independent under coloured noise, nor Gaussian in practice. Sums of the score over
 blocks of time are nearly both, so every p-value is the larger of that of the chi-square and of Hotelling's statistic
-with the scatter of these sums: White (1982), Econometrica 50(1); Hotelling (1931), Ann. Math. Statist. 2(3).
+with the scatter of these sums: White (1982), Econometrica 50(1); Hotelling (1931), Ann. Math. Statist. 2(3). With many
+coefficients the statistic is deflated instead, see :func:`rao_scott`.
 """
 
 from __future__ import annotations
@@ -30,6 +31,8 @@ from bondgraph.estimate.objective import Expansion, FloatArray
 _LEFT = 1e-7
 #: Two candidates' coefficients more alike than this are one but for rounding.
 _SINGULAR = 1e-9
+#: Up to so many coefficients blocks of time determine their covariance.
+_FEW = 3
 
 
 @dataclass(frozen=True)
@@ -186,7 +189,11 @@ def best_step(found: Projected, own: Sequence[int], one_sided: np.ndarray) -> tu
     p_value = float(stats.chi2.sf(2.0 * gain, len(usable)))
     if found.sums is not None:
         rows = [own[k] for k in moved]
-        p_value = max(p_value, hotelling(found.score[rows], found.sums[:, rows]))
+        if len(rows) > _FEW:
+            left = found.information[np.ix_(rows, rows)]
+            p_value = max(p_value, rao_scott(2.0 * gain, left, found.sums[:, rows]))
+        else:
+            p_value = max(p_value, hotelling(found.score[rows], found.sums[:, rows]))
     return step, gain, p_value
 
 
@@ -198,6 +205,20 @@ def hotelling(score: FloatArray, sums: FloatArray) -> float:
     scatter = np.atleast_2d(np.cov(sums, rowvar=False)) * count
     distance = float(score @ solve(scatter, score[:, np.newaxis])[:, 0])
     return float(stats.f.sf(distance * (count - size) / (size * (count - 1)), size, count - size))
+
+
+def rao_scott(statistic: float, information: FloatArray, sums: FloatArray) -> float:
+    """P-value of a score statistic with many degrees of freedom, deflated by how much the scores scatter too much.
+
+    Hotelling's statistic inverts a covariance that few blocks do not determine. The mean inflation, the trace of the
+    scatter over the information, is known well from them; taken two by two, so that slow colour is seen. Reference: Rao
+    and Scott (1981), J. American Statistical Association 76(374).
+    """
+    pairs = np.add.reduceat(sums, np.arange(0, sums.shape[0], 2), axis=0)
+    count, size = pairs.shape
+    scatter = np.atleast_2d(np.cov(pairs, rowvar=False)) * count
+    inflation = max(1.0, float(np.trace(solve(information, scatter))) / size)
+    return float(stats.f.sf(statistic / (size * inflation), size, count - 1))
 
 
 def block_sums(expansion: Expansion, blocks: np.ndarray) -> FloatArray:

@@ -16,7 +16,6 @@ import numpy as np
 from scipy import stats
 from sympy import Expr
 
-from bondgraph.correct.fit import Fit
 from bondgraph.correct.probes import Probe, Signal, Variable, hats, knots, shaped
 from bondgraph.correct.score import Projected, best_step, solve
 from bondgraph.correct.scoring import Linearisation
@@ -27,6 +26,8 @@ from bondgraph.declare.functions import maximum, minimum
 from bondgraph.declare.graph import BondGraph
 from bondgraph.declare.quantities import symbol
 
+#: Information left of an effect, beside a function without a law, below which the function contains it.
+_LEFT = 1e-4
 #: Knots of a spline element.
 _KNOTS = 8
 #: A named effect is not needed beside a spline if what it adds is this likely by chance.
@@ -150,15 +151,15 @@ def needless(linear: Linearisation, tried: Splines, chosen: Unexplained, coeffic
     rows = [kept.index(name) for name in coefficients if name in kept]
     if not rows:
         return True
-    covariance = solve(expansion.information, np.eye(expansion.information.shape[0]))
-    moved = -covariance @ expansion.gradient
-    values = np.array([_value(fitted, kept[row]) for row in rows]) + moved[rows]
-    size = float(values @ solve(covariance[np.ix_(rows, rows)], values[:, np.newaxis])[:, 0])
-    return float(stats.chi2.sf(size, len(rows))) > _NEEDLESS
-
-
-def _value(fitted: Fit, name: str) -> float:
-    return fitted.values[name]
+    others = [k for k in range(expansion.gradient.size) if k not in rows]
+    information, gradient = expansion.information, expansion.gradient
+    follow = solve(information[np.ix_(others, others)], information[np.ix_(others, rows)])
+    left = information[np.ix_(rows, rows)] - information[np.ix_(rows, others)] @ follow
+    if np.any(np.diag(left) < _LEFT * np.diag(information)[rows]):
+        return True  # the function contains the effect
+    score = -(gradient[rows] - follow.T @ gradient[others])
+    values = np.array([fitted.values[kept[row]] for row in rows]) + solve(left, score[:, np.newaxis])[:, 0]
+    return float(stats.chi2.sf(float(values @ left @ values), len(rows))) > _NEEDLESS
 
 
 def table_effect(found: Unexplained) -> EffectFunction:

@@ -1,0 +1,102 @@
+"""What fits no known effect is said to be unexplained, with its shape; effects that act in part of the data."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from sympy import exp
+
+from bondgraph.correct.fit import fit
+from bondgraph.correct.gates import Gate, constancy, gate_samples, gates
+from bondgraph.correct.loop import ClosedLoop, LoopSettings, close_loop
+from bondgraph.correct.refit import at_optimum
+from bondgraph.correct.result import result_json
+from bondgraph.data.log import MatchedLog
+from bondgraph.declare.editing import handle
+from bondgraph.declare.effect import Effect, EffectFunction, Place, Scale
+from bondgraph.declare.graph import BondGraph
+from bondgraph.declare.quantities import symbol
+from bondgraph.report.missing import missing_efforts
+from tests.correct.sled import FUNCTIONS, added, fitted, pull, sled
+from vehicle_graphs import effects
+
+#: Its nearest relatives are offered, and none of them is it.
+OFFERED: tuple[EffectFunction, ...] = (*FUNCTIONS, effects.coulomb_loss)
+HEIGHT, MIDDLE, WIDTH = 12.0, 22.0, 6.0
+
+
+def bump(g: BondGraph, at: Place) -> Effect | None:
+    """A load that comes and goes with the torque: no effect of the dictionary."""
+    height = g.parameter("height", 0.0, "N", "", (0.0, 50.0))
+    middle, width = g.parameter("middle", MIDDLE, "N m"), g.parameter("width", WIDTH, "N m")
+    g.effort_source("bump", -height * exp(-(((symbol("torque") - middle) / width) ** 2)), at=at.junction)
+    return Effect("bump", "bump", "", ("height",))
+
+
+def logs() -> list[MatchedLog]:
+    true = added(bump, "runner", HEIGHT)
+    return [pull(true, 5, name="first"), pull(true, 105, name="second")]
+
+
+@pytest.fixture(scope="module")
+def closed() -> ClosedLoop:
+    return close_loop(sled(), logs(), [], OFFERED)
+
+
+def truth(torque: np.ndarray) -> np.ndarray:
+    return HEIGHT * np.exp(-(((torque - MIDDLE) / WIDTH) ** 2))
+
+
+def test_a_residual_outside_the_dictionary_is_unexplained_and_near_relatives_are_withdrawn(closed: ClosedLoop) -> None:
+    assert (closed.verdict, closed.added) == ("unexplained residual", ())
+    (found,) = closed.unexplained
+    assert found.signal == "torque" and {found.place.label, *found.like} == {"drum", "runner"}
+    assert {step.action for step in closed.history} <= {"added", "withdrawn", "stopped"}
+
+
+def test_its_shape_is_that_of_the_truth(closed: ClosedLoop) -> None:
+    (found,) = closed.unexplained
+    assert abs(found.knots[int(np.argmax(found.values))] - MIDDLE) < WIDTH
+    assert np.corrcoef(found.values, truth(found.knots))[0, 1] > 0.8
+    (entry,) = result_json(closed)["unexplained"]
+    assert entry["as_function_of"] == "torque" and entry["shape"]["unit_at"] == "N m"
+    assert all(low < value < high for low, value, high in zip(
+        entry["shape"]["lower"], entry["shape"]["values"], entry["shape"]["upper"], strict=True
+    ))  # fmt: skip
+    (picture,) = missing_efforts(closed)
+    assert picture.x_label == "torque [N m]" and picture.x.shape == picture.missing.shape == (800,)
+
+
+def test_on_request_it_is_added_as_a_table(closed: ClosedLoop) -> None:
+    tabled = close_loop(sled(), logs(), [], OFFERED, LoopSettings(tables=True))
+    assert tabled.verdict == "unexplained residual"
+    (table,) = tabled.added
+    assert table.trial.candidate.effect.name == "table" and len(table.coefficients) > 4
+    assert tabled.corrected.nll < closed.corrected.nll - 20.0
+    assert f"table_{table.trial.candidate.place.label}" in tabled.corrected_graph.nodes
+
+
+def test_a_coefficient_that_changes_is_told_from_one_that_does_not() -> None:
+    own = Place(handle(sled(), "runner"), Scale(150.0, 4.0))
+    graph = sled()
+    effect = effects.quadratic_loss(graph, own)
+    assert effect is not None
+    same = [pull(sled(), 3, name="first"), pull(sled(), 103, name="second")]
+    rough = [same[0], pull(sled(), 103, name="second", c_guide=14.5)]
+    found = []
+    for train in (same, rough):
+        base = fitted(train)
+        again = fit(base.problem.filter_model, train, at_optimum(base))
+        found.append(constancy(again, "c_guide"))
+    assert found[0].p_value > 0.05
+    assert found[1].p_value < 1e-3
+    assert found[1].time == pytest.approx(0.0 if found[1].log == "second" else 40.0, abs=4.0)
+
+
+def test_gates_are_spread_over_all_logs_and_lie_inside_them() -> None:
+    train = [pull(sled(), 1, name="first"), pull(sled(), 2, samples=200, name="second")]
+    points, samples = gates(train), gate_samples(train)
+    assert len(points) == sum(map(len, samples)) and {name for name, _ in points} == {"first", "second"}
+    assert all(0 <= k < log.time.size - 1 for log, own in zip(train, samples, strict=True) for k in own)
+    times = Gate("from", "second", 7.0).times(train)
+    assert times["first"] > 1e5 and times["second"] == 7.0
