@@ -108,7 +108,7 @@ def filter_model(graph: BondGraph) -> FilterModel:
     Examples
     --------
     >>> filter_model(coast_down()).process_noise
-    {'inclination': 0.01}
+    {'inclination': 0.007}
     """
     return NOISE[graph.name].filter_model(build(graph).model)
 

@@ -12,7 +12,6 @@ from bondgraph.cli import main
 from bondgraph.data.log import Log, LogChannel, MatchedLog
 from bondgraph.data.match import match
 from bondgraph.data.read import read_log
-from bondgraph.data.select import window
 from bondgraph.data.write import write_log
 from bondgraph.filter.consistency import consistency
 from bondgraph.filter.draw import draw_logs
@@ -123,10 +122,21 @@ def test_every_declared_noise_fits_a_graph() -> None:
     assert set(NOISE) == {"ranger_full", "ranger_full_awd", "ranger_coast_down", "ranger_coast_down_quasi_static"}
 
 
-def test_recorded_coast_down_is_filtered_even_with_default_parameters(shared_data: Path, coasting: FilterModel) -> None:
-    """About ten parameters of the recorded vehicle differ, so its consistency is a matter of estimation."""
-    log = window(match(read_log(shared_data / "ranger_logs" / "coast_down_1.csv"), coasting.model), 0.0, 10.0)
-    found = consistency(run(coasting, log, x0=coasting.model.x0(**ROLLING)).raise_if_failed())
-    channels = {channel.name: channel for channel in found.channels}
-    assert channels["pitch"].nis_mean == pytest.approx(1.0, abs=0.4)
-    assert channels["height"].nis_mean > 2
+#: Maximum likelihood of both recorded coast-downs, by gradient search with this filter; NLL -32724.7, 511 evaluations.
+ESTIMATED = {
+    "f_r": 0.0424748, "CdA": 1.61832, "brake_gain": 0.901782, "th_off": 0.0148887, "r_d": 0.299021,
+    "spring_gain": 1.04098,
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", ["coast_down_1", "coast_down_2"])
+def test_recorded_coast_downs_are_consistent_with_the_right_parameters(
+    shared_data: Path, coasting: FilterModel, name: str
+) -> None:
+    log = match(read_log(shared_data / "ranger_logs" / f"{name}.csv"), coasting.model)
+    rolling = {"forward_velocity": 15.0, "rear_axle_speed": 15.0 / 0.299, "front_axle_speed": 15.0 / 0.299}
+    start = coasting.model.x0(**rolling)
+    right = consistency(run(coasting, log, coasting.model.theta(**ESTIMATED), x0=start).raise_if_failed())
+    assert right.nis_band[0] < right.nis_mean < right.nis_band[1]
+    default = consistency(run(coasting, log, x0=start).raise_if_failed())
+    assert default.nis_mean > 10
