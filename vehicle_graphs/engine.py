@@ -10,12 +10,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-import numpy.typing as npt
-from sympy import Expr, exp
+from sympy import Expr, exp, lambdify
 
 from bondgraph.declare.domains import ROTATION
-from bondgraph.declare.functions import clip, maximum
+from bondgraph.declare.expressions import signal
+from bondgraph.declare.functions import clip, maximum, number
 from bondgraph.declare.graph import BondGraph, Handle
+from bondgraph.declare.quantities import symbol
 
 #: Crankshaft speed at which governor and friction balance, belt released [rad/s].
 IDLE_SPEED = 125.650494711
@@ -80,17 +81,17 @@ def sampled_map() -> tuple[list[float], list[float], list[list[float]]]:
     """
     speed = np.concatenate([np.arange(60.0, 701.0, 20.0), np.arange(702.0, 741.0, 2.0), [760.0]])
     opening = np.concatenate([np.linspace(0.0, 0.09, 10), np.linspace(0.1, 0.37, 10), np.linspace(0.4, 1.0, 7)])
-    friction = 4.0 + 0.02 * speed
-    limiter = np.clip((712.0 + 20.0 - speed) / 20.0, 0.0, 1.0)
-    wide_open = 75.0 * (1.0 - ((speed - 523.6) / 523.6) ** 2) * limiter
-    torque = _charge(speed[:, np.newaxis], np.maximum(opening, 1e-6)) * (wide_open + friction)[:, np.newaxis]
-    return speed.tolist(), opening.tolist(), np.round(torque - friction[:, np.newaxis], 9).tolist()
-
-
-def _charge(speed: npt.NDArray[np.float64], opening: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-    filling = 5.0 * opening * 314.16 / np.maximum(speed, 80.0)
-    share: npt.NDArray[np.float64] = (1.0 - np.exp(-filling)) / (1.0 - np.exp(-filling / opening))
-    return share
+    g = engine()
+    position = symbol("opening")
+    named = {symbol(one.name): one.expression for one in g.signals if one.name != position.name}
+    torque = named[symbol("T_e")]
+    while not named.keys().isdisjoint(torque.free_symbols):
+        torque = torque.xreplace(named)
+    torque = torque.xreplace({parameter.symbol: number(parameter.value) for parameter in g.parameters})
+    own = {"minimum": np.minimum, "maximum": np.maximum}
+    compute = lambdify((signal("flow", "crank"), position), torque, [own, "numpy"])
+    values = compute(speed[:, np.newaxis], np.maximum(opening, 1e-6))
+    return speed.tolist(), opening.tolist(), np.round(values, 9).tolist()
 
 
 def _crank(g: BondGraph) -> Handle:

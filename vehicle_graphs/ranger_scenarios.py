@@ -6,7 +6,7 @@ otherwise; gear H, level ground.
 
 from __future__ import annotations
 
-from math import pi, radians
+from math import radians
 
 from bondgraph.simulate.scenario import Panel, Scenario
 
@@ -75,6 +75,3 @@ PANELS = (
     Panel("slip", "m/s", {"belt": "slip", "rear tyres": "v_slip_r", "front tyres": "v_slip_f"}),
     Panel("pitch of the body", "deg", {"pitch": "pitch"}),
 )
-
-#: One turn per minute in rad/s.
-RPM = pi / 30
