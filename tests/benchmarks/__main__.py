@@ -15,8 +15,9 @@ from pathlib import Path
 from tests.benchmarks.cases import masses, ranger
 from tests.benchmarks.gradient_rows import gradient
 from tests.benchmarks.likelihood_rows import against_c, against_others, growth, methods
+from tests.benchmarks.start_rows import start
 
-PARTS = ("others", "c", "methods", "gradient", "growth")
+PARTS = ("start", "others", "c", "methods", "gradient", "growth")
 
 
 def main() -> None:
@@ -30,6 +31,8 @@ def main() -> None:
     options = parser.parse_args()
     found: dict[str, object] = {}
     case = ranger(options.seconds)
+    if "start" in options.only:
+        found["start"] = show_numbers("first likelihood in a process", start())
     if "others" in options.only:
         found["others"] = show_numbers(
             "one likelihood, Runge-Kutta with 25 steps", against_others(case, options.rounds)

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.gradient import Directions, innovation_tangents
 from bondgraph.filter.likelihood import likelihood
 from bondgraph.filter.ukf import Member
@@ -15,9 +16,20 @@ from tests.benchmarks.timing import side_by_side
 PARAMETERS = (*FREE, "F_p0", "mu_b")
 
 
+#: Explicit and stiff.
+METHODS = ({"method": "rk4", "substeps": 50}, {"method": "ros3p", "substeps": 16, "grading": 1.35})
+
+
 def gradient(case: Case, rounds: int) -> dict[str, float]:
     """CPU time of the gradient over that of values, and its difference from central differences."""
-    model = replace(case.filter_model, substeps=50)
+    found: dict[str, float] = {}
+    for settings in METHODS:
+        numbers = _gradient(replace(case.filter_model, **settings), case, rounds)
+        found |= {f"{name} ({settings['method']})": value for name, value in numbers.items()}
+    return found
+
+
+def _gradient(model: FilterModel, case: Case, rounds: int) -> dict[str, float]:
     theta = model.model.theta()
     positions = [model.model.index("parameter", name) for name in PARAMETERS]
     seeds = np.zeros((theta.size, len(positions)))

@@ -30,9 +30,9 @@ REFERENCE = {"method": "rk4", "substeps": 200}
 METHODS = (
     {"method": "rk4", "substeps": 50},
     {"method": "ros3p", "substeps": 6, "grading": 2.0},
-    {"method": "ros3p", "substeps": 8, "grading": 2.0},
-    {"method": "ros3p", "substeps": 12, "grading": 1.5},
-    {"method": "rodas4", "substeps": 8, "grading": 1.8},
+    {"method": "ros3p", "substeps": 16, "grading": 1.35},
+    {"method": "ros3p", "substeps": 24, "grading": 1.15},
+    {"method": "rodas4", "substeps": 12, "grading": 1.5},
 )
 
 
@@ -89,7 +89,7 @@ def methods(case: Case, rounds: int) -> list[dict[str, object]]:
     )
     reference = replace(case.filter_model, **REFERENCE)
     _, _, rough = _expansion(case, reference, np.full(len(FREE), 1e-3))
-    steps = np.clip(0.1 * np.sqrt(np.diag(np.linalg.inv(rough))), 1e-5, 1e-2)
+    steps = np.clip(0.1 * np.sqrt(np.diag(np.linalg.inv(rough))), 1e-5, 0.1)
     nll, gradient, information = _expansion(case, reference, steps)
     rows: list[dict[str, object]] = []
     for name, model in zip(names, used, strict=True):
