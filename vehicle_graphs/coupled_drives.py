@@ -22,6 +22,7 @@ from bondgraph.declare.editing import with_values
 from bondgraph.declare.functions import maximum
 from bondgraph.declare.graph import BondGraph
 from bondgraph.declare.quantities import symbol
+from bondgraph.declare.revision import revise_output
 from bondgraph.errors import OptionError, suggest
 
 #: Inertia [kg m^2] that sets the scale of all torques.
@@ -46,6 +47,26 @@ def start() -> BondGraph:
     ['torque_per_volt', 'drive_drag']
     """
     return declared(())
+
+
+def rigid() -> BondGraph:
+    """The first-order lag again, the pulley drawn as a part of its own on a belt that does not stretch.
+
+    Its inertia depends on that of the drives, so there is one state; a closed loop may put a compliance into the bond.
+
+    Examples
+    --------
+    >>> [str(bond) for bond in rigid().bonds if bond.target == "pulley"]
+    ['drives -> pulley']
+    """
+    g = declared(())
+    pulley = g.one_junction("pulley", ROTATION)
+    share = g.parameter("pulley_share", 0.02, "1", "inertia of the pulley over that of the drives")
+    g.bond("drives", pulley)
+    g.inertance("pulley_inertia", share * symbol("drive_inertia"), at=pulley)
+    scale = symbol("pulses_per_radian")
+    revise_output(g, "pulse_rate", pulley.flow * scale)
+    return g
 
 
 def corrected() -> BondGraph:

@@ -11,10 +11,11 @@ from __future__ import annotations
 from sympy import Abs, Expr, cos, exp, sin, tanh
 
 from bondgraph.declare.domains import CHEMICAL, THERMAL
-from bondgraph.declare.effect import Effect, Place
+from bondgraph.declare.effect import Effect, Place, sensor_fault
 from bondgraph.declare.expressions import signal
 from bondgraph.declare.graph import BondGraph, Handle
 from bondgraph.declare.quantities import symbol
+from bondgraph.declare.revision import revise_output
 
 #: The flow, as a share of its scale, at which smoothed dry friction reaches 76 % of its level, and at which the rise of
 #: friction towards standstill has fallen to 37 %.
@@ -113,6 +114,32 @@ def lagging_source(g: BondGraph, at: Place) -> Effect | None:
     follows = g.integral(f"effort_{name}", lambda x: (law - x) / lag, at.domain.effort_unit, "effort that arrives")
     g.effort_source(name, follows - law, at=at.junction)
     return Effect("lagging_source", name, "effort = lagged - commanded", (f"time_{name}",), adds_state=True)
+
+
+@sensor_fault
+def sensor_magnitude(g: BondGraph, at: Place) -> Effect | None:
+    """A sensor that does not see the direction: a pulse counter, a tachometer behind a rectifier."""
+    name = f"magnitude_{at.name}"
+    share = g.parameter(name, 0.0, "1", f"share of {at.output} shown without its sign", (0.0, 1.5))
+    revise_output(g, at.output, lambda shown: (1 - share) * shown + share * Abs(shown))
+    return Effect(
+        "sensor_magnitude", at.output, "shown = (1 - s)*true + s*|true|", (name,), amplitudes=(0.3, 0.67),
+        channel=at.output, kind="magnitude",
+    )  # fmt: skip
+
+
+@sensor_fault
+def sensor_square(g: BondGraph, at: Place) -> Effect | None:
+    """A sensor that shows the square of what it senses: an orifice, a rectified and smoothed oscillation, a power."""
+    name = f"square_{at.name}"
+    unit = next((output.unit for output in g.outputs if output.name == at.output), "")
+    share = g.parameter(name, 0.0, "1", f"share of {at.output} shown as its square", (0.0, 1.5))
+    size = g.parameter(f"true_at_{at.name}", at.scale.effort, unit, f"where the square of {at.output} is right")
+    revise_output(g, at.output, lambda shown: (1 - share) * shown + share * shown**2 / size)
+    return Effect(
+        "sensor_square", at.output, "shown = (1 - s)*true + s*true^2/size", (name,), amplitudes=(0.3, 0.67),
+        channel=at.output, kind="square",
+    )  # fmt: skip
 
 
 def _is_speed(at: Place) -> bool:

@@ -25,13 +25,24 @@ RECORDINGS = ("measured", "coupled_drives")
 def simulated(graph: BondGraph, voltage: np.ndarray, **theta: float) -> np.ndarray:
     """Reading of the counter at 50 Hz from standstill."""
     time = np.arange(voltage.size) * 0.02
-    return simulate(build(graph).model, time, voltage[np.newaxis], theta, method="rk4", substeps=8).y[0]
+    run = simulate(build(graph).model, time, voltage[np.newaxis], theta, method="rk4", substeps=8)
+    return run.output("pulse_rate")
 
 
 def test_start_is_a_first_order_lag() -> None:
     rate = simulated(coupled_drives.start(), np.full(200, 2.0), torque_per_volt=3e-4, drive_drag=6e-4)
     time = np.arange(200) * 0.02
     assert_allclose(rate, 2.0 * 0.5 * (1 - np.exp(-6.0 * time)), atol=1e-6)
+
+
+def test_rigid_pulley_leaves_one_state_and_adds_its_inertia() -> None:
+    voltage = np.repeat([1.5, -0.7, 0.4], 50)
+    model = build(coupled_drives.rigid()).model
+    assert model.names("state") == ("omega_drives",)
+    heavier = {"torque_per_volt": 4e-4 / 1.02, "drive_drag": 5e-4 / 1.02}
+    assert_allclose(
+        simulated(coupled_drives.rigid(), voltage), simulated(coupled_drives.start(), voltage, **heavier), atol=1e-9
+    )
 
 
 def test_counter_does_not_see_the_direction() -> None:

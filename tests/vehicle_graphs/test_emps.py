@@ -74,8 +74,8 @@ def test_importer_keeps_all_and_thins_with_the_same_impulse(tmp_path: Path) -> N
     fast = read_log(tmp_path / "logs" / "train.csv.gz")
     slow = read_log(tmp_path / "logs" / "test_slow.csv")
     assert len(fast) == 23 and len(slow) == 4
-    assert_allclose(slow.channel("voltage").values, 2.0)
-    assert_allclose(slow.channel("position").values, np.arange(4) * 0.0005, atol=1e-12)
+    assert_allclose(slow.channel("voltage").numbers, 2.0)
+    assert_allclose(slow.channel("position").numbers, np.arange(4) * 0.0005, atol=1e-12)
     assert match(fast, build(emps.start()).model).unmatched == ()
 
 

@@ -8,7 +8,7 @@ import pytest
 from bondgraph.correct.build import BuiltModel, build
 from bondgraph.declare.domains import ROTATION, TRANSLATION
 from bondgraph.declare.editing import handle, with_values
-from bondgraph.declare.effect import Effect, EffectFunction, Place, Scale, effect_functions
+from bondgraph.declare.effect import Effect, EffectFunction, Place, Scale, effect_functions, is_for
 from bondgraph.declare.graph import BondGraph
 from vehicle_graphs import machine_effects as effects
 
@@ -31,9 +31,13 @@ def bench() -> BondGraph:
     return g
 
 
+def place(g: BondGraph, at: str) -> Place:
+    return Place.sensor(at, Scale(0.4, 0.2)) if at == "position" else Place(handle(g, at), Scale(100.0, 0.2))
+
+
 def added(function: EffectFunction, at: str = "carriage") -> tuple[BondGraph, Effect]:
     g = bench()
-    effect = function(g, Place(handle(g, at), Scale(100.0, 0.2)))
+    effect = function(g, place(g, at))
     assert effect is not None
     return g, effect
 
@@ -45,15 +49,23 @@ def force(built: BuiltModel, v: float, x: float = 0.0, torque: float = 0.0) -> f
     return 20.0 * float(model.rhs(0.0, state, np.array([torque]), model.theta())[model.index("state", "v")])
 
 
+def shown(built: BuiltModel, x: float) -> float:
+    """What the position sensor shows."""
+    model = built.model
+    return float(model.output(0.0, model.x0(x=x), model.u0(), model.theta())[0])
+
+
 @pytest.mark.parametrize("function", effect_functions(effects), ids=lambda function: function.__name__)
 def test_every_effect_derives_with_right_dimensions_and_vanishes_at_zero(function: EffectFunction) -> None:
-    places = [at for at in ("motor", "carriage") if function(g := bench(), Place(handle(g, at), Scale(100.0, 0.2)))]
+    every = [at for at in ("motor", "carriage", "position") if is_for(function, place(bench(), at))]
+    places = [at for at in every if function(g := bench(), place(g, at))]
     assert places
     for at in places:
         g, effect = added(function, at)
         built = build(g)
         if not effect.adds_state:
             assert force(built, 0.1, 0.003, 2.0) == pytest.approx(force(build(bench()), 0.1, 0.003, 2.0), abs=1e-12)
+            assert shown(built, -0.3) == pytest.approx(-0.3)
 
 
 @pytest.mark.parametrize("function", POWER_TAKING, ids=lambda function: function.__name__)
@@ -95,6 +107,14 @@ def test_overrun_loss_acts_only_when_the_load_drives() -> None:
     built, plain = build(with_values(g, {effect.coefficients[0]: 0.2})), build(bench())
     assert force(built, 0.1, 0.0, 1.0) == pytest.approx(force(plain, 0.1, 0.0, 1.0))
     assert force(built, 0.1, 0.0, -1.0) == pytest.approx(1.2 * force(plain, 0.1, 0.0, -1.0))
+
+
+def test_sensors_may_show_the_magnitude_or_the_square() -> None:
+    for function, expected in ((effects.sensor_magnitude, 0.3), (effects.sensor_square, 0.09 / 0.4)):
+        g, effect = added(function, "position")
+        assert effect.channel == "position"
+        built = build(with_values(g, {effect.coefficients[0]: 1.0}))
+        assert shown(built, -0.3) == pytest.approx(expected) and shown(built, 0.3) == pytest.approx(expected)
 
 
 def test_lagging_source_arrives_late_and_whole() -> None:
