@@ -133,6 +133,7 @@ def _add_run_commands(commands: Any) -> None:
         "  bondgraph filter vehicle_graphs.driveline:driveline --data run.csv --smooth --out filtered",
     )  # fmt: skip
     _add_data(c)
+    c.add_argument("--set", action="append", default=[], metavar="NAME=VALUE", help="parameter of a declared graph")
     c.add_argument("--smooth", action="store_true", help="states given the whole log instead of the past only")
     c.add_argument("--out", default="filtered", metavar="DIR", help="folder to write (default: filtered)")
 

@@ -13,6 +13,7 @@ from bondgraph.data.log import MatchedLog
 from bondgraph.data.match import match, read_mapping
 from bondgraph.data.read import read_log
 from bondgraph.data.write import csv_text, write_log
+from bondgraph.declare.editing import with_values
 from bondgraph.declare.files import load_graph
 from bondgraph.errors import OptionError
 from bondgraph.estimate.estimate import Settings
@@ -102,11 +103,15 @@ def sensitivity(options: argparse.Namespace) -> int:
 
 def _model_and_logs(options: argparse.Namespace) -> tuple[Model, tuple[str, ...], list[MatchedLog]]:
     """The model of a graph or of a generated module, the states that noise may drive, and the matched logs."""
+    given = assignments(getattr(options, "set", ()), "--set")
+    values = {name: value for name, value in given.items() if isinstance(value, float)}
+    if len(values) < len(given) or (values and options.model.endswith(".py")):
+        raise OptionError("--set gives numbers to the parameters of a declared graph", where=("--set",))
     if options.model.endswith(".py"):
         model = Model.from_file(options.model)
         driven = model.names("state")
     else:
-        built = build(load_graph(options.model))
+        built = build(with_values(load_graph(options.model), values))
         model, driven = built.model, built.driven
     mapping = read_mapping(options.map)
     logs = [match(read_log(path), model, mapping) for path in options.data]

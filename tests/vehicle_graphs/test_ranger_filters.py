@@ -112,9 +112,12 @@ def test_the_command_filters_with_the_declared_noise(
     data = str(write_log(tmp_path / "run.csv", Log("run", log.time, channels)))
     command = ["filter", "vehicle_graphs.ranger:coast_down", "--data", data, "--start", "settled", "--smooth"]
     assert main([*command, "--out", str(tmp_path / "out")]) == 0
-    said = capsys.readouterr().out
-    nis = float(said.split("NIS ")[1].split()[0])
+    nis = float(capsys.readouterr().out.split("NIS ")[1].split()[0])
     assert 0.9 < nis < 1.1
+    assert main([*command, "--set", "f_r=0.045", "--out", str(tmp_path / "wrong")]) == 0
+    assert float(capsys.readouterr().out.split("NIS ")[1].split()[0]) > 1.2
+    assert main([*command, "--set", "f_r=high"]) == 2
+    assert "--set gives numbers" in capsys.readouterr().err
     assert (tmp_path / "out" / "run_states.png").stat().st_size > 20_000
 
 
