@@ -2,6 +2,8 @@
 
 The terms of a likelihood are smooth in the parameters, and the steps are a hundredth of a standard deviation, so that
 what the curvature adds to a slope is far below what the data can tell (tests compare with central differences). The
+exact derivatives of the filter (``estimate/exact.py``) are no cheaper here: every candidate is another model, and their
+kernel takes ten times as long to compile as one fit by differences. The
 gradient is formed from the slopes of the terms, never from differences of their sum, which would drown in rounding.
 """
 

@@ -244,7 +244,8 @@ def _cautions(nominal: Fit, rounds: Sequence[Round]) -> tuple[str, ...]:
     ]
     if unknown:
         said.append(f"these logs say next to nothing about {', '.join(unknown)}: drive with more variety, or fix them")
-    blind = [f"{one.effect} at {one.junction}" for one in rounds[0].detectable if not np.isfinite(one.size)]
+    seen = rounds[0].detectable if rounds else ()
+    blind = [f"{one.effect} at {one.junction}" for one in seen if not np.isfinite(one.size)]
     if blind:
         said.append(f"undetectable with these sensors and free parameters, of whatever size: {', '.join(blind)}")
     return tuple(said)

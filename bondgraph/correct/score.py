@@ -70,7 +70,8 @@ class Projected:
     """Scores (n,) and information (n, n) of all coefficients with the free parameters taken out.
 
     ``share`` (free, n) is how these follow, ``seen`` (n,) which coefficients leave more than rounding, and ``sums``
-    (blocks, n) the scores summed over blocks of time, None where these are not known.
+    (blocks, n) the scores summed over blocks of time, None where these are not known; ``expansion`` and ``blocks`` what
+    they were made of.
     """
 
     score: FloatArray
@@ -78,16 +79,25 @@ class Projected:
     share: FloatArray
     seen: np.ndarray
     sums: FloatArray | None
+    expansion: Expansion | None = None
+    blocks: np.ndarray | None = None
 
-    def within(self, chosen: Sequence[int], held: Sequence[int] = ()) -> Projected:
-        """The same for some of the coefficients, with others (``held``) counted among the free parameters."""
-        inner, outer = np.array(held, dtype=int), np.array(chosen, dtype=int)
-        follow = solve(self.information[np.ix_(inner, inner)], self.information[np.ix_(inner, outer)])
-        left = self.information[np.ix_(outer, outer)] - self.information[np.ix_(outer, inner)] @ follow
-        own = np.maximum(np.diag(self.information)[outer], np.finfo(float).tiny)
-        sums = None if self.sums is None else self.sums[:, outer] - self.sums[:, inner] @ follow
-        score = self.score[outer] - follow.T @ self.score[inner]
-        return Projected(score, left, -follow, self.seen[outer] & (np.diag(left) > _LEFT * own), sums)
+    def sums_without(self, own: Sequence[int], step: FloatArray) -> FloatArray:
+        """Scores of some coefficients over blocks of time with their own part taken out: at ``step``, not at zero.
+
+        What is missing is no noise; left in, it would widen the scatter by which it is judged.
+        """
+        if self.expansion is None or self.expansion.terms is None or self.blocks is None:
+            raise EstimationError("scores over blocks of time need the terms of the expansion")
+        terms, free = self.expansion.terms, self.share.shape[0]
+        share = self.share[:, own]
+        columns = [0, *range(1, 1 + free), *(1 + free + k for k in own)]
+        slopes, scales = terms.innovations[:, columns], terms.log_scales[:, columns]
+        z = slopes[:, 0]
+        left = slopes[:, 1 + free :] + slopes[:, 1 : 1 + free] @ share
+        loud = scales[:, 1 + free :] + scales[:, 1 : 1 + free] @ share
+        pieces = left * (z + left @ step)[:, np.newaxis] + loud
+        return -summed(pieces, self.blocks)
 
 
 def project(expansion: Expansion, free: int, blocks: np.ndarray | None = None) -> Projected:
@@ -112,7 +122,7 @@ def project(expansion: Expansion, free: int, blocks: np.ndarray | None = None) -
     if blocks is not None:
         pieces = block_sums(expansion, blocks)
         sums = -(pieces[:, free:] - pieces[:, :free] @ share)
-    return Projected(score, left, -share, np.diag(left) > _LEFT * own, sums)
+    return Projected(score, left, -share, np.diag(left) > _LEFT * own, sums, expansion, blocks)
 
 
 def scores(
@@ -191,7 +201,7 @@ def best_step(found: Projected, own: Sequence[int], one_sided: np.ndarray) -> tu
         rows = [own[k] for k in moved]
         if len(rows) > _FEW:
             left = found.information[np.ix_(rows, rows)]
-            p_value = max(p_value, rao_scott(2.0 * gain, left, found.sums[:, rows]))
+            p_value = max(p_value, rao_scott(2.0 * gain, left, found.sums_without(rows, step[moved])))
         else:
             p_value = max(p_value, hotelling(found.score[rows], found.sums[:, rows]))
     return step, gain, p_value
@@ -226,7 +236,11 @@ def block_sums(expansion: Expansion, blocks: np.ndarray) -> FloatArray:
     if expansion.terms is None:
         raise EstimationError("a variance that holds under coloured noise needs the terms of the expansion")
     z, slopes_z = expansion.terms.innovations[:, 0], expansion.terms.innovations[:, 1:]
-    pieces = slopes_z * z[:, np.newaxis] + expansion.terms.log_scales[:, 1:]
+    return summed(slopes_z * z[:, np.newaxis] + expansion.terms.log_scales[:, 1:], blocks)
+
+
+def summed(pieces: FloatArray, blocks: np.ndarray) -> FloatArray:
+    """Sums of rows (n_terms, n) over blocks, shape (blocks, n); rows of block -1 are left out."""
     inside = np.flatnonzero(blocks >= 0)
     order = inside[np.argsort(blocks[inside], kind="stable")]
     sums = np.zeros((int(blocks.max()) + 1, pieces.shape[1]))

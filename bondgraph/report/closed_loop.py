@@ -191,10 +191,13 @@ def _power(closed: ClosedLoop) -> list[Power]:
 
 def _tried(closed: ClosedLoop) -> list[Tried]:
     rows = []
+    kept = {added.trial.candidate.label for added in closed.added}
     for turn in closed.rounds:
         if turn.chosen is not None:
             chosen = turn.chosen.candidate
-            rows.append(Tried(chosen.effect.name, chosen.place.label, turn.chosen.gain, "added", chosen=True))
+            stays = chosen.label in kept
+            done = "added" if stays else "added, taken out again later"
+            rows.append(Tried(chosen.effect.name, chosen.place.label, turn.chosen.gain, done, chosen=stays))
         rows += [
             Tried(
                 other.name, other.junction, other.delta_nll, other.why,

@@ -61,11 +61,13 @@ def pull(
     name: str = "run",
     colour: float = 0.0,
     driven: int | None = None,
+    tails: float | None = None,
     **values: float,
 ) -> MatchedLog:
     """A log of a true sled with sensor noise.
 
-    ``colour`` is the noise's correlation from sample to sample; ``driven`` a seed for the torque alone.
+    ``colour`` is the noise's correlation from sample to sample; ``driven`` a seed for the torque alone; ``tails`` the
+    degrees of freedom of Student's distribution, of the same variance, instead of a Gaussian.
     """
     rng = np.random.default_rng([seed, 7])
     time = 0.1 * np.arange(samples)
@@ -75,6 +77,8 @@ def pull(
     run = simulate(model, time, levels[np.newaxis], rtol=1e-8).raise_if_failed()
     noise = np.empty(run.y.shape)
     white = rng.standard_normal(run.y.shape)
+    if tails is not None:
+        white = rng.standard_t(tails, run.y.shape) * np.sqrt((tails - 2.0) / tails)
     noise[:, 0] = white[:, 0]
     for k in range(1, samples):
         noise[:, k] = colour * noise[:, k - 1] + np.sqrt(1.0 - colour**2) * white[:, k]
