@@ -2,17 +2,19 @@ r"""The correction of the EMPS declaration step by step: errors in force and ope
 
 Usage, after ``python -m vehicle_graphs.emps_logs FOLDER --out LOGS``::
 
-    bondgraph close-loop vehicle_graphs.emps:start --effects vehicle_graphs.effects vehicle_graphs.machine_effects \\
+    bondgraph close-loop vehicle_graphs.emps:start --effects vehicle_graphs.effects vehicle_graphs.machine_effects \
         --data LOGS/train_slow.csv --holdout LOGS/test_slow.csv --max-effects 6 --out loop
     python -m vehicle_graphs.emps_chain LOGS
 
-The first command finds the effects, ``emps.CHOSEN``; the second fits the graph with the first of them, the first two,
-and so on to the training log: once by errors one step ahead, as the closed loop does, which is what the force needs;
-once by the error of free simulation. Of both it prints
+The first command looks for effects by itself; ``emps.FOUND_ONE_STEP`` is what it found among laws of one coefficient.
+The second fits the graph with the first of ``emps.CHOSEN``, the first two, and so on to the training log: once by errors
+one step ahead, as the closed loop does, which is what the force needs; once by the error of free simulation. Without a
+force towards some position, a tenth of a newton moves the carriage by a centimetre in the 25 s of a record: that is why
+free simulation shows the drifting load, which no error one step ahead does. Of both fits it prints
 
 - the force error as published: force of the model at the measured motion against the drive's, position filtered by a
   Butterworth filter of fourth order forwards and backwards at 100 Hz, central differences, all decimated by ten
-  (Janot, Gautier, Brunot 2019; with their parameters this gives 4.01 and 5.94 % where they print 4.083 and 5.982 %),
+  (Janot, Gautier, Brunot 2019; with their parameters this gives 4.1 and 6.0 % where they print 4.083 and 5.982 %),
 - the same with the force of the voltage as it is held between samples, half a sample later,
 - the root mean square error of position in open loop, from the state that the first 20 samples tell.
 """

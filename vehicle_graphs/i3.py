@@ -105,11 +105,13 @@ def cold_air(g: BondGraph, at: Place) -> Effect | None:
         return None
     name = f"cold_air_{at.name}"
     limit = at.scale.effort / at.scale.flow**2 / 20.0
-    rise = g.parameter(f"c_{name}", 0.0, "kg/(m K)", "air drag over speed squared gained per kelvin", (-limit, limit))
+    rise = g.parameter(f"c_{name}", 0.0, "kg/(m K)", "air drag over speed squared gained per kelvin", (0.0, limit))
     warm = g.parameter(f"t_{name}", REFERENCE_TEMPERATURE, "K", "temperature of the declared air drag")
     speed = at.junction.flow
-    g.effort_source(name, -rise * (warm - symbol("ambient")) * speed * abs(speed), at=at.junction)
-    return Effect("cold_air", name, "effort = c*(T0 - ambient)*v*|v|", (f"c_{name}",))
+    # never a drive: above the temperature of the declared drag nothing is gained
+    colder = maximum(warm - symbol("ambient"), 0)
+    g.effort_source(name, -rise * colder * speed * abs(speed), at=at.junction)
+    return Effect("cold_air", name, "effort = c*max(T0 - ambient, 0)*v*|v|", (f"c_{name}",))
 
 
 def friction_brake(g: BondGraph, at: Place) -> Effect | None:
