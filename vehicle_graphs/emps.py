@@ -28,7 +28,7 @@ SCALE = Scale(150.0, 0.13)
 SMOOTHING_SPEED = 4e-4
 #: What the closed loop added to ``start`` on the training record, in this order.
 FOUND_ONE_STEP = ("coulomb_loss", "direction_dependent_drag", "ripple_sine", "ripple_cosine")
-#: What the error of free simulation asked for beyond that: forces too small to be seen one step ahead add up.
+#: What the error of free simulation on the training record asked for beyond that: there small forces add up.
 FOUND_IN_FREE_SIMULATION = ("drifting_load",)
 CHOSEN = (*FOUND_ONE_STEP, *FOUND_IN_FREE_SIMULATION)
 

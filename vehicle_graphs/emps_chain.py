@@ -10,7 +10,7 @@ The first command looks for effects by itself; ``emps.FOUND_ONE_STEP`` is what i
 The second fits the graph with the first of ``emps.CHOSEN``, the first two, and so on to the training log: once by
 errors one step ahead, as the closed loop does, which is what the force needs; once by the error of free simulation.
 Without a force towards some position, a tenth of a newton moves the carriage by a centimetre in the 25 s of a record:
-that is why free simulation shows the drifting load, which no error one step ahead does. Of both fits it prints
+that is where the drifting load shows. Of both fits it prints
 
 - the force error as published: force of the model at the measured motion against the drive's, position filtered by a
   Butterworth filter of fourth order forwards and backwards at 100 Hz, central differences, all decimated by ten
