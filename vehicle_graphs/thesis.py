@@ -53,7 +53,9 @@ START_STD = {
 #: True values are drawn within this share of their nominal ones; the offset of the pitch within this many radians.
 SPREAD, OFFSET_SPREAD = 0.12, 0.02
 #: Steps between samples of the stiff method that filters (the estimates are certified with twice as many).
-COASTING_STEPS, DRIVING_STEPS = 4, 8
+COASTING_STEPS, DRIVING_STEPS = 4, 16
+#: In a drive each step is this much longer than the one before: sigma points relax onto the gripping belt at first.
+DRIVING_GRADING = 1.35
 #: Runge-Kutta steps between samples of the simulated truth: the tyre at standstill has a rate of 3600 1/s, the gripping
 #: belt one of up to 12000 1/s.
 TRUE_STEPS = {"coast-down": 80, "driveline": 250}
@@ -95,6 +97,7 @@ def _filter_model(graph: str) -> FilterModel:
         {name: std for name, std in START_STD.items() if name in states},
         substeps=DRIVING_STEPS if graph == "full" else COASTING_STEPS,
         method="ros3p",
+        grading=DRIVING_GRADING if graph == "full" else 1.0,
         alpha=0.5,
     )
 
