@@ -1,9 +1,9 @@
 """Where a residual comes from: an unknown at every place, as a free function of the place's own variable and of time.
 
 Every junction is given an unknown effort (1-junction) or flow (0-junction), every sensor an unknown error, of a shape
-that is not fixed: a piecewise linear function of the own flow or effort plus one of time. How much of the residual each
-explains is a score test with as many degrees of freedom. It presupposes no law, and so ranks places before any effect
-is offered there.
+that is not fixed: a piecewise linear function of the own flow or effort, a share of its rate, and a function of time.
+How much of the residual each explains is a score test with as many degrees of freedom. It presupposes no law, and so
+ranks places before any effect is offered there.
 """
 
 from __future__ import annotations
@@ -74,6 +74,7 @@ def _lanes(linear: Linearisation, probe: Probe, k: int, own: Signal | None, time
         courses.append(np.array([shown, np.gradient(shown, path.time)]))
     elif own is not None:
         courses.append(hats(own.values[k], knots(own, _OWN))[1:])
+        courses.append(np.gradient(own.values[k], path.time)[np.newaxis])  # what a storage takes
     if time is not None:
         courses.append(hats(time.values[k], knots(time, _TIME))[1:])
     return shaped(probe.changes[k], np.concatenate(courses))
