@@ -127,8 +127,13 @@ class FreeParameter:
         return value if self.scale == "log" else 1.0
 
     def values(self, coordinates: FloatArray) -> FloatArray:
-        """Values at coordinates of any shape."""
-        return np.exp(coordinates) if self.scale == "log" else coordinates
+        """Values at coordinates of any shape; the coordinate of a bound gives that bound to the last digit."""
+        if self.scale == "linear":
+            return coordinates
+        values = np.exp(coordinates)
+        for bound in (self.lower, self.upper):
+            values = np.where(coordinates == self.coordinate(bound), bound, values)
+        return values
 
 
 def declared_free(name: str, filter_model: FilterModel, start: float | None = None) -> FreeParameter:

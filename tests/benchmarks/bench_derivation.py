@@ -1,6 +1,6 @@
 """Time from a declared graph to a generated module: a chain of N mass-spring-damper stages.
 
-    python tests/benchmarks/bench_derivation.py [N ...] [--peers [N ...]] [--json FILE]
+    python -m tests.benchmarks.bench_derivation [N ...] [--peers [N ...]] [--json FILE]
 
 Prints one row per N with the processor seconds of each stage, and the growth from N = 100 on. The bound is 1 s for
 N = 100 (200 states, 600 bonds), from declaration to text, after imports, and growth no worse than N^1.3. ``--peers``
@@ -20,7 +20,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from derivation_peers import PEERS, peer_seconds
+from tests.benchmarks.derivation_peers import PEERS, peer_seconds
 
 STAGES = ("declare", "causality", "derive", "dimensions", "render")
 

@@ -165,6 +165,15 @@ def test_states_that_are_not_measured_settle_while_the_others_are_held() -> None
     )
 
 
+def test_the_coordinate_of_a_bound_gives_that_bound() -> None:
+    """The exponential of a logarithm may miss by a digit, and a value outside its bounds is refused later."""
+    for lower, upper in np.exp(np.random.default_rng(0).uniform(-9.0, 9.0, (200, 1))) * np.array([1.0, 7.3]):
+        parameter = FreeParameter("scale", float(lower), float(upper), float(lower), scale="log")
+        bounds = np.array([parameter.coordinate(parameter.lower), parameter.coordinate(parameter.upper)])
+        ends = parameter.values(bounds)
+        assert ends.tolist() == [parameter.lower, parameter.upper]
+
+
 def test_states_that_never_come_to_rest_start_as_declared() -> None:
     model = Model.from_text(VEHICLE)
     log = MatchedLog("rolling", np.array([0.0, 1.0]), np.zeros((0, 2)), np.array([[10.0, 9.9]]))
