@@ -62,6 +62,21 @@ def test_differences_serve_where_there_are_no_exact_derivatives(changes: dict) -
     np.testing.assert_array_equal(found.gradient, rough.gradient)
 
 
+def test_derivatives_of_another_value_are_not_used(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where the filter with derivatives goes another way than the filter, a search would gain from that for ever."""
+    problem = swing_problem()
+    steps, points = np.full((len(FREE), 1), 1e-4), problem.start[:, np.newaxis]
+    (right,) = exact_derivatives(problem, points, steps)
+    assert right.terms is not None
+    scales = right.terms.log_scales.copy()
+    scales[0, 0] += 0.01
+    wrong = replace(right, terms=replace(right.terms, log_scales=scales), gradient=0.0 * right.gradient)
+    monkeypatch.setattr("bondgraph.estimate.exact._expand", lambda *_: wrong)
+    (found,) = exact_derivatives(problem, points, steps)
+    (rough,) = central_differences(problem, points, steps)
+    np.testing.assert_array_equal(found.gradient, rough.gradient)
+
+
 def test_a_vehicle_and_its_priors() -> None:
     from bondgraph.data.log import MatchedLog
 
