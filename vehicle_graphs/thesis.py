@@ -7,8 +7,9 @@
 Every repetition draws true parameters, simulates logs with them, and estimates them back. Stage *coast-down* estimates
 rolling resistance, drag, brake gain, pitch offset, tyre radius and pitch stiffness from two runs in neutral, once with
 the suspension that the logs were made with and once with the quasi-static one of the thesis (P. M. Auby 2016), which
-that work names as the source of its bias. Stage *driveline* estimates eight parameters of engine and CVT from a drive.
-An interrupted study goes on where it stopped: each repetition is a file in the folder.
+that work names as the source of its bias. Stage *driveline* estimates eight parameters of engine and CVT from a drive;
+its likelihood is smooth near the truth but rugged a tenth away from it, so that a search from the nominal values may
+end elsewhere, and the table then says so. An interrupted study goes on where it stopped: each repetition is a file in the folder.
 """
 
 from __future__ import annotations
