@@ -1,7 +1,7 @@
 """The thesis' estimation, redone with known truth, to see whether its estimates are biased and its intervals hold.
 
     python -m vehicle_graphs.thesis --out study                        coast-downs, 20 repetitions, both suspensions
-    python -m vehicle_graphs.thesis --stage driveline --out study      then the driveline, with the coast-downs' results
+    python -m vehicle_graphs.thesis --stage driveline --out study      engine and CVT
     python -m vehicle_graphs.thesis --repetitions 3 --short --out try  a quick look
 
 Every repetition draws true parameters, simulates logs with them, and estimates them back. Stage *coast-down* estimates
@@ -9,7 +9,8 @@ rolling resistance, drag, brake gain, pitch offset, tyre radius and pitch stiffn
 the suspension that the logs were made with and once with the quasi-static one of the thesis (P. M. Auby 2016), which
 that work names as the source of its bias. Stage *driveline* estimates eight parameters of engine and CVT from a drive;
 its likelihood is smooth near the truth but rugged a tenth away from it, so that a search from the nominal values may
-end elsewhere, and the table then says so. An interrupted study goes on where it stopped: each repetition is a file in the folder.
+end elsewhere, and the table then says so; what the coast-downs tell is taken as known there. An interrupted study goes
+on where it stopped: each repetition is a file in the folder.
 """
 
 from __future__ import annotations
