@@ -242,16 +242,6 @@ class _Printer:
             self._name(node), str(operation.value), self._program.arrays[str(operation.value)].size, a[0]
         )
 
-    def _extreme(self, operation: Operation, a: Sequence[str]) -> str:
-        """The smaller or larger number, nan where one is nan, as numpy has it."""
-        sign = "<=" if operation.kind == "minimum" else ">="
-        fixed = [self._program.operations[argument].kind == "constant" for argument in operation.arguments]
-        if fixed[1]:
-            return f"{a[1]} if {a[1]} {sign} {a[0]} else {a[0]}"
-        if fixed[0]:
-            return f"{a[0]} if {a[0]} {sign} {a[1]} else {a[1]}"
-        return f"{a[0]} if ({a[0]} {sign} {a[1]}) | ({a[0]} != {a[0]}) else {a[1]}"
-
     def _rough(self, node: int, operation: Operation, phase: int) -> list[str]:
         """Loops for an operation that is not one line of arithmetic."""
         arguments = [self._read(a, phase) for a in operation.arguments]
