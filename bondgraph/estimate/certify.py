@@ -21,7 +21,7 @@ from bondgraph.filter.discretisation import step_times_rate
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.likelihood import run
 
-#: ``"step"``: against doubled substeps; ``"full"``: also against the classical Runge-Kutta method; ``"none"``: never.
+#: ``"step"``: against halved steps; ``"full"``: also against the classical Runge-Kutta method; ``"none"``: never.
 Depth = Literal["none", "step", "full"]
 
 #: A shift that does not matter, in standard deviations.
@@ -90,7 +90,7 @@ def finer_filters(problem: EstimationProblem, point: FloatArray, depth: Depth) -
     used = problem.filter_model
     if depth == "none":
         return
-    yield replace(used, substeps=2 * used.substeps)
+    yield used.with_halved_steps()
     if depth == "full" and used.method != "rk4":
         batch = problem.batch(point[:, np.newaxis])
         theta = batch.theta[:, 0]

@@ -60,8 +60,9 @@ def exact_derivatives(objective: Objective, points: FloatArray, steps: FloatArra
 def _agrees(expansion: Expansion, value: float) -> bool:
     """Whether derivatives belong to the likelihood that the search sees.
 
-    Far from any optimum, where a filter floors pivots of its covariances or takes a member again with finer steps, the
-    filter with derivatives may go another way; a search would then gain from the difference of the two for ever.
+    Both take the same steps, so they differ by rounding. A filter whose integration steps are too long for a saturating
+    law (a tyre, a belt: the step jumps across the zone where it grips) chatters and multiplies rounding by powers of
+    ten per sample; then the two part, neither has a slope, and a search would gain from their difference for ever.
     """
     return abs(expansion.sum - value) <= _SAME * (1.0 + abs(value))
 

@@ -7,9 +7,8 @@ accurate well below 1. A change of less than 0.1 nats cannot move an estimate no
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Unpack
 
 import numpy as np
@@ -96,7 +95,7 @@ def discretisation_error(
     """
     listed = logs if isinstance(logs, Sequence) else (logs,)
     used = choose_method(filter_model, listed, compiled=compiled)
-    finer = replace(used, substeps=2 * used.substeps, grading=math.sqrt(used.grading))
+    finer = used.with_halved_steps()
     coarse = likelihood(used, listed, theta, compiled=compiled, **values).nll[0]
     fine = likelihood(finer, listed, theta, compiled=compiled, **values).nll[0]
     nats = float(coarse - fine) if np.isfinite(coarse) and np.isfinite(fine) else np.inf

@@ -9,12 +9,13 @@ import pytest
 
 from bondgraph.data.log import MatchedLog
 from bondgraph.errors import OptionError
-from bondgraph.estimate.certify import NEGLIGIBLE_SHIFT, Certification, Check
+from bondgraph.estimate.certify import NEGLIGIBLE_SHIFT, Certification, Check, finer_filters
 from bondgraph.estimate.estimate import Settings, estimate
 from bondgraph.estimate.problem import EstimationProblem, pose
 from bondgraph.filter.draw import draw_logs
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.simulate.model import Model
+from bondgraph.simulate.stiff import step_lengths
 
 OSCILLATOR = '''"""An oscillator of 2 Hz, measured so well that the error of a long step matters."""
 import numpy as np
@@ -89,6 +90,14 @@ def test_the_shift_that_is_foretold_is_the_one_that_happens() -> None:
     moved = (finer.values[check.parameter] - coarse.values[check.parameter]) / coarse.std[check.parameter]
     assert abs(moved) == pytest.approx(check.shift, rel=0.1, abs=1e-3)
     assert coarse.nll - finer.nll == pytest.approx(check.nats, abs=0.02)
+
+
+def test_finer_steps_are_finer_everywhere_in_an_interval_also_where_they_are_graded() -> None:
+    graded = replace(problem(16), filter_model=replace(problem(16).filter_model, method="ros3p", grading=1.35))
+    (finer,) = finer_filters(graded, np.array([156.0, 0.5]), "step")
+    before, after = (step_lengths(0.05, f.substeps, f.grading) for f in (graded.filter_model, finer))
+    assert after.reshape(16, 2).sum(axis=1) == pytest.approx(before, rel=1e-12)
+    assert (after.max() / before.max()) < 0.55
 
 
 def test_it_reads_as_a_sentence() -> None:
