@@ -16,6 +16,7 @@ import numpy as np
 from bondgraph.data.checks import Finding, check_log
 from bondgraph.data.header import TEXT_UNIT, convert_unit
 from bondgraph.data.log import FIRST_ROW, FloatArray, Log, LogChannel, MatchedLog
+from bondgraph.data.rates import slopes
 from bondgraph.errors import DataError, OptionError, suggest
 
 
@@ -40,7 +41,11 @@ class InputQuantity(Quantity, Protocol):
 
     @property
     def interpolation(self) -> str:
-        """Either ``linear`` or ``hold`` between samples."""
+        """How it runs between samples: ``linear``, ``hold``, or held as the rate of another."""
+
+    @property
+    def rate_of(self) -> str:
+        """The input, earlier in the list, whose slope this one is; empty for all others."""
 
     @property
     def letters(self) -> Mapping[str, float] | Sequence[tuple[str, float]] | None:
@@ -94,7 +99,7 @@ def match(log: Log, model: Signals, mapping: Mapping[str, str] | None = None) ->
     channels, renamed = _rename(log, model, mapping or {})
     _require_outputs(log, model, channels)
     notes = [finding.message for finding in check_log(log) if _matters(finding, renamed[finding.channel], model)]
-    u = np.array([_input(log, channels, quantity, notes) for quantity in model.inputs]).reshape(-1, len(log))
+    u = _inputs(log, channels, model, notes)
     y = np.array([_output(log, channels, quantity, notes) for quantity in model.outputs]).reshape(-1, len(log))
     overrides = {
         quantity.name: _known_value(log, channels[quantity.name], quantity)
@@ -124,7 +129,7 @@ def match_inputs(log: Log, model: Signals, mapping: Mapping[str, str] | None = N
                 f" - its inputs are {', '.join(known) or 'none'}",
                 where=(log.name, old),
             )
-    return np.array([_input(log, channels, quantity, []) for quantity in model.inputs]).reshape(-1, len(log))
+    return _inputs(log, channels, model, [])
 
 
 def read_mapping(options: Iterable[str]) -> dict[str, str]:
@@ -226,6 +231,18 @@ def _require_outputs(log: Log, model: Signals, channels: Mapping[str, LogChannel
         )
 
 
+def _inputs(log: Log, channels: Mapping[str, LogChannel], model: Signals, notes: list[str]) -> FloatArray:
+    """All inputs, shape (n_u, n); what the log lacks is a slope of what it holds, or has its default."""
+    rows: dict[str, FloatArray] = {}
+    for quantity in model.inputs:
+        if quantity.rate_of and quantity.name not in channels:
+            rows[quantity.name] = slopes(log.time, rows[quantity.rate_of])
+            notes.append(f"input {quantity.name!r} is taken from the slope of {quantity.rate_of!r}")
+        else:
+            rows[quantity.name] = _input(log, channels, quantity, notes)
+    return np.array(list(rows.values())).reshape(-1, len(log))
+
+
 def _input(log: Log, channels: Mapping[str, LogChannel], quantity: InputQuantity, notes: list[str]) -> FloatArray:
     channel = channels.get(quantity.name)
     if channel is None or channel.missing.all():
@@ -237,7 +254,7 @@ def _input(log: Log, channels: Mapping[str, LogChannel], quantity: InputQuantity
     values = _coded(log, channel, letters) if letters else _converted(log, channel, quantity)
     missing = np.isnan(values)
     if missing.any():
-        way = "held" if letters or quantity.interpolation == "hold" else "interpolated"
+        way = "held" if letters or quantity.interpolation != "linear" else "interpolated"
         notes.append(f"input {quantity.name!r} is {way} over {int(missing.sum())} of {len(log)} samples")
         values = _filled(log.time, values, held=way == "held")
     return values

@@ -26,6 +26,7 @@ class Input:
     """A signal that comes from outside and is known: throttle, voltage, grade.
 
     ``letters`` maps the codes of a text signal (a gear lever) to values; such an input is always held between samples.
+    ``rate_of`` names the input whose slope over time this one is; derivation adds such inputs, nobody declares them.
     """
 
     name: str
@@ -34,6 +35,7 @@ class Input:
     default: float = 0.0
     interpolation: Interpolation = "linear"
     letters: tuple[tuple[str, float], ...] = ()
+    rate_of: str = ""
 
     @property
     def symbol(self) -> Symbol:

@@ -262,7 +262,8 @@ class Derivation:
             rate = self.variables.input_rates.get(declared.symbol)
             if rate is not None and rate in used:
                 unit = f"({declared.unit})/s" if declared.unit not in ("", "1") else ("1/s" if declared.unit else "")
-                found.append(Input(rate.name, unit, f"rate of {declared.name} (a storage depends on it)"))
+                meaning = f"rate of {declared.name} (a storage depends on it)"
+                found.append(Input(rate.name, unit, meaning, rate_of=declared.name))
         return found
 
 

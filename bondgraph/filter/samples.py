@@ -11,7 +11,7 @@ import numpy as np
 from bondgraph.errors import FilterError, suggest
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.simulate.arrays import FloatArray, IntArray
-from bondgraph.simulate.inputs import InputSegment, hold_flags
+from bondgraph.simulate.inputs import InputSegment, hold_flags, rate_rows
 
 
 class MeasuredLog(Protocol):
@@ -43,7 +43,8 @@ class Samples:
     """A log checked against a filter model.
 
     ``time`` (n,), ``u`` (n_u, n), ``y`` (n_y, n); ``u_left`` and ``u_right`` (n_u, n-1) are the inputs at the two ends
-    of each interval and ``substeps`` (n-1,) its integration steps.
+    of each interval and ``substeps`` (n-1,) its integration steps. An input that is the rate of another is constant
+    over each interval; ``u`` has the mean of both sides of a sample.
     """
 
     name: str
@@ -70,7 +71,10 @@ class Samples:
         left = log.u[:, :-1]
         right = np.where(hold, left, log.u[:, 1:])
         steps = interval_substeps(log.time, filter_model.substeps)
-        return cls(log.name, log.time, log.u, left, right, log.y, steps, dict(log.theta_overrides))
+        inputs = log.u.copy()
+        for row in rate_rows(filter_model.model):
+            inputs[row, 1:-1] = 0.5 * (log.u[row, :-2] + log.u[row, 1:-1])
+        return cls(log.name, log.time, inputs, left, right, log.y, steps, dict(log.theta_overrides))
 
     def segment(self, k: int) -> InputSegment:
         """Inputs of the interval that ends at sample ``k``."""

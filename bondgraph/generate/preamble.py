@@ -71,7 +71,7 @@ def _input_rows(equations: StateEquations) -> Iterable[Sequence[str]]:
             string(item.name),
             string(item.unit),
             number(item.default, f"default of {item.name}"),
-            string(item.interpolation),
+            string(f"rate of {item.rate_of}" if item.rate_of else item.interpolation),
             f"{{{', '.join(letters)}}}" if letters else "None",
             string(item.meaning),
         )

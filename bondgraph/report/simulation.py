@@ -18,7 +18,7 @@ from bondgraph.derive.dimensions import check_dimensions
 from bondgraph.errors import OptionError, suggest
 from bondgraph.generate.module import render
 from bondgraph.report.energy import energy_states, inertia_value
-from bondgraph.simulate.inputs import InputSignal, hold_flags
+from bondgraph.simulate.inputs import InputSignal
 from bondgraph.simulate.model import Model
 from bondgraph.simulate.scenario import Scenario
 from bondgraph.simulate.simulate import simulate
@@ -79,9 +79,6 @@ def simulate_graph(graph: BondGraph, inputs: Log | None, options: SimulationOpti
     initial = _initial(model, energy_states(derivation.variables), options.initial or {}, theta)
     start = options.scenario.start(model) if options.scenario else {}
     times, table = _inputs(model, inputs, constants, options)
-    rates = {used.name: rate.name for used, rate in derivation.variables.input_rates.items()}
-    given = {*constants, *(inputs.channels if inputs is not None else ())}
-    table = _with_rates(table, model, {name: rate for name, rate in rates.items() if rate not in given}, times[-1])
     compiled = options.scenario is not None  # a manoeuvre is run again and again, and its machine code is kept
     return simulate(
         model, times, table, theta, start | initial, rtol=options.rtol, compiled=compiled,
@@ -159,21 +156,8 @@ def _inputs(
         wanted = times[times <= end]
     else:
         wanted = np.linspace(times[0], end, _POINTS + 1)
-    return wanted, InputSignal(times, values, hold_flags(model))
-
-
-def _with_rates(signal: InputSignal, model: Model, rates: Mapping[str, str], end: float) -> InputSignal:
-    """The inputs with the slopes of those whose rate a dependent storage needs; a jump has no slope."""
-    wanted = {name: rate for name, rate in rates.items() if rate in model.names("input")}
-    if not wanted:
-        return signal
-    values, hold, lengths = signal.values.copy(), signal.hold.copy(), np.diff(signal.time)
-    for name, rate in wanted.items():
-        row, rises = model.index("input", rate), np.diff(values[model.index("input", name)])
-        slopes = np.divide(rises, lengths, out=np.zeros(lengths.shape), where=lengths > 0)
-        values[row] = np.append(slopes, slopes[-1] if slopes.size and end <= signal.time[-1] else 0.0)
-        hold[row] = True
-    return InputSignal(signal.time, values, hold)
+    given = {*constants, *(inputs.channels if inputs is not None else ())}
+    return wanted, InputSignal.of_table(model, times, values, given)
 
 
 def _scenario_inputs(
@@ -185,7 +169,7 @@ def _scenario_inputs(
     for name, value in constants.items():
         values[model.index("input", name)] = value
     times = shorter.times() if options.step is None else shorter.times(options.step)
-    return times, InputSignal(signal.time, values, signal.hold)
+    return times, InputSignal.of_table(model, signal.time, values, constants)
 
 
 def trajectory_log(trajectory: Trajectory) -> Log:

@@ -20,7 +20,6 @@ from bondgraph.simulate.arrays import FloatArray
 from bondgraph.simulate.crossing import Crossing, first_crossing
 from bondgraph.simulate.inputs import InputSegment
 from bondgraph.simulate.integrators import Adaptive, Equations, IntegratorState
-from bondgraph.simulate.model import Model
 from bondgraph.simulate.modes import Modes, NoConsistentModeError, Point, Watch
 from bondgraph.simulate.outcome import Outcome
 from bondgraph.simulate.task import Task
@@ -45,7 +44,7 @@ _NEARBY = 1e-6
 class HybridRun:
     """States and inputs at the times of a task (n_x, n) and (n_u, n), how it ended and what happened.
 
-    The inputs hold the modes in their places, and the rates of those of which a rate is an input.
+    The inputs hold the modes in their places.
     """
 
     x: FloatArray
@@ -77,7 +76,6 @@ class _Run:
         self.now = np.zeros(len(task.model.modes))
         self.x = np.full((task.x0.size, task.times.size), np.nan)
         self.u = task.signal.at(task.times)
-        self.rates = _rates(task.model)
         self.largest = np.zeros(len(task.model.event_rows))
         self.is_handed_over, self.times_handed_over = False, 0
         self.events: list[EventRecord] = []
@@ -104,12 +102,8 @@ class _Run:
         self.u[:, 0] = self.modes.with_modes(first, self.now)
 
     def _segment(self, left: float, right: float) -> InputSegment:
-        """The inputs between two break points, with the rates that are inputs themselves."""
-        segment = self.task.signal.segment(left, right)
-        start, end = segment.left.copy(), segment.right.copy()
-        for rate, of in self.rates:
-            start[rate] = end[rate] = (segment.right[of] - segment.left[of]) / (right - left)
-        return replace(segment, left=start, right=end)
+        """The inputs between two break points."""
+        return self.task.signal.segment(left, right)
 
     # ------------------------------------------------------------------ between break points of the inputs
 
@@ -174,7 +168,7 @@ class _Run:
             self.is_handed_over = False
         filled = np.isfinite(values[:, : inside.size]).all(axis=0)
         self.x[:, inside[filled]] = values[:, : inside.size][:, filled]
-        for rate, _ in self.rates:
+        for rate in self.task.signal.rates:  # where it jumps it is that of the modes that end there
             self.u[rate, inside] = segment.left[rate]
         for place, mode in zip(self.modes.places, self.now, strict=True):
             self.u[place, inside] = mode
@@ -219,13 +213,3 @@ class _Run:
         if len(self.instants) > _MANY and time - self.instants[-_MANY][0] < _WITHIN * self.span:
             return Outcome.ZENO
         return Outcome.OK
-
-
-def _rates(model: Model) -> list[tuple[int, int]]:
-    """Inputs that are the rate of another, as derivation adds them where a storage or a lock follows an input."""
-    names = model.names("input")
-    return [
-        (i, names.index(name.removeprefix("d_")))
-        for i, name in enumerate(names)
-        if name.removeprefix("d_") in names[:i] and model.inputs[i].meaning.startswith("rate of ")
-    ]

@@ -1,16 +1,18 @@
 """Inputs over time: tables that run linearly or are held between their points, as each input declares.
 
 Between two neighbouring break points every input is a straight line, so an integrator that starts anew at each of them
-never steps over a bend or a jump.
+never steps over a bend or a jump. An input that is the rate of another (a storage follows that one) is its slope there.
 """
 
 from __future__ import annotations
 
+from collections.abc import Container
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
+from bondgraph.data.rates import slopes
 from bondgraph.errors import ModelError
 from bondgraph.simulate.arrays import BoolArray, FloatArray
 from bondgraph.simulate.model import Model
@@ -46,6 +48,10 @@ class InputSignal:
         Shape (n_u, n). Before the first and after the last time the end values hold.
     hold
         Shape (n_u,): whether an input keeps its value until the next time, instead of running linearly to it.
+    rates
+        Rows that hold the slope of another input up to the next time. At a point of the table such an input is the mean
+        of the slopes on both sides, which is accurate to second order where the other one is sampled from a smooth
+        course; outside the table it is zero.
 
     Raises
     ------
@@ -62,6 +68,7 @@ class InputSignal:
     time: FloatArray
     values: FloatArray
     hold: BoolArray
+    rates: tuple[int, ...] = ()
 
     def __post_init__(self) -> None:
         if self.time.ndim != 1 or self.time.size == 0 or self.values.shape != (self.hold.size, self.time.size):
@@ -82,6 +89,8 @@ class InputSignal:
     def of(cls, model: Model, time: npt.ArrayLike = (0.0,), **signals: float | str | npt.ArrayLike) -> InputSignal:
         """Inputs of a model by name: a number, a letter, or one value per time; those not named keep their default.
 
+        The rate of an input follows from that input, unless it is named as well.
+
         Examples
         --------
         >>> from bondgraph.simulate.example import pendulum
@@ -93,12 +102,38 @@ class InputSignal:
         for name, signal in signals.items():
             row = model.index("input", name)
             values[row] = _numbers(model, name, signal, times.size)
-        return cls(times, values, hold_flags(model))
+        return cls.of_table(model, times, values, signals)
+
+    @classmethod
+    def of_table(
+        cls, model: Model, time: FloatArray, values: FloatArray, given: Container[str] | None = None
+    ) -> InputSignal:
+        """Inputs of a model in its order, (n_u, n); the rates that are not ``given`` (None: all are) are filled in."""
+        values = values.copy()
+        names = model.names("input")
+        for row, info in enumerate(model.inputs):
+            if info.rate_of and given is not None and info.name not in given:
+                values[row] = slopes(time, values[names.index(info.rate_of)])
+        return cls(time, values, hold_flags(model), rate_rows(model))
 
     def at(self, t: npt.ArrayLike) -> FloatArray:
         """Inputs at one time (n_u,) or several (n_u, k); at a jump, the value after it."""
         times = np.asarray(t, dtype=np.float64)
-        return self._evaluate(self._interval(times), times)
+        interval = self._interval(times)
+        values = self._evaluate(interval, times)
+        for row in self.rates:
+            values[row] = np.where(np.isin(times, self.time), self._mean_rates(row)[interval], values[row])
+        return values
+
+    def _mean_rates(self, row: int) -> FloatArray:
+        """Mean of the slopes before and after each point of the table (n,), of those there are."""
+        lengths = np.diff(self.time)
+        after = np.append(np.where(lengths > 0, self.values[row, :-1], np.nan), np.nan)
+        before = np.insert(after[:-1], 0, np.nan)
+        mean: FloatArray = np.nan_to_num(
+            np.where(np.isnan(after), before, np.where(np.isnan(before), after, (before + after) / 2))
+        )
+        return mean
 
     def break_points(self, start: float, end: float) -> FloatArray:
         """Times strictly between ``start`` and ``end`` at which an input bends or jumps, increasing."""
@@ -139,12 +174,19 @@ class InputSignal:
         start = self.values[:, left]
         hold = self.hold.reshape(-1, *(1,) * (start.ndim - 1))
         values: FloatArray = start + np.where(hold, 0.0, self.values[:, right] - start) * share
+        rates = list(self.rates)
+        values[rates] = np.where((interval < 0) | (interval >= self.time.size - 1), 0.0, values[rates])
         return values
 
 
 def hold_flags(model: Model) -> BoolArray:
-    """Which inputs of a model are held between samples, shape (n_u,)."""
-    return np.array([info.interpolation == "hold" for info in model.inputs], dtype=np.bool_)
+    """Which inputs of a model are held between samples, shape (n_u,); the rate of one that runs linearly is."""
+    return np.array([info.interpolation != "linear" for info in model.inputs], dtype=np.bool_)
+
+
+def rate_rows(model: Model) -> tuple[int, ...]:
+    """Positions of the inputs that are the rate of another."""
+    return tuple(row for row, info in enumerate(model.inputs) if info.rate_of)
 
 
 def _numbers(model: Model, name: str, signal: float | str | npt.ArrayLike, size: int) -> FloatArray:

@@ -41,7 +41,10 @@ class StateInfo:
 
 @dataclass(frozen=True)
 class InputInfo:
-    """One input: its default, how it runs between samples (``linear`` or ``hold``), and its letters if it is a code."""
+    """One input: its default, how it runs between samples, and its letters if it is a code.
+
+    ``interpolation`` is ``linear``, ``hold``, or ``rate of NAME`` for the slope of another input, held between samples.
+    """
 
     name: str
     unit: str
@@ -49,6 +52,12 @@ class InputInfo:
     interpolation: str
     letters: Mapping[str, float] | None
     meaning: str
+
+    @property
+    def rate_of(self) -> str:
+        """The input whose slope this one is; empty for all others."""
+        start = "rate of "
+        return self.interpolation.removeprefix(start) if self.interpolation.startswith(start) else ""
 
 
 @dataclass(frozen=True)
@@ -337,8 +346,9 @@ def _check_rows(model: Model, source: str) -> None:
         require(held in model.names("input"), held, "is said to hold a mode but is no input")
     for signal in model.inputs:
         require(_is_finite(signal.default), signal.name, f"default {signal.default!r} is not a finite number")
-        between = f"interpolation {signal.interpolation!r} is neither 'linear' nor 'hold'"
-        require(signal.interpolation in ("linear", "hold"), signal.name, between)
+        between = f"interpolation {signal.interpolation!r} is neither 'linear' nor 'hold' nor the rate of an input"
+        known = signal.rate_of in model.names("input") or signal.interpolation in ("linear", "hold")
+        require(known, signal.name, between)
     for parameter in model.parameters:
         require(_is_finite(parameter.value), parameter.name, f"value {parameter.value!r} is not a finite number")
         bounds = (parameter.lower, parameter.upper)

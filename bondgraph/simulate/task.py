@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from bondgraph.errors import ModelError
 from bondgraph.simulate.arrays import FloatArray
-from bondgraph.simulate.inputs import InputSignal, hold_flags
+from bondgraph.simulate.inputs import InputSignal
 from bondgraph.simulate.model import Model
 
 #: Inputs as a signal, by name, as an array (n_u, n), or None for the defaults.
@@ -60,7 +60,7 @@ def as_signal(model: Model, times: FloatArray, inputs: Inputs) -> InputSignal:
     elif inputs is None or isinstance(inputs, Mapping):
         signal = InputSignal.of(model, times, **(inputs or {}))
     else:
-        signal = InputSignal(times, np.array(inputs, dtype=np.float64), hold_flags(model))
+        signal = InputSignal.of_table(model, times, np.array(inputs, dtype=np.float64))
     if signal.hold.size != len(model.inputs):
         raise ModelError(
             f"{model.name}: {signal.hold.size} inputs were given, the model has {len(model.inputs)}"

@@ -30,6 +30,7 @@ class Signal(Named):
     default: float = 0.0
     interpolation: str = "linear"
     letters: Mapping[str, float] | None = None
+    rate_of: str = ""
 
 
 @dataclass(frozen=True)

@@ -51,7 +51,7 @@ def test_a_start_in_energy_variables_is_that_in_states():
 
 
 def test_the_rate_of_a_tabulated_input_is_its_slope():
-    """A capacitor across a source: its current is the capacitance times the slope of the voltage."""
+    """A capacitor across a source: its current is the capacitance times the slope of the voltage, at bends the mean."""
     g = BondGraph("capacitor")
     z = g.zero_junction("z")
     source = g.effort_source("supply", g.input("u", "V"), at=z)
@@ -60,6 +60,6 @@ def test_the_rate_of_a_tabulated_input_is_its_slope():
     time = np.array([0.0, 1.0, 2.0, 3.0])
     table = Log("u", time, {"u": LogChannel("u", "V", np.array([0.0, 3.0, 3.0, 2.0]))})
     found = simulate_graph(g, table, SimulationOptions(until=4.0, step=0.5))
-    assert found.y[0].tolist() == pytest.approx([6.0, 6.0, 0.0, 0.0, -2.0, -2.0, 0.0, 0.0, 0.0])
+    assert found.y[0].tolist() == pytest.approx([6.0, 6.0, 3.0, 0.0, -1.0, -2.0, -2.0, 0.0, 0.0])
     known = Log("u", time, {**table.channels, "d_u": LogChannel("d_u", "V/s", np.full(4, 7.0))})
     assert simulate_graph(g, known, SimulationOptions(until=2.5, step=0.5)).y[0].tolist() == pytest.approx([14.0] * 6)

@@ -9,8 +9,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from bondgraph.data.log import Log, LogChannel
+from bondgraph.data.match import match
 from bondgraph.errors import ModelError
+from bondgraph.filter.filter_model import FilterModel
+from bondgraph.filter.samples import Samples
 from bondgraph.simulate.inputs import InputSignal, hold_flags
+from bondgraph.simulate.model import Model
+from bondgraph.simulate.simulate import simulate
 from tests.simulate.samples import decay, sample
 
 
@@ -86,3 +92,64 @@ def test_bad_inputs_are_told(build, message: str) -> None:
     with pytest.raises(ModelError) as error:
         build()
     assert message in str(error.value)
+
+
+SHAKER = '''"""A mass that a shaker moves: its force is mass times the rate of an input."""
+import numpy as np
+
+NAME = "shaker"
+FORMAT = "bondgraph-module/1"
+STATES = (("way", "m", 0.0, "what the rate adds up to"),)
+INPUTS = (("speed", "m/s", 0.0, "linear", None, ""), ("d_speed", "m/s^2", 0.0, "rate of speed", None, ""))
+PARAMETERS = (("mass", "kg", 2.0, None, None, ""),)
+OUTPUTS = (("force", "N", ""),)
+
+
+def rhs(t, x, u, theta):
+    """dx/dt, shape (n_x, *batch)."""
+    return _stack(x, (u[1],))
+
+
+def output(t, x, u, theta):
+    """y, shape (n_y, *batch)."""
+    return _stack(x, (theta[0] * u[1],))
+
+
+def _stack(x, rows):
+    """Rows broadcast to the batch of x, shape (n, *batch)."""
+    result = np.empty((len(rows),) + x.shape[1:])
+    for i, row in enumerate(rows):
+        result[i] = row
+    return result
+'''
+
+
+def test_the_rate_of_an_input_follows_from_it() -> None:
+    shaker = Model.from_text(SHAKER)
+    ramp = InputSignal.of(shaker, [0.0, 1.0, 3.0, 4.0], speed=[0.0, 2.0, 2.0, 1.0])
+    assert ramp.at([-1.0, 0.0, 0.5, 1.0, 2.0, 3.5, 4.0, 5.0])[1].tolist() == [0.0, 2.0, 2.0, 1.0, 0.0, -1.0, -1.0, 0.0]
+    left, right = ramp.intervals(np.array([0.0, 1.0, 3.0, 4.0, 6.0]))
+    assert left[1].tolist() == right[1].tolist() == [2.0, 0.0, -1.0, 0.0]
+    jump = InputSignal.of(shaker, [0.0, 1.0, 1.0, 2.0], speed=[0.0, 1.0, 5.0, 8.0])
+    assert jump.at([0.5, 1.0, 1.5])[1].tolist() == [1.0, 3.0, 3.0]
+    assert InputSignal.of(shaker, speed=3.0).at(2.0).tolist() == [3.0, 0.0]
+
+
+def test_a_rate_that_is_named_is_taken() -> None:
+    named = InputSignal.of(Model.from_text(SHAKER), [0.0, 1.0], speed=[0.0, 1.0], d_speed=[7.0, 7.0])
+    assert named.at(0.5)[1] == 7.0
+
+
+def test_what_follows_an_input_is_simulated_and_filtered_by_its_rate() -> None:
+    """The force was zero wherever the rate was not named: silently wrong."""
+    shaker = Model.from_text(SHAKER)
+    time = np.linspace(0.0, 1.0, 201)
+    found = simulate(shaker, time, {"speed": np.sin(6.0 * time)})
+    np.testing.assert_allclose(found.output("force")[1:-1], 12.0 * np.cos(6.0 * time[1:-1]), rtol=0, atol=2e-3)
+    np.testing.assert_allclose(found.state("way"), np.sin(6.0 * time), rtol=0, atol=1e-9)
+    columns = {"speed": ("m/s", np.sin(6.0 * time)), "force": ("N", 12.0 * np.cos(6.0 * time))}
+    log = match(Log("run", time, {n: LogChannel(n, unit, values) for n, (unit, values) in columns.items()}), shaker)
+    assert "input 'd_speed' is taken from the slope of 'speed'" in log.notes
+    samples = Samples.of(FilterModel(shaker, {"way": 0.1}, {"force": 0.1}, {"way": 0.1}), log)
+    np.testing.assert_allclose(samples.u[1, 1:-1], 6.0 * np.cos(6.0 * time[1:-1]), rtol=0, atol=1e-3)
+    np.testing.assert_allclose(samples.u_left[1], np.diff(np.sin(6.0 * time)) / 0.005, rtol=1e-12, atol=1e-12)
