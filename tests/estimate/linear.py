@@ -11,8 +11,10 @@ from bondgraph.estimate.objective import Terms
 from bondgraph.estimate.problem import Batch
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.simulate.model import Model
+from tests.module_text import STACK
 
-TEXT = '''"""First-order lag driven by a force; resistance is stiction * viscosity, which only ever act together."""
+TEXT = (
+    '''"""First-order lag driven by a force; resistance is stiction * viscosity, which only ever act together."""
 import numpy as np
 
 NAME = "lag"
@@ -44,15 +46,9 @@ def rhs(t, x, u, theta):
 def output(t, x, u, theta):
     """y, shape (n_y, *batch)."""
     return _stack(x, (x[0], 30.0*x[0]))
-
-
-def _stack(x, rows):
-    """Rows broadcast to the batch of x, shape (n, *batch)."""
-    result = np.empty((len(rows),) + x.shape[1:])
-    for i, row in enumerate(rows):
-        result[i] = row
-    return result
 '''
+    + STACK
+)
 
 NOISE = {"speed": 0.05, "speed_rpm": 3.0}
 

@@ -16,8 +16,10 @@ from bondgraph.filter.draw import draw_logs
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.simulate.model import Model
 from bondgraph.simulate.stiff import step_lengths
+from tests.module_text import STACK
 
-OSCILLATOR = '''"""An oscillator of 2 Hz, measured so well that the error of a long step matters."""
+OSCILLATOR = (
+    '''"""An oscillator of 2 Hz, measured so well that the error of a long step matters."""
 import numpy as np
 
 NAME = "oscillator"
@@ -36,15 +38,9 @@ def rhs(t, x, u, theta):
 def output(t, x, u, theta):
     """y, shape (n_y, *batch)."""
     return _stack(x, (x[0],))
-
-
-def _stack(x, rows):
-    """Rows broadcast to the batch of x, shape (n, *batch)."""
-    result = np.empty((len(rows),) + x.shape[1:])
-    for i, row in enumerate(rows):
-        result[i] = row
-    return result
 '''
+    + STACK
+)
 
 TRUTH = {"k": 156.0, "d": 0.5}
 

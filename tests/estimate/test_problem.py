@@ -15,6 +15,7 @@ from bondgraph.estimate.problem import FilterLikelihood, pose
 from bondgraph.simulate.example import pendulum
 from bondgraph.simulate.model import Model
 from tests.estimate.linear import ExactLikelihood, lag, simulated
+from tests.module_text import STACK
 
 LOGS = (simulated("run1", 1, {}), simulated("run2", 2, {}, x0=1.0, load=0.5))
 
@@ -181,7 +182,8 @@ def test_states_that_never_come_to_rest_start_as_declared() -> None:
     assert x0[model.index("state", "sag")] == 0.0 and x0[model.index("state", "wheel")] == pytest.approx(10.0 / 0.3)
 
 
-VEHICLE = '''"""A vehicle that rolls without drive."""
+VEHICLE = (
+    '''"""A vehicle that rolls without drive."""
 import numpy as np
 
 NAME = "rolling"
@@ -207,12 +209,6 @@ def rhs(t, x, u, theta):
 def output(t, x, u, theta):
     """y, shape (n_y, *batch)."""
     return _stack(x, (x[0],))
-
-
-def _stack(x, rows):
-    """Rows broadcast to the batch of x, shape (n, *batch)."""
-    result = np.empty((len(rows),) + x.shape[1:])
-    for i, row in enumerate(rows):
-        result[i] = row
-    return result
 '''
+    + STACK
+)

@@ -26,6 +26,7 @@ from tests.filter.logs import (
     simulated_log,
     uneven_times,
 )
+from tests.module_text import STACK
 from tests.simulate.samples import decay, text_of
 
 ALPHAS = (1e-3, 1e-2, 0.1, 1.0)
@@ -153,7 +154,8 @@ def test_redrawn_points_give_the_kalman_filter_of_filterpy_issue_172(shared_data
     np.testing.assert_allclose(ours.filtered_cov[0, 0, 1:], p, atol=case["tol"]["abs"])
 
 
-BALLISTIC = """
+BALLISTIC = (
+    """
 import numpy as np
 NAME = "ballistic"
 FORMAT = "bondgraph-module/1"
@@ -165,12 +167,9 @@ def rhs(t, x, u, theta):
     return _stack(x, (x[1], 0.0, x[3], -theta[0]))
 def output(t, x, u, theta):
     return _stack(x, (x[0], x[2]))
-def _stack(x, rows):
-    stacked = np.empty((len(rows), *x.shape[1:]))
-    for i, row in enumerate(rows):
-        stacked[i] = row
-    return stacked
 """
+    + STACK
+)
 
 
 @BOTH

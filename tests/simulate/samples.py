@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from bondgraph.simulate.example import pendulum
 from bondgraph.simulate.model import Model
+from tests.module_text import STACK
 
 NAMES = ("driveline", "orifices", "pendulum", "rlc", "vocabulary")
 
@@ -40,12 +41,8 @@ def rhs(t, x, u, theta):
     return _stack(x, (u[0] + u[1] - theta[0]*x[0],))
 def output(t, x, u, theta):
     return _stack(x, (x[0],))
-def _stack(x, rows):
-    stacked = np.empty((len(rows), *x.shape[1:]))
-    for i, row in enumerate(rows):
-        stacked[i] = row
-    return stacked
 """
+        + STACK
     )
 
 

@@ -17,6 +17,7 @@ from bondgraph.filter.samples import Samples
 from bondgraph.simulate.inputs import InputSignal, hold_flags
 from bondgraph.simulate.model import Model
 from bondgraph.simulate.simulate import simulate
+from tests.module_text import STACK
 from tests.simulate.samples import decay, sample
 
 
@@ -94,7 +95,8 @@ def test_bad_inputs_are_told(build, message: str) -> None:
     assert message in str(error.value)
 
 
-SHAKER = '''"""A mass that a shaker moves: its force is mass times the rate of an input."""
+SHAKER = (
+    '''"""A mass that a shaker moves: its force is mass times the rate of an input."""
 import numpy as np
 
 NAME = "shaker"
@@ -113,15 +115,9 @@ def rhs(t, x, u, theta):
 def output(t, x, u, theta):
     """y, shape (n_y, *batch)."""
     return _stack(x, (theta[0] * u[1],))
-
-
-def _stack(x, rows):
-    """Rows broadcast to the batch of x, shape (n, *batch)."""
-    result = np.empty((len(rows),) + x.shape[1:])
-    for i, row in enumerate(rows):
-        result[i] = row
-    return result
 '''
+    + STACK
+)
 
 
 def test_the_rate_of_an_input_follows_from_it() -> None:
