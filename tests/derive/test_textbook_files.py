@@ -12,10 +12,27 @@ from bondgraph.derive.causality import assign_causality
 from bondgraph.derive.derivation import Derivation
 from bondgraph.derive.explicit import equations_json
 from bondgraph.report.evaluate import evaluate
-from tests.derive.textbook import dependent, electrical, mechanical, networks, refused, spellings, vehicles
+from tests.derive.textbook import (
+    dependent,
+    electrical,
+    mechanical,
+    networks,
+    refused,
+    semiconductors,
+    spellings,
+    vehicles,
+)
 from tests.derive.textbook.case import Case
 
-CASES = (*dependent.CASES, *electrical.CASES, *mechanical.CASES, *networks.CASES, *spellings.CASES, *vehicles.CASES)
+CASES = (
+    *dependent.CASES,
+    *electrical.CASES,
+    *mechanical.CASES,
+    *networks.CASES,
+    *semiconductors.CASES,
+    *spellings.CASES,
+    *vehicles.CASES,
+)
 WHERE = {"der": "derivatives", "out": "outputs", "signal": "signals"}
 
 
