@@ -1,0 +1,163 @@
+"""The machines of the study: the utility vehicle with its CVT, and a driveline on a bench that is quick to simulate."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from bondgraph.correct import faults
+from bondgraph.correct.loop import LoopSettings
+from bondgraph.data.log import FloatArray
+from bondgraph.declare.effect import Scale, effect_functions
+from bondgraph.simulate.model import Model
+from vehicle_graphs import effects, ranger
+from vehicle_graphs.demo import SENSOR_NOISE
+from vehicle_graphs.driveline import driveline
+from vehicle_graphs.effect_study.machine import Kind, StudyMachine
+from vehicle_graphs.ranger_filters import SENSORS
+
+#: Losses that grow with speed come near each other at the speeds of a drive; so do those that grow with the load.
+_WITH_SPEED = ("viscous_loss", "quadratic_loss", "rolling_speed_loss", "headwind", "warm_up_loss", "stribeck_loss")
+_WITH_LOAD = ("torque_proportional_loss", "directional_loss")
+
+
+def _others(name: str, family: tuple[str, ...]) -> tuple[str, ...]:
+    return tuple(other for other in family if other != name)
+
+
+def bench_drive(model: Model, time: FloatArray, rng: np.random.Generator) -> FloatArray:
+    """Torque in steps of some seconds with ramps between and overrun now and then, on a rolling road of known profile.
+
+    Examples
+    --------
+    >>> u = bench_drive(BENCH.model()[0], np.arange(0.0, 30.0, 0.05), np.random.default_rng(1))
+    >>> u.shape, bool(abs(u[1]).max() < 0.04)
+    ((2, 600), True)
+    """
+    knots = np.arange(0.0, time[-1] + 6.0, 3.0)
+    levels = rng.uniform(12.0, 55.0, knots.size)
+    overrun = rng.uniform(size=knots.size) < 0.2
+    overrun[0] = False  # a drive begins settled at its first level
+    levels[overrun] = -8.0
+    torque = np.interp(time, np.sort(np.concatenate([knots, knots + 2.2])), np.repeat(levels, 2))
+    periods, phases = np.array([37.0, 19.0, 11.0]), rng.uniform(0.0, 2.0 * np.pi, 3)
+    grade = np.array([0.02, 0.012, 0.006]) @ np.sin(2.0 * np.pi * time / periods[:, np.newaxis] + phases[:, np.newaxis])
+    return np.array([torque, grade])
+
+
+def vehicle_drive(model: Model, time: FloatArray, rng: np.random.Generator) -> FloatArray:
+    """Throttle of changing size with lift-offs, and the brake now and then, in high gear."""
+    knots = np.arange(0.0, time[-1] + 5.0, 2.5)
+    throttle = rng.uniform(0.1, 0.9, knots.size) * (rng.random(knots.size) > 0.2)
+    throttle[:2] = 0.0, 0.6  # from rest, at idle
+    pressed = np.interp(time, knots, throttle)
+    stops = np.where(rng.random(knots.size) > 0.85, rng.uniform(0.05, 0.2, knots.size), 0.0)
+    u = np.repeat(model.u0()[:, np.newaxis], time.size, axis=1)
+    u[model.index("input", "throttle")] = pressed
+    u[model.index("input", "brake")] = np.where(pressed < 0.05, np.interp(time, knots, stops), 0.0)
+    return u
+
+
+#: What is not among them: friction of constant size on the body and viscous friction anywhere but in the shaft, which
+#: the free friction of engine and tyres imitates; a constant load on the body, which rolling resistance is as long as
+#: the vehicle rolls forwards.
+BENCH = StudyMachine(
+    name="bench",
+    graph=driveline,
+    functions=effect_functions(effects),
+    kinds=(
+        Kind(effects.viscous_loss, "twist", 10.0),
+        Kind(effects.coulomb_loss, "axle", 10.0, in_part=True),
+        Kind(effects.quadratic_loss, "body", 0.05, relatives=_others("quadratic_loss", _WITH_SPEED), outside=True),
+        Kind(effects.torque_proportional_loss, "axle", 0.02, relatives=_others("torque_proportional_loss", _WITH_LOAD)),
+        Kind(effects.directional_loss, "axle", 0.05, ratios=(0.2,)),
+        Kind(effects.added_inertia, "body", 20.0, outside=True, in_part=True),
+        Kind(effects.actuator_scale, "primary", -0.02, in_part=True),
+        Kind(effects.constant_effort, "primary", -0.5),
+        Kind(effects.slip, "belt", 1e-4, relatives=("creep",)),
+        Kind(effects.centrifugal_tension, "belt", 1e-6, outside=True),
+        Kind(effects.stribeck_loss, "axle", 20.0, ratios=(0.3,), shapes=(10.0,)),
+        Kind(effects.warm_up_loss, "primary", 0.01, shapes=(15.0,), relatives=("viscous_loss",)),
+        Kind(effects.headwind, "body", 0.5, relatives=_others("headwind", _WITH_SPEED)),
+        Kind(effects.actuator_lag, "primary", 0.03, outside=True),
+        Kind(effects.added_compliance, "wheel -> tyre", 1e-4),
+        Kind(effects.backlash, "twist", 0.002),
+    ),
+    faults=tuple(
+        Kind(fault, output, guess)
+        for output, sizes in {
+            "engine_speed": (1.0, 0.01, 0.05, 0.02),
+            "axle_speed": (0.1, 0.01, 0.005, 0.02),
+            "shaft_torque": (4.0, 0.02, 0.1, 0.05),
+            "speed": (0.05, 0.01, 0.002, 0.02),
+        }.items()
+        for fault, guess in zip(
+            (faults.sensor_bias, faults.sensor_scale, faults.sensor_drift, faults.sensor_delay), sizes, strict=True
+        )
+    ),
+    pairs=(
+        (Kind(effects.quadratic_loss, "body", 0.05), Kind(effects.slip, "belt", 1e-4)),
+        (Kind(effects.coulomb_loss, "axle", 10.0), Kind(effects.actuator_scale, "primary", -0.02)),
+        (Kind(effects.added_inertia, "body", 20.0), Kind(faults.sensor_scale, "axle_speed", 0.01)),
+    ),
+    masking=(
+        (Kind(effects.actuator_scale, "primary", 0.02), Kind(effects.torque_proportional_loss, "axle", 0.02)),
+        (Kind(effects.added_inertia, "body", 20.0), Kind(effects.actuator_scale, "primary", 0.02)),
+    ),
+    noise=SENSOR_NOISE,
+    excite=bench_drive,
+    scale=Scale(400.0, 20.0),
+    rate=20.0,
+    seconds=30.0,
+    train=1,
+    settle=20.0,
+    substeps=8,
+)  # fmt: skip
+
+#: Estimated are engine and clutches; what coast-downs tell (rolling resistance, drag, brakes, tyre radius) is known.
+RANGER = StudyMachine(
+    name="ranger",
+    graph=ranger.full,
+    functions=effect_functions(effects),
+    kinds=(
+        Kind(
+            effects.quadratic_loss, "body.forward", 0.2, relatives=_others("quadratic_loss", _WITH_SPEED), outside=True
+        ),
+        Kind(effects.coulomb_loss, "rear_axle.hub", 20.0, in_part=True),
+        Kind(effects.viscous_loss, "gearbox.shaft", 0.01, relatives=_others("viscous_loss", _WITH_SPEED)),
+        Kind(effects.torque_proportional_loss, "gearbox.shaft", 0.03),
+        Kind(effects.added_inertia, "body.forward", 60.0, in_part=True),
+        Kind(effects.slip, "belt.belt", 1e-7, relatives=("creep",)),
+        Kind(effects.centrifugal_tension, "belt.belt", 1e-4, outside=True),
+        Kind(effects.coulomb_loss, "primary.sheave", 100.0),
+        Kind(effects.headwind, "body.forward", 1.0, relatives=_others("headwind", _WITH_SPEED)),
+        Kind(effects.warm_up_loss, "engine.crank", 0.01, shapes=(20.0,), relatives=("viscous_loss",)),
+        Kind(effects.added_inertia, "engine.crank", 0.01),
+        Kind(effects.rolling_speed_loss, "body.forward", 50.0, relatives=_others("rolling_speed_loss", _WITH_SPEED)),
+        Kind(effects.added_compliance, "gearbox.output -> rear_axle.hub", 1e-4),
+    ),
+    faults=tuple(
+        Kind(fault, output, guess)
+        for output, sizes in {
+            "engine_speed": (4.0, 0.02, 0.2, 0.03),
+            "axle_speed": (0.2, 0.01, 0.01, 0.03),
+            "forward_velocity": (0.1, 0.01, 0.005, 0.03),
+        }.items()
+        for fault, guess in zip(
+            (faults.sensor_bias, faults.sensor_scale, faults.sensor_drift, faults.sensor_delay), sizes, strict=True
+        )
+    ),
+    pairs=((Kind(effects.quadratic_loss, "body.forward", 0.2), Kind(effects.slip, "belt.belt", 1e-7)),),
+    masking=((Kind(effects.added_inertia, "body.forward", 60.0), Kind(faults.sensor_scale, "axle_speed", 0.01)),),
+    noise=SENSORS,
+    excite=vehicle_drive,
+    scale=Scale(1000.0, 20.0),
+    rate=40.0,
+    seconds=45.0,
+    train=1,
+    settle=2.0,
+    substeps=250,
+    settings=LoopSettings(free=("T_pk", "T_f0", "k_u", "m_fw", "F_p0", "k_p", "r_h", "mu_b")),
+)  # fmt: skip
+
+#: By the name on the command line.
+MACHINES = {machine.name: machine for machine in (RANGER, BENCH)}
