@@ -57,17 +57,19 @@ def vehicle_drive(model: Model, time: FloatArray, rng: np.random.Generator) -> F
     return u
 
 
-#: What is not among them: friction of constant size on the body and viscous friction anywhere but in the shaft, which
-#: the free friction of engine and tyres imitates; a constant load on the body, which rolling resistance is as long as
-#: the vehicle rolls forwards.
+#: What is not among them: friction of constant size on the body and viscous friction anywhere, which the free friction
+#: of engine and tyres imitates; a constant load on the body, which rolling resistance is as long as the vehicle rolls
+#: forwards.
 BENCH = StudyMachine(
     name="bench",
     graph=driveline,
     functions=effect_functions(effects),
     kinds=(
-        Kind(effects.viscous_loss, "twist", 10.0),
         Kind(effects.coulomb_loss, "axle", 10.0, in_part=True),
         Kind(effects.quadratic_loss, "body", 0.05, relatives=_others("quadratic_loss", _WITH_SPEED), outside=True),
+        Kind(
+            effects.rolling_speed_loss, "body", 200.0, relatives=_others("rolling_speed_loss", _WITH_SPEED)
+        ),
         Kind(effects.torque_proportional_loss, "axle", 0.02, relatives=_others("torque_proportional_loss", _WITH_LOAD)),
         Kind(effects.directional_loss, "axle", 0.05, ratios=(0.2,)),
         Kind(effects.added_inertia, "body", 20.0, outside=True, in_part=True),
