@@ -33,6 +33,8 @@ _NEAR, _TRIES = 0.03, 12
 _COMPARISONS, _NEAR_ENOUGH = 3, 0.1
 #: Iterations by which the declared model is fitted to outputs without noise.
 _ITERATIONS = 8
+#: That fit ends when an iteration takes away less than this share of the squares.
+_SETTLED = 2e-3
 #: Correlation of coloured noise from sample to sample, and degrees of freedom of heavy tails.
 COLOUR, TAILS = 0.9, 3.0
 #: Steps of free parameters for what they can imitate, as a share of their values.
@@ -265,8 +267,11 @@ class _Imitation:
             step, *_ = np.linalg.lstsq(slopes, rest.ravel(), rcond=1e-9)
             reached = np.clip(point + damping * step * self._steps(point), lower, upper)
             runs, steeper = self._expanded(reached)
-            if np.isfinite(steeper).all() and np.sum((seen - runs) ** 2) < np.sum(rest**2):
+            before, after = float(np.sum(rest**2)), float(np.sum((seen - runs) ** 2))
+            if np.isfinite(steeper).all() and after < before:
                 point, slopes, rest, damping = reached, steeper, seen - runs, min(1.0, 4.0 * damping)
+                if before - after < _SETTLED * before:
+                    break
             else:
                 damping *= 0.25
         return rest

@@ -72,7 +72,7 @@ def _detection(axes: Axes, outcomes: Sequence[Outcome], labels: list[str]) -> No
     axes.set_xticks(sizes, [f"{size:g}" for size in sizes])
     axes.minorticks_off()
     axes.set_ylim(-3.0, 103.0)
-    axes.set_xlabel("size that a fit of the declared model leaves, over the noise")
+    axes.set_xlabel("size left by a fit of the declared model, over noise")
     axes.set_ylabel("right effect and place, or their group [%]")
     axes.set_title("found, by size (grey: each kind)")
     axes.legend(loc="lower right")

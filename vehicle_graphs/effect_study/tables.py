@@ -102,7 +102,7 @@ def _summary(outcomes: Sequence[Outcome]) -> dict[str, Any]:
         "held_out_nll_gain": _middle(o.before["nll"] - o.after["nll"] for o in outcomes if o.before),
         "held_out_error_before": _middle(_worst(o.before) for o in outcomes if o.before),
         "held_out_error_after": _middle(_worst(o.after) for o in outcomes if o.after),
-        "seconds": _middle(o.seconds for o in outcomes),
+        "processor_seconds": _middle(o.processor_seconds for o in outcomes),
     }
 
 
@@ -213,9 +213,9 @@ def _main_table(found: dict[str, Any]) -> str:
     ]  # fmt: skip
     columns = ("size", "right", "effect or group", "place or group", "answers", "another beside", "interval holds")
     tables.append(_table("over all kinds", columns, rates))
-    keys = ("held_out_error_before", "held_out_error_after", "held_out_nll_gain", "seconds")
+    keys = ("held_out_error_before", "held_out_error_after", "held_out_nll_gain", "processor_seconds")
     middles = [(name, *(_number(one[key]) for key in keys)) for name, one in clear.items()]
-    heads = ("size", "held-out error / noise before", "after", "held-out gain, nats", "seconds")
+    heads = ("size", "held-out error / noise before", "after", "held-out gain, nats", "processor seconds")
     tables.append(_table("medians", heads, middles))
     return "\n\n".join(tables)
 
