@@ -9,7 +9,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from bondgraph.estimate.objective import Expansion, FloatArray, Objective, central_differences, expansion_of
+from bondgraph.estimate.objective import (
+    Expansion,
+    FloatArray,
+    Objective,
+    Terms,
+    central_differences,
+    expansion_of,
+)
 from bondgraph.estimate.problem import EstimationProblem, FilterLikelihood
 from bondgraph.filter.choice import choose_method
 from bondgraph.filter.filter_model import FilterModel
@@ -47,14 +54,24 @@ def exact_derivatives(objective: Objective, points: FloatArray, steps: FloatArra
     filter_model = choose_method(objective.filter_model, objective.logs)
     if not (objective.likelihood.compiled and has_exact_gradient(filter_model)):
         return central_differences(objective, points, steps)
-    sums = objective.terms(points).sums()
+    terms = objective.terms(points)
     found = []
     for m in range(points.shape[1]):
+        seen = terms.members(np.array([m]))
         expansion = _expand(objective, filter_model, points[:, m])
-        if expansion is None or not _agrees(expansion, float(sums[m])):
+        if expansion is None or not _agrees(expansion, float(seen.sums()[0])):
             (expansion,) = central_differences(objective, points[:, [m]], steps[:, [m]])
-        found.append(expansion)
+        found.append(_about(seen, expansion))
     return tuple(found)
+
+
+def _about(seen: Terms, expansion: Expansion) -> Expansion:
+    """The expansion around the terms that the search sees: gains are told from these to the last digit."""
+    slopes = expansion.terms
+    if slopes is None or not np.isfinite(seen.sums()).all():
+        return expansion
+    innovations = np.hstack([seen.innovations, slopes.innovations[:, 1:]])
+    return expansion_of(innovations, np.hstack([seen.log_scales, slopes.log_scales[:, 1:]]), expansion.evaluations)
 
 
 def _agrees(expansion: Expansion, value: float) -> bool:
