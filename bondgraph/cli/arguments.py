@@ -151,6 +151,11 @@ def _add_run_commands(commands: Any) -> None:
         help="look at the result again with doubled integration steps, or fully also with the classical Runge-Kutta "
         "method, and go on with finer ones where it moves (default: step)",
     )  # fmt: skip
+    c.add_argument(
+        "--continuation", default="none", choices=("none", "process-noise"),
+        help="lead the gradient searches through filters with more process noise, where the start is so far away that "
+        "the likelihood is rugged (default: none)",
+    )  # fmt: skip
     c.add_argument("--seed", type=int, default=0, help="seed of the swarm (default: 0)")
     c.add_argument("--out", default="estimate", metavar="DIR", help="folder to write (default: estimate)")
     c.add_argument("--resume", action="store_true", help="go on from the checkpoint in --out")

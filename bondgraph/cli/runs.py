@@ -82,7 +82,9 @@ def estimate(options: argparse.Namespace) -> int:
     model, driven, logs = _model_and_logs(options)
     problem = declared_problem(model, driven, logs, names(options.free), options.process_noise, options.start)
     folder = Path(options.out)
-    settings = Settings(method=options.method, seed=options.seed, certify=options.certify)
+    settings = Settings(
+        method=options.method, seed=options.seed, certify=options.certify, continuation=options.continuation
+    )
     with WorkProgress("estimating", None, "evaluations") as work:
         found = run_estimate(problem, settings, progress=work.trace, folder=folder, resume=options.resume)
     data = write_estimate(found, folder, _provenance(options, found.seconds))

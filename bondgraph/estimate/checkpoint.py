@@ -19,10 +19,6 @@ from bondgraph.estimate.particle_swarm import SwarmState
 from bondgraph.estimate.problem import EstimationProblem
 
 FILE = "checkpoint.npz"
-_KINDS: Mapping[str, type[SwarmState] | type[GaussNewtonState]] = {
-    "swarm": SwarmState,
-    "gauss-newton": GaussNewtonState,
-}
 
 
 @dataclasses.dataclass(frozen=True)
@@ -113,4 +109,4 @@ def _decoded(
     )
     if "outcomes" in entry:
         known["outcomes"] = tuple(None if name is None else SearchOutcome[name] for name in entry["outcomes"])
-    return _KINDS[stage](**known)
+    return (SwarmState if stage == "swarm" else GaussNewtonState)(**known)

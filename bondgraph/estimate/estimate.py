@@ -12,6 +12,7 @@ import numpy as np
 from bondgraph.errors import OptionError, suggest
 from bondgraph.estimate.certify import Certification, Depth, check, finer_filters
 from bondgraph.estimate.checkpoint import Checkpoint, load_checkpoint, problem_digest, save_checkpoint
+from bondgraph.estimate.continuation import ON_THE_WAY, Continuation, Stage, way
 from bondgraph.estimate.gauss_newton import (
     GaussNewtonSettings,
     GaussNewtonState,
@@ -39,6 +40,9 @@ Method = Literal["both", "pso", "gradient"]
 #: How often a search goes on with finer integration steps.
 _MOST_REFINEMENTS = 4
 
+#: Searches on the way of a continuation are kept under this name and their number.
+_ON_THE_WAY = "continuation "
+
 #: Points closer than this share of the bounds in every coordinate count as one start.
 _DISTINCT = 0.02
 
@@ -59,6 +63,9 @@ class Settings:
     certify
         How the result is looked at again with finer integration steps, see :mod:`bondgraph.estimate.certify`; where it
         would move by more than a tenth of a standard deviation, a gradient search goes on with the finer steps.
+    continuation
+        ``"process-noise"``: gradient searches first go through filters with more process noise, for starts so far away
+        that the likelihood is rugged there, see :mod:`bondgraph.estimate.continuation`.
     swarm, gradient
         Settings of the two searches. With ``"both"`` the swarm only needs to find the right valleys.
     """
@@ -67,6 +74,7 @@ class Settings:
     seed: int = 0
     starts: int = 4
     certify: Depth = "step"
+    continuation: Continuation = "none"
     swarm: SwarmSettings = field(default_factory=lambda: SwarmSettings(iterations=30, patience=10, tolerance=1.0))
     gradient: GaussNewtonSettings = field(default_factory=GaussNewtonSettings)
 
@@ -81,6 +89,18 @@ class Settings:
             raise OptionError(
                 f"estimate: certify {self.certify!r} is not known - choose {', '.join(get_args(Depth))}",
                 where=("certify", self.certify),
+            )
+        if self.continuation not in get_args(Continuation):
+            raise OptionError(
+                f"estimate: continuation {self.continuation!r} is not known - choose "
+                f"{', '.join(get_args(Continuation))}",
+                where=("continuation", self.continuation),
+            )
+        if self.continuation != "none" and self.method == "pso":
+            raise OptionError(
+                f"estimate: continuation {self.continuation!r} leads gradient searches, a swarm alone has none"
+                " - choose the method both or gradient",
+                where=("continuation", self.continuation),
             )
         if self.starts < 1:
             raise OptionError(f"estimate: starts = {self.starts} must be at least 1", where=("starts",))
@@ -98,7 +118,8 @@ class _Run:
     jacobian: Expand
     states: dict[str, SwarmState | GaussNewtonState]
     started: float
-    interrupted: bool = False
+    way: tuple[Stage, ...] = ()
+    asked: int = 0
 
     @property
     def seconds(self) -> float:
@@ -110,7 +131,7 @@ class _Run:
         self.states[stage] = state
         if self.folder is not None:
             save_checkpoint(self.folder, Checkpoint(self.digest, self.seconds, self.states))
-        self.progress(state.trace[-1])
+        self.progress(replace(state.trace[-1], stage=stage))
 
 
 def estimate(
@@ -212,6 +233,7 @@ def _continued(before: Estimate, state: GaussNewtonState) -> Found:
         before.trace + rows,
         ((state.points[:, 0], float(state.values[0])),),
         state.steps[:, 0],
+        before.way,
     )
 
 
@@ -241,22 +263,45 @@ def _swarm(run: _Run) -> SearchOutcome:
 
 
 def _gradient(run: _Run) -> SearchOutcome:
-    settings = run.settings.gradient
-    state = run.states.get("gauss-newton")
-    if not isinstance(state, GaussNewtonState):
-        swarm = run.states.get("swarm")
-        starts = (
-            distinct_starts(run.problem, swarm, run.settings.starts)
-            if isinstance(swarm, SwarmState)
-            else spread_starts(run.problem, run.settings.starts, run.settings.seed)
-        )
-        state = initial_starts(run.problem, starts, settings)
-        run.keep("gauss-newton", state)
-    while not starts_ended(state, settings):
-        state = step_starts(run.problem, state, settings, run.jacobian)
-        run.keep("gauss-newton", state)
-    ended = finish_starts(state)
+    swarm = run.states.get("swarm")
+    starts = (
+        distinct_starts(run.problem, swarm.personal_best, swarm.personal_best_nll, run.settings.starts)
+        if isinstance(swarm, SwarmState)
+        else spread_starts(run.problem, run.settings.starts, run.settings.seed)
+    )
+    if run.settings.continuation != "none":
+        starts = _nearer(run, starts)
+    ended = finish_starts(_stage(run, "gauss-newton", run.problem, starts, run.settings.gradient))
     return ended.outcomes[ended.best] or SearchOutcome.ITERATION_LIMIT
+
+
+def _stage(
+    run: _Run, name: str, problem: EstimationProblem, starts: FloatArray, settings: GaussNewtonSettings
+) -> GaussNewtonState:
+    """A gradient search to its end, from where it was kept if it was."""
+    state = run.states.get(name)
+    if not isinstance(state, GaussNewtonState):
+        state = initial_starts(problem, starts, settings)
+        run.keep(name, state)
+    while not starts_ended(state, settings):
+        state = step_starts(problem, state, settings, run.jacobian)
+        run.keep(name, state)
+    return state
+
+
+def _nearer(run: _Run, starts: FloatArray) -> FloatArray:
+    """Starts carried towards the optimum through less and less process noise, shape (n, up to starts)."""
+    route, scale = way(run.problem), float("inf")
+    while True:
+        scale, asked = route.next_scale(starts, scale)
+        run.asked += asked
+        if scale == 0.0:
+            return starts
+        state = _stage(run, f"{_ON_THE_WAY}{len(run.way) + 1}", route.at(scale), starts, ON_THE_WAY)
+        run.way += (route.stage(scale, state),)
+        starts = distinct_starts(run.problem, state.points, state.values, run.settings.starts)
+        if not starts.size:
+            return state.points
 
 
 def spread_starts(problem: EstimationProblem, count: int, seed: int) -> FloatArray:
@@ -269,14 +314,14 @@ def spread_starts(problem: EstimationProblem, count: int, seed: int) -> FloatArr
     return np.concatenate([problem.start[:, np.newaxis], spread], axis=1)[:, :count]
 
 
-def distinct_starts(problem: EstimationProblem, state: SwarmState, count: int) -> FloatArray:
-    """The best particles that are not near a better one, shape (n, up to count)."""
+def distinct_starts(problem: EstimationProblem, points: FloatArray, values: FloatArray, count: int) -> FloatArray:
+    """The best of points (n, members) with finite values (members,), none near a better one; shape (n, up to count)."""
     width = problem.upper - problem.lower
     chosen: list[FloatArray] = []
-    for member in np.argsort(state.personal_best_nll, kind="stable"):
-        point = state.personal_best[:, member]
+    for member in np.argsort(values, kind="stable"):
+        point = points[:, member]
         near = (bool(np.all(np.abs(point - other) < _DISTINCT * width)) for other in chosen)
-        if np.isfinite(state.personal_best_nll[member]) and not any(near):
+        if np.isfinite(values[member]) and not any(near):
             chosen.append(point)
         if len(chosen) == count:
             break
@@ -289,9 +334,9 @@ def _found(run: _Run, outcome: SearchOutcome) -> Found:
     trace: tuple[TraceRow, ...] = ()
     points, values = [run.problem.start], [float("inf")]
     ends: list[tuple[FloatArray, float]] = []
-    evaluations = 0
+    evaluations = run.asked + sum(state.evaluations for state in _on_the_way(run))
     if isinstance(swarm, SwarmState):
-        trace, evaluations = swarm.trace, swarm.evaluations
+        trace, evaluations = swarm.trace, evaluations + swarm.evaluations
         points.append(swarm.swarm_best)
         values.append(swarm.swarm_best_nll)
     if isinstance(gradient, GaussNewtonState):
@@ -301,7 +346,20 @@ def _found(run: _Run, outcome: SearchOutcome) -> Found:
         points.append(gradient.points[:, gradient.best])
         values.append(float(gradient.values.min()))
         ends = [(gradient.points[:, k], float(value)) for k, value in enumerate(gradient.values) if np.isfinite(value)]
+    elif _on_the_way(run):
+        nearest = _on_the_way(run)[-1]
+        points.append(nearest.points[:, nearest.best])
+        values.append(float(run.problem.nll(points[-1][:, np.newaxis])[0]))
     # Equal values: the later stage counts.
     best = len(values) - 1 - int(np.argmin(values[::-1]))
     steps = gradient.steps[:, gradient.best] if isinstance(gradient, GaussNewtonState) else None
-    return Found(points[best], values[best], outcome, evaluations, trace, tuple(ends), steps)
+    return Found(points[best], values[best], outcome, evaluations, trace, tuple(ends), steps, run.way)
+
+
+def _on_the_way(run: _Run) -> list[GaussNewtonState]:
+    """Searches with more process noise, in order."""
+    return [
+        state
+        for name, state in run.states.items()
+        if name.startswith(_ON_THE_WAY) and isinstance(state, GaussNewtonState)
+    ]

@@ -14,7 +14,9 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+import numpy.typing as npt
 
+from bondgraph.errors import EstimationError
 from bondgraph.estimate.objective import (
     Expand,
     Expansion,
@@ -27,6 +29,8 @@ from bondgraph.estimate.objective import (
     silent,
 )
 from bondgraph.estimate.steps import bent_steps, damped_step, newton_decrement, promised_gain
+
+IntArray = npt.NDArray[np.int64]
 
 #: Dampings tried at once, as multiples of the current one.
 _LADDER = (1e-3, 1e-2, 1e-1, 1.0, 10.0)
@@ -48,23 +52,44 @@ class GaussNewtonSettings:
     difference
         First difference step, as a share of a coordinate's bounds; later ones are a tenth of its standard deviation
         where that is smaller.
+    patience, least_gain
+        A start has stalled when it gained less than ``least_gain`` nats in each of ``patience`` iterations one after
+        the other; a patience of 0 never stalls. A likelihood with small kinks lets a search creep along them for ever.
+
+    Raises
+    ------
+    EstimationError
+        If a patience or a least gain is negative.
     """
 
     iterations: int = 100
     tolerance: float = 1e-8
     damping: float = 1e-2
     difference: float = 1e-4
+    patience: int = 0
+    least_gain: float = 1e-3
+
+    def __post_init__(self) -> None:
+        if self.patience < 0 or not self.least_gain >= 0.0:
+            raise EstimationError(
+                f"gradient search: patience = {self.patience} and least_gain = {self.least_gain} must not be negative",
+                where=("patience", "least_gain"),
+            )
 
 
 @dataclass(frozen=True)
 class GaussNewtonState:
-    """Several starts after an iteration; points are (n, starts), the others (starts,)."""
+    """Several starts after an iteration; points and steps are (n, starts), the others (starts,).
+
+    ``idle`` counts the last iterations that gained next to nothing.
+    """
 
     iteration: int
     points: FloatArray
     values: FloatArray
     damping: FloatArray
     steps: FloatArray
+    idle: IntArray
     outcomes: tuple[SearchOutcome | None, ...]
     evaluations: int
     trace: tuple[TraceRow, ...]
@@ -83,7 +108,8 @@ def initial_starts(objective: Objective, starts: FloatArray, settings: GaussNewt
     outcomes = tuple(None if np.isfinite(value) else SearchOutcome.NO_FINITE_POINT for value in values)
     steps = np.repeat((settings.difference * (objective.upper - objective.lower))[:, np.newaxis], values.size, axis=1)
     damping = np.full(values.size, settings.damping)
-    state = GaussNewtonState(0, points, values, damping, steps, outcomes, values.size, ())
+    idle = np.zeros(values.size, dtype=np.int64)
+    state = GaussNewtonState(0, points, values, damping, steps, idle, outcomes, values.size, ())
     return _traced(state)
 
 
@@ -132,7 +158,21 @@ def step_starts(
     if not searching:
         return _traced(state)
     tried, spent = _evaluated(objective, searching)
-    return _traced(_take_best(objective, replace(state, evaluations=evaluations + spent), tried))
+    moved = _take_best(objective, replace(state, evaluations=evaluations + spent), tried)
+    return _traced(_note_idle(state, moved, settings))
+
+
+def _note_idle(before: GaussNewtonState, after: GaussNewtonState, settings: GaussNewtonSettings) -> GaussNewtonState:
+    """Count iterations that gained too little; enough of them in a row end a start."""
+    with np.errstate(invalid="ignore"):
+        gains = before.values - after.values
+    idle = np.where(gains < settings.least_gain, after.idle + 1, 0)
+    stalled = (idle >= settings.patience) & (settings.patience > 0)
+    outcomes = tuple(
+        SearchOutcome.STALLED if outcome is None and stalls else outcome
+        for outcome, stalls in zip(after.outcomes, stalled, strict=True)
+    )
+    return replace(after, idle=idle, outcomes=outcomes)
 
 
 def _take_best(objective: Objective, state: GaussNewtonState, tried: list[_Search]) -> GaussNewtonState:

@@ -23,6 +23,8 @@ _BIASED = 2.0
 class Trial:
     """One repetition, as plain values that a JSON file can hold: everything by name and in the model's units.
 
+    ``nll_at_truth`` is the negative log-likelihood of the true values, ``shift`` how many standard deviations finer
+    integration steps would move an estimate (None: not looked at), ``cpu`` the processor time if it was taken;
     ``failure`` is empty where the search succeeded, else its message.
     """
 
@@ -34,15 +36,21 @@ class Trial:
     evaluations: int
     seconds: float
     failure: str = ""
+    nll_at_truth: float | None = None
+    shift: float | None = None
+    cpu: float | None = None
 
     @classmethod
     def of(cls, estimate: Estimate, truth: Mapping[str, float]) -> Trial:
         """The trial that an estimate is, given the true values of what was free."""
+        shift = float(estimate.certification.shift) if estimate.certification.checks else None
         known = {name: float(truth[name]) for name in estimate.problem.names}
+        point = np.array([free.coordinate(known[free.name]) for free in estimate.problem.free])
+        at_truth = float(estimate.problem.nll(point[:, np.newaxis])[0])
         failure = "" if estimate.outcome.succeeded else estimate.outcome.value
         return cls(
             known, dict(estimate.values), dict(estimate.std), dict(estimate.ci95),
-            float(estimate.nll), estimate.evaluations, estimate.seconds, failure,
+            float(estimate.nll), estimate.evaluations, estimate.seconds, failure, at_truth, shift,
         )  # fmt: skip
 
 

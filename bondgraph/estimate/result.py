@@ -12,6 +12,7 @@ import numpy as np
 
 from bondgraph.errors import EstimationError, suggest
 from bondgraph.estimate.certify import Certification
+from bondgraph.estimate.continuation import Stage
 from bondgraph.estimate.free import FreeParameter
 from bondgraph.estimate.objective import Expand, FloatArray, SearchOutcome, TraceRow, fitted_expansion
 from bondgraph.estimate.problem import Batch, EstimationProblem
@@ -27,7 +28,7 @@ _SAME = 1e-3
 
 @dataclass(frozen=True)
 class Found:
-    """What a search found: its best point (n,) with value and outcome, its trace, and the end of every start."""
+    """What a search found: its best point (n,) with value and outcome, its trace, the end of every start, the way."""
 
     point: FloatArray
     nll: float
@@ -36,6 +37,7 @@ class Found:
     trace: tuple[TraceRow, ...]
     ends: tuple[tuple[FloatArray, float], ...]
     steps: FloatArray | None
+    way: tuple[Stage, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -75,6 +77,8 @@ class Estimate:
         Where the covariance comes from.
     certification
         How the model was integrated, and whether finer steps would move the estimate.
+    way
+        Searches with more process noise that came before, see :mod:`bondgraph.estimate.continuation`.
     """
 
     problem: EstimationProblem
@@ -91,6 +95,7 @@ class Estimate:
     outcome: SearchOutcome
     uncertainty_outcome: UncertaintyOutcome
     certification: Certification
+    way: tuple[Stage, ...] = ()
 
     @cached_property
     def values(self) -> Mapping[str, float]:
@@ -223,6 +228,10 @@ class Estimate:
             "uncertainty": self.uncertainty_outcome.value,
             "optima": [{"values": dict(o.values), "nll": o.nll, "starts": o.starts} for o in self.optima],
             "discretisation": self.certification.to_dict(),
+            "continuation": [
+                {"scale": s.scale, "nll": _number(s.nll), "evaluations": s.evaluations, "values": dict(s.values)}
+                for s in self.way
+            ],
             "logs": [log.name for log in self.problem.logs],
         }
 
@@ -257,6 +266,7 @@ def describe(problem: EstimationProblem, found: Found, jacobian: Expand, seconds
         outcome=found.outcome,
         uncertainty_outcome=known.outcome,
         certification=Certification(problem.filter_model.method, problem.filter_model.substeps, (), 0),
+        way=found.way,
     )
 
 

@@ -226,7 +226,7 @@ def test_starts_are_spread_or_taken_from_the_swarm() -> None:
     shares = (spread[:, 1:] - problem.lower[:, None]) / (problem.upper - problem.lower)[:, None]
     np.testing.assert_array_equal(np.sort(np.floor(4.0 * shares), axis=1), np.tile(np.arange(4.0), (4, 1)))
     state, _ = particle_swarm(problem, problem.start, 1, SwarmSettings(members=10, iterations=3))
-    starts = distinct_starts(problem, state, 3)
+    starts = distinct_starts(problem, state.personal_best, state.personal_best_nll, 3)
     np.testing.assert_array_equal(starts[:, 0], state.swarm_best)
     assert starts.shape == (4, 3)
 

@@ -11,6 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from bondgraph.errors import EstimationError
 from bondgraph.estimate.gauss_newton import GaussNewtonSettings, gauss_newton
 from bondgraph.estimate.objective import Expansion, Objective, SearchOutcome, Terms, central_differences
 
@@ -201,3 +202,15 @@ def test_certified_regressions_are_reproduced(shared_data: Path, name: str) -> N
     for column in reached:
         assert state.outcomes[column] is SearchOutcome.CONVERGED
         np.testing.assert_allclose(state.points[:, column], case["certified"], rtol=1e-6)
+
+
+def test_a_start_that_gains_next_to_nothing_stalls() -> None:
+    valley = Regression(lambda x: np.array([10.0 * (x[1] - x[0] ** 2), 1.0 - x[0]]), np.full(2, -5.0), np.full(2, 5.0))
+    starts = np.array([[-1.2, 1.0], [1.0, 1.0]])
+    patient = gauss_newton(valley, starts, replace(EXACT, patience=3, least_gain=0.0))
+    assert patient.outcomes == (SearchOutcome.CONVERGED,) * 2
+    demanding = gauss_newton(valley, starts, replace(EXACT, patience=3, least_gain=100.0))
+    assert demanding.outcomes == (SearchOutcome.STALLED, SearchOutcome.CONVERGED)
+    assert demanding.iteration == 3 and demanding.values[0] < valley.nll(starts)[0]
+    with pytest.raises(EstimationError, match="patience = -1"):
+        GaussNewtonSettings(patience=-1)
