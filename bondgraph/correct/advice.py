@@ -17,6 +17,7 @@ from bondgraph.correct.bonds import bond_model
 from bondgraph.correct.build import BuiltModel
 from bondgraph.correct.candidates import Candidate, Variant
 from bondgraph.correct.fit import Fit
+from bondgraph.correct.intervals import integrator
 from bondgraph.correct.response import Path, model_change, open_loop, output_slopes, respond, together
 from bondgraph.correct.score import solve
 from bondgraph.data.log import FloatArray, MatchedLog
@@ -99,7 +100,8 @@ def _simulated(fitted: Fit, log: MatchedLog, u: FloatArray, time: FloatArray) ->
         theta[model.index("parameter", name)] = value
     steps = 2 * fitted.problem.filter_model.substeps
     x0 = fitted.problem.initial_states[0]
-    run = simulate(model, time, u, theta, x0, method="rk4", substeps=steps, compiled=True)
+    method = integrator(fitted.problem.filter_model)
+    run = simulate(model, time, u, theta, x0, method=method, substeps=steps, compiled=True)
     if not np.isfinite(run.x).all():
         return None
     made = MatchedLog("simulated", time, u, run.y, dict(log.theta_overrides))
@@ -162,7 +164,7 @@ def _responses(fitted: Fit, path: Path, pair: Pair, wide: _Wide | None) -> tuple
         name, size = candidate.effect.coefficients[0], variant.sizes[0]
         theta = candidate.model.theta(**known | dict(variant.shapes) | {name: size})
         changed.append((candidate.model, None if wide is None else wide.candidates[k], theta, size))
-    linear = open_loop(path, model, noise)
+    linear = open_loop(path, fitted.problem.filter_model, noise)
     changes = together([model_change(path, model, other, theta, size) for other, _, theta, size in changed])
     rows, states = respond(linear, changes, range(path.time.size))
     return rows, {} if wide is None else _measurable(path, wide.declared, model, changed, states)

@@ -13,6 +13,7 @@ import numpy as np
 from scipy import stats
 
 from bondgraph.correct.fit import Fit
+from bondgraph.correct.intervals import integrator
 from bondgraph.data.log import FloatArray, MatchedLog
 from bondgraph.filter.filter_run import FilterRun
 from bondgraph.simulate.simulate import simulate
@@ -112,7 +113,8 @@ def free_simulation(fitted: Fit, log: MatchedLog, filtered: FilterRun) -> Trajec
     for name, value in log.theta_overrides.items():
         theta[model.index("parameter", name)] = value
     x0 = filtered.filtered_mean[: len(model.states), 0]
-    return simulate(model, log.time, log.u, theta, x0, method="rk4", substeps=2 * filter_model.substeps, compiled=True)
+    steps = 2 * filter_model.substeps
+    return simulate(model, log.time, log.u, theta, x0, method=integrator(filter_model), substeps=steps, compiled=True)
 
 
 def rms_interval(values: FloatArray) -> tuple[float, float]:

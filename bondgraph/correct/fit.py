@@ -10,6 +10,7 @@ import numpy as np
 
 from bondgraph.correct.differences import forward_differences
 from bondgraph.correct.journal import Journal, Noted, fit_key
+from bondgraph.correct.linear_steps import is_linearised, linear_expansion, linear_search
 from bondgraph.data.log import FloatArray, MatchedLog
 from bondgraph.errors import EstimationError
 from bondgraph.estimate.free import FreeParameter
@@ -176,9 +177,11 @@ def _search(
 ) -> tuple[Fit, FloatArray]:
     """The fit, and the difference steps of its expansion."""
     filter_model = problem.filter_model
+    if is_linearised(problem):
+        return _linear_search(problem, iterations, tolerance, starts, beat)
     settings = GaussNewtonSettings(iterations=iterations, tolerance=tolerance)
     start, evaluations = _best_start(problem, starts)
-    differences = _Differences()
+    differences = _Expansions()
     state = initial_starts(problem, start, settings)
     if not np.isfinite(state.values[0]):
         raise EstimationError(
@@ -196,6 +199,17 @@ def _search(
             break
     ended = SearchOutcome.CONVERGED if idle == 2 else SearchOutcome.ITERATION_LIMIT
     return _fit(problem, finish_starts(state, ended), differences, evaluations)
+
+
+def _linear_search(
+    problem: EstimationProblem, iterations: int, tolerance: float, starts: Sequence[FloatArray], beat: float
+) -> tuple[Fit, FloatArray]:
+    """The fit of a stiff model; its expansions need no difference steps."""
+    start, evaluations = _best_start(problem, starts)
+    found = linear_search(problem, start[:, 0], iterations, tolerance, beat, _HOPELESS)
+    evaluations += found.evaluations
+    made = Fit(problem, found.point, found.nll, found.expansion, evaluations, found.outcome)
+    return made, np.zeros(found.point.size)
 
 
 def noisy_starts(free: Sequence[FreeParameter]) -> list[FloatArray]:
@@ -226,8 +240,8 @@ def _best_start(problem: EstimationProblem, starts: Sequence[FloatArray]) -> tup
     return points[:, best : best + 1], len(starts)
 
 
-class _Differences:
-    """Forward differences that remember the last expansion: a search that has converged ends where it was made."""
+class _Expansions:
+    """Expansions of which the last is remembered: a search that has converged ends where it was made."""
 
     def __init__(self) -> None:
         self.point: FloatArray | None = None
@@ -235,7 +249,7 @@ class _Differences:
         self.expansion: Expansion | None = None
 
     def __call__(self, objective: Objective, points: FloatArray, steps: FloatArray) -> tuple[Expansion, ...]:
-        (self.expansion,) = forward_differences(objective, points, steps)
+        self.expansion = expand(objective, points[:, 0], steps[:, 0])
         self.point, self.steps = points[:, 0].copy(), steps[:, 0].copy()
         return (self.expansion,)
 
@@ -247,7 +261,7 @@ class _Differences:
 
 
 def _fit(
-    problem: EstimationProblem, state: GaussNewtonState, known: _Differences, evaluations: int
+    problem: EstimationProblem, state: GaussNewtonState, known: _Expansions, evaluations: int
 ) -> tuple[Fit, FloatArray]:
     point, outcome = state.points[:, 0], state.outcomes[0] or SearchOutcome.ITERATION_LIMIT
     evaluations += state.evaluations
@@ -259,8 +273,10 @@ def _fit(
     return Fit(problem, point, float(state.values[0]), expansion, evaluations, outcome), steps
 
 
-def expand(problem: EstimationProblem, point: FloatArray, steps: FloatArray) -> Expansion:
-    """Gradient, information and terms at one point."""
+def expand(problem: Objective, point: FloatArray, steps: FloatArray) -> Expansion:
+    """Gradient, information and terms at one point: by differences, or by the linearised filter of a stiff model."""
+    if isinstance(problem, EstimationProblem) and is_linearised(problem):
+        return linear_expansion(problem, point)
     (expansion,) = forward_differences(problem, point[:, np.newaxis], steps[:, np.newaxis])
     return expansion
 

@@ -17,13 +17,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from bondgraph.correct.intervals import NODES, filter_transitions, kicks
 from bondgraph.data.log import FloatArray, MatchedLog
+from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.filter_run import FilterRun
 from bondgraph.filter.samples import Samples
+from bondgraph.simulate.compile import has_numba
 from bondgraph.simulate.model import Model
 
 #: Terms of the Taylor series of the phi functions, after scaling to a norm below one half.
@@ -36,9 +39,9 @@ _FINEST = 1e-6
 class Path:
     """Where one log leads a model: the points at which a changed model is compared with the declared one.
 
-    ``start`` and ``end`` (n_x, n - 1) are the states at both ends of every interval, ``u_left`` and ``u_right``
-    (n_u, n - 1) the inputs there; ``before`` (n_x, n) the states expected before each measurement, ``u`` (n_u, n) and
-    ``time`` (n,) at the samples; ``theta`` (n_theta,) the parameters of this log.
+    ``start`` and ``end`` (n_x, n - 1) are the states at both ends of every interval (of a stiff model at two points
+    inside it), ``u_left`` and ``u_right`` (n_u, n - 1) the inputs there; ``before`` (n_x, n) the states expected before
+    each measurement, ``u`` (n_u, n) and ``time`` (n,) at the samples; ``theta`` (n_theta,) the parameters of this log.
     """
 
     log: MatchedLog
@@ -61,14 +64,15 @@ class Path:
 class LinearLog:
     """The linearised filter over one log; arrays have samples first.
 
-    ``transition``, ``level``, ``ramp`` (n - 1, n_x, n_x), ``slope`` (n, n_y, n_x), ``gain`` (n, n_x, n_y), ``whitener``
-    (n, n_y, n_y), zero rows for what was not measured; ``whitened`` (n_y, n).
+    ``transition`` of the states over an interval, ``early`` and ``late`` what shifts of the rates at its two points
+    leave at its end (n - 1, n_x, n_x), ``slope`` (n, n_y, n_x), ``gain`` (n, n_x, n_y), ``whitener`` (n, n_y, n_y),
+    zero rows for what was not measured; ``whitened`` (n_y, n).
     """
 
     path: Path
     transition: FloatArray
-    level: FloatArray
-    ramp: FloatArray
+    early: FloatArray
+    late: FloatArray
     slope: FloatArray
     gain: FloatArray
     whitener: FloatArray
@@ -102,36 +106,81 @@ def linearise(run: FilterRun, log: MatchedLog, theta: FloatArray) -> LinearLog:
     filter_model = run.filter_model
     model, samples = filter_model.model, Samples.of(filter_model, log)
     own = samples.theta(filter_model, theta)
-    path = Path(
-        log, log.time, run.filtered_mean[:, :-1], run.predicted_mean[:, 1:], samples.u_left, samples.u_right,
-        run.predicted_mean, log.u, own,
-    )  # fmt: skip
     spread = np.sqrt(np.maximum(np.einsum("iik->ik", run.predicted_cov), 0.0))
     step = np.maximum(spread, _FINEST * np.maximum(np.abs(run.predicted_mean).max(axis=1, keepdims=True), 1e-3))
-    time = log.time
+    slope = _slopes(lambda x: model.output(log.time, x, _lanes(log.u, x), own), run.predicted_mean, step)
+    whitener, gain = _update(run, slope)
+    stiff = filter_model.is_stiff and has_numba()
+    found = _relaxing(run, log, samples, own) if stiff else _smooth(run, log, samples, own, step)
+    path, transition, early, late = found
+    return LinearLog(path, transition, early, late, slope, gain, whitener, run.whitened)
+
+
+def _smooth(
+    run: FilterRun, log: MatchedLog, samples: Samples, own: FloatArray, step: FloatArray
+) -> tuple[Path, FloatArray, FloatArray, FloatArray]:
+    """The path of a model that hardly bends over an interval, with transitions from its slopes at both ends."""
+    model, time = run.filter_model.model, log.time
+    path = Path(
+        log, time, run.filtered_mean[:, :-1], run.predicted_mean[:, 1:], samples.u_left, samples.u_right,
+        run.predicted_mean, log.u, own,
+    )  # fmt: skip
     first = _slopes(lambda x: model.rhs(time[:-1], x, _lanes(path.u_left, x), own), path.start, step[:, :-1])
     last = _slopes(lambda x: model.rhs(time[1:], x, _lanes(path.u_right, x), own), path.end, step[:, 1:])
-    slope = _slopes(lambda x: model.output(time, x, _lanes(path.u, x), own), path.before, step)
-    transition, level, ramp = _phi(0.5 * (first + last) * path.intervals[:, np.newaxis, np.newaxis])
-    lengths = path.intervals[:, np.newaxis, np.newaxis]
-    whitener, gain = _update(run, slope)
-    return LinearLog(path, transition, lengths * level, lengths * ramp, slope, gain, whitener, run.whitened)
+    return path, *_transitions(0.5 * (first + last), path.intervals)
 
 
-def open_loop(path: Path, model: Model, noise_std: FloatArray) -> LinearLog:
+def _relaxing(
+    run: FilterRun, log: MatchedLog, samples: Samples, own: FloatArray
+) -> tuple[Path, FloatArray, FloatArray, FloatArray]:
+    """The path of a stiff model, with the transitions of :mod:`bondgraph.correct.intervals`."""
+    found = kicks(run.filter_model, samples, run.filtered_mean[:, :-1], own)
+    before = run.predicted_mean
+    path = Path(log, log.time, before[:, :-1], before[:, 1:], samples.u_left, samples.u_right, before, log.u, own)
+    path = _between_samples(path, samples, found.reached)
+    return path, filter_transitions(run), *_by_nodes(found.moved, path.intervals)
+
+
+def _transitions(slopes: FloatArray, intervals: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Transitions of linear rates, and what shifts of them at both ends of each interval leave."""
+    lengths = intervals[:, np.newaxis, np.newaxis]
+    whole, level, ramp = _phi(slopes * lengths)
+    return whole, lengths * (level - ramp), lengths * ramp
+
+
+def open_loop(path: Path, filter_model: FilterModel, noise_std: FloatArray) -> LinearLog:
     """A model left alone along a path, its sensors (n_y,) as noisy as said: the filter without gains."""
-    step = np.maximum(_FINEST * np.abs(path.before).max(axis=1, keepdims=True), 1e-9) * np.ones(path.before.shape)
-    first, last = (
-        _slopes(lambda x, t=t, u=u: model.rhs(t, x, _lanes(u, x), path.theta), at, step[:, 1:])  # type: ignore[misc]
-        for t, u, at in ((path.time[:-1], path.u_left, path.start), (path.time[1:], path.u_right, path.end))
-    )
+    model = filter_model.model
     slope = output_slopes(path, model)
-    lengths = path.intervals[:, np.newaxis, np.newaxis]
-    transition, level, ramp = _phi(0.5 * (first + last) * lengths)
     count, outputs, size = slope.shape
     whitener = np.broadcast_to(np.diag(np.nan_to_num(1.0 / noise_std)), (count, outputs, outputs))
     gain, whitened = np.zeros((count, size, outputs)), np.zeros((outputs, count))
-    return LinearLog(path, transition, lengths * level, lengths * ramp, slope, gain, whitener, whitened)
+    if filter_model.is_stiff and has_numba():
+        samples = Samples.of(filter_model, path.log)
+        found = kicks(filter_model, samples, path.before[:, :-1], path.theta, (0.0, *NODES))
+        transition, (early, late) = found.moved[:, 0], _by_nodes(found.moved[:, 1:], path.intervals)
+        path = _between_samples(path, samples, found.reached[:, 1:])
+    else:
+        step = np.maximum(_FINEST * np.abs(path.before).max(axis=1, keepdims=True), 1e-9) * np.ones(path.before.shape)
+        first, last = (
+            _slopes(lambda x, t=t, u=u: model.rhs(t, x, _lanes(u, x), path.theta), at, step[:, 1:])  # type: ignore[misc]
+            for t, u, at in ((path.time[:-1], path.u_left, path.start), (path.time[1:], path.u_right, path.end))
+        )
+        transition, early, late = _transitions(0.5 * (first + last), path.intervals)
+    return LinearLog(path, transition, early, late, slope, gain, whitener, whitened)
+
+
+def _between_samples(path: Path, samples: Samples, reached: FloatArray) -> Path:
+    """The path of a stiff model: states (n - 1, nodes, n_x) and inputs at the points of the quadrature."""
+    bend = samples.u_right - samples.u_left
+    left, right = (samples.u_left + node * bend for node in NODES)
+    return replace(path, start=reached[:, 0].T, end=reached[:, 1].T, u_left=left, u_right=right)
+
+
+def _by_nodes(moved: FloatArray, intervals: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """What shifts of the rates at both points of the quadrature leave."""
+    early, late = (0.5 * intervals[:, np.newaxis, np.newaxis] * moved[:, node] for node in (0, 1))
+    return early, late
 
 
 def output_slopes(path: Path, model: Model) -> FloatArray:
@@ -196,8 +245,8 @@ def respond(linear: LinearLog, change: Change, at: Sequence[int] = ()) -> tuple[
         (at, n_x, lanes).
     """
     lanes = change.outputs.shape[2]
-    driven = linear.level @ np.moveaxis(change.start, 1, 0)
-    driven += linear.ramp @ np.moveaxis(change.end - change.start, 1, 0)
+    driven = linear.early @ np.moveaxis(change.start, 1, 0)
+    driven += linear.late @ np.moveaxis(change.end, 1, 0)
     shifted = np.moveaxis(change.outputs, 1, 0)
     return _carried(linear, np.zeros((linear.transition.shape[1], lanes)), 0, driven, shifted, at)
 

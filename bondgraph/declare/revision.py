@@ -1,26 +1,36 @@
-"""Revising what is declared: another law for an element, another expression for a sensor."""
+"""Revising what is declared: another law for an element, another expression for a sensor or in place of an input.
+
+Elements of parts are revised where they are, in a copy of their part. What a revised law takes from outside its part
+(the coefficient of an effect, a speed elsewhere) becomes an input of the part, bound to it.
+"""
 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
+import re
+from collections.abc import Callable, Mapping
 
 from sympy import Expr, Symbol
 
+from bondgraph.declare.editing import copy
 from bondgraph.declare.elements import own_variables
+from bondgraph.declare.expressions import is_local, signal_name
 from bondgraph.declare.graph import BondGraph
-from bondgraph.declare.handles import callable_law
-from bondgraph.declare.quantities import symbol
+from bondgraph.declare.handles import SubGraph, callable_law
+from bondgraph.declare.quantities import NamedSignal, symbol
 from bondgraph.errors import DeclarationError, suggest
 
 
 def revise_law(graph: BondGraph, node: str, given: str, law: object) -> None:
     """Give an element another law for ``given``; a function is called with the old expression.
 
+    The element of a part is named ``part.element``; its old expression is the one in the part's own names, and what the
+    new one adds to it is in those of ``graph``.
+
     Raises
     ------
     DeclarationError
-        If the graph itself does not declare the element, or it has no such law.
+        If there is no such element, or it has no such law.
 
     Examples
     --------
@@ -32,17 +42,133 @@ def revise_law(graph: BondGraph, node: str, given: str, law: object) -> None:
     >>> g.nodes["runners"].law("effort")
     c*flow + d
     """
+    revise_laws(graph, node, lambda laws: _with_law(graph, node, laws, given, law))
+
+
+def _with_law(graph: BondGraph, node: str, laws: Mapping[str, Expr], given: str, law: object) -> dict[str, Expr]:
+    if given not in laws:
+        raise DeclarationError(f"{graph.name}: {node} has no law for its {given} that could be revised", where=(node,))
+    revised = law(laws[given]) if callable_law(law) else law  # type: ignore[operator]
+    return {**laws, given: revised}
+
+
+def revise_laws(graph: BondGraph, node: str, laws: Callable[[Mapping[str, Expr]], Mapping[str, Expr]]) -> None:
+    """Give an element other laws: what a function makes of the old ones, by what they give.
+
+    Raises
+    ------
+    DeclarationError
+        If there is no such element.
+
+    Examples
+    --------
+    >>> g = BondGraph("sled")
+    >>> body = g.one_junction("body")
+    >>> c = g.parameter("c", 2.0, "N s/m")
+    >>> _ = g.resistance("runners", c, at=body)
+    >>> revise_laws(g, "runners", lambda laws: {"flow": symbol("effort") / c})
+    >>> g.nodes["runners"].laws
+    (('flow', effort/c),)
+    """
+    part, _, inner = node.partition(".")
+    if inner and part in graph._subgraphs:
+        found = _in_part(graph, part, lambda inside, taken: revise_laws(inside, inner, lambda old: taken(laws(old))))
+        graph._subgraphs[part] = found
+        return
     declared = graph._nodes.get(node)
-    if declared is None or declared.law(given) is None:
-        raise DeclarationError(
-            f"{graph.name}: no element {node!r} with a law for its {given}{suggest(node, graph._nodes)} - a part is "
-            "revised where it is declared",
-            where=(node,),
-        )
-    revised = law(declared.law(given)) if callable_law(law) else law  # type: ignore[operator]
-    checked = graph._checked(revised, own_variables(declared, given) or (), node)
-    laws = tuple((name, checked if name == given else old) for name, old in declared.laws)
-    graph._nodes[node] = dataclasses.replace(declared, laws=laws)
+    if declared is None:
+        known = [*graph._nodes, *graph.flatten().nodes]
+        raise DeclarationError(f"{graph.name}: no element {node!r}{suggest(node, known)}", where=(node,))
+    changed = laws(dict(declared.laws))
+    checked = tuple(
+        (given, graph._checked(law, own_variables(declared, given) or (), node)) for given, law in changed.items()
+    )
+    graph._nodes[node] = dataclasses.replace(declared, laws=checked)
+
+
+Laws = Mapping[str, Expr]
+
+
+def _in_part(graph: BondGraph, name: str, revise: Callable[[BondGraph, Callable[[Laws], Laws]], None]) -> SubGraph:
+    """A part with a copy of its graph that was revised; ``revise`` gets the copy, and what takes laws from outside."""
+    part = graph._subgraphs[name]
+    inside = copy(part.graph)
+    bound = dict(part.bind)
+
+    def taken(laws: Laws) -> Laws:
+        return {given: _taken_in(graph, inside, bound, law) for given, law in laws.items()}
+
+    revise(inside, taken)
+    return dataclasses.replace(part, graph=inside, bind=tuple(bound.items()))
+
+
+def _taken_in(graph: BondGraph, inside: BondGraph, bound: dict[str, Expr], law: Expr) -> Expr:
+    """A law in the names of a part: symbols that only the outer graph knows become inputs of the part."""
+    values: dict[Symbol, Expr] = {}
+    for used in sorted(law.free_symbols, key=lambda one: str(one.name)):
+        read = signal_name(used)
+        local = is_local(used) or used.name == "t"
+        known = inside.flatten().has_node(read.node) if read is not None else inside._has_quantity(used.name)
+        if local or known or used.name in bound:
+            continue
+        name = f"from_outside_{re.sub(r'[^A-Za-z0-9]+', '_', used.name).strip('_')}"
+        if name not in bound:
+            unit = next((q.unit for q in graph.quantities.values() if q.name == used.name), "")
+            inside.input(name, unit, f"{used.name} of {graph.name}")
+            bound[name] = used
+        values[used] = symbol(name)
+    replaced: Expr = law.xreplace(values)
+    return replaced
+
+
+def replace_input(graph: BondGraph, name: str, expression: Expr) -> None:
+    """Write an expression in the place of an input wherever parts or the graph itself use it.
+
+    The input itself stays declared, so that the expression may follow from it.
+
+    Raises
+    ------
+    DeclarationError
+        If there is no such input.
+
+    Examples
+    --------
+    >>> g = BondGraph("sled")
+    >>> body = g.one_junction("body")
+    >>> pull = g.input("pull", "N")
+    >>> half = g.parameter("half", 0.5, "1")
+    >>> _ = g.effort_source("rope", pull, at=body)
+    >>> replace_input(g, "pull", half * pull)
+    >>> g.nodes["rope"].law("effort")
+    half*pull
+    """
+    if name not in {one.name for one in graph.flatten().inputs}:
+        known = [one.name for one in graph.flatten().inputs]
+        raise DeclarationError(f"{graph.name}: no input {name!r}{suggest(name, known)}", where=(name,))
+    for part in list(graph._subgraphs.values()):
+        inner = name if part.shared else name.removeprefix(f"{part.name}.")
+        if (part.shared or inner != name) and part.graph._has_quantity(inner) and inner not in dict(part.bind):
+            stand_in = f"given_{inner}"
+            inside = copy(part.graph)
+            unit = next((one.unit for one in inside.flatten().inputs if one.name == inner), "")
+            stood = inside.input(stand_in, unit, f"what acts in the place of {inner}")
+            if inside.subgraphs:
+                replace_input(inside, inner, stood)
+            else:
+                _replace_everywhere(inside, {symbol(inner): stood})
+            bind = (*part.bind, (stand_in, expression))
+            graph._subgraphs[part.name] = dataclasses.replace(part, graph=inside, bind=bind)
+    _replace_everywhere(graph, {symbol(name): expression})
+
+
+def _replace_everywhere(graph: BondGraph, values: Mapping[Symbol, Expr]) -> None:
+    """Replace symbols in the laws, signals and outputs of a graph; integrals keep what they integrate."""
+    _replace_in_laws(graph, values)
+    for name, quantity in graph._quantities.items():
+        if isinstance(quantity, NamedSignal):
+            graph._quantities[name] = dataclasses.replace(
+                quantity, expression=quantity.expression.xreplace(dict(values))
+            )
 
 
 def revise_output(graph: BondGraph, name: str, expression: object) -> None:
@@ -72,6 +198,8 @@ def revise_output(graph: BondGraph, name: str, expression: object) -> None:
 def replace_symbols(graph: BondGraph, values: Mapping[str, Expr]) -> None:
     """Write other expressions in the place of parameters, in all laws and outputs that the graph itself declares.
 
+    What parts take of these parameters is replaced too.
+
     Examples
     --------
     >>> g = BondGraph("sled")
@@ -82,7 +210,16 @@ def replace_symbols(graph: BondGraph, values: Mapping[str, Expr]) -> None:
     >>> g.nodes["runners"].law("effort")
     c*flow*share
     """
-    known: dict[Symbol, Expr] = {symbol(name): value for name, value in values.items()}
+    _replace_in_laws(graph, {symbol(name): value for name, value in values.items()})
+    for part_name, part in graph._subgraphs.items():
+        bind = tuple(
+            (name, bound.xreplace({symbol(one): value for one, value in values.items()})) for name, bound in part.bind
+        )
+        graph._subgraphs[part_name] = dataclasses.replace(part, bind=bind)
+
+
+def _replace_in_laws(graph: BondGraph, values: Mapping[Symbol, Expr]) -> None:
+    known = dict(values)
     for name, node in graph._nodes.items():
         if any(known.keys() & law.free_symbols for _, law in node.laws):
             laws = tuple((given, law.xreplace(known)) for given, law in node.laws)

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from sympy import Expr
+from sympy import Expr, Symbol
 
 from bondgraph.declare.domains import CHEMICAL, THERMAL
 from bondgraph.declare.effect import Place
 from bondgraph.declare.elements import Node
 from bondgraph.declare.expressions import signal
 from bondgraph.declare.graph import BondGraph, Handle
+from bondgraph.declare.quantities import Input, symbol
+from bondgraph.derive.causality import assign_causality
+from bondgraph.derive.laws import linear_coefficient
 
 #: The flow, as a share of its scale, at which smoothed dry friction reaches 76 % of its level.
 SMOOTHING = 0.02
@@ -82,3 +85,47 @@ def transmitted(g: BondGraph, at: Place) -> Expr | None:
             port = 1 + [i for i, _ in flat.incidence()[other]].index(index)
             return signal("effort", other, port)
     return None
+
+
+def commands(g: BondGraph, node: Node) -> list[Input]:
+    """The inputs, other than levers and switches, on which the laws of an element depend, through signals too."""
+    flat = g.flatten()
+    named = {symbol(one.name): one.expression for one in flat.signals}
+    reached: set[Symbol] = set()
+    waiting = [used for _, law in node.laws for used in law.free_symbols]
+    while waiting:
+        used = waiting.pop()
+        if used not in reached:
+            reached.add(used)
+            waiting += named[used].free_symbols if used in named else ()
+    return [one for one in flat.inputs if one.symbol in reached and not one.is_held]
+
+
+def commanded(g: BondGraph, at: Place) -> list[tuple[Node, Input]]:
+    """Sources and resistances at a junction that follow an input, each with the first such input."""
+    if not is_speed(at):
+        return []
+    nodes = [*elements_at(g, at, "Se"), *elements_at(g, at, "R")]
+    return [(node, found[0]) for node in nodes if node.law("effort") is not None and (found := commands(g, node))]
+
+
+def yielding(g: BondGraph, at: Place) -> tuple[Node, Expr] | None:
+    """The viscous resistance that sets the flow of a junction without inertia, and its coefficient.
+
+    There the forces decide how fast something gives way; friction must hold them before it moves at all.
+    """
+    if not is_speed(at) or elements_at(g, at, "I"):
+        return None
+    found = elements_at(g, at, "R")
+    law = found[0].law("effort") if len(found) == 1 else None
+    coefficient = None if law is None else linear_coefficient(law, symbol("flow"))
+    if coefficient is None or not _gives_flow(g, found[0].name):
+        return None
+    return found[0], coefficient
+
+
+def _gives_flow(g: BondGraph, resistance: str) -> bool:
+    """Whether causality lets a resistance give a flow to its junction."""
+    causal = assign_causality(g)
+    own = next(k for k, bond in enumerate(causal.bonds) if resistance in (bond.source, bond.target))
+    return causal.receives_effort(own, resistance)

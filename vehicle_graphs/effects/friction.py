@@ -7,12 +7,18 @@ VDI-Zeitschrift 46; Dahl (1976), AIAA Journal 14(12), for hysteresis; Wong (2008
 
 from __future__ import annotations
 
-from sympy import Abs, exp, tanh
+from collections.abc import Mapping
+
+from sympy import Abs, Expr, exp, tanh
 
 from bondgraph.declare.domains import ROTATION, TRANSLATION
 from bondgraph.declare.effect import Effect, Place
+from bondgraph.declare.elements import Node
+from bondgraph.declare.functions import clip
 from bondgraph.declare.graph import BondGraph
 from bondgraph.declare.quantities import symbol
+from bondgraph.declare.revision import revise_laws
+from bondgraph.derive.laws import linear_coefficient
 from vehicle_graphs.effects.common import (
     coefficient,
     direction,
@@ -21,6 +27,7 @@ from vehicle_graphs.effects.common import (
     flow_unit,
     is_speed,
     over,
+    yielding,
 )
 
 _SURVEY = "Armstrong-Helouvry, Dupont, Canudas de Wit (1994), Automatica 30(7)"
@@ -44,10 +51,28 @@ def coulomb_loss(g: BondGraph, at: Place) -> Effect | None:
     """Dry friction of constant size against the motion, smoothed around standstill."""
     if not is_speed(at):
         return None
+    if (held := yielding(g, at)) is not None:
+        return _holding(g, at, *held)
     name, level = coefficient(g, at, "coulomb_loss", "dry friction", effort_unit(at), power=0)
     w = direction(g, at, name)
     g.resistance(name, lambda flow: level * tanh(flow / w), at=at.junction)
     return Effect("coulomb_loss", name, "effort = c*tanh(flow/w)", (level.name,), reference=_SURVEY)
+
+
+def _holding(g: BondGraph, at: Place, drag: Node, viscous: Expr) -> Effect:
+    """Dry friction beside the viscous drag that decides the flow: nothing moves until the effort exceeds it."""
+    _, level = coefficient(g, at, "coulomb_loss", "dry friction", effort_unit(at), power=0)
+    effort = symbol("effort")
+
+    def moving(laws: Mapping[str, Expr]) -> dict[str, Expr]:
+        inner = linear_coefficient(laws["effort"], symbol("flow"))
+        return {"flow": (effort - clip(effort, -level, level)) / (viscous if inner is None else inner)}
+
+    revise_laws(g, drag.name, moving)
+    return Effect(
+        "coulomb_loss", drag.name, "flow = (effort - clip(effort, -c, c))/d, d declared", (level.name,),
+        amplitudes=(0.01, 0.03, 0.1, 0.3), reference=_SURVEY,
+    )  # fmt: skip
 
 
 def stribeck_loss(g: BondGraph, at: Place) -> Effect | None:

@@ -6,14 +6,14 @@ Modeling and Control of Internal Combustion Engine Systems, chapter 2, for the l
 
 from __future__ import annotations
 
-from sympy import Abs, Expr, Function, Symbol
+from sympy import Abs, Function
 
 from bondgraph.declare.effect import Effect, Place
 from bondgraph.declare.elements import Node
 from bondgraph.declare.graph import BondGraph
-from bondgraph.declare.quantities import symbol
-from bondgraph.declare.revision import revise_law
-from vehicle_graphs.effects.common import effort_unit, elements_at, flow_unit, is_speed
+from bondgraph.declare.quantities import Input, symbol
+from bondgraph.declare.revision import replace_input, revise_law
+from vehicle_graphs.effects.common import commanded, commands, effort_unit, elements_at, flow_unit, is_speed
 
 _ENGINE = "Guzzella, Onder (2010), Modeling and Control of Internal Combustion Engine Systems, chapter 2"
 
@@ -45,43 +45,41 @@ def headwind(g: BondGraph, at: Place) -> Effect | None:
 
 
 def actuator_scale(g: BondGraph, at: Place) -> Effect | None:
-    """A source whose map is wrong by a factor: a torque model, a calibration."""
-    driven = _driven(g, at)
-    if driven is None:
+    """A source or brake whose map is wrong by a factor: a torque model, a calibration."""
+    found = commanded(g, at)
+    if not found:
         return None
+    node = found[0][0]
     name = f"actuator_scale_{at.name}"
-    share = g.parameter(f"s_{name}", 0.0, "1", f"share by which {driven[0].name} is stronger", (-0.6, 0.6))
-    revise_law(g, driven[0].name, "effort", lambda old: (1 + share) * old)
-    return Effect("actuator_scale", driven[0].name, "effort = (1 + s)*declared", (share.name,), reference=_ENGINE)
+    share = g.parameter(f"s_{name}", 0.0, "1", f"share by which {node.name} is stronger", (-0.6, 0.6))
+    revise_law(g, node.name, "effort", lambda old: (1 + share) * old)
+    return Effect("actuator_scale", node.name, "effort = (1 + s)*declared", (share.name,), reference=_ENGINE)
 
 
 def actuator_lag(g: BondGraph, at: Place) -> Effect | None:
-    """A source that follows its command late, by a first-order lag: manifold filling, a current controller."""
-    driven = _driven(g, at)
-    if driven is None:
+    """A command that acts late, by a first-order lag: manifold filling, brake pressure, a current controller."""
+    found = commanded(g, at)
+    if not found or found[0][0].name != _first_follower(g, found[0][1]):
         return None
-    node, command = driven
+    node, command = found[0]
     name = f"actuator_lag_{at.name}"
     lag = g.parameter(f"T_{name}", 0.1, "s", f"time in which {node.name} follows its command", (5e-3, 2.0))
-    unit = next(one.unit for one in g.inputs if one.name == command.name)
-    given = g.integral(f"given_{name}", lambda x: (command - x) / lag, unit, f"{command.name} as {node.name} gives it")
-    revise_law(g, node.name, "effort", lambda old: old.xreplace({command: given}))
+    own = command.symbol
+    given = g.integral(
+        f"given_{name}", lambda x: (own - x) / lag, command.unit, f"{command.name} as {node.name} gives it"
+    )
+    replace_input(g, command.name, given)
     return Effect(
         "actuator_lag", node.name, "command follows by dx/dt = (u - x)/T", (lag.name,), adds_state=True,
         amplitudes=(0.35, 0.65), reference=_ENGINE,
     )  # fmt: skip
 
 
-def _driven(g: BondGraph, at: Place) -> tuple[Node, Symbol] | None:
-    """The source at a junction whose effort is an input, and that input."""
-    if not is_speed(at):
-        return None
-    inputs = {one.symbol for one in g.inputs if not one.is_held}
-    for node in elements_at(g, at, "Se"):
-        law = node.law("effort")
-        if isinstance(law, Expr) and node.name in g.nodes and law in inputs:
-            return node, law
-    return None
+def _first_follower(g: BondGraph, command: Input) -> str:
+    """The first element that follows a command: it stands for all of them."""
+    nodes = g.flatten().nodes.values()
+    followers = (node.name for node in nodes if node.kind in ("Se", "R") and command in commands(g, node))
+    return next(followers, "")
 
 
 def _is_square(node: Node) -> bool:

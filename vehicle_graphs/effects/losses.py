@@ -6,10 +6,11 @@ Mechanics, for creep, slip and centrifugal tension.
 
 from __future__ import annotations
 
-from sympy import Abs, tanh
+from sympy import Abs, Expr, tanh
 
 from bondgraph.declare.domains import ROTATION, TRANSLATION
 from bondgraph.declare.effect import Effect, Place
+from bondgraph.declare.expressions import signal
 from bondgraph.declare.functions import maximum
 from bondgraph.declare.graph import BondGraph, Handle
 from bondgraph.declare.revision import revise_law
@@ -82,7 +83,7 @@ def slip(g: BondGraph, at: Place) -> Effect | None:
 
 def centrifugal_tension(g: BondGraph, at: Place) -> Effect | None:
     """Grip that a belt loses to its own weight at speed: the friction declared there falls with the square of it."""
-    speed = _speed_beside(g, at)
+    speed = _speed_beside(g, at) if is_force(at) else None
     grips = [node for node in elements_at(g, at, "R") if [given for given, _ in node.laws] == ["effort"]]
     if not is_force(at) or at.domain not in (ROTATION, TRANSLATION) or speed is None or len(grips) != 1:
         return None
@@ -90,16 +91,20 @@ def centrifugal_tension(g: BondGraph, at: Place) -> Effect | None:
     limit = 0.8 / at.scale.flow**2
     unit = over("1", flow_unit(at), 2)
     c = g.parameter(f"c_{name}", 0.0, unit, f"share of grip lost over speed squared at {at.label}", (0.0, limit))
-    revise_law(g, grips[0].name, "effort", lambda old: old * (1 - c * speed.flow**2))
+    revise_law(g, grips[0].name, "effort", lambda old: old * (1 - c * speed**2))
     return Effect(
         "centrifugal_tension", grips[0].name, "grip = declared grip*(1 - c*speed^2)", (c.name,), reference=_BELT
     )
 
 
-def _speed_beside(g: BondGraph, at: Place) -> Handle | None:
-    """The 1-junction that feeds a 0-junction."""
+def _speed_beside(g: BondGraph, at: Place) -> Expr | None:
+    """The speed that feeds a 0-junction, as a signal: of a 1-junction, or behind a pulley."""
     flat = g.flatten()
     for index, inward in flat.incidence().get(at.junction.name, []):
-        if inward and flat.nodes[flat.bonds[index].source].kind == "1":
-            return Handle(flat.bonds[index].source, "1", at.domain)
+        source = flat.nodes[flat.bonds[index].source]
+        if inward and source.kind == "1":
+            return Handle(source.name, "1", at.domain).flow
+        if inward and source.kind == "TF":
+            port = 1 + [i for i, _ in flat.incidence()[source.name]].index(index)
+            return signal("flow", source.name, port)
     return None

@@ -64,7 +64,7 @@ def backlash(g: BondGraph, at: Place) -> Effect | None:
     if not is_speed(at):
         return None
     springs = [node for node in elements_at(g, at, "C") if [given for given, _ in node.laws] == ["effort"]]
-    if len(springs) != 1 or springs[0].name not in g.nodes:
+    if len(springs) != 1:
         return None
     spring, stretch = springs[0], symbol("displacement")
     values = {parameter.symbol: parameter.value for parameter in g.flatten().parameters}

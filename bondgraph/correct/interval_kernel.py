@@ -1,0 +1,128 @@
+"""How kicks of the states inside the intervals of a log reach their ends, in the part of Python that numba compiles."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from bondgraph.simulate.arrays import FloatArray, IntArray
+from bondgraph.simulate.program.lanes import Advance, Prepare
+
+
+class Equations(NamedTuple):
+    """Compiled functions of a model, see :class:`bondgraph.simulate.program.lanes.LaneModel`."""
+
+    prepare: Prepare
+    advance: Advance
+
+
+class Intervals(NamedTuple):
+    """Intervals of a log: starts and lengths (n,), inputs at both ends (n, n_u), integration steps (n,) and method."""
+
+    start: FloatArray
+    length: FloatArray
+    u_left: FloatArray
+    u_right: FloatArray
+    substeps: IntArray
+    grading: float
+    tableau: FloatArray
+
+
+class Scratch(NamedTuple):
+    """Work buffer of the model with the first rows of theta and x in it, for so many lanes; inputs of a part."""
+
+    buffer: FloatArray
+    clock: FloatArray
+    inputs: FloatArray
+    left: FloatArray
+    right: FloatArray
+    lanes: int
+    theta: int
+    x: int
+
+
+def kicked(
+    equations: Equations,
+    intervals: Intervals,
+    theta: FloatArray,
+    x: FloatArray,
+    kicks: FloatArray,
+    nodes: FloatArray,
+    reached: FloatArray,
+    moved: FloatArray,
+    scratch: Scratch,
+) -> None:
+    """States at some nodes of every interval, and at its end what kicks of each state at these nodes leave.
+
+    theta (n_theta,), x (n, n_x) where the intervals start, kicks (n_x,), nodes (m,) as shares of an interval; filled:
+    reached (n, m, n_x), and moved (n, m, n_x, n_x) with one kicked state per last index, divided by the kick.
+    """
+    for i in range(theta.size):
+        for lane in range(scratch.lanes):
+            scratch.buffer[(scratch.theta + i) * scratch.lanes + lane] = theta[i]
+    equations.prepare(scratch.buffer, scratch.lanes)
+    for k in range(x.shape[0]):
+        for i in range(x.shape[1]):
+            for lane in range(scratch.lanes):
+                scratch.buffer[(scratch.x + i) * scratch.lanes + lane] = x[k, i]
+        before = 0.0
+        for m in range(nodes.size):
+            if nodes[m] > before:
+                _part(equations, intervals, k, before, nodes[m], scratch, 8)
+            before = nodes[m]
+            for i in range(x.shape[1]):
+                reached[k, m, i] = scratch.buffer[(scratch.x + i) * scratch.lanes]
+        for m in range(nodes.size):
+            _kick(equations, intervals, k, m, kicks, nodes, reached, moved, scratch)
+
+
+def _kick(
+    equations: Equations,
+    intervals: Intervals,
+    k: int,
+    m: int,
+    kicks: FloatArray,
+    nodes: FloatArray,
+    reached: FloatArray,
+    moved: FloatArray,
+    scratch: Scratch,
+) -> None:
+    """From one node to the end, the states kicked one after the other, as many side by side as there are lanes."""
+    size = kicks.size
+    first = 0
+    while first < size:
+        count = min(scratch.lanes - 1, size - first)
+        n = (count + 8) // 8 * 8
+        for i in range(size):
+            for lane in range(n):
+                kick = kicks[i] if lane > 0 and first + lane - 1 == i and lane <= count else 0.0
+                scratch.buffer[(scratch.x + i) * scratch.lanes + lane] = reached[k, m, i] + kick
+        _part(equations, intervals, k, nodes[m], 1.0, scratch, n)
+        for lane in range(1, count + 1):
+            for i in range(size):
+                row = (scratch.x + i) * scratch.lanes
+                change = scratch.buffer[row + lane] - scratch.buffer[row]
+                moved[k, m, i, first + lane - 1] = change / kicks[first + lane - 1]
+        first += count
+
+
+def _part(
+    equations: Equations, intervals: Intervals, k: int, begin: float, end: float, scratch: Scratch, n: int
+) -> None:
+    """Integrate from one share of an interval to another."""
+    for i in range(intervals.u_left.shape[1]):
+        bend = intervals.u_right[k, i] - intervals.u_left[k, i]
+        scratch.left[i] = intervals.u_left[k, i] + begin * bend
+        scratch.right[i] = intervals.u_left[k, i] + end * bend
+    equations.advance(
+        intervals.start[k] + begin * intervals.length[k],
+        (end - begin) * intervals.length[k],
+        intervals.substeps[k],
+        intervals.grading,
+        intervals.tableau,
+        scratch.left,
+        scratch.right,
+        scratch.clock,
+        scratch.inputs,
+        scratch.buffer,
+        n,
+    )
