@@ -162,7 +162,7 @@ def _responses(fitted: Fit, path: Path, pair: Pair, wide: _Wide | None) -> tuple
             changed.append((model, None if wide is None else wide.declared, theta, size))
     for k, (candidate, variant) in enumerate(pair):
         name, size = candidate.effect.coefficients[0], variant.sizes[0]
-        theta = candidate.model.theta(**known | dict(variant.shapes) | {name: size})
+        theta = candidate.model.theta(**path.parameters(model, candidate.model) | dict(variant.shapes) | {name: size})
         changed.append((candidate.model, None if wide is None else wide.candidates[k], theta, size))
     linear = open_loop(path, fitted.problem.filter_model, noise)
     changes = together([model_change(path, model, other, theta, size) for other, _, theta, size in changed])
@@ -178,8 +178,9 @@ def _measurable(
     states: FloatArray,
 ) -> dict[str, FloatArray]:
     """What a sensor on each effort and flow would show of each change, over its noise."""
-    slopes = output_slopes(path, declared)
-    shown = declared.output(path.time, path.before, path.u, path.theta)
+    slopes = output_slopes(replace(path, theta=declared.theta(**path.parameters(model, declared))), declared)
+    theta = declared.theta(**path.parameters(model, declared))
+    shown = declared.output(path.time, path.before, path.u, theta)
     own = len(model.outputs)
     found = {}
     after = [

@@ -28,6 +28,7 @@ from bondgraph.estimate.steps import newton_decrement
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.filter_run import FilterRun
 from bondgraph.filter.likelihood import run
+from bondgraph.simulate.model import Model
 
 #: Blocks of the sandwich variance over all training logs: enough for its distribution, long enough to be independent.
 BLOCKS = 40
@@ -35,6 +36,9 @@ BLOCKS = 40
 _NOISIER = (1.0, 5.0, 25.0, 125.0)
 #: A fit that is to beat another gives up when it is behind by more than this many times what a step promises or gains.
 _HOPELESS = 10.0
+
+#: Of the starts of a stiff model, whose filter takes seconds, so many are tried.
+_FEW_STARTS = 4
 
 Report = Callable[[str, int, int], None]
 
@@ -84,6 +88,12 @@ class Fit:
         """Parameters of the model at the optimum, shape (n_theta,)."""
         theta: FloatArray = self.problem.batch(self.point[:, np.newaxis]).theta[:, 0]
         return theta
+
+    def theta_of(self, model: Model) -> FloatArray:
+        """Parameters of another model, shape (n_theta,): estimates where it has them, else declared values."""
+        own = dict(zip(self.problem.filter_model.model.names("parameter"), map(float, self.theta), strict=True))
+        known = model.names("parameter")
+        return model.theta(**{name: value for name, value in own.items() if name in known})
 
     def runs(self, logs: Sequence[MatchedLog]) -> list[FilterRun]:
         """The filter over logs (these or others) at the optimum."""
@@ -205,7 +215,7 @@ def _linear_search(
     problem: EstimationProblem, iterations: int, tolerance: float, starts: Sequence[FloatArray], beat: float
 ) -> tuple[Fit, FloatArray]:
     """The fit of a stiff model; its expansions need no difference steps."""
-    start, evaluations = _best_start(problem, starts)
+    start, evaluations = _best_start(problem, starts[:: max(1, len(starts) // _FEW_STARTS)])
     found = linear_search(problem, start[:, 0], iterations, tolerance, beat, _HOPELESS)
     evaluations += found.evaluations
     made = Fit(problem, found.point, found.nll, found.expansion, evaluations, found.outcome)

@@ -24,6 +24,7 @@ from bondgraph.filter.batch import log_rows
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.filter_run import FilterRun
 from bondgraph.filter.samples import Samples
+from bondgraph.simulate.arrays import IntArray
 from bondgraph.simulate.compile import load_kernel
 from bondgraph.simulate.program.lane_text import LANES
 from bondgraph.simulate.program.lanes import load_lanes
@@ -35,6 +36,8 @@ from bondgraph.simulate.stiff import Rosenbrock
 NODES = (0.25, 0.75)
 #: States are kicked by this share of their largest value.
 _KICK = 1e-5
+#: A kick must relax as it does in truth, which takes a method that is L-stable; few steps of it do.
+_METHOD, _STEPS = "rodas4", 3
 #: Standard deviations below this share of a state's largest value count as none.
 _KNOWN = 1e-12
 #: Directions of a covariance (as correlations) with less variance than this are rounding.
@@ -43,7 +46,7 @@ _SINGULAR = 1e-9
 
 @dataclass(frozen=True)
 class Kicks:
-    """States at the nodes ``reached`` (n - 1, nodes, n_x); transitions to the end ``moved`` (n - 1, nodes, n_x, n_x)."""
+    """States at the nodes ``reached`` (n - 1, nodes, n_x); and to the end ``moved`` (n - 1, nodes, n_x, n_x)."""
 
     reached: FloatArray
     moved: FloatArray
@@ -73,8 +76,8 @@ def kicks(
     lanes = load_lanes(filter_model.model, filter_model.is_stiff)
     rows = log_rows(samples)
     intervals = interval_kernel.Intervals(
-        rows.time[:-1], np.diff(rows.time), rows.u_left, rows.u_right, (rows.substeps + 1) // 2, filter_model.grading,
-        TABLEAUS[filter_model.method].numbers,
+        rows.time[:-1], np.diff(rows.time), rows.u_left, rows.u_right, _steps(samples), filter_model.grading,
+        TABLEAUS[_METHOD].numbers,
     )  # fmt: skip
     n_u = rows.u.shape[1]
     scratch = interval_kernel.Scratch(
@@ -88,6 +91,13 @@ def kicks(
         np.array(nodes), reached, moved, scratch,
     )  # fmt: skip
     return Kicks(reached, np.nan_to_num(moved, nan=0.0, posinf=0.0, neginf=0.0))
+
+
+def _steps(samples: Samples) -> IntArray:
+    """Integration steps of a part of each interval; longer intervals take more."""
+    least = max(int(samples.substeps.min(initial=1)), 1)
+    found: IntArray = _STEPS * (samples.substeps // least)
+    return found
 
 
 def integrator(filter_model: FilterModel) -> str | Rosenbrock:

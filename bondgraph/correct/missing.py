@@ -17,6 +17,8 @@ import numpy as np
 from bondgraph.correct.bonds import bond_model
 from bondgraph.correct.build import BuiltModel, build
 from bondgraph.correct.fit import Fit
+from bondgraph.correct.probes import hats, probed_model, shaped
+from bondgraph.correct.response import LinearLog, Path, linearise, model_change, respond
 from bondgraph.data.log import FloatArray, MatchedLog
 from bondgraph.declare.editing import copy, handle
 from bondgraph.declare.effect import Place
@@ -26,10 +28,13 @@ from bondgraph.estimate.initial import initial_states
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.likelihood import likelihood, run
 from bondgraph.filter.smoother import smooth
+from bondgraph.simulate.model import Model
 
 #: Walks that are tried, as shares of the effort there per sqrt(s), and shares of the process noise beside them.
 _WALKS = (0.01, 0.03, 0.1, 0.3, 1.0)
 _SHARES = (0.03, 0.3, 1.0)
+#: Distance of the knots of the course in a linearised filter [s], and lanes that go through it at once.
+_KNOT_SECONDS, _LANES = 1.0, 96
 
 
 @dataclass(frozen=True)
@@ -77,6 +82,8 @@ def missing_effort(built: BuiltModel, fitted: Fit, logs: Sequence[MatchedLog], p
             "graph",
             where=(place.label,),
         )
+    if fitted.problem.filter_model.is_stiff:
+        return missing_in_blocks(built, fitted, logs, place)
     extended, load = _with_load(built, place)
     filter_model = _followed(extended, fitted, load, place)
     theta = extended.model.theta(**_known(fitted, extended.model.names("parameter")))
@@ -95,6 +102,80 @@ def missing_effort(built: BuiltModel, fitted: Fit, logs: Sequence[MatchedLog], p
     units = ("", "") if domain is None else (domain.effort_unit, domain.flow_unit)
     units = units if place.junction.kind == "1" else units[::-1]
     return MissingEffort(place.label, *units, flow, effort, std)
+
+
+def missing_in_blocks(built: BuiltModel, fitted: Fit, logs: Sequence[MatchedLog], place: Place) -> MissingEffort:
+    """The same from the linearised filter, where another model would take long to compile: straight between knots.
+
+    The knots are a fixed time apart; how much neighbouring ones may differ is chosen by the evidence of a Gaussian
+    random walk through them. Reference: MacKay (1992), Neural Computation 4(3).
+    """
+    own = fitted.problem.filter_model
+    bare = replace(
+        own,
+        model=built.model,
+        process_noise={name: std for name, std in _process(fitted).items() if name in built.model.names("state")},
+        initial_std={name: std for name, std in own.initial_std.items() if name in built.model.names("state")},
+        measurement_noise={**own.measurement_noise, **_noise(fitted)},
+    )
+    theta = fitted.theta_of(built.model)
+    x0 = initial_states(built.model, logs, theta, fitted.problem.initial)
+    model, names = probed_model(built.graph, [place])
+    if place.label not in names:
+        raise EstimationError(f"{place.label}: causality leaves no room for an unknown there", where=(place.label,))
+    pieces = []
+    for log, start in zip(logs, x0, strict=True):
+        linear = linearise(run(bare, log, theta, x0=start).raise_if_failed(), log, theta)
+        values, std = _walk(linear, model, names[place.label], built.model, _size(place))
+        pieces.append(np.array([_common(built, place, linear.path), values, std]))
+    flow, effort, std = np.concatenate(pieces, axis=1)
+    domain = place.domain
+    units = ("", "") if domain is None else (domain.effort_unit, domain.flow_unit)
+    units = units if place.junction.kind == "1" else units[::-1]
+    return MissingEffort(place.label, *units, flow, effort, std)
+
+
+def _process(fitted: Fit) -> dict[str, float]:
+    batch = fitted.problem.batch(fitted.point[:, np.newaxis])
+    names = fitted.problem.filter_model.state_names
+    return dict(zip(names, map(float, batch.process_std[:, 0]), strict=True))
+
+
+def _walk(linear: LinearLog, probed: Model, name: str, declared: Model, size: float) -> tuple[FloatArray, FloatArray]:
+    """The likeliest course of an unknown (n,) and its standard deviation."""
+    path = linear.path
+    theta = probed.theta(**path.parameters(declared, probed), **{name: 1e-3 * size})
+    change = model_change(path, declared, probed, theta, 1e-3)  # lanes in units of the size
+    count = max(4, int((path.time[-1] - path.time[0]) / _KNOT_SECONDS))
+    at = np.linspace(path.time[0], path.time[-1], count)
+    courses = hats(path.time, at)
+    columns = np.concatenate(
+        [respond(linear, shaped(change, courses[k : k + _LANES]))[0] for k in range(0, count, _LANES)], axis=1
+    )
+    information, score = columns.T @ columns, -columns.T @ linear.whitened.reshape(-1)
+    steps = np.diff(np.eye(count), axis=0)
+    best: tuple[float, FloatArray, FloatArray] | None = None
+    for share in _WALKS:
+        prior = steps.T @ steps / share**2 + np.eye(count) * 1e-2
+        values, vectors = np.linalg.eigh(information + prior)
+        found = vectors @ ((vectors.T @ score) / values)
+        evidence = 0.5 * (float(score @ found) - float(np.log(values).sum()) + float(np.linalg.slogdet(prior)[1]))
+        if best is None or evidence > best[0]:
+            best = (evidence, found, (vectors / values) @ vectors.T)
+    if best is None:
+        raise EstimationError("no course of an unknown was tried")
+    _, found, cov = best
+    return size * (courses.T @ found), size * np.sqrt(np.einsum("kn,kl,ln->n", courses, cov, courses))
+
+
+def _common(built: BuiltModel, place: Place, path: Path) -> FloatArray:
+    """The variable that is common at a junction along a path, shape (n,)."""
+    model, labels = bond_model(built.causal), bond_labels(built.causal)
+    bond = built.causal.graph.incidence()[place.junction.name][0][0]
+    row = len(built.model.outputs) + bond + (len(labels) if place.junction.kind == "1" else 0)
+    theta = model.theta(**path.parameters(built.model, model))
+    common: FloatArray = model.output(path.time, path.before, path.u, theta)[row]
+    return common
 
 
 def _with_load(built: BuiltModel, place: Place) -> tuple[BuiltModel, str]:

@@ -125,8 +125,7 @@ def probes(built: BuiltModel, linear: Linearisation, where: Sequence[Place]) -> 
 
 
 def _source(path: Path, declared: Model, probed: Model, name: str, size: float) -> Change:
-    known = dict(zip(declared.names("parameter"), map(float, path.theta), strict=True))
-    return model_change(path, declared, probed, probed.theta(**known, **{name: size}), size)
+    return model_change(path, declared, probed, probed.theta(**path.parameters(declared, probed), **{name: size}), size)
 
 
 def _sensor(path: Path, model: Model, row: int) -> Change:
@@ -151,7 +150,8 @@ def signals(built: BuiltModel, linear: Linearisation, where: Sequence[Place]) ->
     values = []
     for log in linear.logs:
         with np.errstate(all="ignore"):
-            values.append(model.output(log.path.time, log.path.before, log.path.u, log.path.theta)[own:])
+            theta = model.theta(**log.path.parameters(linear.model, model))
+            values.append(model.output(log.path.time, log.path.before, log.path.u, theta)[own:])
     found = []
     for place in junctions(where):
         bond = flat.incidence()[place.junction.name][0][0]

@@ -59,6 +59,12 @@ class Path:
         """Lengths of the intervals, shape (n - 1,)."""
         return np.diff(self.time)
 
+    def parameters(self, model: Model, other: Model) -> dict[str, float]:
+        """Parameters by name for another model, as far as it has those of the model of this path."""
+        known = other.names("parameter")
+        values = zip(model.names("parameter"), map(float, self.theta), strict=True)
+        return {name: value for name, value in values if name in known}
+
 
 @dataclass(frozen=True)
 class LinearLog:

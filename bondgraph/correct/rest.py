@@ -8,13 +8,17 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from bondgraph.correct.candidates import candidates, places
-from bondgraph.correct.probes import probes, signals
+from bondgraph.correct.located import locate
+from bondgraph.correct.probes import Probe, Signal, probes, signals
 from bondgraph.correct.progress import Decision, Progress, without
 from bondgraph.correct.refit import Ground, refit_alone
 from bondgraph.correct.round import Round, RoundSettings
 from bondgraph.correct.scoring import Linearisation, linearisation
 from bondgraph.correct.trials import Trial
-from bondgraph.correct.unexplained import Splines, Unexplained, needless, splines, table_effect, unexplained
+from bondgraph.correct.unexplained import Spline, Unexplained, distinct, needless, splines, table_effect, unexplained
+
+#: Functions without a law are tried at so many places.
+_SUSPECTS = 8
 
 
 @dataclass(frozen=True)
@@ -50,12 +54,22 @@ def settle(state: Progress, rounds: Sequence[Round], settings: RoundSettings, ta
     return Rest(state, (found,))
 
 
-def _look(state: Progress, settings: RoundSettings) -> tuple[Unexplained | None, Linearisation, Splines]:
+def _look(state: Progress, settings: RoundSettings) -> tuple[Unexplained | None, Linearisation, tuple[Spline, ...]]:
     linear = linearisation(state.fit, state.train)
-    where = places(state.built, state.train, state.fit.runs(state.train), state.fit.theta)
-    tried = splines(linear, probes(state.built, linear, where), signals(state.built, linear, where))
+    where = places(state.built, state.train, state.fit.runs(state.train), state.fit.theta_of(state.built.model))
+    known = distinct(signals(state.built, linear, where))
+    tried = splines(linear, _suspects(linear, probes(state.built, linear, where), known), known)
     measured = sum(int(np.isfinite(log.y).sum()) for log in state.train)
     return unexplained(tried, measured, settings.level), linear, tried
+
+
+def _suspects(linear: Linearisation, found: Sequence[Probe], known: Sequence[Signal]) -> list[Probe]:
+    """The places at which functions are tried: all, or in a large machine those that explain most of the rest."""
+    if len(found) <= _SUSPECTS:
+        return list(found)
+    ranked = [place.junction for place in locate(linear, found, known)]
+    order = sorted(found, key=lambda probe: ranked.index(probe.place.output or probe.place.label))
+    return order[:_SUSPECTS]
 
 
 def _with_table(state: Progress, found: Unexplained, number: int, settings: RoundSettings) -> Progress:

@@ -84,7 +84,7 @@ def one_round(
     settings.report("score the candidates", 0, 1)
     linear = linearisation(base, train)
     runs = base.runs(train)
-    where = places(built, train, runs, base.theta)
+    where = places(built, train, runs, base.theta_of(built.model))
     found, refused = candidates(built, functions, where, present)
     found, spoiling = absent_when_zero(built, found, train, runs)
     refused += spoiling

@@ -110,7 +110,7 @@ def _shifted(path: Path, model: Model, name: str, size: float, slope: float) -> 
 
 def candidate_change(path: Path, declared: Model, candidate: Candidate, variant: Variant) -> Change:
     """The changes by the coefficients of a candidate, a lane each."""
-    known = dict(zip(declared.names("parameter"), map(float, path.theta), strict=True)) | dict(variant.shapes)
+    known = path.parameters(declared, candidate.model) | dict(variant.shapes)
     lanes = []
     for name, size in zip(candidate.effect.coefficients, variant.sizes, strict=True):
         theta = candidate.model.theta(**known, **{name: size})

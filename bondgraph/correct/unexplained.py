@@ -17,6 +17,7 @@ from scipy import stats
 from sympy import Expr
 
 from bondgraph.correct.probes import Probe, Signal, Variable, hats, knots, shaped
+from bondgraph.correct.response import together
 from bondgraph.correct.score import Projected, best_step, solve
 from bondgraph.correct.scoring import Linearisation
 from bondgraph.data.log import FloatArray
@@ -30,6 +31,8 @@ from bondgraph.declare.quantities import symbol
 _LEFT = 1e-4
 #: Knots of a spline element.
 _KNOTS = 8
+#: Signals more alike than this are one and the same.
+_SAME = 1.0 - 1e-6
 #: A named effect is not needed beside a spline if what it adds is this likely by chance.
 _NEEDLESS = 0.01
 
@@ -57,62 +60,76 @@ class Unexplained:
 
 
 @dataclass(frozen=True)
-class Splines:
-    """All functions that were tried on one fit, with their joint scores."""
+class Spline:
+    """A function of one signal at one place that was tried: its values at the knots, their band, gain and p-value."""
 
-    pairs: tuple[tuple[Probe, Signal, FloatArray], ...]
-    edges: tuple[int, ...]
-    projected: Projected
+    probe: Probe
+    signal: Signal
+    knots: FloatArray
+    values: FloatArray
+    std: FloatArray
+    gain: float
+    p_value: float
 
-    def columns(self, index: int) -> list[int]:
-        """Coefficients of one function."""
-        return list(range(self.edges[index], self.edges[index + 1]))
 
-
-def splines(linear: Linearisation, found: Sequence[Probe], known: Sequence[Signal]) -> Splines:
+def splines(linear: Linearisation, found: Sequence[Probe], known: Sequence[Signal]) -> tuple[Spline, ...]:
     """Score a function of every signal at every place; a sensor's error only as one of what it shows or of time."""
-    pairs = []
+    tried: list[Spline] = []
     for probe in found:
-        for one in known:
-            if probe.variable == "sensor" and one.name != "time":
-                continue
-            at = knots(one, _KNOTS)
-            if at.size > 2:
-                pairs.append((probe, one, at))
-    edges, pieces = [0], []
-    for probe, one, at in pairs:
-        changes = [shaped(probe.changes[k], hats(one.values[k], at)) for k in range(len(linear.logs))]
-        pieces.append(linear.columns(changes))
-        edges.append(edges[-1] + at.size)
-    columns = np.concatenate(pieces, axis=1) if pieces else np.zeros((linear.free.shape[0], 0))
-    return Splines(tuple(pairs), tuple(edges), linear.projected(columns))
+        wanted = [(one, knots(one, _KNOTS)) for one in known if probe.variable != "sensor" or one.name == "time"]
+        wanted = [(one, at) for one, at in wanted if at.size > 2]
+        changes = [
+            together([shaped(probe.changes[k], hats(one.values[k], at)) for one, at in wanted])
+            for k in range(len(linear.logs) if wanted else 0)
+        ]
+        columns = linear.columns(changes) if wanted else np.zeros((0, 0))
+        first = 0
+        for one, at in wanted:
+            tried.append(_scored(linear, probe, one, at, columns[:, first : first + at.size]))
+            first += at.size
+    return tuple(tried)
 
 
-def unexplained(tried: Splines, measured: int, level: float) -> Unexplained | None:
+def _scored(linear: Linearisation, probe: Probe, one: Signal, at: FloatArray, columns: FloatArray) -> Spline:
+    projected = linear.projected(columns)
+    own = list(range(at.size))
+    step, gain, p_value = best_step(projected, own, np.zeros(at.size, dtype=bool))
+    return Spline(probe, one, at, step, _band(projected, own), gain, p_value)
+
+
+def distinct(known: Sequence[Signal]) -> list[Signal]:
+    """Signals of which none is another times a constant; of such the first."""
+    kept: list[Signal] = []
+    shapes: list[FloatArray] = []
+    for one in known:
+        values = np.concatenate(one.values)
+        shape = (values - values.mean()) / max(float(np.linalg.norm(values - values.mean())), np.finfo(float).tiny)
+        if all(abs(float(shape @ other)) < _SAME for other in shapes):
+            kept.append(one)
+            shapes.append(shape)
+    return kept
+
+
+def unexplained(tried: Sequence[Spline], measured: int, level: float) -> Unexplained | None:
     """The function that explains most, if it passes the tests: p-values times the number tried, and the BIC."""
-    best: tuple[float, int, FloatArray, float] | None = None
-    count = len(tried.pairs)
-    gains = np.zeros(count)
-    for index in range(count):
-        own = tried.columns(index)
-        step, gain, p_value = best_step(tried.projected, own, np.zeros(len(own), dtype=bool))
-        gains[index] = gain
-        penalty = 0.5 * len(own) * math.log(max(measured, 2)) + math.log(count)
-        if p_value * count < level and gain > penalty and (best is None or gain > best[0] + 1e-6):
-            best = (gain, index, step, p_value * count)
+    best: Spline | None = None
+    count = len(tried)
+    for one in tried:
+        penalty = 0.5 * one.knots.size * math.log(max(measured, 2)) + math.log(count)
+        ahead = best is None or one.gain > best.gain + 1e-6
+        if one.p_value * count < level and one.gain > penalty and ahead:
+            best = one
     if best is None:
         return None
-    gain, index, step, p_value = best
-    probe, one, at = tried.pairs[index]
     like = [
-        tried.pairs[k][0].place.label
-        for k in range(count)
-        if k != index and tried.pairs[k][1].name == one.name and gain - gains[k] < 1.0
+        one.probe.place.label
+        for one in tried
+        if one is not best and one.signal.name == best.signal.name and best.gain - one.gain < 1.0
     ]
-    std = _band(tried.projected, tried.columns(index))
     return Unexplained(
-        probe.place, probe.variable, one.name, one.unit, _unit(probe), at, step, std, gain, p_value, tuple(like)
-    )
+        best.probe.place, best.probe.variable, best.signal.name, best.signal.unit, _unit(best.probe), best.knots,
+        best.values, best.std, best.gain, best.p_value * count, tuple(like),
+    )  # fmt: skip
 
 
 def _band(found: Projected, own: Sequence[int]) -> FloatArray:
@@ -133,18 +150,14 @@ def _unit(probe: Probe) -> str:
     return domain.effort_unit if probe.variable == "effort" else domain.flow_unit
 
 
-def needless(linear: Linearisation, tried: Splines, chosen: Unexplained, coefficients: Sequence[str]) -> bool:
+def needless(linear: Linearisation, tried: Sequence[Spline], chosen: Unexplained, coefficients: Sequence[str]) -> bool:
     """Whether an effect that is in the model would be dropped if the function were there: a wrong near relative.
 
     With both free, what the effect's coefficients still add is a quadratic form in where they would then be.
     """
     fitted = linear.base
-    index = next(
-        k
-        for k, (probe, one, _) in enumerate(tried.pairs)
-        if probe.place.label == chosen.place.label and one.name == chosen.signal
-    )
-    probe, one, at = tried.pairs[index]
+    own = next(k for k in tried if k.probe.place.label == chosen.place.label and k.signal.name == chosen.signal)
+    probe, one, at = own.probe, own.signal, own.knots
     columns = linear.columns([shaped(probe.changes[k], hats(one.values[k], at)) for k in range(len(linear.logs))])
     expansion = linear.expansion(columns)
     kept = [fitted.problem.names[k] for k in np.flatnonzero(~fitted.held)]

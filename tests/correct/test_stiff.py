@@ -1,0 +1,135 @@
+"""Stiff models in the loop: responses, noise levels, fits and the picture of what is missing, without differences."""
+
+from __future__ import annotations
+
+import functools
+
+import numpy as np
+import pytest
+from sympy import tanh
+
+from bondgraph.correct.build import BuiltModel, build
+from bondgraph.correct.candidates import candidates, places
+from bondgraph.correct.fit import Fit, fit
+from bondgraph.correct.linear_steps import is_linearised, linear_expansion
+from bondgraph.correct.loop import free_parameters
+from bondgraph.correct.missing import missing_effort
+from bondgraph.correct.scoring import linearisation, score_candidates
+from bondgraph.correct.setup import FilterSetup, filter_setup, unknown_drives
+from bondgraph.data.log import MatchedLog
+from bondgraph.declare.domains import ROTATION
+from bondgraph.declare.editing import with_values
+from bondgraph.declare.graph import BondGraph
+from bondgraph.estimate.objective import central_differences
+from bondgraph.estimate.problem import EstimationProblem
+from bondgraph.simulate.simulate import simulate
+from vehicle_graphs import effects
+
+NOISE = np.array([[0.02], [0.02], [0.01]])
+
+
+def winch(loss: float = 0.0) -> BondGraph:
+    """A motor drives a drum through a coupling that grips; the drum hangs on a slope that nobody measures."""
+    g = BondGraph("winch", doc="motor, gripping coupling, drum")
+    torque = g.input("torque", "N m", "torque of the motor")
+    bend = g.input("bend", "rad/s", "rate of the slope, which no log has")
+    slope = g.integral("slope", bend, "rad", "slope of the ground")
+    J_motor = g.parameter("J_motor", 0.05, "kg m^2", "motor")
+    J_drum = g.parameter("J_drum", 0.4, "kg m^2", "drum")
+    grip = g.parameter("grip", 30.0, "N m", "torque that the coupling carries", (10.0, 60.0))
+    slip = g.parameter("slip", 0.1, "rad/s", "slip at which it carries 76 % of that")
+    c = g.parameter("c", 0.2, "N m s", "drag of the drum", (0.05, 1.0))
+    weight = g.parameter("weight", 4.0, "N m", "torque of the load per slope")
+    motor, drum = g.one_junction("motor", ROTATION), g.one_junction("drum", ROTATION)
+    coupling = g.zero_junction("coupling", ROTATION)
+    g.effort_source("drive", torque, at=motor)
+    g.inertance("rotor", J_motor, at=motor, state="w_motor")
+    g.bond(motor, coupling)
+    g.resistance("clutch", lambda w: grip * tanh(w / slip), at=coupling)
+    g.bond(coupling, drum)
+    g.inertance("barrel", J_drum, at=drum, state="w_drum")
+    g.resistance("drag", lambda w: c * w, at=drum)
+    g.effort_source("load", -weight * slope, at=drum)
+    if loss:
+        level = g.parameter("loss", loss, "N m s^2", "what nobody declared")
+        g.resistance("undeclared", lambda w: level * w * abs(w), at=drum)
+    g.measure_flow("motor_speed", motor, "speed of the motor")
+    g.measure_flow("drum_speed", drum, "speed of the drum")
+    g.measure("slope_seen", slope, "rad", "inclinometer")
+    return g
+
+
+@functools.cache
+def built() -> BuiltModel:
+    return build(winch())
+
+
+def drawn(loss: float, seed: int = 1, samples: int = 500) -> MatchedLog:
+    rng = np.random.default_rng(seed)
+    time = 0.05 * np.arange(samples)
+    torque = np.repeat(rng.uniform(0.0, 9.0, samples // 20 + 1), 20)[:samples]
+    bend = np.repeat(rng.normal(0.0, 0.15, samples // 10 + 1), 10)[:samples]
+    model = build(with_values(winch(loss), {"c": 0.3})).model
+    run = simulate(model, time, np.array([torque, bend]), rtol=1e-8).raise_if_failed()
+    y = run.y + NOISE * rng.standard_normal(run.y.shape)
+    return MatchedLog("run", time, np.array([torque, np.zeros(samples)]), y)
+
+
+def setup_of(log: MatchedLog) -> FilterSetup:
+    return filter_setup(built().model, built().driven, [log])
+
+
+@functools.cache
+def fitted(loss: float) -> Fit:
+    log = drawn(loss)
+    setup = setup_of(log)
+    return fit(setup.filter_model, [log], (*free_parameters(setup, ()), *setup.noise))
+
+
+def test_the_method_and_what_walks_are_found_from_model_and_logs() -> None:
+    setup = setup_of(drawn(0.0))
+    assert setup.filter_model.is_stiff
+    assert unknown_drives(built().model, [drawn(0.0)]) == ("slope",)
+    assert "process(slope)" in {one.name for one in setup.noise}
+    assert setup.filter_model.initial_std["slope"] < 0.1  # as the inclinometer shows it
+
+
+def test_expansions_are_those_of_the_filter() -> None:
+    base = fitted(0.0)
+    assert is_linearised(base.problem)
+    kept = ~base.held
+    expansion = linear_expansion(base.problem, base.point)
+    steps = 1e-4 * (base.problem.upper - base.problem.lower)
+    inside = np.clip(base.point, base.problem.lower + 3 * steps, base.problem.upper - 3 * steps)
+    (exact,) = central_differences(base.problem, inside[:, np.newaxis], steps[:, np.newaxis])
+    assert expansion.terms is not None and exact.terms is not None
+    for k in np.flatnonzero(kept):
+        own, truth = expansion.terms.innovations[:, 1 + k], exact.terms.innovations[:, 1 + k]
+        assert np.linalg.norm(own - truth) < 0.1 * np.linalg.norm(truth), base.problem.names[k]
+        own, truth = expansion.terms.log_scales[:, 1 + k], exact.terms.log_scales[:, 1 + k]
+        if base.problem.free[k].target.kind != "parameter":
+            assert np.linalg.norm(own - truth) < 0.1 * np.linalg.norm(truth), base.problem.names[k]
+
+
+def test_a_fit_finds_what_the_log_was_made_with() -> None:
+    base = fitted(0.0)
+    assert base.outcome.succeeded
+    assert base.values["c"] == pytest.approx(0.3, abs=4.0 * base.std["c"])
+    assert base.evaluations < 60  # one run of the filter per step, where differences would take one per parameter
+
+
+def test_scores_name_what_is_missing_and_the_picture_shows_it() -> None:
+    log, base = drawn(0.05), fitted(0.05)
+    linear = linearisation(base, [log])
+    where = places(built(), [log], base.runs([log]), base.theta)
+    drums = [place for place in where if place.label in ("motor", "drum")]
+    found, _ = candidates(built(), [effects.quadratic_loss, effects.constant_effort], drums)
+    scored = score_candidates(linear, found)
+    best = int(np.argmax(scored.scores.gain))
+    assert found[best].effect.name == "quadratic_loss" and found[best].place.label == "drum"
+    assert scored.scores.gain[best] > 20.0
+    drum = next(place for place in drums if place.label == "drum")
+    seen = missing_effort(built(), base, [log], drum)
+    clean = missing_effort(built(), fitted(0.0), [drawn(0.0)], drum)
+    assert seen.flow.shape == log.time.shape and np.all(seen.std > 0.0)
+    assert np.std(seen.effort) > 3.0 * np.std(clean.effort)
