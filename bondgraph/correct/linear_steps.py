@@ -20,7 +20,7 @@ from bondgraph.data.log import FloatArray
 from bondgraph.estimate.free import FreeParameter
 from bondgraph.estimate.objective import Expansion, SearchOutcome, expansion_of
 from bondgraph.estimate.problem import EstimationProblem
-from bondgraph.estimate.steps import damped_step, newton_decrement
+from bondgraph.estimate.steps import damped_step, newton_decrement, promised_gain
 from bondgraph.filter.filter_run import FilterRun
 from bondgraph.filter.likelihood import run
 from bondgraph.simulate.compile import has_numba
@@ -29,6 +29,10 @@ from bondgraph.simulate.compile import has_numba
 _SHIFT = 1e-5
 #: Damping of the first step relative to the information, its limits, and by how much it falls and rises.
 _DAMPING, _LEAST_DAMPING, _MOST_DAMPING, _DAMP_LESS, _DAMP_MORE = 1e-2, 1e-6, 1e5, 10.0, 30.0
+#: It falls where a step gained more than this share of what it promised.
+_AS_PROMISED = 0.5
+#: No step is worth less than so many nats: what the linearised filter leaves out of the gradient is as large.
+_FINEST = 0.3
 
 
 def is_linearised(problem: EstimationProblem) -> bool:
@@ -96,7 +100,9 @@ def linear_search(
     beat, hopeless
         Give up where the value is behind ``beat`` by more than ``hopeless`` times what a step promises or gains.
     """
-    point, runs = np.clip(start, problem.lower, problem.upper), filter_runs(problem, start)
+    tolerance = max(tolerance, _FINEST)
+    point = np.clip(start, problem.lower, problem.upper)
+    runs = filter_runs(problem, point)
     value, evaluations, damping = _value(problem, point, runs), 1, _DAMPING
     expansion = linear_expansion(problem, point, runs)
     outcome = SearchOutcome.ITERATION_LIMIT
@@ -113,8 +119,9 @@ def linear_search(
         if not gained > 0.0:
             damping *= _DAMP_MORE
             continue
+        kept = gained / max(promised_gain(expansion, trial - point), gained, 1e-300)
         point, value, runs = trial, reached, tried
-        damping = max(damping / _DAMP_LESS, _LEAST_DAMPING)
+        damping = max(damping / _DAMP_LESS, _LEAST_DAMPING) if kept > _AS_PROMISED else damping
         idle = idle + 1 if gained < tolerance else 0
         if value - beat > hopeless * max(gained, promise):
             stale = True

@@ -38,6 +38,8 @@ _SAME = 1.0 - 1e-6
 _CHANCE = 0.05
 #: A candidate with less than this share of the best score's gain is not refitted: scores are right to a factor of two.
 _WORTH = 0.4
+#: Nor one whose score promises less than this share of what an accepted one gained when it was refitted.
+_FAR_BEHIND = 0.1
 #: Shares of the step that a score points at where a refit looks for its start.
 _STRIDES = (1.0, 0.5, 0.1, 0.0)
 #: Where a storage is tried first, as shares of its bounds on a logarithmic scale.
@@ -114,6 +116,8 @@ def refit_best(trials: Sequence[Trial], scored: Scored, ground: Ground, most: in
     for count, group in enumerate(groups):
         report("refit the best candidates", count, len(groups))
         index = group[0]
+        if leader is not None and trials[index].score_gain < _FAR_BEHIND * (ground.base.nll - leader[1].nll):
+            continue
         fitted = _refit(index, trials[index], scored, filter_model, ground, leader)
         done[index] = _judged(trials[index], fitted, ground, tuple(trials[j].candidate.label for j in group[1:]))
         for other in group[1:]:

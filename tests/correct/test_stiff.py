@@ -21,7 +21,6 @@ from bondgraph.declare.domains import ROTATION
 from bondgraph.declare.editing import with_values
 from bondgraph.declare.graph import BondGraph
 from bondgraph.estimate.objective import central_differences
-from bondgraph.estimate.problem import EstimationProblem
 from bondgraph.simulate.simulate import simulate
 from vehicle_graphs import effects
 
