@@ -37,9 +37,6 @@ _NOISIER = (1.0, 5.0, 25.0, 125.0)
 #: A fit that is to beat another gives up when it is behind by more than this many times what a step promises or gains.
 _HOPELESS = 10.0
 
-#: Of the starts of a stiff model, whose filter takes seconds, so many are tried.
-_FEW_STARTS = 4
-
 Report = Callable[[str, int, int], None]
 
 
@@ -215,7 +212,7 @@ def _linear_search(
     problem: EstimationProblem, iterations: int, tolerance: float, starts: Sequence[FloatArray], beat: float
 ) -> tuple[Fit, FloatArray]:
     """The fit of a stiff model; its expansions need no difference steps."""
-    start, evaluations = _best_start(problem, starts[:: max(1, len(starts) // _FEW_STARTS)])
+    start, evaluations = _best_start(problem, starts)
     found = linear_search(problem, start[:, 0], iterations, tolerance, beat, _HOPELESS)
     evaluations += found.evaluations
     made = Fit(problem, found.point, found.nll, found.expansion, evaluations, found.outcome)

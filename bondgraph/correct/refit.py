@@ -42,6 +42,9 @@ _WORTH = 0.4
 _FAR_BEHIND = 0.1
 #: Shares of the step that a score points at where a refit looks for its start.
 _STRIDES = (1.0, 0.5, 0.1, 0.0)
+#: Multiples of that step, and by how much (of a logarithm) lower process noise, at which a stiff model is tried too.
+_MULTIPLES = (1.0, 4.0, 16.0)
+_QUIETER = 2.0
 #: Where a storage is tried first, as shares of its bounds on a logarithmic scale.
 _SIZES = (0.25, 0.5, 0.75)
 
@@ -165,6 +168,8 @@ def _refit(
     free = (*at_optimum(ground.base), *own)
     found = scored.scores
     starts = [_along(ground.base, found, index, own, share) for share in _STRIDES]
+    if filter_model.is_stiff:
+        starts += _afresh(ground.base, own, found.steps[index])
     beat = np.inf
     if leader is not None:
         first, fitted = leader
@@ -185,6 +190,31 @@ def _along(base: Fit, found: Scores, index: int, own: Sequence[FreeParameter], s
     point = base.point.copy()
     point[~base.held] += share * min(cut, 1.0) * found.follows(index)
     return np.concatenate([point, reached, shapes])
+
+
+def _afresh(base: Fit, own: Sequence[FreeParameter], step: FloatArray) -> list[FloatArray]:
+    """Starts that owe less to the fit without a candidate: its parameters or the declared ones, its noise or little.
+
+    A model that lacks something drives its parameters to bounds and its noise up, and from there a long way leads back.
+    Coefficients are tried at what their score points at and, since a large effect is underrated, at multiples of it.
+    """
+    problem = base.problem
+    model = problem.filter_model.model
+    kinds = np.array([parameter.target.kind for parameter in problem.free])
+    declared = base.point.copy()
+    for k, parameter in enumerate(problem.free):
+        if parameter.target.kind == "parameter":
+            value = model.parameters[model.index("parameter", parameter.target.name)].value
+            declared[k] = parameter.coordinate(float(np.clip(value, parameter.lower, parameter.upper)))
+    quiet = np.where(kinds == "process", np.clip(base.point - _QUIETER, problem.lower, problem.upper), 0.0)
+    found = []
+    for point in (base.point, declared):
+        for levels in (point, np.where(kinds == "process", quiet, point)):
+            for many in _MULTIPLES:
+                reached = [_inside(one, many * value) for one, value in zip(own, step, strict=False)]
+                shapes = [parameter.coordinate(parameter.start) for parameter in own[step.size :]]
+                found.append(np.concatenate([levels, reached, shapes]))
+    return found
 
 
 def _inside(coefficient: FreeParameter, step: float) -> float:
