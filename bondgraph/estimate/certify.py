@@ -17,7 +17,7 @@ import numpy as np
 
 from bondgraph.estimate.objective import Expand, FloatArray
 from bondgraph.estimate.problem import EstimationProblem
-from bondgraph.filter.discretisation import step_times_rate
+from bondgraph.filter.discretisation import explicit_substeps
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.likelihood import run
 
@@ -94,12 +94,12 @@ def finer_filters(problem: EstimationProblem, point: FloatArray, depth: Depth) -
     if depth == "full" and used.method != "rk4":
         batch = problem.batch(point[:, np.newaxis])
         theta = batch.theta[:, 0]
-        largest = max(
-            step_times_rate(run(used, log, theta, x0=x0[:, 0]), log, theta)
+        needed = max(
+            explicit_substeps(run(used, log, theta, x0=x0[:, 0]), log, theta, _ACCURATE)
             for log, x0 in zip(problem.logs, batch.x0, strict=True)
         )
-        if math.isfinite(largest):
-            yield replace(used, method="rk4", substeps=max(1, math.ceil(used.substeps * largest / _ACCURATE)))
+        if math.isfinite(needed):
+            yield replace(used, method="rk4", substeps=max(1, math.ceil(needed)), plan=None)
 
 
 def check(
@@ -132,4 +132,4 @@ def check(
     nats = both[0] - both[1]
     shift = float(np.max(in_std, initial=0.0)) if np.isfinite(in_std).all() and math.isfinite(nats) else math.inf
     worst = problem.names[int(np.argmax(np.nan_to_num(in_std, nan=np.inf)))] if problem.names else "nothing"
-    return Check(finer.method, finer.substeps, nats, shift, worst)
+    return Check(finer.method, finer.typical_substeps, nats, shift, worst)

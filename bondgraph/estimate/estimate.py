@@ -34,6 +34,7 @@ from bondgraph.estimate.objective import (
 from bondgraph.estimate.particle_swarm import SwarmSettings, SwarmState, initial_swarm, step_swarm, swarm_ended
 from bondgraph.estimate.problem import EstimationProblem
 from bondgraph.estimate.result import Estimate, Found, describe
+from bondgraph.filter.choice import choose_method
 
 Method = Literal["both", "pso", "gradient"]
 
@@ -203,7 +204,8 @@ def _certified(found: Estimate, run: _Run) -> Estimate:
     """The estimate with its certification, after going on with finer steps as often as these move it."""
     depth, limit = run.settings.certify, run.settings.gradient
     for continued in range(_MOST_REFINEMENTS + 1):
-        used = found.problem.filter_model
+        used = choose_method(found.problem.filter_model, found.problem.logs)  # finer steps are finer than decided ones
+        found = replace(found, problem=replace(found.problem, filter_model=used))
         asked = found.outcome.succeeded and depth != "none"
         filters = list(finer_filters(found.problem, found.point, depth)) if asked else []
         spread = found.coordinate_covariance
@@ -211,7 +213,7 @@ def _certified(found: Estimate, run: _Run) -> Estimate:
             checks = tuple(check(found.problem, found.point, spread, finer, run.jacobian) for finer in filters)
         except KeyboardInterrupt:
             checks = ()
-        certification = Certification(used.method, used.substeps, checks, continued)
+        certification = Certification(used.method, used.typical_substeps, checks, continued)
         found = replace(found, certification=certification, seconds=run.seconds)
         if not checks or certification.certified or continued == _MOST_REFINEMENTS:
             break

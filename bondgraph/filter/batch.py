@@ -179,26 +179,34 @@ class _CompiledFilter:
         side_by_side = 1 if end - first == 1 else (end - first + 7) // 8 * 8
         work = _work(self.filter_model, lanes, side_by_side)
         self.filter_members(
-            equations, log_rows(run.samples), self._rules(), members, first, end, run.verdicts, run.record, work
+            equations,
+            log_rows(run.samples),
+            filter_rules(self.filter_model, lanes),
+            members,
+            first,
+            end,
+            run.verdicts,
+            run.record,
+            work,
         )
 
-    def _rules(self) -> Rules:
-        filter_model, lanes = self.filter_model, self.lanes
-        points = filter_model.points
-        return Rules(
-            spread=points.spread,
-            weight=points.weight,
-            correction=points.correction,
-            pivot_floor=PIVOT_FLOOR,
-            appended=filter_model.appended_index,
-            tableau=TABLEAUS[filter_model.method].numbers if filter_model.is_stiff else np.empty(0),
-            grading=filter_model.grading if filter_model.is_stiff else 1.0,
-            lanes=LANES,
-            n_x=len(filter_model.model.states),
-            theta=lanes.theta,
-            x=lanes.x,
-            y=lanes.y,
-        )
+
+def filter_rules(filter_model: FilterModel, lanes: LaneModel) -> Rules:
+    """Numbers of the sigma points and of the method, as kernels read them."""
+    points = filter_model.points
+    return Rules(
+        spread=points.spread,
+        weight=points.weight,
+        correction=points.correction,
+        pivot_floor=PIVOT_FLOOR,
+        appended=filter_model.appended_index,
+        tableau=TABLEAUS[filter_model.method].numbers if filter_model.is_stiff else np.empty(0),
+        lanes=LANES,
+        n_x=len(filter_model.model.states),
+        theta=lanes.theta,
+        x=lanes.x,
+        y=lanes.y,
+    )
 
 
 def log_rows(samples: Samples) -> Log:
@@ -208,7 +216,7 @@ def log_rows(samples: Samples) -> Log:
         return np.array(array.T, order="C", dtype=np.float64)
 
     u, u_left, u_right, y = map(rows, (samples.u, samples.u_left, samples.u_right, samples.y))
-    return Log(np.array(samples.time, dtype=np.float64), u, u_left, u_right, y, samples.substeps)
+    return Log(np.array(samples.time, dtype=np.float64), u, u_left, u_right, y, samples.substeps, samples.grading)
 
 
 def _work(filter_model: FilterModel, lanes: LaneModel, width: int) -> Work:

@@ -1,8 +1,9 @@
 """Choose an integration method by how fast a model is along its logs.
 
 An explicit method must resolve the fastest rate of the model, whether or not it matters; a stiff method need not. So
-the logs are filtered once with a method that is stable for all rates, at the declared parameters, and the largest
-magnitude of an eigenvalue of the model's Jacobian along the filtered states decides.
+the logs are filtered once with a method that is stable for all rates, at the declared parameters. The largest magnitude
+of an eigenvalue of the model's Jacobian along the filtered states tells how many explicit steps are needed; where these
+are many, stiff steps are planned along that run (:mod:`bondgraph.filter.planning`), and the cheaper is taken.
 """
 
 from __future__ import annotations
@@ -15,23 +16,24 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from bondgraph.filter.batch import run_batches
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.filter_run import FilterRun
-from bondgraph.filter.members import member_batches
+from bondgraph.filter.planning import filtered_logs, plan_along, plan_cost
 from bondgraph.filter.samples import MeasuredLog, Samples
-from bondgraph.simulate.arrays import FloatArray
+from bondgraph.simulate.arrays import FloatArray, IntArray
 
 #: With the classical Runge-Kutta method, step times rate stays below this: stable with a margin for other parameters.
 STEP_TIMES_RATE = 1.5
 
-#: Beyond so many explicit steps between two samples a stiff method is cheaper.
-_MOST_EXPLICIT = 40
+#: So few explicit steps between two samples are cheaper than any stiff method.
+_FEW_EXPLICIT = 10
 
-#: The stiff choice: steps between two samples, and how much longer each is than the one before. Fewer steps are faster
-#: and keep a likelihood within a few nats, but that error wavers with the parameters; on a vehicle whose rates spread
-#: from 1 to 4500 1/s it moved estimates by standard deviations with 8 steps.
-_STIFF_SUBSTEPS, _STIFF_GRADING = 16, 1.35
+#: Evaluations of the equations in a step of the classical Runge-Kutta method.
+_RK4_SLOPES = 4
+
+#: Stiff steps between two samples where there is no plan. They are equal: one that is long and starts where a law is
+#: saturated jumps over the zone in which it is not.
+_STIFF_SUBSTEPS = 32
 
 #: Points along each log at which rates are looked at.
 _POINTS = 40
@@ -83,20 +85,33 @@ def _content(filter_model: FilterModel, logs: Sequence[MeasuredLog]) -> str:
 def _chosen(question: _Question) -> FilterModel:
     filter_model = question.filter_model
     stiff = replace(
-        filter_model, method="rodas4", substeps=max(filter_model.substeps, _STIFF_SUBSTEPS), grading=_STIFF_GRADING
+        filter_model,
+        method="rodas4",
+        substeps=max(filter_model.substeps, _STIFF_SUBSTEPS),
+        grading=1.0,
+        plan=None,
     )
-    samples = [Samples.of(stiff, log) for log in question.logs]
-    batches = member_batches(stiff, samples, None, {})
-    runs = run_batches(stiff, samples, batches, 2, 1, question.compiled)
+    filtered = filtered_logs(stiff, question.logs, question.compiled)
     needed = max(
-        rate * float(np.median(np.diff(log.time))) / STEP_TIMES_RATE if log.time.size > 1 else 0.0
-        for log, run in zip(samples, runs, strict=True)
-        for rate in fastest_rates(run.filter_run(stiff, 0), log, None)
+        rate * float(np.median(np.diff(log.samples.time))) / STEP_TIMES_RATE if log.samples.time.size > 1 else 0.0
+        for log in filtered
+        for rate in fastest_rates(log.run, log.samples, None)
     )
     steps = max(filter_model.substeps, math.ceil(needed)) if math.isfinite(needed) else math.inf
-    if steps <= max(_MOST_EXPLICIT, filter_model.substeps):
-        return replace(filter_model, method="rk4", substeps=int(steps), grading=1.0)
-    return replace(stiff, method="ros3p")
+    explicit = replace(filter_model, method="rk4", substeps=int(steps), grading=1.0) if steps < math.inf else None
+    if explicit is not None and steps <= max(_FEW_EXPLICIT, filter_model.substeps):
+        return explicit
+    planned = plan_along(stiff, filtered, compiled=question.compiled)
+    assert planned.plan is not None
+    planned_cost = math.inf if planned.plan is None else plan_cost(planned.model, planned.plan)
+    if explicit is not None and _RK4_SLOPES * steps <= planned_cost:
+        return explicit
+    return planned
+
+
+def looked_at(samples: Samples) -> IntArray:
+    """The samples at which rates are looked at: starts of intervals."""
+    return np.unique(np.linspace(0, max(samples.time.size - 2, 0), _POINTS).astype(np.int64))
 
 
 def fastest_rates(filtered: FilterRun, samples: Samples, theta: FloatArray | None) -> FloatArray:
@@ -107,7 +122,7 @@ def fastest_rates(filtered: FilterRun, samples: Samples, theta: FloatArray | Non
     filter_model = filtered.filter_model
     model = filter_model.model
     n_x = len(model.states)
-    chosen = np.unique(np.linspace(0, max(samples.time.size - 2, 0), _POINTS).astype(int))
+    chosen = looked_at(samples)
     parameters = samples.theta(filter_model, np.array(model.theta() if theta is None else theta, dtype=np.float64))
     rates = np.full(chosen.size, np.inf)
     for i, k in enumerate(chosen):

@@ -14,7 +14,7 @@ from typing import Unpack
 import numpy as np
 import numpy.typing as npt
 
-from bondgraph.filter.choice import choose_method, fastest_rates
+from bondgraph.filter.choice import choose_method, fastest_rates, looked_at
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.filter_run import FilterRun
 from bondgraph.filter.likelihood import likelihood, run
@@ -22,7 +22,6 @@ from bondgraph.filter.members import MemberValues, per_log
 from bondgraph.filter.samples import MeasuredLog, Samples
 from bondgraph.simulate.arrays import FloatArray
 from bondgraph.simulate.model import Model
-from bondgraph.simulate.stiff import step_lengths
 
 #: Step times rate up to which the classical Runge-Kutta method is stable on the negative real axis.
 STABLE = 2.78
@@ -105,7 +104,7 @@ def discretisation_error(
     for i, log in enumerate(listed):
         own: MemberValues = {**values, "x0": x0[i], "initial_std": initial_std[i]}
         rates.append(step_times_rate(run(used, log, theta, compiled=compiled, **own), log, theta))
-    return DiscretisationError(nats, max(rates), used.substeps, used.method)
+    return DiscretisationError(nats, max(rates), used.typical_substeps, used.method)
 
 
 def jacobian(model: Model, t: float, x: FloatArray, u: FloatArray, theta: FloatArray) -> FloatArray:
@@ -115,13 +114,31 @@ def jacobian(model: Model, t: float, x: FloatArray, u: FloatArray, theta: FloatA
 
 def step_times_rate(filtered: FilterRun, log: MeasuredLog, theta: npt.ArrayLike | None) -> float:
     """Largest product of step and rate along one filtered log, at evenly chosen samples; infinite if it diverged."""
-    filter_model = filtered.filter_model
-    samples = Samples.of(filter_model, log)
+    samples = Samples.of(filtered.filter_model, log)
     if samples.time.size < 2:
         return 0.0
     parameters = None if theta is None else np.array(theta, dtype=np.float64)
-    longest = np.max(np.diff(samples.time) / samples.substeps)
-    if filter_model.is_stiff:
-        lengths = step_lengths(1.0, filter_model.substeps, filter_model.grading)
-        longest *= filter_model.substeps * np.max(lengths)
-    return float(longest * np.max(fastest_rates(filtered, samples, parameters)))
+    rates = fastest_rates(filtered, samples, parameters)
+    return float(np.max(rates * _longest_steps(samples)[looked_at(samples)]))
+
+
+def explicit_substeps(filtered: FilterRun, log: MeasuredLog, theta: npt.ArrayLike | None, product: float) -> float:
+    """Uniform steps between samples that keep step times rate at or below a product along one filtered log."""
+    samples = Samples.of(filtered.filter_model, log)
+    if samples.time.size < 2:
+        return 1.0
+    parameters = None if theta is None else np.array(theta, dtype=np.float64)
+    interval = float(np.median(np.diff(samples.time)))
+    return float(np.max(fastest_rates(filtered, samples, parameters))) * interval / product
+
+
+def _longest_steps(samples: Samples) -> FloatArray:
+    """Longest integration step of each interval, (n-1,), s."""
+    ratio = np.maximum(samples.grading, 1.0 / samples.grading)
+    # the longest of steps in geometric progression, as a share of their sum
+    share = np.divide(
+        1.0 - 1.0 / ratio, 1.0 - ratio**-samples.substeps.astype(np.float64),
+        out=1.0 / samples.substeps, where=ratio != 1.0,
+    )  # fmt: skip
+    longest: FloatArray = np.diff(samples.time) * share
+    return longest

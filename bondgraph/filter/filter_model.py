@@ -10,6 +10,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from bondgraph.errors import FilterError, suggest
+from bondgraph.filter.plan import StepPlan
 from bondgraph.filter.sigma_points import MerweScaled
 from bondgraph.simulate.arrays import FloatArray, IntArray
 from bondgraph.simulate.model import Model
@@ -50,6 +51,9 @@ class FilterModel:
     appended
         Parameters that are followed as states, with the standard deviation per sqrt(s) of their random walk; zero for a
         constant that is learnt. Their start value is the one in ``theta``, its uncertainty stands in ``initial_std``.
+    plan
+        Steps of every interval of some logs in place of ``substeps`` and ``grading``, for the method it was made for,
+        see :func:`bondgraph.filter.planning.plan_steps`.
 
     Raises
     ------
@@ -77,6 +81,7 @@ class FilterModel:
     beta: float = 2.0
     kappa: float = 0.0
     appended: Mapping[str, float] = field(default_factory=dict)
+    plan: StepPlan | None = None
 
     def __post_init__(self) -> None:
         for name in ("process_noise", "measurement_noise", "initial_std", "appended"):
@@ -96,9 +101,16 @@ class FilterModel:
         """Whether the method is one for stiff models."""
         return self.method in TABLEAUS
 
+    @property
+    def typical_substeps(self) -> int:
+        """Integration steps between samples, on average where they are planned."""
+        planned = self.plan is not None and self.plan.method == self.method
+        return max(1, round(self.plan.mean_substeps)) if planned and self.plan is not None else self.substeps
+
     def with_halved_steps(self) -> FilterModel:
         """The same filter with every integration step cut in two; the lengths stay graded along the interval."""
-        return replace(self, substeps=2 * self.substeps, grading=math.sqrt(self.grading))
+        plan = None if self.plan is None else self.plan.halved()
+        return replace(self, substeps=2 * self.substeps, grading=math.sqrt(self.grading), plan=plan)
 
     @functools.cached_property
     def points(self) -> MerweScaled:

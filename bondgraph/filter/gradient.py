@@ -143,7 +143,6 @@ def _rules(filter_model: FilterModel, tangents: TangentLanes) -> TangentRules:
         correction=points.correction,
         pivot_floor=PIVOT_FLOOR,
         tableau=TABLEAUS[filter_model.method].numbers if filter_model.is_stiff else np.empty(0),
-        grading=filter_model.grading,
         lanes=LANES,
         theta=layout.theta,
         x=layout.x,

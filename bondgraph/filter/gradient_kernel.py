@@ -106,7 +106,7 @@ def _predict(equations: TangentEquations, log: Log, rules: TangentRules, prior: 
             log.time[k - 1],
             interval,
             log.substeps[k - 1],
-            rules.grading,
+            log.grading[k - 1],
             rules.tableau,
             log.u_left[k - 1],
             log.u_right[k - 1],

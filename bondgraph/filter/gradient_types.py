@@ -25,7 +25,6 @@ class TangentRules(NamedTuple):
     correction: float
     pivot_floor: float
     tableau: FloatArray
-    grading: float
     lanes: int
     theta: int
     x: int

@@ -166,7 +166,7 @@ def _predict(
             log.time[k - 1],
             log.time[k] - log.time[k - 1],
             log.substeps[k - 1],
-            rules.grading,
+            log.grading[k - 1],
             rules.tableau,
             log.u_left[k - 1],
             log.u_right[k - 1],

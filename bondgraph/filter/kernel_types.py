@@ -8,7 +8,7 @@ from bondgraph.simulate.arrays import FloatArray, IntArray
 
 
 class Log(NamedTuple):
-    """A log: time (n,); u (n, n_u); u_left, u_right (n-1, n_u); y (n, n_y); substeps (n-1,)."""
+    """A log: time (n,); u (n, n_u); u_left, u_right (n-1, n_u); y (n, n_y); substeps and their grading (n-1,)."""
 
     time: FloatArray
     u: FloatArray
@@ -16,6 +16,7 @@ class Log(NamedTuple):
     u_right: FloatArray
     y: FloatArray
     substeps: IntArray
+    grading: FloatArray
 
 
 class Rules(NamedTuple):
@@ -32,7 +33,6 @@ class Rules(NamedTuple):
     pivot_floor: float
     appended: IntArray
     tableau: FloatArray
-    grading: float
     lanes: int
     n_x: int
     theta: int

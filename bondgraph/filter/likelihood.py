@@ -36,7 +36,7 @@ class Likelihood:
     ``nll`` (members,) is the sum over logs of ``nll_per_log`` (n_logs, members), infinite where a member failed;
     ``outcomes`` says how each member ended (its first failure), ``floored_pivots`` (members,) how many directions of a
     covariance were lost to rounding, ``refined`` (members,) who diverged somewhere and was repeated there with twice
-    the integration steps. ``method`` and ``substeps`` are what the integration used otherwise.
+    the integration steps. ``method`` and ``substeps`` (on average, where they are planned) are what else was used.
     """
 
     nll: FloatArray
@@ -136,7 +136,7 @@ def likelihood(
         }
         return discretisation_error(used, logs, batches[0].theta[:, m], compiled=compiled, **own)
 
-    return Likelihood(nll, _outcomes(runs), per_log, floored, refined, used.method, used.substeps, best)
+    return Likelihood(nll, _outcomes(runs), per_log, floored, refined, used.method, used.typical_substeps, best)
 
 
 def negative_log_likelihood(

@@ -10,6 +10,7 @@ import numpy as np
 
 from bondgraph.errors import FilterError, suggest
 from bondgraph.filter.filter_model import FilterModel
+from bondgraph.filter.plan import IntervalSteps, log_key
 from bondgraph.simulate.arrays import FloatArray, IntArray
 from bondgraph.simulate.inputs import InputSegment, hold_flags, rate_rows
 
@@ -43,8 +44,13 @@ class Samples:
     """A log checked against a filter model.
 
     ``time`` (n,), ``u`` (n_u, n), ``y`` (n_y, n); ``u_left`` and ``u_right`` (n_u, n-1) are the inputs at the two ends
-    of each interval and ``substeps`` (n-1,) its integration steps. An input that is the rate of another is constant
-    over each interval; ``u`` has the mean of both sides of a sample.
+        inputs = log.u.copy()
+        for row in rate_rows(filter_model.model):
+            inputs[row, 1:-1] = 0.5 * (log.u[row, :-2] + log.u[row, 1:-1])
+        key = log_key(log.time, log.u, log.y, log.theta_overrides)
+        steps = _steps(filter_model, log.time, key)
+        arrays = (log.time, inputs, left, right, log.y, steps.substeps, steps.grading)
+        return cls(log.name, *arrays, dict(log.theta_overrides), key)
     """
 
     name: str
@@ -54,7 +60,9 @@ class Samples:
     u_right: FloatArray
     y: FloatArray
     substeps: IntArray
+    grading: FloatArray
     theta_overrides: Mapping[str, float]
+    key: str
 
     @classmethod
     def of(cls, filter_model: FilterModel, log: MeasuredLog) -> Samples:
@@ -70,11 +78,13 @@ class Samples:
         hold = hold_flags(filter_model.model)[:, np.newaxis]
         left = log.u[:, :-1]
         right = np.where(hold, left, log.u[:, 1:])
-        steps = interval_substeps(log.time, filter_model.substeps)
         inputs = log.u.copy()
         for row in rate_rows(filter_model.model):
             inputs[row, 1:-1] = 0.5 * (log.u[row, :-2] + log.u[row, 1:-1])
-        return cls(log.name, log.time, inputs, left, right, log.y, steps, dict(log.theta_overrides))
+        key = log_key(log.time, log.u, log.y, log.theta_overrides)
+        steps = _steps(filter_model, log.time, key)
+        arrays = (log.time, inputs, left, right, log.y, steps.substeps, steps.grading)
+        return cls(log.name, *arrays, dict(log.theta_overrides), key)
 
     def segment(self, k: int) -> InputSegment:
         """Inputs of the interval that ends at sample ``k``."""
@@ -87,6 +97,15 @@ class Samples:
         for name, value in self.theta_overrides.items():
             known[filter_model.model.index("parameter", name)] = value
         return known
+
+
+def _steps(filter_model: FilterModel, time: FloatArray, key: str) -> IntervalSteps:
+    """The steps planned for the log with this key, else uniform ones."""
+    plan = filter_model.plan
+    if plan is not None and plan.method == filter_model.method and key in plan.logs:
+        return plan.logs[key]
+    substeps = interval_substeps(time, filter_model.substeps)
+    return IntervalSteps(substeps, np.full(substeps.size, filter_model.grading if filter_model.is_stiff else 1.0))
 
 
 def interval_substeps(time: FloatArray, substeps: int) -> IntArray:

@@ -41,7 +41,7 @@ def transition(filter_model: FilterModel, samples: Samples, k: int, theta: Float
     n_x = len(model.states)
     substeps = int(samples.substeps[k - 1])
     stiff = filter_model.is_stiff
-    integrator = Rosenbrock(filter_model.method, substeps, filter_model.grading) if stiff else RK4(substeps)
+    integrator = Rosenbrock(filter_model.method, substeps, float(samples.grading[k - 1])) if stiff else RK4(substeps)
 
     def move(points: FloatArray) -> FloatArray:
         parameters = _point_parameters(filter_model, points, theta)

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Sequence
 
+from bondgraph.simulate.program.quick import LoopCalls
 from bondgraph.simulate.program.tape import Tape, reachable
 
 #: Vectors whose elements stay the same for a set of parameters.
@@ -27,8 +28,9 @@ class Hoister:
     (['leaf', 'leaf', 'mul'], 1)
     """
 
-    def __init__(self, tape: Tape) -> None:
+    def __init__(self, tape: Tape, calls: LoopCalls | None = None) -> None:
         self._tape = tape
+        self._calls = calls
         self._levels: dict[int, int] = {}
         #: What is hoisted, in the order of its vector.
         self.nodes: list[int] = []
@@ -36,6 +38,8 @@ class Hoister:
     def rewrite(self, results: Sequence[int]) -> list[int]:
         """The same nodes in terms of states, inputs, time, parameters and the vector ``hoisted``."""
         tape = self._tape
+        if self._calls is not None:
+            results = self._calls.widen(results)
         needed = reachable(tape.operations, results)
         divisors = Counter(tape.operations[n].arguments[1] for n in needed if tape.operations[n].kind == "div")
         new: dict[int, int] = {}
@@ -64,9 +68,10 @@ class Hoister:
     def _hoisted(self, node: int) -> int:
         if self._tape.operations[node].kind in ("constant", "leaf"):
             return node
-        if node not in self.nodes:
-            self.nodes.append(node)
-        return self._tape.leaf("hoisted", self.nodes.index(node))
+        number = self._tape.as_number(node)
+        if number not in self.nodes:
+            self.nodes.append(number)
+        return self._tape.as_kept(node, self._tape.leaf("hoisted", self.nodes.index(number)))
 
     def _is_fixed(self, node: int) -> bool:
         """Whether a node depends on parameters and constants only."""

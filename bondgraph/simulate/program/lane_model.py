@@ -22,7 +22,7 @@ from bondgraph.simulate.program import lane_kernel, lane_math
 from bondgraph.simulate.program.hoist import Hoister
 from bondgraph.simulate.program.lane_text import LANES, Place, lane_function
 from bondgraph.simulate.program.model_program import ModelProgram
-from bondgraph.simulate.program.solver import loop_programs
+from bondgraph.simulate.program.quick import LoopCalls
 from bondgraph.simulate.program.sparse_lu import SparseFactors, factorise, substitute
 from bondgraph.simulate.program.tape import Program, Tape
 
@@ -70,11 +70,10 @@ class Writer:
         self._equations = equations
         self._stiff = stiff
         self._tape: Tape = equations.tape
-        self._hoister = Hoister(self._tape)
+        self._calls = LoopCalls(equations.reader)
+        self._hoister = Hoister(self._tape, self._calls)
         self._rows: dict[str, int] = {}
         self._next = 0
-        reader = equations.reader
-        self._solvers = {name: loop_programs(reader, solver) for name, solver in reader.solvers.items()}
 
     def text(self) -> LaneText:
         """All of the text."""
@@ -168,7 +167,7 @@ class Writer:
             rows += [self._rows[target] + i for i in range(count)]
         used = dict.fromkeys(op.value[0] for op in program.operations if op.kind == "solve")
         text, spare = lane_function(
-            name, arguments, program, places, rows, self._next, {name: self._solvers[name] for name in used}
+            name, arguments, program, places, rows, self._next, {name: self._calls.programs[name] for name in used}
         )
         self._spare = max(self._spare, spare)
         return text

@@ -20,7 +20,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from bondgraph.simulate.program.solver import LoopPrograms
-from bondgraph.simulate.program.tape import Operation, Program
+from bondgraph.simulate.program.tape import TRUTHS, Operation, Program
 
 #: Lanes worked on together: two vectors of eight numbers.
 LANES = 16
@@ -36,6 +36,8 @@ _SMOOTH = (*_LANE_FUNCTIONS, *_INFIX, "constant", "leaf", "neg", "not", "sign", 
 #: Kinds that stand inside another line when only that uses them.
 _NESTED = ("add", "sub", "mul", "div", "neg")
 _LONGEST = 90
+#: Plain Newton steps before a lane is left to the guarded iteration.
+_QUICK_TURNS = 8
 _ELEMENT = re.compile(r"w\[\d+ \+ l\]")
 
 
@@ -182,7 +184,8 @@ class _Printer:
             return self._places[vector].text(position)
         if node in self._text:
             return self._text[node]
-        return element(self._row(node))
+        row = element(self._row(node))
+        return f"({row} != 0.0)" if operation.kind in TRUTHS else row
 
     def _argument(self, node: int, phase: int) -> str:
         text = self._read(node, phase)
@@ -256,19 +259,64 @@ class _Printer:
         loop = self._solvers[name]
         results = [self._rows[node, k] for k in range(unknowns)]
         first = self._spare + len(self._rows)
+        if loop.quick is None:
+            return self._guarded(node, loop, arguments, results, first)
+        # plain steps first: the unknowns, the size of the last step, the state of the lane, whether it goes on
+        carried = [first + k for k in range(unknowns + 3)]
+        size, mode = element(carried[unknowns]), element(carried[unknowns + 1])
+        start = [f"{element(row)} = {arguments[k]}" for k, row in enumerate(carried[:unknowns])]
+        before = _loop([*start, f"{size} = np.inf", f"{mode} = 1.0"])
+        turns = self._iteration(f"quick_{node}", loop.quick, _QUICK_TURNS, carried, arguments, first + unknowns + 3)
+        after = _loop([f"{element(row)} = {element(carried[k])}" for k, row in enumerate(results)])
+        ask = [
+            "    left = 0",
+            "    for l in range(n):",
+            f"        left |= np.int64({mode} != 0.0)",
+            "    if left != 0:",
+        ]
+        solved = first + unknowns + 3
+        rest = self._guarded(node, loop, arguments, [solved + k for k in range(unknowns)], solved + unknowns)
+        chosen = [
+            f"{element(row)} = {element(row)} if {mode} == 0.0 else {element(solved + k)}"
+            for k, row in enumerate(results)
+        ]
+        return [*before, *turns, *after, *ask, *(f"    {line}" for line in [*rest, *_loop(chosen)])]
+
+    def _guarded(
+        self, node: int, loop: LoopPrograms, arguments: Sequence[str], results: Sequence[int], first: int
+    ) -> list[str]:
+        """The iteration of the module, with scratch rows from ``first`` on."""
         count = len(loop.start.results)
-        places = {"argument": Place(texts=tuple(arguments)), "carried": Place(first)}
         carried = [first + k for k in range(count + 1)]
-        printers = [_Printer(part, places, first + count + 1, {}) for part in (loop.start, loop.turn, loop.end)]
-        before, turn, after = (
-            printer.loops(rows) for printer, rows in zip(printers, (carried[:-1], carried, results), strict=True)
+        before, after = (
+            self._lines(part, rows, carried, arguments, first + count + 1)
+            for part, rows in ((loop.start, carried[:-1]), (loop.end, results))
         )
-        self._scratch = max(self._scratch, count + 1 + max(printer.spilled() for printer in printers))
-        moving = f"moving_{node}"
-        ask = [f"{moving} = 0", "for l in range(n):", f"    {moving} |= np.int64({element(carried[-1])})"]
-        end = [f"if {moving} == 0:", "    break"]
-        turns = [f"    for _ in range({loop.limit}):", *(f"    {line}" for line in turn)]
-        return [*before, *turns, *(f"        {line}" for line in [*ask, *end]), *after]
+        turns = self._iteration(f"moving_{node}", loop.turn, loop.limit, carried, arguments, first + count + 1)
+        return [*before, *turns, *after]
+
+    def _iteration(
+        self, name: str, turn: Program, limit: int, carried: Sequence[int], arguments: Sequence[str], spare: int
+    ) -> list[str]:
+        """Turns until no lane goes on."""
+        lines = self._lines(turn, carried, carried, arguments, spare)
+        ask = [f"{name} = 0", "for l in range(n):", f"    {name} |= np.int64({element(carried[-1])})"]
+        end = [f"if {name} == 0:", "    break"]
+        return [
+            f"    for _ in range({limit}):",
+            *(f"    {line}" for line in lines),
+            *(f"        {line}" for line in [*ask, *end]),
+        ]
+
+    def _lines(
+        self, part: Program, rows: Sequence[int], carried: Sequence[int], arguments: Sequence[str], spare: int
+    ) -> list[str]:
+        """Loops of one part of an iteration."""
+        places = {"argument": Place(texts=tuple(arguments)), "carried": Place(carried[0])}
+        printer = _Printer(part, places, spare, {})
+        lines = printer.loops(rows)
+        self._scratch = max(self._scratch, spare + printer.spilled() - self._spare - len(self._rows))
+        return lines
 
 
 def _phases(operations: Sequence[Operation]) -> list[int]:

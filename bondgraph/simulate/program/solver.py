@@ -21,12 +21,15 @@ class LoopPrograms:
 
     ``start`` gives the carried variables before the loop, ``turn`` those after a turn and last whether the lane still
     moves (1 or 0), ``end`` the unknowns. ``limit`` is the largest number of turns.
+    ``quick`` is a turn of plain Newton steps, see ``quick``, and ``arguments`` how many arguments the others read.
     """
 
     start: Program
     turn: Program
     end: Program
     limit: int
+    quick: Program | None = None
+    arguments: int = 0
 
 
 def loop_programs(reader: Reader, solver: Solver) -> LoopPrograms:

@@ -49,6 +49,9 @@ _BINARY: dict[str, Callable[[float, float], float]] = {
     "arctan2": math.atan2,
 }
 
+#: Kinds whose result is a truth value.
+TRUTHS = ("lt", "le", "gt", "ge", "eq", "ne", "and", "or", "not")
+
 COMPARISONS: dict[str, Callable[[float, float], bool]] = {
     "lt": lambda a, b: a < b, "le": lambda a, b: a <= b, "gt": lambda a, b: a > b,
     "ge": lambda a, b: a >= b, "eq": lambda a, b: a == b, "ne": lambda a, b: a != b,
@@ -234,6 +237,14 @@ class Tape:
         if a == b:
             return a
         return self._store(Operation("where", (condition, a, b)))
+
+    def as_number(self, node: int) -> int:
+        """1 or 0 for a truth value, so that it can be kept in a vector; any other node as it is."""
+        return self.where(node, 1.0, 0.0) if self.operations[node].kind in TRUTHS else node
+
+    def as_kept(self, node: int, number: int) -> int:
+        """The number that stands for a node, as that node: a truth value again where it was one."""
+        return self.compare("ne", number, 0.0) if self.operations[node].kind in TRUTHS else number
 
     def search(self, knots: str, a: int) -> int:
         """How many of the increasing numbers of an array are not above a: an index."""
