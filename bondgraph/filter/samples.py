@@ -44,13 +44,9 @@ class Samples:
     """A log checked against a filter model.
 
     ``time`` (n,), ``u`` (n_u, n), ``y`` (n_y, n); ``u_left`` and ``u_right`` (n_u, n-1) are the inputs at the two ends
-        inputs = log.u.copy()
-        for row in rate_rows(filter_model.model):
-            inputs[row, 1:-1] = 0.5 * (log.u[row, :-2] + log.u[row, 1:-1])
-        key = log_key(log.time, log.u, log.y, log.theta_overrides)
-        steps = _steps(filter_model, log.time, key)
-        arrays = (log.time, inputs, left, right, log.y, steps.substeps, steps.grading)
-        return cls(log.name, *arrays, dict(log.theta_overrides), key)
+    of each interval and ``substeps`` (n-1,) its integration steps. An input that is the rate of another is constant
+    over each interval; ``u`` has the mean of both sides of a sample.
+    ``grading`` (n-1,) is the length of each of these over the one before, ``key`` tells logs apart by content.
     """
 
     name: str
