@@ -53,6 +53,23 @@ def test_the_runs_excite_what_is_estimated() -> None:
     assert 0.02 < np.mean(braked.u[row] > 0.01) < 0.5
 
 
+def test_every_drive_lifts_the_throttle_once() -> None:
+    model = thesis._model("full")
+    throttle, brake = (model.index("input", name) for name in ("throttle", "brake"))
+    for seed in range(10):
+        (drive,) = thesis.drives(model, np.random.default_rng(seed), short=False)
+        assert drive.u[throttle].max() > 0.3 and drive.u[throttle, drive.time > 0.5].min() < 0.01
+        assert not np.any((drive.u[brake] > 0.0) & (drive.u[throttle] > 0.05))
+
+
+def test_the_search_fits_the_stage() -> None:
+    coasting, driving = VARIANTS[0], VARIANTS[2]
+    assert Study(Path())._settings(coasting).continuation == "none"
+    assert Study(Path())._settings(driving).continuation == "process-noise"
+    swarm = Study(Path(), method="pso")._settings(driving)
+    assert swarm.method == "pso" and swarm.swarm.members * (1 + swarm.swarm.iterations) == 8080
+
+
 def test_a_study_goes_on_where_it_stopped(tmp_path: Path, quick: list[tuple[str, int]]) -> None:
     run_study(Study(tmp_path, repetitions=3), ["coast-down"])
     assert len(quick) == 6
@@ -93,3 +110,15 @@ def test_a_short_study_recovers_what_short_runs_tell(tmp_path: Path) -> None:
     assert abs(found.parameter("r_d").mean_error) < 5e-4
     assert abs(found.parameter("brake_gain").mean_error) < 0.05
     assert found.coverage > 0.6
+
+
+@pytest.mark.slow
+def test_a_short_drive_tells_the_driveline_from_nominal_values(tmp_path: Path) -> None:
+    """Eight parameters, up to 12 % off: the likelihood of the truth is reached, and no step size matters."""
+    trial = Study(tmp_path, short=True).trial(VARIANTS[2], 0)
+    assert not trial.failure
+    assert trial.nll_at_truth is not None and trial.nll_at_truth - 15.0 < trial.nll < trial.nll_at_truth
+    assert trial.shift is not None and trial.shift < 0.1
+    for name, truth in trial.truth.items():
+        assert abs(trial.values[name] - truth) < 4.0 * trial.std[name] or np.isnan(trial.std[name])
+    assert trial.std["T_pk"] < 0.01 * trial.truth["T_pk"]

@@ -1,0 +1,200 @@
+"""The recorded runs of the Ranger: coast-downs first, then engine and CVT from the drives, then what the filter says.
+
+    python -m vehicle_graphs.ranger_recorded FOLDER --out found
+
+``FOLDER`` holds ``coast_down_*.csv`` and ``drive_*.csv``. The coast-downs tell rolling resistance, drag, brakes, pitch
+offset, tyre radius and pitch stiffness; with these fixed, the first part of every drive tells the eight parameters of
+engine and CVT, by a search with continuation in process noise, and how fast the inclination of the road changes at the
+speed of a drive; then the whole drives, most of which no estimate has
+seen, are filtered with what was found. Written are the estimates, the consistency of every channel, and a picture per
+drive with smoothed states, their bands and the measurements.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from bondgraph.correct.build import build
+from bondgraph.data.log import MatchedLog
+from bondgraph.data.match import match
+from bondgraph.data.read import read_log
+from bondgraph.declare.editing import with_values
+from bondgraph.errors import BondGraphError, DataError
+from bondgraph.estimate.estimate import Settings, estimate
+from bondgraph.estimate.exact import exact_derivatives
+from bondgraph.estimate.initial import initial_states
+from bondgraph.estimate.problem import pose
+from bondgraph.estimate.result import Estimate
+from bondgraph.filter.consistency import Consistency, consistency
+from bondgraph.filter.filter_model import FilterModel
+from bondgraph.filter.likelihood import run
+from bondgraph.filter.smoother import smooth
+from bondgraph.report.collect import output_bands, state_bands
+from bondgraph.report.figures import save_figure
+from bondgraph.report.numbers import shown
+from bondgraph.report.plots import state_figure
+from bondgraph.report.progress import WorkProgress
+from vehicle_graphs import ranger
+from vehicle_graphs.ranger_filters import NOISE
+from vehicle_graphs.thesis import (
+    COAST_DOWN,
+    COASTING_STEPS,
+    DRIVELINE,
+    DRIVING_GRADING,
+    DRIVING_SEARCH,
+    DRIVING_STEPS,
+)
+
+#: The random walk of the inclination is that of the coast-downs at first; drives are faster.
+ROAD = "process(inclination)"
+
+#: Coast-downs start at this speed [m/s].
+COASTING_SPEED = 15.0
+
+#: Seconds of every drive from which the driveline is estimated: a start, full throttle, lifting, braking. The search
+#: filters them hundreds of times; the rest is kept to look at the result.
+EXCERPT = 24.0
+
+
+@dataclass(frozen=True)
+class Recorded:
+    """What was found: both estimates, and by drive how consistent the filter is with them."""
+
+    coasting: Estimate
+    driving: Estimate
+    drives: Mapping[str, Consistency]
+
+
+def read_runs(folder: Path, pattern: str, filter_model: FilterModel) -> list[MatchedLog]:
+    """Logs of a folder, by name.
+
+    Raises
+    ------
+    DataError
+        If there are none.
+    """
+    paths = sorted(folder.glob(pattern))
+    if not paths:
+        raise DataError(f"{folder}: holds no {pattern} - give the folder of the recorded runs", where=(str(folder),))
+    return [match(read_log(path), filter_model.model) for path in paths]
+
+
+def estimate_coasting(logs: Sequence[MatchedLog], filter_model: FilterModel, work: WorkProgress) -> Estimate:
+    """Stage 1: what runs in neutral tell."""
+    stiff = replace(filter_model, method="ros3p", substeps=COASTING_STEPS)
+    settings = Settings(method="gradient", starts=1)
+    problem = pose(stiff, logs, COAST_DOWN, initial=tuple(_rolling(log, filter_model) for log in logs))
+    return estimate(problem, settings, progress=work.trace, jacobian=exact_derivatives)
+
+
+def _rolling(log: MatchedLog, filter_model: FilterModel) -> dict[str, float]:
+    """How a coast-down starts: at 15 m/s, all wheels turning as the measured rear ones, the suspension at rest."""
+    axle = float(log.y[filter_model.model.index("output", "axle_speed"), 0])
+    return {"forward_velocity": COASTING_SPEED, "rear_axle_speed": axle, "front_axle_speed": axle}
+
+
+def estimate_driving(logs: Sequence[MatchedLog], filter_model: FilterModel, work: WorkProgress) -> Estimate:
+    """Stage 2: engine and CVT, from the first part of each drive."""
+    stiff = replace(filter_model, method="ros3p", substeps=DRIVING_STEPS, grading=DRIVING_GRADING)
+    parts = [log.rows(log.time - log.time[0] < EXCERPT) for log in logs]
+    settings = Settings(method="gradient", starts=1, continuation="process-noise", gradient=DRIVING_SEARCH)
+    problem = pose(stiff, parts, (*DRIVELINE, ROAD), initial="settled")
+    return estimate(problem, settings, progress=work.trace, jacobian=exact_derivatives)
+
+
+def look(log: MatchedLog, filter_model: FilterModel, folder: Path) -> Consistency:
+    """Filter and smooth a whole drive, and draw it."""
+    model = filter_model.model
+    (start,) = initial_states(model, [log], model.theta(), "settled")
+    record = run(filter_model, log, x0=start).raise_if_failed()
+    better = smooth(record)
+    smoothed = replace(record, filtered_mean=better.smoothed_mean, filtered_cov=better.smoothed_cov)
+    found = consistency(record)
+    bands = (*state_bands(record, smoothed), *output_bands(record, smoothed, log.u))
+    told = [f"{c.name} {c.nis_mean:.3f} ({c.nis_band[0]:.3f} to {c.nis_band[1]:.3f})" for c in found.channels]
+    title = "\n".join([f"{log.name}: mean NIS (and its 95 % band)", ", ".join(told[:2]), ", ".join(told[2:])])
+    save_figure(state_figure(bands, title), folder / f"{log.name}.png")
+    return found
+
+
+def study_runs(data: Path, out: Path) -> Recorded:
+    """All stages; writes ``result.json`` and a picture per drive."""
+    coast_filter = NOISE["ranger_coast_down"].filter_model(build(ranger.coast_down()).model)
+    with WorkProgress("coast-downs", None, "evaluations") as work:
+        coasting = estimate_coasting(read_runs(data, "coast_down_*.csv", coast_filter), coast_filter, work)
+    graph = with_values(ranger.full(), dict(coasting.values))
+    full_filter = NOISE["ranger_full"].filter_model(build(graph).model)
+    logs = read_runs(data, "drive_*.csv", full_filter)
+    with WorkProgress("drives", None, "evaluations") as work:
+        driving = estimate_driving(logs, full_filter, work)
+    values = {name: driving.values[name] for name in DRIVELINE}
+    road = driving.filter_model.process_noise
+    found = replace(NOISE["ranger_full"].filter_model(build(with_values(graph, values)).model), process_noise=road)
+    result = Recorded(coasting, driving, {log.name: look(log, found, out) for log in logs})
+    (out / "result.json").write_text(json.dumps(_written(result), indent=1), encoding="utf-8")
+    return result
+
+
+def table(result: Recorded) -> str:
+    """Estimates with their standard deviations, and the consistency of every channel, as aligned text."""
+    lines = [f"{'parameter':22}{'declared':>12}{'found':>12}{'std':>12}{'change':>9}"]
+    for one in (result.coasting, result.driving):
+        for free in one.problem.free:
+            value, std = one.values[free.name], one.std[free.name]
+            change = f"{100.0 * (value / free.start - 1.0):+.1f} %" if free.start else ""
+            lines.append(f"{free.name:22}{free.start:>12.5g}{value:>12.5g}{std:>12.2g}{change:>9}")
+        lines.append(f"  {one.outcome.value}; NLL {one.nll:.2f}, {one.evaluations} evaluations\n  {one.certification}")
+    for name, found in result.drives.items():
+        lines.append(f"{name}: NIS {shown(found.nis_mean)} in {shown(found.nis_band[0])} to {shown(found.nis_band[1])}")
+        for c in found.channels:
+            mark = "" if c.nis_band[0] <= c.nis_mean <= c.nis_band[1] else "  outside"
+            band = f"{c.nis_band[0]:.3f} to {c.nis_band[1]:.3f}"
+            lines.append(f"  {c.name:18}{c.nis_mean:>8.3f} in {band}, whiteness p {shown(c.whiteness_p)}{mark}")
+    return "\n".join(lines)
+
+
+def _written(result: Recorded) -> dict[str, Any]:
+    return {
+        "coasting": result.coasting.to_dict(),
+        "driving": result.driving.to_dict(),
+        "drives": {
+            name: {
+                "nis_mean": found.nis_mean,
+                "nis_band": list(found.nis_band),
+                "channels": {
+                    c.name: {"nis_mean": c.nis_mean, "nis_band": list(c.nis_band), "whiteness_p": c.whiteness_p}
+                    for c in found.channels
+                },
+            }
+            for name, found in result.drives.items()
+        },
+    }
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Command line; 0 when done, 2 with a message for bad input."""
+    parser = argparse.ArgumentParser(
+        prog="python -m vehicle_graphs.ranger_recorded", description=__doc__,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )  # fmt: skip
+    parser.add_argument("data", type=Path, metavar="FOLDER", help="folder of the recorded runs")
+    parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder to write, made if absent")
+    options = parser.parse_args(arguments)
+    try:
+        options.out.mkdir(parents=True, exist_ok=True)
+        print(table(study_runs(options.data, options.out)))
+    except (BondGraphError, OSError) as error:
+        print(error, file=sys.stderr)
+        return 2
+    print(f"written: {options.out}")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
