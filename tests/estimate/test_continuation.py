@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 from pathlib import Path
 
@@ -9,7 +10,8 @@ import numpy as np
 import pytest
 
 from bondgraph.cli import main
-from bondgraph.data.log import MatchedLog
+from bondgraph.data.log import Log, LogChannel, MatchedLog
+from bondgraph.data.write import write_log
 from bondgraph.errors import OptionError
 from bondgraph.estimate.checkpoint import FILE
 from bondgraph.estimate.continuation import SCALES, way
@@ -20,7 +22,7 @@ from bondgraph.estimate.particle_swarm import SwarmSettings
 from bondgraph.estimate.problem import EstimationProblem, pose
 from bondgraph.filter.draw import draw_logs
 from bondgraph.filter.filter_model import FilterModel
-from bondgraph.simulate.example import pendulum
+from bondgraph.simulate.example import PENDULUM, pendulum
 
 PLAIN = Settings(method="gradient", starts=1, certify="none")
 CONTINUED = replace(PLAIN, continuation="process-noise")
@@ -129,7 +131,16 @@ def test_settings_that_contradict_each_other_are_refused() -> None:
         Settings(method="pso", continuation="process-noise")
 
 
-def test_the_command_knows_it(capsys: pytest.CaptureFixture[str]) -> None:
-    with pytest.raises(SystemExit):
-        main(["estimate", "--help"])
-    assert "--continuation {none,process-noise}" in capsys.readouterr().out
+def test_the_command_leads_there(log: MatchedLog, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    model = tmp_path / "swing.py"
+    bounded = PENDULUM.replace('9.81, None, None, "standard value"', '12.0, 5.0, 20.0, "to be found"')
+    model.write_text(bounded.replace('"1/s", 0.1, 0.0, 2.0', '"1/s", 0.0, None, None'), encoding="utf-8")
+    channels = {"deflection": LogChannel("deflection", "m", log.y[0])}
+    data = write_log(tmp_path / "run.csv", Log("run", log.time, channels))
+    command = ["estimate", str(model), "--data", str(data), "--free", "gravity", "--process-noise", "none"]
+    command += ["--start", "model", "--method", "gradient", "--continuation", "process-noise"]
+    assert main([*command, "--out", str(tmp_path / "fit")]) == 0
+    assert "converged" in capsys.readouterr().out
+    written = json.loads((tmp_path / "fit" / "result.json").read_text(encoding="utf-8"))
+    assert written["parameters"]["gravity"]["value"] == pytest.approx(GRAVITY, rel=1e-3)
+    assert written["continuation"][0]["evaluations"] > 0
