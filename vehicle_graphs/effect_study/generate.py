@@ -27,10 +27,12 @@ from vehicle_graphs.effect_study.machine import Kind, StudyMachine, coefficient_
 
 #: Largest size that an effect shows: beyond it the machine is another one.
 LARGEST = 100.0
-#: A wanted size is met within this share, in so many tries at most.
+#: A wanted size is met within this share, in so many tries at most, as long as the parameters are taken as linear.
 _NEAR, _TRIES = 0.03, 12
 #: What a fit leaves is compared with it so many times at most, until it is met within this share.
-_COMPARISONS, _NEAR_ENOUGH = 3, 0.1
+_COMPARISONS, _NEAR_ENOUGH = 5, 0.1
+#: By how much an effect with which the machine diverges counts as too large.
+_DIVERGED = 10.0
 #: Iterations by which the declared model is fitted to outputs without noise.
 _ITERATIONS = 8
 #: That fit ends when an iteration takes away less than this share of the squares.
@@ -162,36 +164,52 @@ def _truth(machine: StudyMachine, kinds: tuple[Kind, ...], values: dict[str, flo
 def _first_coefficient(imitation: _Imitation, kind: Kind, size: float) -> float:
     """The first coefficient with which a fit without noise leaves the wanted size; no more is shown than the largest.
 
-    What is left is computed with linear parameters, and now and then compared with what a fit leaves. Where the machine
-    diverges before, the largest coefficient is taken with which it does not.
+    It is searched with linear parameters, then corrected by what a fit leaves, between values that are too small and
+    too large. Where the machine diverges before, the largest coefficient is taken with which it does not.
     """
-    first, share = kind.guess, 1.0
+    first = _near(imitation, kind, size)
+    best, known = (np.inf, first), dict[bool, tuple[float, float]]()
     for _ in range(_COMPARISONS):
-        first, shown, left = _near(imitation, kind, size, first, share)
-        if not np.isfinite(left):
+        ratio = _over_wanted(imitation, kind, size, first)
+        if abs(np.log(ratio)) < best[0]:
+            best = abs(float(np.log(ratio))), first
+        if best[0] < _NEAR_ENOUGH:
             break
-        fitted = max(imitation.judge(_alone(imitation, kind, first))[1].values())
-        if abs(fitted / size - 1.0) < _NEAR_ENOUGH or (fitted < size and shown > (1.0 - 2.0 * _NEAR) * LARGEST):
-            break
-        share = fitted / max(left, 1e-12)
-    return first
+        known[ratio > 1.0] = np.log(abs(first)), np.log(ratio)
+        if len(known) == 2:
+            (small, below), (large, above) = known[False], known[True]
+            part = float(np.clip(below / (below - above), 0.15, 0.85))
+            first = float(np.copysign(np.exp(small + part * (large - small)), first))
+        else:
+            first *= float(np.clip(1.0 / ratio, 0.2, 5.0))
+    return best[1]
 
 
-def _near(imitation: _Imitation, kind: Kind, size: float, first: float, share: float) -> tuple[float, float, float]:
-    """The coefficient with which a share of what is left is the wanted size, what it shows, and what it leaves."""
-    found, diverging = (first, np.nan, np.nan), np.inf
+def _over_wanted(imitation: _Imitation, kind: Kind, size: float, first: float) -> float:
+    """What a fit leaves over the wanted size, or what is shown over the largest; large where the machine diverges."""
+    try:
+        shown, left, _ = imitation.judge(_alone(imitation, kind, first))
+    except DataError:
+        return _DIVERGED
+    return max(max(left.values()) / size, max(shown.values()) / LARGEST, 1e-6)
+
+
+def _near(imitation: _Imitation, kind: Kind, size: float) -> float:
+    """The coefficient that leaves the wanted size if the free parameters were linear."""
+    first = found = kind.guess
+    diverging = np.inf
     for _ in range(_TRIES):
         shown, left = imitation.sizes(_alone(imitation, kind, first))
         if np.isfinite(shown):
-            found = first, shown, left
-            wanted = min(size / max(share * left, 1e-12), LARGEST / max(shown, 1e-12))
+            found = first
+            wanted = min(size / max(left, 1e-12), LARGEST / max(shown, 1e-12))
             if abs(wanted - 1.0) < _NEAR:
                 break
             first *= float(np.clip(wanted, 0.1, 10.0))
         else:
             diverging, first = abs(first), 0.2 * first
         if abs(first) >= diverging:  # half way, on a logarithmic scale, to where it diverges
-            first = float(np.copysign(np.sqrt(abs(found[0]) * diverging), first))
+            first = float(np.copysign(np.sqrt(abs(found) * diverging), first))
     return found
 
 
@@ -269,9 +287,10 @@ class _Imitation:
             runs, steeper = self._expanded(reached)
             before, after = float(np.sum(rest**2)), float(np.sum((seen - runs) ** 2))
             if np.isfinite(steeper).all() and after < before:
-                point, slopes, rest, damping = reached, steeper, seen - runs, min(1.0, 4.0 * damping)
-                if before - after < _SETTLED * before:
+                point, slopes, rest = reached, steeper, seen - runs
+                if damping == 1.0 and before - after < _SETTLED * before:
                     break
+                damping = min(1.0, 4.0 * damping)
             else:
                 damping *= 0.25
         return rest
