@@ -13,6 +13,7 @@ from bondgraph.errors import OptionError, suggest
 from bondgraph.estimate.certify import Certification, Depth, check, finer_filters
 from bondgraph.estimate.checkpoint import Checkpoint, load_checkpoint, problem_digest, save_checkpoint
 from bondgraph.estimate.continuation import ON_THE_WAY, Continuation, Stage, way
+from bondgraph.estimate.exact import derivatives
 from bondgraph.estimate.gauss_newton import (
     GaussNewtonSettings,
     GaussNewtonState,
@@ -28,7 +29,6 @@ from bondgraph.estimate.objective import (
     Progress,
     SearchOutcome,
     TraceRow,
-    central_differences,
     silent,
 )
 from bondgraph.estimate.particle_swarm import SwarmSettings, SwarmState, initial_swarm, step_swarm, swarm_ended
@@ -142,7 +142,7 @@ def estimate(
     progress: Progress = silent,
     folder: Path | None = None,
     resume: bool = False,
-    jacobian: Expand = central_differences,
+    jacobian: Expand = derivatives,
 ) -> Estimate:
     """Estimate the free parameters of a problem.
 
@@ -159,7 +159,8 @@ def estimate(
     resume
         Continue from the state in ``folder``, if there is one; the result is that of an uninterrupted search.
     jacobian
-        Gradient and Fisher information for the gradient search; by default central differences.
+        Gradient and Fisher information for the gradient search; by default exact derivatives of the filter where the
+        search is long, central differences where it is short, see :mod:`bondgraph.estimate.exact`.
 
     Returns
     -------
@@ -191,8 +192,8 @@ def estimate(
         raise OptionError(
             "estimate: resume needs the folder in which the interrupted search was kept", where=("resume",)
         )
-    # Only searches by differences can be repeated from what a digest knows.
-    digest = problem_digest(problem, {"settings": settings, "differences": jacobian is central_differences})
+    # Only searches by the default derivatives can be repeated from what a digest knows.
+    digest = problem_digest(problem, {"settings": settings, "derivatives": jacobian is derivatives})
     found = load_checkpoint(folder, digest) if resume and folder is not None else None
     states = dict(found.states) if found is not None else {}
     started = time.perf_counter() - (found.seconds if found is not None else 0.0)

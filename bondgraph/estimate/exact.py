@@ -21,6 +21,7 @@ from bondgraph.estimate.problem import EstimationProblem, FilterLikelihood
 from bondgraph.filter.choice import choose_method
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.gradient import Directions, has_exact_gradient, innovation_tangents
+from bondgraph.filter.samples import Samples
 from bondgraph.filter.ukf import Member
 
 #: What one expansion counts, in evaluations: measured on the vehicle with ten free parameters, and one to compare.
@@ -31,6 +32,26 @@ _SAME = 1e-7
 
 #: Step by which the map from coordinates to numbers (straight or exponential) is differentiated, relative.
 _STEP = 1e-5
+
+#: Integration steps of a filtering times sigma points times free numbers from which exact derivatives repay the
+#: seconds that compiling them takes once: central differences then take about a second for each gradient.
+_REPAYS = 1_000_000
+
+
+def derivatives(objective: Objective, points: FloatArray, steps: FloatArray) -> tuple[Expansion, ...]:
+    """Expansions at points (n, members): exact where a search is long enough to repay their compilation.
+
+    The choice depends on nothing but the problem, so a search can be repeated.
+    """
+    if isinstance(objective, EstimationProblem) and _work(objective) >= _REPAYS:
+        return exact_derivatives(objective, points, steps)
+    return central_differences(objective, points, steps)
+
+
+def _work(problem: EstimationProblem) -> int:
+    filter_model = choose_method(problem.filter_model, problem.logs)
+    taken = sum(int(Samples.of(filter_model, log).substeps.sum()) for log in problem.logs)
+    return taken * (2 * len(filter_model.state_names) + 1) * len(problem.names)
 
 
 def exact_derivatives(objective: Objective, points: FloatArray, steps: FloatArray) -> tuple[Expansion, ...]:

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bondgraph.estimate.exact import exact_derivatives
+from bondgraph.estimate.exact import derivatives, exact_derivatives
 from bondgraph.estimate.free import FreeParameter, parse_target
 from bondgraph.estimate.gauss_newton import gauss_newton
 from bondgraph.estimate.objective import central_differences
@@ -95,3 +95,13 @@ def test_a_vehicle_and_its_priors() -> None:
     (one,) = exact_derivatives(problem, problem.start[:, None], steps)
     (other,) = central_differences(problem, problem.start[:, None], steps)
     np.testing.assert_allclose(one.gradient, other.gradient, rtol=1e-5, atol=1e-5 * np.abs(other.gradient).max())
+
+
+@pytest.mark.parametrize(("substeps", "is_exact"), [(1, False), (200, True)])
+def test_long_searches_take_exact_derivatives_and_short_ones_differences(substeps: int, is_exact: bool) -> None:
+    problem = swing_problem(substeps=substeps)
+    steps = np.full((len(FREE), 1), 1e-4)
+    (taken,) = derivatives(problem, problem.start[:, None], steps)
+    (other,) = (exact_derivatives if is_exact else central_differences)(problem, problem.start[:, None], steps)
+    assert taken.evaluations == other.evaluations == (7 if is_exact else 1 + 2 * len(FREE))
+    np.testing.assert_array_equal(taken.gradient, other.gradient)
