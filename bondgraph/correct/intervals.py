@@ -95,8 +95,7 @@ def kicks(
 
 def _steps(samples: Samples) -> IntArray:
     """Integration steps of a part of each interval; longer intervals take more."""
-    least = max(int(samples.substeps.min(initial=1)), 1)
-    found: IntArray = _STEPS * (samples.substeps // least)
+    found: IntArray = _STEPS * samples.substeps // max(int(np.min(samples.substeps)), 1)
     return found
 
 

@@ -31,7 +31,7 @@ from bondgraph.filter.filter_model import FilterModel
 
 #: Candidates are compared to this many nats; the chosen one is then estimated to the end.
 _TOLERANCE = 0.05
-_MOST_ITERATIONS = 25
+_MOST_ITERATIONS, _MOST_STIFF = 25, 12
 #: Responses more alike than this are one and the same but for rounding.
 _SAME = 1.0 - 1e-6
 #: A candidate whose score is this likely by chance, even as the only one tried, is not refitted.
@@ -178,7 +178,8 @@ def _refit(
             told = found.information[first] / found.information[index]
             step = float(found.correlation[first, index] * np.sqrt(told) * fitted.point[-1])
             starts.append(np.append(fitted.point[:-1], _inside(own[0], step)))
-    return fit(filter_model, ground.train, free, _MOST_ITERATIONS, _TOLERANCE, starts, beat, ground.journal)
+    most = _MOST_STIFF if filter_model.is_stiff else _MOST_ITERATIONS
+    return fit(filter_model, ground.train, free, most, _TOLERANCE, starts, beat, ground.journal)
 
 
 def _along(base: Fit, found: Scores, index: int, own: Sequence[FreeParameter], share: float) -> FloatArray:

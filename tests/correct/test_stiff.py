@@ -96,7 +96,8 @@ def test_the_method_and_what_walks_are_found_from_model_and_logs() -> None:
 def test_expansions_are_those_of_the_filter() -> None:
     base = fitted(0.0)
     assert is_linearised(base.problem)
-    kept = ~base.held
+    # the grip of a coupling that does not slip shows in its slip alone, which is faster than the quadrature sees
+    kept = ~base.held & (np.array(base.problem.names) != "grip")
     expansion = linear_expansion(base.problem, base.point)
     steps = 1e-4 * (base.problem.upper - base.problem.lower)
     inside = np.clip(base.point, base.problem.lower + 3 * steps, base.problem.upper - 3 * steps)
