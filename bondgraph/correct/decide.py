@@ -19,7 +19,6 @@ from bondgraph.correct.score import Scores, robust_variance, solve
 from bondgraph.correct.trials import Alternative, Detectable, Evidence, Trial
 from bondgraph.data.log import MatchedLog
 from bondgraph.declare.effect import Effect
-from bondgraph.simulate.arrays import IntArray
 
 #: Chance of being found at the size that is called detectable.
 _POWER = 0.9
@@ -41,15 +40,9 @@ def judge(base: Fit, refit: Fit, effect: Effect, tried: int, gated: bool = False
 def robust_p_value(fitted: Fit, coefficients: Sequence[str]) -> float:
     """P-value of coefficients being zero, by their block-sandwich variance; Hotelling's statistic if several.
 
-    A coefficient of which nothing but zero is left counts as absent. Blocks are taken twice as long too, since colour
-    may outlast them; the larger p-value counts.
+    A coefficient of which nothing but zero is left counts as absent.
     """
     blocks = score_blocks(fitted.problem)
-    return max(_robust(fitted, coefficients, own) for own in (blocks, np.where(blocks < 0, blocks, blocks // 2)))
-
-
-def _robust(fitted: Fit, coefficients: Sequence[str], blocks: IntArray) -> float:
-    """The p-value with some blocks of time."""
     free = ~fitted.held
     variance = np.zeros((free.size, free.size))
     variance[np.ix_(free, free)] = robust_variance(restricted(fitted.expansion, free), blocks)
@@ -73,7 +66,7 @@ def hurdle(logs: Sequence[MatchedLog], tried: int, level: float) -> float:
     measured = sum(int(np.isfinite(log.y).sum()) for log in logs)
     each = level / max(tried, 1)
     ratio = 0.5 * float(stats.chi2.isf(each, 1))
-    robust = 0.5 * float(stats.t.isf(0.5 * each, BLOCKS // 2)) ** 2
+    robust = 0.5 * float(stats.t.isf(0.5 * each, BLOCKS)) ** 2
     return max(ratio, robust, 0.5 * math.log(max(measured, 2)) + math.log(max(tried, 1)))
 
 

@@ -37,7 +37,7 @@ NODES = (0.25, 0.75)
 #: States are kicked by this share of their largest value.
 _KICK = 1e-5
 #: A kick must relax as it does in truth, which takes a method that is L-stable; few steps of it do.
-_METHOD, _STEPS = "rodas4", 3
+_METHOD, _STEPS = "rodas4", 8
 #: Standard deviations below this share of a state's largest value count as none.
 _KNOWN = 1e-12
 #: Directions of a covariance (as correlations) with less variance than this are rounding.

@@ -38,7 +38,7 @@ def settle(state: Progress, rounds: Sequence[Round], settings: RoundSettings, ta
         spare = [
             k
             for k, trial in enumerate(state.added)
-            if (not trial.candidate.effect.channel or not found.place.output)
+            if not trial.candidate.effect.channel
             and needless(linear, tried, found, trial.candidate.effect.coefficients)
         ]
         if not spare:

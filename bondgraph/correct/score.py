@@ -203,15 +203,8 @@ def best_step(found: Projected, own: Sequence[int], one_sided: np.ndarray) -> tu
             left = found.information[np.ix_(rows, rows)]
             p_value = max(p_value, rao_scott(2.0 * gain, left, found.sums_without(rows, step[moved])))
         else:
-            sums = found.sums[:, rows]
-            p_value = max(p_value, hotelling(found.score[rows], sums), hotelling(found.score[rows], longer(sums)))
+            p_value = max(p_value, hotelling(found.score[rows], found.sums[:, rows]))
     return step, gain, p_value
-
-
-def longer(sums: FloatArray) -> FloatArray:
-    """Sums over blocks taken two by two: colour that outlasts a block makes neighbours alike."""
-    paired: FloatArray = np.add.reduceat(sums, np.arange(0, sums.shape[0], 2), axis=0)
-    return paired
 
 
 def hotelling(score: FloatArray, sums: FloatArray) -> float:
@@ -231,7 +224,7 @@ def rao_scott(statistic: float, information: FloatArray, sums: FloatArray) -> fl
     scatter over the information, is known well from them; taken two by two, so that slow colour is seen. Reference: Rao
     and Scott (1981), J. American Statistical Association 76(374).
     """
-    pairs = longer(sums)
+    pairs = np.add.reduceat(sums, np.arange(0, sums.shape[0], 2), axis=0)
     count, size = pairs.shape
     scatter = np.atleast_2d(np.cov(pairs, rowvar=False)) * count
     inflation = max(1.0, float(np.trace(solve(information, scatter))) / size)

@@ -15,9 +15,10 @@ from pathlib import Path
 from tests.benchmarks.cases import masses, ranger
 from tests.benchmarks.gradient_rows import gradient
 from tests.benchmarks.likelihood_rows import against_c, against_others, growth, methods
+from tests.benchmarks.loop_rows import loop
 from tests.benchmarks.start_rows import start
 
-PARTS = ("start", "others", "c", "methods", "gradient", "growth")
+PARTS = ("start", "others", "c", "methods", "gradient", "growth", "loop")
 
 
 def main() -> None:
@@ -46,6 +47,8 @@ def main() -> None:
     if "growth" in options.only:
         chains = {count: masses(count) for count in options.masses}
         found["growth"] = show_rows("growth", growth(chains, options.rounds))
+    if "loop" in options.only:
+        found["loop"] = show_numbers("closed loop on the vehicle", loop(300.0))
     if options.json:
         options.json.write_text(json.dumps(found, indent=1), encoding="utf-8")
 
