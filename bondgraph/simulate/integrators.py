@@ -20,7 +20,6 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from scipy.integrate import BDF, DOP853, LSODA, RK45, OdeSolver, Radau
 
 from bondgraph.errors import OptionError, suggest
 from bondgraph.simulate.arrays import FloatArray
@@ -30,7 +29,8 @@ from bondgraph.simulate.outcome import Outcome
 #: ``rhs(t, x, u)`` with the parameters already bound.
 Equations = Callable[[float, FloatArray, FloatArray], FloatArray]
 
-_SOLVERS: dict[str, type[OdeSolver]] = {"LSODA": LSODA, "Radau": Radau, "BDF": BDF, "RK45": RK45, "DOP853": DOP853}
+#: Classes of scipy.
+_SOLVERS = ("LSODA", "Radau", "BDF", "RK45", "DOP853")
 
 #: Where to stop within a step from ``start`` to ``end`` with states ``dense(times)``; None: nowhere.
 Until = Callable[[float, float, Callable[[FloatArray], FloatArray]], float | None]
@@ -195,7 +195,9 @@ class Adaptive(AbstractIntegrator):
         atol = self.rtol * scale if self.atol is None else self.atol
         if not np.isfinite(rhs(state.time, state.x)).all():
             return replace(state, outcome=Outcome.NON_FINITE)
-        solver = _SOLVERS[self.method](rhs, state.time, state.x, end, rtol=self.rtol, atol=atol)
+        import scipy.integrate  # here: it takes longer to load than all of a filter
+
+        solver = getattr(scipy.integrate, self.method)(rhs, state.time, state.x, end, rtol=self.rtol, atol=atol)
         filled, steps = 0, state.steps
         while solver.status == "running":
             if steps >= self.max_steps:
