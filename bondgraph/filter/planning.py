@@ -43,7 +43,7 @@ _SEQUENCES = ((2, 1.0), (2, 3.0), (3, 1.0), (3, 2.5), (4, 2.0), (6, 2.0))
 _MOST = 64
 
 #: How many neighbours on either side must be content with the steps of an interval.
-_REACH = 1
+_REACH = 2
 
 #: Cost of the linear algebra of a stage over that of a slope, about.
 _STAGE_COST = 0.3

@@ -1,72 +1,131 @@
 """Benchmarks: ratios of CPU times that are measured side by side in one run.
 
-    python -m tests.benchmarks [--json FILE] [--rounds N] [--seconds S] [--only PART ...]
+    python -m tests.benchmarks [--quick] [--only PART ...] [--json FILE] [--rounds N]
 
-Prints tables and, if asked, writes all numbers as JSON. Keys that contain ``ratio`` say how many times less CPU time
-this toolkit takes.
+Prints tables and, if asked, writes all numbers as JSON after every part. Keys that contain ``ratio`` say how many times
+less CPU time this toolkit takes. The whole takes about half an hour on two cores, ``--quick`` a few minutes.
+
+    start      first likelihood in a process, with an empty and a filled cache
+    others     one likelihood against filterpy, numpy and scalar numba, and the equality of their values
+    c, jax     the same steps in C (if gcc is there) and JAX (if installed)
+    methods    stiff methods against Runge-Kutta at a certified shift of the estimate, on the vehicle's driveline
+    failures   members that are not finite, over the box of the parameters and four spreads of the sigma points
+    gradient   the gradient against values
+    growth     time against states, samples and members
+    search     the thesis' swarm of 8080 evaluations and the gradient search, eight parameters, 90 s of data
 """
 
 from __future__ import annotations
 
 import argparse
+import importlib.util
 import json
+import sys
+import time
+from collections.abc import Callable
 from pathlib import Path
 
-from tests.benchmarks.cases import masses, ranger
+from tests.benchmarks.cases import driveline_drive, masses, ranger
 from tests.benchmarks.gradient_rows import gradient
-from tests.benchmarks.likelihood_rows import against_c, against_others, growth, methods
-from tests.benchmarks.loop_rows import loop
+from tests.benchmarks.likelihood_rows import against_c, against_others, growth, growth_of_work
+from tests.benchmarks.method_rows import failures, methods
+from tests.benchmarks.search_rows import ITERATIONS, search
 from tests.benchmarks.start_rows import start
 
-PARTS = ("start", "others", "c", "methods", "gradient", "growth", "loop")
+PARTS = ("start", "others", "c", "jax", "methods", "failures", "gradient", "growth", "search")
 
 
 def main() -> None:
     """Run the parts asked for."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--json", type=Path, help="write all numbers here")
+    parser.add_argument("--json", type=Path, help="write all numbers here, after every part")
     parser.add_argument("--rounds", type=int, default=5, help="rounds whose median counts (default 5)")
-    parser.add_argument("--seconds", type=float, default=20.0, help="length of the drive (default 20 s)")
-    parser.add_argument("--masses", type=int, nargs="*", default=[5, 10, 20, 50], help="lengths of the chains")
+    parser.add_argument("--quick", action="store_true", help="short logs and a swarm of two iterations")
     parser.add_argument("--only", nargs="*", default=PARTS, choices=PARTS)
     options = parser.parse_args()
     found: dict[str, object] = {}
-    case = ranger(options.seconds)
-    if "start" in options.only:
-        found["start"] = show_numbers("first likelihood in a process", start())
-    if "others" in options.only:
-        found["others"] = show_numbers(
-            "one likelihood, Runge-Kutta with 25 steps", against_others(case, options.rounds)
-        )
-    if "c" in options.only:
-        found["c"] = show_numbers("Runge-Kutta steps against C from the same equations", against_c(options.rounds))
-    if "methods" in options.only:
-        found["methods"] = show_rows("methods", methods(case, options.rounds))
-    if "gradient" in options.only:
-        found["gradient"] = show_numbers("gradient", gradient(case, options.rounds))
-    if "growth" in options.only:
-        chains = {count: masses(count) for count in options.masses}
-        found["growth"] = show_rows("growth", growth(chains, options.rounds))
-    if "loop" in options.only:
-        found["loop"] = show_numbers("closed loop on the vehicle", loop(300.0))
-    if options.json:
-        options.json.write_text(json.dumps(found, indent=1), encoding="utf-8")
+    for part in options.only:
+        began = time.perf_counter()
+        print(f"{part} ...", file=sys.stderr, flush=True)
+        found |= _PARTS[part](options.quick, options.rounds)
+        print(f"  {part} took {time.perf_counter() - began:.0f} s", file=sys.stderr, flush=True)
+        if options.json:
+            options.json.write_text(json.dumps(found, indent=1), encoding="utf-8")
+
+
+def _start(quick: bool, rounds: int) -> dict[str, object]:
+    return {"start": show_numbers("first likelihood in a process", start())}
+
+
+def _others(quick: bool, rounds: int) -> dict[str, object]:
+    case = ranger(5.0 if quick else 20.0)
+    return {"others": show_numbers("one likelihood, Runge-Kutta with 25 steps", against_others(case, rounds))}
+
+
+def _c(quick: bool, rounds: int) -> dict[str, object]:
+    return {"c": show_numbers("Runge-Kutta steps against C from the same equations", against_c(rounds))}
+
+
+def _jax(quick: bool, rounds: int) -> dict[str, object]:
+    """JAX needs a program of its own for every model; where it is not installed there is nothing to compare with."""
+    if importlib.util.find_spec("jax") is None:
+        print("\nJAX: skipped, it is not installed", flush=True)
+        return {"jax": "skipped: not installed"}
+    from tests.benchmarks.jax_steps import against_jax
+
+    return {"jax": show_numbers("Runge-Kutta steps against JAX from the same equations", against_jax(rounds))}
+
+
+def _methods(quick: bool, rounds: int) -> dict[str, object]:
+    found: dict[str, object] = {}
+    for name, moderate in (("walk_of_inclination_only", False), ("with_moderate_process_noise", True)):
+        case = driveline_drive(15.0 if quick else 40.0, moderate=moderate)
+        found[f"methods_{name}"] = show_rows(f"methods, {name.replace('_', ' ')}", methods(case, rounds))
+    return found
+
+
+def _failures(quick: bool, rounds: int) -> dict[str, object]:
+    case = driveline_drive(10.0, moderate=False)
+    return {"failures": show_rows("failures in the box and its corners", failures(case, 3.0 if quick else 10.0))}
+
+
+def _gradient(quick: bool, rounds: int) -> dict[str, object]:
+    return {"gradient": show_numbers("gradient", gradient(ranger(5.0 if quick else 20.0), rounds))}
+
+
+def _growth(quick: bool, rounds: int) -> dict[str, object]:
+    chains = {count: masses(count) for count in ((5, 10) if quick else (5, 10, 20, 50))}
+    return {
+        "growth_states": show_rows("growth with states", growth(chains, rounds)),
+        "growth_work": show_rows("growth with samples and members", growth_of_work(ranger(20.0), rounds)),
+    }
+
+
+def _search(quick: bool, rounds: int) -> dict[str, object]:
+    case = driveline_drive(20.0 if quick else 90.0, moderate=False)
+    return {"search": show_numbers("search, two threads", search(case, 2 if quick else ITERATIONS))}
+
+
+_PARTS: dict[str, Callable[[bool, int], dict[str, object]]] = {
+    "start": _start, "others": _others, "c": _c, "jax": _jax, "methods": _methods, "failures": _failures,
+    "gradient": _gradient, "growth": _growth, "search": _search,
+}  # fmt: skip
 
 
 def show_numbers(title: str, numbers: dict[str, float]) -> dict[str, float]:
     """Print one number per line."""
     print(f"\n{title}")
     for name, value in numbers.items():
-        print(f"  {name:<42} {value:12.4g}", flush=True)
+        print(f"  {name:<52} {value:12.5g}", flush=True)
     return numbers
 
 
 def show_rows(title: str, rows: list[dict[str, object]]) -> list[dict[str, object]]:
     """Print a table."""
-    print(f"\n{title}\n  " + "".join(f"{name:>22}" for name in rows[0]))
+    print(f"\n{title}\n  " + "".join(f"{name:>25}" for name in rows[0]))
     for row in rows:
         print(
-            "  " + "".join(f"{v:>22}" if isinstance(v, str | int) else f"{v:>22.4g}" for v in row.values()), flush=True
+            "  " + "".join(f"{v:>25}" if isinstance(v, str | int) else f"{v:>25.4g}" for v in row.values()), flush=True
         )
     return rows
 

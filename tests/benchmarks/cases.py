@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -12,14 +12,28 @@ from bondgraph.declare.domains import TRANSLATION
 from bondgraph.declare.graph import BondGraph
 from bondgraph.derive.causality import assign_causality
 from bondgraph.derive.derivation import derive
+from bondgraph.filter.draw import draw_logs
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.generate.module import render
 from bondgraph.simulate.model import Model
 from bondgraph.simulate.simulate import simulate
+from vehicle_graphs.ranger_filters import NOISE
 
 RANGER = Path(__file__).resolve().parents[2] / "generated" / "ranger_full.py"
 
-#: The parameters whose estimates are watched.
+#: The eight parameters of engine and CVT that the thesis estimates.
+DRIVELINE = ("T_pk", "T_f0", "k_u", "m_fw", "F_p0", "k_p", "r_h", "mu_b")
+
+#: Process noise that a filter may have beyond that of the road, per sqrt(s): m/s, rad/s, m.
+MODERATE = {
+    "forward_velocity": 0.02, "heave_rate": 0.02, "pitch_rate": 0.01, "rear_axle_speed": 0.1, "front_axle_speed": 0.1,
+    "engine_speed": 1.0, "sheave_displacement": 2e-5,
+}  # fmt: skip
+
+#: Runge-Kutta steps per sample of simulated truths; the gripping belt has a rate of up to 12000 1/s.
+_TRUE_STEPS = 300
+
+#: Parameters by which a gradient is taken.
 FREE = ("spring_gain", "CdA", "f_r", "r_d", "T_pk", "m_fw", "k_p", "r_h")
 
 
@@ -65,6 +79,28 @@ def ranger(seconds: float) -> Case:
         substeps=25,
     )  # fmt: skip
     return Case(filter_model, _log(filter_model, time, u, x0, 200), x0)
+
+
+def driveline_drive(seconds: float, *, moderate: bool) -> Case:
+    """The vehicle from rest at idle through a drive of changing throttle with pauses and braking.
+
+    Drawn with its noises: the page's sensors, and the random walk of the inclination as the only process
+    noise, or also :data:`MODERATE`.
+    """
+    model = Model.from_file(RANGER)
+    filter_model = NOISE["ranger_full"].filter_model(model)
+    if moderate:
+        filter_model = replace(filter_model, process_noise={**filter_model.process_noise, **MODERATE})
+    rng = np.random.default_rng(3)
+    time = np.arange(round(seconds * 40)) / 40.0
+    knots = np.arange(0.0, seconds + 5.0, 2.5)
+    throttle = np.interp(time, knots, rng.uniform(0.05, 1.0, knots.size) * (rng.random(knots.size) > 0.25))
+    brake = np.interp(time, knots, np.where(rng.random(knots.size) > 0.8, rng.uniform(0.1, 0.4, knots.size), 0.0))
+    u = np.repeat(model.u0()[:, np.newaxis], time.size, axis=1)
+    u[model.index("input", "throttle")] = throttle
+    u[model.index("input", "brake")] = np.where(throttle < 0.05, brake, 0.0)
+    pattern = MatchedLog("drive", time, u, np.zeros((len(model.outputs), time.size)))
+    return Case(filter_model, draw_logs(filter_model, pattern, 1, 5, substeps=_TRUE_STEPS).logs[0], model.x0())
 
 
 def masses(count: int, samples: int = 200) -> Case:

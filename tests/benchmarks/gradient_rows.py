@@ -17,7 +17,7 @@ PARAMETERS = (*FREE, "F_p0", "mu_b")
 
 
 #: Explicit and stiff.
-METHODS = ({"method": "rk4", "substeps": 50}, {"method": "ros3p", "substeps": 16, "grading": 1.35})
+METHODS = ({"method": "rk4", "substeps": 50}, {"method": "ros3p", "substeps": 16})
 
 
 def gradient(case: Case, rounds: int) -> dict[str, float]:

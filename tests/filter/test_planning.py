@@ -21,7 +21,7 @@ from bondgraph.filter.planning import plan_cost, plan_steps
 from bondgraph.filter.samples import Samples
 from bondgraph.filter.ukf import Member
 from bondgraph.simulate.model import Model
-from tests.filter.logs import PlainLog
+from tests.filter.logs import PlainLog, pendulum_filter
 from tests.simulate.samples import decay
 
 #: A mass that presses on a stiff stop: smooth but for the moments at which it touches and leaves.
@@ -136,16 +136,20 @@ def test_a_plan_belongs_to_its_method_and_logs() -> None:
 
 
 def test_derivatives_follow_the_plan() -> None:
-    model, log = stopped(method="rodas4", substeps=16, grading=1.35)
-    planned = plan_steps(model, [log])
-    theta, h = model.model.theta(), 1e-6
-    sizes = (2, 2, 2, 1)
-    directions = Directions(np.eye(2), *(np.zeros((size, 2)) for size in sizes))
+    model = pendulum_filter(method="ros3p", substeps=1)
+    time = np.arange(40) * 0.05
+    log = PlainLog("swing", time, np.zeros((1, 40)), 0.5 * np.cos(3.1 * time)[None])
+    steps = IntervalSteps(np.arange(39) % 4 + 1, 1.0 + np.arange(39) % 3)
+    plan = StepPlan.of("ros3p", {log_key(log.time, log.u, log.y, log.theta_overrides): steps})
+    planned, theta = replace(model, plan=plan), model.model.theta()
+    directions = Directions(np.eye(3)[:, :2], *(np.zeros((size, 2)) for size in (2, 2, 2, 1)))
     member = Member(theta, model.model.x0(), model.start_std, model.process_std, model.noise_std)
     (found,) = innovation_tangents(planned, [log], [member], [directions])
-    moved = theta[:, None] + h * np.concatenate([np.eye(2), -np.eye(2)], axis=1)
-    nll = likelihood(planned, log, moved).nll
-    assert found.gradient == pytest.approx((nll[:2] - nll[2:]) / (2.0 * h), rel=2e-4)
+    h = 1e-5
+    moved = theta[:, None] + h * np.concatenate([np.eye(3)[:, :2], -np.eye(3)[:, :2]], axis=1)
+    nll, even = (likelihood(used, log, moved).nll for used in (planned, model))
+    assert np.abs(nll - even).max() > 1e-6
+    assert found.gradient == pytest.approx((nll[:2] - nll[2:]) / (2.0 * h), rel=1e-6)
 
 
 def test_certification_halves_planned_steps_and_counts_those_of_runge_kutta_by_the_rate() -> None:
