@@ -41,13 +41,19 @@ def main() -> None:
     parser.add_argument("--json", type=Path, help="write all numbers here, after every part")
     parser.add_argument("--rounds", type=int, default=5, help="rounds whose median counts (default 5)")
     parser.add_argument("--quick", action="store_true", help="short logs and a swarm of two iterations")
+    parser.add_argument(
+        "--iterations", type=int, default=ITERATIONS, help="of the swarm; fewer are a stated part (default 100)"
+    )
     parser.add_argument("--only", nargs="*", default=PARTS, choices=PARTS)
     options = parser.parse_args()
     found: dict[str, object] = {}
     for part in options.only:
         began = time.perf_counter()
         print(f"{part} ...", file=sys.stderr, flush=True)
-        found |= _PARTS[part](options.quick, options.rounds)
+        if part == "search":
+            found |= _search(options.quick, options.iterations)
+        else:
+            found |= _PARTS[part](options.quick, options.rounds)
         print(f"  {part} took {time.perf_counter() - began:.0f} s", file=sys.stderr, flush=True)
         if options.json:
             options.json.write_text(json.dumps(found, indent=1), encoding="utf-8")
@@ -101,14 +107,14 @@ def _growth(quick: bool, rounds: int) -> dict[str, object]:
     }
 
 
-def _search(quick: bool, rounds: int) -> dict[str, object]:
+def _search(quick: bool, iterations: int) -> dict[str, object]:
     case = driveline_drive(20.0 if quick else 90.0, moderate=False)
-    return {"search": show_numbers("search, two threads", search(case, 2 if quick else ITERATIONS))}
+    return {"search": show_numbers("search, two threads", search(case, min(iterations, 2) if quick else iterations))}
 
 
 _PARTS: dict[str, Callable[[bool, int], dict[str, object]]] = {
     "start": _start, "others": _others, "c": _c, "jax": _jax, "methods": _methods, "failures": _failures,
-    "gradient": _gradient, "growth": _growth, "search": _search,
+    "gradient": _gradient, "growth": _growth,
 }  # fmt: skip
 
 

@@ -105,7 +105,7 @@ def against_c(rounds: int) -> dict[str, float]:
         return {}
     model = Model.from_file(RANGER.with_name("driveline.py"))
     lanes, steps = load_lanes(model, stiff=False), 2000
-    in_c, calls = c_steps(model), load_compiled(_CALLS)
+    in_c, calls = c_steps(model), load_compiled(CALLS)
     buffers = [lanes.buffer(), lanes.buffer()]
     inputs, clock = np.concatenate([model.u0(), model.u0()]), np.zeros(2)
     for w in buffers:
@@ -136,7 +136,8 @@ def against_c(rounds: int) -> dict[str, float]:
     }
 
 
-_CALLS = """
+#: Calls of compiled functions from Python.
+CALLS = """
 from numba import njit
 
 @njit

@@ -32,6 +32,10 @@ def search(case: Case, iterations: int = ITERATIONS) -> dict[str, float]:
     found = {"wall_s: planning of the steps": planning, "nll: at the true parameters": _nll(problem, truth)}
     found |= _measured("gradient search", lambda: _gradient(problem, away))
     found |= _measured(f"swarm of {MEMBERS}", lambda: _swarm(problem, away, iterations))
+    per_evaluation = found[f"cpu_s: swarm of {MEMBERS}"] / found[f"evaluations: swarm of {MEMBERS}"]
+    found[f"cpu_s: {MEMBERS * (ITERATIONS + 1)} evaluations of the swarm at this rate"] = per_evaluation * (
+        MEMBERS * (ITERATIONS + 1)
+    )
     gap = found[f"nll: swarm of {MEMBERS}"] - found["nll: gradient search"]
     return {**found, "nats_of_the_swarm_above_the_gradient_search": gap}
 
