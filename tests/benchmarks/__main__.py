@@ -12,6 +12,7 @@ less CPU time this toolkit takes. The whole takes about half an hour on two core
     failures   members that are not finite, over the box of the parameters and four spreads of the sigma points
     gradient   the gradient against values
     growth     time against states, samples and members
+    loop       a whole closed loop, the dictionary of effects on a drive
     search     the thesis' swarm of 8080 evaluations and the gradient search, eight parameters, 90 s of data
 """
 
@@ -28,11 +29,12 @@ from pathlib import Path
 from tests.benchmarks.cases import driveline_drive, masses, ranger
 from tests.benchmarks.gradient_rows import gradient
 from tests.benchmarks.likelihood_rows import against_c, against_others, growth, growth_of_work
+from tests.benchmarks.loop_rows import loop
 from tests.benchmarks.method_rows import failures, methods
 from tests.benchmarks.search_rows import ITERATIONS, search
 from tests.benchmarks.start_rows import start
 
-PARTS = ("start", "others", "c", "jax", "methods", "failures", "gradient", "growth", "search")
+PARTS = ("start", "others", "c", "jax", "methods", "failures", "gradient", "growth", "loop", "search")
 
 
 def main() -> None:
@@ -107,6 +109,10 @@ def _growth(quick: bool, rounds: int) -> dict[str, object]:
     }
 
 
+def _loop(quick: bool, rounds: int) -> dict[str, object]:
+    return {"loop": show_numbers("closed loop on the vehicle", loop(60.0 if quick else 300.0))}
+
+
 def _search(quick: bool, iterations: int) -> dict[str, object]:
     case = driveline_drive(20.0 if quick else 90.0, moderate=False)
     return {"search": show_numbers("search, two threads", search(case, min(iterations, 2) if quick else iterations))}
@@ -114,7 +120,7 @@ def _search(quick: bool, iterations: int) -> dict[str, object]:
 
 _PARTS: dict[str, Callable[[bool, int], dict[str, object]]] = {
     "start": _start, "others": _others, "c": _c, "jax": _jax, "methods": _methods, "failures": _failures,
-    "gradient": _gradient, "growth": _growth,
+    "gradient": _gradient, "growth": _growth, "loop": _loop,
 }  # fmt: skip
 
 
