@@ -146,13 +146,20 @@ def available_cores() -> int:
 def _blocks(members: int) -> list[tuple[int, int]]:
     """Blocks of members that are filtered side by side: as many as there are lanes; a small rest one by one.
 
+    The last of an odd number of whole blocks is halved, so that two threads end together.
+
     Examples
     --------
     >>> _blocks(18), _blocks(21)
     ([(0, 16), (16, 17), (17, 18)], [(0, 16), (16, 21)])
+    >>> _blocks(48)
+    [(0, 16), (16, 32), (32, 40), (40, 48)]
     """
     whole = members // LANES * LANES
     blocks = [(first, first + LANES) for first in range(0, whole, LANES)]
+    if len(blocks) > 1 and len(blocks) % 2:
+        first, end = blocks.pop()
+        blocks += [(first, first + LANES // 2), (first + LANES // 2, end)]
     if members - whole < _FEW:
         return blocks + [(m, m + 1) for m in range(whole, members)]
     return [*blocks, (whole, members)]
