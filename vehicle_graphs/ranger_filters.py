@@ -13,7 +13,8 @@ SENSORS = {"engine_speed": 2.0, "axle_speed": 0.1, "forward_velocity": 0.05, "he
 
 #: The random walk of the inclination, rad per sqrt(s). A road is smoother than any random walk; at this intensity the
 #: predictions of the recorded coast-downs are as uncertain as they are wrong (with estimated parameters NIS 0.99 and
-#: 1.00; at 0.005 they would be 1.03 and 1.04, at 0.01 0.95 and 0.96).
+#: 1.00; at 0.005 they would be 1.03 and 1.04, at 0.01 0.95 and 0.96). The same road passes faster under a drive, where
+#: 0.012 is the likeliest (``vehicle_graphs.ranger_recorded`` estimates it with the driveline).
 INCLINATION_WALK = 0.007
 
 #: What is not known at the first sample: speeds as their sensors read them, a body at rest on its springs.

@@ -118,7 +118,8 @@ def look(log: MatchedLog, filter_model: FilterModel, folder: Path) -> Consistenc
     found = consistency(record)
     bands = (*state_bands(record, smoothed), *output_bands(record, smoothed, log.u))
     told = [f"{c.name} {c.nis_mean:.3f} ({c.nis_band[0]:.3f} to {c.nis_band[1]:.3f})" for c in found.channels]
-    title = "\n".join([f"{log.name}: mean NIS (and its 95 % band)", ", ".join(told[:2]), ", ".join(told[2:])])
+    pairs = [", ".join(told[k : k + 2]) for k in range(0, len(told), 2)]
+    title = "\n".join([f"{log.name}: mean NIS (and its 95 % band)", *pairs])
     save_figure(state_figure(bands, title), folder / f"{log.name}.png")
     return found
 

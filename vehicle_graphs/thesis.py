@@ -10,8 +10,9 @@ the suspension that the logs were made with and once with the quasi-static one o
 that work names as the source of its bias. Stage *driveline* estimates eight parameters of engine and CVT from a drive;
 what the coast-downs tell is taken as known there. Its likelihood a tenth away from the truth is hundreds of thousands
 of nats high and has local optima, at which a plain gradient search from the nominal values ends; with continuation in
-process noise (see ``bondgraph.estimate.continuation``) the search arrives. ``--method pso`` searches with the swarm of
-the thesis, 80 particles and 101 iterations. An interrupted study goes on where it stopped: each repetition is a file
+process noise (see ``bondgraph.estimate.continuation``) the search arrives, in some 200 evaluations. ``--method pso``
+searches with the swarm of the thesis, 80 particles and 101 iterations: on a drive of 6 s its 8080 evaluations ended
+5 nats short of the gradient search's optimum. An interrupted study goes on where it stopped: each repetition is a file
 in the folder.
 """
 
