@@ -163,6 +163,9 @@ def _with_storages(
             if trial.score_gain < max(0.5 * ground.need, 0.4 * ahead) or p_value > ground.level:
                 done.append(trial)
                 continue
+        elif best is not None and ground.base.problem.filter_model.is_stiff:
+            done.append(trial)  # a model of its own takes half a minute to compile: only where nothing else explains
+            continue
         beat = np.inf if best is None or best.fit is None else best.fit.nll
         done.append(try_storage(trial, ground, beat))
     return done
