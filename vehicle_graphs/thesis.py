@@ -8,12 +8,11 @@ Every repetition draws true parameters, simulates logs with them, and estimates 
 rolling resistance, drag, brake gain, pitch offset, tyre radius and pitch stiffness from two runs in neutral, once with
 the suspension that the logs were made with and once with the quasi-static one of the thesis (P. M. Auby 2016), which
 that work names as the source of its bias. Stage *driveline* estimates eight parameters of engine and CVT from a drive;
-what the coast-downs tell is taken as known there. Its likelihood a tenth away from the truth is hundreds of thousands
-of nats high and has local optima, at which a plain gradient search from the nominal values ends; with continuation in
-process noise (see ``bondgraph.estimate.continuation``) the search arrives, in some 200 evaluations. ``--method pso``
-searches with the swarm of the thesis, 80 particles and 101 iterations: on a drive of 6 s its 8080 evaluations ended
-5 nats short of the gradient search's optimum. An interrupted study goes on where it stopped: each repetition is a file
-in the folder.
+what the coast-downs tell is taken as known there. The nominal values are tens of thousands of nats away on a drive of
+12 s, 850 000 on one of 45 s, where a plain gradient search from them got stuck; with continuation in process noise (see
+``bondgraph.estimate.continuation``) it arrives on either, in some 200 evaluations. ``--method pso`` searches with the
+swarm of the thesis, 80 particles and 101 iterations: on a drive of 6 s its 8080 evaluations ended 5 nats short of the
+gradient search's optimum. An interrupted study goes on where it stopped: each repetition is a file in the folder.
 """
 
 from __future__ import annotations
