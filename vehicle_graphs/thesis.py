@@ -10,9 +10,10 @@ the suspension that the logs were made with and once with the quasi-static one o
 that work names as the source of its bias. Stage *driveline* estimates eight parameters of engine and CVT from a drive;
 what the coast-downs tell is taken as known there. The nominal values are tens of thousands of nats away on a drive of
 12 s, 850 000 on one of 45 s, where a plain gradient search from them got stuck; with continuation in process noise (see
-``bondgraph.estimate.continuation``) it arrives on either, in some 200 evaluations. ``--method pso`` searches with the
-swarm of the thesis, 80 particles and 101 iterations: on a drive of 6 s its 8080 evaluations ended 5 nats short of the
-gradient search's optimum. An interrupted study goes on where it stopped: each repetition is a file in the folder.
+``bondgraph.estimate.continuation``) it arrived on drives of 6 to 45 s, on those of 12 s within 60 to 220 evaluations.
+``--method pso`` searches with the swarm of the thesis, 80 particles and 101 iterations: on a drive of 6 s its 8080
+evaluations ended 5 nats short of the gradient search's optimum. An interrupted study goes on where it stopped: each
+repetition is a file in the folder.
 """
 
 from __future__ import annotations
