@@ -17,7 +17,6 @@ from bondgraph.data.log import FloatArray, MatchedLog
 from bondgraph.errors import DataError, OptionError
 from bondgraph.estimate.free import FreeParameter, declared_free
 from bondgraph.estimate.initial import directly_measured, initial_states
-from bondgraph.filter.choice import choose_method
 from bondgraph.filter.discretisation import step_times_rate
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.likelihood import run
@@ -32,6 +31,10 @@ _STIFF = 25.0
 #: Steps of a stiff method on the way; at the optimum of a vehicle with a gripping belt 12 gave the likelihood of 16 to
 #: 0.03 nats and that of 32 to 4.4, while 8 missed it by 100.
 _SEARCH_STEPS = 12
+#: Each is this much longer than the one before, for sigma points relax anew after every sample when there is process
+#: noise. Steps planned along the logs would be planned for the first guess of the noises, and a fit ends with others.
+_SEARCH_GRADING = 1.35
+_STIFF_METHOD = "ros3p"
 #: Samples of each log at which its rates are looked at.
 _RATES = 25
 #: Process noise starts at this share of a state's size per sqrt(s), and may fall or rise by the factors below.
@@ -229,10 +232,7 @@ def _start_std(
 def resolved(filter_model: FilterModel, logs: Sequence[MatchedLog]) -> FilterModel:
     """The filter with an integration that resolves its model along the logs: explicit where that is not too fine."""
     if looks_stiff(filter_model.model, logs):
-        chosen = choose_method(replace(filter_model, method="auto"), logs)
-        if chosen.is_stiff:
-            return replace(chosen, substeps=min(chosen.substeps, _SEARCH_STEPS))
-        return fine_enough(chosen, logs)
+        return replace(filter_model, method=_STIFF_METHOD, substeps=_SEARCH_STEPS, grading=_SEARCH_GRADING)
     return fine_enough(filter_model, logs)
 
 

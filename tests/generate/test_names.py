@@ -5,7 +5,7 @@ from __future__ import annotations
 import keyword
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from bondgraph.generate.names import RESERVED, identifiers, stems
@@ -47,6 +47,7 @@ def test_a_good_name_keeps_itself_whatever_stands_before_it() -> None:
     assert identifiers(["lambda", "lambda_"]) == {"lambda": "lambda__2", "lambda_": "lambda_"}
 
 
+@settings(deadline=None)  # a busy machine may pause for a second
 @given(st.lists(st.one_of(st.text(min_size=1), st.sampled_from([*sorted(RESERVED), *keyword.kwlist, "a.b", "a_b"]))))
 def test_identifiers_are_valid_free_and_different(names: list[str]) -> None:
     given_names = identifiers(names)
@@ -57,6 +58,7 @@ def test_identifiers_are_valid_free_and_different(names: list[str]) -> None:
         assert identifier not in RESERVED and not identifier.startswith("_")
 
 
+@settings(deadline=None)  # a busy machine may pause for a second
 @given(st.lists(st.sampled_from(["a", "a_x", "a_d1", "a_d", "a_x_2", "a_d1_x", "a.x"]), unique=True))
 def test_no_two_tables_share_a_name_of_an_array_or_function(names: list[str]) -> None:
     made = stems(names, "_table_", ENDINGS)
