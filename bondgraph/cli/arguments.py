@@ -148,7 +148,7 @@ def _add_run_commands(commands: Any) -> None:
     c.add_argument("--method", default="both", choices=("both", "pso", "gradient"), help="search (default: both)")
     c.add_argument(
         "--certify", default="step", choices=("step", "full", "none"),
-        help="look at the result again with doubled integration steps, or fully also with the classical Runge-Kutta "
+        help="look at the result again with halved integration steps, or fully also with the classical Runge-Kutta "
         "method, and go on with finer ones where it moves (default: step)",
     )  # fmt: skip
     c.add_argument(

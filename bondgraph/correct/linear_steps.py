@@ -106,7 +106,7 @@ def linear_search(
     value, evaluations, damping = _value(problem, point, runs), 1, _DAMPING
     expansion = linear_expansion(problem, point, runs)
     outcome = SearchOutcome.ITERATION_LIMIT
-    idle, stale = 0, False
+    idle = 0
     for _ in range(iterations):
         promise = newton_decrement(problem, point, expansion)
         if promise < tolerance or idle == 2 or damping > _MOST_DAMPING:
@@ -123,12 +123,9 @@ def linear_search(
         point, value, runs = trial, reached, tried
         damping = max(damping / _DAMP_LESS, _LEAST_DAMPING) if kept > _AS_PROMISED else damping
         idle = idle + 1 if gained < tolerance else 0
+        expansion = linear_expansion(problem, point, runs)
         if value - beat > hopeless * max(gained, promise):
-            stale = True
             break
-        expansion = linear_expansion(problem, point, runs)
-    if stale:
-        expansion = linear_expansion(problem, point, runs)
     return Reached(point, value, expansion, evaluations, outcome)
 
 

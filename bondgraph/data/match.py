@@ -235,7 +235,8 @@ def _inputs(log: Log, channels: Mapping[str, LogChannel], model: Signals, notes:
     """All inputs, shape (n_u, n); what the log lacks is a slope of what it holds, or has its default."""
     rows: dict[str, FloatArray] = {}
     for quantity in model.inputs:
-        if quantity.rate_of and quantity.name not in channels:
+        channel = channels.get(quantity.name)
+        if quantity.rate_of and (channel is None or channel.missing.all()):
             rows[quantity.name] = slopes(log.time, rows[quantity.rate_of])
             notes.append(f"input {quantity.name!r} is taken from the slope of {quantity.rate_of!r}")
         else:

@@ -82,7 +82,8 @@ class Way:
             for name, extra in zip(declared.model.names("state"), added, strict=True)
         }
         wide = {name: std for name, std in total.items() if std > 0.0}
-        return replace(self.problem, filter_model=replace(declared, process_noise=wide))
+        # steps planned for the declared noise are too few where sigma points spread wider
+        return replace(self.problem, filter_model=replace(declared, process_noise=wide, plan=None))
 
     def next_scale(self, points: FloatArray, above: float) -> tuple[float, int]:
         """The likeliest scale below ``above`` at the best of points (n, starts), and the evaluations this took."""

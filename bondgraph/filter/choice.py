@@ -107,11 +107,8 @@ def _chosen(question: _Question) -> FilterModel:
     if explicit is not None and steps <= max(_FEW_EXPLICIT, filter_model.substeps):
         return explicit
     planned = plan_along(stiff, filtered, methods=_PLANNED, compiled=question.compiled)
-    assert planned.plan is not None
-    planned_cost = math.inf if planned.plan is None else plan_cost(planned.model, planned.plan)
-    if explicit is not None and _RK4_SLOPES * steps <= planned_cost:
-        return explicit
-    return planned
+    dearer = planned.plan is None or _RK4_SLOPES * steps <= plan_cost(planned.model, planned.plan)
+    return explicit if explicit is not None and dearer else planned
 
 
 def looked_at(samples: Samples) -> IntArray:

@@ -89,7 +89,7 @@ class _Run:
         try:
             self._begin(edges)
             for left, right in itertools.pairwise(edges):
-                self._stretch(self._segment(left, right))
+                self._stretch(self.task.signal.segment(left, right))
                 if self.state.outcome is not Outcome.OK or self._has_enough():
                     break
         except NoConsistentModeError:
@@ -97,13 +97,9 @@ class _Run:
         return HybridRun(self.x, self.u, self.state.outcome, self.state.time, tuple(self.events))
 
     def _begin(self, edges: list[float]) -> None:
-        first = self._segment(*edges[:2]).left if len(edges) > 1 else self.u[:, 0]
+        first = self.task.signal.segment(*edges[:2]).left if len(edges) > 1 else self.u[:, 0]
         self.now = self.modes.start(Point(self.state.time, self.state.x, first))
         self.u[:, 0] = self.modes.with_modes(first, self.now)
-
-    def _segment(self, left: float, right: float) -> InputSegment:
-        """The inputs between two break points."""
-        return self.task.signal.segment(left, right)
 
     # ------------------------------------------------------------------ between break points of the inputs
 

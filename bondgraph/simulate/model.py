@@ -344,10 +344,12 @@ def _check_rows(model: Model, source: str) -> None:
         require(_is_finite(state.initial), state.name, f"initial value {state.initial!r} is not a finite number")
     for held in (*(mode.input for mode in model.modes), *(row.mode for row in model.event_rows)):
         require(held in model.names("input"), held, "is said to hold a mode but is no input")
-    for signal in model.inputs:
+    for place, signal in enumerate(model.inputs):
         require(_is_finite(signal.default), signal.name, f"default {signal.default!r} is not a finite number")
-        between = f"interpolation {signal.interpolation!r} is neither 'linear' nor 'hold' nor the rate of an input"
-        known = signal.rate_of in model.names("input") or signal.interpolation in ("linear", "hold")
+        between = (
+            f"interpolation {signal.interpolation!r} is neither 'linear' nor 'hold' nor the rate of an earlier input"
+        )
+        known = signal.rate_of in model.names("input")[:place] or signal.interpolation in ("linear", "hold")
         require(known, signal.name, between)
     for parameter in model.parameters:
         require(_is_finite(parameter.value), parameter.name, f"value {parameter.value!r} is not a finite number")
