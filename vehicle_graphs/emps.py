@@ -79,7 +79,7 @@ EFFECTS: dict[str, EffectFunction] = {
     if function.__name__
     in (
         "coulomb_loss", "constant_effort", "quadratic_loss", "direction_dependent_drag", "cubic_loss",
-        "rise_of_friction", "position_stiffness", "drifting_load", "ripple_sine", "ripple_cosine", "lagging_source",
+        "stribeck_loss", "position_stiffness", "drifting_load", "ripple_sine", "ripple_cosine", "actuator_lag",
     )
 }  # fmt: skip
 

@@ -23,7 +23,7 @@ from bondgraph.declare.functions import maximum
 from bondgraph.declare.graph import BondGraph
 from bondgraph.declare.quantities import symbol
 from bondgraph.errors import OptionError, suggest
-from vehicle_graphs import effects, machine_effects
+from vehicle_graphs import effects
 
 #: Curb mass of the data sheet (1195 kg) and two persons or one with luggage.
 MASS = 1345.0
@@ -145,9 +145,9 @@ EFFECTS: dict[str, Callable[[BondGraph], None]] = {
     "air_drag": _at(effects.quadratic_loss, "body"),
     "viscous_loss": _at(effects.viscous_loss, "hub"),
     "gear_loss": _at(effects.torque_proportional_loss, "hub"),
-    "overrun_loss": _at(machine_effects.overrun_loss, "hub"),
+    "gear_loss_by_direction": _at(effects.directional_loss, "hub"),
     "rotating_inertia": _at(effects.added_inertia, "body"),
-    "rise_of_friction": _at(machine_effects.rise_of_friction, "hub"),
+    "friction_towards_standstill": _at(effects.stribeck_loss, "hub"),
     "cold_rolling": _at(cold_rolling, "hub"),
     "cold_air": _at(cold_air, "body"),
     "friction_brake": _at(friction_brake, "hub"),

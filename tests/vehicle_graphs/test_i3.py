@@ -47,8 +47,12 @@ def test_every_effect_derives_and_vanishes_at_zero(name: str) -> None:
 
 
 def test_losses_take_energy_and_overrun_keeps_the_drive() -> None:
-    extended = build(i3.declared(("air_drag", "gear_loss", "overrun_loss"))).model
-    values = {"c_quadratic_loss_body": 0.3, "share_torque_proportional_loss_hub": 0.05, "share_overrun_loss_hub": 0.1}
+    extended = build(i3.declared(("air_drag", "gear_loss", "gear_loss_by_direction"))).model
+    values = {
+        "c_quadratic_loss_body": 0.3,
+        "share_torque_proportional_loss_hub": 0.05,
+        "overrun_directional_loss_hub": 0.1,
+    }
     theta, none = extended.theta(**values), extended.theta()
 
     def changes(torque: float, **only: float) -> float:
@@ -57,8 +61,8 @@ def test_losses_take_energy_and_overrun_keeps_the_drive() -> None:
 
     assert changes(100.0, **values) < 0
     assert changes(100.0, c_quadratic_loss_body=0.3) * 1345 == pytest.approx(-0.3 * 400)
-    assert changes(100.0, share_overrun_loss_hub=0.1) == pytest.approx(0.0, abs=1e-12)
-    assert changes(-50.0, share_overrun_loss_hub=0.1) * 1345 == pytest.approx(-0.1 * 50 * 9.665 / 0.345)
+    assert changes(100.0, overrun_directional_loss_hub=0.1) == pytest.approx(0.0, abs=1e-12)
+    assert changes(-50.0, overrun_directional_loss_hub=0.1) * 1345 == pytest.approx(-0.1 * 50 * 9.665 / 0.345)
     run = simulate(extended, np.linspace(0.0, 60.0, 601), {"motor_torque": 0.0}, theta, {"v_body": 25.0})
     assert np.all(np.diff(run.state("v_body")) < 0)
 

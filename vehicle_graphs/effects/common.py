@@ -44,11 +44,14 @@ def over(unit: str, other: str, power: int = 1) -> str:
     return f"{unit}/({other})" + (f"^{power}" if power > 1 else "")
 
 
-def coefficient(g: BondGraph, at: Place, effect: str, meaning: str, unit: str, power: int) -> tuple[str, Expr]:
+def coefficient(
+    g: BondGraph, at: Place, effect: str, meaning: str, unit: str, power: int, signed: bool = False
+) -> tuple[str, Expr]:
     """A coefficient whose largest value makes the loss as large as twice the efforts at this place."""
     name = f"{effect}_{at.name}"
     limit = 2.0 * at.scale.effort / at.scale.flow**power
-    return name, g.parameter(f"c_{name}", 0.0, unit, f"{meaning} at {at.label}", (0.0, limit))
+    lower = -limit if signed else 0.0
+    return name, g.parameter(f"c_{name}", 0.0, unit, f"{meaning} at {at.label}", (lower, limit))
 
 
 def direction(g: BondGraph, at: Place, name: str) -> Expr:
