@@ -69,7 +69,7 @@ def uncertainty(objective: Objective, point: FloatArray, expansion: Expansion, c
     expansion
         Gradient and Fisher information there.
     curvature
-        Measure the curvature, at 2 m^2 evaluations for m interior coordinates; else use the Fisher information.
+        Measure the curvature, at m^2 + m + 1 evaluations for m interior coordinates; else use the Fisher information.
 
     Examples
     --------
@@ -166,17 +166,21 @@ def _from_curvature(
 def _second_differences(
     objective: Objective, point: FloatArray, interior: np.ndarray[tuple[int], np.dtype[np.intp]], moves: FloatArray
 ) -> tuple[FloatArray, int]:
-    """Second differences of the objective along pairs of moves (m, k), all in one batch."""
+    """Second differences of the objective along pairs of moves (m, k), all in one batch.
+
+    Along a move and its opposite for each, and along the sum of two moves and its opposite for each pair: second order
+    in the length of the moves at k^2 + k + 1 values (Abramowitz and Stegun 1964, 25.3.27).
+    """
     count = moves.shape[1]
     pairs = [(a, b) for a in range(count) for b in range(a)]
     offsets = [np.zeros(moves.shape[0])]
     offsets += [sign * moves[:, a] for a in range(count) for sign in (1.0, -1.0)]
-    offsets += [first * moves[:, a] + second * moves[:, b] for a, b in pairs for first in (1, -1) for second in (1, -1)]
+    offsets += [sign * (moves[:, a] + moves[:, b]) for a, b in pairs for sign in (1.0, -1.0)]
     members = np.repeat(point[:, np.newaxis], len(offsets), axis=1)
     members[interior] += np.array(offsets).T
     values = objective.nll(members)
-    hessian = np.diag(values[1 : 1 + 2 * count : 2] + values[2 : 2 + 2 * count : 2] - 2.0 * values[0])
-    for k, (a, b) in enumerate(pairs):
-        corners = values[1 + 2 * count + 4 * k : 5 + 2 * count + 4 * k]
-        hessian[a, b] = hessian[b, a] = 0.25 * (corners[0] - corners[1] - corners[2] + corners[3])
+    curved = values[1::2] + values[2::2] - 2.0 * values[0]
+    hessian = np.diag(curved[:count])
+    for (a, b), along_both in zip(pairs, curved[count:], strict=True):
+        hessian[a, b] = hessian[b, a] = 0.5 * (along_both - curved[a] - curved[b])
     return hessian, members.shape[1]

@@ -42,7 +42,7 @@ def test_covariance_is_the_inverse_curvature_whatever_the_fisher_information(see
     known = uncertainty(Quadratic(hessian), np.zeros(4), expansion)
     assert known.outcome is UncertaintyOutcome.CURVATURE
     np.testing.assert_allclose(known.covariance @ hessian, np.eye(4), atol=1e-5)
-    assert known.evaluations == 1 + 2 * 4**2
+    assert known.evaluations == 1 + 4 + 4**2
 
 
 def test_without_curvature_the_fisher_information_counts() -> None:
