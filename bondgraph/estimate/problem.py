@@ -17,7 +17,7 @@ from bondgraph.data.log import MatchedLog
 from bondgraph.errors import EstimationError, suggest
 from bondgraph.estimate.free import FreeParameter, declared_free, parse_target, require_known
 from bondgraph.estimate.initial import Initial, initial_states
-from bondgraph.estimate.objective import FloatArray, Terms
+from bondgraph.estimate.objective import BoolArray, FloatArray, Terms
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.likelihood import innovations, negative_log_likelihood
 
@@ -146,6 +146,11 @@ class EstimationProblem:
     def start(self) -> FloatArray:
         """Coordinates at which searches start, shape (n,)."""
         return np.array([parameter.coordinate(parameter.start) for parameter in self.free])
+
+    @cached_property
+    def noise_levels(self) -> BoolArray:
+        """Which coordinates are logarithms of the standard deviations of noises, shape (n,)."""
+        return np.array([p.scale == "log" and p.target.kind in ("std", "process") for p in self.free], dtype=np.bool_)
 
     @cached_property
     def initial_states(self) -> list[FloatArray]:

@@ -15,7 +15,8 @@ import numpy as np
 
 from bondgraph.errors import EstimationError
 from bondgraph.estimate.gauss_newton import GaussNewtonSettings, gauss_newton
-from bondgraph.estimate.objective import FloatArray, Objective, Terms
+from bondgraph.estimate.objective import BoolArray, FloatArray, Objective, Terms
+from bondgraph.estimate.steps import known_noise_levels
 
 _ITERATIONS = 12
 _TOLERANCE = 1e-3
@@ -47,6 +48,11 @@ class _Pinned:
     def upper(self) -> FloatArray:
         """Upper bounds, shape (n,)."""
         return self._held(self.objective.upper)
+
+    @property
+    def noise_levels(self) -> BoolArray:
+        """Coordinates known as noise levels, shape (n,)."""
+        return known_noise_levels(self.objective)
 
     def _held(self, bounds: FloatArray) -> FloatArray:
         held = bounds.copy()

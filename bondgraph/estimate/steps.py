@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from bondgraph.estimate.objective import BoolArray, Expansion, FloatArray, Objective, Terms
+from bondgraph.estimate.objective import BoolArray, Expansion, FloatArray, Objective, Terms, over_terms
 
 
 def newton_decrement(objective: Objective, point: FloatArray, expansion: Expansion) -> float:
@@ -34,7 +34,7 @@ def damped_step(objective: Objective, point: FloatArray, expansion: Expansion, d
     """
     held = _held(objective, point, expansion.gradient)
     scale = np.diag(expansion.information) + _floor(objective)
-    rates = noise_level_rates(expansion)
+    rates = np.where(known_noise_levels(objective), 1.0, noise_level_rates(expansion))
     trial = point.copy()
     while not held.all():
         free = ~held
@@ -69,11 +69,19 @@ def noise_level_rates(expansion: Expansion) -> FloatArray:
     return np.where(is_level, np.sign(slopes.sum(axis=0)) * mean, 0.0)
 
 
+def known_noise_levels(objective: Objective) -> BoolArray:
+    """Coordinates that an objective names, by ``noise_levels`` (n,), as logarithms of standard deviations of noises."""
+    named = getattr(objective, "noise_levels", None)
+    return np.zeros(objective.lower.size, dtype=np.bool_) if named is None else np.asarray(named)
+
+
 def _noise_level_steps(steps: FloatArray, rates: FloatArray) -> FloatArray:
     """Steps of noise levels in closed form.
 
     With S = sum of z^2 / n, a scoring step moves log s by (S - 1) / 2: never below -1/2 and far too far up, while the
-    optimum is (log S) / 2 away.
+    optimum is (log S) / 2 away. At rate 1 this is a scoring step in the variance, to which the variance of every
+    innovation is linear however little of it the noise makes up; from a level next to nothing a step in its logarithm
+    would lead out of every bound, and a damped one would creep.
     """
     ratio = np.maximum(1.0 + 2.0 * rates * steps, 1e-3)
     return np.where(rates == 0.0, steps, 0.5 * np.log(ratio) / np.where(rates == 0.0, 1.0, rates))
@@ -132,10 +140,10 @@ def bent_steps(
     known_z, known_s = expansion.terms.innovations, expansion.terms.log_scales
     moves = trials - point[:, np.newaxis]
     with np.errstate(invalid="ignore", over="ignore"):
-        miss_z = seen.innovations - (known_z[:, :1] + known_z[:, 1:] @ moves)
-        miss_s = seen.log_scales - (known_s[:, :1] + known_s[:, 1:] @ moves)
+        miss_z = seen.innovations - (known_z[:, :1] + np.einsum("ia,ab->ib", known_z[:, 1:], moves))
+        miss_s = seen.log_scales - (known_s[:, :1] + np.einsum("ia,ab->ib", known_s[:, 1:], moves))
         slopes_e = known_z[:, 1:] + known_z[:, :1] * known_s[:, 1:]
-        pulls = slopes_e.T @ (miss_z + known_z[:, :1] * miss_s) + 2.0 * known_s[:, 1:].T @ miss_s
+        pulls = over_terms(slopes_e, miss_z + known_z[:, :1] * miss_s) + 2.0 * over_terms(known_s[:, 1:], miss_s)
     pulls = np.where(np.isfinite(pulls), pulls, 0.0)
     bent = [
         damped_step(objective, point, replace(expansion, gradient=expansion.gradient + pull), float(damping))

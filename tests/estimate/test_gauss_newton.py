@@ -47,6 +47,28 @@ class Sample:
         return self.terms(points).sums()
 
 
+class Added(Sample):
+    """A normal sample whose variance is 1 and an unknown one, the log of whose root is free and known to be that."""
+
+    noise_levels = np.array([True])
+
+    def __init__(self, sample: np.ndarray) -> None:
+        self.sample, self.lower, self.upper = sample[:, None], np.array([-9.0]), np.array([9.0])
+
+    def terms(self, points: np.ndarray) -> Terms:
+        log_std = 0.5 * np.log1p(np.exp(2.0 * points[0]))
+        return Terms(self.sample / np.exp(log_std), np.broadcast_to(log_std, (len(self.sample), len(log_std))))
+
+
+@pytest.mark.parametrize("start", [-9.0, -5.0, 0.0, 3.0])
+def test_a_noise_among_others_is_found_from_next_to_nothing_in_a_few_steps(start: float) -> None:
+    sample = 3.0 * np.random.default_rng(0).normal(size=400)
+    state = gauss_newton(Added(sample), np.array([start]))
+    assert state.outcomes == (SearchOutcome.CONVERGED,)
+    assert np.exp(2.0 * state.points[0, 0]) == pytest.approx(np.mean(sample**2) - 1.0, rel=1e-5)
+    assert state.iteration <= 4
+
+
 def line(rows: int = 20, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
     rng = np.random.default_rng(seed)
     return rng.normal(size=(rows, 3)), rng.normal(size=rows)
