@@ -218,26 +218,24 @@ def candidates(
             trial = copy(built.graph)
             try:
                 effect = _effect(function, trial, place)
-                equations = None if effect is None else _equations(trial)
+                if effect is None:
+                    continue
+                causal = assign_causality(trial)
+                equations = Derivation(causal).equations()
             except (DeclarationError, CausalityError, DerivationError, DimensionError) as error:
                 refused.append(Refused(function.__name__, place.label, error.message))
                 continue
-            if effect is None or equations is None:
-                continue
-            why = _why_not(built, trial, effect, equations)
+            flat = causal.graph
+            why = _why_not(built, flat, effect, equations)
             if why is not None:
                 refused.append(Refused(effect.name, place.label, why))
                 continue
-            beside = place.bond is None and not place.output and _beside_storage(built.graph, place.junction.name)
+            beside = place.bond is None and not place.output and _beside_storage(built, place.junction.name)
             own = {state.symbol.name for state in built.equations.states}
             followed = all(s.variable == "integral" or s.symbol.name in own for s in equations.states)
             model = Model.from_text(render(equations), source=f"{built.graph.name} with {effect.name}")
-            found.append(Candidate(function, place, effect, model, _passive(trial, effect), beside, followed))
+            found.append(Candidate(function, place, effect, model, _passive(flat, effect), beside, followed))
     return found, refused
-
-
-def _equations(graph: BondGraph) -> StateEquations:
-    return Derivation(assign_causality(graph)).equations()
 
 
 def _effect(function: EffectFunction, graph: BondGraph, place: Place) -> Effect | None:
@@ -252,8 +250,10 @@ def _effect(function: EffectFunction, graph: BondGraph, place: Place) -> Effect 
             "it, or let it return None where it makes no sense",
             where=(function.__name__, place.label),
         ) from error
+    if effect is None:
+        return None
     known = {parameter.name for parameter in graph.flatten().parameters}
-    for name in () if effect is None else effect.parameters:
+    for name in effect.parameters:
         if name not in known:
             raise OptionError(
                 f"effect function {function.__name__} names the coefficient {name!r} at {place.label} but declares no"
@@ -263,9 +263,9 @@ def _effect(function: EffectFunction, graph: BondGraph, place: Place) -> Effect 
     return effect
 
 
-def _why_not(built: BuiltModel, extended: BondGraph, effect: Effect, equations: StateEquations) -> str | None:
+def _why_not(built: BuiltModel, flat: BondGraph, effect: Effect, equations: StateEquations) -> str | None:
     """Why an effect cannot be tried, or None."""
-    values = {parameter.name: parameter.value for parameter in extended.flatten().parameters}
+    values = {parameter.name: parameter.value for parameter in flat.parameters}
     if not effect.coefficients:
         return "has no coefficient that could be tested"
     lasting = [name for name in effect.coefficients if values[name] != 0.0]
@@ -285,16 +285,16 @@ def _why_not(built: BuiltModel, extended: BondGraph, effect: Effect, equations: 
     return None
 
 
-def _passive(graph: BondGraph, effect: Effect) -> bool:
-    bounds = {parameter.name: parameter.bounds for parameter in graph.flatten().parameters}
+def _passive(flat: BondGraph, effect: Effect) -> bool:
+    bounds = {parameter.name: parameter.bounds for parameter in flat.parameters}
     known = [bounds[name] for name in effect.coefficients]
     if effect.channel:
         return False
     return all(bound is not None and bound[0] >= 0.0 for bound in known)
 
 
-def _beside_storage(graph: BondGraph, junction: str) -> bool:
-    flat = graph.flatten()
+def _beside_storage(built: BuiltModel, junction: str) -> bool:
+    flat = built.causal.graph
     ends = {end for bond in flat.bonds if junction in (bond.source, bond.target) for end in (bond.source, bond.target)}
     return any(flat.nodes[end].kind in STORAGES for end in ends)
 
