@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from bondgraph.correct.differences import forward_differences
+from bondgraph.correct.excerpts import excerpt
 from bondgraph.correct.journal import Journal, Noted, fit_key
 from bondgraph.correct.linear_steps import is_linearised, linear_expansion, linear_search
 from bondgraph.data.log import FloatArray, MatchedLog
@@ -36,6 +37,8 @@ BLOCKS = 40
 _NOISIER = (1.0, 5.0, 25.0, 125.0)
 #: A fit that is to beat another gives up when it is behind by more than this many times what a step promises or gains.
 _HOPELESS = 10.0
+#: A search on a part of the logs ends where a further step promises less than so many nats.
+_ROUGH = 2.0
 
 Report = Callable[[str, int, int], None]
 
@@ -211,9 +214,14 @@ def _search(
 def _linear_search(
     problem: EstimationProblem, iterations: int, tolerance: float, starts: Sequence[FloatArray], beat: float
 ) -> tuple[Fit, FloatArray]:
-    """The fit of a stiff model; its expansions need no difference steps."""
-    start, evaluations = _best_start(problem, starts)
-    found = linear_search(problem, start[:, 0], iterations, tolerance, beat, _HOPELESS)
+    """The fit of a stiff model, first to the beginnings of long logs; its expansions need no difference steps."""
+    short = excerpt(problem)
+    starts_at, evaluations = _best_start(short or problem, starts)
+    start = starts_at[:, 0]
+    if short is not None:
+        rough = linear_search(short, start, iterations, _ROUGH, np.inf, _HOPELESS)
+        start, evaluations = rough.point, evaluations + rough.evaluations
+    found = linear_search(problem, start, iterations, tolerance, beat, _HOPELESS)
     evaluations += found.evaluations
     made = Fit(problem, found.point, found.nll, found.expansion, evaluations, found.outcome)
     return made, np.zeros(found.point.size)

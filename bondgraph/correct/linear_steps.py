@@ -33,6 +33,11 @@ _DAMPING, _LEAST_DAMPING, _MOST_DAMPING, _DAMP_LESS, _DAMP_MORE = 1e-2, 1e-6, 1e
 _AS_PROMISED = 0.5
 #: No step is worth less than so many nats: what the linearised filter leaves out of the gradient is as large.
 _FINEST = 0.3
+#: Nor is it worth more steps to find one that gains, after one that did not, where the best promises less than this.
+_HARDLY = 2.0
+#: Longest steps: of the logarithm of a noise level, and of other coordinates as a share of their bounds. A level of
+#: which the data say nothing is else thrown to where they say a lot.
+_LONGEST_LEVEL, _LONGEST = 1.5, 0.3
 
 
 def is_linearised(problem: EstimationProblem) -> bool:
@@ -106,20 +111,25 @@ def linear_search(
     value, evaluations, damping = _value(problem, point, runs), 1, _DAMPING
     expansion = linear_expansion(problem, point, runs)
     outcome = SearchOutcome.ITERATION_LIMIT
+    longest = _longest_steps(problem)
     idle = 0
     for _ in range(iterations):
         promise = newton_decrement(problem, point, expansion)
         if promise < tolerance or idle == 2 or damping > _MOST_DAMPING:
             outcome = SearchOutcome.CONVERGED
             break
-        trial = damped_step(problem, point, expansion, damping)
+        step = np.clip(damped_step(problem, point, expansion, damping) - point, -longest, longest)
+        trial = point + step
         tried = filter_runs(problem, trial)
         reached, evaluations = _value(problem, trial, tried), evaluations + 1
         gained = value - reached
         if not gained > 0.0:
+            if promise < _HARDLY:
+                outcome = SearchOutcome.CONVERGED
+                break
             damping *= _DAMP_MORE
             continue
-        kept = gained / max(promised_gain(expansion, trial - point), gained, 1e-300)
+        kept = gained / max(promised_gain(expansion, step), gained, 1e-300)
         point, value, runs = trial, reached, tried
         damping = max(damping / _DAMP_LESS, _LEAST_DAMPING) if kept > _AS_PROMISED else damping
         idle = idle + 1 if gained < tolerance else 0
@@ -127,6 +137,11 @@ def linear_search(
         if value - beat > hopeless * max(gained, promise):
             break
     return Reached(point, value, expansion, evaluations, outcome)
+
+
+def _longest_steps(problem: EstimationProblem) -> FloatArray:
+    levels = np.array([parameter.target.kind in ("std", "process") for parameter in problem.free])
+    return np.where(levels, _LONGEST_LEVEL, _LONGEST * (problem.upper - problem.lower))
 
 
 def _value(problem: EstimationProblem, point: FloatArray, runs: Sequence[FilterRun]) -> float:

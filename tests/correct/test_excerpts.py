@@ -1,0 +1,60 @@
+"""Searches that begin on the beginnings of long logs: what is cut, what is not, and that they end on the whole."""
+
+from __future__ import annotations
+
+import functools
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from bondgraph.correct import fit as fitting
+from bondgraph.correct.excerpts import excerpt
+from bondgraph.correct.fit import Fit, fit, noisy_starts
+from bondgraph.correct.linear_steps import linear_search
+from bondgraph.correct.loop import free_parameters
+from bondgraph.estimate.problem import EstimationProblem
+from tests.correct.test_stiff import drawn, setup_of
+
+
+@functools.cache
+def problem() -> EstimationProblem:
+    logs = (drawn(0.0), replace(drawn(0.0, seed=2, samples=300), name="second"))
+    setup = setup_of(logs[0])
+    return EstimationProblem(setup.filter_model, logs, (*free_parameters(setup, ("c",)), *setup.noise))
+
+
+def test_every_log_is_cut_to_the_same_share_from_its_start() -> None:
+    short = excerpt(problem(), 200)
+    assert short is not None
+    assert [len(log) for log in short.logs] == [125, 75]
+    assert all(np.array_equal(a.y, b.y[:, : len(a)]) for a, b in zip(short.logs, problem().logs, strict=True))
+    assert short.names == problem().names
+
+
+def test_what_is_hardly_longer_or_shows_less_is_taken_whole() -> None:
+    assert excerpt(problem(), 600) is None
+    silent = replace(problem().logs[0], y=problem().logs[0].y.copy())
+    silent.y[0, :300] = np.nan  # the sensor of the motor is switched on later
+    assert excerpt(replace(problem(), logs=(silent,)), 200) is None
+
+
+def test_a_fit_that_begins_on_an_excerpt_ends_where_one_on_the_whole_does(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(fitting, "excerpt", lambda given: excerpt(given, 250))
+    begun = _fitted()
+    monkeypatch.setattr(fitting, "excerpt", lambda given: None)
+    whole = _fitted()
+    assert begun.nll == pytest.approx(whole.nll, abs=1.0)
+    assert begun.values["c"] == pytest.approx(whole.values["c"], abs=0.5 * whole.std["c"])
+
+
+def _fitted() -> Fit:
+    given = problem()
+    return fit(given.filter_model, given.logs, given.free, starts=noisy_starts(given.free))
+
+
+def test_a_level_of_which_the_data_say_nothing_is_not_thrown_far() -> None:
+    given = problem()
+    reached = linear_search(given, given.start, 1, 0.0, np.inf, np.inf)
+    levels = [one.target.kind in ("std", "process") for one in given.free]
+    assert np.abs(reached.point - given.start)[levels].max() <= 1.5
