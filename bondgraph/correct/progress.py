@@ -87,9 +87,7 @@ def _estimated(state: Progress, chosen: Trial, settings: RoundSettings) -> Progr
     """The chosen candidate's own model, estimated to the full tolerance from where its refit ended."""
     if chosen.fit is None or chosen.built is None:
         raise EstimationError(f"{chosen.candidate.label}: only a candidate that was refitted can be added")
-    filter_model = chosen.fit.problem.filter_model
-    if not filter_model.is_stiff:  # whose models take long to compile: the one that holds all refitted candidates stays
-        filter_model = replace(filter_model, model=chosen.built.model)
+    filter_model = replace(chosen.fit.problem.filter_model, model=chosen.built.model)
     fitted = fit(filter_model, state.train, at_optimum(chosen.fit), journal=settings.journal)
     return replace(state, built=chosen.built, fit=fitted, added=(*state.added, chosen))
 

@@ -1,9 +1,10 @@
 """Refits of the few candidates whose scores promise most: the score says where to look, the refit how much it is worth.
 
 Candidates whose responses are the same to rounding are refitted once. All that are refitted share one model that holds
-them with zero coefficients, so that it is compiled once. Each starts from the best of several points on the way from
-the fit without it to where its score points, and the best refit so far with the coefficients exchanged. One that
-clearly falls behind an accepted one is given up.
+them with zero coefficients, so that it is compiled once; only stiff models, which take longest to compile, have one
+each, which later loops find in the cache, whatever they refit beside it. Each starts from the best of several points on
+the way from the fit without it to where its score points, and the best refit so far with the coefficients exchanged.
+One that clearly falls behind an accepted one is given up.
 """
 
 from __future__ import annotations
@@ -113,16 +114,17 @@ def refit_best(trials: Sequence[Trial], scored: Scored, ground: Ground, most: in
     groups = [group for group in groups if trials[group[0]].score_gain >= _WORTH * best][:most]
     if not groups:
         return done
-    short = superset(ground.built, [trials[group[0]].candidate for group in groups])
-    filter_model = replace(ground.base.problem.filter_model, model=short.model)
+    shared = _shared(ground, [trials[group[0]].candidate for group in groups])
     leader: tuple[int, Fit] | None = None
     for count, group in enumerate(groups):
         report("refit the best candidates", count, len(groups))
         index = group[0]
         if leader is not None and trials[index].score_gain < _FAR_BEHIND * (ground.base.nll - leader[1].nll):
             continue
+        own = build(trials[index].candidate.apply(ground.built.graph))
+        filter_model = shared or replace(ground.base.problem.filter_model, model=own.model)
         fitted = _refit(index, trials[index], scored, filter_model, ground, leader)
-        done[index] = _judged(trials[index], fitted, ground, tuple(trials[j].candidate.label for j in group[1:]))
+        done[index] = _judged(trials[index], fitted, own, ground, tuple(trials[j].candidate.label for j in group[1:]))
         for other in group[1:]:
             done[other] = replace(trials[other], evidence=done[index].evidence)
         evidence = done[index].evidence
@@ -131,6 +133,12 @@ def refit_best(trials: Sequence[Trial], scored: Scored, ground: Ground, most: in
             leader = (index, fitted)
     report("refit the best candidates", len(groups), len(groups))
     return done
+
+
+def _shared(ground: Ground, found: Sequence[Candidate]) -> FilterModel | None:
+    """The filter of a model that holds all candidates; None where each is to have its own."""
+    filter_model = ground.base.problem.filter_model
+    return None if filter_model.is_stiff else replace(filter_model, model=superset(ground.built, found).model)
 
 
 def alike(trials: Sequence[Trial], found: Scores, least: float) -> list[list[int]]:
@@ -226,9 +234,8 @@ def _inside(coefficient: FreeParameter, step: float) -> float:
     return float(np.clip(value, coefficient.lower + margin, coefficient.upper - margin))
 
 
-def _judged(trial: Trial, fitted: Fit, ground: Ground, twins: tuple[str, ...]) -> Trial:
+def _judged(trial: Trial, fitted: Fit, built: BuiltModel, ground: Ground, twins: tuple[str, ...]) -> Trial:
     evidence = judge(ground.base, fitted, trial.candidate.effect, ground.tried)
-    built = build(trial.candidate.apply(ground.built.graph))
     return replace(trial, built=built, fit=fitted, evidence=evidence, stands_for=twins)
 
 

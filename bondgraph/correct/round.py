@@ -24,6 +24,7 @@ from bondgraph.correct.probes import Probe, Signal, probes, signals
 from bondgraph.correct.refit import Ground, refit_alone, refit_best, try_storage
 from bondgraph.correct.scoring import Linearisation, Scored, linearisation, score_candidates
 from bondgraph.correct.trials import Alternative, Detectable, Trial
+from bondgraph.correct.whiteness import whiteness
 from bondgraph.data.log import MatchedLog
 from bondgraph.declare.effect import EffectFunction, Place
 from bondgraph.errors import DataError
@@ -144,10 +145,13 @@ def _with_storages(
 ) -> list[Trial]:
     """The trials, and those with a state of their own; lags and late sensors only where their score asks for it.
 
-    A sensor that comes late can explain coloured noise by its memory; its score is that of the mean alone.
+    A sensor that comes late can explain coloured noise by its memory; its score is that of the mean alone. Where the
+    innovations of a stiff model are white nothing is left for a storage.
     """
     done = list(trials)
     followed = score_candidates(linear, [one for one in stateful if one.followed])
+    stiff = ground.base.problem.filter_model.is_stiff
+    white = stiff and bool(stateful) and _is_white(ground)
     known = dict(zip((one.label for one in followed.candidates), range(len(followed.candidates)), strict=True))
     for count, one in enumerate(stateful):
         settings.report("try storages", count, len(stateful))
@@ -163,12 +167,18 @@ def _with_storages(
             if trial.score_gain < max(0.5 * ground.need, 0.4 * ahead) or p_value > ground.level:
                 done.append(trial)
                 continue
-        elif best is not None and ground.base.problem.filter_model.is_stiff:
-            done.append(trial)  # a model of its own takes half a minute to compile: only where nothing else explains
+        elif (best is not None and stiff) or white:
+            done.append(trial)  # a stiff model of its own takes long to compile: only where nothing else explains
             continue
         beat = np.inf if best is None or best.fit is None else best.fit.nll
         done.append(try_storage(trial, ground, beat))
     return done
+
+
+def _is_white(ground: Ground) -> bool:
+    """Whether the innovations of all channels could be white: then no storage is missing either."""
+    tests = whiteness(ground.base, ground.train)
+    return all(test.p_value * len(tests) > ground.level for test in tests)
 
 
 def _gated_trial(
