@@ -18,6 +18,7 @@ import numpy as np
 
 from bondgraph.correct.assess import Assessment, assess
 from bondgraph.correct.build import BuiltModel, build
+from bondgraph.correct.certified import certify, doubts
 from bondgraph.correct.faults import SENSOR_FAULTS
 from bondgraph.correct.fit import BLOCKS, Fit, Report, fit, no_report, noisy_starts
 from bondgraph.correct.journal import Journal
@@ -34,6 +35,7 @@ from bondgraph.declare.editing import handle, with_values
 from bondgraph.declare.effect import EffectFunction, Place, Scale
 from bondgraph.declare.graph import BondGraph
 from bondgraph.errors import DataError, EstimationError, OptionError
+from bondgraph.estimate.certify import Check
 from bondgraph.estimate.free import FreeParameter, declared_free
 
 #: Measurements per free parameter below which nothing can be concluded.
@@ -77,7 +79,10 @@ class Added:
 
 @dataclass(frozen=True)
 class ClosedLoop:
-    """The whole correction: both models fitted and assessed, and the history of decisions."""
+    """The whole correction: both models fitted and assessed, and the history of decisions.
+
+    ``nominal_check`` and ``corrected_check`` say what halved integration steps would change.
+    """
 
     verdict: Verdict
     reason: str
@@ -92,6 +97,8 @@ class ClosedLoop:
     added: tuple[Added, ...]
     rounds: tuple[Round, ...]
     structure: Structure
+    nominal_check: Check
+    corrected_check: Check
     whiteness: tuple[Whiteness, ...] = ()
     unexplained: tuple[Unexplained, ...] = ()
     history: tuple[Decision, ...] = ()
@@ -184,16 +191,26 @@ def _result(
     residual = whiteness(current, state.train)
     corrected_built = build(with_values(state.built.graph, _model_values(current)))
     report("assess", 0, 1)
+    checks = _checks(nominal, current)
     added = tuple(Added(trial, trial.candidate.effect.parameters) for trial in state.added)
     history = (*state.history, Decision(len(rounds), "stopped", "", reason))
     result = ClosedLoop(
         *_verdict(added, rest.unexplained, residual, settings.level, reason), nominal, current,
         assess(nominal, train), assess(nominal, holdout), assess(current, state.train), assess(current, holdout),
-        built, corrected_built, added, tuple(rounds), told, residual, rest.unexplained, history,
-        _cautions(nominal, rounds),
+        built, corrected_built, added, tuple(rounds), told, *checks, residual, rest.unexplained,
+        history, (*_cautions(nominal, rounds), *_doubts(nominal, current, *checks)),
     )  # fmt: skip
     report("assess", 1, 1)
     return result
+
+
+def _checks(nominal: Fit, corrected: Fit) -> tuple[Check, Check]:
+    first = certify(nominal)
+    return first, first if corrected is nominal else certify(corrected)
+
+
+def _doubts(nominal: Fit, corrected: Fit, first: Check, last: Check) -> list[str]:
+    return doubts("declared", first) + ([] if corrected is nominal else doubts("corrected", last))
 
 
 def _everywhere(built: BuiltModel, train: Sequence[MatchedLog]) -> list[Place]:

@@ -9,6 +9,7 @@ from bondgraph.correct.assess import Assessment
 from bondgraph.correct.fit import Fit
 from bondgraph.correct.loop import Added, ClosedLoop
 from bondgraph.correct.trials import Trial
+from bondgraph.estimate.certify import NEGLIGIBLE_SHIFT, Check
 
 
 def result_json(closed: ClosedLoop) -> dict[str, Any]:
@@ -17,8 +18,8 @@ def result_json(closed: ClosedLoop) -> dict[str, Any]:
         "name": closed.nominal_built.graph.name,
         "verdict": closed.verdict,
         "reason": closed.reason,
-        "nominal": _state(closed.nominal, closed.nominal_train, closed.nominal_holdout),
-        "corrected": _state(closed.corrected, closed.corrected_train, closed.corrected_holdout),
+        "nominal": _state(closed.nominal, closed.nominal_check, closed.nominal_train, closed.nominal_holdout),
+        "corrected": _state(closed.corrected, closed.corrected_check, closed.corrected_train, closed.corrected_holdout),
         **_located(closed),
         "effects": [_effect(added, closed.corrected) for added in closed.added],
         "alternatives": _alternatives(closed),
@@ -122,12 +123,18 @@ def unexplained(closed: ClosedLoop) -> list[dict[str, Any]]:
     ]
 
 
-def _state(fitted: Fit, train: Assessment, holdout: Assessment) -> dict[str, Any]:
+def _state(fitted: Fit, checked: Check, train: Assessment, holdout: Assessment) -> dict[str, Any]:
     return {
         "train": _assessment(train),
         "holdout": _assessment(holdout),
         "parameters": _parameters(fitted),
         "outcome": fitted.outcome.value,
+        "halved_steps": {
+            "nats": number(checked.nats),
+            "shift": number(checked.shift),
+            "parameter": checked.parameter,
+            "certified": checked.shift <= NEGLIGIBLE_SHIFT,
+        },
     }
 
 

@@ -22,6 +22,7 @@ from bondgraph.declare.effect import Effect, Place, Scale, effect_functions
 from bondgraph.declare.files import read_graph, write_graph
 from bondgraph.declare.graph import BondGraph
 from bondgraph.errors import DataError, EstimationError, OptionError
+from bondgraph.estimate.certify import NEGLIGIBLE_SHIFT
 from tests.correct.sled import FUNCTIONS, added, built, fitted, pull, sled
 from vehicle_graphs import effects
 
@@ -54,6 +55,7 @@ def test_the_missing_effect_is_found_with_its_size_and_nothing_else_is_added(fou
     assert found.corrected.values[name] == pytest.approx(QUADRATIC, abs=reach) and reach < 0.2 * QUADRATIC
     assert found.corrected.values["c_guide"] == pytest.approx(10.0, abs=4.0 * 10.0 * found.corrected.std["c_guide"])
     assert found.reason == "no further candidate passes the tests"
+    assert max(found.nominal_check.shift, found.corrected_check.shift) <= NEGLIGIBLE_SHIFT
 
 
 def test_the_same_effect_beyond_a_rigid_tie_is_named_as_an_alternative(found: ClosedLoop) -> None:

@@ -1,0 +1,31 @@
+"""Fits of a loop looked at with halved integration steps: what is resolved is certified, what is not is said."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from bondgraph.correct.certified import certify, doubts
+from bondgraph.correct.fit import fit
+from bondgraph.correct.loop import free_parameters
+from bondgraph.estimate.certify import NEGLIGIBLE_SHIFT
+from tests.correct.sled import fitted, pull, sled
+from tests.correct.test_stiff import drawn, setup_of
+
+
+def test_a_resolved_fit_is_certified() -> None:
+    found = certify(fitted([pull(sled(), 2)]))
+    assert found.shift <= NEGLIGIBLE_SHIFT
+    assert doubts("declared", found) == []
+
+
+def test_steps_that_are_too_long_are_told() -> None:
+    log = drawn(0.0)
+    setup = setup_of(log)
+    fine = fit(setup.filter_model, [log], (*free_parameters(setup, ("c",)), *setup.noise))
+    coarse = replace(setup.filter_model, substeps=1, grading=1.0)
+    found = certify(replace(fine, problem=replace(fine.problem, filter_model=coarse)))
+    assert found.shift > NEGLIGIBLE_SHIFT and abs(found.nats) > 1.0
+    (said,) = doubts("declared", found)
+    assert said.startswith(
+        f"the declared model is not certified: with every integration step halved, {found.parameter}"
+    )
