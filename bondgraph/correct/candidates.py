@@ -300,8 +300,12 @@ def _beside_storage(built: BuiltModel, junction: str) -> bool:
 
 
 def superset(built: BuiltModel, vanishing: Sequence[Candidate]) -> BuiltModel:
-    """The declared graph with all vanishing candidates in it, their coefficients zero: one model to test them all."""
+    """The declared graph with all vanishing candidates in it, their coefficients zero: one model to test them all.
+
+    Those that revise a declared element come first: it stands alone then, as it did when they were offered.
+    """
     graph = built.graph
-    for candidate in vanishing:
+    declared = built.causal.graph.nodes
+    for candidate in sorted(vanishing, key=lambda one: one.effect.element not in declared):
         graph = candidate.apply(graph)
     return build(graph)

@@ -14,6 +14,7 @@ from bondgraph.correct.refit import coefficients
 from bondgraph.correct.setup import filter_setup
 from bondgraph.data.log import MatchedLog
 from bondgraph.declare.domains import TRANSLATION
+from bondgraph.declare.editing import handle
 from bondgraph.declare.effect import Effect, Place, Scale, effect_functions
 from bondgraph.declare.graph import BondGraph, Handle
 from bondgraph.errors import EstimationError, OptionError
@@ -60,6 +61,17 @@ def test_no_place_is_left_where_nothing_moves() -> None:
     assert places(own, [still], [filtered], own.model.theta()) == []
 
 
+def test_the_superset_holds_effects_that_would_hide_one_another() -> None:
+    graph = driveline()
+    own = build(graph)
+    found, _ = candidates(
+        own, [effects.quadratic_loss, effects.headwind], [Place(handle(graph, "body"), Scale(9.0, 9.0))]
+    )
+    names = set(superset(own, found).model.names("parameter"))
+    assert [one.effect.name for one in found] == ["quadratic_loss", "headwind"]  # a second drag hides which has a wind
+    assert {"c_quadratic_loss_body", "w_headwind_body"} <= names
+
+
 def test_the_superset_with_zero_coefficients_is_the_declared_model(where: list[Place]) -> None:
     found, _ = candidates(built(), effect_functions(effects), where)
     everything = superset(built(), [candidate for candidate in found if not candidate.effect.adds_state])
@@ -84,7 +96,7 @@ def test_effects_of_the_demo_are_offered_where_they_make_sense() -> None:
     found, refused = candidates(own, effect_functions(effects), where)
     labels = {candidate.label for candidate in found}
     assert "added_inertia at body" in labels and "added_inertia at wheel" not in labels  # nothing to add to
-    assert "torque_proportional_loss at axle" in labels and "torque_proportional_loss at primary" not in labels
+    assert {"torque_proportional_loss at axle", "torque_proportional_loss at primary"} <= labels  # also where it leaves
     assert {label for label in labels if label.endswith(("at belt", "at shaft"))} == {  # no common flow there
         "creep at shaft", "centrifugal_tension at belt"
     }  # fmt: skip
