@@ -73,15 +73,16 @@ def elements_at(g: BondGraph, at: Place, kind: str) -> list[Node]:
 
 
 def transmitted(g: BondGraph, at: Place) -> Expr | None:
-    """The effort that arrives at a junction through a two-port or from a 0-junction, as a signal."""
+    """The effort that a junction passes on through a two-port or a 0-junction, as a signal.
+
+    That is the effort that arrives; at the head of a chain, where only a source drives, the one that leaves.
+    """
     if not is_speed(at):
         return None
     flat = g.flatten()
-    for index, inward in flat.incidence()[at.junction.name]:
+    for index, _ in sorted(flat.incidence()[at.junction.name], key=lambda end: not end[1]):
         bond = flat.bonds[index]
-        other = bond.source if inward else bond.target
-        if not inward:
-            continue
+        other = bond.target if bond.source == at.junction.name else bond.source
         if flat.nodes[other].kind == "0":
             return Handle(other, "0", at.domain).effort
         if flat.nodes[other].kind in ("TF", "GY"):
