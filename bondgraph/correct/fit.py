@@ -214,8 +214,11 @@ def _search(
 def _linear_search(
     problem: EstimationProblem, iterations: int, tolerance: float, starts: Sequence[FloatArray], beat: float
 ) -> tuple[Fit, FloatArray]:
-    """The fit of a stiff model, first to the beginnings of long logs; its expansions need no difference steps."""
-    short = excerpt(problem)
+    """The fit of a stiff model; its expansions need no difference steps.
+
+    What has to choose where to start is far from its optimum, and searches the beginnings of long logs first.
+    """
+    short = excerpt(problem) if len(starts) > 1 else None
     starts_at, evaluations = _best_start(short or problem, starts)
     start = starts_at[:, 0]
     if short is not None:

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -37,10 +38,25 @@ _MOST_ITERATIONS, _MOST_STIFF = 25, 12
 _SAME = 1.0 - 1e-6
 #: A candidate whose score is this likely by chance, even as the only one tried, is not refitted.
 _CHANCE = 0.05
-#: A candidate with less than this share of the best score's gain is not refitted: scores are right to a factor of two.
-_WORTH = 0.4
-#: Nor one whose score promises less than this share of what an accepted one gained when it was refitted.
-_FAR_BEHIND = 0.1
+
+
+class _Limits(NamedTuple):
+    """Which candidates are refitted, of those in the order of their scores.
+
+    At most ``most``, with this share of the best score's gain (``worth``) and of what an accepted one gained when it
+    was refitted (``behind``).
+    """
+
+    worth: float
+    behind: float
+    most: int
+
+
+#: Scores are right to a factor of two.
+_LIMITS = _Limits(worth=0.4, behind=0.1, most=100)
+#: Each stiff candidate has to be compiled, and its refit takes longest.
+_STIFF_LIMITS = _Limits(worth=0.5, behind=0.6, most=3)
+
 #: Shares of the step that a score points at where a refit looks for its start.
 _STRIDES = (1.0, 0.5, 0.1, 0.0)
 #: Multiples of that step, and by how much (of a logarithm) lower process noise, at which a stiff model is tried too.
@@ -110,8 +126,10 @@ def refit_best(trials: Sequence[Trial], scored: Scored, ground: Ground, most: in
     """
     done = list(trials)
     groups = alike(trials, scored.scores, 0.5 * ground.need)
+    limits = _STIFF_LIMITS if ground.base.problem.filter_model.is_stiff else _LIMITS
     best = max((trials[group[0]].score_gain for group in groups), default=0.0)
-    groups = [group for group in groups if trials[group[0]].score_gain >= _WORTH * best][:most]
+    groups = [group for group in groups if trials[group[0]].score_gain >= limits.worth * best]
+    groups = groups[: min(most, limits.most)]
     if not groups:
         return done
     shared = _shared(ground, [trials[group[0]].candidate for group in groups])
@@ -119,7 +137,7 @@ def refit_best(trials: Sequence[Trial], scored: Scored, ground: Ground, most: in
     for count, group in enumerate(groups):
         report("refit the best candidates", count, len(groups))
         index = group[0]
-        if leader is not None and trials[index].score_gain < _FAR_BEHIND * (ground.base.nll - leader[1].nll):
+        if leader is not None and trials[index].score_gain < limits.behind * (ground.base.nll - leader[1].nll):
             continue
         own = build(trials[index].candidate.apply(ground.built.graph))
         filter_model = shared or replace(ground.base.problem.filter_model, model=own.model)

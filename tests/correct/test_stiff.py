@@ -14,6 +14,7 @@ from bondgraph.correct.fit import Fit, fit
 from bondgraph.correct.linear_steps import is_linearised, linear_expansion
 from bondgraph.correct.loop import free_parameters
 from bondgraph.correct.missing import missing_effort
+from bondgraph.correct.round import one_round
 from bondgraph.correct.scoring import linearisation, score_candidates
 from bondgraph.correct.setup import FilterSetup, filter_setup, unknown_drives
 from bondgraph.data.log import MatchedLog
@@ -133,3 +134,16 @@ def test_scores_name_what_is_missing_and_the_picture_shows_it() -> None:
     clean = missing_effort(built(), fitted(0.0), [drawn(0.0)], drum)
     assert seen.flow.shape == log.time.shape and np.all(seen.std > 0.0)
     assert np.std(seen.effort) > 3.0 * np.std(clean.effort)
+
+
+def test_few_stiff_candidates_are_refitted_each_on_a_model_of_its_own() -> None:
+    log, base = drawn(0.05), fitted(0.05)
+    turn = one_round(built(), base, [log], [effects.quadratic_loss, effects.coulomb_loss])
+    refitted = [trial for trial in turn.trials if trial.fit is not None]
+    assert 1 <= len(refitted) <= 3
+    assert turn.chosen is not None and turn.chosen.candidate.label == "quadratic_loss at drum"
+    for trial in refitted:
+        assert trial.fit is not None and trial.built is not None
+        own = set(trial.fit.problem.filter_model.model.names("parameter")) - set(built().model.names("parameter"))
+        assert own == set(trial.candidate.effect.parameters)
+        assert trial.fit.problem.filter_model.model.text == trial.built.text
