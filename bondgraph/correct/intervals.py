@@ -20,7 +20,7 @@ import numpy as np
 
 from bondgraph.correct import interval_kernel
 from bondgraph.data.log import FloatArray
-from bondgraph.filter.batch import log_rows
+from bondgraph.filter.compiled import log_rows
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.filter_run import FilterRun
 from bondgraph.filter.samples import Samples

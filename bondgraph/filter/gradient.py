@@ -15,7 +15,7 @@ import numpy as np
 
 from bondgraph.errors import FilterError
 from bondgraph.filter import gradient_algebra, gradient_kernel, kernel_channels
-from bondgraph.filter.batch import available_cores, log_rows
+from bondgraph.filter.compiled import available_cores, log_rows
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.gradient_types import Found, Prior, Scratch, TangentEquations, TangentRules
 from bondgraph.filter.samples import MeasuredLog, Samples

@@ -1,10 +1,11 @@
 """The unscented Kalman filter in the part of Python that numba compiles: the hot loop of every estimation.
 
 The same steps as :mod:`bondgraph.filter.ukf`, written as loops, for every model: the model's own compiled functions
-``prepare``, ``advance`` and ``measure`` are arguments. A call filters a block of members over one log, side by side as
-lanes (the last axis of all arrays), so that a processor works on eight of them in one instruction. With one member its
-sigma points are the lanes of the model's functions. Members share nothing but the log, so blocks run in threads and
-their number changes no bit of a result. Nothing is allocated: each thread brings its own :class:`Work`.
+``prepare``, ``advance`` and ``measure`` are arguments. A call filters a block of members over one log or a part of it,
+side by side as lanes (the last axis of all arrays), so that a processor works on eight of them in one instruction. With
+one member its sigma points are the lanes of the model's functions. Members share nothing but the log, so neither the
+number of threads in which blocks run, nor which members make up a block, nor the parts of a log change a bit of a
+result. Nothing is allocated: each thread brings its own :class:`Work`.
 
 A member that fails is an outcome. Its lane goes on with the numbers of one that has not failed, so that no lane works
 on what is not finite, which could hold up the others.
@@ -27,7 +28,7 @@ from bondgraph.filter.kernel_record import (
     _keep_innovations,
     _keep_outputs,
 )
-from bondgraph.filter.kernel_types import Log, Members, Rules, Verdicts, Work
+from bondgraph.filter.kernel_types import Log, Members, Part, Rules, Verdicts, Work
 from bondgraph.simulate.arrays import FloatArray
 from bondgraph.simulate.program.lanes import Advance, Measure, Prepare
 
@@ -47,13 +48,16 @@ def filter_members(
     members: Members,
     first: int,
     end: int,
+    part: Part,
     verdicts: Verdicts,
     record: Record,
     work: Work,
 ) -> None:
-    """Filter the members ``first <= m < end`` over one log; lanes beyond the last repeat it."""
+    """Filter the members ``first <= m < end`` over a part of one log; lanes beyond the last repeat it."""
     _start(equations, rules, members, first, end, work)
-    for k in range(log.time.size):
+    if part.begin > 0:
+        _go_on(part, verdicts, work)
+    for k in range(part.begin, part.end):
         if k > 0:
             _predict(equations, log, rules, members, record, k, first, work)
         if _retire(equations, rules, members, first, end, verdicts, work) == 0:
@@ -81,6 +85,28 @@ def filter_members(
     for m in range(first, end):
         verdicts.nll[m] = work.nll[m - first] if verdicts.outcome[m] == 0 else math.inf
         verdicts.floored[m] = work.floored[m - first]
+        if part.end < log.time.size:
+            _leave(part, m, m - first, work)
+
+
+def _go_on(part: Part, verdicts: Verdicts, work: Work) -> None:
+    """Lanes as their members left the part before; none of these has failed."""
+    for lane in range(work.mean.shape[1]):
+        m = work.who[lane]
+        work.nll[lane] = verdicts.nll[m]
+        work.floored[lane] = verdicts.floored[m]
+        for i in range(work.mean.shape[0]):
+            work.mean[i, lane] = part.mean[i, m]
+            for j in range(i + 1):
+                work.lower[i, j, lane] = part.lower[i, j, m]
+
+
+def _leave(part: Part, m: int, lane: int, work: Work) -> None:
+    """Keep the belief of a member for the next part; its covariance follows from the factor."""
+    for i in range(work.mean.shape[0]):
+        part.mean[i, m] = work.mean[i, lane]
+        for j in range(i + 1):
+            part.lower[i, j, m] = work.lower[i, j, lane]
 
 
 def _start(equations: Equations, rules: Rules, members: Members, first: int, end: int, work: Work) -> None:

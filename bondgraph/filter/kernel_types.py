@@ -50,8 +50,24 @@ class Members(NamedTuple):
     noise_std: FloatArray
 
 
+class Part(NamedTuple):
+    """The samples ``begin <= k < end`` of a log, and the beliefs with which members come to a part and leave it.
+
+    ``mean`` (n_s, members) and the lower factor ``lower`` (n_s, n_s, members) are read unless the part is the first and
+    written unless it is the last; where it is both they may be empty.
+    """
+
+    begin: int
+    end: int
+    mean: FloatArray
+    lower: FloatArray
+
+
 class Verdicts(NamedTuple):
-    """Per member: negative log-likelihood, code of the outcome, index of the last finished sample, floored pivots."""
+    """Per member: negative log-likelihood, code of the outcome, index of the last finished sample, floored pivots.
+
+    Between the parts of a log they are those of the samples so far.
+    """
 
     nll: FloatArray
     outcome: IntArray

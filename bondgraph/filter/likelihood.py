@@ -17,6 +17,7 @@ import numpy.typing as npt
 
 from bondgraph.errors import FilterError
 from bondgraph.filter.batch import BatchRun, run_batches
+from bondgraph.filter.ceiling import run_below
 from bondgraph.filter.choice import choose_method
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.filter_run import FilterRun
@@ -37,6 +38,8 @@ class Likelihood:
     ``outcomes`` says how each member ended (its first failure), ``floored_pivots`` (members,) how many directions of a
     covariance were lost to rounding, ``refined`` (members,) who diverged somewhere and was repeated there with twice
     the integration steps. ``method`` and ``substeps`` (on average, where they are planned) are what else was used.
+    ``abandoned`` (members,) tells who was given up since it could no longer come below its ceiling; its value is
+    infinite too, and its outcome ``ABANDONED``. ``share`` (members,) is the part of the samples a member went through.
     """
 
     nll: FloatArray
@@ -44,6 +47,8 @@ class Likelihood:
     nll_per_log: FloatArray
     floored_pivots: IntArray
     refined: BoolArray
+    abandoned: BoolArray
+    share: FloatArray
     method: str
     substeps: int
     _best: Callable[[], DiscretisationError] = field(repr=False, compare=False)
@@ -75,6 +80,7 @@ def likelihood(
     logs: MeasuredLog | Sequence[MeasuredLog],
     theta: npt.ArrayLike | None = None,
     *,
+    ceilings: npt.ArrayLike | None = None,
     threads: int | None = None,
     compiled: bool = True,
     **values: Unpack[MemberValues],
@@ -89,6 +95,9 @@ def likelihood(
         One or several logs; their likelihoods multiply.
     theta
         Parameters (n_theta,) or (n_theta, members); None: declared values. What a log knows is taken from the log.
+    ceilings
+        Shape (members,) or one for all: a member is given up as soon as its value is certain to exceed its ceiling.
+        Values of the others do not depend on it. See :mod:`bondgraph.filter.ceiling`.
     threads
         Threads over blocks of members; None: one per core. The result does not depend on it.
     compiled
@@ -118,11 +127,16 @@ def likelihood(
     >>> int(np.argmin(likelihood(swing, log, lengths).nll))
     1
     """
-    used, batches, runs = _run(filter_model, logs, theta, values, depth=0, threads=threads, compiled=compiled)
+    used, batches, runs = _run(
+        filter_model, logs, theta, values, depth=0, threads=threads, compiled=compiled, ceilings=ceilings
+    )
     per_log = np.array([run.verdicts.nll for run in runs])
     floored = np.sum([run.verdicts.floored for run in runs], axis=0)
     refined = np.any([run.refined for run in runs], axis=0)
     nll = per_log.sum(axis=0)
+    outcomes = _outcomes(runs)
+    abandoned = np.array([outcome is Outcome.ABANDONED for outcome in outcomes])
+    finished = np.sum([run.verdicts.last + 1 for run in runs], axis=0) / sum(run.samples.time.size for run in runs)
 
     def best() -> DiscretisationError:
         from bondgraph.filter.discretisation import discretisation_error  # here: it asks for likelihoods itself
@@ -136,7 +150,8 @@ def likelihood(
         }
         return discretisation_error(used, logs, batches[0].theta[:, m], compiled=compiled, **own)
 
-    return Likelihood(nll, _outcomes(runs), per_log, floored, refined, used.method, used.typical_substeps, best)
+    steps = (used.method, used.typical_substeps)
+    return Likelihood(nll, outcomes, per_log, floored, refined, abandoned, finished, *steps, best)
 
 
 def negative_log_likelihood(
@@ -205,6 +220,7 @@ def _run(
     depth: int,
     threads: int | None,
     compiled: bool,
+    ceilings: npt.ArrayLike | None = None,
 ) -> tuple[FilterModel, tuple[MemberBatch, ...], tuple[BatchRun, ...]]:
     """The filter model with its method decided, and for each log the members and the run."""
     listed = logs if isinstance(logs, Sequence) else (logs,)
@@ -213,7 +229,16 @@ def _run(
     filter_model = choose_method(filter_model, listed, compiled=compiled)
     samples = [Samples.of(filter_model, log) for log in listed]
     batches = member_batches(filter_model, samples, theta, values)
-    return filter_model, batches, run_batches(filter_model, samples, batches, depth, threads, compiled)
+    if ceilings is None:
+        return filter_model, batches, run_batches(filter_model, samples, batches, depth, threads, compiled)
+    highest = np.asarray(ceilings, dtype=np.float64)
+    if highest.shape not in ((), (batches[0].size,)):
+        raise FilterError(
+            f"ceilings has shape {highest.shape} for {batches[0].size} members - give one for each, or one for all",
+            where=("ceilings",),
+        )
+    each = np.array(np.broadcast_to(highest, batches[0].size))
+    return filter_model, batches, run_below(filter_model, samples, batches, each, threads, compiled)
 
 
 def _outcomes(runs: Sequence[BatchRun]) -> tuple[Outcome, ...]:

@@ -17,7 +17,8 @@ from typing import NamedTuple
 import numpy as np
 
 from bondgraph.filter import plan_kernel
-from bondgraph.filter.batch import filter_rules, log_rows, run_batches
+from bondgraph.filter.batch import run_batches
+from bondgraph.filter.compiled import filter_rules, log_rows
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.filter_run import FilterRun
 from bondgraph.filter.members import MemberBatch, member_batches

@@ -66,18 +66,31 @@ def measurement(filter_model: FilterModel, samples: Samples, k: int, theta: Floa
     return measure
 
 
-def reference_run(filter_model: FilterModel, samples: Samples, member: Member) -> FilterRun:
-    """Filter one log with one set of numbers, in numpy."""
+def reference_run(
+    filter_model: FilterModel, samples: Samples, member: Member, highest: FloatArray | None = None
+) -> FilterRun:
+    """Filter one log with one set of numbers, in numpy.
+
+    Parameters
+    ----------
+    filter_model, samples, member
+        The filter, the log, and the numbers.
+    highest
+        The run is given up before a sample where its negative log-likelihood so far is higher than this, shape (n,).
+    """
     with np.errstate(all="ignore"):  # what overflows is told by the outcome
-        return _run(filter_model, samples, member)
+        return _run(filter_model, samples, member, np.full(samples.time.size, np.inf) if highest is None else highest)
 
 
-def _run(filter_model: FilterModel, samples: Samples, member: Member) -> FilterRun:
+def _run(filter_model: FilterModel, samples: Samples, member: Member, highest: FloatArray) -> FilterRun:
     start = filter_model.start_mean(member.theta, member.x0)
     belief = Belief.of(start, np.diag(member.initial_std**2))
     record = Recorder(filter_model, samples)
     noise_cov = np.diag(np.nan_to_num(member.noise_std) ** 2)
+    gathered = 0.0
     for k in range(samples.time.size):
+        if gathered > highest[k]:
+            return record.finish(Outcome.ABANDONED)
         if k > 0:
             interval = samples.time[k] - samples.time[k - 1]
             process_cov = np.diag(member.process_std**2 * interval)
@@ -92,6 +105,7 @@ def _run(filter_model: FilterModel, samples: Samples, member: Member) -> FilterR
         if updated.outcome is not Outcome.OK:
             return record.finish(updated.outcome)
         record.add(k, prediction, updated)
+        gathered -= updated.log_likelihood
         belief = updated.belief
     return record.finish(Outcome.OK)
 

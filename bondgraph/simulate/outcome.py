@@ -45,10 +45,11 @@ class Outcome(enum.Enum):
         "the innovation covariance lost positive definiteness"
         " - use beta >= alpha^2, larger measurement noise, or smaller initial uncertainty"
     )
+    ABANDONED = "given up, since its negative log-likelihood could no longer come below its ceiling - set none to go on"
 
 
-#: Codes of the compiled kernels, in this order.
-OUTCOMES = (Outcome.OK, Outcome.DIVERGED, Outcome.NOT_POSITIVE)
+#: Codes of the compiled kernels and of those who call them, in this order.
+OUTCOMES = (Outcome.OK, Outcome.DIVERGED, Outcome.NOT_POSITIVE, Outcome.ABANDONED)
 
 
 def describe_end(outcome: Outcome, ended_at: float) -> str:

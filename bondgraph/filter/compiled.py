@@ -1,0 +1,166 @@
+"""The compiled filter of a model: its kernel, what the kernel reads and works on, and blocks of members in threads."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import TypeVar
+
+import numpy as np
+
+from bondgraph.filter import kernel, kernel_algebra, kernel_channels, kernel_record
+from bondgraph.filter.filter_model import FilterModel
+from bondgraph.filter.kernel_record import Record
+from bondgraph.filter.kernel_types import Log, Members, Part, Rules, Verdicts, Work
+from bondgraph.filter.members import MemberBatch
+from bondgraph.filter.samples import Samples
+from bondgraph.filter.sigma_points import PIVOT_FLOOR
+from bondgraph.simulate.arrays import FloatArray
+from bondgraph.simulate.compile import load_kernel
+from bondgraph.simulate.program.lane_text import LANES
+from bondgraph.simulate.program.lanes import LaneModel, load_lanes
+from bondgraph.simulate.rosenbrock import TABLEAUS
+
+#: Fewer members than this are filtered one by one, with their sigma points side by side.
+_FEW = 5
+
+_Task = TypeVar("_Task")
+
+
+def in_threads(threads: int | None, action: Callable[[_Task], None], tasks: Sequence[_Task]) -> None:
+    """Do an action with each of some tasks, in this many threads; None: in one per available core."""
+    workers = available_cores() if threads is None else max(1, threads)
+    if workers == 1 or len(tasks) == 1:
+        for task in tasks:
+            action(task)
+    else:
+        with ThreadPoolExecutor(workers) as executor:
+            list(executor.map(action, tasks))
+
+
+def available_cores() -> int:
+    """Cores this process may use."""
+    try:
+        return len(os.sched_getaffinity(0))
+    except AttributeError:  # not every system lets a process be pinned
+        return os.cpu_count() or 1
+
+
+def blocks(members: int) -> list[tuple[int, int]]:
+    """Blocks of members that are filtered side by side: as many as there are lanes; a small rest one by one.
+
+    The last of an odd number of whole blocks is halved, so that two threads end together.
+
+    Examples
+    --------
+    >>> blocks(18), blocks(21)
+    ([(0, 16), (16, 17), (17, 18)], [(0, 16), (16, 21)])
+    >>> blocks(48)
+    [(0, 16), (16, 32), (32, 40), (40, 48)]
+    """
+    whole = members // LANES * LANES
+    blocks = [(first, first + LANES) for first in range(0, whole, LANES)]
+    if len(blocks) > 1 and len(blocks) % 2:
+        first, end = blocks.pop()
+        blocks += [(first, first + LANES // 2), (first + LANES // 2, end)]
+    if members - whole < _FEW:
+        return blocks + [(m, m + 1) for m in range(whole, members)]
+    return [*blocks, (whole, members)]
+
+
+@dataclass(frozen=True)
+class CompiledFilter:
+    """The compiled kernel and the compiled functions of a model; make one before threads start.
+
+    Compiling parses Python text, which CPython 3.11 cannot do in two threads at once.
+    """
+
+    filter_model: FilterModel
+    filter_members: Callable[..., None]
+    lanes: LaneModel
+
+    @classmethod
+    def of(cls, filter_model: FilterModel) -> CompiledFilter:
+        """Compiled, or from the cache."""
+        functions = load_kernel(kernel, kernel_algebra, kernel_channels, kernel_record)
+        return cls(filter_model, functions.filter_members, load_lanes(filter_model.model, filter_model.is_stiff))
+
+    def run(
+        self, log: Log, part: Part, batch: MemberBatch, verdicts: Verdicts, record: Record, block: tuple[int, int]
+    ) -> None:
+        """Filter a block of members, the first and the one after the last, over a part of a log."""
+        first, end = block
+        side_by_side = 1 if end - first == 1 else (end - first + 7) // 8 * 8
+        self.filter_members(
+            kernel.Equations(self.lanes.prepare, self.lanes.advance, self.lanes.measure),
+            log,
+            filter_rules(self.filter_model, self.lanes),
+            Members(batch.theta, batch.x0, batch.initial_std, batch.process_std, batch.noise_std),
+            first,
+            end,
+            part,
+            verdicts,
+            record,
+            _work(self.filter_model, self.lanes, side_by_side),
+        )
+
+
+def filter_rules(filter_model: FilterModel, lanes: LaneModel) -> Rules:
+    """Numbers of the sigma points and of the method, as kernels read them."""
+    points = filter_model.points
+    return Rules(
+        spread=points.spread,
+        weight=points.weight,
+        correction=points.correction,
+        pivot_floor=PIVOT_FLOOR,
+        appended=filter_model.appended_index,
+        tableau=TABLEAUS[filter_model.method].numbers if filter_model.is_stiff else np.empty(0),
+        lanes=LANES,
+        n_x=len(filter_model.model.states),
+        theta=lanes.theta,
+        x=lanes.x,
+        y=lanes.y,
+    )
+
+
+def log_rows(samples: Samples) -> Log:
+    """Samples as contiguous rows in time."""
+
+    def rows(array: FloatArray) -> FloatArray:
+        return np.array(array.T, order="C", dtype=np.float64)
+
+    u, u_left, u_right, y = map(rows, (samples.u, samples.u_left, samples.u_right, samples.y))
+    return Log(np.array(samples.time, dtype=np.float64), u, u_left, u_right, y, samples.substeps, samples.grading)
+
+
+def whole_log(samples: Samples) -> Part:
+    """A log in one part."""
+    return Part(0, samples.time.size, np.empty((0, 0)), np.empty((0, 0, 0)))
+
+
+def _work(filter_model: FilterModel, lanes: LaneModel, width: int) -> Work:
+    """Scratch for ``width`` members side by side."""
+    model = filter_model.model
+    n_s, n_y = len(filter_model.state_names), len(model.outputs)
+    shapes: dict[str, tuple[int, ...]] = {
+        "mean": (n_s,),
+        "cov": (n_s, n_s),
+        "lower": (n_s, n_s),
+        "points": (2 * n_s + 1, n_s),
+        "outputs": (2 * n_s + 1, n_y),
+        "shift": (max(n_s, n_y),),
+        "slopes": (n_s,),
+        "output_mean": (n_y,),
+        "output_cov": (n_y, n_y),
+        "joint": (n_y + n_s, n_y + n_s),
+        "innovation": (n_y,),
+        "nll": (),
+        "pivot": (),
+    }
+    arrays = {name: np.zeros((*shape, width)) for name, shape in shapes.items()}
+    whole = (np.zeros(size, dtype=np.int64) for size in (width, width, width, n_y))
+    floored, code, who, channels = whole
+    own = {"buffer": lanes.buffer(), "clock": np.zeros(2), "inputs": np.zeros(2 * len(model.inputs))}
+    return Work(floored=floored, code=code, who=who, channels=channels, **arrays, **own)
