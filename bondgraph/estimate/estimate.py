@@ -237,6 +237,7 @@ def _continued(before: Estimate, state: GaussNewtonState) -> Found:
         ((state.points[:, 0], float(state.values[0])),),
         state.steps[:, 0],
         before.way,
+        before.abandoned,
     )
 
 
@@ -356,7 +357,8 @@ def _found(run: _Run, outcome: SearchOutcome) -> Found:
     # Equal values: the later stage counts.
     best = len(values) - 1 - int(np.argmin(values[::-1]))
     steps = gradient.steps[:, gradient.best] if isinstance(gradient, GaussNewtonState) else None
-    return Found(points[best], values[best], outcome, evaluations, trace, tuple(ends), steps, run.way)
+    abandoned = swarm.abandoned if isinstance(swarm, SwarmState) else 0
+    return Found(points[best], values[best], outcome, evaluations, trace, tuple(ends), steps, run.way, abandoned)
 
 
 def _on_the_way(run: _Run) -> list[GaussNewtonState]:

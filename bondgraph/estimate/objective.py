@@ -21,7 +21,7 @@ from __future__ import annotations
 import enum
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 import numpy.typing as npt
@@ -87,6 +87,49 @@ class Objective(Protocol):
 
     def terms(self, points: FloatArray) -> Terms:
         """Scalar terms at points (n, members)."""
+
+
+@dataclass(frozen=True)
+class Below:
+    """Values that matter below a ceiling only, each (members,).
+
+    ``nll`` is infinite where the model fails and where a member was given up, because its value is certain to exceed
+    its ceiling: ``abandoned``. ``share`` is the part of an evaluation that each took.
+    """
+
+    nll: FloatArray
+    abandoned: BoolArray
+    share: FloatArray
+
+    @classmethod
+    def whole(cls, nll: FloatArray) -> Below:
+        """Evaluations that nobody cut short."""
+        return cls(nll, np.zeros(nll.shape, dtype=np.bool_), np.ones(nll.shape))
+
+
+@runtime_checkable
+class CeilingObjective(Protocol):
+    """An objective that can give up members which cannot come below a ceiling, without a change of the others."""
+
+    def nll_below(self, points: FloatArray, ceilings: FloatArray) -> Below:
+        """Values at points (n, members) as far as they are below ceilings (members,)."""
+
+
+def nll_below(objective: Objective, points: FloatArray, ceilings: FloatArray) -> Below:
+    """Values at points (n, members) as far as they are below ceilings (members,); all of them where that saves nothing.
+
+    Examples
+    --------
+    >>> class Line:
+    ...     lower, upper = np.array([-10.0]), np.array([10.0])
+    ...     def nll(self, points):
+    ...         return points[0]
+    >>> nll_below(Line(), np.array([[1.0, 2.0]]), np.array([0.0, 5.0])).nll.tolist()
+    [1.0, 2.0]
+    """
+    if isinstance(objective, CeilingObjective):
+        return objective.nll_below(points, ceilings)
+    return Below.whole(objective.nll(points))
 
 
 @dataclass(frozen=True)

@@ -6,6 +6,10 @@ with r1, r2 uniform in [0, 1] per particle and coordinate. The default weights a
 Kennedy (2002), The particle swarm - explosion, stability, and convergence, IEEE Trans. Evolutionary Computation 6(1);
 the method is Kennedy and Eberhart (1995), Particle swarm optimization, IEEE Int. Conf. Neural Networks.
 
+All that the method asks of a value is whether it is below the particle's own best, so an evaluation may end as soon as
+it is certain not to be: the search is the same in every number and takes less time. The one exception is a particle
+that would have diverged after it was given up, and that finer integration steps would then have made an improvement.
+
 Random numbers depend on the seed and the iteration only, so a search is the same on any number of threads and when it
 is interrupted and continued.
 """
@@ -17,7 +21,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from bondgraph.errors import EstimationError
-from bondgraph.estimate.objective import FloatArray, Objective, Progress, SearchOutcome, TraceRow, silent
+from bondgraph.estimate.objective import (
+    Below,
+    FloatArray,
+    Objective,
+    Progress,
+    SearchOutcome,
+    TraceRow,
+    nll_below,
+    silent,
+)
 
 
 @dataclass(frozen=True)
@@ -34,6 +47,8 @@ class SwarmSettings:
         Weights of the old velocity, the particle's own best and the swarm's best.
     patience, tolerance
         The search stops when the best value fell by less than ``tolerance`` in ``patience`` iterations.
+    abandon
+        End an evaluation when it is certain that the particle does not come below its own best.
 
     Raises
     ------
@@ -48,6 +63,7 @@ class SwarmSettings:
     social: float = 1.49618
     patience: int = 25
     tolerance: float = 1e-3
+    abandon: bool = True
 
     def __post_init__(self) -> None:
         for name, least in (("members", 2), ("iterations", 0), ("patience", 1), ("tolerance", 0.0)):
@@ -66,7 +82,11 @@ class SwarmSettings:
 
 @dataclass(frozen=True)
 class SwarmState:
-    """A swarm after an iteration; arrays are (n, members) or (members,)."""
+    """A swarm after an iteration; arrays are (n, members) or (members,).
+
+    Of the ``evaluations``, ``abandoned`` were ended when it was certain that they were no improvement; together they
+    took as much time as ``whole`` evaluations that are not cut short.
+    """
 
     iteration: int
     positions: FloatArray
@@ -75,6 +95,8 @@ class SwarmState:
     personal_best_nll: FloatArray
     evaluations: int
     trace: tuple[TraceRow, ...]
+    abandoned: int = 0
+    whole: float = 0.0
 
     @property
     def swarm_best(self) -> FloatArray:
@@ -98,7 +120,9 @@ def initial_swarm(objective: Objective, start: FloatArray, settings: SwarmSettin
     # Half of the way to another random point: as far as particles usually fly, and never far outside.
     targets = objective.lower[:, np.newaxis] + width * rng.random((size, members))
     values = _finite_or_inf(objective.nll(positions))
-    state = SwarmState(0, positions, 0.5 * (targets - positions), positions.copy(), values, members, ())
+    state = SwarmState(
+        0, positions, 0.5 * (targets - positions), positions.copy(), values, members, (), whole=float(members)
+    )
     return _traced(state)
 
 
@@ -112,7 +136,8 @@ def step_swarm(objective: Objective, state: SwarmState, settings: SwarmSettings,
         + settings.social * swarm * (state.swarm_best[:, np.newaxis] - state.positions)
     )
     positions, velocities = reflect(state.positions + velocities, velocities, objective.lower, objective.upper)
-    values = _finite_or_inf(objective.nll(positions))
+    found = _evaluate(objective, positions, state.personal_best_nll, settings)
+    values = _finite_or_inf(found.nll)
     better = values < state.personal_best_nll
     moved = replace(
         state,
@@ -122,8 +147,14 @@ def step_swarm(objective: Objective, state: SwarmState, settings: SwarmSettings,
         personal_best=np.where(better, positions, state.personal_best),
         personal_best_nll=np.where(better, values, state.personal_best_nll),
         evaluations=state.evaluations + positions.shape[1],
+        abandoned=state.abandoned + int(found.abandoned.sum()),
+        whole=state.whole + float(found.share.sum()),
     )
     return _traced(moved)
+
+
+def _evaluate(objective: Objective, positions: FloatArray, ceilings: FloatArray, settings: SwarmSettings) -> Below:
+    return nll_below(objective, positions, ceilings) if settings.abandon else Below.whole(objective.nll(positions))
 
 
 def swarm_ended(state: SwarmState, settings: SwarmSettings) -> SearchOutcome | None:

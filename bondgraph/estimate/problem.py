@@ -7,9 +7,9 @@ negative log-likelihood of all logs plus the priors.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 
@@ -17,9 +17,9 @@ from bondgraph.data.log import MatchedLog
 from bondgraph.errors import EstimationError, suggest
 from bondgraph.estimate.free import FreeParameter, declared_free, parse_target, require_known
 from bondgraph.estimate.initial import Initial, initial_states
-from bondgraph.estimate.objective import BoolArray, FloatArray, Terms
+from bondgraph.estimate.objective import Below, BoolArray, FloatArray, Terms
 from bondgraph.filter.filter_model import FilterModel
-from bondgraph.filter.likelihood import innovations, negative_log_likelihood
+from bondgraph.filter.likelihood import innovations, likelihood, negative_log_likelihood
 
 
 @dataclass(frozen=True)
@@ -45,6 +45,16 @@ class LikelihoodFunction(Protocol):
         """Scalar terms, rows ordered by log, output, sample."""
 
 
+@runtime_checkable
+class CeilingLikelihood(Protocol):
+    """A likelihood function that can give up members which cannot come below a ceiling."""
+
+    def nll_below(
+        self, filter_model: FilterModel, logs: Sequence[MatchedLog], batch: Batch, ceilings: FloatArray
+    ) -> Below:
+        """Negative log-likelihood as far as it is below ceilings (members,)."""
+
+
 @dataclass(frozen=True)
 class FilterLikelihood:
     """The likelihood by the unscented Kalman filter.
@@ -68,6 +78,23 @@ class FilterLikelihood:
             x0=list(batch.x0),
         )
         return values
+
+    def nll_below(
+        self, filter_model: FilterModel, logs: Sequence[MatchedLog], batch: Batch, ceilings: FloatArray
+    ) -> Below:
+        """Negative log-likelihood as far as it is below ceilings (members,), see :mod:`bondgraph.filter.ceiling`."""
+        found = likelihood(
+            filter_model,
+            logs,
+            batch.theta,
+            ceilings=ceilings,
+            threads=self.threads,
+            compiled=self.compiled,
+            noise_std=batch.noise_std,
+            process_std=batch.process_std,
+            x0=list(batch.x0),
+        )
+        return Below(found.nll, found.abandoned, found.share)
 
     def terms(self, filter_model: FilterModel, logs: Sequence[MatchedLog], batch: Batch) -> Terms:
         """Scalar terms, rows ordered by log, output, sample."""
@@ -194,8 +221,15 @@ class EstimationProblem:
     def nll(self, points: FloatArray) -> FloatArray:
         """Negative log-likelihood plus priors at coordinates (n, members), shape (members,)."""
         values = self.likelihood.nll(self.filter_model, self.logs, self.batch(points))
-        total: FloatArray = values + 0.5 * np.sum(self._prior_terms(points) ** 2, axis=0)
-        return total
+        return values + self._prior_values(points)
+
+    def nll_below(self, points: FloatArray, ceilings: FloatArray) -> Below:
+        """Values as :meth:`nll` as far as they are below ceilings (members,); above, members may be given up."""
+        if not isinstance(self.likelihood, CeilingLikelihood):
+            return Below.whole(self.nll(points))
+        priors = self._prior_values(points)
+        found = self.likelihood.nll_below(self.filter_model, self.logs, self.batch(points), ceilings - priors)
+        return replace(found, nll=found.nll + priors)
 
     def terms(self, points: FloatArray) -> Terms:
         """Scalar terms at coordinates (n, members): innovations by log, output and sample, then priors."""
@@ -205,6 +239,11 @@ class EstimationProblem:
             np.concatenate([terms.innovations, priors]),
             np.concatenate([terms.log_scales, np.zeros(priors.shape)]),
         )
+
+    def _prior_values(self, points: FloatArray) -> FloatArray:
+        """What the priors add to the value, shape (members,)."""
+        values: FloatArray = 0.5 * np.sum(self._prior_terms(points) ** 2, axis=0)
+        return values
 
     def _prior_terms(self, points: FloatArray) -> FloatArray:
         rows = [

@@ -38,6 +38,7 @@ class Found:
     ends: tuple[tuple[FloatArray, float], ...]
     steps: FloatArray | None
     way: tuple[Stage, ...] = ()
+    abandoned: int = 0
 
 
 @dataclass(frozen=True)
@@ -79,6 +80,8 @@ class Estimate:
         How the model was integrated, and whether finer steps would move the estimate.
     way
         Searches with more process noise that came before, see :mod:`bondgraph.estimate.continuation`.
+    abandoned
+        Of the evaluations, those that were ended when it was certain that they were no improvement.
     """
 
     problem: EstimationProblem
@@ -96,6 +99,7 @@ class Estimate:
     uncertainty_outcome: UncertaintyOutcome
     certification: Certification
     way: tuple[Stage, ...] = ()
+    abandoned: int = 0
 
     @cached_property
     def values(self) -> Mapping[str, float]:
@@ -216,6 +220,7 @@ class Estimate:
             "parameters": parameters,
             "nll": _number(self.nll),
             "evaluations": self.evaluations,
+            "abandoned": self.abandoned,
             "seconds": round(self.seconds, 3),
             "innovations": {name: dict(values) for name, values in (innovations or {}).items()},
             "correlation": {
@@ -267,6 +272,7 @@ def describe(problem: EstimationProblem, found: Found, jacobian: Expand, seconds
         uncertainty_outcome=known.outcome,
         certification=Certification(problem.filter_model.method, problem.filter_model.substeps, (), 0),
         way=found.way,
+        abandoned=found.abandoned,
     )
 
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from bondgraph.filter.compiled import CompiledFilter, blocks, in_threads, log_rows, whole_log
+from bondgraph.filter.compiled import CompiledFilter, in_threads, log_rows, whole_log
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.filter_run import FilterRun
 from bondgraph.filter.kernel_record import Record
@@ -113,7 +113,7 @@ def _all_in_kernel(
     )
     compiled_filter = CompiledFilter.of(filter_model)
     rows = [(log_rows(run.samples), whole_log(run.samples)) for run in runs]
-    tasks = [(index, block) for index, batch in enumerate(batches) for block in blocks(batch.size)]
+    tasks = [(index, block) for index, batch in enumerate(batches) for block in compiled_filter.blocks(batch.size)]
 
     def filter_block(task: tuple[int, tuple[int, int]]) -> None:
         index, block = task

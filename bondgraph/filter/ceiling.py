@@ -30,7 +30,7 @@ from dataclasses import replace
 import numpy as np
 
 from bondgraph.filter.batch import BatchRun, empty_run, note_verdict
-from bondgraph.filter.compiled import CompiledFilter, blocks, in_threads, log_rows
+from bondgraph.filter.compiled import CompiledFilter, in_threads, log_rows
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.kernel_types import Part, Verdicts
 from bondgraph.filter.members import MemberBatch
@@ -190,7 +190,7 @@ def _in_kernel(
         current = Verdicts(*(array[members] for array in verdicts))  # type: ignore[arg-type]
         part = Part(int(begin), int(end), mean, lower)
         filter_block = functools.partial(compiled.run, log, part, own, current, record)
-        in_threads(threads, filter_block, blocks(members.size))
+        in_threads(threads, filter_block, compiled.blocks(members.size))
         _put(verdicts, members, current)
     return verdicts
 

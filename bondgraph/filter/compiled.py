@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -23,8 +24,9 @@ from bondgraph.simulate.program.lane_text import LANES
 from bondgraph.simulate.program.lanes import LaneModel, load_lanes
 from bondgraph.simulate.rosenbrock import TABLEAUS
 
-#: Fewer members than this are filtered one by one, with their sigma points side by side.
-_FEW = 5
+#: A member by itself, with its sigma points side by side, costs about a block of lanes over this share of the calls
+#: that it saves.
+_GAIN = 0.6
 
 _Task = TypeVar("_Task")
 
@@ -48,16 +50,17 @@ def available_cores() -> int:
         return os.cpu_count() or 1
 
 
-def blocks(members: int) -> list[tuple[int, int]]:
+def blocks(members: int, points: int) -> list[tuple[int, int]]:
     """Blocks of members that are filtered side by side: as many as there are lanes; a small rest one by one.
 
-    The last of an odd number of whole blocks is halved, so that two threads end together.
+    A block of members takes a call of the model's functions for each of its sigma points, one member one for as many
+    points as there are lanes. The last of an odd number of whole blocks is halved, so that two threads end together.
 
     Examples
     --------
-    >>> blocks(18), blocks(21)
+    >>> blocks(18, points=9), blocks(21, points=9)
     ([(0, 16), (16, 17), (17, 18)], [(0, 16), (16, 21)])
-    >>> blocks(48)
+    >>> blocks(48, points=9)
     [(0, 16), (16, 32), (32, 40), (40, 48)]
     """
     whole = members // LANES * LANES
@@ -65,7 +68,7 @@ def blocks(members: int) -> list[tuple[int, int]]:
     if len(blocks) > 1 and len(blocks) % 2:
         first, end = blocks.pop()
         blocks += [(first, first + LANES // 2), (first + LANES // 2, end)]
-    if members - whole < _FEW:
+    if members - whole < _GAIN * points / math.ceil(points / LANES):
         return blocks + [(m, m + 1) for m in range(whole, members)]
     return [*blocks, (whole, members)]
 
@@ -86,6 +89,10 @@ class CompiledFilter:
         """Compiled, or from the cache."""
         functions = load_kernel(kernel, kernel_algebra, kernel_channels, kernel_record)
         return cls(filter_model, functions.filter_members, load_lanes(filter_model.model, filter_model.is_stiff))
+
+    def blocks(self, members: int) -> list[tuple[int, int]]:
+        """Blocks of members that are filtered side by side."""
+        return blocks(members, 2 * self.filter_model.points.n + 1)
 
     def run(
         self, log: Log, part: Part, batch: MemberBatch, verdicts: Verdicts, record: Record, block: tuple[int, int]

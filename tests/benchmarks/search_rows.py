@@ -5,20 +5,28 @@ from __future__ import annotations
 import resource
 import sys
 import time
+from collections.abc import Callable
 from dataclasses import replace
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 
 from bondgraph.estimate.estimate import Settings, estimate
 from bondgraph.estimate.exact import exact_derivatives
 from bondgraph.estimate.objective import TraceRow
-from bondgraph.estimate.particle_swarm import SwarmSettings, initial_swarm, step_swarm
+from bondgraph.estimate.particle_swarm import SwarmSettings, SwarmState, particle_swarm
 from bondgraph.estimate.problem import EstimationProblem, pose
+from bondgraph.estimate.result import Estimate
 from bondgraph.filter.choice import choose_method
 from tests.benchmarks.cases import DRIVELINE, Case
 
 #: The thesis: 80 particles, their first places and 100 iterations.
 MEMBERS, ITERATIONS = 80, 100
+
+#: Iterations of the swarm that gives no evaluation up: all evaluations of that one cost the same.
+_WHOLE = 4
+
+_Result = TypeVar("_Result")
 
 
 def search(case: Case, iterations: int = ITERATIONS) -> dict[str, float]:
@@ -30,11 +38,17 @@ def search(case: Case, iterations: int = ITERATIONS) -> dict[str, float]:
     truth = problem.start.copy()
     away = np.clip(truth * np.where(np.arange(truth.size) % 2, 0.9, 1.1), problem.lower, problem.upper)
     found = {"wall_s: planning of the steps": planning, "nll: at the true parameters": _nll(problem, truth)}
-    found |= _measured("gradient search", lambda: _gradient(problem, away))
-    found |= _measured(f"swarm of {MEMBERS}", lambda: _swarm(problem, away, iterations))
-    per_evaluation = found[f"cpu_s: swarm of {MEMBERS}"] / found[f"evaluations: swarm of {MEMBERS}"]
-    found[f"cpu_s: {MEMBERS * (ITERATIONS + 1)} evaluations of the swarm at this rate"] = per_evaluation * (
-        MEMBERS * (ITERATIONS + 1)
+    fit, times = _measured(lambda: _gradient(problem, away))
+    found |= _named("gradient search", times, fit.evaluations, fit.nll)
+    ended, times = _measured(lambda: _swarm(problem, away, iterations, abandon=True))
+    found |= _named(f"swarm of {MEMBERS}", times, ended.evaluations, ended.swarm_best_nll)
+    found["evaluations given up: swarm"] = float(ended.abandoned)
+    found["share of the samples filtered: swarm"] = ended.whole / ended.evaluations
+    whole, whole_times = _measured(lambda: _swarm(problem, away, min(iterations, _WHOLE), abandon=False))
+    found["cpu_s: an evaluation of the swarm"] = times.cpu / ended.evaluations
+    found["cpu_s: an evaluation of a swarm that gives none up"] = whole_times.cpu / whole.evaluations
+    found["ratio_swarm_that_gives_none_up_vs_swarm"] = (
+        found["cpu_s: an evaluation of a swarm that gives none up"] / found["cpu_s: an evaluation of the swarm"]
     )
     gap = found[f"nll: swarm of {MEMBERS}"] - found["nll: gradient search"]
     return {**found, "nats_of_the_swarm_above_the_gradient_search": gap}
@@ -44,20 +58,31 @@ def _nll(problem: EstimationProblem, point: np.ndarray) -> float:
     return float(problem.nll(point[:, np.newaxis])[0])
 
 
-def _measured(name: str, action: object) -> dict[str, float]:
+class _Times(NamedTuple):
+    """Wall and processor time, s."""
+
+    wall: float
+    cpu: float
+
+
+def _measured(action: Callable[[], _Result]) -> tuple[_Result, _Times]:
     wall, before = time.perf_counter(), resource.getrusage(resource.RUSAGE_SELF)
-    nll, evaluations = action()  # type: ignore[operator]
+    result = action()
     after = resource.getrusage(resource.RUSAGE_SELF)
     cpu = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+    return result, _Times(time.perf_counter() - wall, cpu)
+
+
+def _named(name: str, times: _Times, evaluations: int, nll: float) -> dict[str, float]:
     return {
-        f"wall_s: {name}": time.perf_counter() - wall,
-        f"cpu_s: {name}": cpu,
+        f"wall_s: {name}": times.wall,
+        f"cpu_s: {name}": times.cpu,
         f"evaluations: {name}": float(evaluations),
         f"nll: {name}": nll,
     }
 
 
-def _gradient(problem: EstimationProblem, start: np.ndarray) -> tuple[float, int]:
+def _gradient(problem: EstimationProblem, start: np.ndarray) -> Estimate:
     def say(row: TraceRow) -> None:
         print(f"\r  gradient search: iteration {row.iteration}, {row.nll:.3f}", end="", file=sys.stderr, flush=True)
 
@@ -65,14 +90,15 @@ def _gradient(problem: EstimationProblem, start: np.ndarray) -> tuple[float, int
     settings = Settings(method="gradient", starts=1, certify="none")
     result = estimate(moved, settings, progress=say, jacobian=exact_derivatives)
     print(file=sys.stderr)
-    return float(result.nll), int(result.evaluations)
+    return result
 
 
-def _swarm(problem: EstimationProblem, start: np.ndarray, iterations: int) -> tuple[float, int]:
-    settings = SwarmSettings(members=MEMBERS, iterations=iterations, patience=iterations + 1)
-    state = initial_swarm(problem, start, settings, 0)
-    for k in range(iterations):
-        state = step_swarm(problem, state, settings, 0)
-        print(f"\r  swarm: iteration {k + 1} of {iterations}", end="", file=sys.stderr, flush=True)
+def _swarm(problem: EstimationProblem, start: np.ndarray, iterations: int, *, abandon: bool) -> SwarmState:
+    settings = SwarmSettings(members=MEMBERS, iterations=iterations, patience=iterations + 1, abandon=abandon)
+
+    def say(row: TraceRow) -> None:
+        print(f"\r  swarm: iteration {row.iteration} of {iterations}", end="", file=sys.stderr, flush=True)
+
+    state, _ = particle_swarm(problem, start, 0, settings, say)
     print(file=sys.stderr)
-    return float(np.min(state.personal_best_nll)), int(state.evaluations)
+    return state

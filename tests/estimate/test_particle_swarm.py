@@ -14,7 +14,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
+from bondgraph.data.log import MatchedLog
 from bondgraph.errors import EstimationError
+from bondgraph.estimate.free import FreeParameter
 from bondgraph.estimate.objective import SearchOutcome
 from bondgraph.estimate.particle_swarm import (
     SwarmSettings,
@@ -24,6 +26,9 @@ from bondgraph.estimate.particle_swarm import (
     step_swarm,
     swarm_ended,
 )
+from bondgraph.estimate.problem import EstimationProblem, FilterLikelihood, pose
+from bondgraph.filter.filter_model import FilterModel
+from bondgraph.simulate.example import pendulum
 
 FINE = SwarmSettings(members=60, iterations=400, patience=60, tolerance=1e-13)
 
@@ -156,6 +161,44 @@ def test_a_model_that_always_diverges_is_an_outcome() -> None:
     state, outcome = particle_swarm(never, np.array([0.5, 0.5]), 1, replace(FINE, patience=3))
     assert outcome is SearchOutcome.NO_FINITE_POINT and not outcome.succeeded
     assert state.iteration == 3
+
+
+def swinging_problem(compiled: bool, samples: int) -> EstimationProblem:
+    """Three logs of a pendulum: two parameters, the noise of the sensor and a start are free, one has a prior."""
+    rng = np.random.default_rng(8)
+    logs = []
+    for number, count in enumerate((samples, samples // 2, samples)):
+        time = np.arange(count) * 0.05
+        angle = 0.5 * np.exp(-0.1 * time) * np.cos((2.6 + 0.2 * number) * time)
+        y = np.where(rng.random(count) < 0.2, np.nan, angle + 0.03 * rng.normal(size=count))
+        logs.append(MatchedLog(f"swing{number}", time, np.zeros((1, count)), y[np.newaxis]))
+    swing = FilterModel(pendulum(), {"rate": 0.02}, {"deflection": 0.1}, {"angle": 0.6, "rate": 1.5}, substeps=2)
+    known = FreeParameter("length", 0.5, 3.0, 1.0, prior_mean=1.2, prior_std=0.1)
+    free = [known, "damping", "std(deflection)", FreeParameter("x0(angle)", -1.0, 1.0, 0.4)]
+    return pose(swing, logs, free, likelihood=FilterLikelihood(compiled=compiled))
+
+
+@pytest.mark.parametrize(("compiled", "samples", "size"), [(True, 200, 37), (False, 40, 6)])
+def test_a_search_that_ends_hopeless_evaluations_is_the_same_search(compiled: bool, samples: int, size: int) -> None:
+    problem = swinging_problem(compiled, samples)
+    limits = SwarmSettings(members=size, iterations=25 if compiled else 8, patience=100)
+    short, whole = (
+        particle_swarm(problem, problem.start, 3, replace(limits, abandon=abandon))[0] for abandon in (True, False)
+    )
+    assert short.trace == whole.trace
+    for name in ("positions", "velocities", "personal_best", "personal_best_nll"):
+        np.testing.assert_array_equal(getattr(short, name), getattr(whole, name))
+    evaluations = size * (limits.iterations + 1)
+    assert short.evaluations == whole.evaluations == whole.whole == evaluations
+    assert whole.abandoned == 0
+    assert short.abandoned > 0.2 * evaluations
+    assert short.whole < 0.95 * evaluations
+
+
+def test_evaluations_that_cannot_be_cut_short_are_whole() -> None:
+    problem, _ = PROBLEMS["sphere"]
+    state, _ = particle_swarm(problem, np.full(5, 50.0), 1, replace(FINE, iterations=5))
+    assert (state.abandoned, state.whole) == (0, 360.0)
 
 
 @settings(max_examples=50, deadline=None)
