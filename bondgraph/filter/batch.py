@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
 
-from bondgraph.filter.compiled import CompiledFilter, in_threads, log_rows, whole_log
+from bondgraph.filter.compiled import CompiledFilter, in_threads, log_rows, thread_count, whole_log
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.filter_run import FilterRun
 from bondgraph.filter.kernel_record import Record
@@ -113,14 +114,18 @@ def _all_in_kernel(
     )
     compiled_filter = CompiledFilter.of(filter_model)
     rows = [(log_rows(run.samples), whole_log(run.samples)) for run in runs]
-    tasks = [(index, block) for index, batch in enumerate(batches) for block in compiled_filter.blocks(batch.size)]
+    workers = thread_count(threads)
+    for_each = math.ceil(workers / len(runs))  # several logs share them
+    tasks = [
+        (index, block) for index, batch in enumerate(batches) for block in compiled_filter.blocks(batch.size, for_each)
+    ]
 
     def filter_block(task: tuple[int, tuple[int, int]]) -> None:
         index, block = task
         run = runs[index]
         compiled_filter.run(*rows[index], batches[index], run.verdicts, run.record, block)
 
-    in_threads(threads, filter_block, tasks)
+    in_threads(workers, filter_block, tasks)
     return runs
 
 

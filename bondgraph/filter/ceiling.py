@@ -30,7 +30,7 @@ from dataclasses import replace
 import numpy as np
 
 from bondgraph.filter.batch import BatchRun, empty_run, note_verdict
-from bondgraph.filter.compiled import CompiledFilter, in_threads, log_rows
+from bondgraph.filter.compiled import CompiledFilter, in_threads, log_rows, thread_count
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.kernel_types import Part, Verdicts
 from bondgraph.filter.members import MemberBatch
@@ -171,7 +171,7 @@ def _in_kernel(
     threads: int | None,
 ) -> Verdicts:
     """Part after part, with only those members side by side that go on."""
-    n_s, verdicts = len(filter_model.state_names), _no_verdicts(batch.size)
+    n_s, verdicts, workers = len(filter_model.state_names), _no_verdicts(batch.size), thread_count(threads)
     record = empty_run(filter_model, samples, 0, depth=0).record
     compiled, log = CompiledFilter.of(filter_model), log_rows(samples)
     members, own = np.arange(batch.size), batch
@@ -190,7 +190,7 @@ def _in_kernel(
         current = Verdicts(*(array[members] for array in verdicts))  # type: ignore[arg-type]
         part = Part(int(begin), int(end), mean, lower)
         filter_block = functools.partial(compiled.run, log, part, own, current, record)
-        in_threads(threads, filter_block, compiled.blocks(members.size))
+        in_threads(workers, filter_block, compiled.blocks(members.size, workers))
         _put(verdicts, members, current)
     return verdicts
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 import os
 from collections.abc import Callable, Sequence
@@ -31,15 +32,19 @@ _GAIN = 0.6
 _Task = TypeVar("_Task")
 
 
-def in_threads(threads: int | None, action: Callable[[_Task], None], tasks: Sequence[_Task]) -> None:
-    """Do an action with each of some tasks, in this many threads; None: in one per available core."""
-    workers = available_cores() if threads is None else max(1, threads)
-    if workers == 1 or len(tasks) == 1:
+def in_threads(threads: int, action: Callable[[_Task], None], tasks: Sequence[_Task]) -> None:
+    """Do an action with each of some tasks."""
+    if threads == 1 or len(tasks) == 1:
         for task in tasks:
             action(task)
     else:
-        with ThreadPoolExecutor(workers) as executor:
+        with ThreadPoolExecutor(threads) as executor:
             list(executor.map(action, tasks))
+
+
+def thread_count(threads: int | None) -> int:
+    """At least one; None: one per available core."""
+    return available_cores() if threads is None else max(1, threads)
 
 
 def available_cores() -> int:
@@ -50,27 +55,28 @@ def available_cores() -> int:
         return os.cpu_count() or 1
 
 
-def blocks(members: int, points: int) -> list[tuple[int, int]]:
-    """Blocks of members that are filtered side by side: as many as there are lanes; a small rest one by one.
+def blocks(members: int, points: int, threads: int) -> list[tuple[int, int]]:
+    """Blocks of members that are filtered side by side, so that threads end together.
 
-    A block of members takes a call of the model's functions for each of its sigma points, one member one for as many
-    points as there are lanes. The last of an odd number of whole blocks is halved, so that two threads end together.
+    As many whole blocks, of as many members as there are lanes, as all threads have work with. A block takes a call of
+    the model's functions for each of its sigma points, a member by itself one for as many points as there are lanes: a
+    small rest is filtered one by one, a larger one in equal blocks.
 
     Examples
     --------
-    >>> blocks(18, points=9), blocks(21, points=9)
-    ([(0, 16), (16, 17), (17, 18)], [(0, 16), (16, 21)])
-    >>> blocks(48, points=9)
+    >>> blocks(18, points=9, threads=1), blocks(22, points=9, threads=1)
+    ([(0, 16), (16, 17), (17, 18)], [(0, 16), (16, 22)])
+    >>> blocks(48, points=9, threads=2)
     [(0, 16), (16, 32), (32, 40), (40, 48)]
     """
-    whole = members // LANES * LANES
+    whole = members // (LANES * threads) * LANES * threads
     blocks = [(first, first + LANES) for first in range(0, whole, LANES)]
-    if len(blocks) > 1 and len(blocks) % 2:
-        first, end = blocks.pop()
-        blocks += [(first, first + LANES // 2), (first + LANES // 2, end)]
-    if members - whole < _GAIN * points / math.ceil(points / LANES):
+    rest = members - whole
+    if rest < threads * _GAIN * points / math.ceil(points / LANES):
         return blocks + [(m, m + 1) for m in range(whole, members)]
-    return [*blocks, (whole, members)]
+    count = min(threads, math.ceil(rest / (LANES // 2)))
+    edges = [whole + rest * k // count for k in range(count + 1)]
+    return blocks + list(itertools.pairwise(edges))
 
 
 @dataclass(frozen=True)
@@ -90,9 +96,9 @@ class CompiledFilter:
         functions = load_kernel(kernel, kernel_algebra, kernel_channels, kernel_record)
         return cls(filter_model, functions.filter_members, load_lanes(filter_model.model, filter_model.is_stiff))
 
-    def blocks(self, members: int) -> list[tuple[int, int]]:
-        """Blocks of members that are filtered side by side."""
-        return blocks(members, 2 * self.filter_model.points.n + 1)
+    def blocks(self, members: int, threads: int) -> list[tuple[int, int]]:
+        """Blocks of members that are filtered side by side, for as many threads."""
+        return blocks(members, 2 * self.filter_model.points.n + 1, threads)
 
     def run(
         self, log: Log, part: Part, batch: MemberBatch, verdicts: Verdicts, record: Record, block: tuple[int, int]

@@ -15,7 +15,7 @@ import numpy as np
 
 from bondgraph.errors import FilterError
 from bondgraph.filter import gradient_algebra, gradient_kernel, kernel_channels
-from bondgraph.filter.compiled import available_cores, log_rows
+from bondgraph.filter.compiled import log_rows, thread_count
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.gradient_types import Found, Prior, Scratch, TangentEquations, TangentRules
 from bondgraph.filter.samples import MeasuredLog, Samples
@@ -128,7 +128,7 @@ def innovation_tangents(
                 array[...] = np.nan
         return InnovationTangents(samples[index].name, *found, OUTCOMES[code])
 
-    workers = min(len(samples), available_cores() if threads is None else max(1, threads))
+    workers = min(len(samples), thread_count(threads))
     if workers == 1:
         return tuple(one(index) for index in range(len(samples)))
     with ThreadPoolExecutor(workers) as executor:
