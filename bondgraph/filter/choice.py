@@ -13,11 +13,13 @@ import hashlib
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from typing import Unpack
 
 import numpy as np
 
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.filter_run import FilterRun
+from bondgraph.filter.members import MemberValues
 from bondgraph.filter.planning import filtered_logs, plan_along, plan_cost
 from bondgraph.filter.samples import MeasuredLog, Samples
 from bondgraph.simulate.arrays import FloatArray, IntArray
@@ -67,6 +69,55 @@ def choose_method(filter_model: FilterModel, logs: Sequence[MeasuredLog], *, com
     return _chosen(_Question(_content(filter_model, logs), filter_model, tuple(logs), compiled))
 
 
+def plan_again(
+    filter_model: FilterModel,
+    logs: Sequence[MeasuredLog],
+    theta: FloatArray,
+    *,
+    compiled: bool = True,
+    **values: Unpack[MemberValues],
+) -> FilterModel:
+    """A filter model whose steps were planned with them planned anew along logs filtered at other numbers.
+
+    Parameters
+    ----------
+    filter_model
+        With a plan, as :func:`choose_method` gives it; one without is returned as it is.
+    logs
+        Logs to plan for.
+    theta
+        Parameters (n_theta,).
+    compiled
+        Use the compiled model.
+    **values
+        Other numbers of that member, see :class:`bondgraph.filter.members.MemberValues`.
+
+    Examples
+    --------
+    >>> from bondgraph.data.log import MatchedLog
+    >>> from bondgraph.filter.planning import plan_steps
+    >>> from bondgraph.simulate.example import pendulum
+    >>> swing = FilterModel(pendulum(), {"rate": 0.1}, {"deflection": 0.05}, {"angle": 0.1, "rate": 0.1}, 8, "ros3p")
+    >>> time = np.arange(20) * 0.2
+    >>> log = MatchedLog("swing", time, np.zeros((1, 20)), 0.5 * np.cos(3.1 * time)[np.newaxis])
+    >>> planned = plan_steps(swing, [log], methods=["ros3p"], compiled=False)
+    >>> faster = plan_again(planned, [log], swing.model.theta(length=0.02), compiled=False)
+    >>> faster.plan.mean_substeps > planned.plan.mean_substeps
+    True
+    """
+    if filter_model.plan is None or filter_model.plan.method != filter_model.method:
+        return filter_model
+    stiff = _first_run(filter_model)
+    filtered = filtered_logs(stiff, logs, compiled, theta, **values)
+    return plan_along(stiff, filtered, methods=_PLANNED, compiled=compiled)
+
+
+def _first_run(filter_model: FilterModel) -> FilterModel:
+    """The filter along whose run steps are planned: stable for all rates."""
+    substeps = max(filter_model.substeps, _STIFF_SUBSTEPS)
+    return replace(filter_model, method="rodas4", substeps=substeps, grading=1.0, plan=None)
+
+
 @dataclass(frozen=True)
 class _Question:
     """What is asked, equal by content."""
@@ -89,13 +140,7 @@ def _content(filter_model: FilterModel, logs: Sequence[MeasuredLog]) -> str:
 @functools.lru_cache(maxsize=64)
 def _chosen(question: _Question) -> FilterModel:
     filter_model = question.filter_model
-    stiff = replace(
-        filter_model,
-        method="rodas4",
-        substeps=max(filter_model.substeps, _STIFF_SUBSTEPS),
-        grading=1.0,
-        plan=None,
-    )
+    stiff = _first_run(filter_model)
     filtered = filtered_logs(stiff, question.logs, question.compiled)
     needed = max(
         rate * float(np.median(np.diff(log.samples.time))) / STEP_TIMES_RATE if log.samples.time.size > 1 else 0.0

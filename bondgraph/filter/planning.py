@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import NamedTuple, Unpack
 
 import numpy as np
 
@@ -21,7 +21,7 @@ from bondgraph.filter.batch import run_batches
 from bondgraph.filter.compiled import filter_rules, log_rows
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.filter_run import FilterRun
-from bondgraph.filter.members import MemberBatch, member_batches
+from bondgraph.filter.members import MemberBatch, MemberValues, member_batches
 from bondgraph.filter.plan import IntervalSteps, StepPlan
 from bondgraph.filter.samples import MeasuredLog, Samples, interval_substeps
 from bondgraph.filter.sigma_points import MerweScaled, lower_factor
@@ -97,10 +97,16 @@ def plan_steps(
     return plan_along(filter_model, filtered, methods=methods, tolerance=tolerance, compiled=compiled)
 
 
-def filtered_logs(filter_model: FilterModel, logs: Sequence[MeasuredLog], compiled: bool) -> tuple[FilteredLog, ...]:
-    """Logs filtered at the declared parameters."""
+def filtered_logs(
+    filter_model: FilterModel,
+    logs: Sequence[MeasuredLog],
+    compiled: bool,
+    theta: FloatArray | None = None,
+    **values: Unpack[MemberValues],
+) -> tuple[FilteredLog, ...]:
+    """Logs filtered at one set of numbers, by default the declared ones."""
     samples = [Samples.of(filter_model, log) for log in logs]
-    batches = member_batches(filter_model, samples, None, {})
+    batches = member_batches(filter_model, samples, theta, values)
     runs = run_batches(filter_model, samples, batches, 2, 1, compiled)
     return tuple(
         FilteredLog(own, run.filter_run(filter_model, 0), batch)
