@@ -7,6 +7,8 @@ numba) central differences serve.
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
+
 import numpy as np
 
 from bondgraph.estimate.objective import (
@@ -19,6 +21,7 @@ from bondgraph.estimate.objective import (
 )
 from bondgraph.estimate.problem import EstimationProblem, FilterLikelihood
 from bondgraph.filter.choice import choose_method
+from bondgraph.filter.compiled import thread_count
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.gradient import Directions, has_exact_gradient, innovation_tangents
 from bondgraph.filter.samples import Samples
@@ -77,13 +80,28 @@ def exact_derivatives(objective: Objective, points: FloatArray, steps: FloatArra
         return central_differences(objective, points, steps)
     terms = objective.terms(points)
     found = []
-    for m in range(points.shape[1]):
-        seen = terms.members(np.array([m]))
-        expansion = _expand(objective, filter_model, points[:, m])
+    for m, known in enumerate(_expansions(objective, objective.likelihood, filter_model, points)):
+        seen, expansion = terms.members(np.array([m])), known
         if expansion is None or not _agrees(expansion, float(seen.sums()[0])):
             (expansion,) = central_differences(objective, points[:, [m]], steps[:, [m]])
         found.append(_about(seen, expansion))
     return tuple(found)
+
+
+def _expansions(
+    problem: EstimationProblem, likelihood: FilterLikelihood, filter_model: FilterModel, points: FloatArray
+) -> list[Expansion | None]:
+    """Expansions at points (n, members), as many at once as there are threads; each is the same however many."""
+    threads = thread_count(likelihood.threads)
+    members = points.shape[1]
+    # The first alone: what is compiled when it is first used is compiled in one thread.
+    found = [_expand(problem, filter_model, points[:, 0], threads)] if members else []
+    if threads == 1 or members < 3:
+        return found + [_expand(problem, filter_model, points[:, m], threads) for m in range(1, members)]
+    own = max(1, threads // (members - 1))
+    with ThreadPoolExecutor(min(threads, members - 1)) as executor:
+        rest = executor.map(lambda m: _expand(problem, filter_model, points[:, m], own), range(1, members))
+        return found + list(rest)
 
 
 def _about(seen: Terms, expansion: Expansion) -> Expansion:
@@ -105,7 +123,7 @@ def _agrees(expansion: Expansion, value: float) -> bool:
     return abs(expansion.sum - value) <= _SAME * (1.0 + abs(value))
 
 
-def _expand(problem: EstimationProblem, filter_model: FilterModel, point: FloatArray) -> Expansion | None:
+def _expand(problem: EstimationProblem, filter_model: FilterModel, point: FloatArray, threads: int) -> Expansion | None:
     """The expansion at a point (n,); None where the filter fails."""
     free = problem.upper > problem.lower
     step = _STEP * np.maximum(1.0, np.abs(point))
@@ -124,8 +142,6 @@ def _expand(problem: EstimationProblem, filter_model: FilterModel, point: FloatA
     ]
     noise, process = np.nan_to_num(slopes(batch.noise_std)), slopes(batch.process_std)
     directions = [Directions(slopes(batch.theta), slopes(x0), still, process, noise) for x0 in batch.x0]
-    likelihood = problem.likelihood
-    threads = likelihood.threads if isinstance(likelihood, FilterLikelihood) else None
     found = innovation_tangents(filter_model, problem.logs, members, directions, threads)
     priors = problem._prior_terms(around)
     d_priors = slopes(priors)
