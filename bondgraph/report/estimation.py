@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from bondgraph.correct.loop import free_parameters
@@ -32,6 +33,8 @@ def declared_problem(
 ) -> EstimationProblem:
     """The estimation problem that a command poses: noises from the logs, the named parameters or all with bounds free.
 
+    Steps of a stiff model are planned along the logs (:func:`bondgraph.filter.choice.choose_method`).
+
     Raises
     ------
     EstimationError
@@ -42,7 +45,9 @@ def declared_problem(
     others = [declared_free(name, setup.filter_model) for name in free if parse_target(name).kind != "parameter"]
     given = {parameter.name for parameter in others}
     noise = [parameter for parameter in setup.noise if parameter.name not in given]
-    return EstimationProblem(setup.filter_model, tuple(logs), (*named, *others, *noise), initial)
+    declared = setup.filter_model
+    filter_model = replace(declared, method="auto", substeps=1, grading=1.0) if declared.is_stiff else declared
+    return EstimationProblem(filter_model, tuple(logs), (*named, *others, *noise), initial)
 
 
 def write_estimate(estimate: Estimate, folder: Path, made: Provenance) -> ReportData:
@@ -83,9 +88,33 @@ def estimate_report(estimate: Estimate, made: Provenance) -> ReportData:
         series=tuple(series),
         parameters=parameter_changes(model, declared, estimate.values, estimate.ci95, estimate.at_bound),
         trace=estimate.trace,
-        notes=tuple(f"These data do not tell apart: {', '.join(group)}." for group in estimate.not_identifiable),
+        notes=tuple(_notes(estimate)),
         made=made,
     )
+
+
+def _notes(estimate: Estimate) -> list[str]:
+    """How far the estimate can be trusted: steps, other optima, bounds, what the data do not tell."""
+    certification = estimate.certification
+    notes = [
+        f"Negative log-likelihood {estimate.nll:.4f} after {estimate.evaluations} evaluations.",
+        f"Integrated by {certification.method} with {certification.substeps} steps between samples: "
+        f"{certification.verdict}.",
+        *(f"Against {one}." for one in certification.checks),
+    ]
+    if estimate.optima:
+        best, *others = estimate.optima
+        starts = f"{best.starts} start{'s' if best.starts > 1 else ''} ended at this optimum"
+        elsewhere = ", ".join(f"{other.nll - best.nll:.4g}" for other in others)
+        notes.append(
+            f"{starts}; others at optima worse by {elsewhere} nats." if others else f"{starts}, none at another."
+        )
+    if estimate.at_bound:
+        notes.append(f"At a bound, so that the optimum may lie outside: {', '.join(estimate.at_bound)}.")
+    alone = ", ".join(group[0] for group in estimate.not_identifiable if len(group) == 1)
+    notes += [f"These data say nothing about: {alone}."] if alone else []
+    groups = (", ".join(group) for group in estimate.not_identifiable if len(group) > 1)
+    return [*notes, *(f"These data do not tell apart: {group}." for group in groups)]
 
 
 def _free_run(estimate: Estimate, log: MatchedLog, x0: object, values: dict[str, float]) -> Trajectory:
@@ -94,5 +123,5 @@ def _free_run(estimate: Estimate, log: MatchedLog, x0: object, values: dict[str,
     theta = {name: value for name, value in values.items() if name in names} | dict(log.theta_overrides)
     return simulate(
         filter_model.model, log.time, log.u, theta, x0,  # type: ignore[arg-type]
-        method="rk4", substeps=filter_model.substeps, compiled=True,
+        method=filter_model.method, substeps=filter_model.substeps, compiled=True,
     )  # fmt: skip

@@ -52,7 +52,7 @@ class WorkProgress:
 
     def __init__(self, what: str, total: int | None, unit: str = "", console: Console | None = None) -> None:
         self.console = console or Console(stderr=True)
-        self.done, self.best = 0, math.inf
+        self.done, self.best, self._stage = 0, math.inf, ""
         columns = (
             SpinnerColumn(),
             TextColumn("{task.description}"),
@@ -93,7 +93,13 @@ class WorkProgress:
         self._progress.update(self._task, description=what)
 
     def trace(self, row: TraceRow) -> None:
-        """Take over the state of a search; pass this method as the search's ``progress``."""
+        """Take over the state of a search; pass this method as the search's ``progress``.
+
+        The best is that of the stage that is described: another stage may have other noises or other steps, and
+        likelihoods of these do not compare.
+        """
+        if row.stage != self._stage:
+            self._stage, self.best = row.stage, math.inf
         self.describe(row.stage)
         self.reach(row.evaluations, row.nll)
 

@@ -120,6 +120,13 @@ def test_progress_writes_nothing_where_there_is_no_terminal() -> None:
     assert (work.done, work.best) == (71, 4.0)
 
 
+def test_the_best_is_that_of_the_stage_for_other_stages_have_other_likelihoods() -> None:
+    with WorkProgress("estimating", None, "evaluations", Console(file=io.StringIO())) as work:
+        for stage, nll, best in (("wide", -90.0, -90.0), ("wide", -80.0, -90.0), ("declared", 7.0, 7.0)):
+            work.trace(TraceRow(stage, 0, 10, nll, ()))
+            assert work.best == best
+
+
 def test_progress_on_a_terminal_tells_done_rate_and_best() -> None:
     output = io.StringIO()
     console = Console(file=output, force_terminal=True, width=140)
