@@ -25,8 +25,8 @@ from bondgraph.data.log import Log, MatchedLog
 from bondgraph.data.match import match
 from bondgraph.declare.graph import BondGraph
 from bondgraph.errors import BondGraphError
-from bondgraph.estimate.estimate import spread_starts
 from bondgraph.estimate.free import FreeParameter
+from bondgraph.estimate.handover import spread_starts
 from bondgraph.estimate.problem import EstimationProblem
 from bondgraph.simulate.simulate import simulate
 

@@ -17,6 +17,7 @@ import numpy as np
 
 from bondgraph.estimate.objective import Expand, FloatArray
 from bondgraph.estimate.problem import EstimationProblem
+from bondgraph.filter.choice import plan_again
 from bondgraph.filter.discretisation import explicit_substeps
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.likelihood import run
@@ -67,9 +68,13 @@ class Certification:
         """Whether checks were made and none would move the estimate noticeably."""
         return bool(self.checks) and self.shift <= NEGLIGIBLE_SHIFT
 
+    @property
+    def verdict(self) -> str:
+        """One word or two."""
+        return "certified" if self.certified else "not certified" if self.checks else "not checked"
+
     def __str__(self) -> str:
-        state = "certified" if self.certified else "not certified" if self.checks else "not checked"
-        return "\n  ".join([f"{self.method} with {self.substeps} substeps: {state}", *map(str, self.checks)])
+        return "\n  ".join([f"{self.method} with {self.substeps} substeps: {self.verdict}", *map(str, self.checks)])
 
     def to_dict(self) -> dict[str, Any]:
         """As ``result.json`` holds it."""
@@ -102,8 +107,27 @@ def finer_filters(problem: EstimationProblem, point: FloatArray, depth: Depth) -
             yield replace(used, method="rk4", substeps=max(1, math.ceil(needed)), plan=None)
 
 
+def planned_again(problem: EstimationProblem, point: FloatArray) -> FilterModel:
+    """The filter with its steps planned at a point (n,): noises and events are others there than at the start."""
+    batch = problem.batch(point[:, np.newaxis])
+    return plan_again(
+        problem.filter_model,
+        problem.logs,
+        batch.theta[:, 0],
+        noise_std=batch.noise_std[:, 0],
+        process_std=batch.process_std[:, 0],
+        x0=[x0[:, 0] for x0 in batch.x0],
+    )
+
+
 def check(
-    problem: EstimationProblem, point: FloatArray, covariance: FloatArray, finer: FilterModel, jacobian: Expand
+    problem: EstimationProblem,
+    point: FloatArray,
+    covariance: FloatArray,
+    finer: FilterModel,
+    jacobian: Expand,
+    *,
+    converged: bool = True,
 ) -> Check:
     """What a finer filter would change at the estimate.
 
@@ -118,6 +142,8 @@ def check(
         The filter to compare with.
     jacobian
         How the gradient is formed.
+    converged
+        Whether the estimate is an optimum; of another point the gradient that it has anyway moves nothing.
     """
     known = np.nan_to_num(covariance)
     std = np.sqrt(np.diag(known))
@@ -125,7 +151,10 @@ def check(
     steps = np.clip(0.1 * std, 1e-9 * span, 1e-4 * span)
     again = replace(problem, filter_model=finer)
     (expansion,) = jacobian(again, point[:, np.newaxis], steps[:, np.newaxis])
-    moved = -known @ expansion.gradient
+    gradient = expansion.gradient
+    if not converged:
+        gradient = gradient - jacobian(problem, point[:, np.newaxis], steps[:, np.newaxis])[0].gradient
+    moved = -known @ gradient
     moved = np.clip(point + moved, problem.lower, problem.upper) - point
     in_std = np.divide(np.abs(moved), std, out=np.zeros_like(std), where=std > 0.0)
     both = [float(objective.nll(point[:, np.newaxis])[0]) for objective in (problem, again)]

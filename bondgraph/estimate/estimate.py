@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Literal, get_args
 
 import numpy as np
 
 from bondgraph.errors import OptionError, suggest
-from bondgraph.estimate.certify import Certification, Depth, check, finer_filters
+from bondgraph.estimate.certify import Certification, Check, Depth, check, finer_filters, planned_again
 from bondgraph.estimate.checkpoint import Checkpoint, load_checkpoint, problem_digest, save_checkpoint
 from bondgraph.estimate.continuation import ON_THE_WAY, Continuation, Stage, way
 from bondgraph.estimate.exact import derivatives
@@ -23,6 +24,14 @@ from bondgraph.estimate.gauss_newton import (
     starts_ended,
     step_starts,
 )
+from bondgraph.estimate.handover import (
+    distinct_starts,
+    spread_starts,
+    swarm_settings,
+    swarm_starts,
+    whole_points,
+    without_noise_levels,
+)
 from bondgraph.estimate.objective import (
     Expand,
     FloatArray,
@@ -33,8 +42,10 @@ from bondgraph.estimate.objective import (
 )
 from bondgraph.estimate.particle_swarm import SwarmSettings, SwarmState, initial_swarm, step_swarm, swarm_ended
 from bondgraph.estimate.problem import EstimationProblem
+from bondgraph.estimate.race import race_ends, raced
 from bondgraph.estimate.result import Estimate, Found, describe
 from bondgraph.filter.choice import choose_method
+from bondgraph.filter.filter_model import FilterModel
 
 Method = Literal["both", "pso", "gradient"]
 
@@ -44,9 +55,6 @@ _MOST_REFINEMENTS = 4
 #: Searches on the way of a continuation are kept under this name and their number.
 _ON_THE_WAY = "continuation "
 
-#: Points closer than this share of the bounds in every coordinate count as one start.
-_DISTINCT = 0.02
-
 
 @dataclass(frozen=True)
 class Settings:
@@ -55,12 +63,14 @@ class Settings:
     Parameters
     ----------
     method
-        ``"both"``: a short swarm, whose best distinct particles start gradient searches; ``"pso"``: the swarm alone;
-        ``"gradient"``: gradient searches from the declared start and from points spread over the bounds.
+        ``"both"``: a short swarm over all but the levels of noise, whose best distinct particles and the declared start
+        begin gradient searches; ``"pso"``: the swarm alone, over everything; ``"gradient"``: gradient searches from the
+        declared start and from points spread over the bounds.
     seed
         The same seed gives the same estimate, on any number of threads.
     starts
-        Gradient searches at once.
+        Gradient searches at once. One that comes to where a better one has been, or falls behind by more than it can
+        make up, is ended (:mod:`bondgraph.estimate.race`).
     certify
         How the result is looked at again with finer integration steps, see :mod:`bondgraph.estimate.certify`; where it
         would move by more than a tenth of a standard deviation, a gradient search goes on with the finer steps.
@@ -68,7 +78,8 @@ class Settings:
         ``"process-noise"``: gradient searches first go through filters with more process noise, for starts so far away
         that the likelihood is rugged there, see :mod:`bondgraph.estimate.continuation`.
     swarm, gradient
-        Settings of the two searches. With ``"both"`` the swarm only needs to find the right valleys.
+        Settings of the two searches. None: a swarm as large as the coordinates it searches need, which with ``"both"``
+        only has to find the right valleys (:mod:`bondgraph.estimate.handover`).
     """
 
     method: Method = "both"
@@ -76,8 +87,10 @@ class Settings:
     starts: int = 4
     certify: Depth = "step"
     continuation: Continuation = "none"
-    swarm: SwarmSettings = field(default_factory=lambda: SwarmSettings(iterations=30, patience=10, tolerance=1.0))
-    gradient: GaussNewtonSettings = field(default_factory=GaussNewtonSettings)
+    swarm: SwarmSettings | None = None
+    gradient: GaussNewtonSettings = field(
+        default_factory=lambda: GaussNewtonSettings(tolerance=1e-6, patience=4, least_gain=1e-4)
+    )
 
     def __post_init__(self) -> None:
         if self.method not in get_args(Method):
@@ -122,6 +135,11 @@ class _Run:
     way: tuple[Stage, ...] = ()
     asked: int = 0
 
+    @cached_property
+    def swarmed(self) -> EstimationProblem:
+        """What the swarm searches."""
+        return self.problem if self.settings.method == "pso" else without_noise_levels(self.problem)
+
     @property
     def seconds(self) -> float:
         """Time spent, with that before an interruption."""
@@ -132,7 +150,25 @@ class _Run:
         self.states[stage] = state
         if self.folder is not None:
             save_checkpoint(self.folder, Checkpoint(self.digest, self.seconds, self.states))
-        self.progress(replace(state.trace[-1], stage=stage))
+        before = sum(other.evaluations for name, other in self.states.items() if name != stage)
+        self.progress(self.row(stage, state.trace[-1], before))
+
+    def tell(self, stage: str, found: Estimate | Found) -> None:
+        """Say what is being done after a search."""
+        self.progress(TraceRow(stage, 0, found.evaluations, found.nll, tuple(found.point.tolist())))
+
+    def told_after(self, found: Estimate) -> Progress:
+        """Progress of a search that goes on from an estimate."""
+        return lambda row: self.progress(
+            replace(row, stage="gauss-newton, other steps", evaluations=row.evaluations + found.evaluations)
+        )
+
+    def row(self, stage: str, row: TraceRow, before: int) -> TraceRow:
+        """A row of a stage with all coordinates of the problem, and evaluations counted from the first stage."""
+        point = row.point
+        if stage == "swarm":
+            point = tuple(whole_points(self.problem, self.swarmed, np.array(point)[:, np.newaxis])[:, 0].tolist())
+        return replace(row, stage=stage, point=point, evaluations=row.evaluations + before)
 
 
 def estimate(
@@ -198,31 +234,46 @@ def estimate(
     states = dict(found.states) if found is not None else {}
     started = time.perf_counter() - (found.seconds if found is not None else 0.0)
     run = _Run(problem, settings, progress, folder, digest, jacobian, states, started)
-    return _certified(describe(problem, _search(run), jacobian, lambda: run.seconds), run)
+    best = _search(run)
+    if best.outcome is not SearchOutcome.INTERRUPTED:
+        run.tell("uncertainty", best)
+    return _certified(describe(problem, best, jacobian, lambda: run.seconds), run)
 
 
 def _certified(found: Estimate, run: _Run) -> Estimate:
-    """The estimate with its certification, after going on with finer steps as often as these move it."""
-    depth, limit = run.settings.certify, run.settings.gradient
+    """The estimate with its certification, after going on with other steps as often as finer ones move it."""
     for continued in range(_MOST_REFINEMENTS + 1):
         used = choose_method(found.problem.filter_model, found.problem.logs)  # finer steps are finer than decided ones
         found = replace(found, problem=replace(found.problem, filter_model=used))
-        asked = found.outcome.succeeded and depth != "none"
-        filters = list(finer_filters(found.problem, found.point, depth)) if asked else []
-        spread = found.coordinate_covariance
         try:
-            checks = tuple(check(found.problem, found.point, spread, finer, run.jacobian) for finer in filters)
+            checks = _checks(found, run)
         except KeyboardInterrupt:
-            checks = ()
-        certification = Certification(used.method, used.typical_substeps, checks, continued)
+            checks = []
+        certification = Certification(used.method, used.typical_substeps, tuple(c for _, c in checks), continued)
         found = replace(found, certification=certification, seconds=run.seconds)
-        if not checks or certification.certified or continued == _MOST_REFINEMENTS:
+        # A search that does not get on may have outrun the steps that were planned for its start.
+        stuck = found.outcome is SearchOutcome.NO_PROGRESS and used.plan is not None and continued == 0
+        done = certification.certified if found.outcome.succeeded else not stuck
+        if not checks or done or continued == _MOST_REFINEMENTS:
             break
-        worst = max(range(len(checks)), key=lambda index: checks[index].shift)
-        problem = replace(found.problem, filter_model=filters[worst])
-        state = gauss_newton(problem, found.point, limit, run.progress, run.jacobian)
+        finer, worst = max(checks, key=lambda pair: pair[1].shift)
+        if continued == 0 and used.plan is not None and worst.method == used.method:
+            finer = planned_again(found.problem, found.point)
+        problem = replace(found.problem, filter_model=finer)
+        state = gauss_newton(problem, found.point, run.settings.gradient, run.told_after(found), run.jacobian)
         found = describe(problem, _continued(found, state), run.jacobian, lambda: run.seconds)
     return found
+
+
+def _checks(found: Estimate, run: _Run) -> list[tuple[FilterModel, Check]]:
+    """What finer filters would change, each with its filter."""
+    depth = run.settings.certify
+    if depth == "none" or found.outcome is SearchOutcome.INTERRUPTED or not np.isfinite(found.nll):
+        return []
+    run.tell("certification", found)
+    filters = finer_filters(found.problem, found.point, depth)
+    spread, converged = found.coordinate_covariance, found.outcome.succeeded
+    return [(f, check(found.problem, found.point, spread, f, run.jacobian, converged=converged)) for f in filters]
 
 
 def _continued(before: Estimate, state: GaussNewtonState) -> Found:
@@ -255,24 +306,25 @@ def _search(run: _Run) -> Found:
 
 
 def _swarm(run: _Run) -> SearchOutcome:
-    settings, seed = run.settings.swarm, run.settings.seed
+    part, seed = run.swarmed, run.settings.seed
+    settings = run.settings.swarm or swarm_settings(part, run.settings.method == "pso")
     state = run.states.get("swarm")
     if not isinstance(state, SwarmState):
-        state = initial_swarm(run.problem, run.problem.start, settings, seed)
+        state = initial_swarm(part, part.start, settings, seed)
         run.keep("swarm", state)
     while (outcome := swarm_ended(state, settings)) is None:
-        state = step_swarm(run.problem, state, settings, seed)
+        state = step_swarm(part, state, settings, seed)
         run.keep("swarm", state)
     return outcome
 
 
 def _gradient(run: _Run) -> SearchOutcome:
-    swarm = run.states.get("swarm")
-    starts = (
-        distinct_starts(run.problem, swarm.personal_best, swarm.personal_best_nll, run.settings.starts)
-        if isinstance(swarm, SwarmState)
-        else spread_starts(run.problem, run.settings.starts, run.settings.seed)
-    )
+    swarm, count = run.states.get("swarm"), run.settings.starts
+    if isinstance(swarm, SwarmState):
+        points = whole_points(run.problem, run.swarmed, swarm.personal_best)
+        starts = swarm_starts(run.problem, points, swarm.personal_best_nll, count)
+    else:
+        starts = spread_starts(run.problem, count, run.settings.seed)
     if run.settings.continuation != "none":
         starts = _nearer(run, starts)
     ended = finish_starts(_stage(run, "gauss-newton", run.problem, starts, run.settings.gradient))
@@ -288,7 +340,7 @@ def _stage(
         state = initial_starts(problem, starts, settings)
         run.keep(name, state)
     while not starts_ended(state, settings):
-        state = step_starts(problem, state, settings, run.jacobian)
+        state = raced(problem, step_starts(problem, state, settings, run.jacobian))
         run.keep(name, state)
     return state
 
@@ -308,30 +360,6 @@ def _nearer(run: _Run, starts: FloatArray) -> FloatArray:
             return state.points
 
 
-def spread_starts(problem: EstimationProblem, count: int, seed: int) -> FloatArray:
-    """The declared start and a Latin hypercube over the bounds, shape (n, count)."""
-    rng = np.random.default_rng([seed, 1])
-    others = max(count - 1, 1)
-    strata = np.array([rng.permutation(others) for _ in problem.free])
-    shares = (strata + rng.random(strata.shape)) / others
-    spread = problem.lower[:, np.newaxis] + (problem.upper - problem.lower)[:, np.newaxis] * shares
-    return np.concatenate([problem.start[:, np.newaxis], spread], axis=1)[:, :count]
-
-
-def distinct_starts(problem: EstimationProblem, points: FloatArray, values: FloatArray, count: int) -> FloatArray:
-    """The best of points (n, members) with finite values (members,), none near a better one; shape (n, up to count)."""
-    width = problem.upper - problem.lower
-    chosen: list[FloatArray] = []
-    for member in np.argsort(values, kind="stable"):
-        point = points[:, member]
-        near = (bool(np.all(np.abs(point - other) < _DISTINCT * width)) for other in chosen)
-        if np.isfinite(values[member]) and not any(near):
-            chosen.append(point)
-        if len(chosen) == count:
-            break
-    return np.array(chosen).T
-
-
 def _found(run: _Run, outcome: SearchOutcome) -> Found:
     """The best point of all stages, and every end of a gradient search."""
     swarm, gradient = run.states.get("swarm"), run.states.get("gauss-newton")
@@ -340,16 +368,16 @@ def _found(run: _Run, outcome: SearchOutcome) -> Found:
     ends: list[tuple[FloatArray, float]] = []
     evaluations = run.asked + sum(state.evaluations for state in _on_the_way(run))
     if isinstance(swarm, SwarmState):
-        trace, evaluations = swarm.trace, evaluations + swarm.evaluations
-        points.append(swarm.swarm_best)
+        trace = tuple(run.row("swarm", row, evaluations) for row in swarm.trace)
+        evaluations += swarm.evaluations
+        points.append(whole_points(run.problem, run.swarmed, swarm.swarm_best[:, np.newaxis])[:, 0])
         values.append(swarm.swarm_best_nll)
     if isinstance(gradient, GaussNewtonState):
-        before = evaluations
-        trace += tuple(replace(row, evaluations=row.evaluations + before) for row in gradient.trace)
+        trace += tuple(run.row("gauss-newton", row, evaluations) for row in gradient.trace)
         evaluations += gradient.evaluations
         points.append(gradient.points[:, gradient.best])
         values.append(float(gradient.values.min()))
-        ends = [(gradient.points[:, k], float(value)) for k, value in enumerate(gradient.values) if np.isfinite(value)]
+        ends = [*race_ends(run.problem, gradient)]
     elif _on_the_way(run):
         nearest = _on_the_way(run)[-1]
         points.append(nearest.points[:, nearest.best])

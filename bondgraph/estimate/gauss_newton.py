@@ -81,7 +81,8 @@ class GaussNewtonSettings:
 class GaussNewtonState:
     """Several starts after an iteration; points and steps are (n, starts), the others (starts,).
 
-    ``idle`` counts the last iterations that gained next to nothing.
+    ``idle`` counts the last iterations that gained next to nothing; ``pace`` is the last gain in nats, or half of what
+    it was one iteration before if that is more.
     """
 
     iteration: int
@@ -90,6 +91,7 @@ class GaussNewtonState:
     damping: FloatArray
     steps: FloatArray
     idle: IntArray
+    pace: FloatArray
     outcomes: tuple[SearchOutcome | None, ...]
     evaluations: int
     trace: tuple[TraceRow, ...]
@@ -109,7 +111,8 @@ def initial_starts(objective: Objective, starts: FloatArray, settings: GaussNewt
     steps = np.repeat((settings.difference * (objective.upper - objective.lower))[:, np.newaxis], values.size, axis=1)
     damping = np.full(values.size, settings.damping)
     idle = np.zeros(values.size, dtype=np.int64)
-    state = GaussNewtonState(0, points, values, damping, steps, idle, outcomes, values.size, ())
+    pace = np.full(values.size, np.inf)
+    state = GaussNewtonState(0, points, values, damping, steps, idle, pace, outcomes, values.size, ())
     return _traced(state)
 
 
@@ -166,13 +169,14 @@ def _note_idle(before: GaussNewtonState, after: GaussNewtonState, settings: Gaus
     """Count iterations that gained too little; enough of them in a row end a start."""
     with np.errstate(invalid="ignore"):
         gains = before.values - after.values
+    pace = np.fmax(gains, np.where(np.isfinite(before.pace), 0.5 * before.pace, 0.0))
     idle = np.where(gains < settings.least_gain, after.idle + 1, 0)
     stalled = (idle >= settings.patience) & (settings.patience > 0)
     outcomes = tuple(
         SearchOutcome.STALLED if outcome is None and stalls else outcome
         for outcome, stalls in zip(after.outcomes, stalled, strict=True)
     )
-    return replace(after, idle=idle, outcomes=outcomes)
+    return replace(after, idle=idle, pace=pace, outcomes=outcomes)
 
 
 def _take_best(objective: Objective, state: GaussNewtonState, tried: list[_Search]) -> GaussNewtonState:

@@ -41,6 +41,8 @@ class SearchOutcome(enum.Enum):
         "stopped: no step along the gradient improves the likelihood, which is not smooth here"
         " - use more substeps, smooth the kinks of the model, or narrow the bounds"
     )
+    JOINED = "ended: a better start is or has been here"
+    GIVEN_UP = "given up: too far behind a better start"
     NO_FINITE_POINT = "failed: the model diverges at every point tried - narrow the bounds or use more substeps"
 
     @property

@@ -11,9 +11,12 @@ from bondgraph.data.log import MatchedLog
 from bondgraph.errors import OptionError
 from bondgraph.estimate.certify import NEGLIGIBLE_SHIFT, Certification, Check, finer_filters
 from bondgraph.estimate.estimate import Settings, estimate
+from bondgraph.estimate.objective import SearchOutcome
+from bondgraph.estimate.particle_swarm import SwarmSettings
 from bondgraph.estimate.problem import EstimationProblem, pose
 from bondgraph.filter.draw import draw_logs
 from bondgraph.filter.filter_model import FilterModel
+from bondgraph.filter.planning import plan_steps
 from bondgraph.simulate.model import Model
 from bondgraph.simulate.stiff import step_lengths
 from tests.module_text import STACK
@@ -86,6 +89,33 @@ def test_the_shift_that_is_foretold_is_the_one_that_happens() -> None:
     moved = (finer.values[check.parameter] - coarse.values[check.parameter]) / coarse.std[check.parameter]
     assert abs(moved) == pytest.approx(check.shift, rel=0.1, abs=1e-3)
     assert coarse.nll - finer.nll == pytest.approx(check.nats, abs=0.02)
+
+
+def test_steps_planned_too_loosely_are_planned_again_where_the_search_ended() -> None:
+    plain = problem(8)
+    stiff = replace(plain.filter_model, method="ros3p")
+    loose = plan_steps(stiff, plain.logs, methods=["ros3p"], tolerance=10.0)
+    found = estimate(replace(plain, filter_model=loose), Settings(method="gradient", starts=1))
+    assert found.certification.certified and found.certification.continued >= 1
+    plan = found.problem.filter_model.plan
+    assert plan is not None and plan.mean_substeps > loose.plan.mean_substeps
+    assert plan != loose.plan.halved()
+    reference = solved(8)
+    for name, value in reference.values.items():
+        assert abs(found.values[name] - value) < 0.2 * reference.std[name]
+
+
+def test_an_end_that_is_no_optimum_has_its_discretisation_error_too() -> None:
+    swarm = SwarmSettings(members=8, iterations=2)
+    fine = estimate(problem(16), Settings(method="pso", swarm=swarm))
+    coarse = estimate(problem(1), Settings(method="pso", swarm=swarm))
+    assert fine.outcome is coarse.outcome is SearchOutcome.ITERATION_LIMIT
+    (good,), (bad,) = fine.certification.checks, coarse.certification.checks
+    assert good.shift < NEGLIGIBLE_SHIFT < bad.shift
+    finer = replace(coarse.problem, filter_model=coarse.problem.filter_model.with_halved_steps())
+    difference = coarse.nll - float(finer.nll(coarse.point[:, np.newaxis])[0])
+    assert bad.nats == pytest.approx(difference, rel=1e-9)
+    assert coarse.certification.continued == 0
 
 
 def test_finer_steps_are_finer_everywhere_in_an_interval_also_where_they_are_graded() -> None:

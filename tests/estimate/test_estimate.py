@@ -11,9 +11,10 @@ import pytest
 
 from bondgraph.data.log import MatchedLog
 from bondgraph.errors import EstimationError, OptionError
-from bondgraph.estimate.estimate import Settings, distinct_starts, estimate, spread_starts
+from bondgraph.estimate.estimate import Settings, estimate
 from bondgraph.estimate.free import FreeParameter
 from bondgraph.estimate.gauss_newton import GaussNewtonSettings
+from bondgraph.estimate.handover import distinct_starts, spread_starts
 from bondgraph.estimate.objective import SearchOutcome, TraceRow
 from bondgraph.estimate.particle_swarm import SwarmSettings, particle_swarm
 from bondgraph.estimate.problem import EstimationProblem, FilterLikelihood, pose

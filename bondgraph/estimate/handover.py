@@ -1,0 +1,111 @@
+"""How a swarm hands over to gradient searches: what it searches, how large it is, and where the searches start.
+
+A swarm only has to find the right valleys, and every coordinate more makes them harder to find. Levels of noise are
+left to the gradient search, which finds them in closed form (see :mod:`bondgraph.estimate.steps`): with the levels that
+the data suggested at the start, the swarm ranks parameters as a weighted sum of squares would.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from bondgraph.estimate.objective import FloatArray
+from bondgraph.estimate.particle_swarm import SwarmSettings
+from bondgraph.estimate.problem import EstimationProblem
+
+#: Points closer than this share of the bounds in every coordinate count as one start.
+_DISTINCT = 0.02
+
+#: Particles for each coordinate, and the least and most of them.
+_PER_COORDINATE, _LEAST, _MOST = 5, 16, 64
+
+#: Particles come in multiples of this: a batch is filtered in blocks of so many.
+_BLOCK = 16
+
+#: Iterations that find valleys, and those without a gain that end the search for them.
+_ITERATIONS, _PATIENCE, _GAIN = 20, 6, 1.0
+
+
+def without_noise_levels(problem: EstimationProblem) -> EstimationProblem:
+    """The problem with its noise levels held at their starts; as it is where nothing else is free.
+
+    Examples
+    --------
+    >>> from bondgraph.data.log import MatchedLog
+    >>> from bondgraph.estimate.problem import pose
+    >>> from bondgraph.filter.filter_model import FilterModel
+    >>> from bondgraph.simulate.example import pendulum
+    >>> swing = FilterModel(pendulum(), {"rate": 0.1}, {"deflection": 0.02}, {"angle": 0.1, "rate": 0.1})
+    >>> time = np.arange(40) * 0.05
+    >>> log = MatchedLog("swing", time, np.zeros((1, 40)), 0.5 * np.cos(3.1 * time)[np.newaxis])
+    >>> without_noise_levels(pose(swing, log, ["length", "std(deflection)", "damping"])).names
+    ('length', 'damping')
+    """
+    others = tuple(parameter for parameter in problem.free if parameter.target.kind not in ("std", "process"))
+    if not others or len(others) == len(problem.free):
+        return problem
+    starts = {kind: {p.target.name: p.start for p in problem.free if p.target.kind == kind} for kind in _LEVELS}
+    declared = problem.filter_model
+    held = replace(
+        declared,
+        measurement_noise={**declared.measurement_noise, **starts["std"]},
+        process_noise={**declared.process_noise, **starts["process"]},
+    )
+    return replace(problem, filter_model=held, free=others)
+
+
+_LEVELS = ("std", "process")
+
+
+def whole_points(problem: EstimationProblem, part: EstimationProblem, points: FloatArray) -> FloatArray:
+    """Coordinates (n, members) of a problem from those of a part of it, with the start in place of the others."""
+    wide = np.repeat(problem.start[:, np.newaxis], points.shape[1], axis=1)
+    wide[[problem.names.index(name) for name in part.names]] = points
+    return wide
+
+
+def swarm_settings(problem: EstimationProblem, alone: bool) -> SwarmSettings:
+    """A swarm for so many coordinates: five particles for each, as long as valleys need or, alone, an optimum."""
+    wanted = min(max(_PER_COORDINATE * len(problem.free), _LEAST), _MOST)
+    members = -(-wanted // _BLOCK) * _BLOCK
+    if alone:
+        return SwarmSettings(members=members)
+    return SwarmSettings(members=members, iterations=_ITERATIONS, patience=_PATIENCE, tolerance=_GAIN)
+
+
+def swarm_starts(problem: EstimationProblem, points: FloatArray, values: FloatArray, count: int) -> FloatArray:
+    """The best distinct of points (n, members), and among several the declared start; shape (n, up to count).
+
+    The declared start is what an engineer believes, and the levels of noise that the swarm ranked points by may have
+    been wrong.
+    """
+    found = distinct_starts(problem, points, values, max(count - 1, 1))
+    if count == 1 or not found.size:
+        return found
+    return np.concatenate([found, problem.start[:, np.newaxis]], axis=1)
+
+
+def spread_starts(problem: EstimationProblem, count: int, seed: int) -> FloatArray:
+    """The declared start and a Latin hypercube over the bounds, shape (n, count)."""
+    rng = np.random.default_rng([seed, 1])
+    others = max(count - 1, 1)
+    strata = np.array([rng.permutation(others) for _ in problem.free])
+    shares = (strata + rng.random(strata.shape)) / others
+    spread = problem.lower[:, np.newaxis] + (problem.upper - problem.lower)[:, np.newaxis] * shares
+    return np.concatenate([problem.start[:, np.newaxis], spread], axis=1)[:, :count]
+
+
+def distinct_starts(problem: EstimationProblem, points: FloatArray, values: FloatArray, count: int) -> FloatArray:
+    """The best of points (n, members) with finite values (members,), none near a better one; shape (n, up to count)."""
+    width = problem.upper - problem.lower
+    chosen: list[FloatArray] = []
+    for member in np.argsort(values, kind="stable"):
+        point = points[:, member]
+        near = (bool(np.all(np.abs(point - other) < _DISTINCT * width)) for other in chosen)
+        if np.isfinite(values[member]) and not any(near):
+            chosen.append(point)
+        if len(chosen) == count:
+            break
+    return np.array(chosen).T
