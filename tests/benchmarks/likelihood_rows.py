@@ -2,18 +2,25 @@
 
 from __future__ import annotations
 
+import contextlib
+import os
+import tempfile
+import time
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
+from typing import TypeVar
 
 import numpy as np
 
 from bondgraph.filter.filterpy_bridge import filterpy_run
 from bondgraph.filter.likelihood import likelihood
+from bondgraph.simulate.cache import CACHE_VARIABLE
 from bondgraph.simulate.compile import load_compiled
 from bondgraph.simulate.model import Model
 from bondgraph.simulate.program.lane_text import LANES
 from bondgraph.simulate.program.lanes import load_lanes
 from tests.benchmarks.c_kernel import c_steps, has_compiler
-from tests.benchmarks.cases import RANGER, Case
+from tests.benchmarks.cases import RANGER, Case, masses
 from tests.benchmarks.scalar_filter import scalar_filter
 from tests.benchmarks.timing import Action, side_by_side
 
@@ -21,6 +28,8 @@ from tests.benchmarks.timing import Action, side_by_side
 _FEW, _SOME = 4, 40
 
 MEMBERS = 80
+
+_Result = TypeVar("_Result")
 
 
 def scattered(case: Case, members: int, share: float = 0.02) -> np.ndarray:
@@ -63,12 +72,21 @@ def against_others(case: Case, rounds: int) -> dict[str, float]:
     }
 
 
-def growth(cases: dict[int, Case], rounds: int) -> list[dict[str, object]]:
-    """CPU time per sample and member against the number of states, 16 members."""
+def growth(counts: Sequence[int], rounds: int) -> list[dict[str, object]]:
+    """Chains of masses: CPU time until the model is simulated, of its first stiff likelihood, and then of likelihoods.
+
+    Explicit equations are compiled for the simulation, stiff ones for the first likelihood, with an empty cache but for
+    the kernel of the filter. Likelihoods are told per sample and member of 16.
+    """
     rows: list[dict[str, object]] = []
-    for count, case in cases.items():
-        theta = scattered(case, 16)
-        used = {"rk4": case.filter_model, "ros3p": replace(case.filter_model, method="ros3p", substeps=4)}
+    small = masses(1, samples=3)
+    likelihood(small.filter_model, small.log)
+    for count in counts:
+        with tempfile.TemporaryDirectory() as folder, _cache(folder):
+            case, made = _timed(lambda n=count: masses(n))
+            theta = scattered(case, 16)
+            used = {"rk4": case.filter_model, "ros3p": replace(case.filter_model, method="ros3p", substeps=4)}
+            _, stiff = _timed(lambda m=used["ros3p"], p=theta, c=case: likelihood(m, c.cut(3), p))
         seconds = side_by_side(
             {
                 name: (lambda m=m, c=case, p=theta: likelihood(m, c.log, p, threads=1), 16 * case.log.time.size)
@@ -76,9 +94,36 @@ def growth(cases: dict[int, Case], rounds: int) -> list[dict[str, object]]:
             },
             rounds,
         )
-        states = len(case.filter_model.model.states)
-        rows.append({"masses": count, "states": states, **{f"ms_per_sample_{k}": 1e3 * v for k, v in seconds.items()}})
+        rows.append(
+            {
+                "masses": count,
+                "states": len(case.filter_model.model.states),
+                "cpu_s_until_simulated": made,
+                "cpu_s_first_stiff": stiff,
+                **{f"ms_per_sample_{name}": 1e3 * value for name, value in seconds.items()},
+            }
+        )
     return rows
+
+
+def _timed(action: Callable[[], _Result]) -> tuple[_Result, float]:
+    """What an action gives, and the CPU seconds it takes."""
+    start = time.process_time()
+    result = action()
+    return result, time.process_time() - start
+
+
+@contextlib.contextmanager
+def _cache(folder: str) -> Iterator[None]:
+    """Compiled models are kept in another folder."""
+    before = os.environ.get(CACHE_VARIABLE)
+    os.environ[CACHE_VARIABLE] = folder
+    try:
+        yield
+    finally:
+        del os.environ[CACHE_VARIABLE]
+        if before is not None:
+            os.environ[CACHE_VARIABLE] = before
 
 
 def growth_of_work(case: Case, rounds: int) -> list[dict[str, object]]:
