@@ -22,6 +22,7 @@ from bondgraph.filter.draw import draw_logs
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.simulate.batch import simulate_batch
 from bondgraph.simulate.model import Model
+from bondgraph.simulate.trajectory import BatchTrajectory
 from vehicle_graphs.effect_study.cases import Case, Noise
 from vehicle_graphs.effect_study.machine import Kind, StudyMachine, coefficient_values
 
@@ -309,7 +310,7 @@ def outputs(
         pieces = drive.pieces(off, on)
         x = settled(machine, model, drive.pattern.u[:, 0], pieces[0][1])
         for number, (piece, theta) in enumerate(pieces):
-            run = simulate_batch(model, piece.time, piece.u, theta, x, substeps=machine.substeps)
+            run = _simulated(machine, model, piece, theta, x)
             x = run.x[:, -1]
             parts.append(run.y[:, min(number, 1) :])
     return np.concatenate(parts, axis=1)
@@ -321,7 +322,13 @@ def settled(machine: StudyMachine, model: Model, u: FloatArray, theta: FloatArra
         return np.repeat(model.x0()[:, np.newaxis], 1 if theta.ndim == 1 else theta.shape[1], axis=1)
     time = np.arange(-machine.settle, 0.5 / machine.rate, 1.0 / machine.rate)
     held = np.repeat(u[:, np.newaxis], time.size, axis=1)
-    return simulate_batch(model, time, held, theta, substeps=machine.substeps).x[:, -1]
+    return simulate_batch(model, time, held, theta, method=machine.method, substeps=machine.substeps).x[:, -1]
+
+
+def _simulated(
+    machine: StudyMachine, model: Model, piece: MatchedLog, theta: FloatArray, x: FloatArray
+) -> BatchTrajectory:
+    return simulate_batch(model, piece.time, piece.u, theta, x, method=machine.method, substeps=machine.substeps)
 
 
 def _measured(machine: StudyMachine, truth: Truth, drive: Drive, noise: Noise, rng: np.random.Generator) -> MatchedLog:
@@ -330,17 +337,35 @@ def _measured(machine: StudyMachine, truth: Truth, drive: Drive, noise: Noise, r
     outputs = []
     pieces = drive.pieces(truth.off, truth.on)
     x = settled(machine, model, pattern.u[:, 0], pieces[0][1])[:, 0]
-    filter_model = FilterModel(model, machine.process, machine.noise, {}, substeps=machine.substeps)
     for number, (piece, theta) in enumerate(pieces):
-        states = draw_logs(
-            filter_model, piece, 1, int(rng.integers(2**31)), theta=theta, x0=x, substeps=machine.substeps
-        ).states[:, :, 0]
+        states = _states(machine, model, piece, theta, x, int(rng.integers(2**31)))
         x = states[:, -1]
         members = np.repeat(theta[:, np.newaxis], states.shape[1], axis=1)
         outputs.append(model.output(piece.time, states, piece.u, members)[:, min(number, 1) :])
     y = np.concatenate(outputs, axis=1)
     std = np.array([machine.noise.get(name, np.nan) for name in model.names("output")])
     return MatchedLog(pattern.name, pattern.time, pattern.u, y + std[:, np.newaxis] * sensor_noise(noise, y.shape, rng))
+
+
+def _states(
+    machine: StudyMachine, model: Model, piece: MatchedLog, theta: FloatArray, x: FloatArray, seed: int
+) -> FloatArray:
+    """States along a piece of a drive, shape (n_x, n), with process noise where the machine has some.
+
+    Raises
+    ------
+    DataError
+        If the machine diverges.
+    """
+    if machine.process:
+        filter_model = FilterModel(model, machine.process, machine.noise, {}, substeps=machine.substeps)
+        drawn = draw_logs(filter_model, piece, 1, seed, theta=theta, x0=x, substeps=machine.substeps)
+        states: FloatArray = drawn.states[:, :, 0]
+        return states
+    found = _simulated(machine, model, piece, theta[:, np.newaxis], x[:, np.newaxis]).x[:, :, 0]
+    if not np.isfinite(found).all():
+        raise DataError(f"{machine.name} diverges on {piece.name} - take smaller sizes or more substeps")
+    return found
 
 
 def sensor_noise(kind: Noise, shape: tuple[int, ...], rng: np.random.Generator) -> FloatArray:

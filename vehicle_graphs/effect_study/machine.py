@@ -107,8 +107,9 @@ class StudyMachine:
         Samples per second, length of a log, and number of training logs; one more is held out.
     settle
         Seconds for which the first inputs are held before a log starts.
-    substeps
-        Runge-Kutta steps between samples of the simulated truth.
+    method, substeps
+        How the simulated truth is integrated, and steps between its samples: Runge-Kutta, or for stiff machines without
+        process noise a stiff method.
     spread
         True values of the free parameters lie within this share of the declared ones.
     settings
@@ -130,6 +131,7 @@ class StudyMachine:
     train: int
     settle: float
     substeps: int
+    method: str = "rk4"
     spread: float = 0.1
     process: Mapping[str, float] = field(default_factory=dict)
     settings: LoopSettings = field(default_factory=LoopSettings)
