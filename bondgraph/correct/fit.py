@@ -148,6 +148,7 @@ def fit(
     starts: Sequence[FloatArray] = (),
     beat: float = np.inf,
     journal: Journal | None = None,
+    short: bool = False,
 ) -> Fit:
     """Estimate the free parameters by Gauss-Newton, until a step promises less than ``tolerance`` or two gain less.
 
@@ -163,6 +164,8 @@ def fit(
         A negative log-likelihood to be reached: the search ends early where it clearly will not be.
     journal
         Finished fits, from which this one is taken if it is there, and where it is noted if not.
+    short
+        Search the beginnings of long logs first: for a stiff model far from its optimum.
 
     Raises
     ------
@@ -171,24 +174,29 @@ def fit(
     """
     problem = EstimationProblem(filter_model, tuple(logs), tuple(free))
     if journal is None:
-        return _search(problem, iterations, tolerance, starts, beat)[0]
+        return _search(problem, iterations, tolerance, starts, beat, short)[0]
     key = fit_key(filter_model, logs, free, (iterations, tolerance, list(starts), beat))
     known = journal.find(key)
     if known is not None:
         expansion = expand(problem, known.point, known.steps)
         return Fit(problem, known.point, known.nll, expansion, known.evaluations, SearchOutcome[known.outcome])
-    found, steps = _search(problem, iterations, tolerance, starts, beat)
+    found, steps = _search(problem, iterations, tolerance, starts, beat, short)
     journal.note(key, Noted(found.point, steps, found.nll, found.evaluations, found.outcome.name))
     return found
 
 
 def _search(
-    problem: EstimationProblem, iterations: int, tolerance: float, starts: Sequence[FloatArray], beat: float
+    problem: EstimationProblem,
+    iterations: int,
+    tolerance: float,
+    starts: Sequence[FloatArray],
+    beat: float,
+    short: bool,
 ) -> tuple[Fit, FloatArray]:
     """The fit, and the difference steps of its expansion."""
     filter_model = problem.filter_model
     if is_linearised(problem):
-        return _linear_search(problem, iterations, tolerance, starts, beat)
+        return _linear_search(problem, iterations, tolerance, starts, beat, short)
     settings = GaussNewtonSettings(iterations=iterations, tolerance=tolerance)
     start, evaluations = _best_start(problem, starts)
     differences = _Expansions()
@@ -212,17 +220,19 @@ def _search(
 
 
 def _linear_search(
-    problem: EstimationProblem, iterations: int, tolerance: float, starts: Sequence[FloatArray], beat: float
+    problem: EstimationProblem,
+    iterations: int,
+    tolerance: float,
+    starts: Sequence[FloatArray],
+    beat: float,
+    short: bool,
 ) -> tuple[Fit, FloatArray]:
-    """The fit of a stiff model; its expansions need no difference steps.
-
-    What has to choose where to start is far from its optimum, and searches the beginnings of long logs first.
-    """
-    short = excerpt(problem) if len(starts) > 1 else None
-    starts_at, evaluations = _best_start(short or problem, starts)
+    """The fit of a stiff model; its expansions need no difference steps."""
+    part = excerpt(problem) if short else None
+    starts_at, evaluations = _best_start(part or problem, starts)
     start = starts_at[:, 0]
-    if short is not None:
-        rough = linear_search(short, start, iterations, _ROUGH, np.inf, _HOPELESS)
+    if part is not None:
+        rough = linear_search(part, start, iterations, _ROUGH, np.inf, _HOPELESS)
         start, evaluations = rough.point, evaluations + rough.evaluations
     found = linear_search(problem, start, iterations, tolerance, beat, _HOPELESS)
     evaluations += found.evaluations

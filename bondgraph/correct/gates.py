@@ -33,6 +33,8 @@ When = Literal["from", "until"]
 
 #: A change is looked for where at least this share of the information lies on either side.
 _TRIM = 0.1
+#: A coefficient with less than this share of its size elsewhere may be absent there.
+_ABSENT = 0.4
 #: Gates that are tried, evenly over all training time.
 _GATES = 14
 #: Switching times that are tried between neighbouring gates once a gated candidate stands out.
@@ -110,11 +112,22 @@ def gates(logs: Sequence[MatchedLog]) -> tuple[tuple[str, float], ...]:
 
 @dataclass(frozen=True)
 class Constancy:
-    """Whether a coefficient is the same throughout: the p-value, and where it most likely changes."""
+    """Whether a coefficient is the same throughout: the p-value, and where it most likely changes.
+
+    ``before`` and ``after`` are what the scores say that its coordinate is on either side of that.
+    """
 
     p_value: float
     log: str
     time: float
+    before: float = 0.0
+    after: float = 0.0
+
+    @property
+    def switches(self) -> bool:
+        """Whether the coefficient could be zero on one side: small beside the other, or of the other sign."""
+        small, large = sorted((self.before, self.after), key=abs)
+        return small / large < _ABSENT if large != 0.0 else False
 
 
 def constancy(fitted: Fit, coefficient: str) -> Constancy:
@@ -140,7 +153,14 @@ def constancy(fitted: Fit, coefficient: str) -> Constancy:
     statistic = running[inside] ** 2 / (scatter * share[inside] * (1.0 - share[inside]))
     best = int(np.argmax(statistic))
     log, time = places[inside[best]]
-    return Constancy(_andrews(float(statistic[best])), log, time)
+    at = inside[best]
+    whole, early, value = (
+        float(told.sum()),
+        float(told[: at + 1].sum()),
+        float(fitted.point[np.flatnonzero(free)[index]]),
+    )
+    before, after = value - float(running[at]) / early, value + float(running[at]) / (whole - early)
+    return Constancy(_andrews(float(statistic[best])), log, time, before, after)
 
 
 def _long_run(sums: FloatArray) -> float:

@@ -156,8 +156,9 @@ def close_loop(
     told = structure(built, _everywhere(built, train), train, setup.sizes)
     report("fit the declared model", 0, 1)
     nominal = fit(
-        setup.filter_model, train, free, _MOST_ITERATIONS, _TOLERANCE, noisy_starts(free), journal=settings.journal
-    )
+        setup.filter_model, train, free, _MOST_ITERATIONS, _TOLERANCE, noisy_starts(free), journal=settings.journal,
+        short=True,
+    )  # fmt: skip
     report("fit the declared model", 1, 1)
     every = (*functions, *(SENSOR_FAULTS if settings.faults else ()))
     own = RoundSettings(settings.level, settings.refits, report, settings.journal)

@@ -11,7 +11,7 @@ from bondgraph.correct.build import BuiltModel, build
 from bondgraph.correct.candidates import candidates
 from bondgraph.correct.decide import robust_p_value
 from bondgraph.correct.fit import Fit, fit
-from bondgraph.correct.gates import Gate, constancy, gated, with_gate
+from bondgraph.correct.gates import Constancy, Gate, When, constancy, gated, with_gate
 from bondgraph.correct.refit import Ground, at_optimum, refit_alone
 from bondgraph.correct.round import Round, RoundSettings
 from bondgraph.correct.trials import Trial
@@ -110,8 +110,8 @@ def _in_time(
     )  # fmt: skip
     trials = [
         trial
-        for gate in (Gate("from", found.log, found.time), Gate("until", found.log, found.time))
-        for trial in _gated_refit(chosen, gate, ground)
+        for when in _sides(found, chosen.fit.problem.filter_model.is_stiff)
+        for trial in _gated_refit(chosen, Gate(when, found.log, found.time), ground)
     ]
     best = min(trials, key=lambda trial: np.inf if trial.fit is None else trial.fit.nll, default=None)
     measured = sum(int(np.isfinite(log.y).sum()) for log in state.train)
@@ -123,6 +123,15 @@ def _in_time(
     why = f"acts {best.gate}: {chosen.fit.nll - best.fit.nll:.1f} nats better than throughout (p = {found.p_value:.2g})"
     history.append(Decision(number, "gated", chosen.candidate.label, why))
     return best, with_gate(state.train, best.candidate.effect, best.gate)
+
+
+def _sides(found: Constancy, stiff: bool) -> tuple[When, ...]:
+    """Whether an effect is tried from a time on, or until it; a stiff one, compiled anew, only if it may be."""
+    if not stiff:
+        return "from", "until"
+    if not found.switches:
+        return ()
+    return ("from",) if abs(found.before) < abs(found.after) else ("until",)
 
 
 def _gated_refit(chosen: Trial, gate: Gate, ground: Ground) -> list[Trial]:

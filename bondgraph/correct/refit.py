@@ -205,7 +205,7 @@ def _refit(
             step = float(found.correlation[first, index] * np.sqrt(told) * fitted.point[-1])
             starts.append(np.append(fitted.point[:-1], _inside(own[0], step)))
     most = _MOST_STIFF if filter_model.is_stiff else _MOST_ITERATIONS
-    return fit(filter_model, ground.train, free, most, _TOLERANCE, starts, beat, ground.journal)
+    return fit(filter_model, ground.train, free, most, _TOLERANCE, starts, beat, ground.journal, short=True)
 
 
 def _along(base: Fit, found: Scores, index: int, own: Sequence[FreeParameter], share: float) -> FloatArray:

@@ -7,7 +7,7 @@ import pytest
 from sympy import exp
 
 from bondgraph.correct.fit import fit
-from bondgraph.correct.gates import Gate, constancy, gate_samples, gates
+from bondgraph.correct.gates import Constancy, Gate, constancy, gate_samples, gates
 from bondgraph.correct.loop import ClosedLoop, LoopSettings, close_loop
 from bondgraph.correct.refit import at_optimum
 from bondgraph.correct.result import result_json
@@ -91,6 +91,16 @@ def test_a_coefficient_that_changes_is_told_from_one_that_does_not() -> None:
     assert found[0].p_value > 0.05
     assert found[1].p_value < 1e-3
     assert found[1].time == pytest.approx(0.0 if found[1].log == "second" else 40.0, abs=4.0)
+    assert found[1].after - found[1].before == pytest.approx(np.log(14.5 / 12.0), rel=0.3)  # 12 is declared
+    assert not found[1].switches
+
+
+def test_a_coefficient_that_is_small_on_one_side_may_be_absent_there() -> None:
+    def found(before: float, after: float) -> bool:
+        return Constancy(1e-9, "run", 10.0, before, after).switches
+
+    assert found(0.1, 1.0) and found(-2.0, 0.2) and found(-1.0, 1.0)
+    assert not found(0.8, 1.0) and not found(-1.0, -0.6) and not found(0.0, 0.0)
 
 
 def test_gates_are_spread_over_all_logs_and_lie_inside_them() -> None:
