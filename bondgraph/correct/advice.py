@@ -166,7 +166,8 @@ def _responses(fitted: Fit, path: Path, pair: Pair, wide: _Wide | None) -> tuple
         changed.append((candidate.model, None if wide is None else wide.candidates[k], theta, size))
     linear = open_loop(path, fitted.problem.filter_model, noise)
     changes = together([model_change(path, model, other, theta, size) for other, _, theta, size in changed])
-    rows, states = respond(linear, changes, range(path.time.size))
+    with np.errstate(all="ignore"):  # what runs away is no number in the end
+        rows, states = respond(linear, changes, range(path.time.size))
     return rows, {} if wide is None else _measurable(path, wide.declared, model, changed, states)
 
 
@@ -199,18 +200,24 @@ def _measurable(
             (one[0][one[1][name]] - shown[row]) / width
             for one, (_, _, _, width) in zip(after, changed, strict=True) if one is not None
         ])  # fmt: skip
-        response = np.einsum("kx,kxl->kl", slopes[:, row], states) + direct.T
-        found[name] = response / (_SENSOR * size)
+        with np.errstate(all="ignore"):
+            found[name] = (np.einsum("kx,kxl->kl", slopes[:, row], states) + direct.T) / (_SENSOR * size)
     return found
 
 
 def _alike(rows: FloatArray) -> float:
-    """Correlation of the last two columns once the others have taken their share; 1 where nothing is left of one."""
-    rows = np.nan_to_num(rows)
+    """Correlation of the last two columns once the others have taken their share; 1 where nothing is left of one.
+
+    And 1 where a response runs away: a machine that is not held back tells nothing of small changes.
+    """
+    size = np.abs(rows).max(axis=0, initial=0.0)
+    if not np.isfinite(size).all():
+        return 1.0
+    rows = rows / np.where(size > 0.0, size, 1.0)
     information = rows.T @ rows
     inner, outer = slice(0, -2), slice(-2, None)
     share = solve(information[inner, inner], information[inner, outer])
     left = information[outer, outer] - information[outer, inner] @ share
-    size = float(np.sqrt(max(left[0, 0], 0.0) * max(left[1, 1], 0.0)))
+    both = float(np.sqrt(max(left[0, 0], 0.0) * max(left[1, 1], 0.0)))
     kept = min(left[0, 0] / max(information[-2, -2], 1e-300), left[1, 1] / max(information[-1, -1], 1e-300))
-    return float(left[0, 1]) / size if kept > 1e-6 else 1.0
+    return float(left[0, 1]) / both if kept > 1e-6 else 1.0
