@@ -216,9 +216,8 @@ def test_lanes_are_packed_into_vector_instructions() -> None:
     """Where the compiler gives up it does so silently: nothing fails, everything takes several times as long."""
     from numba import float64, int64, njit
 
-    lanes = load_lanes(model_of("generated/driveline"), stiff=False)
-    module = load_compiled(lanes.text)
-    rates = njit(error_model="numpy", fastmath={"contract"})(module.rates.py_func)
+    lane_rates = load_compiled(load_lanes(model_of("generated/driveline"), stiff=False).text).rates
+    rates = njit(fastmath={"contract"})(lambda clock, inputs, w, n: lane_rates(clock, inputs, w, n))
     rates.compile((float64[::1], float64[::1], float64[::1], int64))
     (text,) = rates.inspect_asm().values()
     packed, single = (len(re.findall(rf"\tv?(?:mul|add|sub|fmadd\w+|div){kind}\t", text)) for kind in ("pd", "sd"))

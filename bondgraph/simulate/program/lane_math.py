@@ -1,4 +1,4 @@
-"""Functions without branches, which a compiler can work out for several lanes at once; numba compiles them.
+"""Functions without branches, which a compiler can work out for several lanes at once; see ``lane_compiler``.
 
 Largest errors against exact values, in units of the last place of the result, over 2 million random arguments (tests
 keep them): ``tanh`` 8, ``exp`` 2, ``arcsin`` and ``arctan`` 3; ``sin`` and ``cos`` 3e-16 absolute up to 1e5, and beyond

@@ -1,4 +1,4 @@
-"""The text that numba compiles for one model: its equations in lanes, and how they are integrated.
+"""The text that is compiled for one model: its equations in lanes, and how they are integrated.
 
 The work buffer ``w`` holds, for up to 16 lanes, one row per number:
 
@@ -51,7 +51,7 @@ def lane_text(equations: ModelProgram, stiff: bool) -> LaneText:
     --------
     >>> from bondgraph.simulate.example import pendulum
     >>> text = lane_text(ModelProgram(pendulum()), stiff=False)
-    >>> print(text.source.partition("def rates")[2].partition("def measure")[0].strip())
+    >>> print(text.source.partition("def rates")[2].partition("@lane_loops")[0].strip())
     (clock, inputs, w, n):
         inputs_0 = inputs[0]
         for l in range(n):
@@ -104,8 +104,7 @@ class Writer:
                 self._function("factor", "clock, inputs, w, n", programs["factor"], at_x, ["trend", "factors"])
             )
             parts.append(self._function("substitute", "w, n", programs["substitute"], at_x, ["total"]))
-        plain = ("def prepare", "def measure")  # these become C callbacks as they are
-        functions = "\n\n\n".join(part if part.startswith(plain) else f"@_inner\n{part}" for part in parts)
+        functions = "\n\n\n".join(f"@lane_loops\n{part}" for part in parts)
         source = "\n\n\n".join([self._preamble(), functions, self._kernel()])
         return LaneText(source, self._rows["theta"], self._rows["x"], self._rows["y"], self._next + self._spare)
 
@@ -180,8 +179,7 @@ class Writer:
         for key, values in self._tape.arrays.items():
             numbers = np.array2string(values, separator=", ", threshold=values.size + 1, floatmode="unique")
             lines.append(f"{key} = np.array({numbers})")
-        functions = _functions(lane_math, "@_lane")
-        return "\n\n\n".join(["\n".join(lines), *functions])
+        return "\n\n\n".join(["\n".join(lines), *_functions(lane_math)])
 
     def _kernel(self) -> str:
         unused = "_rk4_step" if self._stiff else "_rosenbrock_step"
@@ -192,16 +190,13 @@ class Writer:
 
 def kernel_functions(kernel: ModuleType, decorator: str, callback: str) -> list[str]:
     """Functions of a kernel module with a decorator; the one that becomes a C callback comes last and without it."""
-    parts = _functions(kernel, decorator)
-    last = next(part for part in parts if f"def {callback}(" in part)
-    return [*(part for part in parts if part is not last), last.removeprefix(f"{decorator}\n")]
+    parts = _functions(kernel)
+    last = next(part for part in parts if part.startswith(f"def {callback}("))
+    return [*(f"{decorator}\n{part}" for part in parts if part is not last), last]
 
 
-def _functions(kernel: ModuleType, decorator: str) -> list[str]:
-    """The functions of a kernel module, each with a decorator."""
+def _functions(kernel: ModuleType) -> list[str]:
+    """The functions of a kernel module."""
     text = inspect.getsource(kernel)
-    return [
-        f"{decorator}\n{ast.get_source_segment(text, node)}"
-        for node in ast.parse(text).body
-        if isinstance(node, ast.FunctionDef)
-    ]
+    nodes = [node for node in ast.parse(text).body if isinstance(node, ast.FunctionDef)]
+    return [ast.get_source_segment(text, node) or "" for node in nodes]

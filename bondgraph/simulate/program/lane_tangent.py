@@ -1,4 +1,4 @@
-"""The text that numba compiles for derivatives of one model's trajectories: values and tangents in lanes.
+"""The text that is compiled for derivatives of one model's trajectories: values and tangents in lanes.
 
 For chosen parameters the equations are printed with their Jacobians J = df/dx and df/dtheta. At every stage
 
@@ -93,8 +93,7 @@ class _TangentWriter(Writer):
                 self._function("sway", seeded, programs["sway"], at_x, ["dout"]),
             ]
         kernel = stiff_tangent_kernel if self._stiff else tangent_kernel
-        plain = ("def prepare", "def measure_slopes", "def push_output")
-        functions = [part if part.startswith(plain) else f"@_inner\n{part}" for part in parts]
+        functions = [f"@lane_loops\n{part}" for part in parts]
         lines = "\n".join([f"DIN = {rows['din']}", f"DOUT = {rows['dout']}"])
         calls = kernel_functions(kernel, "@_inner", callback="advance_tangents")
         source = "\n\n\n".join([self._preamble(), lines, *functions, *calls])

@@ -7,9 +7,9 @@ with the product written out as a number:
         slip_7 = w[16 + l]*w[480 + l] - w[32 + l]
         w[64 + l] = _lane_tanh(slip_7)*w[496 + l]
 
-The offsets are literals, so that the compiler knows which rows overlap, and the count is a variable, without which
-numba does not vectorise. What has no form without branches (a Newton loop, a rare function) is worked out in a loop of
-its own between two such loops. Every name ends in its number, so that no two can be the same.
+The offsets are literals, so that a compiler knows which rows overlap. ``lane_compiler`` compiles this text, and what it
+says is what Python and numba make of it. What has no form without branches (a Newton loop, a rare function) is worked
+out in a loop of its own between two such loops. Every name ends in its number, so that no two can be the same.
 """
 
 from __future__ import annotations

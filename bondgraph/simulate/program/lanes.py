@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import functools
+import hashlib
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from pathlib import Path
 
 import numpy as np
 
@@ -29,18 +31,35 @@ Advance = Callable[
 #: ``measure(clock, inputs, w, n)``
 Measure = Callable[[FloatArray, FloatArray, FloatArray, int], None]
 
-_LANE = """
-_lane = njit(forceinline=True, error_model="numpy", fastmath={"contract"})
+# Machine code is kept by the text of its module: so the text names the compiler by a digest of its own.
+_COMPILER = Path(__file__).with_name("lane_compiler.py").read_bytes()
+_LANE = f"""
+from bondgraph.simulate.program.lane_compiler import lane_loops  # {hashlib.sha256(_COMPILER).hexdigest()[:16]}
 """
 
-_CALLBACKS = """
+
+def _callbacks(**arguments: str) -> str:
+    """Text of C callbacks ``..._lanes`` of printed functions with these arguments."""
+    parts = []
+    for name, given in arguments.items():
+        kinds = ", ".join("int64" if argument == "n" else "float64[::1]" for argument in given.split(", "))
+        parts += [
+            f"def call_{name}({given}):\n    {name}({given})",
+            f'{name}_lanes = CompiledFunction(cfunc("void({kinds})", **_options)(call_{name}))',
+        ]
+    return "\n\n\n".join(parts)
+
+
+_CALLBACKS = (
+    _callbacks(prepare="w, n", measure="clock, inputs, w, n")
+    + """
+
 _V = "float64[::1]"
-prepare_lanes = CompiledFunction(cfunc(f"void({_V}, int64)", **_options)(prepare))
 advance_lanes = CompiledFunction(
     cfunc(f"void(float64, float64, int64, float64, {_V}, {_V}, {_V}, {_V}, {_V}, {_V}, int64)", **_options)(advance)
 )
-measure_lanes = CompiledFunction(cfunc(f"void({_V}, {_V}, {_V}, int64)", **_options)(measure))
 """
+)
 
 
 @dataclass(frozen=True)
@@ -65,17 +84,18 @@ class LaneModel:
         return np.zeros(self.rows * LANES)
 
 
-_TANGENT_CALLBACKS = """
+_TANGENT_CALLBACKS = (
+    _callbacks(prepare="w, n", measure_slopes="clock, inputs, w, n", push_output="seed, w, n")
+    + """
+
 _V, _M = "float64[::1]", "float64[:, ::1]"
-prepare_lanes = CompiledFunction(cfunc(f"void({_V}, int64)", **_options)(prepare))
 advance_lanes = CompiledFunction(
     cfunc(
         f"void(float64, float64, int64, float64, {_V}, {_V}, {_V}, {_V}, {_V}, {_M}, {_M}, {_V}, int64)", **_options
     )(advance_tangents)
 )
-measure_lanes = CompiledFunction(cfunc(f"void({_V}, {_V}, {_V}, int64)", **_options)(measure_slopes))
-push_lanes = CompiledFunction(cfunc(f"void({_V}, {_V}, int64)", **_options)(push_output))
 """
+)
 
 
 @dataclass(frozen=True)
@@ -102,7 +122,12 @@ def load_tangents(model: Model, parameters: tuple[int, ...], stiff: bool) -> Tan
     source = "\n\n".join([HEADER.format(title=title) + _LANE, layout.source]) + "\n" + _TANGENT_CALLBACKS
     module = load_compiled(source)
     return TangentLanes(
-        module.prepare_lanes, module.advance_lanes, module.measure_lanes, module.push_lanes, layout, source
+        module.prepare_lanes,
+        module.advance_lanes,
+        module.measure_slopes_lanes,
+        module.push_output_lanes,
+        layout,
+        source,
     )
 
 
