@@ -16,7 +16,7 @@ from bondgraph.data.log import MatchedLog
 from bondgraph.estimate.problem import EstimationProblem
 
 #: Samples, over all logs, that a search far from its optimum looks at.
-ENOUGH = 2000
+ENOUGH = 1600
 #: Logs that are longer than that by less than this factor are taken whole.
 _WORTH = 1.5
 

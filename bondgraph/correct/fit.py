@@ -35,10 +35,12 @@ from bondgraph.simulate.model import Model
 BLOCKS = 40
 #: Factors on declared noise levels at which a first fit looks for its start.
 _NOISIER = (1.0, 5.0, 25.0, 125.0)
+#: Where process noise and that of sensors begin a quiet search: shares of the way between their bounds (logarithms).
+_QUIET, _LOUD = 0.2, 0.7
 #: A fit that is to beat another gives up when it is behind by more than this many times what a step promises or gains.
 _HOPELESS = 10.0
 #: A search on a part of the logs ends where a further step promises less than so many nats.
-_ROUGH = 2.0
+_ROUGH, _ROUGH_ITERATIONS = 2.0, 30
 
 Report = Callable[[str, int, int], None]
 
@@ -148,7 +150,7 @@ def fit(
     starts: Sequence[FloatArray] = (),
     beat: float = np.inf,
     journal: Journal | None = None,
-    short: bool = False,
+    first: FloatArray | None = None,
 ) -> Fit:
     """Estimate the free parameters by Gauss-Newton, until a step promises less than ``tolerance`` or two gain less.
 
@@ -164,8 +166,9 @@ def fit(
         A negative log-likelihood to be reached: the search ends early where it clearly will not be.
     journal
         Finished fits, from which this one is taken if it is there, and where it is noted if not.
-    short
-        Search the beginnings of long logs first: for a stiff model far from its optimum.
+    first
+        Where the search of a stiff model begins (n,), on the beginnings of long logs; ``starts`` are searched from only
+        if one of them is better than where that ended.
 
     Raises
     ------
@@ -174,13 +177,13 @@ def fit(
     """
     problem = EstimationProblem(filter_model, tuple(logs), tuple(free))
     if journal is None:
-        return _search(problem, iterations, tolerance, starts, beat, short)[0]
+        return _search(problem, iterations, tolerance, starts, beat, first)[0]
     key = fit_key(filter_model, logs, free, (iterations, tolerance, list(starts), beat))
     known = journal.find(key)
     if known is not None:
         expansion = expand(problem, known.point, known.steps)
         return Fit(problem, known.point, known.nll, expansion, known.evaluations, SearchOutcome[known.outcome])
-    found, steps = _search(problem, iterations, tolerance, starts, beat, short)
+    found, steps = _search(problem, iterations, tolerance, starts, beat, first)
     journal.note(key, Noted(found.point, steps, found.nll, found.evaluations, found.outcome.name))
     return found
 
@@ -191,12 +194,12 @@ def _search(
     tolerance: float,
     starts: Sequence[FloatArray],
     beat: float,
-    short: bool,
+    first: FloatArray | None,
 ) -> tuple[Fit, FloatArray]:
     """The fit, and the difference steps of its expansion."""
     filter_model = problem.filter_model
     if is_linearised(problem):
-        return _linear_search(problem, iterations, tolerance, starts, beat, short)
+        return _linear_search(problem, iterations, tolerance, starts, beat, first)
     settings = GaussNewtonSettings(iterations=iterations, tolerance=tolerance)
     start, evaluations = _best_start(problem, starts)
     differences = _Expansions()
@@ -225,19 +228,46 @@ def _linear_search(
     tolerance: float,
     starts: Sequence[FloatArray],
     beat: float,
-    short: bool,
+    first: FloatArray | None,
 ) -> tuple[Fit, FloatArray]:
     """The fit of a stiff model; its expansions need no difference steps."""
-    part = excerpt(problem) if short else None
-    starts_at, evaluations = _best_start(part or problem, starts)
-    start = starts_at[:, 0]
-    if part is not None:
-        rough = linear_search(part, start, iterations, _ROUGH, np.inf, _HOPELESS)
-        start, evaluations = rough.point, evaluations + rough.evaluations
+    if first is None:
+        best, evaluations = _best_start(problem, starts)
+        start = best[:, 0]
+    else:
+        start, evaluations = _rough(excerpt(problem) or problem, _ROUGH_ITERATIONS, first, starts)
     found = linear_search(problem, start, iterations, tolerance, beat, _HOPELESS)
     evaluations += found.evaluations
     made = Fit(problem, found.point, found.nll, found.expansion, evaluations, found.outcome)
     return made, np.zeros(found.point.size)
+
+
+def _rough(
+    problem: EstimationProblem, iterations: int, first: FloatArray, starts: Sequence[FloatArray]
+) -> tuple[FloatArray, int]:
+    """Where a rough search from the first start or, if that is better, from another one ends, shape (n,)."""
+    found = linear_search(problem, first, iterations, _ROUGH, np.inf, _HOPELESS)
+    evaluations = found.evaluations + len(starts)
+    other, _ = _best_start(problem, starts)
+    if starts and not problem.nll(other)[0] > found.nll:
+        again = linear_search(problem, other[:, 0], iterations, _ROUGH, np.inf, _HOPELESS)
+        evaluations += again.evaluations
+        found = again if again.nll < found.nll else found
+    return found.point, evaluations
+
+
+def quiet_start(free: Sequence[FreeParameter], point: FloatArray) -> FloatArray:
+    """A point (n,) with little process noise and much of the sensors: its errors are then those of the outputs.
+
+    Much process noise lets a filter follow any log whatever its parameters, and likelihoods have an optimum there too.
+    A search that begins without finds parameters first, as one of free simulations would.
+    """
+    start = point.copy()
+    for k, parameter in enumerate(free):
+        if parameter.target.kind in ("process", "std"):
+            low, high = parameter.coordinate(parameter.lower), parameter.coordinate(parameter.upper)
+            start[k] = low + (_QUIET if parameter.target.kind == "process" else _LOUD) * (high - low)
+    return start
 
 
 def noisy_starts(free: Sequence[FreeParameter]) -> list[FloatArray]:

@@ -20,7 +20,7 @@ from bondgraph.correct.assess import Assessment, assess
 from bondgraph.correct.build import BuiltModel, build
 from bondgraph.correct.certified import certify, doubts
 from bondgraph.correct.faults import SENSOR_FAULTS
-from bondgraph.correct.fit import BLOCKS, Fit, Report, fit, no_report, noisy_starts
+from bondgraph.correct.fit import BLOCKS, Fit, Report, fit, no_report, noisy_starts, quiet_start
 from bondgraph.correct.journal import Journal
 from bondgraph.correct.progress import Decision, Progress, advance
 from bondgraph.correct.rest import Rest, settle
@@ -157,7 +157,7 @@ def close_loop(
     report("fit the declared model", 0, 1)
     nominal = fit(
         setup.filter_model, train, free, _MOST_ITERATIONS, _TOLERANCE, noisy_starts(free), journal=settings.journal,
-        short=True,
+        first=quiet_start(free, np.array([one.coordinate(one.start) for one in free])),
     )  # fmt: skip
     report("fit the declared model", 1, 1)
     every = (*functions, *(SENSOR_FAULTS if settings.faults else ()))

@@ -18,7 +18,7 @@ import numpy as np
 from bondgraph.correct.build import BuiltModel, build
 from bondgraph.correct.candidates import Candidate, Variant, superset
 from bondgraph.correct.decide import judge
-from bondgraph.correct.fit import Fit, Report, expand, fit
+from bondgraph.correct.fit import Fit, Report, expand, fit, quiet_start
 from bondgraph.correct.journal import Journal
 from bondgraph.correct.score import Scores
 from bondgraph.correct.scoring import Scored
@@ -194,8 +194,11 @@ def _refit(
     free = (*at_optimum(ground.base), *own)
     found = scored.scores
     starts = [_along(ground.base, found, index, own, share) for share in _STRIDES]
+    quiet = None
     if filter_model.is_stiff:
         starts += _afresh(ground.base, own, found.steps[index])
+        absent = [parameter.coordinate(parameter.start) for parameter in own]
+        quiet = quiet_start(free, np.concatenate([_declared(ground.base), absent]))
     beat = np.inf
     if leader is not None:
         first, fitted = leader
@@ -205,7 +208,7 @@ def _refit(
             step = float(found.correlation[first, index] * np.sqrt(told) * fitted.point[-1])
             starts.append(np.append(fitted.point[:-1], _inside(own[0], step)))
     most = _MOST_STIFF if filter_model.is_stiff else _MOST_ITERATIONS
-    return fit(filter_model, ground.train, free, most, _TOLERANCE, starts, beat, ground.journal, short=True)
+    return fit(filter_model, ground.train, free, most, _TOLERANCE, starts, beat, ground.journal, quiet)
 
 
 def _along(base: Fit, found: Scores, index: int, own: Sequence[FreeParameter], share: float) -> FloatArray:
@@ -226,13 +229,8 @@ def _afresh(base: Fit, own: Sequence[FreeParameter], step: FloatArray) -> list[F
     Coefficients are tried at what their score points at and, since a large effect is underrated, at multiples of it.
     """
     problem = base.problem
-    model = problem.filter_model.model
     kinds = np.array([parameter.target.kind for parameter in problem.free])
-    declared = base.point.copy()
-    for k, parameter in enumerate(problem.free):
-        if parameter.target.kind == "parameter":
-            value = model.parameters[model.index("parameter", parameter.target.name)].value
-            declared[k] = parameter.coordinate(float(np.clip(value, parameter.lower, parameter.upper)))
+    declared = _declared(base)
     quiet = np.where(kinds == "process", np.clip(base.point - _QUIETER, problem.lower, problem.upper), 0.0)
     found = []
     for point in (base.point, declared):
@@ -242,6 +240,17 @@ def _afresh(base: Fit, own: Sequence[FreeParameter], step: FloatArray) -> list[F
                 shapes = [parameter.coordinate(parameter.start) for parameter in own[step.size :]]
                 found.append(np.concatenate([levels, reached, shapes]))
     return found
+
+
+def _declared(base: Fit) -> FloatArray:
+    """The point of a fit with its parameters as declared."""
+    model = base.problem.filter_model.model
+    point = base.point.copy()
+    for k, parameter in enumerate(base.problem.free):
+        if parameter.target.kind == "parameter":
+            value = model.parameters[model.index("parameter", parameter.target.name)].value
+            point[k] = parameter.coordinate(float(np.clip(value, parameter.lower, parameter.upper)))
+    return point
 
 
 def _inside(coefficient: FreeParameter, step: float) -> float:

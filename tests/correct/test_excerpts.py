@@ -10,7 +10,7 @@ import pytest
 
 from bondgraph.correct import fit as fitting
 from bondgraph.correct.excerpts import excerpt
-from bondgraph.correct.fit import Fit, fit, noisy_starts
+from bondgraph.correct.fit import Fit, fit, quiet_start
 from bondgraph.correct.linear_steps import linear_search
 from bondgraph.correct.loop import free_parameters
 from bondgraph.estimate.problem import EstimationProblem
@@ -50,7 +50,7 @@ def test_a_fit_that_begins_on_an_excerpt_ends_where_one_on_the_whole_does(monkey
 
 def _fitted() -> Fit:
     given = problem()
-    return fit(given.filter_model, given.logs, given.free, starts=noisy_starts(given.free), short=True)
+    return fit(given.filter_model, given.logs, given.free, first=quiet_start(given.free, given.start))
 
 
 def test_a_level_of_which_the_data_say_nothing_is_not_thrown_far() -> None:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from bondgraph.correct.differences import forward_differences
-from bondgraph.correct.fit import fit, noisy_starts, restricted, standard_deviations
+from bondgraph.correct.fit import fit, noisy_starts, quiet_start, restricted, standard_deviations
 from bondgraph.data.log import MatchedLog
 from bondgraph.errors import EstimationError
 from bondgraph.estimate.free import FreeParameter
@@ -85,3 +85,14 @@ def test_a_model_that_diverges_everywhere_is_told() -> None:
     slow = MatchedLog(log.name, 1000.0 * log.time, log.u, y)  # far too few substeps for such intervals
     with pytest.raises(EstimationError, match=r"sled: the model diverges at its declared parameters on run with 1 sub"):
         fit(base.problem.filter_model, [slow], base.problem.free)
+
+
+def test_a_quiet_start_has_little_process_noise_and_loud_sensors() -> None:
+    free = (
+        FreeParameter("c_guide", 2.0, 60.0, 12.0),
+        FreeParameter("std(speed)", 1e-3, 10.0, 0.1, scale="log"),
+        FreeParameter("process(v_sled)", 1e-3, 10.0, 0.01, scale="log"),
+    )
+    start = quiet_start(free, np.array([7.0, 0.0, 0.0]))
+    assert start[0] == 7.0
+    assert 0.1 < np.exp(start[1]) < 1.0 and 1e-3 < np.exp(start[2]) < 0.01
