@@ -20,7 +20,7 @@ from bondgraph.estimate.estimate import Settings
 from bondgraph.estimate.estimate import estimate as run_estimate
 from bondgraph.estimate.sensitivity import sensitivity as find_sensitivity
 from bondgraph.report.collect import versions
-from bondgraph.report.estimation import declared_problem, write_estimate
+from bondgraph.report.estimation import declared_problem, rough_note, write_estimate
 from bondgraph.report.events import events_text, mark_events
 from bondgraph.report.figures import save_figure
 from bondgraph.report.filtering import filter_logs
@@ -91,6 +91,8 @@ def estimate(options: argparse.Namespace) -> int:
     print(text_of(parameter_table(data.parameters)), end="")
     print(f"{found.outcome.value}\nnegative log-likelihood {found.nll:.4f} after {found.evaluations} evaluations")
     print(f"integrated by {found.certification}")
+    if not found.is_smooth:
+        print(rough_note(found))
     print(f"report: {folder / 'report.html'}")
     return 0 if found.outcome.succeeded else 1
 

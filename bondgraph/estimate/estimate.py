@@ -93,23 +93,13 @@ class Settings:
     )
 
     def __post_init__(self) -> None:
-        if self.method not in get_args(Method):
-            raise OptionError(
-                f"estimate: method {self.method!r} is not known{suggest(self.method, get_args(Method))}"
-                f" - choose {', '.join(get_args(Method))}",
-                where=("method", self.method),
-            )
-        if self.certify not in get_args(Depth):
-            raise OptionError(
-                f"estimate: certify {self.certify!r} is not known - choose {', '.join(get_args(Depth))}",
-                where=("certify", self.certify),
-            )
-        if self.continuation not in get_args(Continuation):
-            raise OptionError(
-                f"estimate: continuation {self.continuation!r} is not known - choose "
-                f"{', '.join(get_args(Continuation))}",
-                where=("continuation", self.continuation),
-            )
+        for name, known in (("method", Method), ("certify", Depth), ("continuation", Continuation)):
+            value, choices = getattr(self, name), get_args(known)
+            if value not in choices:
+                raise OptionError(
+                    f"estimate: {name} {value!r} is not known{suggest(value, choices)} - choose {', '.join(choices)}",
+                    where=(name, value),
+                )
         if self.continuation != "none" and self.method == "pso":
             raise OptionError(
                 f"estimate: continuation {self.continuation!r} leads gradient searches, a swarm alone has none"
@@ -234,10 +224,18 @@ def estimate(
     states = dict(found.states) if found is not None else {}
     started = time.perf_counter() - (found.seconds if found is not None else 0.0)
     run = _Run(problem, settings, progress, folder, digest, jacobian, states, started)
-    best = _search(run)
-    if best.outcome is not SearchOutcome.INTERRUPTED:
-        run.tell("uncertainty", best)
-    return _certified(describe(problem, best, jacobian, lambda: run.seconds), run)
+    return _certified(_described(_search(run), run), run)
+
+
+def _described(best: Found, run: _Run) -> Estimate:
+    """The estimate with its uncertainty; an interruption leaves the quickest."""
+    try:
+        if best.outcome is not SearchOutcome.INTERRUPTED:
+            run.tell("uncertainty", best)
+        return describe(run.problem, best, run.jacobian, lambda: run.seconds)
+    except KeyboardInterrupt:
+        interrupted = replace(best, outcome=SearchOutcome.INTERRUPTED)
+        return describe(run.problem, interrupted, run.jacobian, lambda: run.seconds)
 
 
 def _certified(found: Estimate, run: _Run) -> Estimate:
@@ -260,8 +258,11 @@ def _certified(found: Estimate, run: _Run) -> Estimate:
         if continued == 0 and used.plan is not None and worst.method == used.method:
             finer = planned_again(found.problem, found.point)
         problem = replace(found.problem, filter_model=finer)
-        state = gauss_newton(problem, found.point, run.settings.gradient, run.told_after(found), run.jacobian)
-        found = describe(problem, _continued(found, state), run.jacobian, lambda: run.seconds)
+        try:
+            state = gauss_newton(problem, found.point, run.settings.gradient, run.told_after(found), run.jacobian)
+            found = describe(problem, _continued(found, state), run.jacobian, lambda: run.seconds)
+        except KeyboardInterrupt:
+            break  # what was found with the steps before is an estimate, and says that it is not certified
     return found
 
 

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from bondgraph.errors import EstimationError, suggest
-from bondgraph.estimate.certify import Certification
+from bondgraph.estimate.certify import NEGLIGIBLE_SHIFT, Certification
 from bondgraph.estimate.continuation import Stage
 from bondgraph.estimate.free import FreeParameter
 from bondgraph.estimate.objective import Expand, FloatArray, SearchOutcome, TraceRow, fitted_expansion
@@ -76,6 +76,9 @@ class Estimate:
         Of the search; evaluations count members, uncertainty included.
     uncertainty_outcome
         Where the covariance comes from.
+    roughness
+        How far off the optimum is, in standard deviations, by values around it instead of its derivatives: large where
+        the likelihood is not smooth. NaN where it was not measured.
     certification
         How the model was integrated, and whether finer steps would move the estimate.
     way
@@ -98,6 +101,7 @@ class Estimate:
     outcome: SearchOutcome
     uncertainty_outcome: UncertaintyOutcome
     certification: Certification
+    roughness: float = math.nan
     way: tuple[Stage, ...] = ()
     abandoned: int = 0
 
@@ -120,6 +124,11 @@ class Estimate:
         slopes = np.array([parameter.slope(self.values[parameter.name]) for parameter in self.problem.free])
         covariance: FloatArray = self.covariance / np.outer(slopes, slopes)
         return covariance
+
+    @property
+    def is_smooth(self) -> bool:
+        """Whether values around the optimum agree with its derivatives as far as an estimate could notice."""
+        return not self.roughness > NEGLIGIBLE_SHIFT
 
     @cached_property
     def ci95(self) -> Mapping[str, tuple[float, float]]:
@@ -231,6 +240,8 @@ class Estimate:
             "outcome": self.outcome.value,
             "converged": self.outcome.succeeded,
             "uncertainty": self.uncertainty_outcome.value,
+            "roughness": _number(self.roughness),
+            "smooth": self.is_smooth,
             "optima": [{"values": dict(o.values), "nll": o.nll, "starts": o.starts} for o in self.optima],
             "discretisation": self.certification.to_dict(),
             "continuation": [
@@ -270,6 +281,7 @@ def describe(problem: EstimationProblem, found: Found, jacobian: Expand, seconds
         trace=found.trace,
         outcome=found.outcome,
         uncertainty_outcome=known.outcome,
+        roughness=known.roughness,
         certification=Certification(problem.filter_model.method, problem.filter_model.substeps, (), 0),
         way=found.way,
         abandoned=found.abandoned,

@@ -102,6 +102,8 @@ def _notes(estimate: Estimate) -> list[str]:
         f"{certification.verdict}.",
         *(f"Against {one}." for one in certification.checks),
     ]
+    if not estimate.is_smooth:
+        notes.append(rough_note(estimate))
     if estimate.optima:
         best, *others = estimate.optima
         starts = f"{best.starts} start{'s' if best.starts > 1 else ''} ended at this optimum"
@@ -115,6 +117,15 @@ def _notes(estimate: Estimate) -> list[str]:
     notes += [f"These data say nothing about: {alone}."] if alone else []
     groups = (", ".join(group) for group in estimate.not_identifiable if len(group) > 1)
     return [*notes, *(f"These data do not tell apart: {group}." for group in groups)]
+
+
+def rough_note(estimate: Estimate) -> str:
+    """What a likelihood that is not smooth means for an estimate."""
+    return (
+        f"The likelihood is not smooth here: values around the optimum place it {estimate.roughness:.2g} standard "
+        "deviations from where its derivatives do. Smooth the kinks of the model's laws, take Runge-Kutta steps, or "
+        "widen the intervals by that."
+    )
 
 
 def _free_run(estimate: Estimate, log: MatchedLog, x0: object, values: dict[str, float]) -> Trajectory:

@@ -125,7 +125,7 @@ def test_it_goes_on_where_it_was_interrupted(swing: FilterModel, log: MatchedLog
 
 
 def test_settings_that_contradict_each_other_are_refused() -> None:
-    with pytest.raises(OptionError, match="continuation 'noise' is not known - choose none, process-noise"):
+    with pytest.raises(OptionError, match=r"continuation 'noise' is not known.* - choose none, process-noise"):
         Settings(continuation="noise")  # type: ignore[arg-type]
     with pytest.raises(OptionError, match="a swarm alone has none"):
         Settings(method="pso", continuation="process-noise")

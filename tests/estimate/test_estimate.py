@@ -182,6 +182,19 @@ def test_an_interrupted_estimation_continues_as_if_never_stopped(tmp_path: Path,
     same(estimate(lag_problem(samples=25), settings, folder=tmp_path, resume=True), straight)
 
 
+@pytest.mark.parametrize("stage", ["uncertainty", "certification"])
+def test_an_interruption_after_the_search_keeps_what_it_found(stage: str) -> None:
+    def stop(row: TraceRow) -> None:
+        if row.stage == stage:
+            raise KeyboardInterrupt
+
+    whole = estimate(lag_problem(samples=25), ONE)
+    fit = estimate(lag_problem(samples=25), ONE, progress=stop)
+    assert fit.values == whole.values and fit.certification.checks == ()
+    assert (fit.outcome is SearchOutcome.INTERRUPTED) == (stage == "uncertainty")
+    assert all(np.isfinite(std) for std in fit.std.values())
+
+
 def test_resuming_something_else_is_refused(tmp_path: Path) -> None:
     problem = lag_problem(samples=25)
     estimate(problem, ONE, folder=tmp_path)

@@ -45,6 +45,24 @@ def test_covariance_is_the_inverse_curvature_whatever_the_fisher_information(see
     assert known.evaluations == 1 + 4 + 4**2
 
 
+def test_a_likelihood_with_jumps_is_told_from_a_smooth_one() -> None:
+    class Stepped(Quadratic):
+        """Derivatives are those of the bowl wherever they exist; a jump of 0.1 nats lies next to its lowest point."""
+
+        def nll(self, points: np.ndarray) -> np.ndarray:
+            return super().nll(points) + 0.1 * (points[1] > 1e-9)
+
+    hessian = np.diag([4.0, 25.0])
+    away = np.array([0.05, 0.0])
+    expansion = Expansion(hessian @ away, hessian, 0)
+    smooth = uncertainty(Quadratic(hessian), away, expansion)
+    assert smooth.roughness < 1e-9
+    rough = uncertainty(Stepped(hessian), away, expansion)
+    # half of the jump over the reach of 0.3 standard deviations
+    assert rough.roughness == pytest.approx(0.05 / 0.3, rel=1e-6)
+    assert np.isnan(uncertainty(Stepped(hessian), away, expansion, curvature=False).roughness)
+
+
 def test_without_curvature_the_fisher_information_counts() -> None:
     class Saddle(Quadratic):
         def nll(self, points: np.ndarray) -> np.ndarray:
