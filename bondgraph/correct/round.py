@@ -102,7 +102,7 @@ def one_round(
     ground = Ground(built, base, tuple(train), tried, settings.level, need, settings.journal)
     trials = _trials(scored, tried)
     trials = refit_best(trials, scored, ground, settings.refits, settings.report)
-    trials = _with_storages(trials, stateful, linear, ground, settings)
+    trials = _with_storages(trials, stateful, linear, ground, settings, bool(present))
     trials += _gated_trial(linear, scored, trials, ground, settings)
     chosen = choose(trials, settings.level)
     others = alternatives(chosen, trials, scored.scores, settings.level)
@@ -141,17 +141,23 @@ def _trials(scored: Scored, tried: int) -> list[Trial]:
 
 
 def _with_storages(
-    trials: list[Trial], stateful: Sequence[Candidate], linear: Linearisation, ground: Ground, settings: RoundSettings
+    trials: list[Trial],
+    stateful: Sequence[Candidate],
+    linear: Linearisation,
+    ground: Ground,
+    settings: RoundSettings,
+    named: bool,
 ) -> list[Trial]:
     """The trials, and those with a state of their own; lags and late sensors only where their score asks for it.
 
-    A sensor that comes late can explain coloured noise by its memory; its score is that of the mean alone. Where the
-    innovations of a stiff model are white nothing is left for a storage.
+    A sensor that comes late can explain coloured noise by its memory; its score is that of the mean alone. Of a stiff
+    model, which has to be compiled for each, storages that nothing but a refit can test are tried only as long as no
+    effect is named, and where innovations are not white.
     """
     done = list(trials)
     followed = score_candidates(linear, [one for one in stateful if one.followed])
     stiff = ground.base.problem.filter_model.is_stiff
-    white = stiff and bool(stateful) and _is_white(ground)
+    spared = stiff and (named or not stateful or _is_white(ground))
     known = dict(zip((one.label for one in followed.candidates), range(len(followed.candidates)), strict=True))
     for count, one in enumerate(stateful):
         settings.report("try storages", count, len(stateful))
@@ -167,8 +173,8 @@ def _with_storages(
             if trial.score_gain < max(0.5 * ground.need, 0.4 * ahead) or p_value > ground.level:
                 done.append(trial)
                 continue
-        elif (best is not None and stiff) or white:
-            done.append(trial)  # a stiff model of its own takes long to compile: only where nothing else explains
+        elif spared or (stiff and best is not None):
+            done.append(trial)
             continue
         beat = np.inf if best is None or best.fit is None else best.fit.nll
         done.append(try_storage(trial, ground, beat))
