@@ -24,14 +24,7 @@ from bondgraph.estimate.gauss_newton import (
     starts_ended,
     step_starts,
 )
-from bondgraph.estimate.handover import (
-    distinct_starts,
-    spread_starts,
-    swarm_settings,
-    swarm_starts,
-    whole_points,
-    without_noise_levels,
-)
+from bondgraph.estimate.handover import distinct_starts, spread_starts, swarm_search, swarm_starts, whole_points
 from bondgraph.estimate.objective import (
     Expand,
     FloatArray,
@@ -126,9 +119,14 @@ class _Run:
     asked: int = 0
 
     @cached_property
+    def swarm_search(self) -> tuple[EstimationProblem, SwarmSettings]:
+        """What the swarm searches, and how."""
+        return swarm_search(self.problem, self.settings.swarm, self.settings.method == "pso")
+
+    @property
     def swarmed(self) -> EstimationProblem:
         """What the swarm searches."""
-        return self.problem if self.settings.method == "pso" else without_noise_levels(self.problem)
+        return self.swarm_search[0]
 
     @property
     def seconds(self) -> float:
@@ -158,6 +156,7 @@ class _Run:
         point = row.point
         if stage == "swarm":
             point = tuple(whole_points(self.problem, self.swarmed, np.array(point)[:, np.newaxis])[:, 0].tolist())
+            stage = "swarm" if self.swarmed.logs is self.problem.logs else "swarm on the beginnings of the logs"
         return replace(row, stage=stage, point=point, evaluations=row.evaluations + before)
 
 
@@ -307,8 +306,7 @@ def _search(run: _Run) -> Found:
 
 
 def _swarm(run: _Run) -> SearchOutcome:
-    part, seed = run.swarmed, run.settings.seed
-    settings = run.settings.swarm or swarm_settings(part, run.settings.method == "pso")
+    (part, settings), seed = run.swarm_search, run.settings.seed
     state = run.states.get("swarm")
     if not isinstance(state, SwarmState):
         state = initial_swarm(part, part.start, settings, seed)
@@ -372,7 +370,8 @@ def _found(run: _Run, outcome: SearchOutcome) -> Found:
         trace = tuple(run.row("swarm", row, evaluations) for row in swarm.trace)
         evaluations += swarm.evaluations
         points.append(whole_points(run.problem, run.swarmed, swarm.swarm_best[:, np.newaxis])[:, 0])
-        values.append(swarm.swarm_best_nll)
+        shortened = run.swarmed.logs is not run.problem.logs
+        values.append(float(run.problem.nll(points[-1][:, np.newaxis])[0]) if shortened else swarm.swarm_best_nll)
     if isinstance(gradient, GaussNewtonState):
         trace += tuple(run.row("gauss-newton", row, evaluations) for row in gradient.trace)
         evaluations += gradient.evaluations

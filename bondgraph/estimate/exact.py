@@ -46,15 +46,16 @@ def derivatives(objective: Objective, points: FloatArray, steps: FloatArray) -> 
 
     The choice depends on nothing but the problem, so a search can be repeated.
     """
-    if isinstance(objective, EstimationProblem) and _work(objective) >= _REPAYS:
+    if isinstance(objective, EstimationProblem) and filtering_work(objective) * len(objective.names) >= _REPAYS:
         return exact_derivatives(objective, points, steps)
     return central_differences(objective, points, steps)
 
 
-def _work(problem: EstimationProblem) -> int:
+def filtering_work(problem: EstimationProblem) -> int:
+    """What one value takes, without asking a clock: integration steps over all logs times sigma points."""
     filter_model = choose_method(problem.filter_model, problem.logs)
     taken = sum(int(Samples.of(filter_model, log).substeps.sum()) for log in problem.logs)
-    return taken * (2 * len(filter_model.state_names) + 1) * len(problem.names)
+    return taken * (2 * len(filter_model.state_names) + 1)
 
 
 def exact_derivatives(objective: Objective, points: FloatArray, steps: FloatArray) -> tuple[Expansion, ...]:

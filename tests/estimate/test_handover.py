@@ -5,9 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from bondgraph.estimate import handover
 from bondgraph.estimate.estimate import Settings, estimate
+from bondgraph.estimate.exact import filtering_work
 from bondgraph.estimate.free import FreeParameter
-from bondgraph.estimate.handover import swarm_settings, swarm_starts, whole_points, without_noise_levels
+from bondgraph.estimate.handover import swarm_search, swarm_settings, swarm_starts, whole_points, without_noise_levels
 from bondgraph.estimate.objective import TraceRow
 from bondgraph.estimate.problem import EstimationProblem, pose
 from tests.estimate.linear import ExactLikelihood, lag, simulated
@@ -57,6 +59,30 @@ def test_the_declared_start_is_among_several() -> None:
     np.testing.assert_array_equal(starts, np.stack([points[:, 1], points[:, 2], whole.start], axis=1))
     np.testing.assert_array_equal(swarm_starts(whole, points, np.array([3.0, 1.0, 2.0]), 1), points[:, [1]])
     assert not swarm_starts(whole, points, np.full(3, np.inf), 3).size
+
+
+def test_a_swarm_over_long_logs_searches_how_they_begin_and_the_end_sees_all(monkeypatch: pytest.MonkeyPatch) -> None:
+    whole = problem(["mass", "drag", "std(speed)"])
+    assert swarm_search(whole, None, alone=False)[0].logs is whole.logs
+    monkeypatch.setattr(handover, "_LEAST_SAMPLES", 20)
+    monkeypatch.setattr(handover, "_WORK", 0.5 * filtering_work(whole) * 16 * 21)
+    part, settings = swarm_search(whole, None, alone=False)
+    assert settings.members * (1 + settings.iterations) == 16 * 21
+    assert [len(log) for log in part.logs] == [30, 30]
+    np.testing.assert_array_equal(part.logs[1].y, whole.logs[1].y[:, :30])
+    rows: list[TraceRow] = []
+    fit = estimate(whole, Settings(), progress=rows.append)
+    assert rows[0].stage == "swarm on the beginnings of the logs"
+    reference = estimate(whole, Settings(method="gradient", starts=1))
+    assert fit.nll == pytest.approx(reference.nll, abs=1e-6)
+    assert swarm_search(whole, None, alone=True)[0] is whole
+
+    def stop(row: TraceRow) -> None:
+        if row.iteration == 2:
+            raise KeyboardInterrupt
+
+    early = estimate(whole, Settings(), progress=stop)
+    assert early.nll == pytest.approx(float(whole.nll(early.point[:, np.newaxis])[0]), rel=1e-12)
 
 
 def test_every_row_of_progress_has_all_coordinates_and_counts_on() -> None:
