@@ -14,8 +14,9 @@ import numpy as np
 from scipy import stats
 
 from bondgraph.correct.candidates import Candidate
-from bondgraph.correct.fit import BLOCKS, Fit, restricted, score_blocks
+from bondgraph.correct.fit import BLOCKS, Fit, restricted
 from bondgraph.correct.score import Scores, robust_variance, solve
+from bondgraph.correct.times import term_times
 from bondgraph.correct.trials import Alternative, Detectable, Evidence, Trial
 from bondgraph.data.log import MatchedLog
 from bondgraph.declare.effect import Effect
@@ -42,10 +43,10 @@ def robust_p_value(fitted: Fit, coefficients: Sequence[str]) -> float:
 
     A coefficient of which nothing but zero is left counts as absent.
     """
-    blocks = score_blocks(fitted.problem)
+    times = term_times(fitted.problem)
     free = ~fitted.held
     variance = np.zeros((free.size, free.size))
-    variance[np.ix_(free, free)] = robust_variance(restricted(fitted.expansion, free), blocks)
+    variance[np.ix_(free, free)] = robust_variance(restricted(fitted.expansion, free), times)
     rows, distances = [], []
     for name in coefficients:
         index = fitted.problem.names.index(name)
@@ -57,7 +58,7 @@ def robust_p_value(fitted: Fit, coefficients: Sequence[str]) -> float:
         return 1.0
     distance = np.array(distances)
     squared = float(distance @ solve(variance[np.ix_(rows, rows)], distance[:, np.newaxis])[:, 0])
-    count, size = max(int(blocks.max()) + 1, len(rows) + 2), len(rows)
+    count, size = max(int(times.block.max()) + 1, len(rows) + 2), len(rows)
     return float(stats.f.sf(squared * (count - size) / (size * (count - 1)), size, count - size))
 
 

@@ -337,21 +337,3 @@ def expand(problem: Objective, point: FloatArray, steps: FloatArray) -> Expansio
         return linear_expansion(problem, point)
     (expansion,) = forward_differences(problem, point[:, np.newaxis], steps[:, np.newaxis])
     return expansion
-
-
-def time_blocks(problem: EstimationProblem, seconds: float) -> np.ndarray:
-    """Block of time of each term of a problem, shape (n_terms,); -1 for priors, which have no time."""
-    blocks: list[np.ndarray] = []
-    first = 0
-    for log in problem.logs:
-        own = first + ((log.time - log.time[0]) / seconds).astype(np.int64)
-        blocks += [own] * log.y.shape[0]
-        first = int(own.max()) + 1
-    priors = sum(parameter.prior_mean is not None for parameter in problem.free)
-    return np.concatenate([*blocks, np.full(priors, -1)])
-
-
-def score_blocks(problem: EstimationProblem) -> np.ndarray:
-    """Blocks of time whose score sums count as independent, for the terms of a problem."""
-    total = sum(float(log.time[-1] - log.time[0]) for log in problem.logs)
-    return time_blocks(problem, max(total / BLOCKS, 1e-9))

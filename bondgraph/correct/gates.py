@@ -20,8 +20,9 @@ import numpy as np
 from bondgraph.correct.candidates import Candidate, Variant
 from bondgraph.correct.fit import Fit, restricted
 from bondgraph.correct.response import decay
-from bondgraph.correct.score import best_step, block_sums, solve
+from bondgraph.correct.score import best_step, score_pieces, solve
 from bondgraph.correct.scoring import Linearisation, Scored, candidate_change
+from bondgraph.correct.times import summed
 from bondgraph.data.log import FloatArray, MatchedLog
 from bondgraph.declare.effect import Effect, EffectFunction, Place
 from bondgraph.declare.functions import switch
@@ -139,7 +140,8 @@ def constancy(fitted: Fit, coefficient: str) -> Constancy:
     expansion = restricted(fitted.expansion, free)
     others = [k for k in range(int(free.sum())) if k != index]
     follow = solve(expansion.information[np.ix_(others, others)], expansion.information[others, index][:, np.newaxis])
-    pieces = block_sums(expansion, blocks)
+    timed = blocks >= 0
+    pieces = summed(score_pieces(expansion)[timed], blocks[timed], int(blocks.max()) + 1)
     sums = pieces[:, index] - pieces[:, others] @ follow[:, 0]
     assert expansion.terms is not None
     slope = expansion.terms.innovations[:, 1 + index] - expansion.terms.innovations[:, 1:][:, others] @ follow[:, 0]

@@ -12,7 +12,8 @@ find. Reference: Rao (1948), Proc. Cambridge Phil. Soc. 44(1); Engle (1984), Han
 Neighbouring innovations are not independent under coloured noise, nor Gaussian in practice. Sums of the score over
 blocks of time are nearly both, so every p-value is the larger of that of the chi-square and of Hotelling's statistic
 with the scatter of these sums: White (1982), Econometrica 50(1); Hotelling (1931), Ann. Math. Statist. 2(3). With many
-coefficients the statistic is deflated instead, see :func:`rao_scott`.
+coefficients the statistic is deflated instead, see :func:`rao_scott`. The scatter is that at the estimated step, not at
+zero: what is missing is no noise, and an effect that acts now and then would widen the scatter by which it is judged.
 """
 
 from __future__ import annotations
@@ -24,6 +25,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import stats
 
+from bondgraph.correct.times import Times
 from bondgraph.errors import EstimationError
 from bondgraph.estimate.objective import Expansion, FloatArray
 
@@ -69,38 +71,38 @@ class Scores:
 class Projected:
     """Scores (n,) and information (n, n) of all coefficients with the free parameters taken out.
 
-    ``share`` (free, n) is how these follow, ``seen`` (n,) which coefficients leave more than rounding, and ``sums``
-    (blocks, n) the scores summed over blocks of time, None where these are not known; ``expansion`` and ``blocks`` what
-    they were made of.
+    ``share`` (free, n) is how these follow, ``seen`` (n,) which coefficients leave more than rounding;
+    ``expansion`` and ``times`` are what they were made of, no times where innovations are taken as independent.
     """
 
     score: FloatArray
     information: FloatArray
     share: FloatArray
     seen: np.ndarray
-    sums: FloatArray | None
-    expansion: Expansion | None = None
-    blocks: np.ndarray | None = None
+    expansion: Expansion
+    times: Times | None = None
 
-    def sums_without(self, own: Sequence[int], step: FloatArray) -> FloatArray:
-        """Scores of some coefficients over blocks of time with their own part taken out: at ``step``, not at zero.
+    def sums(self, own: Sequence[int], step: FloatArray) -> FloatArray:
+        """Scores of some coefficients at ``step`` over blocks of time, shape (blocks, own), see :meth:`Times.sums`.
 
-        What is missing is no noise; left in, it would widen the scatter by which it is judged.
+        Raises
+        ------
+        EstimationError
+            If the expansion has no terms, or their times are not known.
         """
-        if self.expansion is None or self.expansion.terms is None or self.blocks is None:
-            raise EstimationError("scores over blocks of time need the terms of the expansion")
+        if self.expansion.terms is None or self.times is None:
+            raise EstimationError("a variance that holds under coloured noise needs the terms of the expansion")
         terms, free = self.expansion.terms, self.share.shape[0]
         share = self.share[:, own]
         columns = [0, *range(1, 1 + free), *(1 + free + k for k in own)]
         slopes, scales = terms.innovations[:, columns], terms.log_scales[:, columns]
-        z = slopes[:, 0]
         left = slopes[:, 1 + free :] + slopes[:, 1 : 1 + free] @ share
         loud = scales[:, 1 + free :] + scales[:, 1 : 1 + free] @ share
-        pieces = left * (z + left @ step)[:, np.newaxis] + loud
-        return -summed(pieces, self.blocks)
+        pieces = left * (slopes[:, 0] + left @ step)[:, np.newaxis] + loud
+        return self.times.sums(self.times.series(-pieces))
 
 
-def project(expansion: Expansion, free: int, blocks: np.ndarray | None = None) -> Projected:
+def project(expansion: Expansion, free: int, times: Times | None = None) -> Projected:
     """Take the first ``free`` coordinates out of the scores of the others.
 
     Parameters
@@ -109,8 +111,8 @@ def project(expansion: Expansion, free: int, blocks: np.ndarray | None = None) -
         Gradient and information of a problem in the free parameters, then the candidates' coefficients, at the fit.
     free
         How many coordinates are free parameters.
-    blocks
-        Block of each term, shape (n_terms,), as for :func:`robust_variance`.
+    times
+        Times of the terms, for tests that hold under coloured noise.
     """
     information, gradient = expansion.information, expansion.gradient
     inner, outer = slice(0, free), slice(free, gradient.size)
@@ -118,26 +120,22 @@ def project(expansion: Expansion, free: int, blocks: np.ndarray | None = None) -
     score = -(gradient[outer] - share.T @ gradient[inner])
     left = information[outer, outer] - information[outer, inner] @ share
     own = np.maximum(np.diag(information[outer, outer]), np.finfo(float).tiny)
-    sums = None
-    if blocks is not None:
-        pieces = block_sums(expansion, blocks)
-        sums = -(pieces[:, free:] - pieces[:, :free] @ share)
-    return Projected(score, left, -share, np.diag(left) > _LEFT * own, sums, expansion, blocks)
+    return Projected(score, left, -share, np.diag(left) > _LEFT * own, expansion, times)
 
 
 def scores(
     expansion: Expansion,
     free: int,
     one_sided: np.ndarray,
-    blocks: np.ndarray | None = None,
+    times: Times | None = None,
     sizes: Sequence[int] | None = None,
 ) -> Scores:
     """Score tests of the coordinates after the first ``free`` ones.
 
     Parameters
     ----------
-    expansion, free, blocks
-        As for :func:`project`; without blocks innovations are taken as independent.
+    expansion, free, times
+        As for :func:`project`; without times innovations are taken as independent.
     one_sided
         Which coefficients may only be positive, shape (coefficients,); a negative score gains nothing there.
     sizes
@@ -152,7 +150,7 @@ def scores(
     >>> scores(expansion, 1, np.array([True])).step.round(6).tolist()
     [1.0]
     """
-    found = project(expansion, free, blocks)
+    found = project(expansion, free, times)
     sizes = [1] * one_sided.size if sizes is None else sizes
     edges = np.concatenate([[0], np.cumsum(sizes)]).astype(int)
     steps, gain, p_value = [], np.zeros(len(sizes)), np.ones(len(sizes))
@@ -197,13 +195,13 @@ def best_step(found: Projected, own: Sequence[int], one_sided: np.ndarray) -> tu
         return step, 0.0, 1.0
     moved = [k for k in range(len(own)) if step[k] != 0.0]
     p_value = float(stats.chi2.sf(2.0 * gain, len(usable)))
-    if found.sums is not None:
+    if found.times is not None:
         rows = [own[k] for k in moved]
+        sums = found.sums(rows, step[moved])
         if len(rows) > _FEW:
-            left = found.information[np.ix_(rows, rows)]
-            p_value = max(p_value, rao_scott(2.0 * gain, left, found.sums_without(rows, step[moved])))
+            p_value = max(p_value, rao_scott(2.0 * gain, found.information[np.ix_(rows, rows)], sums))
         else:
-            p_value = max(p_value, hotelling(found.score[rows], found.sums[:, rows]))
+            p_value = max(p_value, hotelling(found.score[rows], sums))
     return step, gain, p_value
 
 
@@ -231,45 +229,41 @@ def rao_scott(statistic: float, information: FloatArray, sums: FloatArray) -> fl
     return float(stats.f.sf(statistic / (size * inflation), size, count - 1))
 
 
-def block_sums(expansion: Expansion, blocks: np.ndarray) -> FloatArray:
-    """The gradient's pieces summed over each block of time, shape (blocks, n)."""
+def score_pieces(expansion: Expansion) -> FloatArray:
+    """The gradient's pieces, shape (n_terms, n).
+
+    Raises
+    ------
+    EstimationError
+        If the expansion has no terms.
+    """
     if expansion.terms is None:
         raise EstimationError("a variance that holds under coloured noise needs the terms of the expansion")
-    z, slopes_z = expansion.terms.innovations[:, 0], expansion.terms.innovations[:, 1:]
-    return summed(slopes_z * z[:, np.newaxis] + expansion.terms.log_scales[:, 1:], blocks)
+    pieces: FloatArray = (
+        expansion.terms.innovations[:, 1:] * expansion.terms.innovations[:, :1] + expansion.terms.log_scales[:, 1:]
+    )
+    return pieces
 
 
-def summed(pieces: FloatArray, blocks: np.ndarray) -> FloatArray:
-    """Sums of rows (n_terms, n) over blocks, shape (blocks, n); rows of block -1 are left out."""
-    inside = np.flatnonzero(blocks >= 0)
-    order = inside[np.argsort(blocks[inside], kind="stable")]
-    sums = np.zeros((int(blocks.max()) + 1, pieces.shape[1]))
-    present, first = np.unique(blocks[order], return_index=True)
-    if order.size:
-        sums[present] = np.add.reduceat(pieces[order], first, axis=0)
-    return sums
-
-
-def robust_variance(terms: Expansion, blocks: np.ndarray) -> FloatArray:
+def robust_variance(terms: Expansion, times: Times) -> FloatArray:
     """Covariance of the estimate by the block sandwich, shape (n, n).
 
-    Sums of the score over blocks of time are nearly independent even where neighbouring innovations are not, so their
-    scatter gives an honest variance under coloured noise. Reference: White (1982), Econometrica 50(1); Newey and West
-    (1987), Econometrica 55(3), for dependent data.
+    Each sample moves the estimate by the inverse information times its share of the score. The scatter of these over
+    blocks of time, see :meth:`bondgraph.correct.times.Times.sums`, gives an honest variance under coloured noise.
+    Reference: White (1982), Econometrica 50(1); Newey and West (1987), Econometrica 55(3), for dependent data.
 
     Parameters
     ----------
     terms
         Expansion at the fit, with its terms.
-    blocks
-        Block of each term, shape (n_terms,), -1 for terms without a time (priors).
+    times
+        Times of the terms.
     """
-    sums = block_sums(terms, blocks)
+    bread = solve(terms.information, np.eye(terms.information.shape[0]))
+    sums = times.sums(times.series(score_pieces(terms)) @ bread)
     count = sums.shape[0]
     sums -= sums.mean(axis=0)
-    meat = sums.T @ sums * (count / max(count - 1, 1))
-    bread = solve(terms.information, np.eye(terms.information.shape[0]))
-    variance: FloatArray = bread @ meat @ bread
+    variance: FloatArray = sums.T @ sums * (count / max(count - 1, 1))
     return variance
 
 

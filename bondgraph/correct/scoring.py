@@ -8,9 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from bondgraph.correct.candidates import Candidate, Variant
-from bondgraph.correct.fit import Fit, score_blocks
+from bondgraph.correct.fit import Fit
 from bondgraph.correct.response import Change, LinearLog, Path, linearise, model_change, respond, together
 from bondgraph.correct.score import Projected, Scores, project, scores
+from bondgraph.correct.times import Times, term_times
 from bondgraph.data.log import FloatArray, MatchedLog
 from bondgraph.estimate.objective import Expansion, expansion_of
 from bondgraph.simulate.model import Model
@@ -26,7 +27,7 @@ class Linearisation:
     """A fitted model with its filter linearised along every training log.
 
     ``free`` and ``scales`` (n_terms, 1 + free) hold the terms of the likelihood and of their logarithmic scales, with
-    their derivatives by the free coordinates that do not rest on a bound; ``blocks`` (n_terms,) the block of each term.
+    their derivatives by the free coordinates that do not rest on a bound; ``times`` the times of the terms.
     """
 
     base: Fit
@@ -34,7 +35,7 @@ class Linearisation:
     logs: tuple[LinearLog, ...]
     free: FloatArray
     scales: FloatArray
-    blocks: np.ndarray
+    times: Times
 
     @property
     def count(self) -> int:
@@ -69,7 +70,7 @@ class Linearisation:
 
     def projected(self, columns: FloatArray) -> Projected:
         """Scores of responses (n_terms, lanes) with the free coordinates taken out."""
-        return project(self.expansion(columns), self.count, self.blocks)
+        return project(self.expansion(columns), self.count, self.times)
 
 
 def _arrays(change: Change) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -85,7 +86,7 @@ def linearisation(base: Fit, train: Sequence[MatchedLog]) -> Linearisation:
     assert terms is not None  # fits keep their terms
     chosen = np.concatenate([[0], 1 + kept])
     free, scales = terms.innovations[:, chosen].copy(), terms.log_scales[:, chosen].copy()
-    bare = Linearisation(base, model, logs, free, scales, score_blocks(base.problem))
+    bare = Linearisation(base, model, logs, free, scales, term_times(base.problem))
     for column, index in enumerate(kept, start=1):
         parameter = base.problem.free[index]
         if parameter.target.kind != "parameter":
@@ -95,7 +96,7 @@ def linearisation(base: Fit, train: Sequence[MatchedLog]) -> Linearisation:
         size = -size if value + size > parameter.upper else size
         changes = [_shifted(linear.path, model, parameter.name, size, parameter.slope(value)) for linear in logs]
         response = bare.columns(changes)[:, 0]
-        timed = bare.blocks >= 0
+        timed = bare.times.sample >= 0
         free[timed, column], scales[timed, column] = response[timed], 0.0
     return bare
 
@@ -167,4 +168,4 @@ def score_candidates(
 
 def _scores(linear: Linearisation, columns: FloatArray, found: Iterable[Candidate], sizes: Sequence[int]) -> Scores:
     one_sided = np.concatenate([candidate.lower >= 0.0 for candidate in found])
-    return scores(linear.expansion(columns), linear.count, one_sided, linear.blocks, sizes)
+    return scores(linear.expansion(columns), linear.count, one_sided, linear.times, sizes)

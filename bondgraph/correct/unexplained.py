@@ -94,7 +94,7 @@ def _scored(linear: Linearisation, probe: Probe, one: Signal, at: FloatArray, co
     projected = linear.projected(columns)
     own = list(range(at.size))
     step, gain, p_value = best_step(projected, own, np.zeros(at.size, dtype=bool))
-    return Spline(probe, one, at, step, _band(projected, own), gain, p_value)
+    return Spline(probe, one, at, step, _band(projected, own, step), gain, p_value)
 
 
 def distinct(known: Sequence[Signal]) -> list[Signal]:
@@ -132,14 +132,13 @@ def unexplained(tried: Sequence[Spline], measured: int, level: float) -> Unexpla
     )  # fmt: skip
 
 
-def _band(found: Projected, own: Sequence[int]) -> FloatArray:
+def _band(found: Projected, own: Sequence[int], step: FloatArray) -> FloatArray:
     """Standard deviations of a function at its knots: the larger of those of white noise and of blocks of time."""
     information = found.information[np.ix_(own, own)]
     bread = solve(information, np.eye(len(own)))
     white = np.diag(bread)
-    if found.sums is None:
-        return np.sqrt(np.maximum(white, 0.0))
-    sums = found.sums[:, own] - found.sums[:, own].mean(axis=0)
+    sums = found.sums(own, step)
+    sums -= sums.mean(axis=0)
     return np.sqrt(np.maximum(np.maximum(white, np.diag(bread @ (sums.T @ sums) @ bread)), 0.0))
 
 

@@ -7,6 +7,7 @@ import pytest
 from scipy import stats
 
 from bondgraph.correct.score import robust_variance, scores
+from bondgraph.correct.times import Times
 from bondgraph.errors import EstimationError
 from bondgraph.estimate.objective import Expansion, expansion_of
 
@@ -65,6 +66,11 @@ def test_a_one_sided_candidate_gains_only_with_its_own_sign() -> None:
     assert (one.p_value[both.step < 0.0] == 1.0).all()
 
 
+def timed(samples: int, block: int) -> Times:
+    """Times of one output over one log."""
+    return Times(np.arange(samples), np.arange(samples) // block, np.zeros(samples, dtype=int))
+
+
 def coloured(rng: np.random.Generator, correlation: float, samples: int) -> np.ndarray:
     z = rng.standard_normal(samples)
     for k in range(1, samples):
@@ -72,13 +78,13 @@ def coloured(rng: np.random.Generator, correlation: float, samples: int) -> np.n
     return z
 
 
-@pytest.mark.parametrize("correlation", [0.0, 0.5, 0.8])
+@pytest.mark.parametrize("correlation", [0.0, 0.5, 0.8, 0.95])
 def test_block_sandwich_variance_is_that_of_the_mean_of_coloured_noise(correlation: float) -> None:
     """Var(mean) of a first-order autoregression is (1 + a) / (1 - a) / n in the limit; Box, Jenkins, Reinsel (2008)."""
     rng, samples = np.random.default_rng(1), 2000
-    blocks = np.arange(samples) // 50
+    times = timed(samples, 50)
     expansions = [least_squares(np.ones((samples, 1)), coloured(rng, correlation, samples)) for _ in range(150)]
-    estimated = np.mean([robust_variance(expansion, blocks)[0, 0] for expansion in expansions])
+    estimated = np.mean([robust_variance(expansion, times)[0, 0] for expansion in expansions])
     assert estimated == pytest.approx((1.0 + correlation) / (1.0 - correlation) / samples, rel=0.12)
     naive = np.mean([1.0 / expansion.information[0, 0] for expansion in expansions])
     assert naive == pytest.approx(1.0 / samples)
@@ -86,12 +92,12 @@ def test_block_sandwich_variance_is_that_of_the_mean_of_coloured_noise(correlati
 
 def test_coloured_noise_deceives_the_naive_test_and_not_the_robust_one() -> None:
     rng, samples, level = np.random.default_rng(2), 1200, 0.05
-    blocks = np.arange(samples) // 30
+    times = timed(samples, 30)
     wave = np.sin(np.arange(samples) / 60.0)[:, np.newaxis]
     alarms = np.zeros(2)
     for _ in range(300):
         expansion = least_squares(wave, coloured(rng, 0.8, samples))
-        naive, robust = (scores(expansion, 0, np.array([False]), own).p_value[0] for own in (None, blocks))
+        naive, robust = (scores(expansion, 0, np.array([False]), own).p_value[0] for own in (None, times))
         alarms += (naive < level, robust < level)
     assert alarms[0] / 300 > 0.3
     assert alarms[1] / 300 < 0.10
@@ -100,4 +106,4 @@ def test_coloured_noise_deceives_the_naive_test_and_not_the_robust_one() -> None
 def test_robust_tests_need_terms() -> None:
     bare = Expansion(np.zeros(1), np.eye(1), 1)
     with pytest.raises(EstimationError, match="needs the terms"):
-        robust_variance(bare, np.zeros(1, dtype=int))
+        robust_variance(bare, timed(1, 1))
