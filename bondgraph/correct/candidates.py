@@ -200,7 +200,7 @@ def candidates(
     where: Sequence[Place],
     present: Collection[tuple[str, str]] = (),
 ) -> tuple[list[Candidate], list[Refused]]:
-    """Every effect at every place, if the extended graph has a causality and adds no nonlinear loop.
+    """Every effect at every place, where the extended graph has a causality, storages without a further nonlinear loop.
 
     ``present`` holds the effects that the graph already has, by name of their function and label of their place.
 
@@ -274,8 +274,8 @@ def _why_not(built: BuiltModel, flat: BondGraph, effect: Effect, equations: Stat
     if len(equations.inputs) != len(built.equations.inputs):
         return "would need the rate of an input, which no log has"
     loops = sum(isinstance(step, ImplicitLoop) for step in equations.assignments) - built.implicit_loops
-    if loops > 0:
-        return "would close a nonlinear algebraic loop"
+    if loops > 0 and effect.adds_state:
+        return "would close a nonlinear algebraic loop around a storage of unknown size"
     states = {state.symbol.name for state in equations.states}
     own = {state.symbol.name for state in built.equations.states}
     if not own <= states and not effect.adds_state:
