@@ -20,11 +20,13 @@ from bondgraph.correct.candidates import Candidate, Variant, superset
 from bondgraph.correct.decide import judge
 from bondgraph.correct.fit import Fit, Report, expand, fit, quiet_start
 from bondgraph.correct.journal import Journal
+from bondgraph.correct.quiet import Quiet, quiet_starts
 from bondgraph.correct.score import Scores
 from bondgraph.correct.scoring import Scored
 from bondgraph.correct.setup import filter_setup
 from bondgraph.correct.trials import Trial
 from bondgraph.data.log import FloatArray, MatchedLog
+from bondgraph.errors import EstimationError
 from bondgraph.estimate.free import FreeParameter
 from bondgraph.estimate.gauss_newton import GaussNewtonSettings
 from bondgraph.estimate.problem import EstimationProblem
@@ -57,6 +59,8 @@ _LIMITS = _Limits(worth=0.4, behind=0.1, most=100)
 #: Each stiff candidate has to be compiled, and its refit takes longest.
 _STIFF_LIMITS = _Limits(worth=0.5, behind=0.6, most=3)
 
+#: With the process noise held low scores tell more: those that reach this share of the best, less so many nats.
+_WORTH_QUIET, _NEAR_QUIET = 0.9, 6.0
 #: Shares of the step that a score points at where a refit looks for its start.
 _STRIDES = (1.0, 0.5, 0.1, 0.0)
 #: Multiples of that step, and by how much (of a logarithm) lower process noise, at which a stiff model is tried too.
@@ -108,7 +112,9 @@ def at_optimum(base: Fit) -> tuple[FreeParameter, ...]:
     )
 
 
-def refit_best(trials: Sequence[Trial], scored: Scored, ground: Ground, most: int, report: Report) -> list[Trial]:
+def refit_best(
+    trials: Sequence[Trial], scored: Scored, ground: Ground, most: int, report: Report, quiet: Quiet | None = None
+) -> list[Trial]:
     """The trials of vanishing candidates, the best of them refitted.
 
     Parameters
@@ -123,13 +129,12 @@ def refit_best(trials: Sequence[Trial], scored: Scored, ground: Ground, most: in
         Most refits.
     report
         Told of each.
+    quiet
+        Scores of the same candidates with the process noise held low, whose best are refitted too.
     """
     done = list(trials)
-    groups = alike(trials, scored.scores, 0.5 * ground.need)
     limits = _STIFF_LIMITS if ground.base.problem.filter_model.is_stiff else _LIMITS
-    best = max((trials[group[0]].score_gain for group in groups), default=0.0)
-    groups = [group for group in groups if trials[group[0]].score_gain >= limits.worth * best]
-    groups = groups[: min(most, limits.most)]
+    groups = worth_a_refit(trials, scored, ground, min(most, limits.most), limits.worth, quiet)
     if not groups:
         return done
     shared = _shared(ground, [trials[group[0]].candidate for group in groups])
@@ -137,11 +142,15 @@ def refit_best(trials: Sequence[Trial], scored: Scored, ground: Ground, most: in
     for count, group in enumerate(groups):
         report("refit the best candidates", count, len(groups))
         index = group[0]
-        if leader is not None and trials[index].score_gain < limits.behind * (ground.base.nll - leader[1].nll):
+        behind = leader is not None and trials[index].score_gain < limits.behind * (ground.base.nll - leader[1].nll)
+        if behind and quiet is None:
             continue
         own = build(trials[index].candidate.apply(ground.built.graph))
         filter_model = shared or replace(ground.base.problem.filter_model, model=own.model)
-        fitted = _refit(index, trials[index], scored, filter_model, ground, leader)
+        try:
+            fitted = _refit(index, trials[index], scored, filter_model, ground, leader, quiet)
+        except EstimationError:  # it diverges wherever its scores point
+            continue
         done[index] = _judged(trials[index], fitted, own, ground, tuple(trials[j].candidate.label for j in group[1:]))
         for other in group[1:]:
             done[other] = replace(trials[other], evidence=done[index].evidence)
@@ -159,11 +168,37 @@ def _shared(ground: Ground, found: Sequence[Candidate]) -> FilterModel | None:
     return None if filter_model.is_stiff else replace(filter_model, model=superset(ground.built, found).model)
 
 
+def worth_a_refit(
+    trials: Sequence[Trial], scored: Scored, ground: Ground, most: int, share: float, quiet: Quiet | None
+) -> list[list[int]]:
+    """Indices of candidates to be refitted, as of :func:`alike`: the best by their scores, then the best quiet ones.
+
+    At most so many of each; those of a ``share`` of the best score's gain.
+    """
+    groups = alike(trials, scored.scores, 0.5 * ground.need)
+    best = max((trials[group[0]].score_gain for group in groups), default=0.0)
+    kept = [group for group in groups if trials[group[0]].score_gain >= share * best][:most]
+    if quiet is None:
+        return kept
+    further = [
+        group
+        for group in alike(trials, quiet.scored.scores, worth_quiet(quiet.scored.scores, ground.need))
+        if not any(index in other for other in kept for index in group)
+    ]
+    return kept + further[:most]
+
+
+def worth_quiet(found: Scores, need: float) -> float:
+    """The least gain, with the process noise held low, of candidates that are refitted."""
+    return max(_WORTH_QUIET * float(found.gain.max(initial=0.0)) - _NEAR_QUIET, need)
+
+
 def alike(trials: Sequence[Trial], found: Scores, least: float) -> list[list[int]]:
     """Indices of candidates worth a refit, those with the same response together, the preferred one of each first.
 
     Of several that the sensors cannot tell apart the first is, in this order: a law that only takes energy before a
     source, a place whose flow is that of a storage before one that is rigidly tied to it, and the order of declaration.
+    A law that is not smooth at zero is told little by its score, which is no reason to pass it over.
     """
     groups: list[list[int]] = []
     for j in map(int, np.argsort(-found.gain, kind="stable")):
@@ -172,7 +207,7 @@ def alike(trials: Sequence[Trial], found: Scores, least: float) -> list[list[int
         twin = next((group for group in groups if abs(found.correlation[group[0], j]) > _SAME), None)
         if twin is not None:
             twin.append(j)
-        elif found.p_value[j] < _CHANCE:
+        elif found.p_value[j] < _CHANCE or trials[j].candidate.effect.amplitudes:
             groups.append([j])
     return [sorted(group, key=lambda j: (*_remoteness(trials[j].candidate), j)) for group in groups]
 
@@ -189,16 +224,20 @@ def _refit(
     filter_model: FilterModel,
     ground: Ground,
     leader: tuple[int, Fit] | None,
+    quiet: Quiet | None = None,
 ) -> Fit:
     own = coefficients(trial.candidate, filter_model, scored.variants[index])
     free = (*at_optimum(ground.base), *own)
     found = scored.scores
     starts = [_along(ground.base, found, index, own, share) for share in _STRIDES]
-    quiet = None
+    beginning = None
     if filter_model.is_stiff:
         starts += _afresh(ground.base, own, found.steps[index])
         absent = [parameter.coordinate(parameter.start) for parameter in own]
-        quiet = quiet_start(free, np.concatenate([_declared(ground.base), absent]))
+        beginning = quiet_start(free, np.concatenate([_declared(ground.base), absent]))
+    starts += [_along(ground.base, found, index, own, share) for share in _abrupt(trial.candidate, found.steps[index])]
+    if quiet is not None:
+        starts += quiet_starts(ground.base, quiet, index, own)
     beat = np.inf
     if leader is not None:
         first, fitted = leader
@@ -208,7 +247,7 @@ def _refit(
             step = float(found.correlation[first, index] * np.sqrt(told) * fitted.point[-1])
             starts.append(np.append(fitted.point[:-1], _inside(own[0], step)))
     most = _MOST_STIFF if filter_model.is_stiff else _MOST_ITERATIONS
-    return fit(filter_model, ground.train, free, most, _TOLERANCE, starts, beat, ground.journal, quiet)
+    return fit(filter_model, ground.train, free, most, _TOLERANCE, starts, beat, ground.journal, beginning)
 
 
 def _along(base: Fit, found: Scores, index: int, own: Sequence[FreeParameter], share: float) -> FloatArray:
@@ -218,8 +257,17 @@ def _along(base: Fit, found: Scores, index: int, own: Sequence[FreeParameter], s
     shapes = [parameter.coordinate(parameter.start) for parameter in own[step.size :]]
     cut = min((abs(a / (share * b)) for a, b in zip(reached, step, strict=True) if share * b != 0.0), default=1.0)
     point = base.point.copy()
-    point[~base.held] += share * min(cut, 1.0) * found.follows(index)
+    kinds = np.array([parameter.target.kind == "parameter" for parameter in base.problem.free])
+    point[~base.held] += share * min(cut, 1.0) * np.where(kinds[~base.held], found.follows(index), 0.0)
     return np.concatenate([point, reached, shapes])
+
+
+def _abrupt(candidate: Candidate, step: FloatArray) -> list[float]:
+    """Shares of its step at which a law that is not smooth at zero has each of the amplitudes it is tried at."""
+    if not step[0]:
+        return []
+    sizes = sorted({variant.sizes[0] for variant in candidate.variants}) if candidate.effect.amplitudes else []
+    return [float(size / step[0]) for size in sizes]
 
 
 def _afresh(base: Fit, own: Sequence[FreeParameter], step: FloatArray) -> list[FloatArray]:
@@ -266,10 +314,11 @@ def _judged(trial: Trial, fitted: Fit, built: BuiltModel, ground: Ground, twins:
     return replace(trial, built=built, fit=fitted, evidence=evidence, stands_for=twins)
 
 
-def try_storage(trial: Trial, ground: Ground, beat: float) -> Trial:
+def try_storage(trial: Trial, ground: Ground, beat: float, quiet: tuple[Quiet, int | None] | None = None) -> Trial:
     """A candidate that brings a state of its own: it has no zero to be tested at, so it is tried at several sizes.
 
-    From the best of them one expansion says what a fit would gain at most; only if that passes is it fitted.
+    From the best of them one expansion says what a fit would gain at most; only if that passes is it fitted. ``quiet``:
+    scores with the process noise held low and the candidate's place in them, if it has a score.
     """
     extended = build(trial.candidate.apply(ground.built.graph))
     own = filter_setup(extended.model, extended.driven, ground.train)
@@ -282,7 +331,10 @@ def try_storage(trial: Trial, ground: Ground, beat: float) -> Trial:
     added = coefficients(trial.candidate, filter_model)
     problem = EstimationProblem(filter_model, ground.train, (*at_optimum(ground.base), *added))
     lower, upper = (bound[ground.base.point.size :] for bound in (problem.lower, problem.upper))
-    starts = np.array([np.concatenate([ground.base.point, lower + share * (upper - lower)]) for share in _SIZES]).T
+    points = [np.concatenate([ground.base.point, lower + share * (upper - lower)]) for share in _SIZES]
+    if quiet is not None and quiet[1] is not None:
+        points += quiet_starts(ground.base, quiet[0], quiet[1], added)
+    starts = np.clip(np.array(points).T, problem.lower[:, np.newaxis], problem.upper[:, np.newaxis])
     values = problem.nll(starts)
     best = int(np.argmin(np.where(np.isfinite(values), values, np.inf)))
     if not np.isfinite(values[best]):

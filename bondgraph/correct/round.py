@@ -15,13 +15,15 @@ from bondgraph.correct.absent import absent_when_zero
 from bondgraph.correct.advice import separation
 from bondgraph.correct.build import BuiltModel
 from bondgraph.correct.candidates import Candidate, Refused, candidates, places
+from bondgraph.correct.confirm import confirmed
 from bondgraph.correct.decide import alternatives, choose, detectable, hurdle
 from bondgraph.correct.fit import Fit, Report, no_report
 from bondgraph.correct.gates import best_gated, gate_samples, gated, refined, with_gate
 from bondgraph.correct.journal import Journal
 from bondgraph.correct.located import LocatedAt, locate
 from bondgraph.correct.probes import Probe, Signal, probes, signals
-from bondgraph.correct.refit import Ground, refit_alone, refit_best, try_storage
+from bondgraph.correct.quiet import Quiet, quiet_scores
+from bondgraph.correct.refit import Ground, refit_alone, refit_best, try_storage, worth_quiet
 from bondgraph.correct.scoring import Linearisation, Scored, linearisation, score_candidates
 from bondgraph.correct.trials import Alternative, Detectable, Trial
 from bondgraph.correct.whiteness import whiteness
@@ -101,16 +103,33 @@ def one_round(
     settings.report("score the candidates", 1, 1)
     ground = Ground(built, base, tuple(train), tried, settings.level, need, settings.journal)
     trials = _trials(scored, tried)
-    trials = refit_best(trials, scored, ground, settings.refits, settings.report)
-    trials = _with_storages(trials, stateful, linear, ground, settings, bool(present))
+    quiet = quiet_scores(base, train, vanishing, settings.journal)
+    trials = refit_best(trials, scored, ground, settings.refits, settings.report, quiet)
+    trials = _with_storages(trials, stateful, linear, quiet, ground, settings, bool(present))
     trials += _gated_trial(linear, scored, trials, ground, settings)
-    chosen = choose(trials, settings.level)
+    trials, chosen = _chosen(trials, ground)
     others = alternatives(chosen, trials, scored.scores, settings.level)
     others = _with_advice(built, base, chosen, others, scored)
     seen = detectable(vanishing, scored.scores, need)
     return Round(
         base, tuple(trials), tuple(refused), scored, chosen, tuple(others), seen, located, linear, probed, known, tried
     )
+
+
+def _chosen(trials: Sequence[Trial], ground: Ground) -> tuple[list[Trial], Trial | None]:
+    """The trials, those that would be chosen after a second look at them, and the one that stays the best."""
+    done, looked = list(trials), set[int]()
+    while (best := choose(done, ground.level)) is not None:
+        index = next(k for k, trial in enumerate(done) if trial is best)
+        if index in looked:
+            break
+        sure = confirmed(best, ground)
+        for k, trial in enumerate(done):
+            if trial.candidate.label in sure.stands_for:
+                done[k] = replace(trial, evidence=sure.evidence)
+        done[index] = sure
+        looked.add(index)
+    return done, best
 
 
 def _with_advice(
@@ -144,6 +163,7 @@ def _with_storages(
     trials: list[Trial],
     stateful: Sequence[Candidate],
     linear: Linearisation,
+    quiet: Quiet | None,
     ground: Ground,
     settings: RoundSettings,
     named: bool,
@@ -156,6 +176,8 @@ def _with_storages(
     """
     done = list(trials)
     followed = score_candidates(linear, [one for one in stateful if one.followed])
+    silent = None if quiet is None else quiet.of(followed.candidates)
+    least = np.inf if quiet is None else worth_quiet(quiet.scored.scores, ground.need)
     stiff = ground.base.problem.filter_model.is_stiff
     spared = stiff and (named or not stateful or _is_white(ground))
     known = dict(zip((one.label for one in followed.candidates), range(len(followed.candidates)), strict=True))
@@ -170,14 +192,15 @@ def _with_storages(
                 one, float(followed.scores.gain[k]), tuple(map(float, followed.scores.steps[k])), score_p=p_value
             )
             ahead = 0.0 if best is None else best.gain
-            if trial.score_gain < max(0.5 * ground.need, 0.4 * ahead) or p_value > ground.level:
+            loud = trial.score_gain >= max(0.5 * ground.need, 0.4 * ahead) and p_value <= ground.level
+            if not loud and (silent is None or silent.scored.scores.gain[k] < least):
                 done.append(trial)
                 continue
         elif spared or (stiff and best is not None):
             done.append(trial)
             continue
         beat = np.inf if best is None or best.fit is None else best.fit.nll
-        done.append(try_storage(trial, ground, beat))
+        done.append(try_storage(trial, ground, beat, None if silent is None else (silent, known.get(one.label))))
     return done
 
 

@@ -1,0 +1,83 @@
+"""A second look at what passed: would less have done as well, and does the free simulation need it too.
+
+Two things can make a candidate look better than it is. The fit without it may rest in another optimum of the noise
+levels, which the refit has left by chance; so the model without it is fitted once more from where the refit ended. And
+a filter whose innovations stay coloured is no model of the noise: it takes the colour of a sensor for motion, and then
+the estimates of physical parameters are off by more than any scatter tells, as regressions on noisy regressors are.
+Errors of the free simulation do not feed the noise back, so that their least squares stay consistent whatever its
+colour: Ljung (1999), System Identification, section 8.4. There, with the process noise at its lower bound, the
+coefficient must be clear of zero as well.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from scipy import stats
+
+from bondgraph.correct.decide import judge, robust_p_value
+from bondgraph.correct.fit import Fit, fit
+from bondgraph.correct.quiet import quiet_fit
+from bondgraph.correct.refit import Ground, at_optimum
+from bondgraph.correct.trials import Evidence, Trial
+from bondgraph.correct.whiteness import whiteness
+from bondgraph.errors import EstimationError
+
+_TOLERANCE, _MOST_ITERATIONS = 0.05, 40
+#: Largest correlation from sample to sample that is allowed for.
+_LONGEST = 0.97
+
+
+def confirmed(trial: Trial, ground: Ground) -> Trial:
+    """The trial with its evidence after a second look; on stiff models, whose fits are costly, as it is."""
+    if trial.fit is None or trial.evidence is None or ground.base.problem.filter_model.is_stiff:
+        return trial
+    base = _from_there(ground.base, trial.fit, ground)
+    evidence = judge(base, trial.fit, trial.candidate.effect, trial.evidence.tried, trial.gate is not None)
+    return replace(trial, evidence=_in_free_simulation(trial.fit, trial, evidence, ground))
+
+
+def _from_there(base: Fit, refit: Fit, ground: Ground) -> Fit:
+    """The fit without the effect, or a better one that is found from where the refit with it ended."""
+    known = refit.values
+    free = [
+        replace(one, start=min(max(known[one.name], one.lower), one.upper)) if one.name in known else one
+        for one in at_optimum(base)
+    ]
+    problem = base.problem
+    try:
+        other = fit(problem.filter_model, problem.logs, free, _MOST_ITERATIONS, _TOLERANCE, journal=ground.journal)
+    except EstimationError:
+        return base
+    return other if other.nll < base.nll else base
+
+
+def _in_free_simulation(refit: Fit, trial: Trial, evidence: Evidence, ground: Ground) -> Evidence:
+    """The evidence; where the innovations stay coloured with the p-value that the free simulation gives."""
+    tests = whiteness(refit, refit.problem.logs)
+    if all(test.p_value * len(tests) >= ground.level for test in tests):
+        return evidence
+    if not any(one.target.kind == "process" for one in refit.problem.free):
+        return evidence
+    quiet = quiet_fit(refit, refit.problem.logs, ground.journal)
+    if quiet is None:  # no simulation with it stays near the logs
+        return replace(evidence, p_robust=1.0)
+    p_value = robust_p_value(quiet, trial.candidate.effect.coefficients)
+    if trial.candidate.effect.adds_state:
+        p_value = max(p_value, _deflated(quiet, ground))
+    return replace(evidence, p_robust=max(evidence.p_robust, min(1.0, p_value * evidence.tried)))
+
+
+def _deflated(quiet: Fit, ground: Ground) -> float:
+    """P-value of what a storage gains in the free simulation, less what noise as coloured as its errors gains anyway.
+
+    A storage has no zero from which the scatter of its coefficient could tell it apart. Quadratic forms in values with
+    the correlation a from sample to sample are larger by (1 + a) / (1 - a) at most, in slow directions.
+    """
+    without = quiet_fit(ground.base, ground.base.problem.logs, ground.journal)
+    if without is None:
+        return 0.0
+    tests = whiteness(quiet, quiet.problem.logs)
+    colour = min(max((test.first_correlation for test in tests), default=0.0), _LONGEST)
+    inflation = (1.0 + max(colour, 0.0)) / (1.0 - max(colour, 0.0))
+    return float(stats.chi2.sf(2.0 * max(without.nll - quiet.nll, 0.0) / inflation, 1))

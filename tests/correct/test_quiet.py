@@ -1,0 +1,77 @@
+"""Scores with the process noise held low, and the second look that a candidate must stand."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from bondgraph.correct.candidates import candidates, places
+from bondgraph.correct.confirm import confirmed
+from bondgraph.correct.fit import Fit, fit
+from bondgraph.correct.loop import LoopSettings, close_loop
+from bondgraph.correct.quiet import quiet_fit, quiet_scores, quiet_starts
+from bondgraph.correct.refit import Ground, at_optimum, coefficients, refit_alone
+from bondgraph.correct.scoring import linearisation, score_candidates
+from bondgraph.correct.trials import Trial
+from bondgraph.data.log import MatchedLog
+from tests.correct.sled import FUNCTIONS, added, built, fitted, pull, sled
+from vehicle_graphs import effects
+
+DRAG = 0.6
+
+
+@pytest.fixture(scope="module")
+def log() -> MatchedLog:
+    return pull(added(effects.quadratic_loss, "runner", DRAG), 5)
+
+
+@pytest.fixture(scope="module")
+def base(log: MatchedLog) -> Fit:
+    return fitted([log])
+
+
+def offered(base: Fit, log: MatchedLog):  # type: ignore[no-untyped-def]
+    where = places(built(), [log], base.runs([log]), base.theta)
+    return candidates(built(), [effects.quadratic_loss], [one for one in where if one.label == "runner"])[0]
+
+
+def test_quiet_scores_find_the_size_that_process_noise_hides(base: Fit, log: MatchedLog) -> None:
+    found = offered(base, log)
+    quiet = quiet_scores(base, [log], found)
+    assert quiet is not None
+    loud = score_candidates(linearisation(base, [log]), found).scores
+    assert quiet.scored.scores.gain[0] > 2.0 * loud.gain[0]
+    assert quiet.scored.scores.step[0] == pytest.approx(DRAG, rel=0.15)
+
+
+def test_a_start_from_the_quiet_fit_is_nearly_the_refit() -> None:
+    log = pull(added(effects.quadratic_loss, "runner", 0.1 * DRAG), 5)
+    base = fitted([log])
+    (candidate,) = offered(base, log)
+    quiet = quiet_scores(base, [log], [candidate])
+    assert quiet is not None
+    ground = Ground(built(), base, (log,), 10, 0.01, 5.0)
+    refit = refit_alone(Trial(candidate, 0.0), [0.1 * DRAG], ground)
+    assert refit.fit is not None
+    starts = quiet_starts(base, quiet, 0, coefficients(candidate, refit.fit.problem.filter_model))
+    values = refit.fit.problem.nll(np.array(starts).T)
+    assert float(np.min(values)) - refit.fit.nll < 0.3 * (base.nll - refit.fit.nll)
+
+
+def test_no_process_noise_leaves_nothing_to_be_held_low(base: Fit, log: MatchedLog) -> None:
+    free = [one for one in at_optimum(base) if one.target.kind != "process"]
+    assert quiet_fit(fit(base.problem.filter_model, [log], free), [log]) is None
+
+
+def test_what_the_data_need_stands_the_second_look(base: Fit, log: MatchedLog) -> None:
+    ground = Ground(built(), base, (log,), 10, 0.01, 5.0)
+    trial = refit_alone(Trial(offered(base, log)[0], 0.0), [DRAG], ground)
+    sure = confirmed(trial, ground)
+    assert sure.evidence is not None and sure.evidence.accepted(0.01)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_colour_that_poses_as_motion_names_nothing(seed: int) -> None:
+    logs = [pull(sled(), seed, colour=0.9)]
+    closed = close_loop(sled(), logs, [], FUNCTIONS, LoopSettings(faults=False))
+    assert not closed.added
