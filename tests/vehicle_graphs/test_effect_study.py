@@ -150,6 +150,7 @@ def test_the_right_answer_is_scored_as_right_with_its_interval(drawn: Drawn, clo
     assert (outcome.verdict, outcome.found, outcome.extra) == ("effect found", ("quadratic_loss at body",), ())
     (hit,) = outcome.hits
     assert hit.answer == "exact" and hit.covered in (True, False) and outcome.is_right
+    assert {"quadratic_loss at body", "quadratic_loss at wheel"} <= set(hit.group)
     (known,) = hit.coefficients.values()
     assert known["low"] < known["estimate"] < known["high"] and known["true"] == pytest.approx(
         known["estimate"], rel=0.3

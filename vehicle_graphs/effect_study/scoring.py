@@ -22,14 +22,16 @@ Answer = Literal["exact", "group", "place", "wrong", "unexplained", "none", "fai
 class Hit:
     """One true effect and what was said of it.
 
-    ``found`` is the effect that stands for it, ``coefficients`` the true ones and, where the effect was named exactly,
-    the estimates with their 95 % intervals.
+    ``found`` is the effect that stands for it, ``group`` all that the loop does not tell apart from that, itself
+    included; ``coefficients`` the true ones and, where the effect was named exactly, the estimates with their 95 %
+    intervals.
     """
 
     label: str
     answer: Answer
     found: str = ""
     coefficients: dict[str, dict[str, Any]] = field(default_factory=dict)
+    group: tuple[str, ...] = ()
 
     @property
     def is_right(self) -> bool:
@@ -99,7 +101,8 @@ class Outcome:
     def read(cls, kept: dict[str, Any]) -> Outcome:
         """The outcome of what was written to a file."""
         values = {name: tuple(kept[name]) for name in ("found", "extra")}
-        return cls(**(kept | values | {"hits": tuple(Hit(**hit) for hit in kept["hits"])}))
+        hits = tuple(Hit(**(hit | {"group": tuple(hit.get("group", ()))})) for hit in kept["hits"])
+        return cls(**(kept | values | {"hits": hits}))
 
     def written(self) -> dict[str, Any]:
         """The outcome for a file."""
@@ -153,19 +156,26 @@ def _answer(closed: ClosedLoop, added: Added, kind: Kind) -> Answer:
     label, place = _label(added), added.trial.candidate.place.label
     if label == kind.label:
         return "exact"
-    alike = {
-        other
-        for turn in closed.rounds
-        if turn.chosen is not None and turn.chosen.candidate.label == label
-        for other in (
-            *turn.chosen.stands_for,
-            *(f"{one.name} at {one.junction}" for one in turn.alternatives if one.indistinguishable),
-        )
-    }
+    alike = _group(closed, added)
     if kind.label in alike:
         return "group"
     near = {place, *closed.structure.like(place), *(other.partition(" at ")[2] for other in alike)}
     return "place" if kind.where in near else "wrong"
+
+
+def _group(closed: ClosedLoop, added: Added) -> set[str]:
+    """All that the loop does not tell apart from an effect that it added, by label."""
+    label = _label(added)
+    return {
+        other
+        for turn in closed.rounds
+        if turn.chosen is not None and turn.chosen.candidate.label == label
+        for other in (
+            label,
+            *turn.chosen.stands_for,
+            *(f"{one.name} at {one.junction}" for one in turn.alternatives if one.indistinguishable),
+        )
+    }
 
 
 def _true(kind: Kind, drawn: Drawn) -> dict[str, dict[str, Any]]:
@@ -180,7 +190,7 @@ def _hit(closed: ClosedLoop, added: Added, kind: Kind, answer: Answer, drawn: Dr
             if name in ends:
                 value = closed.corrected.values[name]
                 known |= {"estimate": value, "low": float(ends[name][0]), "high": float(ends[name][1])}
-    return Hit(kind.label, answer, _label(added), coefficients)
+    return Hit(kind.label, answer, _label(added), coefficients, tuple(sorted(_group(closed, added))))
 
 
 def _held_out(assessment: Assessment, noise: Mapping[str, float]) -> dict[str, float]:

@@ -97,6 +97,7 @@ def _summary(outcomes: Sequence[Outcome]) -> dict[str, Any]:
         "effect": share(outcomes, lambda one: all(hit.is_right for hit in one.hits)),
         "place": share(outcomes, _places_right),
         "answers": dict(Counter(hit.answer for one in outcomes for hit in one.hits)),
+        "group_size": _mean(len(hit.group) for one in outcomes for hit in one.hits if hit.is_right),
         "with_another_beside": sum(bool(one.extra) for one in outcomes),
         "coverage": rate(sum(covered), len(covered)),
         "held_out_nll_gain": _middle(o.before["nll"] - o.after["nll"] for o in outcomes if o.before),
@@ -113,6 +114,11 @@ def _worst(errors: dict[str, float]) -> float:
 def _middle(values: Iterable[float]) -> float | None:
     known = list(values)
     return float(np.median(known)) if known else None
+
+
+def _mean(values: Iterable[int]) -> float | None:
+    known = list(values)
+    return float(np.mean(known)) if known else None
 
 
 def nothing(outcomes: Sequence[Outcome]) -> dict[str, Any]:
@@ -207,11 +213,20 @@ def _main_table(found: dict[str, Any]) -> str:
     rates = [
         (
             name, said(one["right"]), said(one["effect"]), said(one["place"]), _listed(one["answers"]),
-            str(one["with_another_beside"]), said(one["coverage"]),
+            _number(one["group_size"]), str(one["with_another_beside"]), said(one["coverage"]),
         )
         for name, one in clear.items()
     ]  # fmt: skip
-    columns = ("size", "right", "effect or group", "place or group", "answers", "another beside", "interval holds")
+    columns = (
+        "size",
+        "right",
+        "effect or group",
+        "place or group",
+        "answers",
+        "mean group",
+        "another beside",
+        "interval holds",
+    )
     tables.append(_table("over all kinds", columns, rates))
     keys = ("held_out_error_before", "held_out_error_after", "held_out_nll_gain", "processor_seconds")
     middles = [(name, *(_number(one[key]) for key in keys)) for name, one in clear.items()]
