@@ -118,6 +118,10 @@ def alternatives(
         if close or len(listed) < most:
             place = trial.candidate.place.label
             listed.append(Alternative(trial.candidate.effect.name, place, trial.gain, close, why))
+        if close and trial.gate is not None:
+            same = f"its response is that of {trial.candidate.label} to these sensors"
+            names = [label.partition(" at ") for label in trial.stands_for]
+            listed += [Alternative(name, where, trial.gain, True, same) for name, _, where in names]
     return listed
 
 

@@ -20,7 +20,7 @@ import numpy as np
 from bondgraph.correct.candidates import Candidate, Variant
 from bondgraph.correct.fit import Fit, restricted
 from bondgraph.correct.response import decay
-from bondgraph.correct.score import best_step, score_pieces, solve
+from bondgraph.correct.score import Projected, best_step, score_pieces, solve
 from bondgraph.correct.scoring import Linearisation, Scored, candidate_change
 from bondgraph.correct.times import summed
 from bondgraph.data.log import FloatArray, MatchedLog
@@ -40,6 +40,11 @@ _ABSENT = 0.4
 _GATES = 14
 #: Switching times that are tried between neighbouring gates once a gated candidate stands out.
 _FINER = 30
+#: Candidates with this share of the best one's gain, less so many nats, are about as good with the same gate; so many
+#: of them count, those of one response but for rounding together.
+_NEAR, _CLOSE, _MOST_PEERS, _SAME = 0.9, 6.0, 4, 1.0 - 1e-6
+#: Candidates of the same response, each with its step.
+Peer = tuple[tuple[int, float], ...]
 #: Far away in time, s: an effect that is on, or off, throughout a log.
 _FAR = 1e6
 
@@ -209,7 +214,10 @@ def _andrews(statistic: float) -> float:
 
 @dataclass(frozen=True)
 class Gated:
-    """The gated candidate that scores best: which, when, its gain in nats, its step, and how many were tried."""
+    """The gated candidate that scores best: which, when, its gain in nats, its step, and how many were tried.
+
+    ``peers``: the candidates that score about as well with the same gate, those of the same response together.
+    """
 
     index: int
     gate: Gate
@@ -217,6 +225,7 @@ class Gated:
     step: float
     p_value: float
     tested: int
+    peers: tuple[Peer, ...] = ()
 
 
 def gate_samples(logs: Sequence[MatchedLog]) -> list[list[int]]:
@@ -253,8 +262,26 @@ def best_gated(linear: Linearisation, scored: Scored) -> Gated | None:
             if best is None or gain[top] > best.gain:
                 step, own, p_value = best_step(projected, [top], one_sided[[top]])
                 gate = Gate("from" if when == "from" else "until", name, time)
-                best = Gated(usable[top], gate, own, float(step[0]), p_value, 2 * len(points) * len(usable))
+                near = _peers(projected, gain, top, usable)
+                best = Gated(usable[top], gate, own, float(step[0]), p_value, 2 * len(points) * len(usable), near)
     return best
+
+
+def _peers(projected: Projected, gain: FloatArray, top: int, usable: Sequence[int]) -> tuple[Peer, ...]:
+    """Candidates nearly as good as the best, those of one response together."""
+    size = np.sqrt(np.maximum(np.diag(projected.information), np.finfo(float).tiny))
+    alike = projected.information / np.outer(size, size)
+    groups: list[list[int]] = [[top]]
+    for k in map(int, np.argsort(-gain, kind="stable")):
+        if gain[k] < _NEAR * gain[top] - _CLOSE or len(groups) > _MOST_PEERS:
+            break
+        group = next((group for group in groups if abs(alike[group[0], k]) > _SAME), None)
+        if group is None:
+            groups.append([k])
+        elif k != top:
+            group.append(k)
+    steps = projected.score / size**2
+    return tuple(tuple((usable[k], float(steps[k])) for k in group) for group in groups[:_MOST_PEERS])
 
 
 def _simplest(gain: FloatArray, candidates: Sequence[Candidate]) -> int:

@@ -75,14 +75,18 @@ def quiet_fit(base: Fit, train: Sequence[MatchedLog], journal: Journal | None = 
 
 
 def quiet_scores(
-    base: Fit, train: Sequence[MatchedLog], found: Sequence[Candidate], journal: Journal | None = None
+    base: Fit,
+    train: Sequence[MatchedLog],
+    found: Sequence[Candidate],
+    journal: Journal | None = None,
+    at: Sequence[Sequence[int]] | None = None,
 ) -> Quiet | None:
-    """Scores of candidates on the quiet fit, None where there is none."""
+    """Scores of candidates on the quiet fit, None where there is none; ``at`` as for :func:`score_candidates`."""
     fitted = quiet_fit(base, train, journal)
     if fitted is None:
         return None
     linear = linearisation(fitted, train)
-    return Quiet(fitted, linear, score_candidates(linear, found))
+    return Quiet(fitted, linear, score_candidates(linear, found, at))
 
 
 def quiet_starts(base: Fit, quiet: Quiet, index: int, own: Sequence[FreeParameter]) -> list[FloatArray]:
@@ -118,6 +122,20 @@ def quiet_starts(base: Fit, quiet: Quiet, index: int, own: Sequence[FreeParamete
             point[into] = np.where(moving, fitted.point + share * follows, sensors)
             point[process] = base.point[process] + lowered * (problem.lower - base.point)[process]
             found.append(np.concatenate([point, reached, rest]))
+    return found
+
+
+def lowered_starts(base: Fit, quiet: Fit | None) -> list[FloatArray]:
+    """Points (n,) of the free parameters of a fit: its own, with less process noise, and that of the quiet fit."""
+    problem = base.problem
+    process = np.array([one.target.kind == "process" for one in problem.free])
+    found = [np.where(process, base.point + share * (problem.lower - base.point), base.point) for share in _LOWERED]
+    if quiet is not None:
+        rows = {name: k for k, name in enumerate(problem.names)}
+        point = found[0].copy()
+        moving = [k for k, one in enumerate(quiet.problem.free) if one.target.kind == "parameter"]
+        point[[rows[quiet.problem.names[k]] for k in moving]] = quiet.point[moving]
+        found.append(point)
     return found
 
 

@@ -9,6 +9,7 @@ One that clearly falls behind an accepted one is given up.
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import NamedTuple
@@ -20,7 +21,7 @@ from bondgraph.correct.candidates import Candidate, Variant, superset
 from bondgraph.correct.decide import judge
 from bondgraph.correct.fit import Fit, Report, expand, fit, quiet_start
 from bondgraph.correct.journal import Journal
-from bondgraph.correct.quiet import Quiet, quiet_starts
+from bondgraph.correct.quiet import Quiet, lowered_starts, quiet_starts
 from bondgraph.correct.score import Scores
 from bondgraph.correct.scoring import Scored
 from bondgraph.correct.setup import filter_setup
@@ -81,6 +82,7 @@ class Ground:
     level: float
     need: float
     journal: Journal = field(default_factory=Journal)
+    quiet: Fit | None = None
 
 
 def coefficients(
@@ -209,10 +211,11 @@ def alike(trials: Sequence[Trial], found: Scores, least: float) -> list[list[int
             twin.append(j)
         elif found.p_value[j] < _CHANCE or trials[j].candidate.effect.amplitudes:
             groups.append([j])
-    return [sorted(group, key=lambda j: (*_remoteness(trials[j].candidate), j)) for group in groups]
+    return [sorted(group, key=lambda j: (*remoteness(trials[j].candidate), j)) for group in groups]
 
 
-def _remoteness(candidate: Candidate) -> tuple[int, bool, bool, bool]:
+def remoteness(candidate: Candidate) -> tuple[int, bool, bool, bool]:
+    """Of several candidates that the sensors cannot tell apart the one with the smallest is preferred."""
     size = len(candidate.effect.parameters)
     return size, not candidate.passive, bool(candidate.effect.channel), not candidate.beside_storage
 
@@ -363,12 +366,11 @@ def refit_alone(
     filter_model = replace(ground.base.problem.filter_model, model=extended.model)
     own = coefficients(trial.candidate, filter_model, shapes)
     rest = [parameter.coordinate(parameter.start) for parameter in own[len(start) :]]
+    points = [ground.base.point] if filter_model.is_stiff else lowered_starts(ground.base, ground.quiet)
     starts = [
-        np.concatenate([
-            ground.base.point, [_inside(one, share * value) for one, value in zip(own, start, strict=False)], rest
-        ])
-        for share in _STRIDES
-    ]  # fmt: skip
+        np.concatenate([point, [_inside(one, share * value) for one, value in zip(own, start, strict=False)], rest])
+        for point, share in itertools.product(points, _STRIDES)
+    ]
     free = (*at_optimum(ground.base), *own)
     fitted = fit(
         filter_model, ground.train, free, _MOST_ITERATIONS, _TOLERANCE, starts, journal=ground.journal

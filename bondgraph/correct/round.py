@@ -18,18 +18,18 @@ from bondgraph.correct.candidates import Candidate, Refused, candidates, places
 from bondgraph.correct.confirm import confirmed
 from bondgraph.correct.decide import alternatives, choose, detectable, hurdle
 from bondgraph.correct.fit import Fit, Report, no_report
-from bondgraph.correct.gates import best_gated, gate_samples, gated, refined, with_gate
+from bondgraph.correct.gates import Gated, Peer, best_gated, gate_samples, gated, refined, with_gate
 from bondgraph.correct.journal import Journal
 from bondgraph.correct.located import LocatedAt, locate
 from bondgraph.correct.probes import Probe, Signal, probes, signals
 from bondgraph.correct.quiet import Quiet, quiet_scores
-from bondgraph.correct.refit import Ground, refit_alone, refit_best, try_storage, worth_quiet
+from bondgraph.correct.refit import Ground, refit_alone, refit_best, remoteness, try_storage, worth_quiet
 from bondgraph.correct.scoring import Linearisation, Scored, linearisation, score_candidates
 from bondgraph.correct.trials import Alternative, Detectable, Trial
 from bondgraph.correct.whiteness import whiteness
 from bondgraph.data.log import MatchedLog
 from bondgraph.declare.effect import EffectFunction, Place
-from bondgraph.errors import DataError
+from bondgraph.errors import DataError, EstimationError
 
 #: A gated candidate must promise this many nats more than the best that acts throughout, beyond its number.
 _GATE_MARGIN = 6.0
@@ -103,10 +103,11 @@ def one_round(
     settings.report("score the candidates", 1, 1)
     ground = Ground(built, base, tuple(train), tried, settings.level, need, settings.journal)
     trials = _trials(scored, tried)
-    quiet = quiet_scores(base, train, vanishing, settings.journal)
+    quiet = quiet_scores(base, train, vanishing, settings.journal, gate_samples(train))
+    ground = replace(ground, quiet=None if quiet is None else quiet.fit)
     trials = refit_best(trials, scored, ground, settings.refits, settings.report, quiet)
     trials = _with_storages(trials, stateful, linear, quiet, ground, settings, bool(present))
-    trials += _gated_trial(linear, scored, trials, ground, settings)
+    trials += _gated_trials(linear, scored, quiet, ground, settings)
     trials, chosen = _chosen(trials, ground)
     others = alternatives(chosen, trials, scored.scores, settings.level)
     others = _with_advice(built, base, chosen, others, scored)
@@ -210,28 +211,50 @@ def _is_white(ground: Ground) -> bool:
     return all(test.p_value * len(tests) > ground.level for test in tests)
 
 
-def _gated_trial(
-    linear: Linearisation, scored: Scored, trials: Sequence[Trial], ground: Ground, settings: RoundSettings
+def _gated_trials(
+    linear: Linearisation, scored: Scored, quiet: Quiet | None, ground: Ground, settings: RoundSettings
 ) -> list[Trial]:
-    """The best candidate that acts in part of the data, if it promises clearly more than those that act throughout."""
-    best = best_gated(linear, scored)
-    if best is None:
-        return []
-    throughout = max((trial.score_gain for trial in trials if trial.candidate in scored.candidates), default=0.0)
-    margin = _GATE_MARGIN + float(np.log(best.tested / max(len(scored.candidates), 1)))
-    if best.gain < throughout + margin or best.p_value * best.tested > 0.05:
-        return []
-    settings.report("refit an effect that acts in part of the data", 0, 1)
-    original = scored.candidates[best.index]
-    best = refined(linear, best, original, scored.variants[best.index])
+    """The best candidates that act in part of the data, if they promise clearly more than those that act throughout.
+
+    They are looked for at the fit and, where there is one, at the quiet fit, which sees what noise hides.
+    """
+    made: dict[str, Trial] = {}
+    for own, known in ((linear, scored), *(() if quiet is None else ((quiet.linear, quiet.scored),))):
+        best = best_gated(own, known)
+        if best is None:
+            continue
+        throughout = float(known.scores.gain.max(initial=0.0))
+        margin = _GATE_MARGIN + float(np.log(best.tested / max(len(known.candidates), 1)))
+        if best.gain < max(throughout + margin, ground.need) or best.p_value * best.tested > 0.05:
+            continue
+        settings.report("refit effects that act in part of the data", 0, 1)
+        best = refined(own, best, known.candidates[best.index], known.variants[best.index])
+        for peer in best.peers:
+            for trial in _gated_refit(best, peer, known, ground):
+                kept = made.get(trial.candidate.label)
+                if kept is None or trial.gain > kept.gain:
+                    made[trial.candidate.label] = trial
+    return list(made.values())
+
+
+def _gated_refit(best: Gated, peer: Peer, known: Scored, ground: Ground) -> list[Trial]:
+    """One of the candidates that act in part of the data, refitted; none where its graph is refused."""
+    index, step = min(peer, key=lambda one: (*remoteness(known.candidates[one[0]]), one[0]))
+    step = best.step if index == best.index else step
+    original = known.candidates[index]
     function = gated(original.function, best.gate, ground.train)
     made, _ = candidates(ground.built, [function], [original.place])
     if not made:
         return []
     candidate = made[0]
     train = with_gate(ground.train, candidate.effect, best.gate)
-    trial = Trial(candidate, best.gain, (best.step,), score_p=min(1.0, best.p_value * best.tested), gate=best.gate)
-    return [refit_alone(trial, [best.step], replace(ground, train=train), tried=best.tested)]
+    twins = tuple(known.candidates[k].label for k, _ in peer if k != index)
+    chance = min(1.0, best.p_value * best.tested)
+    trial = Trial(candidate, best.gain, (step,), score_p=chance, stands_for=twins, gate=best.gate)
+    try:
+        return [refit_alone(trial, [step], replace(ground, train=train), tried=best.tested)]
+    except EstimationError:  # it diverges wherever its score points
+        return []
 
 
 def _nothing_to_try(built: BuiltModel, where: Sequence[Place], refused: Sequence[Refused]) -> str:

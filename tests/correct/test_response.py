@@ -88,6 +88,9 @@ def test_a_gated_response_is_that_of_an_effect_that_begins_there(
     seconds = best.gate.time + (40.0 if best.gate.log == "second" else 0.0)
     assert seconds == pytest.approx(40.0, abs=6.0)
     assert best.gain > max(scored.scores.gain)
+    peers = [[offered[k].label for k, _ in peer] for peer in best.peers]
+    assert {"quadratic_loss at runner", "quadratic_loss at drum"} <= set(peers[0])  # tied rigidly to each other
+    assert best.index in {k for k, _ in best.peers[0]}
 
 
 def test_structure_tells_what_sensors_can_tell_apart(linear: Linearisation, logs: list[MatchedLog]) -> None:
