@@ -229,7 +229,7 @@ def _gated_trials(
             continue
         settings.report("refit effects that act in part of the data", 0, 1)
         best = refined(own, best, known.candidates[best.index], known.variants[best.index])
-        for peer in best.peers:
+        for peer in best.peers[: 1 if ground.base.problem.filter_model.is_stiff else None]:  # each is compiled
             for trial in _gated_refit(best, peer, known, ground):
                 kept = made.get(trial.candidate.label)
                 if kept is None or trial.gain > kept.gain:
