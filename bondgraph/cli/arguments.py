@@ -145,7 +145,11 @@ def _add_run_commands(commands: Any) -> None:
     )  # fmt: skip
     _add_data(c)
     _add_problem(c)
-    c.add_argument("--method", default="both", choices=("both", "pso", "gradient"), help="search (default: both)")
+    c.add_argument(
+        "--method", default="both", choices=("both", "pso", "gradient"),
+        help="a short swarm whose best points start gradient searches (both, the default), the swarm alone (pso), or "
+        "gradient searches from the declared values and points spread over the bounds (gradient)",
+    )  # fmt: skip
     c.add_argument(
         "--certify", default="step", choices=("step", "full", "none"),
         help="look at the result again with halved integration steps, or fully also with the classical Runge-Kutta "

@@ -38,6 +38,22 @@ def test_expansions_equal_those_by_differences() -> None:
         assert one.sum == pytest.approx(other.sum, rel=1e-9)
 
 
+def test_several_starts_at_once_give_each_the_numbers_it_has_alone() -> None:
+    points = np.column_stack([swing_problem().start + 0.01 * k for k in range(4)])
+    steps = np.full(points.shape, 1e-4)
+    found = [
+        exact_derivatives(replace(swing_problem(), likelihood=FilterLikelihood(threads=n)), points, steps)
+        for n in (1, 2, 5)
+    ]
+    for others in found[1:]:
+        for one, other in zip(found[0], others, strict=True):
+            np.testing.assert_array_equal(one.gradient, other.gradient)
+            np.testing.assert_array_equal(one.information, other.information)
+    alone = [exact_derivatives(swing_problem(), points[:, [k]], steps[:, [k]])[0] for k in range(4)]
+    for one, single in zip(found[0], alone, strict=True):
+        np.testing.assert_allclose(one.gradient, single.gradient, rtol=1e-9, atol=1e-9)
+
+
 def test_a_search_with_exact_derivatives_finds_the_same_optimum() -> None:
     problem = swing_problem()
     exact = gauss_newton(problem, problem.start, jacobian=exact_derivatives)
