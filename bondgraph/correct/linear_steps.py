@@ -33,8 +33,8 @@ _DAMPING, _LEAST_DAMPING, _MOST_DAMPING, _DAMP_LESS, _DAMP_MORE = 1e-2, 1e-6, 1e
 _AS_PROMISED = 0.5
 #: No step is worth less than so many nats: what the linearised filter leaves out of the gradient is as large.
 _FINEST = 0.3
-#: Nor is it worth more steps to find one that gains, after one that did not, where the best promises less than this.
-_HARDLY = 2.0
+#: Nor are more trials for a step that gains, after so many that did not, where the best promises less than this.
+_HARDLY, _VAIN = 2.0, 3
 #: Longest steps: of the logarithm of a noise level, and of other coordinates as a share of their bounds. A level of
 #: which the data say nothing is else thrown to where they say a lot.
 _LONGEST_LEVEL, _LONGEST = 1.5, 0.3
@@ -112,7 +112,7 @@ def linear_search(
     expansion = linear_expansion(problem, point, runs)
     outcome = SearchOutcome.ITERATION_LIMIT
     longest = _longest_steps(problem)
-    idle = 0
+    idle = vain = 0
     for _ in range(iterations):
         promise = newton_decrement(problem, point, expansion)
         if promise < tolerance or idle == 2 or damping > _MOST_DAMPING:
@@ -124,11 +124,13 @@ def linear_search(
         reached, evaluations = _value(problem, trial, tried), evaluations + 1
         gained = value - reached
         if not gained > 0.0:
-            if promise < _HARDLY:
+            vain += 1
+            if promise < _HARDLY and vain == _VAIN:
                 outcome = SearchOutcome.CONVERGED
                 break
             damping *= _DAMP_MORE
             continue
+        vain = 0
         kept = gained / max(promised_gain(expansion, step), gained, 1e-300)
         point, value, runs = trial, reached, tried
         damping = max(damping / _DAMP_LESS, _LEAST_DAMPING) if kept > _AS_PROMISED else damping
