@@ -174,9 +174,9 @@ def offered() -> list[Candidate]:
     return everywhere()
 
 
-def test_every_effect_that_closes_no_loop_has_a_junction_in_the_driveline(offered: list[Candidate]) -> None:
+def test_every_effect_but_those_of_bonds_has_a_junction_in_the_driveline(offered: list[Candidate]) -> None:
     names = {candidate.effect.name for candidate in offered}
-    assert names == {function.__name__ for function in effect_functions(effects)} - {"added_compliance", "slip"}
+    assert names == {function.__name__ for function in effect_functions(effects)} - {"added_compliance"}
 
 
 def test_every_effect_says_where_its_law_comes_from_and_how_large_it_may_be(offered: list[Candidate]) -> None:
