@@ -12,6 +12,8 @@ from typing import TypeVar
 
 import numpy as np
 
+from bondgraph.data.log import MatchedLog
+from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.filterpy_bridge import filterpy_run
 from bondgraph.filter.likelihood import likelihood
 from bondgraph.simulate.cache import CACHE_VARIABLE
@@ -24,8 +26,10 @@ from tests.benchmarks.cases import RANGER, Case, masses
 from tests.benchmarks.scalar_filter import scalar_filter
 from tests.benchmarks.timing import Action, side_by_side
 
-#: Samples that are enough to time the slow candidates.
-_FEW, _SOME = 4, 40
+#: Samples that are enough to time the slow candidates, and over which values are compared.
+_FEW, _SOME, _COMPARED = 4, 40, 16
+#: A change of the start in its last digit.
+_LAST_DIGIT = 1e-15
 
 MEMBERS = 80
 
@@ -59,7 +63,8 @@ def against_others(case: Case, rounds: int) -> dict[str, float]:
     )
     fast = seconds["lanes, 80 members"]
     alphas = [replace(model, alpha=alpha) for alpha in (1e-3, 1e-2, 0.1, 1.0)]
-    equal = max(abs(likelihood(m, few, x0=x0).nll[0] / filterpy_run(m, few, x0=x0).nll - 1.0) for m in alphas)
+    compared = case.cut(_COMPARED)
+    equal = max(abs(likelihood(m, compared, x0=x0).nll[0] / filterpy_run(m, compared, x0=x0).nll - 1.0) for m in alphas)
     return {
         **{f"ms_per_sample: {name}": 1e3 * value for name, value in seconds.items()},
         "ratio_vs_filterpy": seconds["filterpy 2.0.0"] / fast,
@@ -68,8 +73,16 @@ def against_others(case: Case, rounds: int) -> dict[str, float]:
         "ratio_vs_filterpy_one_member": seconds["filterpy 2.0.0"] / seconds["lanes, 1 member"],
         "ratio_vs_scalar_numba_one_member": seconds["scalar numba"] / seconds["lanes, 1 member"],
         "relative_difference_from_filterpy_alpha_0.001_to_1": equal,
+        "relative_change_by_the_last_digit_of_the_start": max(_by_rounding(m, compared, x0) for m in alphas),
         "relative_difference_from_scalar_numba": abs(likelihood(model, some, x0=x0).nll[0] / scalar() - 1.0),
     }
+
+
+def _by_rounding(model: FilterModel, log: MatchedLog, x0: np.ndarray) -> float:
+    """How much of a likelihood is rounding: close sigma points and a stiff model leave it few digits."""
+    value = likelihood(model, log, x0=x0).nll[0]
+    moves = (_LAST_DIGIT * np.random.default_rng(seed).standard_normal(x0.shape) for seed in range(6))
+    return max(float(abs(likelihood(model, log, x0=x0 * (1.0 + move)).nll[0] / value - 1.0)) for move in moves)
 
 
 def growth(counts: Sequence[int], rounds: int) -> list[dict[str, object]]:
