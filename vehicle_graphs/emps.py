@@ -27,7 +27,7 @@ SCALE = Scale(150.0, 0.13)
 #: range, 2.6 mm/s, costs 0.9 % of force error on the training record.
 SMOOTHING_SPEED = 4e-4
 #: What the closed loop added to ``start`` on the training record among laws of one coefficient, in this order; with all
-#: laws it takes Stribeck's for Coulomb's friction and adds pre-sliding hysteresis, no better in open loop.
+#: laws it takes Stribeck's for Coulomb's friction, no better in open loop.
 FOUND_ONE_STEP = ("coulomb_loss", "direction_dependent_drag", "ripple_sine", "ripple_cosine")
 #: What the error of free simulation on the training record asked for beyond that: there small forces add up.
 FOUND_IN_FREE_SIMULATION = ("drifting_load",)
