@@ -269,7 +269,8 @@ def best_gated(linear: Linearisation, scored: Scored) -> Gated | None:
 
 def _peers(projected: Projected, gain: FloatArray, top: int, usable: Sequence[int]) -> tuple[Peer, ...]:
     """Candidates nearly as good as the best, those of one response together."""
-    size = np.sqrt(np.maximum(np.diag(projected.information), np.finfo(float).tiny))
+    told = np.diag(projected.information)
+    size = np.sqrt(np.where(projected.seen & (told > 0.0), told, 1.0))  # what is not seen gains nothing either
     alike = projected.information / np.outer(size, size)
     groups: list[list[int]] = [[top]]
     for k in map(int, np.argsort(-gain, kind="stable")):
