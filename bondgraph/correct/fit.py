@@ -178,7 +178,7 @@ def fit(
     problem = EstimationProblem(filter_model, tuple(logs), tuple(free))
     if journal is None:
         return _search(problem, iterations, tolerance, starts, beat, first)[0]
-    key = fit_key(filter_model, logs, free, (iterations, tolerance, list(starts), beat))
+    key = fit_key(filter_model, logs, free, (iterations, tolerance, [*starts, first], beat))
     known = journal.find(key)
     if known is not None:
         expansion = expand(problem, known.point, known.steps)
