@@ -6,13 +6,11 @@ of a machine than any other part. What a fit reports is always of the whole.
 
 from __future__ import annotations
 
-import math
-from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
-from bondgraph.data.log import MatchedLog
+from bondgraph.data.select import beginnings
 from bondgraph.estimate.problem import EstimationProblem
 
 #: Samples, over all logs, that a search far from its optimum looks at.
@@ -39,15 +37,3 @@ def excerpt(problem: EstimationProblem, enough: int = ENOUGH) -> EstimationProbl
         [np.isfinite(log.y).any(axis=1).tolist() for log in given] for given in (logs, problem.logs)
     )  # fmt: skip
     return replace(problem, logs=logs) if seen == whole else None
-
-
-def beginnings(logs: Sequence[MatchedLog], share: float) -> tuple[MatchedLog, ...]:
-    """The first share of the samples of each log.
-
-    Examples
-    --------
-    >>> log = MatchedLog("run", np.arange(10.0), np.zeros((0, 10)), np.zeros((1, 10)))
-    >>> [len(one) for one in beginnings([log], 0.25)]
-    [3]
-    """
-    return tuple(log.rows(np.arange(len(log)) < math.ceil(share * len(log))) for log in logs)

@@ -142,8 +142,7 @@ def linear_search(
 
 
 def _longest_steps(problem: EstimationProblem) -> FloatArray:
-    levels = np.array([parameter.target.kind in ("std", "process") for parameter in problem.free])
-    return np.where(levels, _LONGEST_LEVEL, _LONGEST * (problem.upper - problem.lower))
+    return np.where(problem.noise_levels, _LONGEST_LEVEL, _LONGEST * (problem.upper - problem.lower))
 
 
 def _value(problem: EstimationProblem, point: FloatArray, runs: Sequence[FilterRun]) -> float:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from typing import TypeVar
 
 import numpy as np
@@ -29,6 +31,19 @@ def window(log: AnyLog, start: float, end: float) -> AnyLog:
             where=(log.name,),
         )
     return log.rows(chosen)
+
+
+def beginnings(logs: Sequence[AnyLog], share: float, least: int = 1) -> tuple[AnyLog, ...]:
+    """The first share of the samples of each log, at least so many where it has them.
+
+    Examples
+    --------
+    >>> log = MatchedLog("run", np.arange(10.0), np.zeros((0, 10)), np.zeros((1, 10)))
+    >>> [len(one) for one in beginnings([log], 0.25)], [len(one) for one in beginnings([log], 0.25, least=20)]
+    ([3], [10])
+    """
+    counts = [max(math.ceil(share * len(log)), least) for log in logs]
+    return tuple(log.rows(np.arange(len(log)) < count) for log, count in zip(logs, counts, strict=True))
 
 
 def split(log: AnyLog, fraction: float) -> tuple[AnyLog, AnyLog]:

@@ -9,11 +9,11 @@ everything.
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
 
 import numpy as np
 
+from bondgraph.data.select import beginnings
 from bondgraph.estimate.exact import filtering_work
 from bondgraph.estimate.objective import FloatArray
 from bondgraph.estimate.particle_swarm import SwarmSettings
@@ -34,6 +34,9 @@ _WORK, _LEAST_SAMPLES = 6e8, 100
 
 #: Iterations that find valleys, and those without a gain that end the search for them.
 _ITERATIONS, _PATIENCE, _GAIN = 20, 6, 1.0
+
+#: Kinds of free parameters that are levels of noise.
+_LEVELS = ("std", "process")
 
 
 def swarm_search(
@@ -62,7 +65,7 @@ def without_noise_levels(problem: EstimationProblem) -> EstimationProblem:
     >>> without_noise_levels(pose(swing, log, ["length", "std(deflection)", "damping"])).names
     ('length', 'damping')
     """
-    others = tuple(parameter for parameter in problem.free if parameter.target.kind not in ("std", "process"))
+    others = tuple(parameter for parameter in problem.free if parameter.target.kind not in _LEVELS)
     if not others or len(others) == len(problem.free):
         return problem
     starts = {kind: {p.target.name: p.start for p in problem.free if p.target.kind == kind} for kind in _LEVELS}
@@ -73,9 +76,6 @@ def without_noise_levels(problem: EstimationProblem) -> EstimationProblem:
         process_noise={**declared.process_noise, **starts["process"]},
     )
     return replace(problem, filter_model=held, free=others)
-
-
-_LEVELS = ("std", "process")
 
 
 def excerpt(problem: EstimationProblem, evaluations: int) -> EstimationProblem:
@@ -99,9 +99,7 @@ def excerpt(problem: EstimationProblem, evaluations: int) -> EstimationProblem:
     share = _WORK / (filtering_work(problem) * evaluations)
     if share >= 1.0:
         return problem
-    counts = [min(len(log), max(math.ceil(share * len(log)), _LEAST_SAMPLES)) for log in problem.logs]
-    logs = tuple(log.rows(np.arange(len(log)) < count) for log, count in zip(problem.logs, counts, strict=True))
-    return replace(problem, logs=logs)
+    return replace(problem, logs=beginnings(problem.logs, share, _LEAST_SAMPLES))
 
 
 def whole_points(problem: EstimationProblem, part: EstimationProblem, points: FloatArray) -> FloatArray:
