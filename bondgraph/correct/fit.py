@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -97,14 +97,23 @@ class Fit:
         known = model.names("parameter")
         return model.theta(**{name: value for name, value in own.items() if name in known})
 
+    @property
+    def elsewhere(self) -> FilterModel:
+        """The filter for logs whose starts were not estimated: it is as unsure of them as the priors were."""
+        wide = {one.target.name: one.prior_std for one in self.problem.free if one.target.log and one.prior_std}
+        own = self.problem.filter_model
+        return replace(own, initial_std={**own.initial_std, **wide}) if wide else own
+
     def runs(self, logs: Sequence[MatchedLog]) -> list[FilterRun]:
         """The filter over logs (these or others) at the optimum."""
         if not logs:
             return []
-        problem = EstimationProblem(
-            self.problem.filter_model, tuple(logs), shared(self.problem.free), self.problem.initial
-        )
-        kept = [i for i, parameter in enumerate(self.problem.free) if parameter in problem.free]
+        names = {log.name for log in logs}
+        own = names <= {parameter.target.log for parameter in self.problem.free}
+        filter_model = self.problem.filter_model if own else self.elsewhere
+        kept = [k for k, one in enumerate(self.problem.free) if one.target.log is None or one.target.log in names]
+        free = tuple(self.problem.free[k] for k in kept)
+        problem = EstimationProblem(filter_model, tuple(logs), free, self.problem.initial)
         batch = problem.batch(self.point[kept][:, np.newaxis])
         return [
             run(
@@ -113,11 +122,6 @@ class Fit:
             )
             for log, x0 in zip(logs, batch.x0, strict=True)
         ]  # fmt: skip
-
-
-def shared(free: Sequence[FreeParameter]) -> tuple[FreeParameter, ...]:
-    """Free parameters that do not belong to one log."""
-    return tuple(parameter for parameter in free if parameter.target.log is None)
 
 
 def restricted(expansion: Expansion, kept: BoolArray) -> Expansion:

@@ -115,7 +115,9 @@ def missing_in_blocks(built: BuiltModel, fitted: Fit, logs: Sequence[MatchedLog]
         own,
         model=built.model,
         process_noise={name: std for name, std in _process(fitted).items() if name in built.model.names("state")},
-        initial_std={name: std for name, std in own.initial_std.items() if name in built.model.names("state")},
+        initial_std={
+            name: std for name, std in fitted.elsewhere.initial_std.items() if name in built.model.names("state")
+        },
         measurement_noise={**own.measurement_noise, **_noise(fitted)},
     )
     theta = fitted.theta_of(built.model)
@@ -210,7 +212,7 @@ def _followed(extended: BuiltModel, fitted: Fit, load: str, place: Place) -> Fil
     batch = fitted.problem.batch(fitted.point[:, np.newaxis])
     process = dict(zip(own.state_names, map(float, batch.process_std[:, 0]), strict=True))
     states = extended.model.names("state")
-    start = {name: value for name, value in own.initial_std.items() if name in states}
+    start = {name: value for name, value in fitted.elsewhere.initial_std.items() if name in states}
     return replace(
         own,
         model=extended.model,

@@ -14,6 +14,7 @@ from bondgraph.correct.fit import Fit, fit
 from bondgraph.correct.gates import Constancy, Gate, When, constancy, gated, with_gate
 from bondgraph.correct.refit import Ground, at_optimum, refit_alone
 from bondgraph.correct.round import Round, RoundSettings
+from bondgraph.correct.starts import with_starts
 from bondgraph.correct.trials import Trial
 from bondgraph.data.log import MatchedLog
 from bondgraph.declare.graph import BondGraph
@@ -89,6 +90,7 @@ def _estimated(state: Progress, chosen: Trial, settings: RoundSettings) -> Progr
         raise EstimationError(f"{chosen.candidate.label}: only a candidate that was refitted can be added")
     filter_model = replace(chosen.fit.problem.filter_model, model=chosen.built.model)
     fitted = fit(filter_model, state.train, at_optimum(chosen.fit), journal=settings.journal)
+    fitted = with_starts(fitted, settings.journal)
     return replace(state, built=chosen.built, fit=fitted, added=(*state.added, chosen))
 
 
@@ -165,8 +167,12 @@ def without(state: Progress, index: int, action: str, why: str, number: int, set
     for trial in kept:
         graph = trial.candidate.apply(graph)
     built = build(graph)
-    free = tuple(one for one in at_optimum(state.fit) if one.name not in gone.candidate.effect.parameters)
     names = built.model.names("state")
+    free = tuple(
+        one
+        for one in at_optimum(state.fit)
+        if one.name not in gone.candidate.effect.parameters and (one.target.kind != "x0" or one.target.name in names)
+    )
     own = state.fit.problem.filter_model
     filter_model = replace(
         own,

@@ -328,7 +328,7 @@ def try_storage(trial: Trial, ground: Ground, beat: float, quiet: tuple[Quiet, i
     filter_model = replace(
         ground.base.problem.filter_model,
         model=extended.model,
-        initial_std=own.filter_model.initial_std,
+        initial_std={**own.filter_model.initial_std, **_estimated_starts(ground.base)},
         substeps=own.filter_model.substeps,
     )
     added = coefficients(trial.candidate, filter_model)
@@ -353,6 +353,12 @@ def try_storage(trial: Trial, ground: Ground, beat: float, quiet: tuple[Quiet, i
         ground.journal,
     )  # fmt: skip
     return replace(trial, fit=fitted, evidence=judge(ground.base, fitted, trial.candidate.effect, ground.tried))
+
+
+def _estimated_starts(base: Fit) -> dict[str, float]:
+    """How unsure the filter is of states whose starts are estimated."""
+    estimated = {one.target.name for one in base.problem.free if one.target.kind == "x0"}
+    return {name: std for name, std in base.problem.filter_model.initial_std.items() if name in estimated}
 
 
 def refit_alone(
