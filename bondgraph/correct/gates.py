@@ -24,7 +24,9 @@ from bondgraph.correct.score import Projected, best_step, score_pieces, solve
 from bondgraph.correct.scoring import Linearisation, Scored, candidate_change
 from bondgraph.correct.times import summed
 from bondgraph.data.log import FloatArray, MatchedLog
+from bondgraph.declare.editing import share_effort
 from bondgraph.declare.effect import Effect, EffectFunction, Place
+from bondgraph.declare.elements import STORAGES
 from bondgraph.declare.functions import switch
 from bondgraph.declare.graph import BondGraph
 from bondgraph.declare.quantities import symbol
@@ -75,6 +77,7 @@ def gated(function: EffectFunction, gate: Gate, logs: Sequence[MatchedLog]) -> E
     only = gate.time if len(logs) == 1 else (-_FAR if gate.when == "from" else _FAR)
 
     def extended(g: BondGraph, at: Place) -> Effect | None:
+        declared = set(g.nodes)
         effect = function(g, at)
         if effect is None or effect.adds_state:
             return None
@@ -82,7 +85,10 @@ def gated(function: EffectFunction, gate: Gate, logs: Sequence[MatchedLog]) -> E
         soft = g.parameter(f"width_{gate_name(effect)}", width, "s", "time in which it changes over")
         past = switch(symbol("t") - own, soft)
         on = past if gate.when == "from" else 1 - past
-        replace_symbols(g, {name: symbol(name) * on for name in effect.coefficients})
+        if effect.element in g.nodes and g.nodes[effect.element].kind in STORAGES and effect.element not in declared:
+            share_effort(g, effect.element, on)
+        else:
+            replace_symbols(g, {name: symbol(name) * on for name in effect.coefficients})
         return replace(effect, law=f"{effect.law}, {gate.when} {gate.time:.4g} s of {gate.log}")
 
     extended.__name__ = function.__name__

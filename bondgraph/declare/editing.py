@@ -5,7 +5,10 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Mapping
 
+from sympy import Expr
+
 from bondgraph.declare.elements import Bond, Node
+from bondgraph.declare.expressions import signal
 from bondgraph.declare.graph import BondGraph, Handle
 from bondgraph.declare.quantities import Parameter
 from bondgraph.declare.requirements import check_requirements
@@ -73,6 +76,38 @@ def split_bond(graph: BondGraph, bond: Bond, junction: Node) -> Handle:
     index = graph._bonds.index(bond)
     graph._bonds[index : index + 1] = [Bond(bond.source, middle.name), Bond(middle.name, bond.target)]
     return middle
+
+
+def share_effort(graph: BondGraph, element: str, share: Expr) -> None:
+    """Let an element at a 1-junction act there with a share of its effort, a storage go on as if it acted with all.
+
+    It leaves the junction for a source that imposes the junction's flow on it. A share that changes with time then
+    changes an effort; a storage whose coefficient changes would give or take what it holds at that moment.
+
+    Raises
+    ------
+    DeclarationError
+        If the element has not one bond to a 1-junction.
+
+    Examples
+    --------
+    >>> g = BondGraph("sled")
+    >>> body = g.one_junction("body")
+    >>> _ = g.inertance("mass", 40.0, at=body)
+    >>> _ = g.inertance("load", 10.0, at=body)
+    >>> share_effort(g, "load", g.parameter("share", 0.5, "1"))
+    >>> [str(bond) for bond in g.bonds], g.nodes["share_of_load"].law("effort")
+    (['body -> mass', 'flow_of_load -> load', 'share_of_load -> body'], -effort(load)*share)
+    """
+    own = [bond for bond in graph._bonds if element in (bond.source, bond.target)]
+    nodes = graph.flatten().nodes
+    ends = [bond.source for bond in own if bond.source in nodes and nodes[bond.source].kind == "1"]
+    if len(own) != 1 or len(ends) != 1:
+        raise DeclarationError(f"{graph.name}: {element} is not at a 1-junction that drives it", where=(element,))
+    junction = handle(graph, ends[0])
+    source = graph.flow_source(f"flow_of_{element}", junction.flow)
+    graph._bonds[graph._bonds.index(own[0])] = Bond(source.name, element)
+    graph.effort_source(f"share_of_{element}", -share * signal("effort", element), at=junction)
 
 
 def with_values(graph: BondGraph, values: Mapping[str, float]) -> BondGraph:

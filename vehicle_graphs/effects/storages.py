@@ -104,7 +104,7 @@ def _inertance_beside(g: BondGraph, junction: Handle) -> tuple[float, str] | Non
         other = flat.nodes[bond.target if bond.source == junction.name else bond.source]
         law = other.law("flow") if other.kind == "I" and other.ports == 1 else None
         reciprocal = None if law is None else linear_coefficient(law, symbol("momentum"))
-        if reciprocal is not None and reciprocal.free_symbols <= set(values):
+        if reciprocal is not None and reciprocal.free_symbols <= set(values) and reciprocal.subs(values).is_finite:
             used = [declared[name] for name in reciprocal.free_symbols]
             domain = junction.domain
             unit = "" if domain is None else f"{domain.momentum_unit}/({domain.flow_unit})"
