@@ -73,6 +73,12 @@ def test_a_fault_shows_in_its_own_sensor_only() -> None:
     assert {name for name, shown in known.shown.items() if shown > 1e-9} == {"speed"}
 
 
+def test_an_effect_that_the_drives_do_not_show_is_not_made_huge() -> None:
+    """A torque that never changes its sign takes up play once and for all."""
+    with pytest.raises(DataError, match="do not show backlash at twist - it would have to be"):
+        draw(BENCH, Case("effect", "backlash at twist", 3.0, 2))
+
+
 def test_true_parameters_differ_from_the_declared_ones_but_where_it_is_said() -> None:
     nominal = {info.name: info.value for info in BENCH.free()}
     for (name, _), differs in zip(NOTHING, (False, True, True, True), strict=True):

@@ -105,7 +105,7 @@ def draw(machine: StudyMachine, case: Case) -> Drawn:
     Raises
     ------
     DataError
-        If the machine diverges.
+        If the machine diverges, or its drives do not show the effect.
     """
     rng = np.random.default_rng([case.seed, *case.family.encode(), *case.subject.encode()])
     plain, _ = machine.model()
@@ -148,12 +148,24 @@ def _true_values(machine: StudyMachine, rng: np.random.Generator, exact: bool) -
 
 
 def _sized_truth(imitation: _Imitation, kinds: tuple[Kind, ...], size: float) -> Truth:
-    """The true machine; each of its effects alone would have the wanted size."""
+    """The true machine; each of its effects alone would have the wanted size.
+
+    Raises
+    ------
+    DataError
+        If an effect would have to be larger than it can be.
+    """
     machine, values = imitation.machine, imitation.values
     found: dict[str, float] = {}
     for kind in kinds:
         (effect,) = machine.model((kind,))[1]
-        found |= coefficient_values(kind, effect, _first_coefficient(imitation, kind, size))
+        first = _first_coefficient(imitation, kind, size)
+        if abs(first) > kind.largest:
+            raise DataError(
+                f"{machine.name}: these drives do not show {kind.label} - it would have to be {first:.3g}, and is at "
+                f"most {kind.largest:.3g}"
+            )
+        found |= coefficient_values(kind, effect, first)
     return _truth(machine, kinds, values, found)
 
 

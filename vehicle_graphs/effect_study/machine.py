@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 
@@ -39,6 +40,8 @@ class Kind:
         Further coefficients over the first.
     shapes
         Values of the parameters that shape its law.
+    largest
+        Size of the first coefficient beyond which it is no such effect any more.
     relatives
         Effect functions that come near it, by name.
     outside, in_part
@@ -56,6 +59,7 @@ class Kind:
     guess: float
     ratios: tuple[float, ...] = ()
     shapes: tuple[float, ...] = ()
+    largest: float = math.inf
     relatives: tuple[str, ...] = ()
     outside: bool = False
     in_part: bool = False

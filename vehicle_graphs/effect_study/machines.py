@@ -82,7 +82,7 @@ BENCH = StudyMachine(
         Kind(effects.headwind, "body", 0.5, relatives=_others("headwind", _WITH_SPEED)),
         Kind(effects.actuator_lag, "primary", 0.03, outside=True),
         Kind(effects.added_compliance, "wheel -> tyre", 1e-4),
-        Kind(effects.backlash, "twist", 0.002),
+        Kind(effects.backlash, "twist", 0.002, largest=0.2),
     ),
     faults=tuple(
         Kind(fault, output, guess)
