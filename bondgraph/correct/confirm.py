@@ -63,16 +63,17 @@ def _in_free_simulation(refit: Fit, trial: Trial, evidence: Evidence, ground: Gr
     if quiet is None:  # no simulation with it stays near the logs
         return replace(evidence, p_robust=1.0)
     p_value = robust_p_value(quiet, trial.candidate.effect.coefficients)
-    if trial.candidate.effect.adds_state:
+    if trial.candidate.effect.adds_state or trial.gate is not None:
         p_value = max(p_value, _deflated(quiet, ground))
     return replace(evidence, p_robust=max(evidence.p_robust, min(1.0, p_value * evidence.tried)))
 
 
 def _deflated(quiet: Fit, ground: Ground) -> float:
-    """P-value of what a storage gains in the free simulation, less what noise as coloured as its errors gains anyway.
+    """P-value of what a candidate gains in the free simulation, less what noise as coloured as its errors gains anyway.
 
-    A storage has no zero from which the scatter of its coefficient could tell it apart. Quadratic forms in values with
-    the correlation a from sample to sample are larger by (1 + a) / (1 - a) at most, in slow directions.
+    A storage has no zero from which the scatter of its coefficient could tell it apart; one that acts in part of the
+    data rests on few blocks of time, whose scatter tells too little of noise that wanders. Quadratic forms in values
+    with the correlation a from sample to sample are larger by (1 + a) / (1 - a) at most, in slow directions.
     """
     without = quiet_fit(ground.base, ground.base.problem.logs, ground.journal)
     if without is None:

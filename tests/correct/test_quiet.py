@@ -16,6 +16,9 @@ from bondgraph.correct.trials import Trial
 from bondgraph.data.log import MatchedLog
 from tests.correct.sled import FUNCTIONS, added, built, fitted, pull, sled
 from vehicle_graphs import effects
+from vehicle_graphs.effect_study.cases import Case
+from vehicle_graphs.effect_study.generate import draw
+from vehicle_graphs.effect_study.machines import BENCH
 
 DRAG = 0.6
 
@@ -74,4 +77,11 @@ def test_what_the_data_need_stands_the_second_look(base: Fit, log: MatchedLog) -
 def test_a_colour_that_poses_as_motion_names_nothing(seed: int) -> None:
     logs = [pull(sled(), seed, colour=0.9)]
     closed = close_loop(sled(), logs, [], FUNCTIONS, LoopSettings(faults=False))
+    assert not closed.added
+
+
+def test_a_colour_that_poses_as_an_effect_of_half_the_run_names_nothing() -> None:
+    drawn = draw(BENCH, Case("none", "coloured noise", 0.0, 23))
+    closed = close_loop(BENCH.graph(), drawn.train, [], [effects.creep], LoopSettings(faults=False))
+    assert any(trial.gate is not None and trial.evidence is not None for trial in closed.rounds[0].trials)
     assert not closed.added
