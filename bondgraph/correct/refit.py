@@ -68,7 +68,9 @@ _STRIDES = (1.0, 0.5, 0.1, 0.0)
 _MULTIPLES = (1.0, 4.0, 16.0)
 _QUIETER = 2.0
 #: Where a storage is tried first, as shares of its bounds on a logarithmic scale.
-_SIZES = (0.25, 0.5, 0.75)
+_SIZES = (0.125, 0.25, 0.375, 0.5, 0.625, 0.75, 0.875)
+#: The steps that a storage is given at most, as a multiple of those of the model without it.
+_MOST_STEPS = 4
 
 
 @dataclass(frozen=True)
@@ -329,7 +331,7 @@ def try_storage(trial: Trial, ground: Ground, beat: float, quiet: tuple[Quiet, i
         ground.base.problem.filter_model,
         model=extended.model,
         initial_std={**own.filter_model.initial_std, **_estimated_starts(ground.base)},
-        substeps=own.filter_model.substeps,
+        substeps=min(own.filter_model.substeps, _MOST_STEPS * ground.base.problem.filter_model.substeps),
     )
     added = coefficients(trial.candidate, filter_model)
     problem = EstimationProblem(filter_model, ground.train, (*at_optimum(ground.base), *added))
@@ -340,19 +342,32 @@ def try_storage(trial: Trial, ground: Ground, beat: float, quiet: tuple[Quiet, i
     starts = np.clip(np.array(points).T, problem.lower[:, np.newaxis], problem.upper[:, np.newaxis])
     values = problem.nll(starts)
     best = int(np.argmin(np.where(np.isfinite(values), values, np.inf)))
+    trial = replace(trial, built=extended, untried=_untried(problem, starts, values, len(added)))
     if not np.isfinite(values[best]):
         return trial
     steps = GaussNewtonSettings().difference * (problem.upper - problem.lower)
     expansion = expand(problem, starts[:, best], steps)
     promise = ground.base.nll - float(values[best]) + newton_decrement(problem, starts[:, best], expansion)
-    trial = replace(trial, built=extended, score_gain=max(promise, 0.0))
+    trial = replace(trial, score_gain=max(promise, 0.0))
     if promise < 0.5 * ground.need:
         return trial
+    beat = min(beat, ground.base.nll - 0.5 * ground.need)
     fitted = fit(
         problem.filter_model, problem.logs, problem.free, _MOST_ITERATIONS, _TOLERANCE, [starts[:, best]], beat,
         ground.journal,
     )  # fmt: skip
     return replace(trial, fit=fitted, evidence=judge(ground.base, fitted, trial.candidate.effect, ground.tried))
+
+
+def _untried(problem: EstimationProblem, points: FloatArray, values: FloatArray, count: int) -> str:
+    """Which sizes of a storage its steps do not resolve; points (n, sizes), of which the last ``count`` are its own."""
+    sizes = problem.values(points)[-count][~np.isfinite(values)]
+    if not sizes.size:
+        return ""
+    return (
+        f"{problem.names[-count]} of {sizes.min():.3g} to {sizes.max():.3g} was not tried, for which "
+        f"{problem.filter_model.substeps} steps from sample to sample are too few"
+    )
 
 
 def _estimated_starts(base: Fit) -> dict[str, float]:
