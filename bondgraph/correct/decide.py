@@ -115,7 +115,7 @@ def alternatives(
     listed: list[Alternative] = []
     for trial in ranked:
         close, why = _why_not(chosen, trial, found, order, level)
-        why += f"; {trial.untried}" if trial.untried else ""
+        why += f"; {trial.remark}" if trial.remark else ""
         if close or len(listed) < most:
             place = trial.candidate.place.label
             listed.append(Alternative(trial.candidate.effect.name, place, trial.gain, close, why))

@@ -71,6 +71,9 @@ _QUIETER = 2.0
 _SIZES = (0.125, 0.25, 0.375, 0.5, 0.625, 0.75, 0.875)
 #: The steps that a storage is given at most, as a multiple of those of the model without it.
 _MOST_STEPS = 4
+#: One that loses this many times what an effect must gain, at every size that is tried, is not refitted: towards no
+#: size at all it loses nothing, and those that the data asked for gained at some size with all else as it was.
+_LOSES = 5.0
 
 
 @dataclass(frozen=True)
@@ -342,12 +345,13 @@ def try_storage(trial: Trial, ground: Ground, beat: float, quiet: tuple[Quiet, i
     starts = np.clip(np.array(points).T, problem.lower[:, np.newaxis], problem.upper[:, np.newaxis])
     values = problem.nll(starts)
     best = int(np.argmin(np.where(np.isfinite(values), values, np.inf)))
-    trial = replace(trial, built=extended, untried=_untried(problem, starts, values, len(added)))
-    if not np.isfinite(values[best]):
+    loss = float(values[best]) - ground.base.nll
+    trial = replace(trial, built=extended, remark=_remark(problem, starts, values, len(added)))
+    if not loss < _LOSES * ground.need:
         return trial
     steps = GaussNewtonSettings().difference * (problem.upper - problem.lower)
     expansion = expand(problem, starts[:, best], steps)
-    promise = ground.base.nll - float(values[best]) + newton_decrement(problem, starts[:, best], expansion)
+    promise = -loss + newton_decrement(problem, starts[:, best], expansion)
     trial = replace(trial, score_gain=max(promise, 0.0))
     if promise < 0.5 * ground.need:
         return trial
@@ -359,7 +363,7 @@ def try_storage(trial: Trial, ground: Ground, beat: float, quiet: tuple[Quiet, i
     return replace(trial, fit=fitted, evidence=judge(ground.base, fitted, trial.candidate.effect, ground.tried))
 
 
-def _untried(problem: EstimationProblem, points: FloatArray, values: FloatArray, count: int) -> str:
+def _remark(problem: EstimationProblem, points: FloatArray, values: FloatArray, count: int) -> str:
     """Which sizes of a storage its steps do not resolve; points (n, sizes), of which the last ``count`` are its own."""
     sizes = problem.values(points)[-count][~np.isfinite(values)]
     if not sizes.size:

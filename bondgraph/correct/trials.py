@@ -35,7 +35,7 @@ class Trial:
 
     ``score_p`` is the p-value of the score, corrected for the number of candidates. ``stands_for`` names the candidates
     whose response is the same to rounding, of which this one was refitted. ``gate``: it acts in part of the data only.
-    ``untried`` says which sizes were left out, if any.
+    ``remark``: sizes that were left out, if any.
     """
 
     candidate: Candidate
@@ -47,7 +47,7 @@ class Trial:
     score_p: float = 1.0
     stands_for: tuple[str, ...] = ()
     gate: Gate | None = None
-    untried: str = ""
+    remark: str = ""
 
     @property
     def gain(self) -> float:

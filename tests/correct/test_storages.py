@@ -1,4 +1,4 @@
-"""Storages that are tried at several sizes: how many steps they get, and what those leave untried."""
+"""Storages that are tried at several sizes: how many steps they get, and what those leave remark."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def test_a_storage_gets_a_multiple_of_the_steps_at_most_and_says_what_they_do_no
     monkeypatch.setattr(refit, "_MOST_STEPS", 1)
     tried = try_storage(Trial(candidate, 0.0), ground, float("inf"))
     steps = base.problem.filter_model.substeps
-    assert f"was not tried, for which {steps} steps from sample to sample are too few" in tried.untried
+    assert f"was not tried, for which {steps} steps from sample to sample are too few" in tried.remark
     assert tried.evidence is None or not tried.evidence.accepted(0.01)
     (said,) = alternatives(None, [tried], score_candidates(linearisation(base, logs), []).scores, 0.01)
-    assert tried.untried in said.why
+    assert tried.remark in said.why
