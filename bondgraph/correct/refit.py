@@ -19,19 +19,15 @@ import numpy as np
 from bondgraph.correct.build import BuiltModel, build
 from bondgraph.correct.candidates import Candidate, Variant, superset
 from bondgraph.correct.decide import judge
-from bondgraph.correct.fit import Fit, Report, expand, fit, quiet_start
+from bondgraph.correct.fit import Fit, Report, fit, quiet_start
 from bondgraph.correct.journal import Journal
 from bondgraph.correct.quiet import Quiet, lowered_starts, quiet_starts
 from bondgraph.correct.score import Scores
 from bondgraph.correct.scoring import Scored
-from bondgraph.correct.setup import filter_setup
 from bondgraph.correct.trials import Trial
 from bondgraph.data.log import FloatArray, MatchedLog
 from bondgraph.errors import EstimationError
 from bondgraph.estimate.free import FreeParameter
-from bondgraph.estimate.gauss_newton import GaussNewtonSettings
-from bondgraph.estimate.problem import EstimationProblem
-from bondgraph.estimate.steps import newton_decrement
 from bondgraph.filter.filter_model import FilterModel
 
 #: Candidates are compared to this many nats; the chosen one is then estimated to the end.
@@ -67,13 +63,6 @@ _STRIDES = (1.0, 0.5, 0.1, 0.0)
 #: Multiples of that step, and by how much (of a logarithm) lower process noise, at which a stiff model is tried too.
 _MULTIPLES = (1.0, 4.0, 16.0)
 _QUIETER = 2.0
-#: Where a storage is tried first, as shares of its bounds on a logarithmic scale.
-_SIZES = (0.125, 0.25, 0.375, 0.5, 0.625, 0.75, 0.875)
-#: The steps that a storage is given at most, as a multiple of those of the model without it.
-_MOST_STEPS = 4
-#: One that loses this many times what an effect must gain, at every size that is tried, is not refitted: towards no
-#: size at all it loses nothing, and those that the data asked for gained at some size with all else as it was.
-_LOSES = 5.0
 
 
 @dataclass(frozen=True)
@@ -320,64 +309,6 @@ def _inside(coefficient: FreeParameter, step: float) -> float:
 def _judged(trial: Trial, fitted: Fit, built: BuiltModel, ground: Ground, twins: tuple[str, ...]) -> Trial:
     evidence = judge(ground.base, fitted, trial.candidate.effect, ground.tried)
     return replace(trial, built=built, fit=fitted, evidence=evidence, stands_for=twins)
-
-
-def try_storage(trial: Trial, ground: Ground, beat: float, quiet: tuple[Quiet, int | None] | None = None) -> Trial:
-    """A candidate that brings a state of its own: it has no zero to be tested at, so it is tried at several sizes.
-
-    From the best of them one expansion says what a fit would gain at most; only if that passes is it fitted. ``quiet``:
-    scores with the process noise held low and the candidate's place in them, if it has a score.
-    """
-    extended = build(trial.candidate.apply(ground.built.graph))
-    own = filter_setup(extended.model, extended.driven, ground.train)
-    filter_model = replace(
-        ground.base.problem.filter_model,
-        model=extended.model,
-        initial_std={**own.filter_model.initial_std, **_estimated_starts(ground.base)},
-        substeps=min(own.filter_model.substeps, _MOST_STEPS * ground.base.problem.filter_model.substeps),
-    )
-    added = coefficients(trial.candidate, filter_model)
-    problem = EstimationProblem(filter_model, ground.train, (*at_optimum(ground.base), *added))
-    lower, upper = (bound[ground.base.point.size :] for bound in (problem.lower, problem.upper))
-    points = [np.concatenate([ground.base.point, lower + share * (upper - lower)]) for share in _SIZES]
-    if quiet is not None and quiet[1] is not None:
-        points += quiet_starts(ground.base, quiet[0], quiet[1], added)
-    starts = np.clip(np.array(points).T, problem.lower[:, np.newaxis], problem.upper[:, np.newaxis])
-    values = problem.nll(starts)
-    best = int(np.argmin(np.where(np.isfinite(values), values, np.inf)))
-    loss = float(values[best]) - ground.base.nll
-    trial = replace(trial, built=extended, remark=_remark(problem, starts, values, len(added)))
-    if not loss < _LOSES * ground.need:
-        return trial
-    steps = GaussNewtonSettings().difference * (problem.upper - problem.lower)
-    expansion = expand(problem, starts[:, best], steps)
-    promise = -loss + newton_decrement(problem, starts[:, best], expansion)
-    trial = replace(trial, score_gain=max(promise, 0.0))
-    if promise < 0.5 * ground.need:
-        return trial
-    beat = min(beat, ground.base.nll - 0.5 * ground.need)
-    fitted = fit(
-        problem.filter_model, problem.logs, problem.free, _MOST_ITERATIONS, _TOLERANCE, [starts[:, best]], beat,
-        ground.journal,
-    )  # fmt: skip
-    return replace(trial, fit=fitted, evidence=judge(ground.base, fitted, trial.candidate.effect, ground.tried))
-
-
-def _remark(problem: EstimationProblem, points: FloatArray, values: FloatArray, count: int) -> str:
-    """Which sizes of a storage its steps do not resolve; points (n, sizes), of which the last ``count`` are its own."""
-    sizes = problem.values(points)[-count][~np.isfinite(values)]
-    if not sizes.size:
-        return ""
-    return (
-        f"{problem.names[-count]} of {sizes.min():.3g} to {sizes.max():.3g} was not tried, for which "
-        f"{problem.filter_model.substeps} steps from sample to sample are too few"
-    )
-
-
-def _estimated_starts(base: Fit) -> dict[str, float]:
-    """How unsure the filter is of states whose starts are estimated."""
-    estimated = {one.target.name for one in base.problem.free if one.target.kind == "x0"}
-    return {name: std for name, std in base.problem.filter_model.initial_std.items() if name in estimated}
 
 
 def refit_alone(

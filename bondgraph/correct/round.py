@@ -23,8 +23,9 @@ from bondgraph.correct.journal import Journal
 from bondgraph.correct.located import LocatedAt, locate
 from bondgraph.correct.probes import Probe, Signal, probes, signals
 from bondgraph.correct.quiet import Quiet, quiet_scores
-from bondgraph.correct.refit import Ground, refit_alone, refit_best, remoteness, try_storage, worth_quiet
+from bondgraph.correct.refit import Ground, refit_alone, refit_best, remoteness, worth_quiet
 from bondgraph.correct.scoring import Linearisation, Scored, linearisation, score_candidates
+from bondgraph.correct.storages import try_storage
 from bondgraph.correct.trials import Alternative, Detectable, Trial
 from bondgraph.correct.whiteness import whiteness
 from bondgraph.data.log import MatchedLog

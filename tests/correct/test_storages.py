@@ -7,15 +7,16 @@ from typing import Any
 
 import pytest
 
-from bondgraph.correct import refit
+from bondgraph.correct import storages
 from bondgraph.correct.build import build
 from bondgraph.correct.candidates import candidates, places
 from bondgraph.correct.decide import alternatives
 from bondgraph.correct.fit import fit, noisy_starts
 from bondgraph.correct.loop import free_parameters
-from bondgraph.correct.refit import Ground, try_storage
+from bondgraph.correct.refit import Ground
 from bondgraph.correct.scoring import linearisation, score_candidates
 from bondgraph.correct.setup import FilterSetup, filter_setup
+from bondgraph.correct.storages import try_storage
 from bondgraph.correct.trials import Trial
 from vehicle_graphs import effects
 from vehicle_graphs.effect_study.cases import Case
@@ -39,8 +40,8 @@ def test_a_storage_gets_a_multiple_of_the_steps_at_most_and_says_what_they_do_no
         own = filter_setup(*given)
         return replace(own, filter_model=replace(own.filter_model, substeps=400))
 
-    monkeypatch.setattr(refit, "filter_setup", endless)
-    monkeypatch.setattr(refit, "_MOST_STEPS", 1)
+    monkeypatch.setattr(storages, "filter_setup", endless)
+    monkeypatch.setattr(storages, "_MOST_STEPS", 1)
     tried = try_storage(Trial(candidate, 0.0), ground, float("inf"))
     steps = base.problem.filter_model.substeps
     assert f"was not tried, for which {steps} steps from sample to sample are too few" in tried.remark

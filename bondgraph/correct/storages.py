@@ -1,0 +1,91 @@
+"""Storages: candidates that bring a state of their own, and so have no zero at which a score could test them.
+
+A storage is tried at several sizes. Towards no size at all (a rigid shaft, a command that is followed at once) it is
+the model without it, only stiffer the closer it gets there; sizes that steps do not resolve are left out and named.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from bondgraph.correct.build import build
+from bondgraph.correct.decide import judge
+from bondgraph.correct.fit import Fit, expand, fit
+from bondgraph.correct.quiet import Quiet, quiet_starts
+from bondgraph.correct.refit import Ground, at_optimum, coefficients
+from bondgraph.correct.setup import filter_setup
+from bondgraph.correct.trials import Trial
+from bondgraph.data.log import FloatArray
+from bondgraph.estimate.gauss_newton import GaussNewtonSettings
+from bondgraph.estimate.problem import EstimationProblem
+from bondgraph.estimate.steps import newton_decrement
+
+#: Candidates are compared to this many nats; the chosen one is then estimated to the end.
+_TOLERANCE, _MOST_ITERATIONS = 0.05, 25
+#: Where a storage is tried first, as shares of its bounds on a logarithmic scale.
+_SIZES = (0.125, 0.25, 0.375, 0.5, 0.625, 0.75, 0.875)
+#: The steps that a storage is given at most, as a multiple of those of the model without it.
+_MOST_STEPS = 4
+#: One that loses this many times what an effect must gain, at every size that is tried, is not refitted: towards no
+#: size at all it loses nothing, and those that the data asked for gained at some size with all else as it was.
+_LOSES = 5.0
+
+
+def try_storage(trial: Trial, ground: Ground, beat: float, quiet: tuple[Quiet, int | None] | None = None) -> Trial:
+    """A candidate that brings a state of its own: it has no zero to be tested at, so it is tried at several sizes.
+
+    From the best of them one expansion says what a fit would gain at most; only if that passes is it fitted. ``quiet``:
+    scores with the process noise held low and the candidate's place in them, if it has a score.
+    """
+    extended = build(trial.candidate.apply(ground.built.graph))
+    own = filter_setup(extended.model, extended.driven, ground.train)
+    filter_model = replace(
+        ground.base.problem.filter_model,
+        model=extended.model,
+        initial_std={**own.filter_model.initial_std, **_estimated_starts(ground.base)},
+        substeps=min(own.filter_model.substeps, _MOST_STEPS * ground.base.problem.filter_model.substeps),
+    )
+    added = coefficients(trial.candidate, filter_model)
+    problem = EstimationProblem(filter_model, ground.train, (*at_optimum(ground.base), *added))
+    lower, upper = (bound[ground.base.point.size :] for bound in (problem.lower, problem.upper))
+    points = [np.concatenate([ground.base.point, lower + share * (upper - lower)]) for share in _SIZES]
+    if quiet is not None and quiet[1] is not None:
+        points += quiet_starts(ground.base, quiet[0], quiet[1], added)
+    starts = np.clip(np.array(points).T, problem.lower[:, np.newaxis], problem.upper[:, np.newaxis])
+    values = problem.nll(starts)
+    best = int(np.argmin(np.where(np.isfinite(values), values, np.inf)))
+    loss = float(values[best]) - ground.base.nll
+    trial = replace(trial, built=extended, remark=_remark(problem, starts, values, len(added)))
+    if not loss < _LOSES * ground.need:
+        return trial
+    steps = GaussNewtonSettings().difference * (problem.upper - problem.lower)
+    expansion = expand(problem, starts[:, best], steps)
+    promise = -loss + newton_decrement(problem, starts[:, best], expansion)
+    trial = replace(trial, score_gain=max(promise, 0.0))
+    if promise < 0.5 * ground.need:
+        return trial
+    beat = min(beat, ground.base.nll - 0.5 * ground.need)
+    fitted = fit(
+        problem.filter_model, problem.logs, problem.free, _MOST_ITERATIONS, _TOLERANCE, [starts[:, best]], beat,
+        ground.journal,
+    )  # fmt: skip
+    return replace(trial, fit=fitted, evidence=judge(ground.base, fitted, trial.candidate.effect, ground.tried))
+
+
+def _remark(problem: EstimationProblem, points: FloatArray, values: FloatArray, count: int) -> str:
+    """Which sizes of a storage its steps do not resolve; points (n, sizes), of which the last ``count`` are its own."""
+    sizes = problem.values(points)[-count][~np.isfinite(values)]
+    if not sizes.size:
+        return ""
+    return (
+        f"{problem.names[-count]} of {sizes.min():.3g} to {sizes.max():.3g} was not tried, for which "
+        f"{problem.filter_model.substeps} steps from sample to sample are too few"
+    )
+
+
+def _estimated_starts(base: Fit) -> dict[str, float]:
+    """How unsure the filter is of states whose starts are estimated."""
+    estimated = {one.target.name for one in base.problem.free if one.target.kind == "x0"}
+    return {name: std for name, std in base.problem.filter_model.initial_std.items() if name in estimated}
