@@ -3,22 +3,36 @@
 They follow the rules of ``vehicle_graphs.effects`` and come beside these: one element at a junction, one coefficient
 that is zero when the effect is absent. References: Janot, Gautier, Brunot (2019), *Data Set and Reference Models of
 EMPS*, for friction that differs by direction; Armstrong-Helouvry, Dupont, Canudas de Wit (1994), Automatica 30(7), for
-friction that depends on position.
+friction that depends on position; Eyring (1936), J. Chem. Phys. 4, for lubricants that thin under shear.
 """
 
 from __future__ import annotations
 
-from sympy import Abs, Expr, cos, sin
+from sympy import Abs, Expr, asinh, cos, sin, tanh
 
 from bondgraph.declare.effect import Effect, Place, sensor_fault
 from bondgraph.declare.expressions import signal
 from bondgraph.declare.graph import BondGraph
 from bondgraph.declare.quantities import symbol
 from bondgraph.declare.revision import revise_output
-from vehicle_graphs.effects.common import coefficient, effort_unit, flow_unit, is_speed, over
+from vehicle_graphs.effects.common import (
+    SMOOTHING,
+    coefficient,
+    direction,
+    effort_unit,
+    elements_at,
+    flow_unit,
+    is_speed,
+    over,
+)
 
+_SURVEY = "Armstrong-Helouvry, Dupont, Canudas de Wit (1994), Automatica 30(7)"
+_STORAGES = "Karnopp, Margolis, Rosenberg (2012), System Dynamics, chapter 4"
+_EYRING = "Eyring (1936), J. Chem. Phys. 4, 283"
 #: Time in which a drifting load may become as large as the efforts at its place [s].
 LONGEST_DRIFT = 100.0
+#: Time in which the effort of a place brings an inertia to its flow that is as large as it may be [s].
+LONGEST_RUN_UP = 2.0
 
 
 def direction_dependent_drag(g: BondGraph, at: Place) -> Effect | None:
@@ -39,6 +53,50 @@ def cubic_loss(g: BondGraph, at: Place) -> Effect | None:
     name, c = coefficient(g, at, "cubic_loss", "cubic coefficient", unit, power=3)
     g.resistance(name, lambda flow: c * flow**3, at=at.junction)
     return Effect("cubic_loss", name, "effort = c*flow^3", (c.name,))
+
+
+def uncounted_inertia(g: BondGraph, at: Place) -> Effect | None:
+    """Inertia where none was declared: a crankshaft at a measured speed, a rotor taken as a mere source.
+
+    ``added_inertia`` is for junctions that have one; here the efforts and flows of the place say how large it can be:
+    an inertia that the effort would bring to the flow in ``LONGEST_RUN_UP``.
+    """
+    if not is_speed(at) or elements_at(g, at, "I"):
+        return None
+    name = f"uncounted_inertia_{at.name}"
+    unit = "" if at.domain is None else f"{at.domain.momentum_unit}/({at.domain.flow_unit})"
+    limit = LONGEST_RUN_UP * at.scale.effort / at.scale.flow
+    inertia = g.parameter(f"inertia_{name}", 0.0, unit, f"inertia of what turns or moves at {at.label}", (0.0, limit))
+    g.inertance(name, inertia, at=at.junction)
+    law = "effort = c*d(flow)/dt"
+    return Effect("uncounted_inertia", name, law, (inertia.name,), reference=_STORAGES)
+
+
+def shear_thinning_loss(g: BondGraph, at: Place) -> Effect | None:
+    """Friction of a lubricant that thins under shear: it grows with the flow, and ever less, as Eyring's law has it."""
+    if not is_speed(at):
+        return None
+    name, c = coefficient(g, at, "shear_thinning_loss", "friction per e-fold of the flow", effort_unit(at), power=0)
+    around = g.parameter(
+        f"v_{name}", SMOOTHING * at.scale.flow, flow_unit(at), "flow above which the friction grows by its logarithm"
+    )
+    g.resistance(name, lambda flow: c * asinh(flow / around), at=at.junction)
+    return Effect("shear_thinning_loss", name, "effort = c*asinh(flow/v)", (c.name,), reference=_EYRING)
+
+
+def travel_dependent_friction(g: BondGraph, at: Place) -> Effect | None:
+    """Dry friction that changes along the travel: a guide out of true, a screw whose preload is uneven."""
+    position = _position(g, at)
+    if position is None:
+        return None
+    name = f"travel_dependent_friction_{at.name}"
+    travel, unit = position
+    limit = 10.0 * at.scale.effort
+    rise = g.parameter(f"c_{name}", 0.0, over(effort_unit(at), unit), "dry friction gained per travel", (-limit, limit))
+    w = direction(g, at, name)
+    g.resistance(name, lambda flow: rise * travel * tanh(flow / w), at=at.junction)
+    law = "effort = c*position*tanh(flow/w)"
+    return Effect("travel_dependent_friction", name, law, (rise.name,), reference=_SURVEY)
 
 
 def position_stiffness(g: BondGraph, at: Place) -> Effect | None:

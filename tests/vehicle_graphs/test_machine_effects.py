@@ -88,6 +88,33 @@ def test_ripple_repeats_with_every_turn_and_has_two_phases() -> None:
         assert force(built, 0.0, where + LEAD / 2) == pytest.approx(2.0)
 
 
+def test_uncounted_inertia_is_felt_through_the_screw_and_offered_only_where_none_is_declared() -> None:
+    g, effect = added(effects.uncounted_inertia, "motor")
+    inertia, torque = 4e-5, 2.0
+    built = build(with_values(g, {effect.coefficients[0]: inertia}))
+    ratio = LEAD / (2 * np.pi)
+    expected = 20.0 * (torque / ratio) / (20.0 + inertia / ratio**2)
+    assert force(built, 0.0, torque=torque) == pytest.approx(expected)
+    g = bench()
+    assert effects.uncounted_inertia(g, place(g, "carriage")) is None
+
+
+@pytest.mark.parametrize("v", [-0.1, -0.003, 0.002, 0.15])
+def test_shear_thinning_loss_only_takes_energy_and_grows_by_the_logarithm(v: float) -> None:
+    g, effect = added(effects.shear_thinning_loss)
+    built = build(with_values(g, {effect.coefficients[0]: 4.0}))
+    assert force(built, v) * v < 0
+    # twice the speed, far above the 2 % of the scale where it bends: c log 2 more
+    assert force(built, 0.2) - force(built, 0.4) == pytest.approx(4.0 * np.log(2.0), rel=1e-3)
+
+
+def test_friction_along_the_travel_opposes_the_motion_either_way() -> None:
+    g, effect = added(effects.travel_dependent_friction)
+    built = build(with_values(g, {effect.coefficients[0]: 30.0}))
+    assert force(built, 0.1, 0.5) == pytest.approx(-15.0) and force(built, -0.1, 0.5) == pytest.approx(15.0)
+    assert force(built, 0.1, 0.0) == pytest.approx(0.0, abs=1e-12)
+
+
 def test_position_stiffness_pulls_back() -> None:
     g, effect = added(effects.position_stiffness)
     assert force(build(with_values(g, {effect.coefficients[0]: 50.0})), 0.0, 0.2) == pytest.approx(-10.0)
