@@ -6,7 +6,7 @@ a filter whose innovations stay coloured is no model of the noise: it takes the 
 the estimates of physical parameters are off by more than any scatter tells, as regressions on noisy regressors are.
 Errors of the free simulation do not feed the noise back, so that their least squares stay consistent whatever its
 colour: Ljung (1999), System Identification, section 8.4. There, with the process noise at its lower bound, the
-coefficient must be clear of zero as well.
+coefficient must be clear of zero as well, and what it gains more than such noise gives anyway.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from dataclasses import replace
 
 from scipy import stats
 
-from bondgraph.correct.decide import judge, robust_p_value
+from bondgraph.correct.decide import judge, robust_p_value, robust_ratio_p_value
 from bondgraph.correct.fit import Fit, fit
 from bondgraph.correct.quiet import quiet_fit
 from bondgraph.correct.refit import Ground, at_optimum
@@ -62,23 +62,25 @@ def _in_free_simulation(refit: Fit, trial: Trial, evidence: Evidence, ground: Gr
     quiet = quiet_fit(refit, refit.problem.logs, ground.journal)
     if quiet is None:  # no simulation with it stays near the logs
         return replace(evidence, p_robust=1.0)
-    p_value = robust_p_value(quiet, trial.candidate.effect.coefficients)
-    if trial.candidate.effect.adds_state or trial.gate is not None:
-        p_value = max(p_value, _deflated(quiet, ground))
+    names = trial.candidate.effect.coefficients
+    p_value = robust_p_value(quiet, names)
+    without = quiet_fit(ground.base, ground.base.problem.logs, ground.journal)
+    if without is not None:
+        gain = without.nll - quiet.nll
+        p_value = max(p_value, robust_ratio_p_value(gain, quiet, names))
+        if trial.candidate.effect.adds_state or trial.gate is not None:
+            p_value = max(p_value, _deflated(gain, quiet))
     return replace(evidence, p_robust=max(evidence.p_robust, min(1.0, p_value * evidence.tried)))
 
 
-def _deflated(quiet: Fit, ground: Ground) -> float:
-    """P-value of what a candidate gains in the free simulation, less what noise as coloured as its errors gains anyway.
+def _deflated(gain: float, quiet: Fit) -> float:
+    """P-value of a gain, in nats, in the free simulation, less what noise as coloured as its errors gains anyway.
 
     A storage has no zero from which the scatter of its coefficient could tell it apart; one that acts in part of the
     data rests on few blocks of time, whose scatter tells too little of noise that wanders. Quadratic forms in values
     with the correlation a from sample to sample are larger by (1 + a) / (1 - a) at most, in slow directions.
     """
-    without = quiet_fit(ground.base, ground.base.problem.logs, ground.journal)
-    if without is None:
-        return 0.0
     tests = whiteness(quiet, quiet.problem.logs)
     colour = min(max((test.first_correlation for test in tests), default=0.0), _LONGEST)
     inflation = (1.0 + max(colour, 0.0)) / (1.0 - max(colour, 0.0))
-    return float(stats.chi2.sf(2.0 * max(without.nll - quiet.nll, 0.0) / inflation, 1))
+    return float(stats.chi2.sf(2.0 * max(gain, 0.0) / inflation, 1))
