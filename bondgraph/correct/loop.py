@@ -18,7 +18,7 @@ import numpy as np
 
 from bondgraph.correct.assess import Assessment, assess
 from bondgraph.correct.build import BuiltModel, build
-from bondgraph.correct.certified import certify, doubts
+from bondgraph.correct.certified import doubts, refined
 from bondgraph.correct.faults import SENSOR_FAULTS
 from bondgraph.correct.fit import BLOCKS, Fit, Report, fit, no_report, noisy_starts, quiet_start
 from bondgraph.correct.journal import Journal
@@ -188,26 +188,24 @@ def _result(
     report: Report,
 ) -> ClosedLoop:
     state, train = rest.state, nominal.problem.logs
-    current = state.fit
+    report("certify", 0, 1)
+    unchanged = state.fit is nominal
+    nominal, first = refined(nominal, settings.journal)
+    current, last = (nominal, first) if unchanged else refined(state.fit, settings.journal)
+    report("certify", 1, 1)
     residual = whiteness(current, state.train)
     corrected_built = build(with_values(state.built.graph, _model_values(current)))
     report("assess", 0, 1)
-    checks = _checks(nominal, current)
     added = tuple(Added(trial, trial.candidate.effect.parameters) for trial in state.added)
     history = (*state.history, Decision(len(rounds), "stopped", "", reason))
     result = ClosedLoop(
         *_verdict(added, rest.unexplained, residual, settings.level, reason), nominal, current,
         assess(nominal, train), assess(nominal, holdout), assess(current, state.train), assess(current, holdout),
-        built, corrected_built, added, tuple(rounds), told, *checks, residual, rest.unexplained,
-        history, (*_cautions(nominal, rounds), *_doubts(nominal, current, *checks)),
+        built, corrected_built, added, tuple(rounds), told, first, last, residual, rest.unexplained,
+        history, (*_cautions(nominal, rounds), *_doubts(nominal, current, first, last)),
     )  # fmt: skip
     report("assess", 1, 1)
     return result
-
-
-def _checks(nominal: Fit, corrected: Fit) -> tuple[Check, Check]:
-    first = certify(nominal)
-    return first, first if corrected is nominal else certify(corrected)
 
 
 def _doubts(nominal: Fit, corrected: Fit, first: Check, last: Check) -> list[str]:

@@ -4,9 +4,12 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from bondgraph.correct.certified import certify, doubts
+from bondgraph.correct.build import build
+from bondgraph.correct.certified import certify, doubts, refined
 from bondgraph.correct.fit import fit
 from bondgraph.correct.loop import free_parameters
+from bondgraph.correct.setup import filter_setup
+from bondgraph.declare.editing import with_values
 from bondgraph.estimate.certify import NEGLIGIBLE_SHIFT
 from tests.correct.sled import fitted, pull, sled
 from tests.correct.test_stiff import drawn, setup_of
@@ -29,3 +32,18 @@ def test_steps_that_are_too_long_are_told() -> None:
     assert said.startswith(
         f"the declared model is not certified: with every integration step halved, {found.parameter}"
     )
+
+
+def test_a_fit_goes_on_with_shorter_steps_where_its_steps_move_it() -> None:
+    # samples 1.3 time constants apart: one step between two of them is stable, and off
+    light = with_values(sled(), {"m_sled": 4.0, "c_guide": 52.0})
+    log, own = pull(light, 2), build(light)
+    setup = filter_setup(own.model, own.driven, [log])
+    free = (*free_parameters(setup, ()), *setup.noise)
+    coarse = fit(replace(setup.filter_model, substeps=1), [log], free)
+    assert certify(coarse).shift > NEGLIGIBLE_SHIFT
+    fine, found = refined(coarse)
+    assert found.shift <= NEGLIGIBLE_SHIFT and fine.problem.filter_model.substeps > 1
+    assert abs(fine.values["c_guide"] - 52.0) < 3.0 * fine.std["c_guide"] * fine.values["c_guide"]
+    again, _ = refined(fine)
+    assert again is fine
