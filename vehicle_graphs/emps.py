@@ -29,21 +29,27 @@ SMOOTHING_SPEED = 4e-4
 #: What the closed loop added to ``start`` on the training record among laws of one coefficient, in this order; with all
 #: laws it takes Stribeck's for Coulomb's friction, no better in open loop.
 FOUND_ONE_STEP = ("coulomb_loss", "direction_dependent_drag", "ripple_sine", "ripple_cosine")
+#: What the likelihood of the training record gains most by after that, 930 nats together. The forces at constant speed
+#: show it too: near standstill 4 N less friction than Coulomb's, and at one speed up to 1.3 N less at the far end of
+#: the travel. The loop refits the first and declines it: nothing holds its second look, a free simulation, in place.
+FOUND_BY_LIKELIHOOD = ("shear_thinning_loss", "travel_dependent_friction")
 #: What the error of free simulation on the training record asked for beyond that: there small forces add up.
 FOUND_IN_FREE_SIMULATION = ("drifting_load",)
-CHOSEN = (*FOUND_ONE_STEP, *FOUND_IN_FREE_SIMULATION)
+CHOSEN = (*FOUND_ONE_STEP, *FOUND_BY_LIKELIHOOD, *FOUND_IN_FREE_SIMULATION)
 
 #: Parameters estimated on the training record by the errors one step ahead: the better ones for forces.
 ESTIMATED = {
-    "mass": 94.842, "viscous_friction": 206.75, "c_coulomb_loss_carriage": 20.145,
-    "c_direction_dependent_drag_carriage": -36.947, "c_ripple_sine_carriage": 0.93476,
-    "c_ripple_cosine_carriage": -0.44954, "c_drifting_load_carriage": -0.019079,
+    "mass": 94.716, "viscous_friction": 160.3, "c_coulomb_loss_carriage": 13.764,
+    "c_direction_dependent_drag_carriage": -36.957, "c_ripple_sine_carriage": 0.92868,
+    "c_ripple_cosine_carriage": -0.44864, "c_shear_thinning_loss_carriage": 2.6786,
+    "c_travel_dependent_friction_carriage": -3.5335, "c_drifting_load_carriage": -0.019146,
 }  # fmt: skip
 #: The same by the error of free simulation: the better ones for the position in open loop.
 ESTIMATED_IN_FREE_SIMULATION = {
-    "mass": 92.066, "viscous_friction": 193.83, "c_coulomb_loss_carriage": 21.508,
-    "c_direction_dependent_drag_carriage": -36.585, "c_ripple_sine_carriage": 0.93476,
-    "c_ripple_cosine_carriage": -0.44954, "c_drifting_load_carriage": -0.023604,
+    "mass": 91.515, "viscous_friction": 171.6, "c_coulomb_loss_carriage": 16.018,
+    "c_direction_dependent_drag_carriage": -36.763, "c_ripple_sine_carriage": 0.92868,
+    "c_ripple_cosine_carriage": -0.44864, "c_shear_thinning_loss_carriage": 1.8747,
+    "c_travel_dependent_friction_carriage": -1.7961, "c_drifting_load_carriage": -0.021992,
 }  # fmt: skip
 
 
@@ -79,6 +85,7 @@ EFFECTS: dict[str, EffectFunction] = {
     if function.__name__
     in (
         "coulomb_loss", "constant_effort", "quadratic_loss", "direction_dependent_drag", "cubic_loss",
+        "shear_thinning_loss", "travel_dependent_friction",
         "stribeck_loss", "position_stiffness", "drifting_load", "ripple_sine", "ripple_cosine", "actuator_lag",
     )
 }  # fmt: skip
