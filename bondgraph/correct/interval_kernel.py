@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 from bondgraph.simulate.arrays import FloatArray, IntArray
@@ -16,7 +17,7 @@ class Equations(NamedTuple):
 
 
 class Intervals(NamedTuple):
-    """Intervals of a log: starts and lengths (n,), inputs at both ends (n, n_u), integration steps (n,) and method."""
+    """Intervals of a log: starts and lengths (n,), inputs at both ends (n, n_u), steps (n,) of a whole one, method."""
 
     start: FloatArray
     length: FloatArray
@@ -113,10 +114,11 @@ def _part(
         bend = intervals.u_right[k, i] - intervals.u_left[k, i]
         scratch.left[i] = intervals.u_left[k, i] + begin * bend
         scratch.right[i] = intervals.u_left[k, i] + end * bend
+    substeps = math.ceil((end - begin) * intervals.substeps[k])
     equations.advance(
         intervals.start[k] + begin * intervals.length[k],
         (end - begin) * intervals.length[k],
-        intervals.substeps[k],
+        substeps,
         intervals.grading,
         intervals.tableau,
         scratch.left,

@@ -12,6 +12,7 @@ Trans. Automatic Control 47(8), for the unscented filter as a statistical linear
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -20,14 +21,14 @@ import numpy as np
 
 from bondgraph.correct import interval_kernel
 from bondgraph.data.log import FloatArray
-from bondgraph.filter.compiled import log_rows
+from bondgraph.filter.compiled import available_cores, in_threads, log_rows
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.filter_run import FilterRun
 from bondgraph.filter.samples import Samples
 from bondgraph.simulate.arrays import IntArray
 from bondgraph.simulate.compile import load_kernel
 from bondgraph.simulate.program.lane_text import LANES
-from bondgraph.simulate.program.lanes import load_lanes
+from bondgraph.simulate.program.lanes import LaneModel, load_lanes
 from bondgraph.simulate.rosenbrock import TABLEAUS
 from bondgraph.simulate.stiff import Rosenbrock
 
@@ -36,8 +37,11 @@ from bondgraph.simulate.stiff import Rosenbrock
 NODES = (0.25, 0.75)
 #: States are kicked by this share of their largest value.
 _KICK = 1e-5
-#: A kick must relax as it does in truth, which takes a method that is L-stable; few steps of it do.
-_METHOD, _STEPS = "rodas4", 8
+#: A kick must relax as it does in truth, which takes a method that is L-stable; and where a belt grips steps must be
+#: short, or two kicks that differ by which side of a kink they fall on grow apart. So many cheap steps do better than
+#: few of a higher order: on a vehicle the gradient is within 0.03 standard deviations of that of fine steps, where a
+#: third of the steps of RODAS4, at the same cost, are wild in a tenth of the intervals. Each is longer than the last.
+_METHOD, _STEPS, _GRADING = "ros2", 40, 1.2
 #: Standard deviations below this share of a state's largest value count as none.
 _KNOWN = 1e-12
 #: Directions of a covariance (as correlations) with less variance than this are rounding.
@@ -75,26 +79,45 @@ def kicks(
     size, count = start.shape
     lanes = load_lanes(filter_model.model, filter_model.is_stiff)
     rows = log_rows(samples)
-    intervals = interval_kernel.Intervals(
-        rows.time[:-1], np.diff(rows.time), rows.u_left, rows.u_right, _steps(samples), filter_model.grading,
+    every = interval_kernel.Intervals(
+        rows.time[:-1], np.diff(rows.time), rows.u_left, rows.u_right, _steps(samples), _GRADING,
         TABLEAUS[_METHOD].numbers,
     )  # fmt: skip
-    n_u = rows.u.shape[1]
-    scratch = interval_kernel.Scratch(
-        lanes.buffer(), np.zeros(2), np.zeros(2 * n_u), np.zeros(n_u), np.zeros(n_u), LANES, lanes.theta, lanes.x
-    )
     reached, moved = np.empty((count, len(nodes), size)), np.empty((count, len(nodes), size, size))
     largest = np.maximum(np.abs(start).max(axis=1, initial=0.0), 1e-3)
     equations = interval_kernel.Equations(lanes.prepare, lanes.advance)
-    load_kernel(interval_kernel).kicked(
-        equations, intervals, np.ascontiguousarray(theta), np.ascontiguousarray(start.T), _KICK * largest,
-        np.array(nodes), reached, moved, scratch,
-    )  # fmt: skip
+    kicked = load_kernel(interval_kernel).kicked
+    begin, parameters, places = np.ascontiguousarray(start.T), np.ascontiguousarray(theta), np.array(nodes)
+
+    def some(own: slice) -> None:
+        kicked(
+            equations, _some(every, own), parameters, begin[own], _KICK * largest, places, reached[own], moved[own],
+            _scratch(lanes, rows.u.shape[1]),
+        )  # fmt: skip
+
+    threads = available_cores()
+    edges = np.linspace(0, count, threads + 1).astype(int)
+    in_threads(threads, some, [slice(first, end) for first, end in itertools.pairwise(edges)])
     return Kicks(reached, np.nan_to_num(moved, nan=0.0, posinf=0.0, neginf=0.0))
 
 
+def _some(every: interval_kernel.Intervals, own: slice) -> interval_kernel.Intervals:
+    """Neighbouring ones of all intervals."""
+    return every._replace(
+        start=every.start[own], length=every.length[own], u_left=every.u_left[own], u_right=every.u_right[own],
+        substeps=every.substeps[own],
+    )  # fmt: skip
+
+
+def _scratch(lanes: LaneModel, inputs: int) -> interval_kernel.Scratch:
+    left, right = np.zeros(inputs), np.zeros(inputs)
+    return interval_kernel.Scratch(
+        lanes.buffer(), np.zeros(2), np.zeros(2 * inputs), left, right, LANES, lanes.theta, lanes.x
+    )
+
+
 def _steps(samples: Samples) -> IntArray:
-    """Integration steps of a part of each interval; longer intervals take more."""
+    """Integration steps of each interval; longer ones take more."""
     found: IntArray = _STEPS * samples.substeps // max(int(np.min(samples.substeps)), 1)
     return found
 

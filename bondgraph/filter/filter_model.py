@@ -41,8 +41,8 @@ class FilterModel:
     substeps
         Integration steps between samples one median interval apart; longer intervals get proportionally more.
     method
-        Integration method: ``"rk4"``, or for stiff models ``"ros3p"`` or ``"rodas4"``; ``"auto"`` chooses between
-        them by the rates of the model along the logs, see :func:`bondgraph.filter.choice.choose_method`.
+        Integration method: ``"rk4"``, or for stiff models ``"ros2"``, ``"ros3p"`` or ``"rodas4"``; ``"auto"`` chooses
+        between them by the rates of the model along the logs, see :func:`bondgraph.filter.choice.choose_method`.
     grading
         Length of each step between two samples over that of the one before, for the stiff methods; sigma points relax
         anew after each sample, which short first steps resolve. ``"rk4"`` takes equal steps.

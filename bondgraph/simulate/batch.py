@@ -41,7 +41,7 @@ def simulate_batch(
     theta, x0
         Shape (n_theta,) or (n_theta, members), and (n_x,) or (n_x, members); None: declared values.
     method
-        ``"rk4"``, ``"ros3p"`` or ``"rodas4"``, or a stiff integrator with its own steps.
+        ``"rk4"``, ``"ros2"``, ``"ros3p"`` or ``"rodas4"``, or a stiff integrator with its own steps.
     substeps
         Steps between neighbouring times (and break points of the inputs).
     compiled

@@ -9,8 +9,10 @@ and the new state is x + sum m_s U_s.
 
 References
 ----------
-ROS3P: Lang and Verwer (2001), ROS3P - an accurate third-order Rosenbrock solver designed for parabolic problems, BIT
-41(4). RODAS4: Hairer and Wanner (1996), Solving Ordinary Differential Equations II, section IV.7 (code RODAS).
+ROS2: Verwer, Spee, Blom and Hundsdorfer (1999), A second-order Rosenbrock method applied to photochemical dispersion
+problems, SIAM J. Sci. Comput. 20(4). ROS3P: Lang and Verwer (2001), ROS3P - an accurate third-order Rosenbrock solver
+designed for parabolic problems, BIT 41(4). RODAS4: Hairer and Wanner (1996), Solving Ordinary Differential Equations
+II, section IV.7 (code RODAS).
 """
 
 from __future__ import annotations
@@ -59,6 +61,19 @@ class Tableau:
         return np.array(numbers)
 
 
+_G2 = 1.0 - math.sqrt(0.5)  # the smaller of the two that make it L-stable has the smaller error
+
+ROS2 = Tableau(
+    name="ros2",
+    order=2,
+    gamma=_G2,
+    alpha=(0.0, 1.0),
+    gammas=(_G2, -_G2),
+    a=((), (1.0 / _G2,)),
+    c=((), (-2.0 / _G2,)),
+    m=(1.5 / _G2, 0.5 / _G2),
+)
+
 _G = 0.5 + math.sqrt(3.0) / 6.0
 
 ROS3P = Tableau(
@@ -100,4 +115,4 @@ RODAS4 = Tableau(
 )
 
 #: Stiff methods by name.
-TABLEAUS: dict[str, Tableau] = {tableau.name: tableau for tableau in (ROS3P, RODAS4)}
+TABLEAUS: dict[str, Tableau] = {tableau.name: tableau for tableau in (ROS2, ROS3P, RODAS4)}

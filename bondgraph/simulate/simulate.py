@@ -55,8 +55,8 @@ def simulate(
     theta, x0
         Parameters and initial state: by name, or whole vectors; None: declared values.
     method
-        ``"adaptive"`` (LSODA), ``"rk4"``, ``"ros3p"`` or ``"rodas4"`` (stiff, fixed steps), the name of a method of
-        scipy, or an integrator.
+        ``"adaptive"`` (LSODA), ``"rk4"``, ``"ros2"``, ``"ros3p"`` or ``"rodas4"`` (stiff, fixed steps), the name of a
+        method of scipy, or an integrator.
     substeps
         Steps of the methods with fixed steps between neighbouring times.
     rtol, atol

@@ -2,6 +2,7 @@
 
 | settings | method | use |
 |---|---|---|
+| ``Rosenbrock("ros2", substeps)`` | Verwer et al. (1999), order 2, L-stable, two slopes | sensitivities |
 | ``Rosenbrock("ros3p", substeps)`` | Lang and Verwer (2001), order 3, A-stable, two slopes | search |
 | ``Rosenbrock("rodas4", substeps)`` | Hairer and Wanner (1996), order 4, L-stable, six slopes | certification |
 
@@ -53,7 +54,7 @@ class Rosenbrock(AbstractIntegrator):
     Parameters
     ----------
     method
-        ``"ros3p"`` or ``"rodas4"``.
+        ``"ros2"``, ``"ros3p"`` or ``"rodas4"``.
     substeps
         Steps between neighbouring times.
     grading

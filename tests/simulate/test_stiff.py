@@ -29,7 +29,7 @@ from bondgraph.simulate.stiff import ModelEquations, Rosenbrock, step_lengths
 from tests.simulate.points import model_of, points_of
 from tests.simulate.samples import decay
 
-ORDERS = {"ros3p": 3, "rodas4": 4}
+ORDERS = {"ros2": 2, "ros3p": 3, "rodas4": 4}
 LANE_MODELS = ("driveline", "orifices", "pendulum", "generated/driveline", "generated/baja_launch")
 METHODS = pytest.mark.parametrize("method", sorted(TABLEAUS))
 
