@@ -105,7 +105,7 @@ def _simulated(fitted: Fit, log: MatchedLog, u: FloatArray, time: FloatArray) ->
     if not np.isfinite(run.x).all():
         return None
     made = MatchedLog("simulated", time, u, run.y, dict(log.theta_overrides))
-    return Path(made, time, run.x[:, :-1], run.x[:, 1:], u[:, :-1], u[:, 1:], run.x, u, theta)
+    return Path(model, made, time, run.x[:, :-1], run.x[:, 1:], u[:, :-1], u[:, 1:], run.x, u, theta)
 
 
 def _manoeuvres(fitted: Fit, log: MatchedLog) -> list[tuple[str, FloatArray, FloatArray]]:
@@ -162,10 +162,10 @@ def _responses(fitted: Fit, path: Path, pair: Pair, wide: _Wide | None) -> tuple
             changed.append((model, None if wide is None else wide.declared, theta, size))
     for k, (candidate, variant) in enumerate(pair):
         name, size = candidate.effect.coefficients[0], variant.sizes[0]
-        theta = candidate.model.theta(**path.parameters(model, candidate.model) | dict(variant.shapes) | {name: size})
+        theta = candidate.model.theta(**path.parameters(candidate.model) | dict(variant.shapes) | {name: size})
         changed.append((candidate.model, None if wide is None else wide.candidates[k], theta, size))
     linear = open_loop(path, fitted.problem.filter_model, noise)
-    changes = together([model_change(path, model, other, theta, size) for other, _, theta, size in changed])
+    changes = together([model_change(path, other, theta, size) for other, _, theta, size in changed])
     with np.errstate(all="ignore"):  # what runs away is no number in the end
         rows, states = respond(linear, changes, range(path.time.size))
     return rows, {} if wide is None else _measurable(path, wide.declared, model, changed, states)
@@ -179,8 +179,8 @@ def _measurable(
     states: FloatArray,
 ) -> dict[str, FloatArray]:
     """What a sensor on each effort and flow would show of each change, over its noise."""
-    slopes = output_slopes(replace(path, theta=declared.theta(**path.parameters(model, declared))), declared)
-    theta = declared.theta(**path.parameters(model, declared))
+    slopes = output_slopes(replace(path, theta=declared.theta(**path.parameters(declared))), declared)
+    theta = declared.theta(**path.parameters(declared))
     shown = declared.output(path.time, path.before, path.u, theta)
     own = len(model.outputs)
     found = {}

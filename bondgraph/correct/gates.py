@@ -308,7 +308,7 @@ def refined(linear: Linearisation, best: Gated, candidate: Candidate, variant: V
     inside = np.flatnonzero(np.abs(time - best.gate.time) < reach)
     inside = inside[(inside > 0) & (inside < time.size - 1)]
     samples = [int(k) for k in inside[:: max(1, inside.size // _FINER)]]
-    changes = [candidate_change(log.path, linear.model, candidate, variant) for log in linear.logs]
+    changes = [candidate_change(log.path, candidate, variant) for log in linear.logs]
     whole, states = linear.columns_and_states(changes, [samples if k == own else () for k in range(len(logs))])
     first = sum(log.slope.shape[0] * log.slope.shape[1] for log in linear.logs[:own])
     for place, sample in enumerate(samples):

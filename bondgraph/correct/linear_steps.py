@@ -179,7 +179,7 @@ def _shift(parameter: FreeParameter, value: float, linear: LinearLog, filtered: 
     size = -size if value + size > parameter.upper else size
     theta = linear.path.theta.copy()
     theta[model.index("parameter", parameter.target.name)] += size
-    return model_change(linear.path, model, model, theta, size / parameter.slope(value))
+    return model_change(linear.path, model, theta, size / parameter.slope(value))
 
 
 def _levels(free: Sequence[FreeParameter], values: FloatArray, filtered: FilterRun) -> LevelChanges:

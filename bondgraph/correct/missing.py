@@ -128,7 +128,7 @@ def missing_in_blocks(built: BuiltModel, fitted: Fit, logs: Sequence[MatchedLog]
     pieces = []
     for log, start in zip(logs, x0, strict=True):
         linear = linearise(run(bare, log, theta, x0=start).raise_if_failed(), log, theta)
-        values, std = _walk(linear, model, names[place.label], built.model, _size(place))
+        values, std = _walk(linear, model, names[place.label], _size(place))
         pieces.append(np.array([_common(built, place, linear.path), values, std]))
     flow, effort, std = np.concatenate(pieces, axis=1)
     domain = place.domain
@@ -143,11 +143,11 @@ def _process(fitted: Fit) -> dict[str, float]:
     return dict(zip(names, map(float, batch.process_std[:, 0]), strict=True))
 
 
-def _walk(linear: LinearLog, probed: Model, name: str, declared: Model, size: float) -> tuple[FloatArray, FloatArray]:
+def _walk(linear: LinearLog, probed: Model, name: str, size: float) -> tuple[FloatArray, FloatArray]:
     """The likeliest course of an unknown (n,) and its standard deviation."""
     path = linear.path
-    theta = probed.theta(**path.parameters(declared, probed), **{name: 1e-3 * size})
-    change = model_change(path, declared, probed, theta, 1e-3)  # lanes in units of the size
+    theta = probed.theta(**path.parameters(probed), **{name: 1e-3 * size})
+    change = model_change(path, probed, theta, 1e-3)  # lanes in units of the size
     count = max(4, int((path.time[-1] - path.time[0]) / _KNOT_SECONDS))
     at = np.linspace(path.time[0], path.time[-1], count)
     courses = hats(path.time, at)
@@ -175,7 +175,7 @@ def _common(built: BuiltModel, place: Place, path: Path) -> FloatArray:
     model, labels = bond_model(built.causal), bond_labels(built.causal)
     bond = built.causal.graph.incidence()[place.junction.name][0][0]
     row = len(built.model.outputs) + bond + (len(labels) if place.junction.kind == "1" else 0)
-    theta = model.theta(**path.parameters(built.model, model))
+    theta = model.theta(**path.parameters(model))
     common: FloatArray = model.output(path.time, path.before, path.u, theta)[row]
     return common
 

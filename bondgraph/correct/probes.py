@@ -116,7 +116,7 @@ def probes(built: BuiltModel, linear: Linearisation, where: Sequence[Place]) -> 
         variable = variable_of(place)
         if place.label in names:
             size = _SHARE * (place.scale.effort if variable == "effort" else place.scale.flow)
-            changes = tuple(_source(log.path, linear.model, model, names[place.label], size) for log in linear.logs)
+            changes = tuple(_source(log.path, model, names[place.label], size) for log in linear.logs)
             found.append(Probe(place, variable, changes))
         elif place.output:
             row = linear.model.index("output", place.output)
@@ -124,8 +124,8 @@ def probes(built: BuiltModel, linear: Linearisation, where: Sequence[Place]) -> 
     return tuple(found)
 
 
-def _source(path: Path, declared: Model, probed: Model, name: str, size: float) -> Change:
-    return model_change(path, declared, probed, probed.theta(**path.parameters(declared, probed), **{name: size}), size)
+def _source(path: Path, probed: Model, name: str, size: float) -> Change:
+    return model_change(path, probed, probed.theta(**path.parameters(probed), **{name: size}), size)
 
 
 def _sensor(path: Path, model: Model, row: int) -> Change:
@@ -150,7 +150,7 @@ def signals(built: BuiltModel, linear: Linearisation, where: Sequence[Place]) ->
     values = []
     for log in linear.logs:
         with np.errstate(all="ignore"):
-            theta = model.theta(**log.path.parameters(linear.model, model))
+            theta = model.theta(**log.path.parameters(model))
             values.append(model.output(log.path.time, log.path.before, log.path.u, theta)[own:])
     found = []
     for place in junctions(where):

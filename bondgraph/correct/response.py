@@ -15,6 +15,7 @@ of Abrupt Changes, chapter 8.
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -44,6 +45,7 @@ class Path:
     each measurement, ``u`` (n_u, n) and ``time`` (n,) at the samples; ``theta`` (n_theta,) the parameters of this log.
     """
 
+    model: Model
     log: MatchedLog
     time: FloatArray
     start: FloatArray
@@ -59,11 +61,22 @@ class Path:
         """Lengths of the intervals, shape (n - 1,)."""
         return np.diff(self.time)
 
-    def parameters(self, model: Model, other: Model) -> dict[str, float]:
+    def parameters(self, other: Model) -> dict[str, float]:
         """Parameters by name for another model, as far as it has those of the model of this path."""
         known = other.names("parameter")
-        values = zip(model.names("parameter"), map(float, self.theta), strict=True)
+        values = zip(self.model.names("parameter"), map(float, self.theta), strict=True)
         return {name: value for name, value in values if name in known}
+
+    @functools.cached_property
+    def declared(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Rates of the states at both ends of the intervals, and outputs: what changed models are compared with."""
+        model = self.model
+        with np.errstate(all="ignore"):
+            return (
+                model.rhs(self.time[:-1], self.start, self.u_left, self.theta),
+                model.rhs(self.time[1:], self.end, self.u_right, self.theta),
+                model.output(self.time, self.before, self.u, self.theta),
+            )
 
 
 @dataclass(frozen=True)
@@ -128,7 +141,7 @@ def _smooth(
     """The path of a model that hardly bends over an interval, with transitions from its slopes at both ends."""
     model, time = run.filter_model.model, log.time
     path = Path(
-        log, time, run.filtered_mean[:, :-1], run.predicted_mean[:, 1:], samples.u_left, samples.u_right,
+        model, log, time, run.filtered_mean[:, :-1], run.predicted_mean[:, 1:], samples.u_left, samples.u_right,
         run.predicted_mean, log.u, own,
     )  # fmt: skip
     first = _slopes(lambda x: model.rhs(time[:-1], x, _lanes(path.u_left, x), own), path.start, step[:, :-1])
@@ -142,7 +155,10 @@ def _relaxing(
     """The path of a stiff model, with the transitions of :mod:`bondgraph.correct.intervals`."""
     found = kicks(run.filter_model, samples, run.filtered_mean[:, :-1], own)
     before = run.predicted_mean
-    path = Path(log, log.time, before[:, :-1], before[:, 1:], samples.u_left, samples.u_right, before, log.u, own)
+    path = Path(
+        run.filter_model.model, log, log.time, before[:, :-1], before[:, 1:], samples.u_left, samples.u_right, before,
+        log.u, own,
+    )  # fmt: skip
     path = _between_samples(path, samples, found.reached)
     return path, filter_transitions(run), *_by_nodes(found.moved, path.intervals)
 
@@ -286,24 +302,24 @@ def _carried(
     return np.ascontiguousarray(np.moveaxis(found, 1, 0)).reshape(-1, moved.shape[1]), states
 
 
-def model_change(path: Path, declared: Model, changed: Model, theta: FloatArray, size: float) -> Change:
-    """The shift of rates and outputs along a path from one model to another, divided by ``size``; one lane.
+def model_change(path: Path, changed: Model, theta: FloatArray, size: float) -> Change:
+    """The shift of rates and outputs along a path from its model to another, divided by ``size``; one lane.
 
     States of the changed model that the declared one does not have start at their declared values and follow the path
     (:func:`own_states`). ``theta`` are the parameters of the changed model.
     """
-    rows = np.array([changed.index("state", name) for name in declared.names("state")], dtype=int)
-    own = own_states(path, declared, changed, theta)
+    rows = np.array([changed.index("state", name) for name in path.model.names("state")], dtype=int)
+    own = own_states(path, changed, theta)
+    first, last, shown = path.declared
     with np.errstate(all="ignore"):
         shifts = []
-        for t, x, u, extra in (
-            (path.time[:-1], path.start, path.u_left, own[:, :-1]),
-            (path.time[1:], path.end, path.u_right, own[:, 1:]),
+        for t, x, u, extra, before in (
+            (path.time[:-1], path.start, path.u_left, own[:, :-1], first),
+            (path.time[1:], path.end, path.u_right, own[:, 1:], last),
         ):
-            after = changed.rhs(t, _joined(changed, rows, x, extra), u, theta)[rows]
-            shifts.append((after - declared.rhs(t, x, u, path.theta)) / size)
+            shifts.append((changed.rhs(t, _joined(changed, rows, x, extra), u, theta)[rows] - before) / size)
         outputs = changed.output(path.time, _joined(changed, rows, path.before, own), path.u, theta)
-        outputs = (outputs - declared.output(path.time, path.before, path.u, path.theta)) / size
+        outputs = (outputs - shown) / size
     start, end, seen = (np.nan_to_num(a, nan=0.0, posinf=0.0, neginf=0.0)[..., np.newaxis] for a in (*shifts, outputs))
     return Change(start, end, seen)
 
@@ -320,13 +336,13 @@ def _others(changed: Model, rows: np.ndarray) -> np.ndarray:
     return np.setdiff1d(np.arange(len(changed.states)), rows)
 
 
-def own_states(path: Path, declared: Model, changed: Model, theta: FloatArray) -> FloatArray:
+def own_states(path: Path, changed: Model, theta: FloatArray) -> FloatArray:
     """States that only the changed model has, carried along the path from where they settle at its first point.
 
     Their rates are taken as linear in them, which those of lags, integrals and friction with hysteresis are; shape
     (extra, n).
     """
-    rows = np.array([changed.index("state", name) for name in declared.names("state")], dtype=int)
+    rows = np.array([changed.index("state", name) for name in path.model.names("state")], dtype=int)
     others = _others(changed, rows)
     found = np.empty((others.size, path.time.size))
     if not others.size:

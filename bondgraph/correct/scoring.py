@@ -106,16 +106,16 @@ def _shifted(path: Path, model: Model, name: str, size: float, slope: float) -> 
     theta = path.theta.copy()
     if name not in path.log.theta_overrides:
         theta[model.index("parameter", name)] += size
-    return model_change(path, model, model, theta, size / slope)
+    return model_change(path, model, theta, size / slope)
 
 
-def candidate_change(path: Path, declared: Model, candidate: Candidate, variant: Variant) -> Change:
+def candidate_change(path: Path, candidate: Candidate, variant: Variant) -> Change:
     """The changes by the coefficients of a candidate, a lane each."""
-    known = path.parameters(declared, candidate.model) | dict(variant.shapes)
+    known = path.parameters(candidate.model) | dict(variant.shapes)
     lanes = []
     for name, size in zip(candidate.effect.coefficients, variant.sizes, strict=True):
         theta = candidate.model.theta(**known, **{name: size})
-        lanes.append(model_change(path, declared, candidate.model, theta, size))
+        lanes.append(model_change(path, candidate.model, theta, size))
     return together(lanes)
 
 
@@ -148,7 +148,7 @@ def score_candidates(
         empty = np.zeros((linear.free.shape[0], 0))
         return Scored((), (), (), (), scores(linear.expansion(empty), linear.count, np.zeros(0, dtype=bool)), 0)
     changes = [
-        together([candidate_change(log.path, linear.model, candidate, variant) for candidate, variant in every])
+        together([candidate_change(log.path, candidate, variant) for candidate, variant in every])
         for log in linear.logs
     ]
     sizes = [len(candidate.effect.coefficients) for candidate, _ in every]
