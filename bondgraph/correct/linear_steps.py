@@ -15,7 +15,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from bondgraph.correct.levels import LevelChanges, respond_to_levels
-from bondgraph.correct.response import Change, LinearLog, linearise, model_change, respond, together
+from bondgraph.correct.intervals import Kicks
+from bondgraph.correct.response import Change, LinearLog, kicked_along, linearise, model_change, respond, together
 from bondgraph.data.log import FloatArray
 from bondgraph.estimate.free import FreeParameter
 from bondgraph.estimate.objective import Expansion, SearchOutcome, expansion_of
@@ -35,6 +36,8 @@ _AS_PROMISED = 0.5
 _FINEST = 0.3
 #: Nor are more trials for a step that gains, after so many that did not, where the best promises less than this.
 _HARDLY, _VAIN = 2.0, 3
+#: Steps that promise less do not move the states: what kicks of them leave, the costly part, is taken from before.
+_NEAR = 10.0
 #: Longest steps: of the logarithm of a noise level, and of other coordinates as a share of their bounds. A level of
 #: which the data say nothing is else thrown to where they say a lot.
 _LONGEST_LEVEL, _LONGEST = 1.5, 0.3
@@ -57,9 +60,14 @@ def filter_runs(problem: EstimationProblem, point: FloatArray) -> list[FilterRun
 
 
 def linear_expansion(
-    problem: EstimationProblem, point: FloatArray, runs: Sequence[FilterRun] | None = None
+    problem: EstimationProblem,
+    point: FloatArray,
+    runs: Sequence[FilterRun] | None = None,
+    kicked: Sequence[Kicks] | None = None,
 ) -> Expansion:
     """Gradient, information and terms at a point (n,) inside the bounds; ``runs`` are those of the filter there.
+
+    ``kicked`` is what :func:`bondgraph.correct.response.kicked_along` gave for each log at a point next to this one.
 
     Raises
     ------
@@ -69,8 +77,9 @@ def linear_expansion(
     theta = problem.batch(point[:, np.newaxis]).theta[:, 0]
     runs = filter_runs(problem, point) if runs is None else runs
     innovations, scales = [], []
-    for log, filtered in zip(problem.logs, runs, strict=True):
-        linear = linearise(filtered.raise_if_failed(), log, theta)
+    known = [None] * len(runs) if kicked is None else kicked
+    for log, filtered, own in zip(problem.logs, runs, known, strict=True):
+        linear = linearise(filtered.raise_if_failed(), log, theta, own)
         columns_z, columns_s = _columns(problem, point, linear, filtered)
         innovations.append(np.concatenate([filtered.whitened.reshape(-1, 1), columns_z], axis=1))
         scales.append(np.concatenate([filtered.log_scales.reshape(-1, 1), columns_s], axis=1))
@@ -109,7 +118,8 @@ def linear_search(
     point = np.clip(start, problem.lower, problem.upper)
     runs = filter_runs(problem, point)
     value, evaluations, damping = _value(problem, point, runs), 1, _DAMPING
-    expansion = linear_expansion(problem, point, runs)
+    kicked = _kicked(problem, point, runs)
+    expansion = linear_expansion(problem, point, runs, kicked)
     outcome = SearchOutcome.ITERATION_LIMIT
     longest = _longest_steps(problem)
     idle = vain = 0
@@ -135,10 +145,16 @@ def linear_search(
         point, value, runs = trial, reached, tried
         damping = max(damping / _DAMP_LESS, _LEAST_DAMPING) if kept > _AS_PROMISED else damping
         idle = idle + 1 if gained < tolerance else 0
-        expansion = linear_expansion(problem, point, runs)
+        kicked = kicked if promise < _NEAR else _kicked(problem, point, runs)
+        expansion = linear_expansion(problem, point, runs, kicked)
         if value - beat > hopeless * max(gained, promise):
             break
     return Reached(point, value, expansion, evaluations, outcome)
+
+
+def _kicked(problem: EstimationProblem, point: FloatArray, runs: Sequence[FilterRun]) -> list[Kicks]:
+    theta = problem.batch(point[:, np.newaxis]).theta[:, 0]
+    return [kicked_along(run.raise_if_failed(), log, theta) for log, run in zip(problem.logs, runs, strict=True)]
 
 
 def _longest_steps(problem: EstimationProblem) -> FloatArray:

@@ -22,7 +22,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from bondgraph.correct.intervals import NODES, filter_transitions, kicks
+from bondgraph.correct.intervals import NODES, Kicks, filter_transitions, kicks
 from bondgraph.data.log import FloatArray, MatchedLog
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.filter_run import FilterRun
@@ -110,7 +110,7 @@ class Change:
     outputs: FloatArray
 
 
-def linearise(run: FilterRun, log: MatchedLog, theta: FloatArray) -> LinearLog:
+def linearise(run: FilterRun, log: MatchedLog, theta: FloatArray, kicked: Kicks | None = None) -> LinearLog:
     """The filter of a run with its gains held.
 
     Parameters
@@ -121,6 +121,8 @@ def linearise(run: FilterRun, log: MatchedLog, theta: FloatArray) -> LinearLog:
         The log.
     theta
         Parameters (n_theta,) with which it ran; what the log knows is taken from the log.
+    kicked
+        Of a stiff model: what :func:`kicked_along` gave for a run next to this one; None: it is asked anew.
     """
     filter_model = run.filter_model
     model, samples = filter_model.model, Samples.of(filter_model, log)
@@ -130,7 +132,7 @@ def linearise(run: FilterRun, log: MatchedLog, theta: FloatArray) -> LinearLog:
     slope = _slopes(lambda x: model.output(log.time, x, _lanes(log.u, x), own), run.predicted_mean, step)
     whitener, gain = _update(run, slope)
     stiff = filter_model.is_stiff and has_numba()
-    found = _relaxing(run, log, samples, own) if stiff else _smooth(run, log, samples, own, step)
+    found = _relaxing(run, log, samples, own, kicked) if stiff else _smooth(run, log, samples, own, step)
     path, transition, early, late = found
     return LinearLog(path, transition, early, late, slope, gain, whitener, run.whitened)
 
@@ -149,11 +151,17 @@ def _smooth(
     return path, *_transitions(0.5 * (first + last), path.intervals)
 
 
+def kicked_along(run: FilterRun, log: MatchedLog, theta: FloatArray) -> Kicks:
+    """What kicks of the states of a stiff model leave, along the run of its filter over a log with theta (n_theta,)."""
+    samples = Samples.of(run.filter_model, log)
+    return kicks(run.filter_model, samples, run.filtered_mean[:, :-1], samples.theta(run.filter_model, theta))
+
+
 def _relaxing(
-    run: FilterRun, log: MatchedLog, samples: Samples, own: FloatArray
+    run: FilterRun, log: MatchedLog, samples: Samples, own: FloatArray, kicked: Kicks | None
 ) -> tuple[Path, FloatArray, FloatArray, FloatArray]:
     """The path of a stiff model, with the transitions of :mod:`bondgraph.correct.intervals`."""
-    found = kicks(run.filter_model, samples, run.filtered_mean[:, :-1], own)
+    found = kicks(run.filter_model, samples, run.filtered_mean[:, :-1], own) if kicked is None else kicked
     before = run.predicted_mean
     path = Path(
         run.filter_model.model, log, log.time, before[:, :-1], before[:, 1:], samples.u_left, samples.u_right, before,
