@@ -18,6 +18,7 @@ zero: what is missing is no noise, and an effect that acts now and then would wi
 
 from __future__ import annotations
 
+import functools
 import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -92,14 +93,22 @@ class Projected:
         """
         if self.expansion.terms is None or self.times is None:
             raise EstimationError("a variance that holds under coloured noise needs the terms of the expansion")
-        terms, free = self.expansion.terms, self.share.shape[0]
-        share = self.share[:, own]
-        columns = [0, *range(1, 1 + free), *(1 + free + k for k in own)]
-        slopes, scales = terms.innovations[:, columns], terms.log_scales[:, columns]
-        left = slopes[:, 1 + free :] + slopes[:, 1 : 1 + free] @ share
-        loud = scales[:, 1 + free :] + scales[:, 1 : 1 + free] @ share
-        pieces = left * (slopes[:, 0] + left @ step)[:, np.newaxis] + loud
+        terms, share = self.expansion.terms, self.share[:, own]
+        columns = [1 + self.share.shape[0] + k for k in own]
+        slopes, scales = self._free
+        left = terms.innovations[:, columns] + slopes @ share
+        loud = terms.log_scales[:, columns] + scales @ share
+        pieces = left * (terms.innovations[:, 0] + left @ step)[:, np.newaxis] + loud
         return self.times.sums(self.times.series(-pieces))
+
+    @functools.cached_property
+    def _free(self) -> tuple[FloatArray, FloatArray]:
+        """Derivatives of innovations and log scales by the free parameters, in rows of their own: asked for often."""
+        terms, free = self.expansion.terms, self.share.shape[0]
+        if terms is None:
+            return np.empty((0, free)), np.empty((0, free))
+        columns = slice(1, 1 + free)
+        return np.ascontiguousarray(terms.innovations[:, columns]), np.ascontiguousarray(terms.log_scales[:, columns])
 
 
 def project(expansion: Expansion, free: int, times: Times | None = None) -> Projected:

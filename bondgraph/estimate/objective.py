@@ -29,6 +29,9 @@ import numpy.typing as npt
 FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
 
+#: Squares of more columns than these are halved.
+_FEW_COLUMNS = 24
+
 
 class SearchOutcome(enum.Enum):
     """How a search ended; the value is the message."""
@@ -238,8 +241,20 @@ def expansion_of(innovations: FloatArray, log_scales: FloatArray, evaluations: i
     z, slopes_z, slopes_s = innovations[:, 0], innovations[:, 1:], log_scales[:, 1:]
     slopes_e = slopes_z + z[:, np.newaxis] * slopes_s
     gradient = over_terms(slopes_z, z[:, np.newaxis])[:, 0] + slopes_s.sum(axis=0)
-    information = over_terms(slopes_e, slopes_e) + 2.0 * over_terms(slopes_s, slopes_s)
+    information = _squares(slopes_e)
+    scaled = np.flatnonzero(slopes_s.any(axis=0))
+    information[np.ix_(scaled, scaled)] += 2.0 * _squares(slopes_s[:, scaled])
     return Expansion(gradient, information, evaluations, Terms(innovations, log_scales))
+
+
+def _squares(columns: FloatArray) -> FloatArray:
+    """``over_terms(columns, columns)`` of many columns by half the products, for the result is symmetric."""
+    count = columns.shape[1]
+    if count <= _FEW_COLUMNS:
+        return over_terms(columns, columns)
+    first, last = np.ascontiguousarray(columns[:, : count // 2]), np.ascontiguousarray(columns[:, count // 2 :])
+    across = over_terms(first, last)
+    return np.block([[_squares(first), across], [across.T, _squares(last)]])
 
 
 def over_terms(left: FloatArray, right: FloatArray) -> FloatArray:
