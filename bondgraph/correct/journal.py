@@ -10,6 +10,7 @@ from __future__ import annotations
 import dataclasses
 import hashlib
 import json
+import threading
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -23,6 +24,8 @@ from bondgraph.estimate.free import FreeParameter
 from bondgraph.filter.filter_model import FilterModel
 
 FILE = "fits.json"
+#: Fits that end in two threads are noted one after the other.
+_NOTING = threading.Lock()
 
 
 @dataclass(frozen=True)
@@ -77,8 +80,9 @@ class Journal:
         entry = dataclasses.asdict(fit) | {"point": fit.point.tolist(), "steps": fit.steps.tolist()}
         self.folder.mkdir(parents=True, exist_ok=True)
         partial = self.folder / f"{FILE}.partial"
-        partial.write_text(json.dumps(self._read() | {key: entry}), encoding="utf-8")
-        partial.replace(self.folder / FILE)
+        with _NOTING:
+            partial.write_text(json.dumps(self._read() | {key: entry}), encoding="utf-8")
+            partial.replace(self.folder / FILE)
 
     def _read(self) -> dict[str, Any]:
         if self.folder is None or not (self.folder / FILE).is_file():
@@ -99,8 +103,10 @@ def fit_key(
     """Digest of everything on which a fit depends."""
     content = hashlib.sha256()
     own = filter_model
-    numbers = (own.process_noise, own.measurement_noise, own.initial_std, own.substeps, own.appended, own.alpha)
-    content.update(repr((own.model.digest, own.model.text, numbers, tuple(free), tuple(map(_plain, options)))).encode())
+    numbers = (own.process_noise, own.measurement_noise, own.initial_std, own.appended, own.alpha)
+    steps = (own.method, own.substeps, own.grading)
+    said = (own.model.digest, own.model.text, numbers, steps, tuple(free), tuple(map(_plain, options)))
+    content.update(repr(said).encode())
     for log in logs:
         content.update(repr((log.name, sorted(log.theta_overrides.items()))).encode())
         for array in (log.time, log.u, log.y):

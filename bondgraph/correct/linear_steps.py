@@ -14,8 +14,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from bondgraph.correct.levels import LevelChanges, respond_to_levels
 from bondgraph.correct.intervals import Kicks
+from bondgraph.correct.levels import LevelChanges, respond_to_levels
 from bondgraph.correct.response import Change, LinearLog, kicked_along, linearise, model_change, respond, together
 from bondgraph.data.log import FloatArray
 from bondgraph.estimate.free import FreeParameter
@@ -36,8 +36,9 @@ _AS_PROMISED = 0.5
 _FINEST = 0.3
 #: Nor are more trials for a step that gains, after so many that did not, where the best promises less than this.
 _HARDLY, _VAIN = 2.0, 3
-#: Steps that promise less do not move the states: what kicks of them leave, the costly part, is taken from before.
-_NEAR = 10.0
+#: What kicks of the states leave is the costly part. It depends on the parameters and on the course of the states,
+#: which measurements hold: it is asked anew once a parameter has moved by more than this share of its bounds.
+_UNMOVED = 0.01
 #: Longest steps: of the logarithm of a noise level, and of other coordinates as a share of their bounds. A level of
 #: which the data say nothing is else thrown to where they say a lot.
 _LONGEST_LEVEL, _LONGEST = 1.5, 0.3
@@ -118,7 +119,7 @@ def linear_search(
     point = np.clip(start, problem.lower, problem.upper)
     runs = filter_runs(problem, point)
     value, evaluations, damping = _value(problem, point, runs), 1, _DAMPING
-    kicked = _kicked(problem, point, runs)
+    kicked, there = _kicked(problem, point, runs), point
     expansion = linear_expansion(problem, point, runs, kicked)
     outcome = SearchOutcome.ITERATION_LIMIT
     longest = _longest_steps(problem)
@@ -145,11 +146,18 @@ def linear_search(
         point, value, runs = trial, reached, tried
         damping = max(damping / _DAMP_LESS, _LEAST_DAMPING) if kept > _AS_PROMISED else damping
         idle = idle + 1 if gained < tolerance else 0
-        kicked = kicked if promise < _NEAR else _kicked(problem, point, runs)
+        if _moved(problem, point, there) > _UNMOVED:
+            kicked, there = _kicked(problem, point, runs), point
         expansion = linear_expansion(problem, point, runs, kicked)
         if value - beat > hopeless * max(gained, promise):
             break
     return Reached(point, value, expansion, evaluations, outcome)
+
+
+def _moved(problem: EstimationProblem, point: FloatArray, before: FloatArray) -> float:
+    """How far parameters are from where they were, at most, as a share of their bounds."""
+    share = np.abs(point - before) / (problem.upper - problem.lower)
+    return float(share[~problem.noise_levels].max(initial=0.0))
 
 
 def _kicked(problem: EstimationProblem, point: FloatArray, runs: Sequence[FilterRun]) -> list[Kicks]:

@@ -19,6 +19,7 @@ from bondgraph.correct.trials import Trial
 from bondgraph.data.log import MatchedLog
 from bondgraph.declare.graph import BondGraph
 from bondgraph.errors import EstimationError
+from bondgraph.estimate.objective import SearchOutcome
 
 #: An effect that was added before stays only if it is less likely by chance than this once others are there.
 _STAYS = 0.01
@@ -89,6 +90,8 @@ def _estimated(state: Progress, chosen: Trial, settings: RoundSettings) -> Progr
     if chosen.fit is None or chosen.built is None:
         raise EstimationError(f"{chosen.candidate.label}: only a candidate that was refitted can be added")
     filter_model = replace(chosen.fit.problem.filter_model, model=chosen.built.model)
+    if filter_model.is_stiff and chosen.fit.outcome is SearchOutcome.CONVERGED:  # to all that its filter can tell
+        return replace(state, built=chosen.built, fit=chosen.fit, added=(*state.added, chosen))
     fitted = fit(filter_model, state.train, at_optimum(chosen.fit), journal=settings.journal)
     fitted = with_starts(fitted, settings.journal)
     return replace(state, built=chosen.built, fit=fitted, added=(*state.added, chosen))

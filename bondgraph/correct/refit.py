@@ -9,6 +9,7 @@ One that clearly falls behind an accepted one is given up.
 
 from __future__ import annotations
 
+import contextlib
 import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
@@ -28,6 +29,7 @@ from bondgraph.correct.trials import Trial
 from bondgraph.data.log import FloatArray, MatchedLog
 from bondgraph.errors import EstimationError
 from bondgraph.estimate.free import FreeParameter
+from bondgraph.filter.compiled import CompiledFilter, in_threads
 from bondgraph.filter.filter_model import FilterModel
 
 #: Candidates are compared to this many nats; the chosen one is then estimated to the end.
@@ -43,18 +45,22 @@ class _Limits(NamedTuple):
     """Which candidates are refitted, of those in the order of their scores.
 
     At most ``most``, with this share of the best score's gain (``worth``) and of what an accepted one gained when it
-    was refitted (``behind``).
+    was refitted (``behind``); so many side by side (``abreast``), whatever the machine, for a leader decides who
+    follows.
     """
 
     worth: float
     behind: float
     most: int
+    abreast: int
 
 
 #: Scores are right to a factor of two.
-_LIMITS = _Limits(worth=0.4, behind=0.1, most=100)
-#: Each stiff candidate has to be compiled, and its refit takes longest.
-_STIFF_LIMITS = _Limits(worth=0.5, behind=0.6, most=3)
+_LIMITS = _Limits(worth=0.4, behind=0.1, most=100, abreast=1)
+#: The refits of stiff models take longest; the filter of one runs in one thread.
+_STIFF_LIMITS = _Limits(worth=0.5, behind=0.6, most=3, abreast=2)
+#: What promises less than so many times the least gain that counts is near: its refit need not begin far away.
+_NEARBY = 10.0
 
 #: With the process noise held low scores tell more: those that reach this share of the best, less so many nats.
 _WORTH_QUIET, _NEAR_QUIET = 0.9, 6.0
@@ -135,27 +141,77 @@ def refit_best(
         return done
     shared = _shared(ground, [trials[group[0]].candidate for group in groups])
     leader: tuple[int, Fit] | None = None
-    for count, group in enumerate(groups):
+    waiting, count = list(groups), 0
+    while waiting:
         report("refit the best candidates", count, len(groups))
-        index = group[0]
-        behind = leader is not None and trials[index].score_gain < limits.behind * (ground.base.nll - leader[1].nll)
-        if behind and quiet is None:
-            continue
-        own = build(trials[index].candidate.apply(ground.built.graph))
-        filter_model = shared or replace(ground.base.problem.filter_model, model=own.model)
-        try:
-            fitted = _refit(index, trials[index], scored, filter_model, ground, leader, quiet)
-        except EstimationError:  # it diverges wherever its scores point
-            continue
-        done[index] = _judged(trials[index], fitted, own, ground, tuple(trials[j].candidate.label for j in group[1:]))
-        for other in group[1:]:
-            done[other] = replace(trials[other], evidence=done[index].evidence)
-        evidence = done[index].evidence
-        accepted = evidence is not None and evidence.accepted(ground.level)
-        if accepted and (leader is None or fitted.nll < leader[1].nll):
-            leader = (index, fitted)
+        wave, waiting = waiting[: limits.abreast], waiting[limits.abreast :]
+        count += len(wave)
+        if leader is not None and quiet is None:
+            reached = limits.behind * (ground.base.nll - leader[1].nll)
+            wave = [group for group in wave if trials[group[0]].score_gain >= reached]
+        found = _abreast([trials[group[0]] for group in wave], [group[0] for group in wave], scored, shared, ground,
+                         leader, quiet)  # fmt: skip
+        for group, (fitted, own) in zip(wave, found, strict=True):
+            if fitted is None:
+                continue
+            index = group[0]
+            twins = tuple(trials[j].candidate.label for j in group[1:])
+            done[index] = _judged(trials[index], fitted, own, ground, twins)
+            for other in group[1:]:
+                done[other] = replace(trials[other], evidence=done[index].evidence)
+            evidence = done[index].evidence
+            accepted = evidence is not None and evidence.accepted(ground.level)
+            if accepted and (leader is None or fitted.nll < leader[1].nll):
+                leader = (index, fitted)
+        simpler = None if waiting or leader is None else _simpler(leader[0], done, scored.scores, ground)
+        if simpler is not None and not any(simpler in group for group in groups):
+            waiting, groups = [[simpler]], [*groups, [simpler]]
     report("refit the best candidates", len(groups), len(groups))
     return done
+
+
+def _simpler(leader: int, done: Sequence[Trial], found: Scores, ground: Ground) -> int | None:
+    """The best by its score of the laws at the leader's place that need fewer parameters; None where there is none.
+
+    Of a law that is another with a further term both promise the same, and which of them it is takes both refits.
+    """
+    best = done[leader].candidate
+    rivals = [
+        j
+        for j, trial in enumerate(done)
+        if trial.candidate.place.label == best.place.label
+        and len(trial.candidate.effect.parameters) < len(best.effect.parameters)
+        and found.gain[j] > 0.5 * ground.need
+    ]
+    if any(done[j].evidence is not None for j in rivals):
+        return None
+    return max(rivals, key=lambda j: float(found.gain[j]), default=None)
+
+
+def _abreast(
+    trials: Sequence[Trial],
+    indices: Sequence[int],
+    scored: Scored,
+    shared: FilterModel | None,
+    ground: Ground,
+    leader: tuple[int, Fit] | None,
+    quiet: Quiet | None,
+) -> list[tuple[Fit | None, BuiltModel]]:
+    """Refits side by side in threads, each with the model that it added its effect to; None for one that diverges."""
+    own = [build(trial.candidate.apply(ground.built.graph)) for trial in trials]
+    base = ground.base.problem.filter_model
+    filters = [shared or replace(base, model=one.model) for one in own]
+    if len(own) > 1:
+        for one in filters:  # compiled before threads start
+            CompiledFilter.of(one)
+    found: list[Fit | None] = [None] * len(own)
+
+    def refit(k: int) -> None:
+        with contextlib.suppress(EstimationError):  # it diverges wherever its scores point
+            found[k] = _refit(indices[k], trials[k], scored, filters[k], ground, leader, quiet)
+
+    in_threads(len(own), refit, range(len(own)))
+    return list(zip(found, own, strict=True))
 
 
 def _shared(ground: Ground, found: Sequence[Candidate]) -> FilterModel | None:
@@ -228,14 +284,14 @@ def _refit(
     found = scored.scores
     starts = [_along(ground.base, found, index, own, share) for share in _STRIDES]
     beginning = None
-    if filter_model.is_stiff:
+    if filter_model.is_stiff and trial.score_gain > _NEARBY * ground.need:
         starts += _afresh(ground.base, own, found.steps[index])
         absent = [parameter.coordinate(parameter.start) for parameter in own]
         beginning = quiet_start(free, np.concatenate([_declared(ground.base), absent]))
     starts += [_along(ground.base, found, index, own, share) for share in _abrupt(trial.candidate, found.steps[index])]
     if quiet is not None:
         starts += quiet_starts(ground.base, quiet, index, own)
-    beat = np.inf
+    beat = ground.base.nll if filter_model.is_stiff else np.inf
     if leader is not None:
         first, fitted = leader
         beat = fitted.nll

@@ -40,12 +40,14 @@ def try_storage(trial: Trial, ground: Ground, beat: float, quiet: tuple[Quiet, i
     scores with the process noise held low and the candidate's place in them, if it has a score.
     """
     extended = build(trial.candidate.apply(ground.built.graph))
-    own = filter_setup(extended.model, extended.driven, ground.train)
+    base, own = ground.base.problem.filter_model, filter_setup(extended.model, extended.driven, ground.train)
+    most = _MOST_STEPS * base.substeps
+    alike = own.filter_model.is_stiff == base.is_stiff  # else its steps are those of another method
     filter_model = replace(
-        ground.base.problem.filter_model,
+        base,
         model=extended.model,
         initial_std={**own.filter_model.initial_std, **_estimated_starts(ground.base)},
-        substeps=min(own.filter_model.substeps, _MOST_STEPS * ground.base.problem.filter_model.substeps),
+        substeps=min(own.filter_model.substeps, most) if alike else most,
     )
     added = coefficients(trial.candidate, filter_model)
     problem = EstimationProblem(filter_model, ground.train, (*at_optimum(ground.base), *added))

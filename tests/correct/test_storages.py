@@ -42,6 +42,7 @@ def test_a_storage_gets_a_multiple_of_the_steps_at_most_and_says_what_they_do_no
 
     monkeypatch.setattr(storages, "filter_setup", endless)
     monkeypatch.setattr(storages, "_MOST_STEPS", 1)
+    monkeypatch.setattr(storages, "_SIZES", (0.01, 0.5))  # the first far stiffer than these steps resolve
     tried = try_storage(Trial(candidate, 0.0), ground, float("inf"))
     steps = base.problem.filter_model.substeps
     assert f"was not tried, for which {steps} steps from sample to sample are too few" in tried.remark
