@@ -163,14 +163,14 @@ def refit_best(
             accepted = evidence is not None and evidence.accepted(ground.level)
             if accepted and (leader is None or fitted.nll < leader[1].nll):
                 leader = (index, fitted)
-        simpler = None if waiting or leader is None else _simpler(leader[0], done, scored.scores, ground)
+        simpler = None if waiting or leader is None else simpler_law(leader[0], done, scored.scores, ground)
         if simpler is not None and not any(simpler in group for group in groups):
             waiting, groups = [[simpler]], [*groups, [simpler]]
     report("refit the best candidates", len(groups), len(groups))
     return done
 
 
-def _simpler(leader: int, done: Sequence[Trial], found: Scores, ground: Ground) -> int | None:
+def simpler_law(leader: int, done: Sequence[Trial], found: Scores, ground: Ground) -> int | None:
     """The best by its score of the laws at the leader's place that need fewer parameters; None where there is none.
 
     Of a law that is another with a further term both promise the same, and which of them it is takes both refits.

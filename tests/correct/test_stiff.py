@@ -8,15 +8,19 @@ import numpy as np
 import pytest
 from sympy import tanh
 
+from bondgraph.correct import setup as filter_setups
 from bondgraph.correct.build import BuiltModel, build
 from bondgraph.correct.candidates import candidates, places
 from bondgraph.correct.fit import Fit, fit
-from bondgraph.correct.linear_steps import is_linearised, linear_expansion
+from bondgraph.correct.linear_steps import filter_runs, is_linearised, linear_expansion
 from bondgraph.correct.loop import free_parameters
 from bondgraph.correct.missing import missing_effort
+from bondgraph.correct.refit import Ground, simpler_law
+from bondgraph.correct.response import kicked_along
 from bondgraph.correct.round import one_round
 from bondgraph.correct.scoring import linearisation, score_candidates
 from bondgraph.correct.setup import FilterSetup, filter_setup, unknown_drives
+from bondgraph.correct.trials import Trial
 from bondgraph.data.log import MatchedLog
 from bondgraph.declare.domains import ROTATION
 from bondgraph.declare.editing import with_values
@@ -92,6 +96,39 @@ def test_the_method_and_what_walks_are_found_from_model_and_logs() -> None:
     assert unknown_drives(built().model, [drawn(0.0)]) == ("slope",)
     assert "process(slope)" in {one.name for one in setup.noise}
     assert setup.filter_model.initial_std["slope"] < 0.1  # as the inclinometer shows it
+
+
+def test_a_grip_that_few_samples_miss_is_seen_along_the_course_of_the_filter(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(filter_setups, "looks_stiff", lambda model, logs: False)
+    assert setup_of(drawn(0.0)).filter_model.is_stiff
+
+
+def test_kicks_from_the_point_before_give_the_expansion_of_this_one() -> None:
+    base = fitted(0.0)
+    problem, log = base.problem, base.problem.logs[0]
+    theta = problem.batch(base.point[:, np.newaxis]).theta[:, 0]
+    kicked = [kicked_along(run, log, theta) for run in filter_runs(problem, base.point)]
+    names = np.array(problem.names)
+    moved = base.point + np.where(names == "c", 0.005 * (problem.upper - problem.lower), 0.0)
+    near, fresh = linear_expansion(problem, moved, kicked=kicked), linear_expansion(problem, moved)
+    std = 1.0 / np.sqrt(np.diag(fresh.information))
+    assert not np.array_equal(near.gradient, fresh.gradient)
+    kept = ~base.held & (names != "grip")  # which is faster than the quadrature sees
+    assert np.abs((near.gradient - fresh.gradient) * std)[kept].max() < 0.1
+
+
+def test_a_simpler_law_at_the_place_of_the_best_is_refitted_beside_it() -> None:
+    log, base = drawn(0.05), fitted(0.05)
+    linear = linearisation(base, [log])
+    where = [one for one in places(built(), [log], base.runs([log]), base.theta) if one.label in ("motor", "drum")]
+    found, _ = candidates(built(), [effects.quadratic_loss, effects.coulomb_loss, effects.stribeck_loss], where)
+    scored = score_candidates(linear, found)
+    trials = [Trial(one, float(gain)) for one, gain in zip(found, scored.scores.gain, strict=True)]
+    ground = Ground(built(), base, (log,), len(found), 0.01, 2.0)
+    labels = [one.label for one in found]
+    leader, expected = labels.index("stribeck_loss at drum"), labels.index("quadratic_loss at drum")
+    assert simpler_law(leader, trials, scored.scores, ground) == expected
+    assert simpler_law(expected, trials, scored.scores, ground) is None
 
 
 def test_expansions_are_those_of_the_filter() -> None:
