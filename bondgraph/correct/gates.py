@@ -257,20 +257,24 @@ def best_gated(linear: Linearisation, scored: Scored) -> Gated | None:
     whole = np.concatenate([scored.columns[j] for j in usable], axis=1)
     one_sided = np.array([found[j].lower[0] >= 0.0 for j in usable])
     points = gates(logs)
-    best: Gated | None = None
+    chosen: tuple[float, Gate, FloatArray, FloatArray, int] | None = None
     for number, (name, time) in enumerate(points):
         after = _after(linear, whole, scored, usable, number)
-        for when, response in (("from", after), ("until", whole - after)):
-            projected = linear.projected(response)
-            told = np.where(projected.seen, np.maximum(np.diag(projected.information), 1e-300), np.inf)
-            gain = np.where(one_sided & (projected.score < 0.0), 0.0, 0.5 * projected.score**2 / told)
+        responses: tuple[tuple[When, FloatArray], ...] = (("from", after), ("until", whole - after))
+        for when, response in responses:
+            score, told = linear.each_alone(response)
+            gain = 0.5 * score**2 / np.where(told > 0.0, told, np.inf)
+            gain[one_sided & (score < 0.0)] = 0.0
             top = _simplest(gain, [found[j] for j in usable])
-            if best is None or gain[top] > best.gain:
-                step, own, p_value = best_step(projected, [top], one_sided[[top]])
-                gate = Gate("from" if when == "from" else "until", name, time)
-                near = _peers(projected, gain, top, usable)
-                best = Gated(usable[top], gate, own, float(step[0]), p_value, 2 * len(points) * len(usable), near)
-    return best
+            if chosen is None or gain[top] > chosen[0]:
+                chosen = float(gain[top]), Gate(when, name, time), response, gain, top
+    if chosen is None:
+        return None
+    _, gate, response, gain, top = chosen
+    projected = linear.projected(response)
+    step, own, p_value = best_step(projected, [top], one_sided[[top]])
+    near = _peers(projected, gain, top, usable)
+    return Gated(usable[top], gate, own, float(step[0]), p_value, 2 * len(points) * len(usable), near)
 
 
 def _peers(projected: Projected, gain: FloatArray, top: int, usable: Sequence[int]) -> tuple[Peer, ...]:

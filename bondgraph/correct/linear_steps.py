@@ -37,8 +37,9 @@ _FINEST = 0.3
 #: Nor are more trials for a step that gains, after so many that did not, where the best promises less than this.
 _HARDLY, _VAIN = 2.0, 3
 #: What kicks of the states leave is the costly part. It depends on the parameters and on the course of the states,
-#: which measurements hold: it is asked anew once a parameter has moved by more than this share of its bounds.
-_UNMOVED = 0.01
+#: which measurements hold: it is asked anew once a parameter has moved by more than this share of its bounds, and far
+#: from the optimum, where a step promises more than so many nats.
+_UNMOVED, _NEAR = 0.01, 50.0
 #: Longest steps: of the logarithm of a noise level, and of other coordinates as a share of their bounds. A level of
 #: which the data say nothing is else thrown to where they say a lot.
 _LONGEST_LEVEL, _LONGEST = 1.5, 0.3
@@ -146,7 +147,7 @@ def linear_search(
         point, value, runs = trial, reached, tried
         damping = max(damping / _DAMP_LESS, _LEAST_DAMPING) if kept > _AS_PROMISED else damping
         idle = idle + 1 if gained < tolerance else 0
-        if _moved(problem, point, there) > _UNMOVED:
+        if promise > _NEAR or _moved(problem, point, there) > _UNMOVED:
             kicked, there = _kicked(problem, point, runs), point
         expansion = linear_expansion(problem, point, runs, kicked)
         if value - beat > hopeless * max(gained, promise):

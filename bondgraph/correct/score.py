@@ -31,7 +31,7 @@ from bondgraph.errors import EstimationError
 from bondgraph.estimate.objective import Expansion, FloatArray
 
 #: Information left of a candidate, free parameters projected out, below which nothing but rounding is left of it.
-_LEFT = 1e-7
+LEFT = 1e-7
 #: Two candidates' coefficients more alike than this are one but for rounding.
 _SINGULAR = 1e-9
 #: Up to so many coefficients blocks of time determine their covariance.
@@ -129,7 +129,7 @@ def project(expansion: Expansion, free: int, times: Times | None = None) -> Proj
     score = -(gradient[outer] - share.T @ gradient[inner])
     left = information[outer, outer] - information[outer, inner] @ share
     own = np.maximum(np.diag(information[outer, outer]), np.finfo(float).tiny)
-    return Projected(score, left, -share, np.diag(left) > _LEFT * own, expansion, times)
+    return Projected(score, left, -share, np.diag(left) > LEFT * own, expansion, times)
 
 
 def scores(
