@@ -33,6 +33,9 @@ SCALE = Scale(4000.0, 28.0)
 #: Temperature at which the rolling resistance is declared.
 REFERENCE_TEMPERATURE = 293.15
 
+#: Accelerator from which on no foot is on the brake.
+PRESSED = 0.01
+
 #: What the training trips asked for, in the order in which they did; ``i3_chain`` finds it.
 CHOSEN = ("air_drag", "cold_rolling", "gear_loss")
 #: The parameters that it then estimates; the mass has the rotating parts and what the accelerometer reads too little.
@@ -56,6 +59,7 @@ def start() -> BondGraph:
     torque = g.input("motor_torque", "N m", "torque of the electric motor, negative when it recuperates")
     g.input("sin_grade", "1", "sine of the road's inclination from the map, uphill positive")
     g.input("ambient", "K", "temperature outside", default=REFERENCE_TEMPERATURE)
+    g.input("pedal", "1", "accelerator, 0 released", default=1.0)
 
     motor = g.one_junction("motor", ROTATION)
     wheels = g.one_junction("wheels", ROTATION)
@@ -125,6 +129,18 @@ def friction_brake(g: BondGraph, at: Place) -> Effect | None:
     return Effect("friction_brake", name, "effort = c*max(-torque - limit, 0)", (f"c_{name}",))
 
 
+def released_brake(g: BondGraph, at: Place) -> Effect | None:
+    """Friction brakes while the accelerator is released: the driver's foot is then where no sensor of these data is."""
+    if not _has(g, "pedal") or at.bond is not None or at.junction.name != "hub":
+        return None
+    name = f"released_brake_{at.name}"
+    force = g.parameter(f"c_{name}", 0.0, "N", "mean braking force", (0.0, at.scale.effort))
+    pressed = g.parameter(f"p_{name}", PRESSED, "1", "pedal from which on no foot is on the brake")
+    released = maximum(1 - symbol("pedal") / pressed, 0)
+    g.effort_source(name, -force * released * _forwards(at), at=at.junction)
+    return Effect("released_brake", name, "effort = c*max(1 - pedal/p, 0)", (f"c_{name}",))
+
+
 def _has(g: BondGraph, name: str) -> bool:
     return any(declared.name == name for declared in g.inputs)
 
@@ -151,6 +167,7 @@ EFFECTS: dict[str, Callable[[BondGraph], None]] = {
     "cold_rolling": _at(cold_rolling, "hub"),
     "cold_air": _at(cold_air, "body"),
     "friction_brake": _at(friction_brake, "hub"),
+    "released_brake": _at(released_brake, "hub"),
 }
 
 

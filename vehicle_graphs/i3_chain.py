@@ -10,8 +10,8 @@ reads is an output of the model there: a fit is a regression of the generated ou
 each lowers the error on training trips that were left out (five groups of trips) by ``LEAST_GAIN``.
 
 Printed after every step: the force error, that is the declared mass times the error in acceleration, root mean square
-over all samples at which the car moves; over those at which the motor drives; and over means of a second. Held-out
-trips are assessed and decide nothing.
+over all samples at which the car moves; over those at which the motor drives; over those at which the accelerator is
+pressed, so that no friction brake can act; and over means of a second. Held-out trips are assessed and decide nothing.
 """
 
 from __future__ import annotations
@@ -70,16 +70,21 @@ class Samples:
 
 @dataclass(frozen=True)
 class ForceError:
-    """Root mean square force errors [N] of samples and of means of 1 s: while the car moves, while the motor drives."""
+    """Root mean square force errors [N] of samples and of means of 1 s: while the car moves, while the motor drives.
+
+    ``pressed_means``: those of means of 1 s over samples with the accelerator pressed.
+    """
 
     moving: float
     driving: float
     moving_means: float
     driving_means: float
+    pressed_means: float
 
     def __str__(self) -> str:
         samples = f"samples {self.moving:6.1f} N moving {self.driving:6.1f} N driving"
-        return f"{samples}; means of 1 s {self.moving_means:6.1f} N moving {self.driving_means:6.1f} N driving"
+        means = f"means of 1 s {self.moving_means:6.1f} N moving {self.driving_means:6.1f} N driving"
+        return f"{samples}; {means} {self.pressed_means:6.1f} N accelerator pressed"
 
 
 @dataclass(frozen=True)
@@ -137,10 +142,9 @@ def force_error(model: Model, values: dict[str, float], data: Samples) -> ForceE
     """Force errors of a fitted balance."""
     missing = i3.MASS * missing_acceleration(model, values, data)
     drives = data.inputs[model.index("input", "motor_torque")] > 0.0
-    means = _means(missing, data)
-    return ForceError(
-        _rms(missing), _rms(missing[drives]), _rms(means), _rms(_means(missing[drives], data.rows(drives)))
-    )
+    pressed = data.inputs[model.index("input", "pedal")] > i3.PRESSED
+    means = [_rms(_means(missing[rows], data.rows(rows))) for rows in (pressed | ~pressed, drives, pressed)]
+    return ForceError(_rms(missing), _rms(missing[drives]), *means)
 
 
 def _means(values: FloatArray, data: Samples) -> FloatArray:

@@ -3,8 +3,8 @@
 Usage: ``python -m vehicle_graphs.i3_logs FOLDER --out DIR``.
 
 FOLDER holds ``trips.csv.gz`` (all trips one below the other at 10 Hz: ``trip, t_s, v_kmh, elevation_m,
-motor_torque_Nm, ax_mps2, ambient_C``). The trips have no published split; here those whose number is a multiple of
-four, in both seasons, are held out: ``train_<trip>.csv.gz`` and ``test_<trip>.csv.gz``.
+motor_torque_Nm, ax_mps2, ambient_C, throttle_pct``). The trips have no published split; here those whose number is a
+multiple of four, in both seasons, are held out: ``train_<trip>.csv.gz`` and ``test_<trip>.csv.gz``.
 
 What is done to the data, and why:
 
@@ -28,7 +28,7 @@ from bondgraph.data.log import Log, LogChannel
 from bondgraph.errors import DataError
 from vehicle_graphs.measured_tables import FloatArray, read_table, run_importer
 
-COLUMNS = ("t_s", "v_kmh", "elevation_m", "motor_torque_Nm", "ax_mps2", "ambient_C")
+COLUMNS = ("t_s", "v_kmh", "elevation_m", "motor_torque_Nm", "ax_mps2", "ambient_C", "throttle_pct")
 #: Longest stretch of straight lines that is taken as driving [s].
 LONGEST_LINE = 2.5
 #: Steps in which the channels were recorded; interpolated values lie within two of them of a line.
@@ -92,6 +92,7 @@ def trip_logs(name: str, trip: Mapping[str, FloatArray]) -> list[Log]:
             "motor_torque": ("N m", trip["motor_torque_Nm"]),
             "sin_grade": ("1", grade),
             "ambient": ("K", trip["ambient_C"] + kelvin),
+            "pedal": ("1", trip["throttle_pct"] / 100.0),
             "speed": ("km/h", trip["v_kmh"]),
             "acceleration": ("m/s^2", trip["ax_mps2"]),
         }
