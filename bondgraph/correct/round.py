@@ -25,6 +25,7 @@ from bondgraph.correct.probes import Probe, Signal, probes, signals
 from bondgraph.correct.quiet import Quiet, quiet_scores
 from bondgraph.correct.refit import Ground, refit_alone, refit_best, remoteness, worth_quiet
 from bondgraph.correct.scoring import Linearisation, Scored, linearisation, score_candidates
+from bondgraph.correct.stiff_refits import refit_stiff
 from bondgraph.correct.storages import try_storage
 from bondgraph.correct.trials import Alternative, Detectable, Trial
 from bondgraph.correct.whiteness import whiteness
@@ -106,7 +107,10 @@ def one_round(
     trials = _trials(scored, tried)
     quiet = quiet_scores(base, train, vanishing, settings.journal, gate_samples(train))
     ground = replace(ground, quiet=None if quiet is None else quiet.fit)
-    trials = refit_best(trials, scored, ground, settings.refits, settings.report, quiet)
+    if base.problem.filter_model.is_stiff:
+        trials = refit_stiff(trials, scored, ground, settings.refits, settings.report)
+    else:
+        trials = refit_best(trials, scored, ground, settings.refits, settings.report, quiet)
     trials = _with_storages(trials, stateful, linear, quiet, ground, settings, bool(present))
     trials += _gated_trials(linear, scored, quiet, ground, settings)
     trials, chosen = _chosen(trials, ground)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,15 +12,16 @@ from sympy import tanh
 from bondgraph.correct import setup as filter_setups
 from bondgraph.correct.build import BuiltModel, build
 from bondgraph.correct.candidates import candidates, places
-from bondgraph.correct.fit import Fit, fit
+from bondgraph.correct.fit import Fit, fit, no_report
 from bondgraph.correct.linear_steps import filter_runs, is_linearised, linear_expansion
 from bondgraph.correct.loop import free_parameters
 from bondgraph.correct.missing import missing_effort
-from bondgraph.correct.refit import Ground, simpler_law
+from bondgraph.correct.refit import Ground
 from bondgraph.correct.response import kicked_along
 from bondgraph.correct.round import one_round
 from bondgraph.correct.scoring import linearisation, score_candidates
 from bondgraph.correct.setup import FilterSetup, filter_setup, unknown_drives
+from bondgraph.correct.stiff_refits import refit_stiff, simpler_law
 from bondgraph.correct.trials import Trial
 from bondgraph.data.log import MatchedLog
 from bondgraph.declare.domains import ROTATION
@@ -184,3 +186,22 @@ def test_few_stiff_candidates_are_refitted_each_on_a_model_of_its_own() -> None:
         own = set(trial.fit.problem.filter_model.model.names("parameter")) - set(built().model.names("parameter"))
         assert own == set(trial.candidate.effect.parameters)
         assert trial.fit.problem.filter_model.model.text == trial.built.text
+
+
+def test_of_those_that_promise_much_the_ones_ahead_in_their_heats_go_on() -> None:
+    """Friction that does not grow with speed falls behind drag that does, on the beginning of the log already."""
+    log, base = drawn(0.3), fitted(0.3)
+    linear = linearisation(base, [log])
+    where = [one for one in places(built(), [log], base.runs([log]), base.theta) if one.label == "drum"]
+    found, _ = candidates(built(), [effects.quadratic_loss, effects.coulomb_loss], where)
+    scored = score_candidates(linear, found)
+    trials = [
+        Trial(one, float(gain), tuple(step))
+        for one, gain, step in zip(found, scored.scores.gain, scored.scores.steps, strict=True)
+    ]
+    drag, friction = ([one.effect.name for one in found].index(name) for name in ("quadratic_loss", "coulomb_loss"))
+    far = Ground(built(), base, (log,), len(found), 0.01, 0.02 * min(trial.score_gain for trial in trials))
+    done = refit_stiff(trials, scored, far, 6, no_report)
+    assert done[drag].fit is not None and done[drag].fit.values[found[drag].effect.coefficients[0]] > 0.25
+    assert done[friction].fit is None or done[friction].fit.nll > done[drag].fit.nll
+    assert refit_stiff(trials, scored, replace(far, need=1e9), 6, no_report) == trials  # nothing promises enough

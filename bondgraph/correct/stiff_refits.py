@@ -1,0 +1,234 @@
+"""Refits of candidates on stiff models, whose filters take longest: heats on a part of the logs, then the whole.
+
+A stiff model that lacks something is fitted far from its truth, and a local search from there ends far from it too. So
+what promises much is searched anew, from little process noise (see :func:`bondgraph.correct.fit.quiet_start`), on the
+beginnings of the logs; those that gain most there go on to the whole, two at a time, since the filter of a model runs
+in one thread. What promises little is near, and starts where its score points.
+"""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import TypeVar
+
+import numpy as np
+
+from bondgraph.correct.build import BuiltModel, build
+from bondgraph.correct.excerpts import excerpt
+from bondgraph.correct.fit import Fit, Report, fit, quiet_start
+from bondgraph.correct.refit import (
+    STRIDES,
+    WORTH,
+    Ground,
+    abrupt,
+    along,
+    at_optimum,
+    coefficients,
+    inside,
+    note,
+    worth_a_refit,
+)
+from bondgraph.correct.score import Scores
+from bondgraph.correct.scoring import Scored
+from bondgraph.correct.trials import Trial
+from bondgraph.data.log import FloatArray
+from bondgraph.errors import EstimationError
+from bondgraph.estimate.free import FreeParameter
+from bondgraph.estimate.problem import EstimationProblem
+from bondgraph.filter.compiled import CompiledFilter, in_threads
+from bondgraph.filter.filter_model import FilterModel
+
+_Task = TypeVar("_Task")
+
+#: At most so many candidates are refitted.
+_MOST = 4
+#: Heats end where a further step promises less than so many nats; after them few steps are left.
+_ROUGH, _ROUGH_ITERATIONS = 2.0, 30
+_TOLERANCE, _MOST_ITERATIONS = 0.05, 12
+#: Those that gain this share of the best in their heat go on.
+_AHEAD = 0.6
+#: What promises less than so many times the least gain that counts is near.
+_NEARBY = 10.0
+#: Multiples of the step of a score, and by how much (of a logarithm) lower process noise, at which a start is tried.
+_MULTIPLES = (1.0, 4.0, 16.0)
+_QUIETER = 2.0
+#: Side by side, whatever the machine, so that results do not depend on it.
+_ABREAST = 2
+
+
+@dataclass(frozen=True)
+class _Entrant:
+    """A candidate with the model that it added its effect to, what is free there, and where it may start.
+
+    ``beginning`` is where its heat begins (n,); None: it needs none.
+    """
+
+    group: tuple[int, ...]
+    built: BuiltModel
+    filter_model: FilterModel
+    free: tuple[FreeParameter, ...]
+    starts: tuple[FloatArray, ...]
+    beginning: FloatArray | None
+
+
+def refit_stiff(trials: Sequence[Trial], scored: Scored, ground: Ground, most: int, report: Report) -> list[Trial]:
+    """The trials of vanishing candidates on a stiff model, the best of them refitted.
+
+    Parameters
+    ----------
+    trials
+        In the order of the scores.
+    scored
+        Scores of the same candidates.
+    ground
+        What to start from.
+    most
+        Most refits.
+    report
+        Told of each.
+    """
+    done = list(trials)
+    groups = worth_a_refit(trials, scored, ground, min(most, _MOST), WORTH, None)
+    _refit([_entrant(done, group, scored, ground) for group in groups], done, ground, report)
+    refitted = [j for j, trial in enumerate(done) if trial.fit is not None]
+    if refitted:
+        leader = min(refitted, key=lambda j: done[j].fit.nll)  # type: ignore[union-attr]
+        simpler = simpler_law(leader, done, scored.scores, ground)
+        if simpler is not None:
+            _refit([_entrant(done, [simpler], scored, ground)], done, ground, report)
+    return done
+
+
+def simpler_law(leader: int, done: Sequence[Trial], found: Scores, ground: Ground) -> int | None:
+    """The best by its score of the laws at the leader's place that need fewer parameters; None where there is none.
+
+    Of a law that is another with a further term both promise the same, and which of them it is takes both refits.
+    """
+    best = done[leader].candidate
+    rivals = [
+        j
+        for j, trial in enumerate(done)
+        if trial.candidate.place.label == best.place.label
+        and len(trial.candidate.effect.parameters) < len(best.effect.parameters)
+        and found.gain[j] > 0.5 * ground.need
+    ]
+    if any(done[j].evidence is not None for j in rivals):
+        return None
+    return max(rivals, key=lambda j: float(found.gain[j]), default=None)
+
+
+def _entrant(trials: Sequence[Trial], group: Sequence[int], scored: Scored, ground: Ground) -> _Entrant:
+    index, base, found = group[0], ground.base, scored.scores
+    candidate = trials[index].candidate
+    built = build(candidate.apply(ground.built.graph))
+    filter_model = replace(base.problem.filter_model, model=built.model)
+    own = coefficients(candidate, filter_model, scored.variants[index])
+    free = (*at_optimum(base), *own)
+    shares = (*STRIDES, *abrupt(candidate, found.steps[index]))
+    starts = [along(base, found, index, own, share) for share in shares]
+    if trials[index].score_gain <= _NEARBY * ground.need:
+        return _Entrant(tuple(group), built, filter_model, free, tuple(starts), None)
+    starts += _afresh(base, own, found.steps[index])
+    absent = [parameter.coordinate(parameter.start) for parameter in own]
+    beginning = quiet_start(free, np.concatenate([_declared(base), absent]))
+    return _Entrant(tuple(group), built, filter_model, free, tuple(starts), beginning)
+
+
+def _refit(entrants: Sequence[_Entrant], done: list[Trial], ground: Ground, report: Report) -> None:
+    """Heats, then refits of those that are ahead, noted in the trials."""
+    if not entrants:
+        return
+    for one in entrants:  # compiled before threads start
+        CompiledFilter.of(one.filter_model)
+    report("refit the best candidates", 0, len(entrants))
+    ahead = _ahead(entrants, ground)
+    report("refit the best candidates", len(entrants) - len(ahead), len(entrants))
+
+    def whole(one: _Entrant) -> Fit:
+        return fit(
+            one.filter_model, ground.train, one.free, _MOST_ITERATIONS, _TOLERANCE, one.starts, ground.base.nll,
+            ground.journal,
+        )  # fmt: skip
+
+    for one, fitted in zip(ahead, _abreast(whole, ahead), strict=True):
+        if fitted is not None:
+            note(done, one.group, fitted, one.built, ground)
+    report("refit the best candidates", len(entrants), len(entrants))
+
+
+def _ahead(entrants: Sequence[_Entrant], ground: Ground) -> list[_Entrant]:
+    """Those that go on to the whole logs, from where their heat ended; what needs no heat goes on as it is."""
+    far = [one for one in entrants if one.beginning is not None]
+    parts = [_part(one, ground) for one in far]
+
+    def heat(k: int) -> Fit:
+        one, part = far[k], parts[k]
+        return fit(
+            one.filter_model, part.logs, one.free, _ROUGH_ITERATIONS, _ROUGH, one.starts, journal=ground.journal,
+            first=one.beginning,
+        )  # fmt: skip
+
+    found = _abreast(heat, range(len(far)))
+    reached = [np.inf if one is None else one.nll for one in found]
+    kept = [one for one in entrants if one.beginning is None]
+    if far:
+        problem = replace(ground.base.problem, logs=parts[0].logs)
+        best = float(problem.nll(ground.base.point[:, np.newaxis])[0]) - min(reached)
+        least = min(reached) + (1.0 - _AHEAD) * max(best, 0.0)
+        kept += [
+            replace(one, starts=(heated.point,))
+            for one, heated in zip(far, found, strict=True)
+            if heated is not None and heated.nll <= least
+        ]
+    return kept
+
+
+def _part(one: _Entrant, ground: Ground) -> EstimationProblem:
+    """The beginnings of long logs."""
+    problem = EstimationProblem(one.filter_model, ground.train, one.free)
+    return excerpt(problem) or problem
+
+
+def _abreast(action: Callable[[_Task], Fit], tasks: Sequence[_Task]) -> list[Fit | None]:
+    """Fits side by side; None for one whose model diverges."""
+    found: list[Fit | None] = [None] * len(tasks)
+
+    def work(k: int) -> None:
+        with contextlib.suppress(EstimationError):
+            found[k] = action(tasks[k])
+
+    in_threads(_ABREAST, work, range(len(tasks)))
+    return found
+
+
+def _afresh(base: Fit, own: Sequence[FreeParameter], step: FloatArray) -> list[FloatArray]:
+    """Starts that owe less to the fit without a candidate: its parameters or the declared ones, its noise or little.
+
+    A model that lacks something drives its parameters to bounds and its noise up, and from there a long way leads back.
+    Coefficients are tried at what their score points at and, since a large effect is underrated, at multiples of it.
+    """
+    problem = base.problem
+    kinds = np.array([parameter.target.kind for parameter in problem.free])
+    declared = _declared(base)
+    quiet = np.where(kinds == "process", np.clip(base.point - _QUIETER, problem.lower, problem.upper), 0.0)
+    found = []
+    for point in (base.point, declared):
+        for levels in (point, np.where(kinds == "process", quiet, point)):
+            for many in _MULTIPLES:
+                reached = [inside(one, many * value) for one, value in zip(own, step, strict=False)]
+                shapes = [parameter.coordinate(parameter.start) for parameter in own[step.size :]]
+                found.append(np.concatenate([levels, reached, shapes]))
+    return found
+
+
+def _declared(base: Fit) -> FloatArray:
+    """The point of a fit with its parameters as declared."""
+    model = base.problem.filter_model.model
+    point = base.point.copy()
+    for k, parameter in enumerate(base.problem.free):
+        if parameter.target.kind == "parameter":
+            value = model.parameters[model.index("parameter", parameter.target.name)].value
+            point[k] = parameter.coordinate(float(np.clip(value, parameter.lower, parameter.upper)))
+    return point
