@@ -51,7 +51,9 @@ _TOLERANCE, _MOST_ITERATIONS = 0.05, 12
 _AHEAD = 0.6
 #: What promises less than so many times the least gain that counts is near.
 _NEARBY = 10.0
-#: Multiples of the step of a score, and by how much (of a logarithm) lower process noise, at which a start is tried.
+#: Shares of the step of a score at which those near are tried: the filter of all logs is costly, and scores are right.
+_NEAR_STRIDES = (1.0, 0.1)
+#: Multiples of that step, and by how much (of a logarithm) lower process noise, at which a start is tried.
 _MULTIPLES = (1.0, 4.0, 16.0)
 _QUIETER = 2.0
 #: Side by side, whatever the machine, so that results do not depend on it.
@@ -126,9 +128,10 @@ def _entrant(trials: Sequence[Trial], group: Sequence[int], scored: Scored, grou
     filter_model = replace(base.problem.filter_model, model=built.model)
     own = coefficients(candidate, filter_model, scored.variants[index])
     free = (*at_optimum(base), *own)
-    shares = (*STRIDES, *abrupt(candidate, found.steps[index]))
+    near = trials[index].score_gain <= _NEARBY * ground.need
+    shares = (*(_NEAR_STRIDES if near else STRIDES), *abrupt(candidate, found.steps[index]))
     starts = [along(base, found, index, own, share) for share in shares]
-    if trials[index].score_gain <= _NEARBY * ground.need:
+    if near:
         return _Entrant(tuple(group), built, filter_model, free, tuple(starts), None)
     starts += _afresh(base, own, found.steps[index])
     absent = [parameter.coordinate(parameter.start) for parameter in own]
