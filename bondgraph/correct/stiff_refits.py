@@ -3,7 +3,8 @@
 A stiff model that lacks something is fitted far from its truth, and a local search from there ends far from it too. So
 what promises much is searched anew, from little process noise (see :func:`bondgraph.correct.fit.quiet_start`), on the
 beginnings of the logs; those that gain most there go on to the whole, two at a time, since the filter of a model runs
-in one thread. What promises little is near, and starts where its score points.
+in one thread. What promises little is near, and starts where its score points; what
+promises less than must be gained is refitted only where its law is not smooth, which scores underrate.
 """
 
 from __future__ import annotations
@@ -92,7 +93,11 @@ def refit_stiff(trials: Sequence[Trial], scored: Scored, ground: Ground, most: i
         Told of each.
     """
     done = list(trials)
-    groups = worth_a_refit(trials, scored, ground, min(most, _MOST), WORTH, None)
+    groups = [
+        group
+        for group in worth_a_refit(trials, scored, ground, min(most, _MOST), WORTH, None)
+        if done[group[0]].score_gain > ground.need or done[group[0]].candidate.effect.amplitudes
+    ]
     _refit([_entrant(done, group, scored, ground) for group in groups], done, ground, report)
     refitted = [j for j, trial in enumerate(done) if trial.fit is not None]
     if refitted:
