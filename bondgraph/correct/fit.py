@@ -12,8 +12,10 @@ from bondgraph.correct.differences import forward_differences
 from bondgraph.correct.excerpts import excerpt
 from bondgraph.correct.journal import Journal, Noted, fit_key
 from bondgraph.correct.linear_steps import is_linearised, linear_expansion, linear_search
+from bondgraph.correct.polish import polished
 from bondgraph.data.log import FloatArray, MatchedLog
 from bondgraph.errors import EstimationError
+from bondgraph.estimate.exact import exact_expansion
 from bondgraph.estimate.free import FreeParameter
 from bondgraph.estimate.gauss_newton import (
     GaussNewtonSettings,
@@ -39,6 +41,8 @@ _NOISIER = (1.0, 5.0, 25.0, 125.0)
 _QUIET, _LOUD = 0.2, 0.7
 #: A fit that is to beat another gives up when it is behind by more than this many times what a step promises or gains.
 _HOPELESS = 10.0
+#: The exact steps that end the fit of a stiff model must promise so many nats.
+_POLISHED = 0.1
 #: A search on a part of the logs ends where a further step promises less than so many nats.
 _ROUGH, _ROUGH_ITERATIONS = 2.0, 30
 
@@ -241,6 +245,8 @@ def _linear_search(
     else:
         start, evaluations = _rough(excerpt(problem) or problem, _ROUGH_ITERATIONS, first, starts)
     found = linear_search(problem, start, iterations, tolerance, beat, _HOPELESS)
+    if tolerance < _ROUGH and found.nll < beat + _HOPELESS:
+        found = polished(problem, found, max(tolerance, _POLISHED))
     evaluations += found.evaluations
     made = Fit(problem, found.point, found.nll, found.expansion, evaluations, found.outcome)
     return made, np.zeros(found.point.size)
@@ -338,6 +344,6 @@ def _fit(
 def expand(problem: Objective, point: FloatArray, steps: FloatArray) -> Expansion:
     """Gradient, information and terms at one point: by differences, or by the linearised filter of a stiff model."""
     if isinstance(problem, EstimationProblem) and is_linearised(problem):
-        return linear_expansion(problem, point)
+        return exact_expansion(problem, point) or linear_expansion(problem, point)
     (expansion,) = forward_differences(problem, point[:, np.newaxis], steps[:, np.newaxis])
     return expansion

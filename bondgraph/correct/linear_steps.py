@@ -33,7 +33,7 @@ _DAMPING, _LEAST_DAMPING, _MOST_DAMPING, _DAMP_LESS, _DAMP_MORE = 1e-2, 1e-6, 1e
 #: It falls where a step gained more than this share of what it promised.
 _AS_PROMISED = 0.5
 #: No step is worth less than so many nats: what the linearised filter leaves out of the gradient is as large.
-_FINEST = 0.3
+_FINEST = 1.0
 #: Nor are more trials for a step that gains, after so many that did not, where the best promises less than this.
 _HARDLY, _VAIN = 2.0, 3
 #: What kicks of the states leave is the costly part. It depends on the parameters and on the course of the states,
@@ -123,7 +123,7 @@ def linear_search(
     kicked, there = _kicked(problem, point, runs), point
     expansion = linear_expansion(problem, point, runs, kicked)
     outcome = SearchOutcome.ITERATION_LIMIT
-    longest = _longest_steps(problem)
+    longest = longest_steps(problem)
     idle = vain = 0
     for _ in range(iterations):
         promise = newton_decrement(problem, point, expansion)
@@ -166,7 +166,8 @@ def _kicked(problem: EstimationProblem, point: FloatArray, runs: Sequence[Filter
     return [kicked_along(run.raise_if_failed(), log, theta) for log, run in zip(problem.logs, runs, strict=True)]
 
 
-def _longest_steps(problem: EstimationProblem) -> FloatArray:
+def longest_steps(problem: EstimationProblem) -> FloatArray:
+    """How far a step may go in each coordinate, shape (n,)."""
     return np.where(problem.noise_levels, _LONGEST_LEVEL, _LONGEST * (problem.upper - problem.lower))
 
 

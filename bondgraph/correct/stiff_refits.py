@@ -36,6 +36,7 @@ from bondgraph.correct.scoring import Scored
 from bondgraph.correct.trials import Trial
 from bondgraph.data.log import FloatArray
 from bondgraph.errors import EstimationError
+from bondgraph.estimate.exact import compile_exact
 from bondgraph.estimate.free import FreeParameter
 from bondgraph.estimate.problem import EstimationProblem
 from bondgraph.filter.compiled import CompiledFilter, in_threads
@@ -153,6 +154,8 @@ def _refit(entrants: Sequence[_Entrant], done: list[Trial], ground: Ground, repo
     report("refit the best candidates", 0, len(entrants))
     ahead = _ahead(entrants, ground)
     report("refit the best candidates", len(entrants) - len(ahead), len(entrants))
+    for one in ahead:
+        compile_exact(EstimationProblem(one.filter_model, ground.train, one.free))
 
     def whole(one: _Entrant) -> Fit:
         return fit(

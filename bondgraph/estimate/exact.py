@@ -26,6 +26,7 @@ from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.gradient import Directions, has_exact_gradient, innovation_tangents
 from bondgraph.filter.samples import Samples
 from bondgraph.filter.ukf import Member
+from bondgraph.simulate.program.lanes import load_tangents
 
 #: What one expansion counts, in evaluations: measured on the vehicle with ten free parameters, and one to compare.
 _EVALUATIONS = 7
@@ -87,6 +88,43 @@ def exact_derivatives(objective: Objective, points: FloatArray, steps: FloatArra
             (expansion,) = central_differences(objective, points[:, [m]], steps[:, [m]])
         found.append(_about(seen, expansion))
     return tuple(found)
+
+
+def exact_expansion(problem: EstimationProblem, point: FloatArray) -> Expansion | None:
+    """The expansion at a point (n,) by exact derivatives alone; None where there are none or the filter chatters.
+
+    Examples
+    --------
+    >>> from bondgraph.data.log import MatchedLog
+    >>> from bondgraph.estimate.problem import pose
+    >>> from bondgraph.simulate.example import pendulum
+    >>> swing = FilterModel(pendulum(), {"rate": 0.1}, {"deflection": 0.02}, {"angle": 0.1, "rate": 0.1}, substeps=2)
+    >>> time = np.arange(40) * 0.05
+    >>> log = MatchedLog("swing", time, np.zeros((1, 40)), 0.5 * np.cos(3.1 * time)[np.newaxis])
+    >>> problem = pose(swing, log, ["length"])
+    >>> exact_expansion(problem, problem.start).information.shape
+    (1, 1)
+    """
+    filter_model = choose_method(problem.filter_model, problem.logs)
+    if not isinstance(problem.likelihood, FilterLikelihood) or not problem.likelihood.compiled:
+        return None
+    if not has_exact_gradient(filter_model):
+        return None
+    expansion = _expand(problem, filter_model, point, thread_count(problem.likelihood.threads))
+    seen = problem.terms(point[:, np.newaxis])
+    if expansion is None or not _agrees(expansion, float(seen.sums()[0])):
+        return None
+    return _about(seen, expansion)
+
+
+def compile_exact(problem: EstimationProblem) -> None:
+    """Compile what :func:`exact_expansion` needs, before threads start: CPython 3.11 cannot parse text in two."""
+    filter_model = choose_method(problem.filter_model, problem.logs)
+    if not has_exact_gradient(filter_model):
+        return
+    names = {one.target.name for one in problem.free if one.target.kind == "parameter"}
+    model = filter_model.model
+    load_tangents(model, tuple(sorted(model.index("parameter", name) for name in names)), filter_model.is_stiff)
 
 
 def _expansions(

@@ -132,7 +132,7 @@ RANGER = StudyMachine(
         Kind(effects.added_inertia, "body.forward", 60.0, in_part=True),
         Kind(effects.creep, "belt.belt", 1e-5, outside=True),
         Kind(effects.coulomb_loss, "primary.sheave", 100.0),
-        Kind(effects.hysteresis_loss, "primary.sheave", 100.0),
+        Kind(effects.hysteresis_loss, "primary.sheave", 100.0, largest=2000.0),
         Kind(effects.constant_effort, "body.forward", 50.0),
         Kind(effects.viscous_loss, "engine.crank", 0.003, relatives=_others("viscous_loss", _WITH_SPEED)),
         Kind(effects.warm_up_loss, "engine.crank", 0.01, shapes=(20.0,), relatives=("viscous_loss",)),
