@@ -7,9 +7,10 @@ with their derivatives give the gradient of the negative log-likelihood, sum(z d
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
@@ -27,6 +28,9 @@ from bondgraph.simulate.outcome import OUTCOMES, Outcome
 from bondgraph.simulate.program.lane_text import LANES
 from bondgraph.simulate.program.lanes import TangentLanes, load_tangents
 from bondgraph.simulate.rosenbrock import TABLEAUS
+
+#: So many directions are worth a thread of their own, which filters the log once more for them.
+_WORTH_A_THREAD = 4
 
 
 @dataclass(frozen=True)
@@ -85,7 +89,8 @@ def innovation_tangents(
     logs, members, directions
         One member with its directions for each log. A parameter that a log knows does not move there.
     threads
-        Threads over logs; None: one per core. The result does not depend on it.
+        Threads over logs, and over directions where there are fewer logs; None: one per core. The result does not
+        depend on it.
 
     Raises
     ------
@@ -117,10 +122,12 @@ def innovation_tangents(
     run = load_kernel(gradient_kernel, gradient_algebra, kernel_channels).filter_with_tangents
     samples = [Samples.of(filter_model, log) for log in logs]
 
-    def one(index: int) -> InnovationTangents:
-        scratch = _scratch(filter_model, tangents, directions[index].theta.shape[1])
+    def one(part: tuple[int, slice]) -> InnovationTangents:
+        index, own = part
+        some = _some(directions[index], own)
+        scratch = _scratch(filter_model, tangents, some.theta.shape[1])
         found = _found(filter_model, samples[index], scratch)
-        prior = _prior(filter_model, samples[index], members[index], directions[index], moving)
+        prior = _prior(filter_model, samples[index], members[index], some, moving)
         equations = TangentEquations(tangents.prepare, tangents.advance, tangents.measure, tangents.push)
         code = run(equations, log_rows(samples[index]), _rules(filter_model, tangents), prior, found, scratch)
         if code != 0:
@@ -128,11 +135,38 @@ def innovation_tangents(
                 array[...] = np.nan
         return InnovationTangents(samples[index].name, *found, OUTCOMES[code])
 
-    workers = min(len(samples), thread_count(threads))
-    if workers == 1:
-        return tuple(one(index) for index in range(len(samples)))
-    with ThreadPoolExecutor(workers) as executor:
-        return tuple(executor.map(one, range(len(samples))))
+    workers = thread_count(threads)
+    count = directions[0].theta.shape[1] if directions else 0
+    groups = _groups(count, -(-workers // max(len(samples), 1)))
+    parts = [(index, own) for index in range(len(samples)) for own in groups]
+    if workers == 1 or len(parts) == 1:
+        every = [one(part) for part in parts]
+    else:
+        with ThreadPoolExecutor(workers) as executor:
+            every = list(executor.map(one, parts))
+    size = len(groups)
+    return tuple(_side_by_side(every[first : first + size]) for first in range(0, len(every), size))
+
+
+def _groups(count: int, most: int) -> list[slice]:
+    """So many directions in groups of equal size, at most ``most``; few are not worth filtering the log once more."""
+    groups = max(1, min(most, count // _WORTH_A_THREAD))
+    edges = np.linspace(0, count, groups + 1).astype(int)
+    return [slice(int(first), int(end)) for first, end in itertools.pairwise(edges)]
+
+
+def _some(directions: Directions, own: slice) -> Directions:
+    return Directions(*(getattr(directions, field.name)[:, own] for field in fields(directions)))
+
+
+def _side_by_side(parts: Sequence[InnovationTangents]) -> InnovationTangents:
+    """What groups of directions found along the same log; failed, as all of them are, if one of them did."""
+    first = next((part for part in parts if part.outcome is not Outcome.OK), parts[0])
+    return replace(
+        first,
+        d_values=np.concatenate([part.d_values for part in parts], axis=2),
+        d_log_scales=np.concatenate([part.d_log_scales for part in parts], axis=2),
+    )
 
 
 def _rules(filter_model: FilterModel, tangents: TangentLanes) -> TangentRules:

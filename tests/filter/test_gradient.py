@@ -109,6 +109,17 @@ def test_each_log_has_its_own_member_and_known_parameters_do_not_move() -> None:
     assert alone[0].gradient[0] != 0.0
 
 
+def test_directions_in_threads_are_those_in_one() -> None:
+    model = pendulum_filter()
+    log = simulated_log(model, np.arange(40) * 0.05, seed=4)
+    directions = random_directions(model, 11, seed=7)
+    still = replace(directions, noise_std=np.nan_to_num(directions.noise_std))
+    (alone,) = innovation_tangents(model, [log], [member_of(model)], [still], threads=1)
+    (threaded,) = innovation_tangents(model, [log], [member_of(model)], [still], threads=3)
+    for field in ("values", "log_scales", "d_values", "d_log_scales"):
+        np.testing.assert_array_equal(getattr(threaded, field), getattr(alone, field))
+
+
 def test_a_failure_is_an_outcome() -> None:
     model = pendulum_filter()
     log = simulated_log(model, np.arange(25) * 0.05, seed=1)
