@@ -342,7 +342,7 @@ def _fit(
 
 
 def expand(problem: Objective, point: FloatArray, steps: FloatArray) -> Expansion:
-    """Gradient, information and terms at one point: by differences, or by the linearised filter of a stiff model."""
+    """Gradient, information and terms at one point: by differences, or by exact derivatives where a model is stiff."""
     if isinstance(problem, EstimationProblem) and is_linearised(problem):
         return exact_expansion(problem, point) or linear_expansion(problem, point)
     (expansion,) = forward_differences(problem, point[:, np.newaxis], steps[:, np.newaxis])

@@ -3,8 +3,8 @@
 A stiff model that lacks something is fitted far from its truth, and a local search from there ends far from it too. So
 what promises much is searched anew, from little process noise (see :func:`bondgraph.correct.fit.quiet_start`), on the
 beginnings of the logs; those that gain most there go on to the whole, two at a time, since the filter of a model runs
-in one thread. What promises little is near, and starts where its score points; what
-promises less than must be gained is refitted only where its law is not smooth, which scores underrate.
+in one thread. What promises little is near, and starts where its score points; what promises less than must be gained
+is refitted only where its law is not smooth, which scores underrate.
 """
 
 from __future__ import annotations

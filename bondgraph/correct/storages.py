@@ -13,6 +13,7 @@ import numpy as np
 from bondgraph.correct.build import build
 from bondgraph.correct.decide import judge
 from bondgraph.correct.fit import Fit, expand, fit
+from bondgraph.correct.linear_steps import is_linearised, linear_expansion
 from bondgraph.correct.quiet import Quiet, quiet_starts
 from bondgraph.correct.refit import Ground, at_optimum, coefficients
 from bondgraph.correct.setup import filter_setup
@@ -63,7 +64,10 @@ def try_storage(trial: Trial, ground: Ground, beat: float, quiet: tuple[Quiet, i
     if not loss < _LOSES * ground.need:
         return trial
     steps = GaussNewtonSettings().difference * (problem.upper - problem.lower)
-    expansion = expand(problem, starts[:, best], steps)
+    if is_linearised(problem):  # what an exact expansion costs is for what is refitted
+        expansion = linear_expansion(problem, starts[:, best])
+    else:
+        expansion = expand(problem, starts[:, best], steps)
     promise = -loss + newton_decrement(problem, starts[:, best], expansion)
     trial = replace(trial, score_gain=max(promise, 0.0))
     if promise < 0.5 * ground.need:
