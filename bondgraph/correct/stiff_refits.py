@@ -51,6 +51,8 @@ _ROUGH, _ROUGH_ITERATIONS = 2.0, 30
 _TOLERANCE, _MOST_ITERATIONS = 0.05, 12
 #: Those that gain this share of the best in their heat go on.
 _AHEAD = 0.6
+#: Responses this much alike make it worth starting one where the other ended.
+_ALIKE = 0.9
 #: What promises less than so many times the least gain that counts is near.
 _NEARBY = 10.0
 #: Shares of the step of a score at which those near are tried: the filter of all logs is costly, and scores are right.
@@ -99,10 +101,12 @@ def refit_stiff(trials: Sequence[Trial], scored: Scored, ground: Ground, most: i
         for group in worth_a_refit(trials, scored, ground, min(most, _MOST), WORTH, None)
         if done[group[0]].score_gain > ground.need or done[group[0]].candidate.effect.amplitudes
     ]
-    _refit([_entrant(done, group, scored, ground) for group in groups], done, ground, report)
+    entrants = [_entrant(done, group, scored, ground) for group in groups]
+    _refit(entrants, done, ground, report)
+    _from_leader(entrants, done, scored.scores, ground)
     refitted = [j for j, trial in enumerate(done) if trial.fit is not None]
     if refitted:
-        leader = min(refitted, key=lambda j: done[j].fit.nll)  # type: ignore[union-attr]
+        leader = min(refitted, key=lambda j: _nll(done[j]))
         simpler = simpler_law(leader, done, scored.scores, ground)
         if simpler is not None:
             _refit([_entrant(done, [simpler], scored, ground)], done, ground, report)
@@ -194,6 +198,44 @@ def _ahead(entrants: Sequence[_Entrant], ground: Ground) -> list[_Entrant]:
             if heated is not None and heated.nll <= least
         ]
     return kept
+
+
+def _from_leader(entrants: Sequence[_Entrant], done: list[Trial], found: Scores, ground: Ground) -> None:
+    """Refit those like the best once more from where its refit ended, with the coefficients exchanged.
+
+    Searches of their own may end in other optima, and what sensors hardly tell apart would seem to be told apart.
+    """
+    refitted = [one for one in entrants if done[one.group[0]].fit is not None]
+    if not refitted:
+        return
+    first = min(refitted, key=lambda one: _nll(done[one.group[0]])).group[0]
+    best = done[first].fit
+    alike = [
+        one
+        for one in refitted
+        if one.group[0] != first
+        and len(one.free) == len(ground.base.problem.free) + 1
+        and abs(found.correlation[first, one.group[0]]) > _ALIKE
+    ]
+    if best is None or best.point.size != ground.base.point.size + 1:
+        return
+
+    def again(one: _Entrant) -> Fit:
+        index = one.group[0]
+        told = found.information[first] / found.information[index]
+        step = float(found.correlation[first, index] * np.sqrt(told) * best.point[-1])
+        start = np.append(best.point[:-1], inside(one.free[-1], step))
+        return fit(
+            one.filter_model, ground.train, one.free, _MOST_ITERATIONS, _TOLERANCE, [start], best.nll, ground.journal
+        )
+
+    for one, fitted in zip(alike, _abreast(again, alike), strict=True):
+        if fitted is not None and fitted.nll < _nll(done[one.group[0]]):
+            note(done, one.group, fitted, one.built, ground)
+
+
+def _nll(trial: Trial) -> float:
+    return np.inf if trial.fit is None else trial.fit.nll
 
 
 def _part(one: _Entrant, ground: Ground) -> EstimationProblem:
