@@ -44,15 +44,15 @@ from bondgraph.filter.filter_model import FilterModel
 
 _Task = TypeVar("_Task")
 
-#: At most so many candidates are refitted.
+#: At most so many candidates are searched from anywhere else than the end of the best of them.
 _MOST = 4
 #: Heats end where a further step promises less than so many nats; after them few steps are left.
 _ROUGH, _ROUGH_ITERATIONS = 2.0, 30
 _TOLERANCE, _MOST_ITERATIONS = 0.05, 12
 #: Those that gain this share of the best in their heat go on.
 _AHEAD = 0.6
-#: Responses this much alike make it worth starting one where the other ended.
-_ALIKE = 0.9
+#: Responses this much alike, with this share of the best one's score, are worth a start where its refit ended.
+_ALIKE, _CLOSE_BY = 0.8, 0.8
 #: What promises less than so many times the least gain that counts is near.
 _NEARBY = 10.0
 #: Shares of the step of a score at which those near are tried: the filter of all logs is costly, and scores are right.
@@ -98,11 +98,11 @@ def refit_stiff(trials: Sequence[Trial], scored: Scored, ground: Ground, most: i
     done = list(trials)
     groups = [
         group
-        for group in worth_a_refit(trials, scored, ground, min(most, _MOST), WORTH, None)
+        for group in worth_a_refit(trials, scored, ground, most, WORTH, None)
         if done[group[0]].score_gain > ground.need or done[group[0]].candidate.effect.amplitudes
     ]
     entrants = [_entrant(done, group, scored, ground) for group in groups]
-    _refit(entrants, done, ground, report)
+    _refit(entrants[:_MOST], done, ground, report)
     _from_leader(entrants, done, scored.scores, ground)
     refitted = [j for j, trial in enumerate(done) if trial.fit is not None]
     if refitted:
@@ -201,7 +201,7 @@ def _ahead(entrants: Sequence[_Entrant], ground: Ground) -> list[_Entrant]:
 
 
 def _from_leader(entrants: Sequence[_Entrant], done: list[Trial], found: Scores, ground: Ground) -> None:
-    """Refit those like the best once more from where its refit ended, with the coefficients exchanged.
+    """Refit those like the best, refitted before or not, from where its refit ended, with the coefficients exchanged.
 
     Searches of their own may end in other optima, and what sensors hardly tell apart would seem to be told apart.
     """
@@ -212,8 +212,9 @@ def _from_leader(entrants: Sequence[_Entrant], done: list[Trial], found: Scores,
     best = done[first].fit
     alike = [
         one
-        for one in refitted
+        for one in entrants
         if one.group[0] != first
+        and done[one.group[0]].score_gain > _CLOSE_BY * done[first].score_gain
         and len(one.free) == len(ground.base.problem.free) + 1
         and abs(found.correlation[first, one.group[0]]) > _ALIKE
     ]
@@ -229,6 +230,9 @@ def _from_leader(entrants: Sequence[_Entrant], done: list[Trial], found: Scores,
             one.filter_model, ground.train, one.free, _MOST_ITERATIONS, _TOLERANCE, [start], best.nll, ground.journal
         )
 
+    for one in alike:
+        CompiledFilter.of(one.filter_model)
+        compile_exact(EstimationProblem(one.filter_model, ground.train, one.free))
     for one, fitted in zip(alike, _abreast(again, alike), strict=True):
         if fitted is not None and fitted.nll < _nll(done[one.group[0]]):
             note(done, one.group, fitted, one.built, ground)
