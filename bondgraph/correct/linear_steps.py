@@ -32,7 +32,7 @@ _SHIFT = 1e-5
 _DAMPING, _LEAST_DAMPING, _MOST_DAMPING, _DAMP_LESS, _DAMP_MORE = 1e-2, 1e-6, 1e5, 10.0, 30.0
 #: It falls where a step gained more than this share of what it promised.
 _AS_PROMISED = 0.5
-#: No step is worth less than so many nats: what the linearised filter leaves out of the gradient is as large.
+#: No step is worth less than so many nats: what is left is for exact derivatives (``polish``).
 _FINEST = 1.0
 #: Nor are more trials for a step that gains, after so many that did not, where the best promises less than this.
 _HARDLY, _VAIN = 2.0, 3

@@ -210,6 +210,8 @@ def _from_leader(entrants: Sequence[_Entrant], done: list[Trial], found: Scores,
         return
     first = min(refitted, key=lambda one: _nll(done[one.group[0]])).group[0]
     best = done[first].fit
+    if best is None or best.point.size != ground.base.point.size + 1:
+        return
     alike = [
         one
         for one in entrants
@@ -218,8 +220,6 @@ def _from_leader(entrants: Sequence[_Entrant], done: list[Trial], found: Scores,
         and len(one.free) == len(ground.base.problem.free) + 1
         and abs(found.correlation[first, one.group[0]]) > _ALIKE
     ]
-    if best is None or best.point.size != ground.base.point.size + 1:
-        return
 
     def again(one: _Entrant) -> Fit:
         index = one.group[0]

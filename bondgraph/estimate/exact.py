@@ -75,14 +75,11 @@ def exact_derivatives(objective: Objective, points: FloatArray, steps: FloatArra
     >>> expansion.information.shape
     (2, 2)
     """
-    if not (isinstance(objective, EstimationProblem) and isinstance(objective.likelihood, FilterLikelihood)):
-        return central_differences(objective, points, steps)
-    filter_model = choose_method(objective.filter_model, objective.logs)
-    if not (objective.likelihood.compiled and has_exact_gradient(filter_model)):
+    if not isinstance(objective, EstimationProblem) or (filter_model := _exact_filter(objective)) is None:
         return central_differences(objective, points, steps)
     terms = objective.terms(points)
     found = []
-    for m, known in enumerate(_expansions(objective, objective.likelihood, filter_model, points)):
+    for m, known in enumerate(_expansions(objective, filter_model, points)):
         seen, expansion = terms.members(np.array([m])), known
         if expansion is None or not _agrees(expansion, float(seen.sums()[0])):
             (expansion,) = central_differences(objective, points[:, [m]], steps[:, [m]])
@@ -105,12 +102,10 @@ def exact_expansion(problem: EstimationProblem, point: FloatArray) -> Expansion 
     >>> exact_expansion(problem, problem.start).information.shape
     (1, 1)
     """
-    filter_model = choose_method(problem.filter_model, problem.logs)
-    if not isinstance(problem.likelihood, FilterLikelihood) or not problem.likelihood.compiled:
+    filter_model = _exact_filter(problem)
+    if filter_model is None:
         return None
-    if not has_exact_gradient(filter_model):
-        return None
-    expansion = _expand(problem, filter_model, point, thread_count(problem.likelihood.threads))
+    expansion = _expand(problem, filter_model, point, _threads(problem))
     seen = problem.terms(point[:, np.newaxis])
     if expansion is None or not _agrees(expansion, float(seen.sums()[0])):
         return None
@@ -119,19 +114,29 @@ def exact_expansion(problem: EstimationProblem, point: FloatArray) -> Expansion 
 
 def compile_exact(problem: EstimationProblem) -> None:
     """Compile what :func:`exact_expansion` needs, before threads start: CPython 3.11 cannot parse text in two."""
-    filter_model = choose_method(problem.filter_model, problem.logs)
-    if not has_exact_gradient(filter_model):
+    filter_model = _exact_filter(problem)
+    if filter_model is None:
         return
     names = {one.target.name for one in problem.free if one.target.kind == "parameter"}
     model = filter_model.model
     load_tangents(model, tuple(sorted(model.index("parameter", name) for name in names)), filter_model.is_stiff)
 
 
-def _expansions(
-    problem: EstimationProblem, likelihood: FilterLikelihood, filter_model: FilterModel, points: FloatArray
-) -> list[Expansion | None]:
+def _exact_filter(problem: EstimationProblem) -> FilterModel | None:
+    """The filter of a problem with its method decided; None where it has no exact derivatives."""
+    if not isinstance(problem.likelihood, FilterLikelihood) or not problem.likelihood.compiled:
+        return None
+    filter_model = choose_method(problem.filter_model, problem.logs)
+    return filter_model if has_exact_gradient(filter_model) else None
+
+
+def _threads(problem: EstimationProblem) -> int:
+    return thread_count(problem.likelihood.threads if isinstance(problem.likelihood, FilterLikelihood) else None)
+
+
+def _expansions(problem: EstimationProblem, filter_model: FilterModel, points: FloatArray) -> list[Expansion | None]:
     """Expansions at points (n, members), as many at once as there are threads; each is the same however many."""
-    threads = thread_count(likelihood.threads)
+    threads = _threads(problem)
     members = points.shape[1]
     # The first alone: what is compiled when it is first used is compiled in one thread.
     found = [_expand(problem, filter_model, points[:, 0], threads)] if members else []
