@@ -12,20 +12,20 @@ d2b059c (``src/trb.cpp``, ``include/trb.hpp``; MIT, copyright 2024 Yehoshua Hall
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from sympy import Expr, tan, tanh
 
 from bondgraph.declare.domains import ROTATION, TRANSLATION
-from bondgraph.declare.editing import handle, with_values
-from bondgraph.declare.effect import EffectFunction, Place, Scale
+from bondgraph.declare.editing import with_values
+from bondgraph.declare.effect import Scale
 from bondgraph.declare.functions import TableFunction, clip, maximum, minimum
 from bondgraph.declare.graph import BondGraph, Handle
-from bondgraph.errors import OptionError, suggest
 from vehicle_graphs import effects, machine_effects
 from vehicle_graphs.cvt import BeltRadii, belt_radii, belt_traction, flyweights, torque_feedback_gain
 from vehicle_graphs.cvt_geometry import BeltGeometry, FlyweightRamp, rounded, secondary_radius
+from vehicle_graphs.named_effects import Extension, acting_at, with_effects
 
 RPM = math.pi / 30
 
@@ -179,24 +179,17 @@ def launch_with_engine_inertia() -> BondGraph:
 ENGINE_SCALE, BODY_SCALE = Scale(26.0, 380.0), Scale(2700.0, 19.0)
 
 
-def _at(function: EffectFunction, junction: str, scale: Scale) -> Callable[[BondGraph], None]:
-    def extend(g: BondGraph) -> None:
-        function(g, Place(handle(g, junction), scale))
-
-    return extend
-
-
 #: Effects that may be added to ``launch_given_engine``, by name, and where.
-EFFECTS: dict[str, Callable[[BondGraph], None]] = {
-    "engine_inertia": _at(machine_effects.uncounted_inertia, "engine", ENGINE_SCALE),
-    "engine_load": _at(effects.constant_effort, "engine", ENGINE_SCALE),
-    "engine_drag": _at(effects.viscous_loss, "engine", ENGINE_SCALE),
-    "engine_quadratic_drag": _at(effects.quadratic_loss, "engine", ENGINE_SCALE),
-    "engine_cubic_drag": _at(machine_effects.cubic_loss, "engine", ENGINE_SCALE),
-    "belt_loss": _at(effects.torque_proportional_loss, "engine", ENGINE_SCALE),
-    "payload": _at(effects.added_inertia, "body", BODY_SCALE),
-    "viscous_rolling": _at(effects.viscous_loss, "body", BODY_SCALE),
-    "air_drag": _at(effects.quadratic_loss, "body", BODY_SCALE),
+EFFECTS: dict[str, Extension] = {
+    "engine_inertia": acting_at(machine_effects.uncounted_inertia, "engine", ENGINE_SCALE),
+    "engine_load": acting_at(effects.constant_effort, "engine", ENGINE_SCALE),
+    "engine_drag": acting_at(effects.viscous_loss, "engine", ENGINE_SCALE),
+    "engine_quadratic_drag": acting_at(effects.quadratic_loss, "engine", ENGINE_SCALE),
+    "engine_cubic_drag": acting_at(machine_effects.cubic_loss, "engine", ENGINE_SCALE),
+    "belt_loss": acting_at(effects.torque_proportional_loss, "engine", ENGINE_SCALE),
+    "payload": acting_at(effects.added_inertia, "body", BODY_SCALE),
+    "viscous_rolling": acting_at(effects.viscous_loss, "body", BODY_SCALE),
+    "air_drag": acting_at(effects.quadratic_loss, "body", BODY_SCALE),
 }
 
 
@@ -224,12 +217,7 @@ def declared(names: Sequence[str]) -> BondGraph:
     >>> [parameter.name for parameter in declared(["engine_drag"]).parameters][-1]
     'c_viscous_loss_engine'
     """
-    g = launch_given_engine()
-    for name in names:
-        if name not in EFFECTS:
-            raise OptionError(f"baja: no effect {name!r}{suggest(name, EFFECTS)}", where=(name,))
-        EFFECTS[name](g)
-    return g
+    return with_effects(launch_given_engine(), EFFECTS, names)
 
 
 def _torque_table(g: BondGraph) -> type[TableFunction]:

@@ -13,7 +13,7 @@ Technical Report 2017-024, Uppsala University.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 from sympy import Expr, tanh
 
@@ -23,7 +23,8 @@ from bondgraph.declare.functions import maximum
 from bondgraph.declare.graph import BondGraph
 from bondgraph.declare.quantities import symbol
 from bondgraph.declare.revision import revise_output
-from bondgraph.errors import OptionError, suggest
+from bondgraph.errors import OptionError
+from vehicle_graphs.named_effects import Extension, refuse_unknown, with_effects
 
 #: Inertia [kg m^2] that sets the scale of all torques.
 DRIVE_INERTIA = 1e-4
@@ -88,7 +89,6 @@ def declared(effects: Sequence[str]) -> BondGraph:
     OptionError
         If an effect is not known, or contradicts or needs another one.
     """
-    _check(effects)
     g = BondGraph("coupled_drives", doc=__doc__, source="vehicle_graphs/coupled_drives.py")
     voltage = g.input("voltage", "V", "sum of the voltages of both motors", hold=True)
 
@@ -100,9 +100,9 @@ def declared(effects: Sequence[str]) -> BondGraph:
     g.effort_source("motors", gain * voltage, at=drives)
     g.resistance("back_emf", drag, at=drives)
 
-    for name, extend in EFFECTS.items():
-        if name in effects:
-            extend(g)
+    refuse_unknown(g.name, EFFECTS, effects)
+    _refuse_impossible(effects)
+    with_effects(g, EFFECTS, [name for name in EFFECTS if name in effects])
     g.measure("pulse_rate", _counter(g, effects), "1/s", "counted pulses of the pulley")
     return g
 
@@ -177,7 +177,7 @@ def counter_bias(g: BondGraph) -> None:
 
 
 #: Effects that may be added to ``start``, in the order in which a graph declares them.
-EFFECTS: dict[str, Callable[[BondGraph], None]] = {
+EFFECTS: dict[str, Extension] = {
     function.__name__: function
     for function in (
         belt, dry_friction, quadratic_drag, cubic_drag, uneven_drive, voltage_bias,
@@ -201,10 +201,7 @@ def possible(effects: Sequence[str]) -> bool:
     return needed and not any(set(pair) <= set(effects) for pair in _EXCLUDES)
 
 
-def _check(effects: Sequence[str]) -> None:
-    for name in effects:
-        if name not in EFFECTS:
-            raise OptionError(f"coupled drives: no effect {name!r}{suggest(name, EFFECTS)}", where=(name,))
+def _refuse_impossible(effects: Sequence[str]) -> None:
     if not possible(effects):
         raise OptionError(
             f"coupled drives: {', '.join(effects)} cannot be declared together - a drag of the pulley needs the belt, "

@@ -14,11 +14,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from bondgraph.declare.domains import TRANSLATION
-from bondgraph.declare.editing import handle, with_values
-from bondgraph.declare.effect import EffectFunction, Place, Scale, effect_functions
+from bondgraph.declare.editing import with_values
+from bondgraph.declare.effect import Scale, effect_functions
 from bondgraph.declare.graph import BondGraph
-from bondgraph.errors import OptionError, suggest
 from vehicle_graphs import effects, machine_effects
+from vehicle_graphs.named_effects import Extension, acting_at, with_effects
 
 #: Drive force and carriage speed that scale the bounds of added effects: 4 V of 10 V, and the fastest planned motion.
 SCALE = Scale(150.0, 0.13)
@@ -78,15 +78,15 @@ def start() -> BondGraph:
 
 
 #: Effects that may be added to the carriage, by name: those of ``vehicle_graphs.effects`` and ``machine_effects``.
-EFFECTS: dict[str, EffectFunction] = {
-    function.__name__: function
+EFFECTS: dict[str, Extension] = {
+    function.__name__: acting_at(function, "carriage", SCALE)
     for module in (effects, machine_effects)
     for function in effect_functions(module)
     if function.__name__
     in (
         "coulomb_loss", "constant_effort", "quadratic_loss", "direction_dependent_drag", "cubic_loss",
         "shear_thinning_loss", "travel_dependent_friction",
-        "stribeck_loss", "position_stiffness", "drifting_load", "ripple_sine", "ripple_cosine", "actuator_lag",
+        "stribeck_loss", "position_stiffness", "drifting_load", "ripple_sine", "ripple_cosine",
     )
 }  # fmt: skip
 
@@ -115,9 +115,5 @@ def declared(names: Sequence[str]) -> BondGraph:
     >>> len(declared(["coulomb_loss"]).parameters) - len(start().parameters)
     2
     """
-    g = start()
-    for name in names:
-        if name not in EFFECTS:
-            raise OptionError(f"EMPS: no effect {name!r}{suggest(name, EFFECTS)}", where=(name,))
-        EFFECTS[name](g, Place(handle(g, "carriage"), SCALE))
+    g = with_effects(start(), EFFECTS, names)
     return with_values(g, {"w_coulomb_loss_carriage": SMOOTHING_SPEED}) if "coulomb_loss" in names else g

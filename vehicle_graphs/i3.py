@@ -12,18 +12,18 @@ DataPort, doi 10.21227/6jr9-5235, for the trips; the maker's data sheet of the i
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 from sympy import Expr, tanh
 
 from bondgraph.declare.domains import ROTATION, TRANSLATION
-from bondgraph.declare.editing import handle, with_values
-from bondgraph.declare.effect import Effect, EffectFunction, Place, Scale
+from bondgraph.declare.editing import with_values
+from bondgraph.declare.effect import Effect, Place, Scale
 from bondgraph.declare.functions import maximum
 from bondgraph.declare.graph import BondGraph
 from bondgraph.declare.quantities import symbol
-from bondgraph.errors import OptionError, suggest
 from vehicle_graphs import effects
+from vehicle_graphs.named_effects import Extension, acting_at, with_effects
 
 #: Curb mass of the data sheet (1195 kg) and two persons or one with luggage.
 MASS = 1345.0
@@ -149,25 +149,18 @@ def _forwards(at: Place) -> Expr:
     return tanh(at.junction.flow / symbol("creep_speed"))
 
 
-def _at(function: EffectFunction, junction: str) -> Callable[[BondGraph], None]:
-    def extend(g: BondGraph) -> None:
-        function(g, Place(handle(g, junction), SCALE))
-
-    return extend
-
-
 #: Effects that may be added, by name, and where.
-EFFECTS: dict[str, Callable[[BondGraph], None]] = {
-    "air_drag": _at(effects.quadratic_loss, "body"),
-    "viscous_loss": _at(effects.viscous_loss, "hub"),
-    "gear_loss": _at(effects.torque_proportional_loss, "hub"),
-    "gear_loss_by_direction": _at(effects.directional_loss, "hub"),
-    "rotating_inertia": _at(effects.added_inertia, "body"),
-    "friction_towards_standstill": _at(effects.stribeck_loss, "hub"),
-    "cold_rolling": _at(cold_rolling, "hub"),
-    "cold_air": _at(cold_air, "body"),
-    "friction_brake": _at(friction_brake, "hub"),
-    "released_brake": _at(released_brake, "hub"),
+EFFECTS: dict[str, Extension] = {
+    "air_drag": acting_at(effects.quadratic_loss, "body", SCALE),
+    "viscous_loss": acting_at(effects.viscous_loss, "hub", SCALE),
+    "gear_loss": acting_at(effects.torque_proportional_loss, "hub", SCALE),
+    "gear_loss_by_direction": acting_at(effects.directional_loss, "hub", SCALE),
+    "rotating_inertia": acting_at(effects.added_inertia, "body", SCALE),
+    "friction_towards_standstill": acting_at(effects.stribeck_loss, "hub", SCALE),
+    "cold_rolling": acting_at(cold_rolling, "hub", SCALE),
+    "cold_air": acting_at(cold_air, "body", SCALE),
+    "friction_brake": acting_at(friction_brake, "hub", SCALE),
+    "released_brake": acting_at(released_brake, "hub", SCALE),
 }
 
 
@@ -195,9 +188,4 @@ def declared(names: Sequence[str]) -> BondGraph:
     >>> [parameter.name for parameter in declared(["air_drag"]).parameters][-1]
     'c_quadratic_loss_body'
     """
-    g = start()
-    for name in names:
-        if name not in EFFECTS:
-            raise OptionError(f"i3: no effect {name!r}{suggest(name, EFFECTS)}", where=(name,))
-        EFFECTS[name](g)
-    return g
+    return with_effects(start(), EFFECTS, names)

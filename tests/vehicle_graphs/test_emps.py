@@ -44,7 +44,7 @@ def test_power_of_the_drive_goes_into_motion_and_friction() -> None:
 def test_all_effects_of_the_chain_are_offered_by_the_modules_of_effects() -> None:
     offered = {function.__name__ for module in (effects, machine_effects) for function in effect_functions(module)}
     assert set(emps.EFFECTS) <= offered and set(emps.CHOSEN) <= set(emps.EFFECTS)
-    assert len(emps.EFFECTS) == 13
+    assert len(emps.EFFECTS) == 12
     with pytest.raises(OptionError, match="did you mean 'coulomb_loss'"):
         emps.declared(["coulomb_los"])
 
