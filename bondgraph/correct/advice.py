@@ -23,6 +23,7 @@ from bondgraph.correct.score import solve
 from bondgraph.data.log import FloatArray, MatchedLog
 from bondgraph.derive.causality import assign_causality
 from bondgraph.errors import BondGraphError
+from bondgraph.simulate.inputs import InputSignal
 from bondgraph.simulate.model import Model
 from bondgraph.simulate.simulate import simulate
 
@@ -117,17 +118,17 @@ def _manoeuvres(fitted: Fit, log: MatchedLog) -> list[tuple[str, FloatArray, Flo
     middle, low, high = (np.percentile(inputs, q, axis=1) for q in (50.0, 2.0, 98.0))
     found = []
     for row, info in enumerate(model.inputs):
-        if high[row] == low[row]:
+        if info.rate_of or high[row] == low[row]:
             continue
         for seconds in (40.0 * step, 120.0 * step):
             u = np.repeat(middle[:, np.newaxis], time.size, axis=1)
             up = ((time - time[0]) // seconds).astype(int) % 2 == 0
             u[row] = np.where(up, high[row], low[row])
-            found.append((f"steps of {info.name} every {seconds:.3g} s, the other inputs at rest", u, time))
+            found.append((f"steps of {info.name} every {seconds:.3g} s, the other inputs at rest", u))
         u = np.repeat(middle[:, np.newaxis], time.size, axis=1)
         u[row] = np.where(np.arange(time.size) < time.size // 3, high[row], min(max(low[row], 0.0), high[row]))
-        found.append((f"running out after {info.name} is taken away", u, time))
-    return found
+        found.append((f"running out after {info.name} is taken away", u))
+    return [(name, InputSignal.of_table(model, time, u, ()).values, time) for name, u in found]
 
 
 Pair = tuple[tuple[Candidate, Variant], tuple[Candidate, Variant]]

@@ -129,7 +129,7 @@ def linearise(run: FilterRun, log: MatchedLog, theta: FloatArray, kicked: Kicks 
     own = samples.theta(filter_model, theta)
     spread = np.sqrt(np.maximum(np.einsum("iik->ik", run.predicted_cov), 0.0))
     step = np.maximum(spread, _FINEST * np.maximum(np.abs(run.predicted_mean).max(axis=1, keepdims=True), 1e-3))
-    slope = _slopes(lambda x: model.output(log.time, x, _lanes(log.u, x), own), run.predicted_mean, step)
+    slope = _slopes(lambda x: model.output(log.time, x, _lanes(samples.u, x), own), run.predicted_mean, step)
     whitener, gain = _update(run, slope)
     stiff = filter_model.is_stiff and has_numba()
     found = _relaxing(run, log, samples, own, kicked) if stiff else _smooth(run, log, samples, own, step)
@@ -144,7 +144,7 @@ def _smooth(
     model, time = run.filter_model.model, log.time
     path = Path(
         model, log, time, run.filtered_mean[:, :-1], run.predicted_mean[:, 1:], samples.u_left, samples.u_right,
-        run.predicted_mean, log.u, own,
+        run.predicted_mean, samples.u, own,
     )  # fmt: skip
     first = _slopes(lambda x: model.rhs(time[:-1], x, _lanes(path.u_left, x), own), path.start, step[:, :-1])
     last = _slopes(lambda x: model.rhs(time[1:], x, _lanes(path.u_right, x), own), path.end, step[:, 1:])
@@ -165,7 +165,7 @@ def _relaxing(
     before = run.predicted_mean
     path = Path(
         run.filter_model.model, log, log.time, before[:, :-1], before[:, 1:], samples.u_left, samples.u_right, before,
-        log.u, own,
+        samples.u, own,
     )  # fmt: skip
     path = _between_samples(path, samples, found.reached)
     return path, filter_transitions(run), *_by_nodes(found.moved, path.intervals)
