@@ -271,8 +271,13 @@ def _why_not(built: BuiltModel, flat: BondGraph, effect: Effect, equations: Stat
     lasting = [name for name in effect.coefficients if values[name] != 0.0]
     if not effect.adds_state and lasting:
         return f"does not vanish: its coefficient is {values[lasting[0]]:g} when it is added, not 0"
-    if len(equations.inputs) != len(built.equations.inputs):
-        return "would need the rate of an input, which no log has"
+    own_inputs = {one.name for one in built.equations.inputs}
+    followed = [one.rate_of for one in equations.inputs if one.name not in own_inputs]
+    if followed:
+        return (
+            f"would need the rate of input {', '.join(followed)}, which the model does not have - declare that storage "
+            "in the graph, its size a parameter with bounds"
+        )
     loops = sum(isinstance(step, ImplicitLoop) for step in equations.assignments) - built.implicit_loops
     if loops > 0 and effect.adds_state:
         return "would close a nonlinear algebraic loop around a storage of unknown size"
