@@ -4,10 +4,10 @@ Usage, after ``python -m vehicle_graphs.baja_logs FOLDER --out LOGS``::
 
     python -m vehicle_graphs.baja_chain LOGS
 
-``bondgraph close-loop`` does not offer what follows the rate of an input, and the engine, whose speed is an input here,
-takes up power as it gains speed: its inertia is one of the effects that are tried here. Prints after every step the
-error of free simulation [rad/s] of the wheel speed on the training launches, on each of them when only the others were
-fitted, and on the held-out launches, with the effects that were tried and rejected.
+The choice is by errors on launches that a fit has not seen, among the effects of ``baja.EFFECTS``; ``bondgraph
+close-loop`` tries all effects everywhere and decides by the likelihood. Prints after every step the error of free
+simulation [rad/s] of the wheel speed on the training launches, on each of them when only the others were fitted, and on
+the held-out launches, with the effects that were tried and rejected.
 """
 
 from __future__ import annotations

@@ -23,6 +23,7 @@ from bondgraph.correct.faults import SENSOR_FAULTS
 from bondgraph.correct.fit import BLOCKS, Fit, Report, fit, no_report, noisy_starts, quiet_start
 from bondgraph.correct.journal import Journal
 from bondgraph.correct.progress import Decision, Progress, advance
+from bondgraph.correct.rates import rated, with_followed_rates
 from bondgraph.correct.rest import Rest, settle
 from bondgraph.correct.round import Round, RoundSettings, one_round
 from bondgraph.correct.setup import FilterSetup, filter_setup
@@ -31,7 +32,7 @@ from bondgraph.correct.trials import Detectable, Trial
 from bondgraph.correct.unexplained import Unexplained
 from bondgraph.correct.whiteness import Whiteness, whiteness
 from bondgraph.data.log import MatchedLog
-from bondgraph.declare.editing import handle, with_values
+from bondgraph.declare.editing import handle, with_values, without_input_rates
 from bondgraph.declare.effect import EffectFunction, Place, Scale
 from bondgraph.declare.graph import BondGraph
 from bondgraph.errors import DataError, EstimationError, OptionError
@@ -81,7 +82,8 @@ class Added:
 class ClosedLoop:
     """The whole correction: both models fitted and assessed, and the history of decisions.
 
-    ``nominal_check`` and ``corrected_check`` say what halved integration steps would change.
+    ``nominal_check`` and ``corrected_check`` say what halved integration steps would change. Both built models may have
+    rates among their inputs that no equation uses, see :func:`bondgraph.correct.rates.with_followed_rates`.
     """
 
     verdict: Verdict
@@ -107,7 +109,13 @@ class ClosedLoop:
     @property
     def corrected_graph(self) -> BondGraph:
         """The declaration with the added effects and the estimated values."""
-        return self.corrected_built.graph
+        return without_input_rates(self.corrected_built.graph)
+
+    @property
+    def corrected_text(self) -> str:
+        """The module that is generated from :attr:`corrected_graph`."""
+        built, graph = self.corrected_built, self.corrected_graph
+        return built.text if graph is built.graph else build(graph).text
 
     @property
     def detectable(self) -> tuple[Detectable, ...]:
@@ -149,7 +157,12 @@ def close_loop(
     """
     settings = settings or LoopSettings()
     _check_given(graph, train, functions)
+    given = graph
+    graph = with_followed_rates(given)
     built = build(graph)
+    if graph is not given:
+        before = build(given).model
+        train, holdout = rated(train, before, built.model), rated(holdout, before, built.model)
     setup = filter_setup(built.model, built.driven, train, settings.process_noise)
     free = (*free_parameters(setup, settings.free), *setup.noise)
     _check_enough(graph, train, len(free))

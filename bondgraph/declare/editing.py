@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 from sympy import Expr
 
@@ -149,6 +149,55 @@ def with_values(graph: BondGraph, values: Mapping[str, float]) -> BondGraph:
         twin._subgraphs[part] = dataclasses.replace(subgraph, graph=with_values(subgraph.graph, own))
     flat = twin.flatten()
     check_requirements(flat.requirements, flat.parameters, graph.name)
+    return twin
+
+
+def with_input_rates(graph: BondGraph, names: Sequence[str]) -> BondGraph:
+    """The graph with the rates of some inputs among its inputs, whether or not its equations need them.
+
+    Models of such a graph, with and without a storage that follows one of these inputs, have the same inputs.
+
+    Raises
+    ------
+    DeclarationError
+        If there is no such input, or it is held between samples, where it has no rate.
+
+    Examples
+    --------
+    >>> g = BondGraph("shaker")
+    >>> _ = g.input("speed", "m/s")
+    >>> [one.name for one in with_input_rates(g, ["speed"]).inputs]
+    ['speed', 'd_speed']
+    """
+    twin = copy(graph)
+    declared = {one.name: one for one in graph.flatten().inputs}
+    for name in names:
+        if name not in declared:
+            raise DeclarationError(f"{graph.name}: no input {name!r}{suggest(name, declared)}", where=(name,))
+        if declared[name].is_held:
+            raise DeclarationError(f"{graph.name}: input {name} is held between samples and has no rate", where=(name,))
+        rate = f"d_{name}"
+        while rate in twin.flatten().quantities:
+            rate += "_"
+        twin._quantities[rate] = declared[name].rate(rate)
+    return twin
+
+
+def without_input_rates(graph: BondGraph) -> BondGraph:
+    """The graph as it was before :func:`with_input_rates`; one that has no rates among its inputs is returned itself.
+
+    Examples
+    --------
+    >>> g = BondGraph("shaker")
+    >>> _ = g.input("speed", "m/s")
+    >>> without_input_rates(with_input_rates(g, ["speed"])) == g
+    True
+    """
+    rates = {one.name for one in graph.inputs if one.rate_of}
+    if not rates:
+        return graph
+    twin = copy(graph)
+    twin._quantities = {name: one for name, one in twin._quantities.items() if name not in rates}
     return twin
 
 

@@ -26,7 +26,8 @@ class Input:
     """A signal that comes from outside and is known: throttle, voltage, grade.
 
     ``letters`` maps the codes of a text signal (a gear lever) to values; such an input is always held between samples.
-    ``rate_of`` names the input whose slope over time this one is; derivation adds such inputs, nobody declares them.
+    ``rate_of`` names the input whose slope over time this one is; derivation adds those that equations need, and
+    :func:`bondgraph.declare.editing.with_input_rates` those that they may come to need.
     """
 
     name: str
@@ -46,6 +47,17 @@ class Input:
     def is_held(self) -> bool:
         """Whether the input keeps its value between samples; its rate is then zero."""
         return self.interpolation == "hold"
+
+    def rate(self, name: str) -> Input:
+        """The input that is the slope of this one over time.
+
+        Examples
+        --------
+        >>> Input("speed", "m/s").rate("d_speed").unit
+        '(m/s)/s'
+        """
+        unit = f"({self.unit})/s" if self.unit not in ("", "1") else ("1/s" if self.unit else "")
+        return Input(name, unit, f"rate of {self.name} (a storage depends on it)", rate_of=self.name)
 
 
 @dataclass(frozen=True)

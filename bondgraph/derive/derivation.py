@@ -246,7 +246,7 @@ class Derivation:
         return outputs
 
     def _input_rates(self, results: Sequence[Expr]) -> list[Input]:
-        """Inputs whose own rate a dependent storage needs: the rate becomes an input."""
+        """Inputs whose own rate a dependent storage needs: the rate becomes an input, where it is not declared."""
         used: set[Any] = set()
         for assignment in self.assignments:
             parts = (
@@ -260,10 +260,8 @@ class Derivation:
         found = []
         for declared in self.causal.graph.inputs:
             rate = self.variables.input_rates.get(declared.symbol)
-            if rate is not None and rate in used:
-                unit = f"({declared.unit})/s" if declared.unit not in ("", "1") else ("1/s" if declared.unit else "")
-                meaning = f"rate of {declared.name} (a storage depends on it)"
-                found.append(Input(rate.name, unit, meaning, rate_of=declared.name))
+            if rate is not None and rate in used and rate.name not in self.causal.graph.quantities:
+                found.append(declared.rate(rate.name))
         return found
 
 

@@ -60,7 +60,7 @@ class BondVariables:
         self._names: dict[str, None] = dict.fromkeys(self.graph.quantities)
         self._derivative = set(causal.derivative)
         self._roots = self._merged()
-        self.input_rates = {i.symbol: symbol(self._unused(f"d_{i.name}")) for i in self.graph.inputs if not i.is_held}
+        self.input_rates = self._rates_of_inputs()
         self._label_junctions_and_storages()
         self._declare_states()
         self._state_symbols = {state.symbol for state in self.states}
@@ -182,6 +182,15 @@ class BondVariables:
             name += "_"
         self._names[name] = None
         return name
+
+    def _rates_of_inputs(self) -> dict[Symbol, Symbol]:
+        """The rate of every input that changes between samples, by the input."""
+        declared = {one.rate_of: one.symbol for one in self.graph.inputs if one.rate_of}
+        changing = (one for one in self.graph.inputs if not one.is_held and not one.rate_of)
+        return {
+            one.symbol: declared[one.name] if one.name in declared else symbol(self._unused(f"d_{one.name}"))
+            for one in changing
+        }
 
     # ------------------------------------------------------------------ states
 

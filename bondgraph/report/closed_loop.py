@@ -58,7 +58,7 @@ def write_closed_loop(
     data = report_data(closed, result, made, said)
     write_json(folder / "result.json", result)
     write_graph(closed.corrected_graph, folder / "corrected_graph.json")
-    (folder / f"{closed.corrected_graph.name}.py").write_text(closed.corrected_built.text, encoding="utf-8")
+    (folder / f"{closed.corrected_graph.name}.py").write_text(closed.corrected_text, encoding="utf-8")
     assert data.drawing is not None
     (folder / "corrected_graph.svg").write_text(draw_svg(data.drawing, data.added), encoding="utf-8")
     write_report(data, folder / "report.html")
