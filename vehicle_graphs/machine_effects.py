@@ -16,7 +16,6 @@ from bondgraph.declare.graph import BondGraph
 from bondgraph.declare.quantities import symbol
 from bondgraph.declare.revision import revise_output
 from vehicle_graphs.effects.common import (
-    SMOOTHING,
     coefficient,
     direction,
     effort_unit,
@@ -78,7 +77,7 @@ def shear_thinning_loss(g: BondGraph, at: Place) -> Effect | None:
         return None
     name, c = coefficient(g, at, "shear_thinning_loss", "friction per e-fold of the flow", effort_unit(at), power=0)
     around = g.parameter(
-        f"v_{name}", SMOOTHING * at.scale.flow, flow_unit(at), "flow above which the friction grows by its logarithm"
+        f"v_{name}", at.smoothing * at.scale.flow, flow_unit(at), "flow above which the friction grows by its logarithm"
     )
     g.resistance(name, lambda flow: c * asinh(flow / around), at=at.junction)
     return Effect("shear_thinning_loss", name, "effort = c*asinh(flow/v)", (c.name,), reference=_EYRING)

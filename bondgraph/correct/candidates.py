@@ -12,7 +12,7 @@ from bondgraph.correct.bonds import bond_model
 from bondgraph.correct.build import BuiltModel, build
 from bondgraph.data.log import FloatArray, MatchedLog
 from bondgraph.declare.editing import copy, handle
-from bondgraph.declare.effect import Effect, EffectFunction, Place, Scale, is_for
+from bondgraph.declare.effect import SMOOTHING, Effect, EffectFunction, Place, Scale, is_for
 from bondgraph.declare.elements import STORAGES
 from bondgraph.declare.graph import BondGraph
 from bondgraph.derive.causality import assign_causality
@@ -38,6 +38,8 @@ _SHAPES = (0.1, 0.35, 0.65, 0.9)
 _FEWER_SHAPES = (0.2, 0.5, 0.8)
 #: Coefficients of smooth laws are probed at this share of their bounds.
 _PROBE = 1e-4
+#: Over which share of a flow's scale dry friction turns round where the filter integrates by a stiff method.
+_STEEP = 0.002
 
 
 @dataclass(frozen=True)
@@ -141,24 +143,27 @@ class Refused:
 def places(built: BuiltModel, logs: Sequence[MatchedLog], runs: Sequence[FilterRun], theta: FloatArray) -> list[Place]:
     """All junctions, bonds and sensors with the size of effort and flow that the filtered runs show there.
 
-    A place where nothing moves, or no effort acts, in any log is left out: no effect could be seen there.
+    A place where nothing moves, or no effort acts, in any log is left out: no effect could be seen there. Stiff methods
+    bear friction that turns round at once, so that no start from rest is taken for motion without friction.
     """
     graph = built.graph
     flat = built.causal.graph
     labels = bond_labels(built.causal)
     effort, flow = _bond_sizes(built, logs, runs, theta)
     incidence = flat.incidence()
+    smoothing = _STEEP if any(run.filter_model.is_stiff for run in runs) else SMOOTHING
     found = []
     for node in flat.nodes.values():
         if node.is_junction:
             bonds = [index for index, _ in incidence[node.name]]
             scale = Scale(max(effort[b] for b in bonds), max(flow[b] for b in bonds))
             if min(scale.effort, scale.flow) > 0.0:
-                found.append(Place(handle(graph, node.name), scale))
+                found.append(Place(handle(graph, node.name), scale, smoothing=smoothing))
     for bond in graph.bonds:
         index = labels.index(f"{bond.source}->{bond.target}") if f"{bond.source}->{bond.target}" in labels else -1
         if index >= 0 and min(effort[index], flow[index]) > 0.0:
-            found.append(Place(handle(graph, bond.source), Scale(effort[index], flow[index]), bond))
+            scale = Scale(effort[index], flow[index])
+            found.append(Place(handle(graph, bond.source), scale, bond, smoothing=smoothing))
     return found + _sensors(built.model, logs)
 
 

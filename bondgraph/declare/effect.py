@@ -23,6 +23,9 @@ from bondgraph.declare.domains import Domain
 from bondgraph.declare.elements import Bond
 from bondgraph.declare.graph import BondGraph, Handle
 
+#: The flow, as a share of its scale, at which smoothed dry friction reaches 76 % of its level.
+SMOOTHING = 0.02
+
 
 @dataclass(frozen=True)
 class Scale:
@@ -37,13 +40,15 @@ class Place:
     """Where an effect may be added: a junction, a bond between two nodes (then ``junction`` is its tail), or a sensor.
 
     A sensor is named by ``output``; its ``junction`` is then no node, and its scale holds the size of what it shows
-    (``effort``) and how far that moves from its mean (``flow``), both in the sensor's unit.
+    (``effort``) and how far that moves from its mean (``flow``), both in the sensor's unit. Laws that turn round with
+    the flow are smoothed over a share ``smoothing`` of its scale, which explicit integration needs.
     """
 
     junction: Handle
     scale: Scale
     bond: Bond | None = None
     output: str = ""
+    smoothing: float = SMOOTHING
 
     @classmethod
     def sensor(cls, output: str, scale: Scale) -> Place:

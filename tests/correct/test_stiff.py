@@ -176,6 +176,14 @@ def test_scores_name_what_is_missing_and_the_picture_shows_it() -> None:
     assert np.std(seen.effort) > 3.0 * np.std(clean.effort)
 
 
+def test_stiff_methods_bear_friction_that_turns_round_at_once() -> None:
+    log, base = drawn(0.0), fitted(0.0)
+    (drum,) = (one for one in places(built(), [log], base.runs([log]), base.theta) if one.label == "drum")
+    (friction,), _ = candidates(built(), [effects.coulomb_loss], [drum])
+    (width,) = (one.value for one in friction.model.parameters if one.name.startswith("w_coulomb_loss"))
+    assert width == pytest.approx(0.002 * drum.scale.flow)
+
+
 def test_few_stiff_candidates_are_refitted_each_on_a_model_of_its_own() -> None:
     log, base = drawn(0.05), fitted(0.05)
     turn = one_round(built(), base, [log], [effects.quadratic_loss, effects.coulomb_loss])

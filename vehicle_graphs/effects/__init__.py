@@ -10,7 +10,6 @@ loads        constant (grade, mounting), headwind, wrong scale or lag of an actu
 storages     added inertia, compliance, backlash
 """
 
-from vehicle_graphs.effects.common import SMOOTHING
 from vehicle_graphs.effects.friction import (
     coulomb_loss,
     hysteresis_loss,
@@ -25,7 +24,6 @@ from vehicle_graphs.effects.losses import centrifugal_tension, creep, directiona
 from vehicle_graphs.effects.storages import added_compliance, added_inertia, backlash
 
 __all__ = [
-    "SMOOTHING",
     "actuator_lag",
     "actuator_scale",
     "added_compliance",

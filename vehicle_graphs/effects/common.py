@@ -13,9 +13,6 @@ from bondgraph.declare.quantities import Input, symbol
 from bondgraph.derive.causality import assign_causality
 from bondgraph.derive.laws import linear_coefficient
 
-#: The flow, as a share of its scale, at which smoothed dry friction reaches 76 % of its level.
-SMOOTHING = 0.02
-
 
 def is_speed(at: Place) -> bool:
     """Losses and loads act on a 1-junction of a domain in which flow is a motion or current."""
@@ -57,7 +54,7 @@ def coefficient(
 def direction(g: BondGraph, at: Place, name: str) -> Expr:
     """The flow over which smoothed dry friction changes sign."""
     meaning = "flow at which the friction reaches 76 %"
-    return g.parameter(f"w_{name}", SMOOTHING * at.scale.flow, flow_unit(at), meaning)
+    return g.parameter(f"w_{name}", at.smoothing * at.scale.flow, flow_unit(at), meaning)
 
 
 def elements_at(g: BondGraph, at: Place, kind: str) -> list[Node]:
