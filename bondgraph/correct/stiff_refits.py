@@ -4,7 +4,8 @@ A stiff model that lacks something is fitted far from its truth, and a local sea
 what promises much is searched anew, from little process noise (see :func:`bondgraph.correct.fit.quiet_start`), on the
 beginnings of the logs; those that gain most there go on to the whole, two at a time, since the filter of a model runs
 in one thread. What promises little is near, and starts where its score points; what promises less than must be gained
-is refitted only where its law is not smooth, which scores underrate.
+is refitted only where its law is not smooth, which scores underrate. At last the fit with the best of them says which
+others would do as well in its place (:mod:`.exchange`); those are refitted from there.
 """
 
 from __future__ import annotations
@@ -17,13 +18,16 @@ from typing import TypeVar
 import numpy as np
 
 from bondgraph.correct.build import BuiltModel, build
+from bondgraph.correct.decide import CLOSE, choose
 from bondgraph.correct.excerpts import excerpt
+from bondgraph.correct.exchange import exchanges
 from bondgraph.correct.fit import Fit, Report, fit, quiet_start
 from bondgraph.correct.refit import (
     STRIDES,
     WORTH,
     Ground,
     abrupt,
+    alike,
     along,
     at_optimum,
     coefficients,
@@ -60,6 +64,8 @@ _NEAR_STRIDES = (1.0, 0.1)
 #: Multiples of that step, and by how much (of a logarithm) lower process noise, at which a start is tried.
 _MULTIPLES = (1.0, 4.0, 16.0)
 _QUIETER = 2.0
+#: Exchanges of the best for another.
+_EXCHANGES = 3
 #: Side by side, whatever the machine, so that results do not depend on it.
 _ABREAST = 2
 
@@ -104,6 +110,7 @@ def refit_stiff(trials: Sequence[Trial], scored: Scored, ground: Ground, most: i
     entrants = [_entrant(done, group, scored, ground) for group in groups]
     _refit(entrants[:_MOST], done, ground, report)
     _from_leader(entrants, done, scored.scores, ground)
+    _exchange(done, scored, ground)
     refitted = [j for j, trial in enumerate(done) if trial.fit is not None]
     if refitted:
         leader = min(refitted, key=lambda j: _nll(done[j]))
@@ -212,7 +219,7 @@ def _from_leader(entrants: Sequence[_Entrant], done: list[Trial], found: Scores,
     best = done[first].fit
     if best is None or best.point.size != ground.base.point.size + 1:
         return
-    alike = [
+    close = [
         one
         for one in entrants
         if one.group[0] != first
@@ -221,21 +228,56 @@ def _from_leader(entrants: Sequence[_Entrant], done: list[Trial], found: Scores,
         and abs(found.correlation[first, one.group[0]]) > _ALIKE
     ]
 
-    def again(one: _Entrant) -> Fit:
+    def exchanged(one: _Entrant) -> _Entrant:
         index = one.group[0]
         told = found.information[first] / found.information[index]
         step = float(found.correlation[first, index] * np.sqrt(told) * best.point[-1])
-        start = np.append(best.point[:-1], inside(one.free[-1], step))
+        return replace(one, starts=(np.append(best.point[:-1], inside(one.free[-1], step)),))
+
+    _again([exchanged(one) for one in close], best.nll, done, ground)
+
+
+def _again(entrants: Sequence[_Entrant], beat: float, done: list[Trial], ground: Ground) -> None:
+    """Refits from the given starts, noted in the trials where they are better than what is there."""
+
+    def again(one: _Entrant) -> Fit:
         return fit(
-            one.filter_model, ground.train, one.free, _MOST_ITERATIONS, _TOLERANCE, [start], best.nll, ground.journal
+            one.filter_model, ground.train, one.free, _MOST_ITERATIONS, _TOLERANCE, one.starts, beat, ground.journal
         )
 
-    for one in alike:
+    for one in entrants:
         CompiledFilter.of(one.filter_model)
         compile_exact(EstimationProblem(one.filter_model, ground.train, one.free))
-    for one, fitted in zip(alike, _abreast(again, alike), strict=True):
+    for one, fitted in zip(entrants, _abreast(again, entrants), strict=True):
         if fitted is not None and fitted.nll < _nll(done[one.group[0]]):
             note(done, one.group, fitted, one.built, ground)
+
+
+def _exchange(done: list[Trial], scored: Scored, ground: Ground) -> None:
+    """Refit what would do as well in the place of the best, from where that one ended; again if it is better."""
+    groups = alike(done, scored.scores, 0.5 * ground.need)
+    for _ in range(_EXCHANGES):
+        best = choose(done, ground.level)
+        if best is None or best.fit is None:
+            return
+        lead, others = best.fit, [group for group in groups if done[group[0]] is not best]
+        found = exchanges(
+            best, [done[group[0]].candidate for group in others], [scored.variants[group[0]] for group in others],
+            ground.train, ground.base.point.size,
+        )  # fmt: skip
+        due = []
+        for group, one in zip(others, found, strict=True):
+            if one is None:
+                continue
+            for j in group:
+                done[j] = replace(done[j], instead=(best.candidate.label, one.loss))
+            if one.loss < CLOSE and _nll(done[group[0]]) > lead.nll + max(one.loss, 0.0) + _ROUGH:
+                due.append((one.loss, replace(_entrant(done, group, scored, ground), starts=one.starts)))
+        due.sort(key=lambda pair: pair[0])
+        entrants = [one for _, one in due[:_ABREAST]]
+        _again(entrants, lead.nll, done, ground)
+        if choose(done, ground.level) is best:
+            return
 
 
 def _nll(trial: Trial) -> float:

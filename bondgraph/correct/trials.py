@@ -35,6 +35,7 @@ class Trial:
 
     ``score_p`` is the p-value of the score, corrected for the number of candidates. ``stands_for`` names the candidates
     whose response is the same to rounding, of which this one was refitted. ``gate``: it acts in part of the data only.
+    ``instead``: another that was refitted, and how many nats less this one would gain in its place, told there.
     ``remark``: sizes that were left out, if any.
     """
 
@@ -47,6 +48,7 @@ class Trial:
     score_p: float = 1.0
     stands_for: tuple[str, ...] = ()
     gate: Gate | None = None
+    instead: tuple[str, float] | None = None
     remark: str = ""
 
     @property

@@ -12,21 +12,23 @@ from sympy import tanh
 from bondgraph.correct import setup as filter_setups
 from bondgraph.correct.build import BuiltModel, build
 from bondgraph.correct.candidates import candidates, places
+from bondgraph.correct.exchange import exchanges
 from bondgraph.correct.fit import Fit, fit, no_report
 from bondgraph.correct.linear_steps import Reached, filter_runs, is_linearised, linear_expansion
 from bondgraph.correct.loop import free_parameters
 from bondgraph.correct.missing import missing_effort
 from bondgraph.correct.polish import polished
-from bondgraph.correct.refit import Ground
+from bondgraph.correct.refit import Ground, refit_alone
 from bondgraph.correct.response import kicked_along
 from bondgraph.correct.round import one_round
-from bondgraph.correct.scoring import linearisation, score_candidates
+from bondgraph.correct.scoring import Scored, linearisation, score_candidates
 from bondgraph.correct.setup import FilterSetup, filter_setup, unknown_drives
 from bondgraph.correct.stiff_refits import refit_stiff, simpler_law
 from bondgraph.correct.trials import Trial
 from bondgraph.data.log import MatchedLog
 from bondgraph.declare.domains import ROTATION
 from bondgraph.declare.editing import with_values
+from bondgraph.declare.effect import Effect, Place
 from bondgraph.declare.graph import BondGraph
 from bondgraph.estimate.objective import SearchOutcome, central_differences
 from bondgraph.simulate.simulate import simulate
@@ -216,6 +218,50 @@ def test_of_those_that_promise_much_the_ones_ahead_in_their_heats_go_on() -> Non
     assert done[drag].fit is not None and done[drag].fit.values[found[drag].effect.coefficients[0]] > 0.25
     assert done[friction].fit is None or done[friction].fit.nll > done[drag].fit.nll
     assert refit_stiff(trials, scored, replace(far, need=1e9), 6, no_report) == trials  # nothing promises enough
+
+
+def cubic_loss(g: BondGraph, at: Place) -> Effect | None:
+    """Drag with the third power of the speed, which comes near that with the second."""
+    c = g.parameter("c_cubic", 0.0, "N m s^3", "cubic drag", (0.0, 0.01))
+    g.resistance("cubic", lambda w: c * w**3, at=at.junction)
+    return Effect("cubic_loss", "cubic", "effort = c*flow^3", ("c_cubic",))
+
+
+def rivals() -> tuple[list[Trial], Scored, Ground]:
+    """Two drags of the drum, of which it lacks the first, as scored."""
+    log, base = drawn(0.005), fitted(0.005)
+    where = [one for one in places(built(), [log], base.runs([log]), base.theta) if one.label == "drum"]
+    found, _ = candidates(built(), [effects.quadratic_loss, cubic_loss], where)
+    scored = score_candidates(linearisation(base, [log]), found)
+    trials = [
+        Trial(one, float(gain), tuple(step))
+        for one, gain, step in zip(found, scored.scores.gain, scored.scores.steps, strict=True)
+    ]
+    return trials, scored, Ground(built(), base, (log,), len(found), 0.01, 3.0)
+
+
+def test_a_fit_with_one_effect_tells_what_another_would_gain_in_its_place() -> None:
+    trials, scored, ground = rivals()
+    drag, cubic = (refit_alone(trial, trial.step, ground) for trial in trials)
+    assert drag.fit is not None and cubic.fit is not None
+    for there, other, variant in ((cubic, drag, scored.variants[0]), (drag, cubic, scored.variants[1])):
+        assert there.fit is not None and other.fit is not None
+        (told,) = exchanges(there, [other.candidate], [variant], ground.train, ground.base.point.size)
+        assert told is not None
+        assert 0.5 < told.loss / (other.fit.nll - there.fit.nll) < 2.0  # of both signs, 50 of 500 nats
+        if other is drag:  # its search begins with most of what it gains
+            reached = float(drag.fit.problem.nll(np.array(told.starts).T).min())
+            assert reached < drag.fit.nll + 0.3 * (ground.base.nll - drag.fit.nll)
+    assert exchanges(trials[0], [cubic.candidate], [scored.variants[1]], ground.train, 1) == [None]  # not refitted
+
+
+def test_what_would_do_better_in_the_place_of_the_best_is_refitted_though_its_score_was_low() -> None:
+    trials, scored, ground = rivals()
+    misled = replace(scored, scores=replace(scored.scores, gain=scored.scores.gain[::-1].copy()))
+    done = refit_stiff(trials, misled, ground, 1, no_report)
+    drag, cubic = done[0].fit, done[1].fit
+    assert drag is not None and cubic is not None and drag.nll < cubic.nll - 3.0
+    assert done[0].instead is not None and done[0].instead[0] == done[1].candidate.label
 
 
 def test_a_fit_goes_on_where_the_linearised_filter_sees_nothing_more() -> None:
