@@ -64,9 +64,8 @@ def _in_free_simulation(refit: Fit, trial: Trial, evidence: Evidence, ground: Gr
         return replace(evidence, p_robust=1.0)
     names = trial.candidate.effect.coefficients
     p_value = robust_p_value(quiet, names)
-    without = quiet_fit(ground.base, ground.base.problem.logs, ground.journal)
-    if without is not None:
-        gain = without.nll - quiet.nll
+    if ground.quiet is not None:
+        gain = ground.quiet.nll - quiet.nll
         p_value = max(p_value, robust_ratio_p_value(gain, quiet, names))
         if trial.candidate.effect.adds_state or trial.gate is not None:
             p_value = max(p_value, _deflated(gain, quiet))

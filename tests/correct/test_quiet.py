@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -71,6 +73,23 @@ def test_what_the_data_need_stands_the_second_look(base: Fit, log: MatchedLog) -
     trial = refit_alone(Trial(offered(base, log)[0], 0.0), [DRAG], ground)
     sure = confirmed(trial, ground)
     assert sure.evidence is not None and sure.evidence.accepted(0.01)
+
+
+def test_under_coloured_noise_a_free_simulation_must_gain_over_the_quiet_fit_without_the_effect() -> None:
+    log = pull(added(effects.quadratic_loss, "runner", DRAG), 5, colour=0.9)
+    base = fitted([log])
+    without = quiet_fit(base, [log])
+    assert without is not None
+    ground = Ground(built(), base, (log,), 10, 0.01, 5.0, quiet=without)
+    trial = refit_alone(Trial(offered(base, log)[0], 0.0), [DRAG], ground)
+    sure = confirmed(trial, ground)
+    assert sure.evidence is not None and sure.evidence.accepted(0.01)
+    assert trial.fit is not None
+    alone = quiet_fit(trial.fit, [log])
+    assert alone is not None
+    as_good = replace(ground, quiet=replace(without, nll=alone.nll))
+    doubted = confirmed(trial, as_good)
+    assert doubted.evidence is not None and doubted.evidence.p_robust == 1.0
 
 
 @pytest.mark.parametrize("seed", range(4))
