@@ -142,7 +142,10 @@ def shaped(change: Change, course: FloatArray) -> Change:
 
 
 def signals(built: BuiltModel, linear: Linearisation, where: Sequence[Place]) -> tuple[Signal, ...]:
-    """Quantities that something missing may depend on: flows of 1-junctions, efforts of 0-junctions, inputs, time."""
+    """Quantities that something missing may depend on: flows of 1-junctions, efforts of 0-junctions, inputs, time.
+
+    Rates of inputs are none: no law of a graph can name them.
+    """
     model = bond_model(built.causal)
     labels = bond_labels(built.causal)
     own = len(built.equations.outputs)
@@ -161,7 +164,8 @@ def signals(built: BuiltModel, linear: Linearisation, where: Sequence[Place]) ->
         name = f"{'effort' if effort else 'flow'} of {place.label}"
         found.append(Signal(name, unit, tuple(rows[row] for rows in values)))
     for row, info in enumerate(linear.model.inputs):
-        found.append(Signal(info.name, info.unit, tuple(log.path.u[row] for log in linear.logs)))
+        if not info.rate_of:
+            found.append(Signal(info.name, info.unit, tuple(log.path.u[row] for log in linear.logs)))
     found.append(Signal("time", "s", tuple(log.path.time for log in linear.logs)))
     return tuple(signal for signal in found if _moves(signal))
 

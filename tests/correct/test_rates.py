@@ -99,6 +99,7 @@ def test_the_corrected_graph_asks_for_nothing_but_the_declared_inputs(found: Clo
     assert [one.name for one in found.corrected_graph.inputs] == ["speed"]
     assert build(found.corrected_graph).model.names("input") == ("speed", "d_speed")  # as equations with a mass need
     assert found.corrected_text == build(found.corrected_graph).text
+    assert "d_speed" not in [one.name for one in found.rounds[0].signals]  # no law of the graph could name it
 
 
 def test_with_nothing_missing_nothing_is_claimed_and_no_rate_is_left() -> None:
