@@ -272,9 +272,9 @@ def _exchange(done: list[Trial], scored: Scored, ground: Ground) -> None:
             for j in group:
                 done[j] = replace(done[j], instead=(best.candidate.label, one.loss))
             if one.loss < CLOSE and _nll(done[group[0]]) > lead.nll + max(one.loss, 0.0) + _ROUGH:
-                due.append((one.loss, replace(_entrant(done, group, scored, ground), starts=one.starts)))
-        due.sort(key=lambda pair: pair[0])
-        entrants = [one for _, one in due[:_ABREAST]]
+                due.append((one, group))
+        due = sorted(due, key=lambda pair: pair[0].loss)[:_ABREAST]
+        entrants = [replace(_entrant(done, group, scored, ground), starts=one.starts) for one, group in due]
         _again(entrants, lead.nll, done, ground)
         if choose(done, ground.level) is best:
             return
