@@ -12,6 +12,7 @@ from sympy import tanh
 from bondgraph.correct import setup as filter_setups
 from bondgraph.correct.build import BuiltModel, build
 from bondgraph.correct.candidates import candidates, places
+from bondgraph.correct.decide import alternatives
 from bondgraph.correct.exchange import exchanges
 from bondgraph.correct.fit import Fit, fit, no_report
 from bondgraph.correct.linear_steps import Reached, filter_runs, is_linearised, linear_expansion
@@ -262,6 +263,10 @@ def test_what_would_do_better_in_the_place_of_the_best_is_refitted_though_its_sc
     drag, cubic = done[0].fit, done[1].fit
     assert drag is not None and cubic is not None and drag.nll < cubic.nll - 3.0
     assert done[0].instead is not None and done[0].instead[0] == done[1].candidate.label
+    for loss, alike in ((1.0, True), (9.0, False)):  # one that was not refitted
+        rival = replace(done[1], fit=None, evidence=None, instead=(done[0].candidate.label, loss))
+        (other,) = alternatives(done[0], [done[0], rival], scored.scores, 0.01)
+        assert other.indistinguishable is alike
 
 
 def test_a_fit_goes_on_where_the_linearised_filter_sees_nothing_more() -> None:
