@@ -31,9 +31,9 @@ SMOOTHING_SPEED = 4e-4
 FOUND_ONE_STEP = ("coulomb_loss", "direction_dependent_drag", "ripple_sine", "ripple_cosine")
 #: What the likelihood of the training record gains most by after that, 930 nats together. The forces at constant speed
 #: show it too: near standstill 4 N less friction than Coulomb's, and at one speed up to 1.3 N less at the far end of
-#: the travel. The loop refits the first and declines it: its second look, a free simulation, is led astray by the phase
-#: of the ripple; led there step by step by less and less process noise it gains, but no more than by chance (p = 0.2).
-#: With it errors one step ahead on the held-out record are 3 % smaller, and its likelihood is 2080 nats lower.
+#: the travel. The loop refits the first and declines it: in its second look, a free simulation, it gains no more than
+#: by chance (p = 0.2). With it the errors one step ahead on the held-out record are 3 % smaller, and its likelihood is
+#: 2080 nats lower.
 FOUND_BY_LIKELIHOOD = ("shear_thinning_loss", "travel_dependent_friction")
 #: What the error of free simulation on the training record asked for beyond that: there small forces add up.
 FOUND_IN_FREE_SIMULATION = ("drifting_load",)

@@ -17,7 +17,7 @@ from scipy import stats
 
 from bondgraph.correct.decide import judge, robust_p_value, robust_ratio_p_value
 from bondgraph.correct.fit import Fit, fit
-from bondgraph.correct.quiet import quiet_fit
+from bondgraph.correct.quiet import annealed_fit, quiet_fit
 from bondgraph.correct.refit import Ground, at_optimum
 from bondgraph.correct.trials import Evidence, Trial
 from bondgraph.correct.whiteness import whiteness
@@ -59,17 +59,24 @@ def _in_free_simulation(refit: Fit, trial: Trial, evidence: Evidence, ground: Gr
         return evidence
     if not any(one.target.kind == "process" for one in refit.problem.free):
         return evidence
-    quiet = quiet_fit(refit, refit.problem.logs, ground.journal)
+    quiet = _quietest(refit, quiet_fit(refit, refit.problem.logs, ground.journal), ground)
     if quiet is None:  # no simulation with it stays near the logs
         return replace(evidence, p_robust=1.0)
     names = trial.candidate.effect.coefficients
     p_value = robust_p_value(quiet, names)
-    if ground.quiet is not None:
-        gain = ground.quiet.nll - quiet.nll
+    without = _quietest(ground.base, ground.quiet, ground)
+    if without is not None:
+        gain = without.nll - quiet.nll
         p_value = max(p_value, robust_ratio_p_value(gain, quiet, names))
         if trial.candidate.effect.adds_state or trial.gate is not None:
             p_value = max(p_value, _deflated(gain, quiet))
     return replace(evidence, p_robust=max(evidence.p_robust, min(1.0, p_value * evidence.tried)))
+
+
+def _quietest(loud: Fit, quiet: Fit | None, ground: Ground) -> Fit | None:
+    """The likelier of a quiet fit and the one that lowering the process noise of a fit by steps leads to."""
+    annealed = annealed_fit(loud, loud.problem.logs, ground.journal)
+    return min((one for one in (quiet, annealed) if one is not None), key=lambda one: one.nll, default=None)
 
 
 def _deflated(gain: float, quiet: Fit) -> float:

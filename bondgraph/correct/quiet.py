@@ -5,6 +5,10 @@ a filter that follows whatever it sees, and underrate the effect: they say what 
 which of several laws. With the process noise at its lower bound the model has to explain the course of every log by
 itself; the step of a score is then nearly that of a fit of the free simulation, from which a refit starts well. Its
 p-values mean nothing where process noise is real, so that these scores choose what is refitted, and decide nothing.
+
+The likelihood of a free simulation may have many optima. A fit that must not end in a wrong one lowers the process
+noise by steps, each from where the last one ended: precision annealing, Ye et al. (2015), Nonlinear Processes in
+Geophysics 22.
 """
 
 from __future__ import annotations
@@ -22,11 +26,16 @@ from bondgraph.correct.scoring import Linearisation, Scored, linearisation, scor
 from bondgraph.data.log import FloatArray, MatchedLog
 from bondgraph.errors import EstimationError
 from bondgraph.estimate.free import FreeParameter
+from bondgraph.estimate.problem import EstimationProblem
 
 #: The quiet fit is only where scores are taken and refits start.
 _TOLERANCE, _MOST_ITERATIONS = 0.5, 40
 #: Factors on the noise of the sensors at which the quiet fit looks for its start: what moved now counts as theirs.
 _NOISIER = (1.0, 5.0, 25.0, 125.0)
+#: Shares of the way down to its bounds (logarithms) at which the process noise is held, one after the other, and
+#: factors on the noise of the sensors, which has to rise where that of the process falls.
+_DESCENT = (0.2, 0.4, 0.6, 0.8, 1.0)
+_RISING = tuple(5.0**k for k in range(9))
 #: Shares of a score's step at which a refit is tried.
 _STRIDES = (1.0, 0.5)
 #: How far process noise is lowered from the fit without an effect to its bound, on its logarithmic scale.
@@ -72,6 +81,43 @@ def quiet_fit(base: Fit, train: Sequence[MatchedLog], journal: Journal | None = 
         return fit(model, train, free, _MOST_ITERATIONS, _TOLERANCE, starts, journal=journal)
     except EstimationError:
         return None
+
+
+def annealed_fit(base: Fit, train: Sequence[MatchedLog], journal: Journal | None = None) -> Fit | None:
+    """The quiet fit again, its process noise lowered by steps; the sensors may count as noisy as what they show varies.
+
+    None where :func:`quiet_fit` gives none.
+    """
+    problem = base.problem
+    process = {
+        one.target.name: (base.values[one.name], one.lower) for one in problem.free if one.target.kind == "process"
+    }
+    if not process or problem.filter_model.is_stiff:
+        return None
+    free = [_widened(one, problem, train) for one in problem.free if one.target.kind != "process"]
+    sensors = np.array([one.target.kind == "std" for one in free])
+    fitted, values = None, base.values
+    for share in _DESCENT:
+        held = {name: level * (lowest / level) ** share for name, (level, lowest) in process.items()}
+        model = replace(problem.filter_model, process_noise={**problem.filter_model.process_noise, **held})
+        free = [replace(one, start=float(np.clip(values[one.name], one.lower, one.upper))) for one in free]
+        start = np.array([one.coordinate(one.start) for one in free])
+        starts = [start + np.where(sensors, np.log(factor), 0.0) for factor in _RISING]
+        try:
+            fitted = fit(model, train, free, _MOST_ITERATIONS, _TOLERANCE, starts, journal=journal)
+        except EstimationError:
+            return None
+        values = fitted.values
+    return fitted
+
+
+def _widened(one: FreeParameter, problem: EstimationProblem, train: Sequence[MatchedLog]) -> FreeParameter:
+    """A sensor's noise that may be as large as what the sensor shows varies; any other parameter as it is."""
+    if one.target.kind != "std":
+        return one
+    row = problem.filter_model.model.index("output", one.target.name)
+    spread = float(np.nanstd(np.concatenate([log.y[row] for log in train])))
+    return replace(one, upper=max(one.upper, spread))
 
 
 def quiet_scores(

@@ -7,17 +7,21 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from bondgraph.correct.build import build
 from bondgraph.correct.candidates import candidates, places
 from bondgraph.correct.confirm import confirmed
-from bondgraph.correct.fit import Fit, fit
-from bondgraph.correct.loop import LoopSettings, close_loop
-from bondgraph.correct.quiet import quiet_fit, quiet_scores, quiet_starts
+from bondgraph.correct.fit import Fit, fit, noisy_starts
+from bondgraph.correct.loop import LoopSettings, close_loop, free_parameters
+from bondgraph.correct.quiet import annealed_fit, quiet_fit, quiet_scores, quiet_starts
 from bondgraph.correct.refit import Ground, at_optimum, coefficients, refit_alone
 from bondgraph.correct.scoring import linearisation, score_candidates
+from bondgraph.correct.setup import filter_setup
 from bondgraph.correct.trials import Trial
+from bondgraph.correct.whiteness import whiteness
 from bondgraph.data.log import MatchedLog
+from bondgraph.simulate.simulate import simulate
 from tests.correct.sled import FUNCTIONS, added, built, fitted, pull, sled
-from vehicle_graphs import effects
+from vehicle_graphs import effects, emps
 from vehicle_graphs.effect_study.cases import Case
 from vehicle_graphs.effect_study.generate import draw
 from vehicle_graphs.effect_study.machines import BENCH
@@ -90,6 +94,26 @@ def test_under_coloured_noise_a_free_simulation_must_gain_over_the_quiet_fit_wit
     as_good = replace(ground, quiet=replace(without, nll=alone.nll))
     doubted = confirmed(trial, as_good)
     assert doubted.evidence is not None and doubted.evidence.p_robust == 1.0
+
+
+def test_a_sensor_far_better_than_any_free_simulation_does_not_spoil_the_second_look() -> None:
+    """An encoder of nanometres: by the bounds of its noise the quiet fit is wrong by many times, wherever it ends."""
+    time = 0.01 * np.arange(1200)
+    voltage = 3.0 * np.sin(2.0 * np.pi * time / 6.0)[np.newaxis]
+    true = build(emps.declared(("coulomb_loss",))).model
+    run = simulate(true, time, voltage, {"mass": 95.0, "c_coulomb_loss_carriage": 20.0}, method="rk4", substeps=50)
+    noise = 1e-8 * np.random.default_rng(1).standard_normal(run.y.shape)
+    own = build(emps.start())
+    log = MatchedLog("record", time, voltage, run.y + noise)
+    setup = filter_setup(own.model, own.driven, [log])
+    free = (*free_parameters(setup, ()), *setup.noise)
+    base = fit(setup.filter_model, [log], free, starts=noisy_starts(free))
+    quiet, annealed = quiet_fit(base, [log]), annealed_fit(base, [log])
+    assert quiet is not None and annealed is not None
+    row = quiet.problem.names.index("std(position)")
+    assert quiet.held[row] and not annealed.held[row]
+    (spoilt,), (sound,) = whiteness(quiet, [log]), whiteness(annealed, [log])
+    assert spoilt.nis_mean > 5.0 and sound.nis_mean == pytest.approx(1.0, rel=0.3)
 
 
 @pytest.mark.parametrize("seed", range(4))
