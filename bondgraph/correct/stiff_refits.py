@@ -64,8 +64,9 @@ _NEAR_STRIDES = (1.0, 0.1)
 #: Multiples of that step, and by how much (of a logarithm) lower process noise, at which a start is tried.
 _MULTIPLES = (1.0, 4.0, 16.0)
 _QUIETER = 2.0
-#: Exchanges of the best for another.
-_EXCHANGES = 3
+#: So many times the best is exchanged for others, as far as they seem to lose less than this share of what it gains:
+#: expansions are right to that.
+_EXCHANGES, _ACCURATE = 3, 0.1
 #: Side by side, whatever the machine, so that results do not depend on it.
 _ABREAST = 2
 
@@ -256,27 +257,29 @@ def _again(entrants: Sequence[_Entrant], beat: float, done: list[Trial], ground:
 def _exchange(done: list[Trial], scored: Scored, ground: Ground) -> None:
     """Refit what would do as well in the place of the best, from where that one ended; again if it is better."""
     groups = alike(done, scored.scores, 0.5 * ground.need)
+    tried: set[int] = set()
     for _ in range(_EXCHANGES):
         best = choose(done, ground.level)
         if best is None or best.fit is None:
             return
-        lead, others = best.fit, [group for group in groups if done[group[0]] is not best]
+        lead, others = best.fit, [group for group in groups if done[group[0]] is not best and group[0] not in tried]
         found = exchanges(
             best, [done[group[0]].candidate for group in others], [scored.variants[group[0]] for group in others],
             ground.train, ground.base.point.size,
         )  # fmt: skip
-        due = []
+        due, margin = [], max(CLOSE, _ACCURATE * (ground.base.nll - lead.nll))
         for group, one in zip(others, found, strict=True):
             if one is None:
                 continue
             for j in group:
                 done[j] = replace(done[j], instead=(best.candidate.label, one.loss))
-            if one.loss < CLOSE and _nll(done[group[0]]) > lead.nll + max(one.loss, 0.0) + _ROUGH:
+            if one.loss < margin and _nll(done[group[0]]) > lead.nll + max(one.loss, 0.0) + _ROUGH:
                 due.append((one, group))
         due = sorted(due, key=lambda pair: pair[0].loss)[:_ABREAST]
         entrants = [replace(_entrant(done, group, scored, ground), starts=one.starts) for one, group in due]
         _again(entrants, lead.nll, done, ground)
-        if choose(done, ground.level) is best:
+        tried |= {group[0] for _, group in due}
+        if not due:
             return
 
 
