@@ -176,13 +176,22 @@ def alike(trials: Sequence[Trial], found: Scores, least: float) -> list[list[int
 
     Of several that the sensors cannot tell apart the first is, in this order: a law that only takes energy before a
     source, a place whose flow is that of a storage before one that is rigidly tied to it, and the order of declaration.
-    A law that is not smooth at zero is told little by its score, which is no reason to pass it over.
+    A law that is not smooth at zero is told little by its score, which is no reason to pass it over. Nor is one of more
+    coefficients the same as one of fewer, though its step may be: a fit may move them apart.
     """
     groups: list[list[int]] = []
     for j in map(int, np.argsort(-found.gain, kind="stable")):
         if found.gain[j] <= least:
             break
-        twin = next((group for group in groups if abs(found.correlation[group[0], j]) > _SAME), None)
+        size = len(found.steps[j])
+        twin = next(
+            (
+                group
+                for group in groups
+                if abs(found.correlation[group[0], j]) > _SAME and len(found.steps[group[0]]) == size
+            ),
+            None,
+        )
         if twin is not None:
             twin.append(j)
         elif found.p_value[j] < _CHANCE or trials[j].candidate.effect.amplitudes:

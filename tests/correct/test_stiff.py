@@ -19,7 +19,7 @@ from bondgraph.correct.linear_steps import Reached, filter_runs, is_linearised, 
 from bondgraph.correct.loop import free_parameters
 from bondgraph.correct.missing import missing_effort
 from bondgraph.correct.polish import polished
-from bondgraph.correct.refit import Ground, refit_alone
+from bondgraph.correct.refit import Ground, alike, refit_alone
 from bondgraph.correct.response import kicked_along
 from bondgraph.correct.round import one_round
 from bondgraph.correct.scoring import Scored, linearisation, score_candidates
@@ -263,10 +263,18 @@ def test_what_would_do_better_in_the_place_of_the_best_is_refitted_though_its_sc
     drag, cubic = done[0].fit, done[1].fit
     assert drag is not None and cubic is not None and drag.nll < cubic.nll - 3.0
     assert done[0].instead is not None and done[0].instead[0] == done[1].candidate.label
-    for loss, alike in ((1.0, True), (9.0, False)):  # one that was not refitted
+    for loss, close in ((1.0, True), (9.0, False)):  # one that was not refitted
         rival = replace(done[1], fit=None, evidence=None, instead=(done[0].candidate.label, loss))
         (other,) = alternatives(done[0], [done[0], rival], scored.scores, 0.01)
-        assert other.indistinguishable is alike
+        assert other.indistinguishable is close
+
+
+def test_a_law_of_more_coefficients_is_no_twin_of_one_of_fewer() -> None:
+    trials, scored, _ = rivals()
+    same = replace(scored.scores, correlation=np.ones((2, 2)))
+    assert list(map(sorted, alike(trials, same, 1.0))) == [[0, 1]]
+    longer = replace(same, steps=(same.steps[0], np.append(same.steps[1], 0.0)))
+    assert sorted(alike(trials, longer, 1.0)) == [[0], [1]]
 
 
 def test_a_fit_goes_on_where_the_linearised_filter_sees_nothing_more() -> None:
