@@ -41,8 +41,11 @@ _NOISIER = (1.0, 5.0, 25.0, 125.0)
 _QUIET, _LOUD = 0.2, 0.7
 #: A fit that is to beat another gives up when it is behind by more than this many times what a step promises or gains.
 _HOPELESS = 10.0
-#: The exact steps that end the fit of a stiff model must promise so many nats.
-_POLISHED = 0.1
+#: The exact steps that end the fit of a stiff model must promise so many nats. They begin where the linearised filter
+#: promises less than the other number, of which it is sure no more.
+_POLISHED, _HANDED_OVER = 0.5, 30.0
+#: Along a ridge it once left 55 nats; one that is behind by less than this may still beat what it is to beat.
+_WITHIN_REACH = 60.0
 #: A search on a part of the logs ends where a further step promises less than so many nats.
 _ROUGH, _ROUGH_ITERATIONS = 2.0, 30
 
@@ -244,8 +247,9 @@ def _linear_search(
         start = best[:, 0]
     else:
         start, evaluations = _rough(excerpt(problem) or problem, _ROUGH_ITERATIONS, first, starts)
-    found = linear_search(problem, start, iterations, tolerance, beat, _HOPELESS)
-    if tolerance < _ROUGH and found.nll < beat + _HOPELESS:
+    polishes = tolerance < _ROUGH
+    found = linear_search(problem, start, iterations, _HANDED_OVER if polishes else tolerance, beat, _HOPELESS)
+    if polishes and found.nll < beat + _WITHIN_REACH:
         found = polished(problem, found, max(tolerance, _POLISHED))
     evaluations += found.evaluations
     made = Fit(problem, found.point, found.nll, found.expansion, evaluations, found.outcome)

@@ -3,8 +3,11 @@
 Linearised along itself a filter tells each derivative to some percent, and in single intervals, where a belt grips
 again, one of them may be off by a hundred. Where parameters stand in for each other their derivatives nearly cancel,
 and what is left is then that error: along the ridge of a vehicle's clutch the information was a hundred times too
-large, a search ended twenty standard deviations and 55 nats short, and said that a step promised 0.3. Exact derivatives
-cost several times as much, so that they come last; the expansion of the fit is then exact too.
+large, a search ended twenty standard deviations and 55 nats short, and said that a step promised 0.3.
+
+Exact derivatives cost as much as a dozen values of the likelihood. So several steps are taken with the same ones, each
+with the gradient that they make with the innovations where it starts (simplified Newton steps: Deuflhard 2004, Newton
+Methods for Nonlinear Problems, 2.1.2), and they are formed anew where these gain no more.
 """
 
 from __future__ import annotations
@@ -14,15 +17,19 @@ from dataclasses import replace
 import numpy as np
 
 from bondgraph.correct.linear_steps import Reached, longest_steps
+from bondgraph.data.log import FloatArray
 from bondgraph.estimate.exact import exact_expansion
-from bondgraph.estimate.objective import SearchOutcome
+from bondgraph.estimate.objective import Expansion, SearchOutcome, Terms, expansion_of
 from bondgraph.estimate.problem import EstimationProblem
 from bondgraph.estimate.steps import damped_step, newton_decrement
 
-#: Most exact expansions of one fit, and trials of a step from each.
-_MOST, _TRIALS = 8, 4
-#: Damping of the first trial relative to the information, and by how much it rises where that gains nothing.
-_DAMPING, _DAMP_MORE = 1e-5, 30.0
+#: Most exact expansions of one fit, and steps with each.
+_MOST, _STEPS = 8, 6
+#: Damping of the trials of a step relative to the information: as many at once as most machines have cores, at least.
+_DAMPINGS = ((1e-5, 1e-2), (0.1, 1.0))
+#: Where exact derivatives promise fewer nats than this, and steps with them took what they promised, the fit ends: on a
+#: vehicle the likelihood has jumps of some tenths of a nat, so that further derivatives promise one for ever.
+_LAST = 4.0
 
 
 def polished(problem: EstimationProblem, found: Reached, tolerance: float) -> Reached:
@@ -35,29 +42,64 @@ def polished(problem: EstimationProblem, found: Reached, tolerance: float) -> Re
     found
         Where the search by the linearised filter ended.
     tolerance
-        How many nats a further step must promise.
+        How many nats a further step must promise, and gain.
     """
-    reached, longest = found, longest_steps(problem)
+    reached = found
     for _ in range(_MOST):
         expansion = exact_expansion(problem, reached.point)
         if expansion is None:
             return reached
-        reached = replace(reached, expansion=expansion, evaluations=reached.evaluations + expansion.evaluations)
-        if newton_decrement(problem, reached.point, expansion) < tolerance:
+        before = replace(reached, expansion=expansion, evaluations=reached.evaluations + expansion.evaluations)
+        reached = _stepped(problem, before, tolerance)
+        near = newton_decrement(problem, before.point, expansion) < _LAST
+        arrived = near and newton_decrement(problem, reached.point, reached.expansion) < tolerance
+        if arrived or before.nll - reached.nll < tolerance:
             return replace(reached, outcome=SearchOutcome.CONVERGED)
-        steps = (
-            np.clip(damped_step(problem, reached.point, expansion, damping) - reached.point, -longest, longest)
-            for damping in _DAMPING * _DAMP_MORE ** np.arange(_TRIALS)
-        )
-        before = reached
-        for step in steps:
-            point = np.clip(before.point + step, problem.lower, problem.upper)
-            value = float(problem.nll(point[:, np.newaxis])[0])
-            reached = replace(reached, evaluations=reached.evaluations + 1)
-            if value < before.nll:
-                reached = replace(reached, point=point, nll=value)
-                break
-        if reached.nll >= before.nll - 0.5 * tolerance:
-            return replace(reached, outcome=SearchOutcome.CONVERGED)
-    expansion = exact_expansion(problem, reached.point)
-    return replace(reached, expansion=expansion or reached.expansion, outcome=SearchOutcome.ITERATION_LIMIT)
+    return replace(reached, outcome=SearchOutcome.ITERATION_LIMIT)
+
+
+def _stepped(problem: EstimationProblem, found: Reached, tolerance: float) -> Reached:
+    """Where steps with the same derivatives lead, as long as they promise and gain something."""
+    reached = found
+    for _ in range(_STEPS):
+        if newton_decrement(problem, reached.point, reached.expansion) < tolerance:
+            break
+        before, reached = reached, _step(problem, reached)
+        if before.nll - reached.nll < tolerance:
+            break
+    return reached
+
+
+def _step(problem: EstimationProblem, found: Reached) -> Reached:
+    """One step, the better one of two dampings, which two threads try at once; more of it until it gains, if it does.
+
+    It stays where it is if no trial gains.
+    """
+    longest, evaluations, known = longest_steps(problem), found.evaluations, found.expansion
+    for pair in _DAMPINGS:
+        steps = [damped_step(problem, found.point, known, damping) - found.point for damping in pair]
+        points = [np.clip(found.point + np.clip(s, -longest, longest), problem.lower, problem.upper) for s in steps]
+        seen, evaluations = problem.terms(np.array(points).T), evaluations + len(pair)
+        best = int(np.argmin(seen.sums()))
+        gained = known.sum - float(seen.sums()[best])
+        if gained > 0.0:
+            terms = seen.members(np.array([best]))
+            return replace(
+                found, point=points[best], nll=found.nll - gained, expansion=_carried(known, terms),
+                evaluations=evaluations,
+            )  # fmt: skip
+    return replace(found, evaluations=evaluations)
+
+
+def _carried(expansion: Expansion, seen: Terms) -> Expansion:
+    """The expansion around the terms (n_terms, 1) of another point, with the derivatives of the errors themselves.
+
+    A whitened innovation is z = e/s, so dz = de/s - z dlog s: kept are de/s and dlog s, and z is the one that is seen.
+    """
+    assert expansion.terms is not None  # exact expansions have their terms
+    known_z, known_s = expansion.terms.innovations, expansion.terms.log_scales
+    errors = known_z[:, 1:] + known_z[:, :1] * known_s[:, 1:]
+    slopes: FloatArray = errors - seen.innovations * known_s[:, 1:]
+    return expansion_of(
+        np.hstack([seen.innovations, slopes]), np.hstack([seen.log_scales, known_s[:, 1:]]), expansion.evaluations
+    )
