@@ -18,7 +18,7 @@ import numpy as np
 
 from bondgraph.correct.assess import Assessment, assess
 from bondgraph.correct.build import BuiltModel, build
-from bondgraph.correct.certified import doubts, refined
+from bondgraph.correct.certified import Certifications, doubts
 from bondgraph.correct.faults import SENSOR_FAULTS
 from bondgraph.correct.fit import BLOCKS, Fit, Report, fit, no_report, noisy_starts, quiet_start
 from bondgraph.correct.journal import Journal
@@ -178,15 +178,18 @@ def close_loop(
     state = Progress(graph, built, nominal, tuple(train))
     rounds: list[Round] = []
     reason = f"the limit of {settings.max_effects} effects was reached"
-    while len(state.added) < settings.max_effects and len(rounds) < 2 * settings.max_effects + 1:
-        turn = one_round(state.built, state.fit, state.train, every, own, state.present)
-        rounds.append(turn)
-        if turn.chosen is None:
-            reason = "no further candidate passes the tests" if state.added else "no candidate passes the tests"
-            break
-        state = advance(state, turn, own)
-    rest = settle(state, rounds, own, settings.tables)
-    return _result(built, nominal, rest, rounds, holdout, told, reason, settings, report)
+    with Certifications() as checks:
+        checks.begin(nominal)
+        while len(state.added) < settings.max_effects and len(rounds) < 2 * settings.max_effects + 1:
+            turn = one_round(state.built, state.fit, state.train, every, own, state.present)
+            rounds.append(turn)
+            if turn.chosen is None:
+                reason = "no further candidate passes the tests" if state.added else "no candidate passes the tests"
+                break
+            state = advance(state, turn, own)
+            checks.begin(state.fit)
+        rest = settle(state, rounds, own, settings.tables)
+        return _result(built, nominal, rest, rounds, holdout, told, reason, settings, report, checks)
 
 
 def _result(
@@ -199,12 +202,13 @@ def _result(
     reason: str,
     settings: LoopSettings,
     report: Report,
+    checks: Certifications,
 ) -> ClosedLoop:
     state, train = rest.state, nominal.problem.logs
     report("certify", 0, 1)
     unchanged = state.fit is nominal
-    nominal, first = refined(nominal, settings.journal)
-    current, last = (nominal, first) if unchanged else refined(state.fit, settings.journal)
+    nominal, first = checks.refined(nominal, settings.journal)
+    current, last = (nominal, first) if unchanged else checks.refined(state.fit, settings.journal)
     report("certify", 1, 1)
     residual = whiteness(current, state.train)
     corrected_built = build(with_values(state.built.graph, _model_values(current)))

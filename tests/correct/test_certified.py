@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from bondgraph.correct.build import build
-from bondgraph.correct.certified import certify, doubts, refined
+from bondgraph.correct.certified import Certifications, certify, doubts, refined
 from bondgraph.correct.fit import fit
 from bondgraph.correct.loop import free_parameters
 from bondgraph.correct.setup import filter_setup
@@ -24,7 +24,7 @@ def test_a_resolved_fit_is_certified() -> None:
 def test_steps_that_are_too_long_are_told() -> None:
     log = drawn(0.0)
     setup = setup_of(log)
-    fine = fit(setup.filter_model, [log], (*free_parameters(setup, ("c",)), *setup.noise))
+    fine = fit(setup.filter_model, [log], (*free_parameters(setup, ()), *setup.noise))
     coarse = replace(setup.filter_model, substeps=1, grading=1.0)
     found = certify(replace(fine, problem=replace(fine.problem, filter_model=coarse)))
     assert found.shift > NEGLIGIBLE_SHIFT and abs(found.nats) > 1.0
@@ -47,3 +47,18 @@ def test_a_fit_goes_on_with_shorter_steps_where_its_steps_move_it() -> None:
     assert abs(fine.values["c_guide"] - 52.0) < 3.0 * fine.std["c_guide"] * fine.values["c_guide"]
     again, _ = refined(fine)
     assert again is fine
+
+
+def test_a_check_beside_the_loop_is_the_same() -> None:
+    log = drawn(0.0)
+    setup = setup_of(log)
+    stiff = fit(setup.filter_model, [log], (*free_parameters(setup, ()), *setup.noise))
+    with Certifications() as checks:
+        checks.begin(stiff)
+        again, found = checks.refined(stiff)
+    assert again is stiff and found == certify(stiff)
+    assert not found.parameter.startswith(("std", "process"))
+    plain = fitted([pull(sled(), 2)])
+    with Certifications() as checks:
+        checks.begin(plain)
+        assert checks.refined(plain) == refined(plain)
