@@ -2,10 +2,10 @@
 
 A stiff model that lacks something is fitted far from its truth, and a local search from there ends far from it too. So
 what promises much is searched anew, from little process noise (see :func:`bondgraph.correct.fit.quiet_start`), on the
-beginnings of the logs; those that gain most there go on to the whole, two at a time, since the filter of a model runs
-in one thread. What promises little is near, and starts where its score points; what promises less than must be gained
-is refitted only where its law is not smooth, which scores underrate. At last the fit with the best of them says which
-others would do as well in its place (:mod:`.exchange`); those are refitted from there.
+beginnings of the logs; those that gain most there go on to the whole, first the best of them, then those that this
+does not beat clearly on the beginnings. What promises little is near, and starts where its score points; what promises
+less than must be gained is refitted only where its law is not smooth, which scores underrate. At last the fit with the
+best of them says which others would do as well in its place (:mod:`.exchange`); those are refitted from there.
 """
 
 from __future__ import annotations
@@ -33,13 +33,12 @@ from bondgraph.correct.refit import (
     coefficients,
     inside,
     note,
-    worth_a_refit,
 )
 from bondgraph.correct.score import Scores
 from bondgraph.correct.scoring import Scored
 from bondgraph.correct.trials import Trial
 from bondgraph.data.log import FloatArray
-from bondgraph.errors import EstimationError
+from bondgraph.errors import EstimationError, FilterError
 from bondgraph.estimate.exact import compile_exact
 from bondgraph.estimate.free import FreeParameter
 from bondgraph.estimate.problem import EstimationProblem
@@ -53,14 +52,17 @@ _MOST = 4
 #: Heats end where a further step promises less than so many nats; after them few steps are left.
 _ROUGH, _ROUGH_ITERATIONS = 2.0, 30
 _TOLERANCE, _MOST_ITERATIONS = 0.05, 12
-#: Those that gain this share of the best in their heat go on.
-_AHEAD = 0.6
-#: Responses this much alike, with this share of the best one's score, are worth a start where its refit ended.
-_ALIKE, _CLOSE_BY = 0.8, 0.8
+#: Those that gain this share of the best in their heat go on; but not those that the fit of the best to the whole logs
+#: beats on their beginnings by more than must be gained, and so many nats that a heat may leave to exact derivatives.
+_AHEAD, _UNFINISHED = 0.6, 60.0
 #: What promises less than so many times the least gain that counts is near.
 _NEARBY = 10.0
 #: Shares of the step of a score at which those near are tried: the filter of all logs is costly, and scores are right.
 _NEAR_STRIDES = (1.0, 0.1)
+#: Responses more alike than this explain much the same.
+_ALIKE = 0.9
+#: By how much the score of a law that switches may be too small: of dry friction of a vehicle's sheave sevenfold.
+_UNDERRATED = 7.0
 #: Multiples of that step, and by how much (of a logarithm) lower process noise, at which a start is tried.
 _MULTIPLES = (1.0, 4.0, 16.0)
 _QUIETER = 2.0
@@ -105,12 +107,10 @@ def refit_stiff(trials: Sequence[Trial], scored: Scored, ground: Ground, most: i
     done = list(trials)
     groups = [
         group
-        for group in worth_a_refit(trials, scored, ground, most, WORTH, None)
+        for group in varied(trials, scored.scores, ground)
         if done[group[0]].score_gain > ground.need or done[group[0]].candidate.effect.amplitudes
     ]
-    entrants = [_entrant(done, group, scored, ground) for group in groups]
-    _refit(entrants[:_MOST], done, ground, report)
-    _from_leader(entrants, done, scored.scores, ground)
+    _refit([_entrant(done, group, scored, ground) for group in groups[: min(_MOST, most)]], done, ground, report)
     _exchange(done, scored, ground)
     refitted = [j for j, trial in enumerate(done) if trial.fit is not None]
     if refitted:
@@ -119,6 +119,34 @@ def refit_stiff(trials: Sequence[Trial], scored: Scored, ground: Ground, most: i
         if simpler is not None:
             _refit([_entrant(done, [simpler], scored, ground)], done, ground, report)
     return done
+
+
+def varied(trials: Sequence[Trial], found: Scores, ground: Ground) -> list[list[int]]:
+    """Groups, as of :func:`bondgraph.correct.refit.alike`, that differ in what they would explain, the best first.
+
+    Of responses that are much alike one smooth law is taken, of the fewest parameters, and one that switches: for a
+    search each stands for the others, which may be exchanged for it afterwards.
+    """
+    clusters: list[list[list[int]]] = []
+    for group in alike(trials, found, 0.5 * ground.need):
+        near = (c for c in clusters if abs(found.correlation[c[0][0], group[0]]) > _ALIKE)
+        cluster = next(near, None)
+        if cluster is not None:
+            cluster.append(group)
+        else:
+            clusters.append([group])
+    best = max((trials[cluster[0][0]].score_gain for cluster in clusters), default=0.0)
+    kept: list[list[int]] = []
+    for cluster in clusters:
+        for switches, least in ((False, WORTH * best), (True, WORTH * best / _UNDERRATED)):
+            own = [
+                group
+                for group in cluster
+                if bool(trials[group[0]].candidate.effect.amplitudes) is switches
+                and trials[group[0]].score_gain >= least
+            ]
+            kept += sorted(own, key=lambda group: len(trials[group[0]].candidate.effect.parameters))[:1]
+    return kept
 
 
 def simpler_law(leader: int, done: Sequence[Trial], found: Scores, ground: Ground) -> int | None:
@@ -158,98 +186,63 @@ def _entrant(trials: Sequence[Trial], group: Sequence[int], scored: Scored, grou
 
 
 def _refit(entrants: Sequence[_Entrant], done: list[Trial], ground: Ground, report: Report) -> None:
-    """Heats, then refits of those that are ahead, noted in the trials."""
+    """Heats, then refits of those that are ahead, noted in the trials; what needs no heat is refitted as it is."""
     if not entrants:
         return
     for one in entrants:  # compiled before threads start
         CompiledFilter.of(one.filter_model)
     report("refit the best candidates", 0, len(entrants))
-    ahead = _ahead(entrants, ground)
-    report("refit the best candidates", len(entrants) - len(ahead), len(entrants))
-    for one in ahead:
-        compile_exact(EstimationProblem(one.filter_model, ground.train, one.free))
-
-    def whole(one: _Entrant) -> Fit:
-        return fit(
-            one.filter_model, ground.train, one.free, _MOST_ITERATIONS, _TOLERANCE, one.starts, ground.base.nll,
-            ground.journal,
-        )  # fmt: skip
-
-    for one, fitted in zip(ahead, _abreast(whole, ahead), strict=True):
-        if fitted is not None:
-            note(done, one.group, fitted, one.built, ground)
+    near = [one for one in entrants if one.beginning is None]
+    ahead = _ahead([one for one in entrants if one.beginning is not None], ground)
+    report("refit the best candidates", len(entrants) - len(near) - len(ahead), len(entrants))
+    first = [one for one, _ in ahead[:1]]
+    best = _noted(first, done, ground)[0] if first else None
+    if best is not None:
+        part = excerpt(best.problem) or best.problem
+        least = float(part.nll(best.point[:, np.newaxis])[0]) + ground.need + _UNFINISHED
+        ahead = [(one, reached) for one, reached in ahead if reached < least]
+    _noted([*near, *(one for one, _ in ahead[1:])], done, ground)
     report("refit the best candidates", len(entrants), len(entrants))
 
 
-def _ahead(entrants: Sequence[_Entrant], ground: Ground) -> list[_Entrant]:
-    """Those that go on to the whole logs, from where their heat ended; what needs no heat goes on as it is."""
-    far = [one for one in entrants if one.beginning is not None]
-    parts = [_part(one, ground) for one in far]
+def _noted(entrants: Sequence[_Entrant], done: list[Trial], ground: Ground) -> list[Fit | None]:
+    """Refits on the whole logs, noted in the trials."""
+    found = _whole(entrants, ground, ground.base.nll)
+    for one, fitted in zip(entrants, found, strict=True):
+        if fitted is not None:
+            note(done, one.group, fitted, one.built, ground)
+    return found
+
+
+def _ahead(entrants: Sequence[_Entrant], ground: Ground) -> list[tuple[_Entrant, float]]:
+    """Those that go on to the whole logs from where their heat ended, with what they reached there, the best first."""
+    if not entrants:
+        return []
+    parts = [_part(one, ground) for one in entrants]
 
     def heat(k: int) -> Fit:
-        one, part = far[k], parts[k]
+        one, part = entrants[k], parts[k]
         return fit(
             one.filter_model, part.logs, one.free, _ROUGH_ITERATIONS, _ROUGH, one.starts, journal=ground.journal,
             first=one.beginning,
         )  # fmt: skip
 
-    found = _abreast(heat, range(len(far)))
-    reached = [np.inf if one is None else one.nll for one in found]
-    kept = [one for one in entrants if one.beginning is None]
-    if far:
-        problem = replace(ground.base.problem, logs=parts[0].logs)
-        best = float(problem.nll(ground.base.point[:, np.newaxis])[0]) - min(reached)
-        least = min(reached) + (1.0 - _AHEAD) * max(best, 0.0)
-        kept += [
-            replace(one, starts=(heated.point,))
-            for one, heated in zip(far, found, strict=True)
-            if heated is not None and heated.nll <= least
-        ]
-    return kept
-
-
-def _from_leader(entrants: Sequence[_Entrant], done: list[Trial], found: Scores, ground: Ground) -> None:
-    """Refit those like the best, refitted before or not, from where its refit ended, with the coefficients exchanged.
-
-    Searches of their own may end in other optima, and what sensors hardly tell apart would seem to be told apart.
-    """
-    refitted = [one for one in entrants if done[one.group[0]].fit is not None]
-    if not refitted:
-        return
-    first = min(refitted, key=lambda one: _nll(done[one.group[0]])).group[0]
-    best = done[first].fit
-    if best is None or best.point.size != ground.base.point.size + 1:
-        return
-    close = [
-        one
-        for one in entrants
-        if one.group[0] != first
-        and done[one.group[0]].score_gain > _CLOSE_BY * done[first].score_gain
-        and len(one.free) == len(ground.base.problem.free) + 1
-        and abs(found.correlation[first, one.group[0]]) > _ALIKE
+    found = _abreast(heat, range(len(entrants)))
+    best = min(np.inf if one is None else one.nll for one in found)
+    problem = replace(ground.base.problem, logs=parts[0].logs)
+    gained = float(problem.nll(ground.base.point[:, np.newaxis])[0]) - best
+    kept = [
+        (replace(one, starts=(heated.point,)), heated.nll)
+        for one, heated in zip(entrants, found, strict=True)
+        if heated is not None and heated.nll <= best + (1.0 - _AHEAD) * max(gained, 0.0)
     ]
-
-    def exchanged(one: _Entrant) -> _Entrant:
-        index = one.group[0]
-        told = found.information[first] / found.information[index]
-        step = float(found.correlation[first, index] * np.sqrt(told) * best.point[-1])
-        return replace(one, starts=(np.append(best.point[:-1], inside(one.free[-1], step)),))
-
-    _again([exchanged(one) for one in close], best.nll, done, ground)
+    return sorted(kept, key=lambda pair: pair[1])
 
 
-def _again(entrants: Sequence[_Entrant], beat: float, done: list[Trial], ground: Ground) -> None:
+def _again(entrants: Sequence[_Entrant], best: Fit, done: list[Trial], ground: Ground) -> None:
     """Refits from the given starts, noted in the trials where they are better than what is there."""
-
-    def again(one: _Entrant) -> Fit:
-        return fit(
-            one.filter_model, ground.train, one.free, _MOST_ITERATIONS, _TOLERANCE, one.starts, beat, ground.journal
-        )
-
-    for one in entrants:
-        CompiledFilter.of(one.filter_model)
-        compile_exact(EstimationProblem(one.filter_model, ground.train, one.free))
-    for one, fitted in zip(entrants, _abreast(again, entrants), strict=True):
+    entrants = _not_behind(entrants, best, ground)
+    for one, fitted in zip(entrants, _whole(entrants, ground, best.nll), strict=True):
         if fitted is not None and fitted.nll < _nll(done[one.group[0]]):
             note(done, one.group, fitted, one.built, ground)
 
@@ -277,10 +270,47 @@ def _exchange(done: list[Trial], scored: Scored, ground: Ground) -> None:
                 due.append((one, group))
         due = sorted(due, key=lambda pair: pair[0].loss)[:_ABREAST]
         entrants = [replace(_entrant(done, group, scored, ground), starts=one.starts) for one, group in due]
-        _again(entrants, lead.nll, done, ground)
+        _again(entrants, lead, done, ground)
         tried |= {group[0] for _, group in due}
         if not due:
             return
+
+
+def _not_behind(entrants: Sequence[_Entrant], best: Fit, ground: Ground) -> list[_Entrant]:
+    """Those that are not clearly behind the best fit on the beginnings of the logs, from where they ended there.
+
+    What explains these clearly worse is told apart.
+    """
+    for one in entrants:
+        CompiledFilter.of(one.filter_model)
+    part = excerpt(best.problem)
+    if part is None:
+        return list(entrants)
+    reached = float(part.nll(best.point[:, np.newaxis])[0])
+
+    def heat(one: _Entrant) -> Fit:
+        return fit(
+            one.filter_model, part.logs, one.free, _ROUGH_ITERATIONS, _ROUGH, one.starts, reached, ground.journal
+        )
+
+    return [
+        replace(one, starts=(heated.point, *one.starts))
+        for one, heated in zip(entrants, _abreast(heat, entrants), strict=True)
+        if heated is not None and heated.nll < reached + ground.need + _UNFINISHED
+    ]
+
+
+def _whole(entrants: Sequence[_Entrant], ground: Ground, beat: float) -> list[Fit | None]:
+    """Fits to the whole logs, given up where they will clearly not be better than ``beat``."""
+    for one in entrants:
+        compile_exact(EstimationProblem(one.filter_model, ground.train, one.free))
+
+    def whole(one: _Entrant) -> Fit:
+        return fit(
+            one.filter_model, ground.train, one.free, _MOST_ITERATIONS, _TOLERANCE, one.starts, beat, ground.journal
+        )
+
+    return _abreast(whole, entrants)
 
 
 def _nll(trial: Trial) -> float:
@@ -298,7 +328,7 @@ def _abreast(action: Callable[[_Task], Fit], tasks: Sequence[_Task]) -> list[Fit
     found: list[Fit | None] = [None] * len(tasks)
 
     def work(k: int) -> None:
-        with contextlib.suppress(EstimationError):
+        with contextlib.suppress(EstimationError, FilterError):
             found[k] = action(tasks[k])
 
     in_threads(_ABREAST, work, range(len(tasks)))

@@ -22,9 +22,10 @@ from bondgraph.correct.polish import polished
 from bondgraph.correct.refit import Ground, alike, refit_alone
 from bondgraph.correct.response import kicked_along
 from bondgraph.correct.round import one_round
+from bondgraph.correct.score import Scores
 from bondgraph.correct.scoring import Scored, linearisation, score_candidates
 from bondgraph.correct.setup import FilterSetup, filter_setup, unknown_drives
-from bondgraph.correct.stiff_refits import refit_stiff, simpler_law
+from bondgraph.correct.stiff_refits import refit_stiff, simpler_law, varied
 from bondgraph.correct.trials import Trial
 from bondgraph.data.log import MatchedLog
 from bondgraph.declare.domains import ROTATION
@@ -200,6 +201,26 @@ def test_few_stiff_candidates_are_refitted_each_on_a_model_of_its_own() -> None:
         own = set(trial.fit.problem.filter_model.model.names("parameter")) - set(built().model.names("parameter"))
         assert own == set(trial.candidate.effect.parameters)
         assert trial.fit.problem.filter_model.model.text == trial.built.text
+
+
+def test_a_search_begins_from_one_smooth_and_one_switching_law_of_those_much_alike() -> None:
+    log, base = drawn(0.3), fitted(0.3)
+    where = [one for one in places(built(), [log], base.runs([log]), base.theta) if one.label == "drum"]
+    laws = [effects.stribeck_loss, effects.quadratic_loss, effects.viscous_loss, effects.coulomb_loss]
+    found, _ = candidates(built(), laws, where)
+    names = [law.__name__ for law in laws]
+    found = sorted(found, key=lambda one: names.index(one.effect.name))
+    for k in (0, 3):  # as if these could not be smoothed
+        found[k] = replace(found[k], effect=replace(found[k].effect, amplitudes=(0.1,)))
+    gain, alike = np.array([120.0, 110.0, 100.0, 20.0]), np.full((4, 4), 0.95) + 0.05 * np.eye(4)
+    scored = Scores(np.ones(4), tuple(np.ones((4, 1))), gain, alike, np.zeros((1, 4)), np.full(4, 1e-6))
+    trials = [Trial(one, float(g), (1.0,)) for one, g in zip(found, gain, strict=True)]
+    ground = Ground(built(), base, (log,), 4, 0.01, 10.0)
+    assert varied(trials, scored, ground) == [[1], [3]]  # one of one coefficient each, the best first
+    apart = replace(scored, correlation=np.eye(4))
+    assert varied(trials, apart, ground) == [[0], [1], [2], [3]]  # what switches is underrated, and goes along
+    far = [replace(trials[3], score_gain=2.0)]
+    assert [3] not in varied([*trials[:3], *far], replace(apart, gain=np.array([120.0, 110.0, 100.0, 6.0])), ground)
 
 
 def test_of_those_that_promise_much_the_ones_ahead_in_their_heats_go_on() -> None:
