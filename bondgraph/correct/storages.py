@@ -10,8 +10,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from bondgraph.correct.build import build
+from bondgraph.correct.build import BuiltModel, build
 from bondgraph.correct.decide import judge
+from bondgraph.correct.excerpts import excerpt
 from bondgraph.correct.fit import Fit, expand, fit
 from bondgraph.correct.linear_steps import is_linearised, linear_expansion
 from bondgraph.correct.quiet import Quiet, quiet_starts
@@ -41,26 +42,17 @@ def try_storage(trial: Trial, ground: Ground, beat: float, quiet: tuple[Quiet, i
     scores with the process noise held low and the candidate's place in them, if it has a score.
     """
     extended = build(trial.candidate.apply(ground.built.graph))
-    base, own = ground.base.problem.filter_model, filter_setup(extended.model, extended.driven, ground.train)
-    most = _MOST_STEPS * base.substeps
-    alike = own.filter_model.is_stiff == base.is_stiff  # else its steps are those of another method
-    filter_model = replace(
-        base,
-        model=extended.model,
-        initial_std={**own.filter_model.initial_std, **_estimated_starts(ground.base)},
-        substeps=min(own.filter_model.substeps, most) if alike else most,
-    )
-    added = coefficients(trial.candidate, filter_model)
-    problem = EstimationProblem(filter_model, ground.train, (*at_optimum(ground.base), *added))
-    lower, upper = (bound[ground.base.point.size :] for bound in (problem.lower, problem.upper))
-    points = [np.concatenate([ground.base.point, lower + share * (upper - lower)]) for share in _SIZES]
-    if quiet is not None and quiet[1] is not None:
-        points += quiet_starts(ground.base, quiet[0], quiet[1], added)
-    starts = np.clip(np.array(points).T, problem.lower[:, np.newaxis], problem.upper[:, np.newaxis])
+    problem = _problem(trial, ground, extended)
+    starts, remark = _sizes(problem, ground, quiet)
+    trial = replace(trial, built=extended, remark=remark)
+    if not starts.size:
+        return trial
     values = problem.nll(starts)
     best = int(np.argmin(np.where(np.isfinite(values), values, np.inf)))
     loss = float(values[best]) - ground.base.nll
-    trial = replace(trial, built=extended, remark=_remark(problem, starts, values, len(added)))
+    trial = replace(
+        trial, remark=remark or _remark(problem, starts, values, len(problem.free) - ground.base.point.size)
+    )
     if not loss < _LOSES * ground.need:
         return trial
     steps = GaussNewtonSettings().difference * (problem.upper - problem.lower)
@@ -78,6 +70,45 @@ def try_storage(trial: Trial, ground: Ground, beat: float, quiet: tuple[Quiet, i
         ground.journal,
     )  # fmt: skip
     return replace(trial, fit=fitted, evidence=judge(ground.base, fitted, trial.candidate.effect, ground.tried))
+
+
+def _problem(trial: Trial, ground: Ground, extended: BuiltModel) -> EstimationProblem:
+    """What is fitted: the model with the storage, with steps of its own if it needs finer ones."""
+    base, own = ground.base.problem.filter_model, filter_setup(extended.model, extended.driven, ground.train)
+    most = _MOST_STEPS * base.substeps
+    alike = own.filter_model.is_stiff == base.is_stiff  # else its steps are those of another method
+    filter_model = replace(
+        base,
+        model=extended.model,
+        initial_std={**own.filter_model.initial_std, **_estimated_starts(ground.base)},
+        substeps=min(own.filter_model.substeps, most) if alike else most,
+    )
+    free = (*at_optimum(ground.base), *coefficients(trial.candidate, filter_model))
+    return EstimationProblem(filter_model, ground.train, free)
+
+
+def _sizes(
+    problem: EstimationProblem, ground: Ground, quiet: tuple[Quiet, int | None] | None
+) -> tuple[FloatArray, str]:
+    """Points (n, sizes) at which the storage is worth a look at all of the logs, and a remark on sizes left out.
+
+    Of a stiff model the beginnings of long logs choose the size; none is left if all lose too much there.
+    """
+    size, added = ground.base.point.size, problem.free[ground.base.point.size :]
+    lower, upper = problem.lower[size:], problem.upper[size:]
+    points = [np.concatenate([ground.base.point, lower + share * (upper - lower)]) for share in _SIZES]
+    if quiet is not None and quiet[1] is not None:
+        points += quiet_starts(ground.base, quiet[0], quiet[1], added)
+    starts = np.clip(np.array(points).T, problem.lower[:, np.newaxis], problem.upper[:, np.newaxis])
+    part = excerpt(problem) if is_linearised(problem) else None
+    if part is None:
+        return starts, ""
+    values = part.nll(starts)
+    without = replace(ground.base.problem, logs=part.logs)
+    lost = values - float(without.nll(ground.base.point[:, np.newaxis])[0])
+    lost = np.where(np.isfinite(lost), lost, np.inf)
+    kept = [int(np.argmin(lost))] if lost.min() < _LOSES * ground.need else []
+    return starts[:, kept], _remark(problem, starts, values, len(added))
 
 
 def _remark(problem: EstimationProblem, points: FloatArray, values: FloatArray, count: int) -> str:
