@@ -20,7 +20,7 @@ from bondgraph.correct.decide import judge
 from bondgraph.correct.fit import Fit, Report, fit
 from bondgraph.correct.journal import Journal
 from bondgraph.correct.quiet import Quiet, lowered_starts, quiet_starts
-from bondgraph.correct.score import Scores
+from bondgraph.correct.score import CHANCE, Scores
 from bondgraph.correct.scoring import Scored
 from bondgraph.correct.trials import Trial
 from bondgraph.data.log import FloatArray, MatchedLog
@@ -33,8 +33,6 @@ _TOLERANCE = 0.05
 _MOST_ITERATIONS = 25
 #: Responses more alike than this are one and the same but for rounding.
 _SAME = 1.0 - 1e-6
-#: A candidate whose score is this likely by chance, even as the only one tried, is not refitted.
-_CHANCE = 0.05
 
 
 #: Scores are right to a factor of two: those with less than this share of the best one's gain are not refitted.
@@ -194,7 +192,7 @@ def alike(trials: Sequence[Trial], found: Scores, least: float) -> list[list[int
         )
         if twin is not None:
             twin.append(j)
-        elif found.p_value[j] < _CHANCE or trials[j].candidate.effect.amplitudes:
+        elif found.p_value[j] < CHANCE or trials[j].candidate.effect.amplitudes:
             groups.append([j])
     return [sorted(group, key=lambda j: (*remoteness(trials[j].candidate), j)) for group in groups]
 

@@ -384,6 +384,8 @@ def own_states(path: Path, changed: Model, theta: FloatArray) -> FloatArray:
 
 def together(changes: Sequence[Change]) -> Change:
     """Changes side by side, a lane each."""
+    if len(changes) == 1:
+        return changes[0]
     return Change(
         np.concatenate([change.start for change in changes], axis=2),
         np.concatenate([change.end for change in changes], axis=2),

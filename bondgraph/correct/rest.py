@@ -33,7 +33,8 @@ def settle(state: Progress, rounds: Sequence[Round], settings: RoundSettings, ta
     """Try functions without a law on the final model; withdraw what they make needless; add a table if asked for."""
     settings.report("look for what stays unexplained", 0, 1)
     number = len(rounds)
-    found, linear, tried = _look(state, settings)
+    known = rounds[-1].linear if rounds and rounds[-1].base is state.fit else linearisation(state.fit, state.train)
+    found, linear, tried = _look(state, known, settings.level)
     while found is not None and state.added:
         spare = [
             k
@@ -45,7 +46,7 @@ def settle(state: Progress, rounds: Sequence[Round], settings: RoundSettings, ta
             break
         why = f"needless beside an unknown {found.variable} at {found.place.label} as a function of {found.signal}"
         state = without(state, spare[-1], "withdrawn", why, number, settings)
-        found, linear, tried = _look(state, settings)
+        found, linear, tried = _look(state, linearisation(state.fit, state.train), settings.level)
     settings.report("look for what stays unexplained", 1, 1)
     if found is None:
         return Rest(state, ())
@@ -54,13 +55,14 @@ def settle(state: Progress, rounds: Sequence[Round], settings: RoundSettings, ta
     return Rest(state, (found,))
 
 
-def _look(state: Progress, settings: RoundSettings) -> tuple[Unexplained | None, Linearisation, tuple[Spline, ...]]:
-    linear = linearisation(state.fit, state.train)
-    where = places(state.built, state.train, state.fit.runs(state.train), state.fit.theta_of(state.built.model))
+def _look(
+    state: Progress, linear: Linearisation, level: float
+) -> tuple[Unexplained | None, Linearisation, tuple[Spline, ...]]:
+    where = places(state.built, state.train, linear.runs, state.fit.theta_of(state.built.model))
     known = distinct(signals(state.built, linear, where))
     tried = splines(linear, _suspects(linear, probes(state.built, linear, where), known), known)
     measured = sum(int(np.isfinite(log.y).sum()) for log in state.train)
-    return unexplained(tried, measured, settings.level), linear, tried
+    return unexplained(tried, measured, level), linear, tried
 
 
 def _suspects(linear: Linearisation, found: Sequence[Probe], known: Sequence[Signal]) -> list[Probe]:

@@ -88,10 +88,9 @@ def one_round(
     settings = settings or RoundSettings()
     settings.report("score the candidates", 0, 1)
     linear = linearisation(base, train)
-    runs = base.runs(train)
-    where = places(built, train, runs, base.theta_of(built.model))
+    where = places(built, train, linear.runs, base.theta_of(built.model))
     found, refused = candidates(built, functions, where, present)
-    found, spoiling = absent_when_zero(built, found, train, runs)
+    found, spoiling = absent_when_zero(built, found, train, linear.runs)
     refused += spoiling
     if not [one for one in found if not one.place.output]:
         raise DataError(_nothing_to_try(built, [place for place in where if not place.output], refused))

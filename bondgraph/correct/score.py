@@ -34,6 +34,8 @@ from bondgraph.estimate.objective import Expansion, FloatArray
 LEFT = 1e-7
 #: Two candidates' coefficients more alike than this are one but for rounding.
 _SINGULAR = 1e-9
+#: A score this likely by chance, even as that of the only candidate tried, says nothing.
+CHANCE = 0.05
 #: Up to so many coefficients blocks of time determine their covariance.
 _FEW = 3
 
@@ -184,7 +186,8 @@ def best_step(found: Projected, own: Sequence[int], one_sided: np.ndarray) -> tu
     """Step (k,), gain in nats and p-value of one candidate with the coefficients ``own``.
 
     Where coefficients may only be positive, the best point of the quadratic inside is taken; its p-value is that of as
-    many degrees of freedom as there are coefficients, which is on the safe side.
+    many degrees of freedom as there are coefficients, which is on the safe side. It is the larger of those of white and
+    of coloured innovations, unless the first already is that of chance.
     """
     score, information = found.score[own], found.information[np.ix_(own, own)]
     step, gain = np.zeros(len(own)), 0.0
@@ -204,7 +207,7 @@ def best_step(found: Projected, own: Sequence[int], one_sided: np.ndarray) -> tu
         return step, 0.0, 1.0
     moved = [k for k in range(len(own)) if step[k] != 0.0]
     p_value = float(stats.chi2.sf(2.0 * gain, len(usable)))
-    if found.times is not None:
+    if found.times is not None and p_value < CHANCE:
         rows = [own[k] for k in moved]
         sums = found.sums(rows, step[moved])
         if len(rows) > _FEW:

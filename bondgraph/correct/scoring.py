@@ -14,6 +14,7 @@ from bondgraph.correct.score import LEFT, Projected, Scores, project, scores, so
 from bondgraph.correct.times import Times, term_times
 from bondgraph.data.log import FloatArray, MatchedLog
 from bondgraph.estimate.objective import Expansion, expansion_of, over_terms
+from bondgraph.filter.filter_run import FilterRun
 from bondgraph.simulate.model import Model
 
 #: Lanes that go through the filter at once; bounds the memory, changes no number.
@@ -26,12 +27,14 @@ _SHIFT = 1e-5
 class Linearisation:
     """A fitted model with its filter linearised along every training log.
 
-    ``free`` and ``scales`` (n_terms, 1 + free) hold the terms of the likelihood and of their logarithmic scales, with
-    their derivatives by the free coordinates that do not rest on a bound; ``times`` the times of the terms.
+    ``runs`` are those of the filter. ``free`` and ``scales`` (n_terms, 1 + free) hold the terms of the likelihood and
+    of their logarithmic scales, with their derivatives by the free coordinates that do not rest on a bound; ``times``
+    the times of the terms.
     """
 
     base: Fit
     model: Model
+    runs: tuple[FilterRun, ...]
     logs: tuple[LinearLog, ...]
     free: FloatArray
     scales: FloatArray
@@ -97,13 +100,14 @@ def _arrays(change: Change) -> tuple[FloatArray, FloatArray, FloatArray]:
 def linearisation(base: Fit, train: Sequence[MatchedLog]) -> Linearisation:
     """Linearise the filter of a fit along its training logs."""
     model = base.problem.filter_model.model
-    logs = tuple(linearise(run, log, base.theta) for run, log in zip(base.runs(train), train, strict=True))
+    runs = tuple(base.runs(train))
+    logs = tuple(linearise(run, log, base.theta) for run, log in zip(runs, train, strict=True))
     kept = np.flatnonzero(~base.held)
     terms = base.expansion.terms
     assert terms is not None  # fits keep their terms
     chosen = np.concatenate([[0], 1 + kept])
     free, scales = terms.innovations[:, chosen].copy(), terms.log_scales[:, chosen].copy()
-    bare = Linearisation(base, model, logs, free, scales, term_times(base.problem))
+    bare = Linearisation(base, model, runs, logs, free, scales, term_times(base.problem))
     for column, index in enumerate(kept, start=1):
         parameter = base.problem.free[index]
         if parameter.target.kind != "parameter":

@@ -9,6 +9,8 @@ colour nothing is taken out, and nothing of the power of a test is lost.
 
 from __future__ import annotations
 
+import functools
+import itertools
 from dataclasses import dataclass
 
 import numpy as np
@@ -39,8 +41,20 @@ class Times:
 
     def series(self, pieces: FloatArray) -> FloatArray:
         """Rows (n_terms, n) summed at each sample, shape (samples, n)."""
-        inside = np.flatnonzero(self.sample >= 0)
-        return summed(pieces[inside], self.sample[inside], self.block.size)
+        sums = np.zeros((self.block.size, pieces.shape[1]))
+        for rows, samples in self._runs:
+            sums[samples] += pieces[rows]
+        return sums
+
+    @functools.cached_property
+    def _runs(self) -> tuple[tuple[slice, slice], ...]:
+        """Stretches of terms whose samples follow each other, as slices of both: adding them needs no sorting."""
+        edges = np.flatnonzero(np.diff(self.sample) != 1) + 1
+        return tuple(
+            (slice(first, end), slice(int(self.sample[first]), int(self.sample[end - 1]) + 1))
+            for first, end in itertools.pairwise([0, *map(int, edges), self.sample.size])
+            if end > first and self.sample[first] >= 0
+        )
 
     def sums(self, series: FloatArray) -> FloatArray:
         """Sums over blocks of time of series (samples, n), whitened and coloured again; shape (blocks, n)."""
