@@ -66,8 +66,8 @@ _UNDERRATED = 7.0
 #: Multiples of that step, and by how much (of a logarithm) lower process noise, at which a start is tried.
 _MULTIPLES = (1.0, 4.0, 16.0)
 _QUIETER = 2.0
-#: So many times the best is exchanged for others, as far as they seem to lose less than this share of what it gains:
-#: expansions are right to that.
+#: So many times the best is exchanged for others, as far as they seem to lose less than this share of what it gains; of
+#: what loses much expansions are right to a factor of two only (a winch: 89 nats said, 50 lost), so refits decide.
 _EXCHANGES, _ACCURATE = 3, 0.1
 #: Side by side, whatever the machine, so that results do not depend on it.
 _ABREAST = 2
@@ -195,13 +195,9 @@ def _refit(entrants: Sequence[_Entrant], done: list[Trial], ground: Ground, repo
     near = [one for one in entrants if one.beginning is None]
     ahead = _ahead([one for one in entrants if one.beginning is not None], ground)
     report("refit the best candidates", len(entrants) - len(near) - len(ahead), len(entrants))
-    first = [one for one, _ in ahead[:1]]
-    best = _noted(first, done, ground)[0] if first else None
-    if best is not None:
-        part = excerpt(best.problem) or best.problem
-        least = float(part.nll(best.point[:, np.newaxis])[0]) + ground.need + _UNFINISHED
-        ahead = [(one, reached) for one, reached in ahead if reached < least]
-    _noted([*near, *(one for one, _ in ahead[1:])], done, ground)
+    best = _noted([one for one, _ in ahead[:1]], done, ground)
+    least = _on_beginnings(best[0]) + ground.need + _UNFINISHED if best and best[0] else np.inf
+    _noted([*near, *(one for one, reached in ahead[1:] if reached < least)], done, ground)
     report("refit the best candidates", len(entrants), len(entrants))
 
 
@@ -286,7 +282,7 @@ def _not_behind(entrants: Sequence[_Entrant], best: Fit, ground: Ground) -> list
     part = excerpt(best.problem)
     if part is None:
         return list(entrants)
-    reached = float(part.nll(best.point[:, np.newaxis])[0])
+    reached = _on_beginnings(best)
 
     def heat(one: _Entrant) -> Fit:
         return fit(
@@ -298,6 +294,12 @@ def _not_behind(entrants: Sequence[_Entrant], best: Fit, ground: Ground) -> list
         for one, heated in zip(entrants, _abreast(heat, entrants), strict=True)
         if heated is not None and heated.nll < reached + ground.need + _UNFINISHED
     ]
+
+
+def _on_beginnings(best: Fit) -> float:
+    """The negative log-likelihood of the beginnings of the logs at the optimum of them all."""
+    part = excerpt(best.problem) or best.problem
+    return float(part.nll(best.point[:, np.newaxis])[0])
 
 
 def _whole(entrants: Sequence[_Entrant], ground: Ground, beat: float) -> list[Fit | None]:
