@@ -118,7 +118,8 @@ BENCH = StudyMachine(
 #: Estimated are engine and clutches; what coast-downs tell (rolling resistance, drag, brakes, tyre radius) is known.
 #: Effects that change the law of an element (headwind, centrifugal tension) are not among them, for its elements are
 #: parts; nor creep or slip of the belt, whose clamp grows with its force: that closes a nonlinear loop, which cannot be
-#: solved from everywhere; nor friction with hysteresis at the sheave, which its drives do not show.
+#: solved from everywhere; nor friction with hysteresis at the sheave, which with a scale that serves all places would
+#: give way by metres before it slides.
 RANGER = StudyMachine(
     name="ranger",
     graph=ranger.full,
