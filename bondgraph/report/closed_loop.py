@@ -246,7 +246,8 @@ def summary(data: ReportData) -> str:
     lines = [f"\n{data.verdict}: {data.explanation}"]
     for effect in data.effects:
         values = ", ".join(
-            f"{c.name} = {shown(c.value)} {c.unit} [{shown(c.ci95[0])}, {shown(c.ci95[1])}]"
+            f"{c.name} = {shown(c.value)}{'' if c.unit in ('', '1') else f' {c.unit}'} "
+            f"[{shown(c.ci95[0])}, {shown(c.ci95[1])}]"
             for c in effect.coefficients
         )
         lines.append(f"  {effect.name} at {effect.junction}: {effect.law}, {values}")
