@@ -32,6 +32,7 @@ from bondgraph.declare.domains import ROTATION
 from bondgraph.declare.editing import with_values
 from bondgraph.declare.effect import Effect, Place
 from bondgraph.declare.graph import BondGraph
+from bondgraph.errors import FilterError
 from bondgraph.estimate.objective import SearchOutcome, central_differences
 from bondgraph.simulate.simulate import simulate
 from vehicle_graphs import effects
@@ -296,6 +297,22 @@ def test_a_law_of_more_coefficients_is_no_twin_of_one_of_fewer() -> None:
     assert list(map(sorted, alike(trials, same, 1.0))) == [[0, 1]]
     longer = replace(same, steps=(same.steps[0], np.append(same.steps[1], 0.0)))
     assert sorted(alike(trials, longer, 1.0)) == [[0], [1]]
+
+
+def test_a_candidate_whose_filter_diverges_is_left_out(monkeypatch: pytest.MonkeyPatch) -> None:
+    log, base = drawn(0.3), fitted(0.3)
+    linear = linearisation(base, [log])
+    where = [one for one in places(built(), [log], base.runs([log]), base.theta) if one.label == "drum"]
+    scored = score_candidates(linear, candidates(built(), [effects.quadratic_loss], where)[0])
+    trials = [Trial(one, float(gain), (1.0,)) for one, gain in zip(scored.candidates, scored.scores.gain, strict=True)]
+
+    def diverging(*given: object, **named: object) -> Fit:
+        raise FilterError("the state grew without bound")
+
+    monkeypatch.setattr("bondgraph.correct.stiff_refits.fit", diverging)
+    ground = Ground(built(), base, (log,), 1, 0.01, 1.0)
+    assert trials[0].score_gain > ground.need
+    assert [trial.fit for trial in refit_stiff(trials, scored, ground, 6, no_report)] == [None]
 
 
 def test_a_fit_goes_on_where_the_linearised_filter_sees_nothing_more() -> None:
