@@ -43,7 +43,7 @@ _QUIET, _LOUD = 0.2, 0.7
 _HOPELESS = 10.0
 #: The exact steps that end the fit of a stiff model must promise so many nats. They begin where the linearised filter
 #: promises less than the other number, of which it is sure no more.
-_POLISHED, _HANDED_OVER = 0.5, 30.0
+_POLISHED, _HANDED_OVER = 0.1, 30.0
 #: Along a ridge it once left 55 nats; one that is behind by less than this may still beat what it is to beat.
 _WITHIN_REACH = 60.0
 #: A search on a part of the logs ends where a further step promises less than so many nats.

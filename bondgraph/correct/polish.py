@@ -30,6 +30,8 @@ _DAMPINGS = ((1e-5, 1e-2), (0.1, 1.0))
 #: Where exact derivatives promise fewer nats than this, and steps with them took what they promised, the fit ends: on a
 #: vehicle the likelihood has jumps of some tenths of a nat, so that further derivatives promise one for ever.
 _LAST = 4.0
+#: So many nats may then be left of that promise, which is what those jumps are worth.
+_ENOUGH = 0.5
 
 
 def polished(problem: EstimationProblem, found: Reached, tolerance: float) -> Reached:
@@ -52,7 +54,7 @@ def polished(problem: EstimationProblem, found: Reached, tolerance: float) -> Re
         before = replace(reached, expansion=expansion, evaluations=reached.evaluations + expansion.evaluations)
         reached = _stepped(problem, before, tolerance)
         near = newton_decrement(problem, before.point, expansion) < _LAST
-        arrived = near and newton_decrement(problem, reached.point, reached.expansion) < tolerance
+        arrived = near and newton_decrement(problem, reached.point, reached.expansion) < _ENOUGH
         if arrived or before.nll - reached.nll < tolerance:
             return replace(reached, outcome=SearchOutcome.CONVERGED)
     return replace(reached, outcome=SearchOutcome.ITERATION_LIMIT)
