@@ -44,7 +44,7 @@ def polished(problem: EstimationProblem, found: Reached, tolerance: float) -> Re
     found
         Where the search by the linearised filter ended.
     tolerance
-        How many nats a further step must promise, and gain.
+        How many nats a further step with the same derivatives must promise, and gain.
     """
     reached = found
     for _ in range(_MOST):
@@ -55,7 +55,7 @@ def polished(problem: EstimationProblem, found: Reached, tolerance: float) -> Re
         reached = _stepped(problem, before, tolerance)
         near = newton_decrement(problem, before.point, expansion) < _LAST
         arrived = near and newton_decrement(problem, reached.point, reached.expansion) < _ENOUGH
-        if arrived or before.nll - reached.nll < tolerance:
+        if arrived or before.nll - reached.nll < _ENOUGH:
             return replace(reached, outcome=SearchOutcome.CONVERGED)
     return replace(reached, outcome=SearchOutcome.ITERATION_LIMIT)
 
