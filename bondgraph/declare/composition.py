@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 from sympy import Expr, Symbol
 
 from bondgraph.declare.elements import Bond, Node
-from bondgraph.declare.expressions import is_local, normalise, signal, signal_name
+from bondgraph.declare.expressions import is_local, normalise, signal, signal_name, symbols_in
 from bondgraph.declare.functions import TableFunction, table_function
 from bondgraph.declare.quantities import Integral, NamedSignal, Output, Requirement, symbol
 from bondgraph.errors import DeclarationError
@@ -100,8 +101,7 @@ def share(graph: BondGraph, quantities: dict[str, Any], quantity: Any, part: str
 
 def _copy_part(flat: BondGraph, part: SubGraph, inside: BondGraph, outer: _Renaming) -> None:
     bound = {name: outer.expression(expression) for name, expression in part.bind}
-    quantity_name = (lambda name: name) if part.shared else (lambda name: f"{part.name}.{name}")
-    renaming = _Renaming(quantity_name, lambda name: f"{part.name}.{name}", bound)
+    renaming = _inside(part.name, part.shared, tuple(bound.items()))
     for quantity in inside.quantities.values():
         if quantity.name not in bound:
             renamed = renaming.quantity(quantity)
@@ -118,8 +118,15 @@ def _copy_part(flat: BondGraph, part: SubGraph, inside: BondGraph, outer: _Renam
         if renamed not in flat._requirements:
             flat._requirements.append(renamed)
     for output in inside.outputs:
-        name = quantity_name(output.name)
+        name = renaming.quantity_name(output.name)
         flat._outputs[name] = dataclasses.replace(output, name=name, expression=renaming.expression(output.expression))
+
+
+@functools.lru_cache(maxsize=256)
+def _inside(part: str, shared: bool, bound: tuple[tuple[str, Expr], ...]) -> _Renaming:
+    """The names of a part's inside; it is kept, for a machine is flattened again with every effect that is tried."""
+    quantity_name = (lambda name: name) if shared else (lambda name: f"{part}.{name}")
+    return _Renaming(quantity_name, lambda name: f"{part}.{name}", dict(bound))
 
 
 class _Renaming:
@@ -129,6 +136,7 @@ class _Renaming:
         self, quantity_name: Callable[[str], str], node_name: Callable[[str], str], bound: dict[str, Expr]
     ) -> None:
         self.quantity_name, self.node_name, self.bound = quantity_name, node_name, bound
+        self.expression = functools.lru_cache(maxsize=4096)(self._expression)
 
     def _symbol(self, used: Symbol) -> Expr:
         read = signal_name(used)
@@ -138,8 +146,8 @@ class _Renaming:
             return used
         return self.bound.get(used.name, symbol(self.quantity_name(used.name)))
 
-    def expression(self, expression: Expr) -> Expr:
-        replaced = expression.xreplace({used: self._symbol(used) for used in expression.free_symbols})
+    def _expression(self, expression: Expr) -> Expr:
+        replaced = expression.xreplace({used: self._symbol(used) for used in symbols_in(expression)})
         tables = {
             used: table_function(self.quantity_name(used.table_name), len(used.args), used.derivative)
             for used in sorted(replaced.atoms(TableFunction), key=str)

@@ -19,7 +19,7 @@ from sympy.core.relational import Relational
 from sympy.logic.boolalg import BooleanFunction
 from sympy.printing.str import StrPrinter
 
-from bondgraph.declare.functions import clip, maximum, minimum, number, switch
+from bondgraph.declare.functions import TableFunction, clip, maximum, minimum, number, switch
 from bondgraph.declare.quantities import symbol
 from bondgraph.errors import DeclarationError, suggest
 
@@ -124,9 +124,22 @@ def is_local(candidate: Symbol) -> bool:
     return _LOCAL_NAME.match(candidate.name) is not None
 
 
-def signals_in(expression: Expr) -> list[Symbol]:
+@functools.lru_cache(maxsize=16384)
+def symbols_in(expression: Expr) -> tuple[Symbol, ...]:
+    """Symbols used by an expression, sorted by name."""
+    return tuple(sorted(expression.free_symbols, key=lambda s: s.name))
+
+
+@functools.lru_cache(maxsize=16384)
+def signals_in(expression: Expr) -> tuple[Symbol, ...]:
     """Signals used by an expression, sorted by name."""
-    return sorted((s for s in expression.free_symbols if signal_name(s)), key=lambda s: s.name)
+    return tuple(s for s in symbols_in(expression) if signal_name(s))
+
+
+@functools.lru_cache(maxsize=16384)
+def tables_in(expression: Expr) -> tuple[str, ...]:
+    """Names of the tables used by an expression, sorted."""
+    return tuple(sorted({used.table_name for used in expression.atoms(TableFunction)}))
 
 
 def normalise(expression: Any) -> Expr:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import functools
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from sympy import Expr, Symbol
@@ -10,9 +11,9 @@ from sympy import Expr, Symbol
 from bondgraph.declare.dimensions import SECOND, DimensionReader, Known, MismatchError, of_unit, subtract
 from bondgraph.declare.domains import Domain
 from bondgraph.declare.elements import ENERGY_VARIABLE, TWO_PORTS, Node
-from bondgraph.declare.expressions import signal_name, signals_in, to_text
+from bondgraph.declare.expressions import signal_name, symbols_in, tables_in, to_text
 from bondgraph.declare.modal_laws import MODAL_LAWS, modal_dimension
-from bondgraph.declare.quantities import Input, Integral, NamedSignal, Parameter, symbol
+from bondgraph.declare.quantities import Input, Integral, NamedSignal, Parameter, Table, symbol
 from bondgraph.errors import DimensionError
 from bondgraph.units import dimension_text
 
@@ -102,13 +103,14 @@ class _LawUnits:
         return None if above is None or below is None else subtract(above, below)
 
     def _require(self, where: str, name: str, needed: Known, law: Expr, own: dict[Symbol, Known]) -> None:
-        if self.declared.isdisjoint(law.free_symbols):
+        used = symbols_in(law)
+        declared = frozenset(one for one in used if one in self.declared)
+        if not declared:
             return  # bare numbers beside variables may carry units of their own
-        known = {**self.known, **own}
-        for used in signals_in(law):
-            known[used] = self._signal(used)
+        known = tuple((one, self._known(one, own)) for one in used)
+        tables = tuple(self.tables[name] for name in tables_in(law))
         try:
-            found = DimensionReader(known, self.declared, self.tables).of(law)
+            found = _dimension(law, known, declared, tables)
         except MismatchError as mismatch:
             raise DimensionError(
                 f"{self.graph.name}: {where}: {mismatch} - correct the law or its units", where=(where,)
@@ -120,13 +122,22 @@ class _LawUnits:
                 where=(where,),
             )
 
-    def _signal(self, used: Symbol) -> Known:
+    def _known(self, used: Symbol, own: Mapping[Symbol, Known]) -> Known:
         read = signal_name(used)
-        assert read is not None
+        if read is None:
+            return own[used] if used in own else self.known.get(used)
         node = self.graph.nodes[read.node]
         domains = self._port_domains(node) if not node.is_junction else [self.domains[node.name]]
         number = max(read.port, 1)
         return _variable_dimension(domains[number - 1], read.variable) if number <= len(domains) else None
+
+
+@functools.lru_cache(maxsize=4096)
+def _dimension(
+    law: Expr, known: tuple[tuple[Symbol, Known], ...], declared: frozenset[Symbol], tables: tuple[Table, ...]
+) -> Known:
+    """The dimension of a law; kept, for most laws of a machine are those of before when an effect is added to it."""
+    return DimensionReader(dict(known), set(declared), {table.name: table for table in tables}).of(law)
 
 
 def _variable_dimension(domain: Domain | None, variable: str) -> Known:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from dataclasses import dataclass
 from typing import Literal
 
@@ -10,6 +11,7 @@ from sympy import Expr, Symbol
 Interpolation = Literal["linear", "hold"]
 
 
+@functools.lru_cache(maxsize=16384)
 def symbol(name: str) -> Symbol:
     """The sympy symbol of a declared name; all quantities of a bond graph are real.
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from typing import TYPE_CHECKING
 
 import sympy
@@ -176,9 +177,14 @@ def _storage_laws(node: Node, ports: list[Port], is_dependent: bool) -> list[Exp
     if stored in laws and (is_dependent or gives not in laws):
         return [laws[stored] - symbol(stored)]
     if "energy" in laws:
-        gradient = [sympy.factor_terms(slope(laws["energy"], port.local(stored))) for port in ports]
-        return [law - port.local(gives) for law, port in zip(gradient, ports, strict=True)]
+        return [_gradient(laws["energy"], port.local(stored)) - port.local(gives) for port in ports]
     return [laws[port.local(gives).name] - port.local(gives) for port in ports]
+
+
+@functools.lru_cache(maxsize=1024)
+def _gradient(energy: Expr, variable: Symbol) -> Expr:
+    """What a storage gives at a port; kept, for a machine is derived again with every effect that is tried."""
+    return sympy.factor_terms(slope(energy, variable))
 
 
 def _state_rate(variables: BondVariables, port: Port) -> None:

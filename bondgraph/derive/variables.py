@@ -9,7 +9,7 @@ from sympy import Expr, Symbol
 
 from bondgraph.declare.domains import UNDECLARED_PREFIXES, Domain
 from bondgraph.declare.elements import MULTIPORTS, SOURCES, STORAGES, Node
-from bondgraph.declare.expressions import signal_name
+from bondgraph.declare.expressions import signal_name, symbols_in
 from bondgraph.declare.functions import smooth_step, switch
 from bondgraph.declare.quantities import Integral, NamedSignal, symbol
 from bondgraph.declare.validation import node_domains
@@ -285,7 +285,7 @@ class BondVariables:
         expression = self._with_switches(expression, own)
         arguments: list[tuple[Symbol, Key, int]] = []
         replace: dict[Symbol, Expr] = {}
-        for used in sorted(expression.free_symbols, key=lambda s: str(s.name)):
+        for used in symbols_in(expression):
             if used == unknown:
                 continue
             if used in own:
@@ -299,7 +299,7 @@ class BondVariables:
             elif isinstance(self.graph.quantities.get(used.name), NamedSignal):
                 arguments.append((used, ("s", used.name), 1))
         template = expression.xreplace(replace) if replace else expression
-        for used in sorted(template.free_symbols, key=lambda s: str(s.name)):
+        for used in symbols_in(template):
             if used in self._state_symbols and used not in own:
                 arguments.append((used, ("x", used.name), 1))
         return Law(template, tuple(dict.fromkeys(arguments)))

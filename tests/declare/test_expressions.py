@@ -148,7 +148,7 @@ def test_only_texts_and_numbers_are_expressions(value):
 def test_signals_are_recognised():
     assert signal_name(signal("effort", "a.b", 2)) == ("effort", 2, "a.b")
     assert signal_name(symbol("effort")) is None and signal_name(A) is None
-    assert signals_in(A * signal("flow", "z") + signal("effort", "b")) == [signal("effort", "b"), signal("flow", "z")]
+    assert signals_in(A * signal("flow", "z") + signal("effort", "b")) == (signal("effort", "b"), signal("flow", "z"))
 
 
 def test_numbers_stay_exact():
