@@ -11,7 +11,7 @@ below :data:`LARGEST`.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -235,7 +235,8 @@ class _Imitation:
     """What the declared model shows on the training drives, and what its free parameters can imitate."""
 
     def __init__(self, machine: StudyMachine, values: dict[str, float], drives: Sequence[Drive]) -> None:
-        self.machine, self.values, self.drives = machine, values, drives
+        self.machine = replace(machine, substeps=machine.sizing or machine.substeps)
+        self.values, self.drives = values, drives
         self.plain, _ = machine.model()
         self.names = list(machine.noise)
         self.without, slopes = self._expanded(np.array(list(values.values())))

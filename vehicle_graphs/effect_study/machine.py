@@ -114,6 +114,8 @@ class StudyMachine:
     method, substeps
         How the simulated truth is integrated, and steps between its samples: Runge-Kutta, or for stiff machines without
         process noise a stiff method.
+    sizing
+        Steps between samples with which the size of an effect is searched, which many runs ask for; None: as many.
     spread
         True values of the free parameters lie within this share of the declared ones.
     settings
@@ -136,6 +138,7 @@ class StudyMachine:
     settle: float
     substeps: int
     method: str = "rk4"
+    sizing: int | None = None
     spread: float = 0.1
     process: Mapping[str, float] = field(default_factory=dict)
     settings: LoopSettings = field(default_factory=LoopSettings)

@@ -159,12 +159,13 @@ RANGER = StudyMachine(
     noise=SENSORS,
     excite=vehicle_drive,
     scale=Scale(1000.0, 20.0),
-    rate=40.0,
+    rate=20.0,
     seconds=45.0,
     train=1,
     settle=2.0,
-    substeps=24,
+    substeps=48,
     method="rodas4",
+    sizing=8,
     settings=LoopSettings(free=("T_pk", "T_f0", "k_u", "m_fw", "F_p0", "k_p", "r_h", "mu_b")),
 )  # fmt: skip
 
