@@ -81,7 +81,7 @@ BENCH = StudyMachine(
         Kind(effects.warm_up_loss, "primary", 0.01, shapes=(15.0,), relatives=("viscous_loss",)),
         Kind(effects.headwind, "body", 0.5, relatives=_others("headwind", _WITH_SPEED)),
         Kind(effects.actuator_lag, "primary", 0.03, outside=True),
-        Kind(effects.added_compliance, "wheel -> tyre", 1e-4),
+        Kind(effects.added_compliance, "wheel -> tyre", 1e-4, shapes=(1.0,)),
         Kind(effects.backlash, "twist", 0.002, largest=0.2),
     ),
     faults=tuple(
@@ -141,7 +141,7 @@ RANGER = StudyMachine(
         Kind(effects.warm_up_loss, "engine.crank", 0.01, shapes=(20.0,), relatives=("viscous_loss",)),
         Kind(effects.added_inertia, "engine.crank", 0.01),
         Kind(effects.rolling_speed_loss, "body.forward", 50.0, relatives=_others("rolling_speed_loss", _WITH_SPEED)),
-        Kind(effects.added_compliance, "gearbox.output -> rear_axle.hub", 1e-4),
+        Kind(effects.added_compliance, "gearbox.output -> rear_axle.hub", 1e-4, shapes=(2.5,)),
     ),
     faults=tuple(
         Kind(fault, output, guess)

@@ -35,7 +35,10 @@ def added_inertia(g: BondGraph, at: Place) -> Effect | None:
 
 
 def added_compliance(g: BondGraph, at: Place) -> Effect | None:
-    """An elastic part in a connection declared as rigid: a spring with some damping on a bond between two speeds."""
+    """An elastic part in a connection declared as rigid: a spring with damping on a bond between two speeds.
+
+    How much damping nobody knows of a part that was forgotten; a wrong one would show as a loss in the part itself.
+    """
     if at.bond is None or not _joins_speeds(g, at):
         return None
     name = f"added_compliance_{at.name}"
@@ -44,18 +47,19 @@ def added_compliance(g: BondGraph, at: Place) -> Effect | None:
     softest = 0.5 * at.scale.flow / at.scale.effort
     bounds = (1e-4 * softest, softest)
     compliance = g.parameter(f"compliance_{name}", 1e-2 * softest, unit, f"compliance of {at.label}", bounds)
-    drag = 0.05 * at.scale.effort / at.scale.flow
+    matched = at.scale.effort / at.scale.flow
     damping = g.parameter(
-        f"damping_{name}", drag, over(effort_unit(at), flow_unit(at)), "damping beside that compliance"
-    )
+        f"damping_{name}", 0.05 * matched, over(effort_unit(at), flow_unit(at)), "damping beside that compliance",
+        (1e-3 * matched, matched),
+    )  # fmt: skip
     junction = split_bond(g, at.bond, Node(f"z_{name}", "0", domain))
     stretch = g.one_junction(f"stretch_{name}", domain)
     g.bond(junction, stretch)
     g.compliance(name, 1 / compliance, at=stretch)
     g.resistance(f"damper_{name}", damping, at=stretch)
     return Effect(
-        "added_compliance", name, "effort = displacement/c", (f"compliance_{name}",), adds_state=True,
-        reference=_STORAGES,
+        "added_compliance", name, "effort = displacement/c + d*flow", (f"compliance_{name}",), adds_state=True,
+        shapes=(damping.name,), reference=_STORAGES,
     )  # fmt: skip
 
 
