@@ -6,7 +6,7 @@ but not in size where an effect is large.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -25,8 +25,8 @@ from bondgraph.correct.probes import Probe, Signal, probes, signals
 from bondgraph.correct.quiet import Quiet, quiet_scores
 from bondgraph.correct.refit import Ground, refit_alone, refit_best, remoteness, worth_quiet
 from bondgraph.correct.scoring import Linearisation, Scored, linearisation, score_candidates
-from bondgraph.correct.stiff_refits import refit_stiff
-from bondgraph.correct.storages import try_storage
+from bondgraph.correct.stiff_refits import attainable, refit_stiff
+from bondgraph.correct.storages import Look, look, refit_storage, try_storage
 from bondgraph.correct.trials import Alternative, Detectable, Trial
 from bondgraph.correct.whiteness import whiteness
 from bondgraph.data.log import MatchedLog
@@ -106,12 +106,15 @@ def one_round(
     trials = _trials(scored, tried)
     quiet = quiet_scores(base, train, vanishing, settings.journal, gate_samples(train))
     ground = replace(ground, quiet=None if quiet is None else quiet.fit)
+    looks = _looks(stateful, ground, settings, bool(present))
+    first = _refitted_first(looks, trials, ground)
+    ahead = 0.0 if first is None or choose([first], settings.level) is None else first.gain
     if base.problem.filter_model.is_stiff:
-        trials = refit_stiff(trials, scored, ground, settings.refits, settings.report)
+        trials = refit_stiff(trials, scored, ground, settings.refits, settings.report, ahead)
     else:
         trials = refit_best(trials, scored, ground, settings.refits, settings.report, quiet)
-    trials = _with_storages(trials, stateful, linear, quiet, ground, settings, bool(present))
-    trials += _gated_trials(linear, scored, quiet, ground, settings)
+    trials = _with_storages(trials, stateful, linear, quiet, ground, settings, looks, first)
+    trials += _gated_trials(linear, scored, quiet, ground, settings, ahead)
     trials, chosen = _chosen(trials, ground)
     others = alternatives(chosen, trials, scored.scores, settings.level)
     others = _with_advice(built, base, chosen, others, scored)
@@ -164,6 +167,30 @@ def _trials(scored: Scored, tried: int) -> list[Trial]:
     ]
 
 
+def _looks(stateful: Sequence[Candidate], ground: Ground, settings: RoundSettings, named: bool) -> dict[str, Look]:
+    """By label: storages of a stiff model that nothing but a trial can test, at the size that suits the logs best.
+
+    Only as long as no effect is named, and where innovations are not white: each has to be compiled.
+    """
+    due = [one for one in stateful if not one.followed]
+    if not ground.base.problem.filter_model.is_stiff or named or not due or _is_white(ground):
+        return {}
+    found = {}
+    for count, one in enumerate(due):
+        settings.report("look at storages", count, len(due))
+        found[one.label] = look(Trial(one, 0.0), ground)
+    settings.report("look at storages", len(due), len(due))
+    return found
+
+
+def _refitted_first(looks: Mapping[str, Look], trials: Sequence[Trial], ground: Ground) -> Trial | None:
+    """The storage that promises more than all scores, refitted: if it passes, few others are worth a refit."""
+    best = max(looks.values(), key=lambda one: one.trial.score_gain, default=None)
+    if best is None or best.trial.score_gain <= max((one.score_gain for one in trials), default=0.0):
+        return None
+    return refit_storage(best, ground, np.inf)
+
+
 def _with_storages(
     trials: list[Trial],
     stateful: Sequence[Candidate],
@@ -171,40 +198,43 @@ def _with_storages(
     quiet: Quiet | None,
     ground: Ground,
     settings: RoundSettings,
-    named: bool,
+    looks: Mapping[str, Look],
+    first: Trial | None,
 ) -> list[Trial]:
     """The trials, and those with a state of their own; lags and late sensors only where their score asks for it.
 
-    A sensor that comes late can explain coloured noise by its memory; its score is that of the mean alone. Of a stiff
-    model, which has to be compiled for each, storages that nothing but a refit can test are tried only as long as no
-    effect is named, and where innovations are not white.
+    A sensor that comes late can explain coloured noise by its memory; its score is that of the mean alone. Storages of
+    a stiff model go on from ``looks`` if these promise about as much as what is ahead; ``first`` is already refitted.
     """
-    done = list(trials)
+    done = [*trials, *(() if first is None else (first,))]
     followed = score_candidates(linear, [one for one in stateful if one.followed])
     silent = None if quiet is None else quiet.of(followed.candidates)
     least = np.inf if quiet is None else worth_quiet(quiet.scored.scores, ground.need)
     stiff = ground.base.problem.filter_model.is_stiff
-    spared = stiff and (named or not stateful or _is_white(ground))
     known = dict(zip((one.label for one in followed.candidates), range(len(followed.candidates)), strict=True))
     for count, one in enumerate(stateful):
         settings.report("try storages", count, len(stateful))
+        if first is not None and one.label == first.candidate.label:
+            continue
         trial = Trial(one, 0.0)
         best = choose(done, ground.level)
+        worth = max(0.5 * ground.need, 0.4 * (0.0 if best is None else best.gain))
+        beat = np.inf if best is None or best.fit is None else best.fit.nll
         if one.followed:
             k = known[one.label]
             p_value = min(1.0, float(followed.scores.p_value[k]) * ground.tried)
             trial = Trial(
                 one, float(followed.scores.gain[k]), tuple(map(float, followed.scores.steps[k])), score_p=p_value
             )
-            ahead = 0.0 if best is None else best.gain
-            loud = trial.score_gain >= max(0.5 * ground.need, 0.4 * ahead) and p_value <= ground.level
+            loud = trial.score_gain >= worth and p_value <= ground.level
             if not loud and (silent is None or silent.scored.scores.gain[k] < least):
                 done.append(trial)
                 continue
-        elif spared or (stiff and best is not None):
-            done.append(trial)
+        elif stiff:
+            seen = looks.get(one.label)
+            asked = seen is not None and seen.trial.score_gain >= worth
+            done.append(trial if seen is None else refit_storage(seen, ground, beat) if asked else seen.trial)
             continue
-        beat = np.inf if best is None or best.fit is None else best.fit.nll
         done.append(try_storage(trial, ground, beat, None if silent is None else (silent, known.get(one.label))))
     return done
 
@@ -216,11 +246,12 @@ def _is_white(ground: Ground) -> bool:
 
 
 def _gated_trials(
-    linear: Linearisation, scored: Scored, quiet: Quiet | None, ground: Ground, settings: RoundSettings
+    linear: Linearisation, scored: Scored, quiet: Quiet | None, ground: Ground, settings: RoundSettings, ahead: float
 ) -> list[Trial]:
     """The best candidates that act in part of the data, if they promise clearly more than those that act throughout.
 
-    They are looked for at the fit and, where there is one, at the quiet fit, which sees what noise hides.
+    They are looked for at the fit and, where there is one, at the quiet fit, which sees what noise hides. Nor do those
+    count that cannot reach what a storage of a stiff model gained (``ahead``).
     """
     made: dict[str, Trial] = {}
     for own, known in ((linear, scored), *(() if quiet is None else ((quiet.linear, quiet.scored),))):
@@ -230,6 +261,8 @@ def _gated_trials(
         throughout = float(known.scores.gain.max(initial=0.0))
         margin = _GATE_MARGIN + float(np.log(best.tested / max(len(known.candidates), 1)))
         if best.gain < max(throughout + margin, ground.need) or best.p_value * best.tested > 0.05:
+            continue
+        if attainable(best.gain, known.candidates[best.index].effect) < ahead:
             continue
         settings.report("refit effects that act in part of the data", 0, 1)
         best = refined(own, best, known.candidates[best.index], known.variants[best.index])

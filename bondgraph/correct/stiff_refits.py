@@ -38,6 +38,7 @@ from bondgraph.correct.score import Scores
 from bondgraph.correct.scoring import Scored
 from bondgraph.correct.trials import Trial
 from bondgraph.data.log import FloatArray
+from bondgraph.declare.effect import Effect
 from bondgraph.errors import EstimationError, FilterError
 from bondgraph.estimate.exact import compile_exact
 from bondgraph.estimate.free import FreeParameter
@@ -88,7 +89,9 @@ class _Entrant:
     beginning: FloatArray | None
 
 
-def refit_stiff(trials: Sequence[Trial], scored: Scored, ground: Ground, most: int, report: Report) -> list[Trial]:
+def refit_stiff(
+    trials: Sequence[Trial], scored: Scored, ground: Ground, most: int, report: Report, ahead: float = 0.0
+) -> list[Trial]:
     """The trials of vanishing candidates on a stiff model, the best of them refitted.
 
     Parameters
@@ -103,12 +106,15 @@ def refit_stiff(trials: Sequence[Trial], scored: Scored, ground: Ground, most: i
         Most refits.
     report
         Told of each.
+    ahead
+        What another candidate has gained by its refit; those are left out that cannot reach it, however underrated.
     """
     done = list(trials)
     groups = [
         group
         for group in varied(trials, scored.scores, ground)
-        if done[group[0]].score_gain > ground.need or done[group[0]].candidate.effect.amplitudes
+        if (done[group[0]].score_gain > ground.need or done[group[0]].candidate.effect.amplitudes)
+        and attainable(done[group[0]].score_gain, done[group[0]].candidate.effect) >= ahead
     ]
     _refit([_entrant(done, group, scored, ground) for group in groups[: min(_MOST, most)]], done, ground, report)
     _exchange(done, scored, ground)
@@ -119,6 +125,11 @@ def refit_stiff(trials: Sequence[Trial], scored: Scored, ground: Ground, most: i
         if simpler is not None:
             _refit([_entrant(done, [simpler], scored, ground)], done, ground, report)
     return done
+
+
+def attainable(promise: float, effect: Effect) -> float:
+    """What an effect may gain, in nats, whose score promises so many: scores underrate what is large."""
+    return promise * (_UNDERRATED if effect.amplitudes else 1.0 / WORTH)
 
 
 def varied(trials: Sequence[Trial], found: Scores, ground: Ground) -> list[list[int]]:

@@ -6,7 +6,7 @@ the model without it, only stiffer the closer it gets there; sizes that steps do
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -35,18 +35,36 @@ _MOST_STEPS = 4
 _LOSES = 5.0
 
 
+@dataclass(frozen=True)
+class Look:
+    """A storage at the size that suits the logs best, before anything is fitted, and what a fit would gain at most.
+
+    ``trial`` holds that promise as its score; ``start`` (n,) is where a fit of ``problem`` begins, None if it promises
+    too little for one.
+    """
+
+    trial: Trial
+    problem: EstimationProblem
+    start: FloatArray | None
+
+
 def try_storage(trial: Trial, ground: Ground, beat: float, quiet: tuple[Quiet, int | None] | None = None) -> Trial:
     """A candidate that brings a state of its own: it has no zero to be tested at, so it is tried at several sizes.
 
     From the best of them one expansion says what a fit would gain at most; only if that passes is it fitted. ``quiet``:
     scores with the process noise held low and the candidate's place in them, if it has a score.
     """
+    return refit_storage(look(trial, ground, quiet), ground, beat)
+
+
+def look(trial: Trial, ground: Ground, quiet: tuple[Quiet, int | None] | None = None) -> Look:
+    """The first half of :func:`try_storage`: several sizes, and an expansion from the best of them."""
     extended = build(trial.candidate.apply(ground.built.graph))
     problem = _problem(trial, ground, extended)
-    starts, remark = _sizes(problem, ground, quiet)
+    starts, remark = _sizes(problem, trial, ground, quiet)
     trial = replace(trial, built=extended, remark=remark)
     if not starts.size:
-        return trial
+        return Look(trial, problem, None)
     values = problem.nll(starts)
     best = int(np.argmin(np.where(np.isfinite(values), values, np.inf)))
     loss = float(values[best]) - ground.base.nll
@@ -54,22 +72,39 @@ def try_storage(trial: Trial, ground: Ground, beat: float, quiet: tuple[Quiet, i
         trial, remark=remark or _remark(problem, starts, values, len(problem.free) - ground.base.point.size)
     )
     if not loss < _LOSES * ground.need:
-        return trial
-    steps = GaussNewtonSettings().difference * (problem.upper - problem.lower)
-    if is_linearised(problem):  # what an exact expansion costs is for what is refitted
-        expansion = linear_expansion(problem, starts[:, best])
-    else:
-        expansion = expand(problem, starts[:, best], steps)
-    promise = -loss + newton_decrement(problem, starts[:, best], expansion)
+        return Look(trial, problem, None)
+    promise = -loss + _further(problem, starts[:, best], ground.base)
     trial = replace(trial, score_gain=max(promise, 0.0))
-    if promise < 0.5 * ground.need:
-        return trial
-    beat = min(beat, ground.base.nll - 0.5 * ground.need)
+    return Look(trial, problem, starts[:, best] if promise >= 0.5 * ground.need else None)
+
+
+def refit_storage(seen: Look, ground: Ground, beat: float) -> Trial:
+    """The second half: the refit from there, if it promises enough, given up where it will not reach ``beat``."""
+    if seen.start is None:
+        return seen.trial
+    problem, beat = seen.problem, min(beat, ground.base.nll - 0.5 * ground.need)
     fitted = fit(
-        problem.filter_model, problem.logs, problem.free, _MOST_ITERATIONS, _TOLERANCE, [starts[:, best]], beat,
+        problem.filter_model, problem.logs, problem.free, _MOST_ITERATIONS, _TOLERANCE, [seen.start], beat,
         ground.journal,
     )  # fmt: skip
-    return replace(trial, fit=fitted, evidence=judge(ground.base, fitted, trial.candidate.effect, ground.tried))
+    return replace(
+        seen.trial, fit=fitted, evidence=judge(ground.base, fitted, seen.trial.candidate.effect, ground.tried)
+    )
+
+
+def _further(problem: EstimationProblem, point: FloatArray, base: Fit) -> float:
+    """What a step from a point (n,) promises beyond what one from the fit without the storage does.
+
+    That of a stiff model ends where its likelihood jumps by tenths of a nat, and its linearised filter may promise some
+    nats there for ever: those are no gain of the storage's.
+    """
+    if not is_linearised(problem):
+        steps = GaussNewtonSettings().difference * (problem.upper - problem.lower)
+        return newton_decrement(problem, point, expand(problem, point, steps))
+    both = ((problem, point), (base.problem, base.point))
+    # what an exact expansion costs is for what is refitted
+    with_it, without = (newton_decrement(one, at, linear_expansion(one, at)) for one, at in both)
+    return with_it - without
 
 
 def _problem(trial: Trial, ground: Ground, extended: BuiltModel) -> EstimationProblem:
@@ -88,7 +123,7 @@ def _problem(trial: Trial, ground: Ground, extended: BuiltModel) -> EstimationPr
 
 
 def _sizes(
-    problem: EstimationProblem, ground: Ground, quiet: tuple[Quiet, int | None] | None
+    problem: EstimationProblem, trial: Trial, ground: Ground, quiet: tuple[Quiet, int | None] | None
 ) -> tuple[FloatArray, str]:
     """Points (n, sizes) at which the storage is worth a look at all of the logs, and a remark on sizes left out.
 
@@ -96,7 +131,9 @@ def _sizes(
     """
     size, added = ground.base.point.size, problem.free[ground.base.point.size :]
     lower, upper = problem.lower[size:], problem.upper[size:]
-    points = [np.concatenate([ground.base.point, lower + share * (upper - lower)]) for share in _SIZES]
+    of_size = np.array([one.name in trial.candidate.effect.coefficients for one in added])
+    own = [np.where(of_size, lower + share * (upper - lower), problem.start[size:]) for share in _SIZES]
+    points = [np.concatenate([ground.base.point, one]) for one in own]
     if quiet is not None and quiet[1] is not None:
         points += quiet_starts(ground.base, quiet[0], quiet[1], added)
     starts = np.clip(np.array(points).T, problem.lower[:, np.newaxis], problem.upper[:, np.newaxis])

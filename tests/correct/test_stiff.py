@@ -241,6 +241,7 @@ def test_of_those_that_promise_much_the_ones_ahead_in_their_heats_go_on() -> Non
     assert done[drag].fit is not None and done[drag].fit.values[found[drag].effect.coefficients[0]] > 0.25
     assert done[friction].fit is None or done[friction].fit.nll > done[drag].fit.nll
     assert refit_stiff(trials, scored, replace(far, need=1e9), 6, no_report) == trials  # nothing promises enough
+    assert refit_stiff(trials, scored, far, 6, no_report, ahead=1e9) == trials  # nor can reach what another gained
 
 
 def cubic_loss(g: BondGraph, at: Place) -> Effect | None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
 import pytest
 
 from bondgraph.correct import storages
@@ -14,10 +15,19 @@ from bondgraph.correct.decide import alternatives
 from bondgraph.correct.fit import fit, noisy_starts
 from bondgraph.correct.loop import free_parameters
 from bondgraph.correct.refit import Ground
+from bondgraph.correct.round import one_round
 from bondgraph.correct.scoring import linearisation, score_candidates
 from bondgraph.correct.setup import FilterSetup, filter_setup
-from bondgraph.correct.storages import try_storage
+from bondgraph.correct.storages import look, refit_storage, try_storage
 from bondgraph.correct.trials import Trial
+from bondgraph.data.log import MatchedLog
+from bondgraph.declare.domains import ROTATION
+from bondgraph.declare.editing import handle, with_values
+from bondgraph.declare.effect import Place, Scale
+from bondgraph.declare.elements import Bond
+from bondgraph.declare.graph import BondGraph
+from bondgraph.simulate.simulate import simulate
+from tests.correct.test_stiff import NOISE, winch
 from vehicle_graphs import effects
 from vehicle_graphs.effect_study.cases import Case
 from vehicle_graphs.effect_study.generate import draw
@@ -49,3 +59,71 @@ def test_a_storage_gets_a_multiple_of_the_steps_at_most_and_says_what_they_do_no
     assert tried.evidence is None or not tried.evidence.accepted(0.01)
     (said,) = alternatives(None, [tried], score_candidates(linearisation(base, logs), []).scores, 0.01)
     assert tried.remark in said.why
+
+
+def hoist(loss: float = 0.0) -> BondGraph:
+    """The stiff winch with a platform on its drum, the connection of both declared as rigid."""
+    graph = winch(loss)
+    platform = graph.one_junction("platform", ROTATION)
+    graph.inertance("deck", graph.parameter("J_platform", 0.6, "kg m^2", "platform"), at=platform)
+    graph.bond(handle(graph, "drum"), platform)
+    return graph
+
+
+def elastic(compliance: float, damping: float, loss: float) -> BondGraph:
+    """The same with a spring in that connection, and a loss at the drum."""
+    graph = hoist(loss)
+    between = Place(handle(graph, "drum"), Scale(10.0, 20.0), Bond("drum", "platform"))
+    effect = effects.added_compliance(graph, between)
+    assert effect is not None
+    return with_values(graph, {"c": 0.3, **dict(zip(effect.parameters, (compliance, damping), strict=True))})
+
+
+def swinging(graph: BondGraph, samples: int = 500) -> MatchedLog:
+    """A log of it: torque and slope in steps, the slope unknown."""
+    rng = np.random.default_rng(1)
+    time = 0.05 * np.arange(samples)
+    torque = np.repeat(rng.uniform(0.0, 9.0, samples // 20 + 1), 20)[:samples]
+    bend = np.repeat(rng.normal(0.0, 0.15, samples // 10 + 1), 10)[:samples]
+    run = simulate(build(graph).model, time, np.array([torque, bend]), rtol=1e-8).raise_if_failed()
+    y = run.y + NOISE * rng.standard_normal(run.y.shape)
+    return MatchedLog("run", time, np.array([torque, np.zeros(samples)]), y)
+
+
+def fitted(log: MatchedLog) -> Ground:
+    """The rigid machine fitted to a log."""
+    built = build(hoist())
+    setup = filter_setup(built.model, built.driven, [log])
+    assert setup.filter_model.is_stiff
+    free = (*free_parameters(setup, ()), *setup.noise)
+    base = fit(setup.filter_model, [log], free, starts=noisy_starts(free))
+    return Ground(built, base, (log,), 10, 0.01, 10.0)
+
+
+def test_a_compliance_of_a_stiff_model_is_tried_though_a_loss_passes_and_spares_what_cannot_reach_it() -> None:
+    ground = fitted(swinging(elastic(0.02, 0.1, loss=0.05)))
+    turn = one_round(ground.built, ground.base, ground.train, [effects.quadratic_loss, effects.added_compliance])
+    assert turn.chosen is not None and turn.chosen.candidate.label == "added_compliance at drum -> platform"
+    assert turn.chosen.fit is not None
+    (size,) = (turn.chosen.fit.values[name] for name in turn.chosen.candidate.effect.coefficients)
+    assert size == pytest.approx(0.02, rel=0.03)
+    others = [trial for trial in turn.trials if trial is not turn.chosen]
+    assert max(trial.score_gain for trial in others) > 15.0  # which passes, alone
+    assert [trial.fit for trial in others] == [None] * len(others)
+
+
+def test_the_damping_of_a_compliance_is_estimated_and_a_rigid_machine_is_worth_no_refit() -> None:
+    log, rigid = swinging(elastic(0.02, 0.1, loss=0.0)), fitted(swinging(hoist()))
+    ground = fitted(log)
+    where = places(ground.built, [log], ground.base.runs([log]), ground.base.theta)
+    bond = [one for one in where if one.label == "drum -> platform"]
+    (candidate,), _ = candidates(ground.built, [effects.added_compliance], bond)
+    seen = look(Trial(candidate, 0.0), ground)
+    tried = refit_storage(seen, ground, np.inf)
+    assert seen.start is not None and tried.fit is not None
+    truth = dict(zip(candidate.effect.parameters, (0.02, 0.1), strict=True))
+    assert {name: tried.fit.values[name] for name in truth} == pytest.approx(truth, rel=0.1)
+    assert 100.0 < seen.trial.score_gain < tried.gain
+    nothing = look(Trial(candidate, 0.0), rigid)
+    assert nothing.trial.score_gain < 5.0 and nothing.start is None
+    assert refit_storage(nothing, rigid, np.inf) is nothing.trial
