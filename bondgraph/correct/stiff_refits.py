@@ -57,7 +57,7 @@ _TOLERANCE, _MOST_ITERATIONS = 0.05, 12
 #: beats on their beginnings by more than must be gained, and so many nats that a heat may leave to exact derivatives.
 _AHEAD, _UNFINISHED = 0.6, 60.0
 #: What promises less than so many times the least gain that counts is near.
-_NEARBY = 10.0
+NEARBY = 10.0
 #: Shares of the step of a score at which those near are tried: the filter of all logs is costly, and scores are right.
 _NEAR_STRIDES = (1.0, 0.1)
 #: Responses more alike than this explain much the same.
@@ -185,14 +185,14 @@ def _entrant(trials: Sequence[Trial], group: Sequence[int], scored: Scored, grou
     filter_model = replace(base.problem.filter_model, model=built.model)
     own = coefficients(candidate, filter_model, scored.variants[index])
     free = (*at_optimum(base), *own)
-    near = trials[index].score_gain <= _NEARBY * ground.need
+    near = trials[index].score_gain <= NEARBY * ground.need
     shares = (*(_NEAR_STRIDES if near else STRIDES), *abrupt(candidate, found.steps[index]))
     starts = [along(base, found, index, own, share) for share in shares]
     if near:
         return _Entrant(tuple(group), built, filter_model, free, tuple(starts), None)
     starts += _afresh(base, own, found.steps[index])
     absent = [parameter.coordinate(parameter.start) for parameter in own]
-    beginning = quiet_start(free, np.concatenate([_declared(base), absent]))
+    beginning = quiet_start(free, np.concatenate([declared_point(base), absent]))
     return _Entrant(tuple(group), built, filter_model, free, tuple(starts), beginning)
 
 
@@ -356,7 +356,7 @@ def _afresh(base: Fit, own: Sequence[FreeParameter], step: FloatArray) -> list[F
     """
     problem = base.problem
     kinds = np.array([parameter.target.kind for parameter in problem.free])
-    declared = _declared(base)
+    declared = declared_point(base)
     quiet = np.where(kinds == "process", np.clip(base.point - _QUIETER, problem.lower, problem.upper), 0.0)
     found = []
     for point in (base.point, declared):
@@ -368,7 +368,7 @@ def _afresh(base: Fit, own: Sequence[FreeParameter], step: FloatArray) -> list[F
     return found
 
 
-def _declared(base: Fit) -> FloatArray:
+def declared_point(base: Fit) -> FloatArray:
     """The point of a fit with its parameters as declared."""
     model = base.problem.filter_model.model
     point = base.point.copy()

@@ -13,11 +13,12 @@ import numpy as np
 from bondgraph.correct.build import BuiltModel, build
 from bondgraph.correct.decide import judge
 from bondgraph.correct.excerpts import excerpt
-from bondgraph.correct.fit import Fit, expand, fit
+from bondgraph.correct.fit import Fit, expand, fit, quiet_start
 from bondgraph.correct.linear_steps import is_linearised, linear_expansion
 from bondgraph.correct.quiet import Quiet, quiet_starts
 from bondgraph.correct.refit import Ground, at_optimum, coefficients
 from bondgraph.correct.setup import filter_setup
+from bondgraph.correct.stiff_refits import NEARBY, declared_point
 from bondgraph.correct.trials import Trial
 from bondgraph.data.log import FloatArray
 from bondgraph.estimate.gauss_newton import GaussNewtonSettings
@@ -79,13 +80,20 @@ def look(trial: Trial, ground: Ground, quiet: tuple[Quiet, int | None] | None = 
 
 
 def refit_storage(seen: Look, ground: Ground, beat: float) -> Trial:
-    """The second half: the refit from there, if it promises enough, given up where it will not reach ``beat``."""
+    """The second half: the refit from there, if it promises enough, given up where it will not reach ``beat``.
+
+    Of a stiff model what promises much is searched anew from little process noise, as other candidates are
+    (:mod:`.stiff_refits`): from the fit without it a search of a vehicle's elastic shaft ended 630 nats short.
+    """
     if seen.start is None:
         return seen.trial
-    problem, beat = seen.problem, min(beat, ground.base.nll - 0.5 * ground.need)
+    problem, beat, first = seen.problem, min(beat, ground.base.nll - 0.5 * ground.need), None
+    if is_linearised(problem) and seen.trial.score_gain > NEARBY * ground.need:
+        own = seen.start[ground.base.point.size :]
+        first = quiet_start(problem.free, np.concatenate([declared_point(ground.base), own]))
     fitted = fit(
         problem.filter_model, problem.logs, problem.free, _MOST_ITERATIONS, _TOLERANCE, [seen.start], beat,
-        ground.journal,
+        ground.journal, first,
     )  # fmt: skip
     return replace(
         seen.trial, fit=fitted, evidence=judge(ground.base, fitted, seen.trial.candidate.effect, ground.tried)
