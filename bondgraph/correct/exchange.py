@@ -46,7 +46,8 @@ def exchanges(
     Parameters
     ----------
     found
-        The refitted candidate; without a refit, or with its coefficients on a bound, nothing can be said.
+        The refitted candidate; nothing can be said without a refit, with its coefficients on a bound, or where it
+        brings a state (a deflection) that the others have no place for.
     others, variants
         The candidates, which bring no storage of their own, and how each is tried.
     train
@@ -56,6 +57,9 @@ def exchanges(
     """
     fitted = found.fit
     if fitted is None or found.candidate.effect.adds_state or fitted.held[shared:].any() or not others:
+        return [None] * len(others)
+    states = set(fitted.problem.filter_model.model.names("state"))
+    if not all(states <= set(one.model.names("state")) for one in others):
         return [None] * len(others)
     linear = linearisation(fitted, train)
     changes = [

@@ -28,8 +28,8 @@ from bondgraph.errors import EstimationError
 from bondgraph.estimate.free import FreeParameter
 from bondgraph.estimate.problem import EstimationProblem
 
-#: The quiet fit is only where scores are taken and refits start.
-_TOLERANCE, _MOST_ITERATIONS = 0.5, 40
+#: The quiet fit is only where scores are taken and refits start; of a stiff model, whose fits take long, the less.
+_TOLERANCE, _STIFF_TOLERANCE, _MOST_ITERATIONS = 0.5, 2.0, 40
 #: Factors on the noise of the sensors at which the quiet fit looks for its start: what moved now counts as theirs.
 _NOISIER = (1.0, 5.0, 25.0, 125.0)
 #: Shares of the way down to its bounds (logarithms) at which the process noise is held, one after the other, and
@@ -40,6 +40,8 @@ _RISING = tuple(5.0**k for k in range(9))
 _STRIDES = (1.0, 0.5)
 #: How far process noise is lowered from the fit without an effect to its bound, on its logarithmic scale.
 _LOWERED = (1.0, 0.5, 0.0)
+#: Process noise this share of the way up from its lower bound stands in for nothing.
+_LITTLE = 0.2
 #: Coefficients start this share of their range away from a bound.
 _MARGIN = 1e-6
 
@@ -60,13 +62,13 @@ class Quiet:
 def quiet_fit(base: Fit, train: Sequence[MatchedLog], journal: Journal | None = None) -> Fit | None:
     """A fit with its process noise at the lower bounds, everything else free as it was.
 
-    None where no process noise is free, where the model diverges without it, or where it is stiff: there the fit
-    itself is the costly part of a round.
+    None where no process noise is free, or where the model diverges without it.
     """
     problem = base.problem
     low = {one.target.name: one.lower for one in problem.free if one.target.kind == "process"}
-    if not low or problem.filter_model.is_stiff:
+    if not low:
         return None
+    tolerance = _STIFF_TOLERANCE if problem.filter_model.is_stiff else _TOLERANCE
     model = replace(problem.filter_model, process_noise={**problem.filter_model.process_noise, **low})
     values = base.values
     free = [
@@ -78,7 +80,7 @@ def quiet_fit(base: Fit, train: Sequence[MatchedLog], journal: Journal | None = 
     sensors = np.array([one.target.kind == "std" for one in free])
     starts = [start + np.where(sensors, np.log(factor), 0.0) for factor in _NOISIER]
     try:
-        return fit(model, train, free, _MOST_ITERATIONS, _TOLERANCE, starts, journal=journal)
+        return fit(model, train, free, _MOST_ITERATIONS, tolerance, starts, journal=journal)
     except EstimationError:
         return None
 
@@ -86,7 +88,7 @@ def quiet_fit(base: Fit, train: Sequence[MatchedLog], journal: Journal | None = 
 def annealed_fit(base: Fit, train: Sequence[MatchedLog], journal: Journal | None = None) -> Fit | None:
     """The quiet fit again, its process noise lowered by steps; the sensors may count as noisy as what they show varies.
 
-    None where :func:`quiet_fit` gives none.
+    None where :func:`quiet_fit` gives none, and of stiff models, which so many fits are too much for.
     """
     problem = base.problem
     process = {
@@ -133,6 +135,14 @@ def quiet_scores(
         return None
     linear = linearisation(fitted, train)
     return Quiet(fitted, linear, score_candidates(linear, found, at))
+
+
+def is_driven(fitted: Fit) -> bool:
+    """Whether process noise drives a state of a fit: more of it than little beyond its lower bound (logarithms)."""
+    problem = fitted.problem
+    process = np.array([one.target.kind == "process" for one in problem.free])
+    risen = (fitted.point - problem.lower) / (problem.upper - problem.lower)
+    return bool(np.any(risen[process] > _LITTLE))
 
 
 def quiet_starts(base: Fit, quiet: Quiet, index: int, own: Sequence[FreeParameter]) -> list[FloatArray]:

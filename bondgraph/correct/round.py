@@ -22,10 +22,10 @@ from bondgraph.correct.gates import Gated, Peer, best_gated, gate_samples, gated
 from bondgraph.correct.journal import Journal
 from bondgraph.correct.located import LocatedAt, locate
 from bondgraph.correct.probes import Probe, Signal, probes, signals
-from bondgraph.correct.quiet import Quiet, quiet_scores
+from bondgraph.correct.quiet import Quiet, is_driven, quiet_scores
 from bondgraph.correct.refit import Ground, refit_alone, refit_best, remoteness, worth_quiet
 from bondgraph.correct.scoring import Linearisation, Scored, linearisation, score_candidates
-from bondgraph.correct.stiff_refits import attainable, refit_stiff
+from bondgraph.correct.stiff_refits import attainable, refit_quiet, refit_stiff
 from bondgraph.correct.storages import Look, look, refit_storage, try_storage
 from bondgraph.correct.trials import Alternative, Detectable, Trial
 from bondgraph.correct.whiteness import whiteness
@@ -35,6 +35,8 @@ from bondgraph.errors import DataError, EstimationError
 
 #: A gated candidate must promise this many nats more than the best that acts throughout, beyond its number.
 _GATE_MARGIN = 6.0
+#: So many candidates of a stiff model that act in part of the data are refitted where little process noise shows them.
+_GATED_QUIET = 3
 #: For so many of the effects that are not told from the chosen one it is said what would tell them apart.
 _ADVISED = 3
 
@@ -104,17 +106,23 @@ def one_round(
     settings.report("score the candidates", 1, 1)
     ground = Ground(built, base, tuple(train), tried, settings.level, need, settings.journal)
     trials = _trials(scored, tried)
-    quiet = quiet_scores(base, train, vanishing, settings.journal, gate_samples(train))
+    stiff = base.problem.filter_model.is_stiff
+    quiet = None if stiff else quiet_scores(base, train, vanishing, settings.journal, gate_samples(train))
     ground = replace(ground, quiet=None if quiet is None else quiet.fit)
     looks = _looks(stateful, ground, settings, bool(present))
     first = _refitted_first(looks, trials, ground)
     ahead = 0.0 if first is None or choose([first], settings.level) is None else first.gain
-    if base.problem.filter_model.is_stiff:
+    if stiff:
         trials = refit_stiff(trials, scored, ground, settings.refits, settings.report, ahead)
     else:
         trials = refit_best(trials, scored, ground, settings.refits, settings.report, quiet)
     trials = _with_storages(trials, stateful, linear, quiet, ground, settings, looks, first)
-    trials += _gated_trials(linear, scored, quiet, ground, settings, ahead)
+    if stiff:
+        trials += _gated_trials([(linear, scored)], ground, settings, ahead, most=1)
+        trials = _beneath_noise(trials, scored, stateful, ground, settings)
+    else:
+        looks_at = [(linear, scored), *(() if quiet is None else ((quiet.linear, quiet.scored),))]
+        trials += _gated_trials(looks_at, ground, settings)
     trials, chosen = _chosen(trials, ground)
     others = alternatives(chosen, trials, scored.scores, settings.level)
     others = _with_advice(built, base, chosen, others, scored)
@@ -122,6 +130,35 @@ def one_round(
     return Round(
         base, tuple(trials), tuple(refused), scored, chosen, tuple(others), seen, located, linear, probed, known, tried
     )
+
+
+def _beneath_noise(
+    trials: Sequence[Trial], scored: Scored, stateful: Sequence[Candidate], ground: Ground, settings: RoundSettings
+) -> list[Trial]:
+    """The trials, and those of a stiff model that show only with little process noise.
+
+    They are looked for where the best that was found still leaves states to be driven by noise, for the quiet fit that
+    it takes is the costly part of a round.
+    """
+    done = list(trials)
+    best = choose(done, settings.level)
+    if not is_driven(ground.base if best is None or best.fit is None else best.fit):
+        return done
+    settings.report("look beneath the process noise", 0, 1)
+    quiet = quiet_scores(ground.base, ground.train, scored.candidates, settings.journal, gate_samples(ground.train))
+    settings.report("look beneath the process noise", 1, 1)
+    if quiet is None:
+        return done
+    done = refit_quiet(done, scored, quiet, ground, settings.report)
+    least = worth_quiet(quiet.scored.scores, ground.need)
+    own = quiet.of([one for one in stateful if one.followed])
+    for k, one in enumerate(own.scored.candidates):
+        index = next(j for j, trial in enumerate(done) if trial.candidate.label == one.label)
+        if own.scored.scores.gain[k] >= least and done[index].fit is None:
+            best = choose(done, settings.level)
+            beat = np.inf if best is None or best.fit is None else best.fit.nll
+            done[index] = try_storage(done[index], ground, beat, (own, k))
+    return done + _gated_trials([(quiet.linear, quiet.scored)], ground, settings, most=_GATED_QUIET)
 
 
 def _chosen(trials: Sequence[Trial], ground: Ground) -> tuple[list[Trial], Trial | None]:
@@ -246,15 +283,19 @@ def _is_white(ground: Ground) -> bool:
 
 
 def _gated_trials(
-    linear: Linearisation, scored: Scored, quiet: Quiet | None, ground: Ground, settings: RoundSettings, ahead: float
+    scores: Sequence[tuple[Linearisation, Scored]],
+    ground: Ground,
+    settings: RoundSettings,
+    ahead: float = 0.0,
+    most: int | None = None,
 ) -> list[Trial]:
     """The best candidates that act in part of the data, if they promise clearly more than those that act throughout.
 
-    They are looked for at the fit and, where there is one, at the quiet fit, which sees what noise hides. Nor do those
-    count that cannot reach what a storage of a stiff model gained (``ahead``).
+    They are looked for at the fit and at the quiet fit, which sees what noise hides (``scores``). Nor do those count
+    that cannot reach what a storage of a stiff model gained (``ahead``). Of the best in a part ``most`` are refitted.
     """
     made: dict[str, Trial] = {}
-    for own, known in ((linear, scored), *(() if quiet is None else ((quiet.linear, quiet.scored),))):
+    for own, known in scores:
         best = best_gated(own, known)
         if best is None:
             continue
@@ -266,7 +307,7 @@ def _gated_trials(
             continue
         settings.report("refit effects that act in part of the data", 0, 1)
         best = refined(own, best, known.candidates[best.index], known.variants[best.index])
-        for peer in best.peers[: 1 if ground.base.problem.filter_model.is_stiff else None]:  # each is compiled
+        for peer in best.peers[:most]:
             for trial in _gated_refit(best, peer, known, ground):
                 kept = made.get(trial.candidate.label)
                 if kept is None or trial.gain > kept.gain:

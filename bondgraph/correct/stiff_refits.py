@@ -22,6 +22,7 @@ from bondgraph.correct.decide import CLOSE, choose
 from bondgraph.correct.excerpts import excerpt
 from bondgraph.correct.exchange import exchanges
 from bondgraph.correct.fit import Fit, Report, fit, quiet_start
+from bondgraph.correct.quiet import Quiet, quiet_starts
 from bondgraph.correct.refit import (
     STRIDES,
     WORTH,
@@ -33,6 +34,7 @@ from bondgraph.correct.refit import (
     coefficients,
     inside,
     note,
+    worth_quiet,
 )
 from bondgraph.correct.score import Scores
 from bondgraph.correct.scoring import Scored
@@ -50,6 +52,8 @@ _Task = TypeVar("_Task")
 
 #: At most so many candidates are searched from anywhere else than the end of the best of them.
 _MOST = 4
+#: So many of those that are best with little process noise are searched.
+_MOST_QUIET = 2
 #: Heats end where a further step promises less than so many nats; after them few steps are left.
 _ROUGH, _ROUGH_ITERATIONS = 2.0, 30
 _TOLERANCE, _MOST_ITERATIONS = 0.05, 12
@@ -127,6 +131,29 @@ def refit_stiff(
     return done
 
 
+def refit_quiet(trials: Sequence[Trial], scored: Scored, quiet: Quiet, ground: Ground, report: Report) -> list[Trial]:
+    """The trials, and refits of those that are best with the process noise held low, as far as they have none.
+
+    Parameters
+    ----------
+    trials, scored, ground, report
+        As for :func:`refit_stiff`, some of them refitted.
+    quiet
+        Scores of the same candidates on the quiet fit.
+    """
+    done, found = list(trials), quiet.scored.scores
+    groups = [
+        group
+        for group in alike(done, found, worth_quiet(found, ground.need))
+        if all(done[j].fit is None for j in group)
+    ]
+    before = choose(done, ground.level)
+    _refit([_quiet_entrant(done, group, quiet, ground) for group in groups[:_MOST_QUIET]], done, ground, report)
+    if choose(done, ground.level) is not before:
+        _exchange(done, scored, ground)
+    return done
+
+
 def attainable(promise: float, effect: Effect) -> float:
     """What an effect may gain, in nats, whose score promises so many: scores underrate what is large."""
     return promise * (_UNDERRATED if effect.amplitudes else 1.0 / WORTH)
@@ -193,6 +220,18 @@ def _entrant(trials: Sequence[Trial], group: Sequence[int], scored: Scored, grou
     starts += _afresh(base, own, found.steps[index])
     absent = [parameter.coordinate(parameter.start) for parameter in own]
     beginning = quiet_start(free, np.concatenate([declared_point(base), absent]))
+    return _Entrant(tuple(group), built, filter_model, free, tuple(starts), beginning)
+
+
+def _quiet_entrant(trials: Sequence[Trial], group: Sequence[int], quiet: Quiet, ground: Ground) -> _Entrant:
+    """A candidate that is searched from where the quiet fit points, and from little process noise."""
+    index, base = group[0], ground.base
+    built = build(trials[index].candidate.apply(ground.built.graph))
+    filter_model = replace(base.problem.filter_model, model=built.model)
+    own = coefficients(trials[index].candidate, filter_model, quiet.scored.variants[index])
+    free = (*at_optimum(base), *own)
+    starts = quiet_starts(base, quiet, index, own)
+    beginning = quiet_start(free, np.concatenate([declared_point(base), [one.coordinate(one.start) for one in own]]))
     return _Entrant(tuple(group), built, filter_model, free, tuple(starts), beginning)
 
 

@@ -12,20 +12,21 @@ from sympy import tanh
 from bondgraph.correct import setup as filter_setups
 from bondgraph.correct.build import BuiltModel, build
 from bondgraph.correct.candidates import candidates, places
-from bondgraph.correct.decide import alternatives
+from bondgraph.correct.decide import alternatives, choose
 from bondgraph.correct.exchange import exchanges
 from bondgraph.correct.fit import Fit, fit, no_report
 from bondgraph.correct.linear_steps import Reached, filter_runs, is_linearised, linear_expansion
 from bondgraph.correct.loop import free_parameters
 from bondgraph.correct.missing import missing_effort
 from bondgraph.correct.polish import polished
+from bondgraph.correct.quiet import is_driven, quiet_scores
 from bondgraph.correct.refit import Ground, alike, refit_alone
 from bondgraph.correct.response import kicked_along
 from bondgraph.correct.round import one_round
 from bondgraph.correct.score import Scores
 from bondgraph.correct.scoring import Scored, linearisation, score_candidates
 from bondgraph.correct.setup import FilterSetup, filter_setup, unknown_drives
-from bondgraph.correct.stiff_refits import refit_stiff, simpler_law, varied
+from bondgraph.correct.stiff_refits import refit_quiet, refit_stiff, simpler_law, varied
 from bondgraph.correct.trials import Trial
 from bondgraph.data.log import MatchedLog
 from bondgraph.declare.domains import ROTATION
@@ -277,6 +278,39 @@ def test_a_fit_with_one_effect_tells_what_another_would_gain_in_its_place() -> N
             reached = float(drag.fit.problem.nll(np.array(told.starts).T).min())
             assert reached < drag.fit.nll + 0.3 * (ground.base.nll - drag.fit.nll)
     assert exchanges(trials[0], [cubic.candidate], [scored.variants[1]], ground.train, 1) == [None]  # not refitted
+
+
+def test_nothing_is_told_of_what_has_no_place_for_a_state_that_is_there() -> None:
+    trials, scored, ground = rivals()
+    (sticking,), _ = candidates(built(), [effects.hysteresis_loss], [trials[0].candidate.place])
+    assert set(sticking.model.names("state")) > set(built().model.names("state"))
+    there = refit_alone(Trial(sticking, 1.0, (0.1,)), (0.1,), ground)
+    shared = ground.base.point.size
+    assert there.fit is not None
+    moved = np.append(there.fit.point[:shared], np.full(there.fit.point.size - shared, 0.5))  # off its bound
+    there = replace(there, fit=replace(there.fit, point=moved))
+    assert there.fit is not None and not there.fit.held[shared:].any()
+    assert exchanges(there, [trials[0].candidate], scored.variants[:1], ground.train, shared) == [None]
+
+
+def test_what_process_noise_hides_shows_with_little_of_it() -> None:
+    """Drag that noise of the drum stands in for: no score of the fit names it, so that nothing else is refitted."""
+    log, base = drawn(0.3), fitted(0.3)
+    process = np.array([one.target.kind == "process" for one in base.problem.free])
+    silent = np.where(process, base.problem.lower, base.point)
+    assert is_driven(base) and not is_driven(replace(base, point=silent))
+    where = [one for one in places(built(), [log], base.runs([log]), base.theta) if one.label == "drum"]
+    found, _ = candidates(built(), [effects.quadratic_loss, effects.coulomb_loss], where)
+    drag = [one.effect.name for one in found].index("quadratic_loss")
+    scored = score_candidates(linearisation(base, [log]), found)
+    unseen = [Trial(one, 0.0, tuple(step)) for one, step in zip(found, scored.scores.steps, strict=True)]
+    quiet = quiet_scores(base, [log], found)
+    assert quiet is not None and int(np.argmax(quiet.scored.scores.gain)) == drag
+    ground = Ground(built(), base, (log,), len(found), 0.01, 10.0)
+    done = refit_quiet(unseen, scored, quiet, ground, no_report)
+    chosen = choose(done, 0.01)
+    assert chosen is done[drag] and chosen.fit is not None
+    assert chosen.fit.values[found[drag].effect.coefficients[0]] == pytest.approx(0.3, rel=0.1)
 
 
 def test_what_would_do_better_in_the_place_of_the_best_is_refitted_though_its_score_was_low() -> None:

@@ -18,6 +18,8 @@ from vehicle_graphs.effect_study.generate import draw
 from vehicle_graphs.effect_study.machine import StudyMachine
 from vehicle_graphs.effect_study.scoring import Hit, Outcome, compare
 
+#: A worker is replaced after so many cases: what it compiled for each stays in its memory (50 MB a case).
+_RENEWED = 20
 #: Called with an outcome as soon as it is there.
 Done = Callable[[Outcome], None]
 
@@ -156,7 +158,7 @@ def workers(count: int) -> Iterator[Executor | None]:
     if count <= 1:
         yield None
         return
-    executor = ProcessPoolExecutor(count, mp_context=get_context("spawn"))
+    executor = ProcessPoolExecutor(count, mp_context=get_context("spawn"), max_tasks_per_child=_RENEWED)
     try:
         yield executor
     except BaseException:
