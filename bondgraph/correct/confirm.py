@@ -29,8 +29,13 @@ _LONGEST = 0.97
 
 
 def confirmed(trial: Trial, ground: Ground) -> Trial:
-    """The trial with its evidence after a second look; on stiff models, whose fits are costly, as it is."""
-    if trial.fit is None or trial.evidence is None or ground.base.problem.filter_model.is_stiff:
+    """The trial with its evidence after a second look.
+
+    On stiff models, whose fits are costly, it is as it is where its innovations are white.
+    """
+    if trial.fit is None or trial.evidence is None:
+        return trial
+    if ground.base.problem.filter_model.is_stiff and not _is_coloured(trial.fit, ground.level):
         return trial
     base = _from_there(ground.base, trial.fit, ground)
     evidence = judge(base, trial.fit, trial.candidate.effect, trial.evidence.tried, trial.gate is not None)
@@ -54,10 +59,7 @@ def _from_there(base: Fit, refit: Fit, ground: Ground) -> Fit:
 
 def _in_free_simulation(refit: Fit, trial: Trial, evidence: Evidence, ground: Ground) -> Evidence:
     """The evidence; where the innovations stay coloured with the p-value that the free simulation gives."""
-    tests = whiteness(refit, refit.problem.logs)
-    if all(test.p_value * len(tests) >= ground.level for test in tests):
-        return evidence
-    if not any(one.target.kind == "process" for one in refit.problem.free):
+    if not _is_coloured(refit, ground.level) or not any(one.target.kind == "process" for one in refit.problem.free):
         return evidence
     quiet = _quietest(refit, quiet_fit(refit, refit.problem.logs, ground.journal), ground)
     if quiet is None:  # no simulation with it stays near the logs
@@ -71,6 +73,11 @@ def _in_free_simulation(refit: Fit, trial: Trial, evidence: Evidence, ground: Gr
         if trial.candidate.effect.adds_state or trial.gate is not None:
             p_value = max(p_value, _deflated(gain, quiet))
     return replace(evidence, p_robust=max(evidence.p_robust, min(1.0, p_value * evidence.tried)))
+
+
+def _is_coloured(fitted: Fit, level: float) -> bool:
+    tests = whiteness(fitted, fitted.problem.logs)
+    return any(test.p_value * len(tests) < level for test in tests)
 
 
 def _quietest(loud: Fit, quiet: Fit | None, ground: Ground) -> Fit | None:

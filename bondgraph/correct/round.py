@@ -119,7 +119,7 @@ def one_round(
     trials = _with_storages(trials, stateful, linear, quiet, ground, settings, looks, first)
     if stiff:
         trials += _gated_trials([(linear, scored)], ground, settings, ahead, most=1)
-        trials = _beneath_noise(trials, scored, stateful, ground, settings)
+        trials, ground = _beneath_noise(trials, scored, stateful, ground, settings)
     else:
         looks_at = [(linear, scored), *(() if quiet is None else ((quiet.linear, quiet.scored),))]
         trials += _gated_trials(looks_at, ground, settings)
@@ -134,8 +134,8 @@ def one_round(
 
 def _beneath_noise(
     trials: Sequence[Trial], scored: Scored, stateful: Sequence[Candidate], ground: Ground, settings: RoundSettings
-) -> list[Trial]:
-    """The trials, and those of a stiff model that show only with little process noise.
+) -> tuple[list[Trial], Ground]:
+    """The trials, and those of a stiff model that show only with little process noise; the ground with the quiet fit.
 
     They are looked for where the best that was found still leaves states to be driven by noise, for the quiet fit that
     it takes is the costly part of a round.
@@ -143,12 +143,12 @@ def _beneath_noise(
     done = list(trials)
     best = choose(done, settings.level)
     if not is_driven(ground.base if best is None or best.fit is None else best.fit):
-        return done
+        return done, ground
     settings.report("look beneath the process noise", 0, 1)
     quiet = quiet_scores(ground.base, ground.train, scored.candidates, settings.journal, gate_samples(ground.train))
     settings.report("look beneath the process noise", 1, 1)
     if quiet is None:
-        return done
+        return done, ground
     done = refit_quiet(done, scored, quiet, ground, settings.report)
     least = worth_quiet(quiet.scored.scores, ground.need)
     own = quiet.of([one for one in stateful if one.followed])
@@ -158,7 +158,8 @@ def _beneath_noise(
             best = choose(done, settings.level)
             beat = np.inf if best is None or best.fit is None else best.fit.nll
             done[index] = try_storage(done[index], ground, beat, (own, k))
-    return done + _gated_trials([(quiet.linear, quiet.scored)], ground, settings, most=_GATED_QUIET)
+    done += _gated_trials([(quiet.linear, quiet.scored)], ground, settings, most=_GATED_QUIET)
+    return done, replace(ground, quiet=quiet.fit)
 
 
 def _chosen(trials: Sequence[Trial], ground: Ground) -> tuple[list[Trial], Trial | None]:
