@@ -31,11 +31,12 @@ _LONGEST = 0.97
 def confirmed(trial: Trial, ground: Ground) -> Trial:
     """The trial with its evidence after a second look.
 
-    On stiff models, whose fits are costly, it is as it is where its innovations are white.
+    On stiff models, whose fits are costly, it is as it is where a score asked for it or its innovations are white.
     """
     if trial.fit is None or trial.evidence is None:
         return trial
-    if ground.base.problem.filter_model.is_stiff and not _is_coloured(trial.fit, ground.level):
+    is_sure = not trial.hidden or not _is_coloured(trial.fit, ground.level)
+    if ground.base.problem.filter_model.is_stiff and is_sure:
         return trial
     base = _from_there(ground.base, trial.fit, ground)
     evidence = judge(base, trial.fit, trial.candidate.effect, trial.evidence.tried, trial.gate is not None)

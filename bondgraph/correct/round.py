@@ -13,30 +13,28 @@ import numpy as np
 
 from bondgraph.correct.absent import absent_when_zero
 from bondgraph.correct.advice import separation
+from bondgraph.correct.beneath import beneath_noise
 from bondgraph.correct.build import BuiltModel
 from bondgraph.correct.candidates import Candidate, Refused, candidates, places
 from bondgraph.correct.confirm import confirmed
 from bondgraph.correct.decide import alternatives, choose, detectable, hurdle
 from bondgraph.correct.fit import Fit, Report, no_report
-from bondgraph.correct.gates import Gated, Peer, best_gated, gate_samples, gated, refined, with_gate
+from bondgraph.correct.gated_refits import gated_trials
+from bondgraph.correct.gates import gate_samples
 from bondgraph.correct.journal import Journal
 from bondgraph.correct.located import LocatedAt, locate
 from bondgraph.correct.probes import Probe, Signal, probes, signals
-from bondgraph.correct.quiet import Quiet, is_driven, quiet_scores
-from bondgraph.correct.refit import Ground, refit_alone, refit_best, remoteness, worth_quiet
+from bondgraph.correct.quiet import Quiet, quiet_scores
+from bondgraph.correct.refit import Ground, refit_best, worth_quiet
 from bondgraph.correct.scoring import Linearisation, Scored, linearisation, score_candidates
-from bondgraph.correct.stiff_refits import attainable, refit_quiet, refit_stiff
+from bondgraph.correct.stiff_refits import refit_stiff
 from bondgraph.correct.storages import Look, look, refit_storage, try_storage
 from bondgraph.correct.trials import Alternative, Detectable, Trial
 from bondgraph.correct.whiteness import whiteness
 from bondgraph.data.log import MatchedLog
 from bondgraph.declare.effect import EffectFunction, Place
-from bondgraph.errors import DataError, EstimationError
+from bondgraph.errors import DataError
 
-#: A gated candidate must promise this many nats more than the best that acts throughout, beyond its number.
-_GATE_MARGIN = 6.0
-#: So many candidates of a stiff model that act in part of the data are refitted where little process noise shows them.
-_GATED_QUIET = 3
 #: For so many of the effects that are not told from the chosen one it is said what would tell them apart.
 _ADVISED = 3
 
@@ -118,11 +116,11 @@ def one_round(
         trials = refit_best(trials, scored, ground, settings.refits, settings.report, quiet)
     trials = _with_storages(trials, stateful, linear, quiet, ground, settings, looks, first)
     if stiff:
-        trials += _gated_trials([(linear, scored)], ground, settings, ahead, most=1)
-        trials, ground = _beneath_noise(trials, scored, stateful, ground, settings)
+        trials += gated_trials([(linear, scored)], ground, settings.report, ahead, most=1)
+        trials, ground = beneath_noise(trials, scored, stateful, ground, settings.report)
     else:
         looks_at = [(linear, scored), *(() if quiet is None else ((quiet.linear, quiet.scored),))]
-        trials += _gated_trials(looks_at, ground, settings)
+        trials += gated_trials(looks_at, ground, settings.report)
     trials, chosen = _chosen(trials, ground)
     others = alternatives(chosen, trials, scored.scores, settings.level)
     others = _with_advice(built, base, chosen, others, scored)
@@ -130,36 +128,6 @@ def one_round(
     return Round(
         base, tuple(trials), tuple(refused), scored, chosen, tuple(others), seen, located, linear, probed, known, tried
     )
-
-
-def _beneath_noise(
-    trials: Sequence[Trial], scored: Scored, stateful: Sequence[Candidate], ground: Ground, settings: RoundSettings
-) -> tuple[list[Trial], Ground]:
-    """The trials, and those of a stiff model that show only with little process noise; the ground with the quiet fit.
-
-    They are looked for where the best that was found still leaves states to be driven by noise, for the quiet fit that
-    it takes is the costly part of a round.
-    """
-    done = list(trials)
-    best = choose(done, settings.level)
-    if not is_driven(ground.base if best is None or best.fit is None else best.fit):
-        return done, ground
-    settings.report("look beneath the process noise", 0, 1)
-    quiet = quiet_scores(ground.base, ground.train, scored.candidates, settings.journal, gate_samples(ground.train))
-    settings.report("look beneath the process noise", 1, 1)
-    if quiet is None:
-        return done, ground
-    done = refit_quiet(done, scored, quiet, ground, settings.report)
-    least = worth_quiet(quiet.scored.scores, ground.need)
-    own = quiet.of([one for one in stateful if one.followed])
-    for k, one in enumerate(own.scored.candidates):
-        index = next(j for j, trial in enumerate(done) if trial.candidate.label == one.label)
-        if own.scored.scores.gain[k] >= least and done[index].fit is None:
-            best = choose(done, settings.level)
-            beat = np.inf if best is None or best.fit is None else best.fit.nll
-            done[index] = try_storage(done[index], ground, beat, (own, k))
-    done += _gated_trials([(quiet.linear, quiet.scored)], ground, settings, most=_GATED_QUIET)
-    return done, replace(ground, quiet=quiet.fit)
 
 
 def _chosen(trials: Sequence[Trial], ground: Ground) -> tuple[list[Trial], Trial | None]:
@@ -281,59 +249,6 @@ def _is_white(ground: Ground) -> bool:
     """Whether the innovations of all channels could be white: then no storage is missing either."""
     tests = whiteness(ground.base, ground.train)
     return all(test.p_value * len(tests) > ground.level for test in tests)
-
-
-def _gated_trials(
-    scores: Sequence[tuple[Linearisation, Scored]],
-    ground: Ground,
-    settings: RoundSettings,
-    ahead: float = 0.0,
-    most: int | None = None,
-) -> list[Trial]:
-    """The best candidates that act in part of the data, if they promise clearly more than those that act throughout.
-
-    They are looked for at the fit and at the quiet fit, which sees what noise hides (``scores``). Nor do those count
-    that cannot reach what a storage of a stiff model gained (``ahead``). Of the best in a part ``most`` are refitted.
-    """
-    made: dict[str, Trial] = {}
-    for own, known in scores:
-        best = best_gated(own, known)
-        if best is None:
-            continue
-        throughout = float(known.scores.gain.max(initial=0.0))
-        margin = _GATE_MARGIN + float(np.log(best.tested / max(len(known.candidates), 1)))
-        if best.gain < max(throughout + margin, ground.need) or best.p_value * best.tested > 0.05:
-            continue
-        if attainable(best.gain, known.candidates[best.index].effect) < ahead:
-            continue
-        settings.report("refit effects that act in part of the data", 0, 1)
-        best = refined(own, best, known.candidates[best.index], known.variants[best.index])
-        for peer in best.peers[:most]:
-            for trial in _gated_refit(best, peer, known, ground):
-                kept = made.get(trial.candidate.label)
-                if kept is None or trial.gain > kept.gain:
-                    made[trial.candidate.label] = trial
-    return list(made.values())
-
-
-def _gated_refit(best: Gated, peer: Peer, known: Scored, ground: Ground) -> list[Trial]:
-    """One of the candidates that act in part of the data, refitted; none where its graph is refused."""
-    index, step = min(peer, key=lambda one: (*remoteness(known.candidates[one[0]]), one[0]))
-    step = best.step if index == best.index else step
-    original = known.candidates[index]
-    function = gated(original.function, best.gate, ground.train)
-    made, _ = candidates(ground.built, [function], [original.place])
-    if not made:
-        return []
-    candidate = made[0]
-    train = with_gate(ground.train, candidate.effect, best.gate)
-    twins = tuple(known.candidates[k].label for k, _ in peer if k != index)
-    chance = min(1.0, best.p_value * best.tested)
-    trial = Trial(candidate, best.gain, (step,), score_p=chance, stands_for=twins, gate=best.gate)
-    try:
-        return [refit_alone(trial, [step], replace(ground, train=train), tried=best.tested)]
-    except EstimationError:  # it diverges wherever its score points
-        return []
 
 
 def _nothing_to_try(built: BuiltModel, where: Sequence[Place], refused: Sequence[Refused]) -> str:

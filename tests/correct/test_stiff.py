@@ -12,6 +12,7 @@ from sympy import tanh
 from bondgraph.correct import setup as filter_setups
 from bondgraph.correct.build import BuiltModel, build
 from bondgraph.correct.candidates import candidates, places
+from bondgraph.correct.confirm import confirmed
 from bondgraph.correct.decide import alternatives, choose
 from bondgraph.correct.exchange import exchanges
 from bondgraph.correct.fit import Fit, fit, no_report
@@ -26,7 +27,8 @@ from bondgraph.correct.round import one_round
 from bondgraph.correct.score import Scores
 from bondgraph.correct.scoring import Scored, linearisation, score_candidates
 from bondgraph.correct.setup import FilterSetup, filter_setup, unknown_drives
-from bondgraph.correct.stiff_refits import refit_quiet, refit_stiff, simpler_law, varied
+from bondgraph.correct.stiff_picks import simpler_law, varied
+from bondgraph.correct.stiff_refits import refit_quiet, refit_stiff
 from bondgraph.correct.trials import Trial
 from bondgraph.data.log import MatchedLog
 from bondgraph.declare.domains import ROTATION
@@ -203,6 +205,17 @@ def test_few_stiff_candidates_are_refitted_each_on_a_model_of_its_own() -> None:
         own = set(trial.fit.problem.filter_model.model.names("parameter")) - set(built().model.names("parameter"))
         assert own == set(trial.candidate.effect.parameters)
         assert trial.fit.problem.filter_model.model.text == trial.built.text
+
+
+def test_what_only_little_process_noise_showed_has_to_hold_without_it_where_innovations_stay_coloured() -> None:
+    """The winch hangs on a slope that turns in steps, which no walk is: its innovations stay coloured."""
+    log, base = drawn(0.05), fitted(0.05)
+    turn = one_round(built(), base, [log], [effects.quadratic_loss])
+    assert turn.chosen is not None and turn.chosen.evidence is not None and not turn.chosen.hidden
+    ground = Ground(built(), base, (log,), turn.tried, 0.01, 10.0)
+    assert confirmed(turn.chosen, ground) is turn.chosen
+    hidden = confirmed(replace(turn.chosen, hidden=True), ground)
+    assert hidden.evidence is not None and hidden.evidence.p_robust > turn.chosen.evidence.p_robust
 
 
 def test_a_search_begins_from_one_smooth_and_one_switching_law_of_those_much_alike() -> None:

@@ -1,0 +1,73 @@
+"""Refits of candidates that act in part of the data only, from a time on or until it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from bondgraph.correct.candidates import candidates
+from bondgraph.correct.fit import Report
+from bondgraph.correct.gates import Gated, Peer, best_gated, gated, refined, with_gate
+from bondgraph.correct.refit import Ground, refit_alone, remoteness
+from bondgraph.correct.scoring import Linearisation, Scored
+from bondgraph.correct.stiff_picks import attainable
+from bondgraph.correct.trials import Trial
+from bondgraph.errors import EstimationError
+
+#: A gated candidate must promise this many nats more than the best that acts throughout, beyond its number.
+_GATE_MARGIN = 6.0
+
+
+def gated_trials(
+    scores: Sequence[tuple[Linearisation, Scored]],
+    ground: Ground,
+    report: Report,
+    ahead: float = 0.0,
+    most: int | None = None,
+) -> list[Trial]:
+    """The best candidates that act in part of the data, if they promise clearly more than those that act throughout.
+
+    They are looked for at the fit and at the quiet fit, which sees what noise hides (``scores``). Nor do those count
+    that cannot reach what a storage of a stiff model gained (``ahead``). Of the best in a part ``most`` are refitted.
+    """
+    made: dict[str, Trial] = {}
+    for own, known in scores:
+        best = best_gated(own, known)
+        if best is None:
+            continue
+        throughout = float(known.scores.gain.max(initial=0.0))
+        margin = _GATE_MARGIN + float(np.log(best.tested / max(len(known.candidates), 1)))
+        if best.gain < max(throughout + margin, ground.need) or best.p_value * best.tested > 0.05:
+            continue
+        if attainable(best.gain, known.candidates[best.index].effect) < ahead:
+            continue
+        report("refit effects that act in part of the data", 0, 1)
+        best = refined(own, best, known.candidates[best.index], known.variants[best.index])
+        for peer in best.peers[:most]:
+            for trial in _gated_refit(best, peer, known, ground):
+                kept = made.get(trial.candidate.label)
+                if kept is None or trial.gain > kept.gain:
+                    made[trial.candidate.label] = trial
+    return list(made.values())
+
+
+def _gated_refit(best: Gated, peer: Peer, known: Scored, ground: Ground) -> list[Trial]:
+    """One of the candidates that act in part of the data, refitted; none where its graph is refused."""
+    index, step = min(peer, key=lambda one: (*remoteness(known.candidates[one[0]]), one[0]))
+    step = best.step if index == best.index else step
+    original = known.candidates[index]
+    function = gated(original.function, best.gate, ground.train)
+    made, _ = candidates(ground.built, [function], [original.place])
+    if not made:
+        return []
+    candidate = made[0]
+    train = with_gate(ground.train, candidate.effect, best.gate)
+    twins = tuple(known.candidates[k].label for k, _ in peer if k != index)
+    chance = min(1.0, best.p_value * best.tested)
+    trial = Trial(candidate, best.gain, (step,), score_p=chance, stands_for=twins, gate=best.gate)
+    try:
+        return [refit_alone(trial, [step], replace(ground, train=train), tried=best.tested)]
+    except EstimationError:  # it diverges wherever its score points
+        return []
