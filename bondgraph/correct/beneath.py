@@ -7,6 +7,7 @@ shows 5 % too much gained 744 nats by its refit, of which its score had promised
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -21,11 +22,12 @@ from bondgraph.correct.quiet import is_driven, quiet_scores
 from bondgraph.correct.refit import Ground, worth_quiet
 from bondgraph.correct.scoring import Scored
 from bondgraph.correct.stiff_refits import refit_quiet
-from bondgraph.correct.storages import try_storage
+from bondgraph.correct.storages import search_storage
 from bondgraph.correct.trials import Trial
+from bondgraph.errors import EstimationError, FilterError
 
-#: So many candidates that act in part of the data are refitted.
-_GATED = 3
+#: So many lags and late sensors are refitted, and so many candidates that act in part of the data.
+_LAGS, _GATED = 1, 3
 
 
 def beneath_noise(
@@ -46,14 +48,13 @@ def beneath_noise(
     if quiet is None:
         return done, ground
     done = refit_quiet(done, scored, quiet, ground, report)
-    least = worth_quiet(quiet.scored.scores, ground.need)
     own = quiet.of([one for one in stateful if one.followed])
-    for k, one in enumerate(own.scored.candidates):
-        index = next(j for j, trial in enumerate(done) if trial.candidate.label == one.label)
-        if own.scored.scores.gain[k] >= least and done[index].fit is None:
-            best = choose(done, ground.level)
-            beat = np.inf if best is None or best.fit is None else best.fit.nll
-            done[index] = try_storage(done[index], ground, beat, (own, k))
+    gains = own.scored.scores.gain
+    for k in map(int, np.argsort(-gains)[:_LAGS]):
+        index = [trial.candidate.label for trial in done].index(own.scored.candidates[k].label)
+        if gains[k] >= worth_quiet(quiet.scored.scores, ground.need) and done[index].fit is None:
+            with contextlib.suppress(EstimationError, FilterError):  # it diverges wherever it was tried
+                done[index] = search_storage(done[index], ground, own, k)
     done = [
         replace(one, hidden=one.fit is not before.fit and one.score_p > ground.level)
         for one, before in zip(done, trials, strict=True)

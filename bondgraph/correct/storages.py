@@ -79,6 +79,26 @@ def look(trial: Trial, ground: Ground, quiet: tuple[Quiet, int | None] | None = 
     return Look(trial, problem, starts[:, best] if promise >= 0.5 * ground.need else None)
 
 
+def search_storage(trial: Trial, ground: Ground, quiet: Quiet, index: int) -> Trial:
+    """A candidate that brings a state, refitted because it shows with little process noise (of a stiff model).
+
+    It is searched from there as from little noise: with as much as the fit has without it, it looks worse than nothing,
+    since what noise drives comes to a sensor behind a lag one sample too late. ``index`` is its place in ``quiet``.
+    """
+    extended = build(trial.candidate.apply(ground.built.graph))
+    problem = _problem(trial, ground, extended)
+    own = problem.free[ground.base.point.size :]
+    starts = quiet_starts(ground.base, quiet, index, own)
+    first = quiet_start(problem.free, np.concatenate([declared_point(ground.base), starts[0][-len(own) :]]))
+    beat = ground.base.nll - 0.5 * ground.need
+    fitted = fit(
+        problem.filter_model, problem.logs, problem.free, _MOST_ITERATIONS, _TOLERANCE, starts, beat, ground.journal,
+        first,
+    )  # fmt: skip
+    evidence = judge(ground.base, fitted, trial.candidate.effect, ground.tried)
+    return replace(trial, built=extended, fit=fitted, evidence=evidence)
+
+
 def refit_storage(seen: Look, ground: Ground, beat: float) -> Trial:
     """The second half: the refit from there, if it promises enough, given up where it will not reach ``beat``.
 

@@ -15,6 +15,7 @@ from bondgraph.correct.candidates import candidates, places
 from bondgraph.correct.confirm import confirmed
 from bondgraph.correct.decide import alternatives, choose
 from bondgraph.correct.exchange import exchanges
+from bondgraph.correct.faults import sensor_delay
 from bondgraph.correct.fit import Fit, fit, no_report
 from bondgraph.correct.linear_steps import Reached, filter_runs, is_linearised, linear_expansion
 from bondgraph.correct.loop import free_parameters
@@ -29,11 +30,12 @@ from bondgraph.correct.scoring import Scored, linearisation, score_candidates
 from bondgraph.correct.setup import FilterSetup, filter_setup, unknown_drives
 from bondgraph.correct.stiff_picks import simpler_law, varied
 from bondgraph.correct.stiff_refits import refit_quiet, refit_stiff
+from bondgraph.correct.storages import search_storage
 from bondgraph.correct.trials import Trial
 from bondgraph.data.log import MatchedLog
 from bondgraph.declare.domains import ROTATION
 from bondgraph.declare.editing import with_values
-from bondgraph.declare.effect import Effect, Place
+from bondgraph.declare.effect import Effect, Place, Scale
 from bondgraph.declare.graph import BondGraph
 from bondgraph.errors import FilterError
 from bondgraph.estimate.objective import SearchOutcome, central_differences
@@ -205,6 +207,21 @@ def test_few_stiff_candidates_are_refitted_each_on_a_model_of_its_own() -> None:
         own = set(trial.fit.problem.filter_model.model.names("parameter")) - set(built().model.names("parameter"))
         assert own == set(trial.candidate.effect.parameters)
         assert trial.fit.problem.filter_model.model.text == trial.built.text
+
+
+def test_a_sensor_that_comes_late_is_searched_from_little_process_noise() -> None:
+    seen = drawn(0.0)
+    y = seen.y.copy()
+    y[0] = np.interp(seen.time - 0.15, seen.time, y[0])
+    log = replace(seen, y=y)
+    setup = setup_of(log)
+    base = fit(setup.filter_model, [log], (*free_parameters(setup, ()), *setup.noise))
+    (late,), _ = candidates(built(), [sensor_delay], [Place.sensor("motor_speed", Scale(20.0, 20.0))])
+    quiet = quiet_scores(base, [log], [late])
+    assert quiet is not None
+    found = search_storage(Trial(late, 0.0), Ground(built(), base, (log,), 4, 0.01, 10.0), quiet, 0)
+    assert found.fit is not None and found.evidence is not None and found.evidence.accepted(0.01)
+    assert found.fit.values["delay_motor_speed"] == pytest.approx(0.15, rel=0.1)
 
 
 def test_what_only_little_process_noise_showed_has_to_hold_without_it_where_innovations_stay_coloured() -> None:
