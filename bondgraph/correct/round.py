@@ -19,7 +19,7 @@ from bondgraph.correct.candidates import Candidate, Refused, candidates, places
 from bondgraph.correct.confirm import confirmed
 from bondgraph.correct.decide import alternatives, choose, detectable, hurdle
 from bondgraph.correct.fit import Fit, Report, no_report
-from bondgraph.correct.gated_refits import gated_trials
+from bondgraph.correct.gated_refits import also_throughout, gated_trials
 from bondgraph.correct.gates import gate_samples
 from bondgraph.correct.journal import Journal
 from bondgraph.correct.located import LocatedAt, locate
@@ -118,6 +118,7 @@ def one_round(
     if stiff:
         trials += gated_trials([(linear, scored)], ground, settings.report, ahead, most=1)
         trials, ground = beneath_noise(trials, scored, stateful, ground, settings.report)
+        trials = also_throughout(trials, ground)
     else:
         looks_at = [(linear, scored), *(() if quiet is None else ((quiet.linear, quiet.scored),))]
         trials += gated_trials(looks_at, ground, settings.report)

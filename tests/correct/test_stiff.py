@@ -17,6 +17,8 @@ from bondgraph.correct.decide import alternatives, choose
 from bondgraph.correct.exchange import exchanges
 from bondgraph.correct.faults import sensor_delay
 from bondgraph.correct.fit import Fit, fit, no_report
+from bondgraph.correct.gated_refits import also_throughout
+from bondgraph.correct.gates import Gate
 from bondgraph.correct.linear_steps import Reached, filter_runs, is_linearised, linear_expansion
 from bondgraph.correct.loop import free_parameters
 from bondgraph.correct.missing import missing_effort
@@ -222,6 +224,18 @@ def test_a_sensor_that_comes_late_is_searched_from_little_process_noise() -> Non
     found = search_storage(Trial(late, 0.0), Ground(built(), base, (log,), 4, 0.01, 10.0), quiet, 0)
     assert found.fit is not None and found.evidence is not None and found.evidence.accepted(0.01)
     assert found.fit.values["delay_motor_speed"] == pytest.approx(0.15, rel=0.1)
+
+
+def test_what_does_best_in_part_of_the_data_is_refitted_throughout_too() -> None:
+    trials, _, ground = rivals()
+    drag = refit_alone(trials[0], trials[0].step, ground)
+    part = replace(drag, gate=Gate("from", "run", 5.0))
+    unseen = replace(trials[0], score_gain=0.0)
+    found = also_throughout([unseen, trials[1], part], ground)
+    assert found[1:] == [trials[1], part]
+    assert found[0].gate is None and found[0].gain == pytest.approx(drag.gain, abs=0.5)
+    assert also_throughout([drag, part], ground) == [drag, part]  # done already
+    assert also_throughout([unseen, part], replace(ground, need=1e9)) == [unseen, part]  # too little to begin with
 
 
 def test_what_only_little_process_noise_showed_has_to_hold_without_it_where_innovations_stay_coloured() -> None:
