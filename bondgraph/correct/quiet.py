@@ -23,6 +23,7 @@ from bondgraph.correct.candidates import Candidate
 from bondgraph.correct.fit import Fit, fit
 from bondgraph.correct.journal import Journal
 from bondgraph.correct.scoring import Linearisation, Scored, linearisation, score_candidates
+from bondgraph.correct.setup import unknown_drives
 from bondgraph.data.log import FloatArray, MatchedLog
 from bondgraph.errors import EstimationError
 from bondgraph.estimate.free import FreeParameter
@@ -138,11 +139,15 @@ def quiet_scores(
 
 
 def is_driven(fitted: Fit) -> bool:
-    """Whether process noise drives a state of a fit: more of it than little beyond its lower bound (logarithms)."""
+    """Whether process noise drives a state of a fit: more of it than little beyond its lower bound (logarithms).
+
+    A state that walks anyway, the slope of an unknown road, does not count.
+    """
     problem = fitted.problem
-    process = np.array([one.target.kind == "process" for one in problem.free])
+    walking = unknown_drives(problem.filter_model.model, problem.logs)
+    counted = np.array([one.target.kind == "process" and one.target.name not in walking for one in problem.free])
     risen = (fitted.point - problem.lower) / (problem.upper - problem.lower)
-    return bool(np.any(risen[process] > _LITTLE))
+    return bool(np.any(risen[counted] > _LITTLE))
 
 
 def quiet_starts(base: Fit, quiet: Quiet, index: int, own: Sequence[FreeParameter]) -> list[FloatArray]:

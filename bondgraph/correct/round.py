@@ -27,13 +27,14 @@ from bondgraph.correct.probes import Probe, Signal, probes, signals
 from bondgraph.correct.quiet import Quiet, quiet_scores
 from bondgraph.correct.refit import Ground, refit_best, worth_quiet
 from bondgraph.correct.scoring import Linearisation, Scored, linearisation, score_candidates
-from bondgraph.correct.stiff_refits import refit_stiff
+from bondgraph.correct.stiff_refits import ABREAST, refit_stiff
 from bondgraph.correct.storages import Look, look, refit_storage, try_storage
 from bondgraph.correct.trials import Alternative, Detectable, Trial
 from bondgraph.correct.whiteness import whiteness
 from bondgraph.data.log import MatchedLog
 from bondgraph.declare.effect import EffectFunction, Place
 from bondgraph.errors import DataError
+from bondgraph.filter.compiled import in_threads
 
 #: For so many of the effects that are not told from the chosen one it is said what would tell them apart.
 _ADVISED = 3
@@ -182,12 +183,15 @@ def _looks(stateful: Sequence[Candidate], ground: Ground, settings: RoundSetting
     due = [one for one in stateful if not one.followed]
     if not ground.base.problem.filter_model.is_stiff or named or not due or _is_white(ground):
         return {}
-    found = {}
-    for count, one in enumerate(due):
-        settings.report("look at storages", count, len(due))
-        found[one.label] = look(Trial(one, 0.0), ground)
+    found: dict[str, Look] = {}
+
+    def work(k: int) -> None:
+        found[due[k].label] = look(Trial(due[k], 0.0), ground)
+
+    settings.report("look at storages", 0, len(due))
+    in_threads(ABREAST, work, range(len(due)))
     settings.report("look at storages", len(due), len(due))
-    return found
+    return {one.label: found[one.label] for one in due}
 
 
 def _refitted_first(looks: Mapping[str, Look], trials: Sequence[Trial], ground: Ground) -> Trial | None:

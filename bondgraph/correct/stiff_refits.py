@@ -72,7 +72,7 @@ _EXCHANGES, _ACCURATE = 3, 0.1
 #: instead of in what it pushes: half of 251 nats said, and it gained).
 _SAME_LAW = 0.6
 #: Side by side, whatever the machine, so that results do not depend on it.
-_ABREAST = 2
+ABREAST = 2
 
 
 @dataclass(frozen=True)
@@ -264,7 +264,7 @@ def _exchange(done: list[Trial], scored: Scored, ground: Ground) -> None:
                 _nll(done[group[0]]) > lead.nll + max(one.loss, 0.0) + _ROUGH
             ):
                 due.append((one, group))
-        due = sorted(due, key=lambda pair: pair[0].loss)[:_ABREAST]
+        due = sorted(due, key=lambda pair: pair[0].loss)[:ABREAST]
         entrants = [replace(_entrant(done, group, scored, ground), starts=one.starts) for one, group in due]
         _again(entrants, lead, done, ground)
         tried |= {group[0] for _, group in due}
@@ -333,7 +333,7 @@ def _abreast(action: Callable[[_Task], Fit], tasks: Sequence[_Task]) -> list[Fit
         with contextlib.suppress(EstimationError, FilterError):
             found[k] = action(tasks[k])
 
-    in_threads(_ABREAST, work, range(len(tasks)))
+    in_threads(ABREAST, work, range(len(tasks)))
     return found
 
 
