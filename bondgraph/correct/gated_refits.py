@@ -72,7 +72,7 @@ def _gated_refit(best: Gated, peer: Peer, known: Scored, ground: Ground) -> list
     trial = Trial(candidate, best.gain, (step,), score_p=chance, stands_for=twins, gate=best.gate)
     try:
         return [refit_alone(trial, [step], replace(ground, train=train), tried=best.tested)]
-    except EstimationError:  # it diverges wherever its score points
+    except (EstimationError, FilterError):  # it diverges wherever its score points
         return []
 
 

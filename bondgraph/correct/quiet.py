@@ -25,7 +25,7 @@ from bondgraph.correct.journal import Journal
 from bondgraph.correct.scoring import Linearisation, Scored, linearisation, score_candidates
 from bondgraph.correct.setup import unknown_drives
 from bondgraph.data.log import FloatArray, MatchedLog
-from bondgraph.errors import EstimationError
+from bondgraph.errors import EstimationError, FilterError
 from bondgraph.estimate.free import FreeParameter
 from bondgraph.estimate.problem import EstimationProblem
 
@@ -82,7 +82,7 @@ def quiet_fit(base: Fit, train: Sequence[MatchedLog], journal: Journal | None = 
     starts = [start + np.where(sensors, np.log(factor), 0.0) for factor in _NOISIER]
     try:
         return fit(model, train, free, _MOST_ITERATIONS, tolerance, starts, journal=journal)
-    except EstimationError:
+    except (EstimationError, FilterError):
         return None
 
 

@@ -392,6 +392,8 @@ def test_a_candidate_whose_filter_diverges_is_left_out(monkeypatch: pytest.Monke
     ground = Ground(built(), base, (log,), 1, 0.01, 1.0)
     assert trials[0].score_gain > ground.need
     assert [trial.fit for trial in refit_stiff(trials, scored, ground, 6, no_report)] == [None]
+    monkeypatch.setattr("bondgraph.correct.quiet.fit", diverging)
+    assert quiet_scores(base, [log], scored.candidates) is None  # nor is there a quiet fit then
 
 
 def test_a_fit_goes_on_where_the_linearised_filter_sees_nothing_more() -> None:
