@@ -345,4 +345,4 @@ def test_a_small_study_is_right_about_a_clear_effect_and_about_none(tmp_path: Pa
 def test_the_vehicle_shows_an_effect_of_the_wanted_size(kind: Kind) -> None:
     known = draw(replace(RANGER, seconds=12.0), Case("effect", kind.label, 3.0, 0))
     assert max(known.left.values()) == pytest.approx(3.0, rel=0.15)
-    assert np.isfinite(known.train[0].y).all() and known.train[0].y.shape == (5, 480)
+    assert np.isfinite(known.train[0].y).all() and known.train[0].y.shape == (5, 240)
