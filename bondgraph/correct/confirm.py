@@ -20,7 +20,7 @@ from bondgraph.correct.fit import Fit, fit
 from bondgraph.correct.quiet import annealed_fit, quiet_fit
 from bondgraph.correct.refit import Ground, at_optimum
 from bondgraph.correct.trials import Evidence, Trial
-from bondgraph.correct.whiteness import whiteness
+from bondgraph.correct.whiteness import is_white, whiteness
 from bondgraph.errors import EstimationError
 
 _TOLERANCE, _MOST_ITERATIONS = 0.05, 40
@@ -35,7 +35,7 @@ def confirmed(trial: Trial, ground: Ground) -> Trial:
     """
     if trial.fit is None or trial.evidence is None:
         return trial
-    is_sure = not trial.hidden or not _is_coloured(trial.fit, ground.level)
+    is_sure = not trial.hidden or is_white(trial.fit, ground.level)
     if ground.base.problem.filter_model.is_stiff and is_sure:
         return trial
     base = _from_there(ground.base, trial.fit, ground)
@@ -60,7 +60,7 @@ def _from_there(base: Fit, refit: Fit, ground: Ground) -> Fit:
 
 def _in_free_simulation(refit: Fit, trial: Trial, evidence: Evidence, ground: Ground) -> Evidence:
     """The evidence; where the innovations stay coloured with the p-value that the free simulation gives."""
-    if not _is_coloured(refit, ground.level) or not any(one.target.kind == "process" for one in refit.problem.free):
+    if is_white(refit, ground.level) or not any(one.target.kind == "process" for one in refit.problem.free):
         return evidence
     quiet = _quietest(refit, quiet_fit(refit, refit.problem.logs, ground.journal), ground)
     if quiet is None:  # no simulation with it stays near the logs
@@ -74,11 +74,6 @@ def _in_free_simulation(refit: Fit, trial: Trial, evidence: Evidence, ground: Gr
         if trial.candidate.effect.adds_state or trial.gate is not None:
             p_value = max(p_value, _deflated(gain, quiet))
     return replace(evidence, p_robust=max(evidence.p_robust, min(1.0, p_value * evidence.tried)))
-
-
-def _is_coloured(fitted: Fit, level: float) -> bool:
-    tests = whiteness(fitted, fitted.problem.logs)
-    return any(test.p_value * len(tests) < level for test in tests)
 
 
 def _quietest(loud: Fit, quiet: Fit | None, ground: Ground) -> Fit | None:

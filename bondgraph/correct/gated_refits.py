@@ -80,7 +80,7 @@ def also_throughout(trials: Sequence[Trial], ground: Ground) -> list[Trial]:
     """The trials, and those that do best in part of the data refitted as acting throughout, if that was not done.
 
     A fit far from the truth may show an effect in a part of the data alone (creep of a vehicle's tyre: 565 nats until
-    the eleventh second, 20 by all of them, and 861 by a refit).
+    the eleventh second, 20 by all of them, and 877 by a refit).
     """
     done = list(trials)
     parts = [one for one in done if one.gate is not None and one.gain > ground.need]

@@ -30,7 +30,7 @@ from bondgraph.correct.scoring import Linearisation, Scored, linearisation, scor
 from bondgraph.correct.stiff_refits import ABREAST, refit_stiff
 from bondgraph.correct.storages import Look, look, refit_storage, try_storage
 from bondgraph.correct.trials import Alternative, Detectable, Trial
-from bondgraph.correct.whiteness import whiteness
+from bondgraph.correct.whiteness import is_white
 from bondgraph.data.log import MatchedLog
 from bondgraph.declare.effect import EffectFunction, Place
 from bondgraph.errors import DataError
@@ -181,7 +181,7 @@ def _looks(stateful: Sequence[Candidate], ground: Ground, settings: RoundSetting
     Only as long as no effect is named, and where innovations are not white: each has to be compiled.
     """
     due = [one for one in stateful if not one.followed]
-    if not ground.base.problem.filter_model.is_stiff or named or not due or _is_white(ground):
+    if not ground.base.problem.filter_model.is_stiff or named or not due or is_white(ground.base, ground.level):
         return {}
     found: dict[str, Look] = {}
 
@@ -248,12 +248,6 @@ def _with_storages(
             continue
         done.append(try_storage(trial, ground, beat, None if silent is None else (silent, known.get(one.label))))
     return done
-
-
-def _is_white(ground: Ground) -> bool:
-    """Whether the innovations of all channels could be white: then no storage is missing either."""
-    tests = whiteness(ground.base, ground.train)
-    return all(test.p_value * len(tests) > ground.level for test in tests)
 
 
 def _nothing_to_try(built: BuiltModel, where: Sequence[Place], refused: Sequence[Refused]) -> str:

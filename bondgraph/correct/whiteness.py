@@ -50,6 +50,12 @@ def whiteness(fitted: Fit, logs: Sequence[MatchedLog]) -> tuple[Whiteness, ...]:
     return tuple(found)
 
 
+def is_white(fitted: Fit, level: float) -> bool:
+    """Whether the innovations of all channels could be white, at a level over all of them."""
+    tests = whiteness(fitted, fitted.problem.logs)
+    return all(test.p_value * len(tests) >= level for test in tests)
+
+
 def _measured(values: FloatArray) -> FloatArray:
     present: FloatArray = values[~np.isnan(values)]
     return present
