@@ -55,9 +55,6 @@ def beneath_noise(
         if gains[k] >= worth_quiet(quiet.scored.scores, ground.need) and done[index].fit is None:
             with contextlib.suppress(EstimationError, FilterError):  # it diverges wherever it was tried
                 done[index] = search_storage(done[index], ground, own, k)
-    done = [
-        replace(one, hidden=one.fit is not before.fit and one.score_p > ground.level)
-        for one, before in zip(done, trials, strict=True)
-    ]
     in_part = gated_trials([(quiet.linear, quiet.scored)], ground, report, most=_GATED)
-    return [*done, *(replace(one, hidden=True) for one in in_part)], replace(ground, quiet=quiet.fit)
+    # the chance of a gated one is that of its score with little noise, which means nothing where noise is real
+    return [*done, *(replace(one, score_p=1.0) for one in in_part)], replace(ground, quiet=quiet.fit)

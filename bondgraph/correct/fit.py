@@ -45,7 +45,7 @@ _HOPELESS = 10.0
 #: promises less than the other number, of which it is sure no more.
 _POLISHED, _HANDED_OVER = 0.1, 30.0
 #: Along a ridge it once left 55 nats; one that is behind by less than this may still beat what it is to beat.
-_WITHIN_REACH = 60.0
+WITHIN_REACH = 60.0
 #: A search on a part of the logs ends where a further step promises less than so many nats.
 _ROUGH, _ROUGH_ITERATIONS = 2.0, 30
 
@@ -162,6 +162,7 @@ def fit(
     beat: float = np.inf,
     journal: Journal | None = None,
     first: FloatArray | None = None,
+    reach: float = WITHIN_REACH,
 ) -> Fit:
     """Estimate the free parameters by Gauss-Newton, until a step promises less than ``tolerance`` or two gain less.
 
@@ -180,6 +181,9 @@ def fit(
     first
         Where the search of a stiff model begins (n,), on the beginnings of long logs; ``starts`` are searched from only
         if one of them is better than where that ended.
+    reach
+        The search of a stiff model is finished by exact derivatives only if it ends behind ``beat`` by less than this
+        (ahead of it by more, if negative).
 
     Raises
     ------
@@ -188,13 +192,13 @@ def fit(
     """
     problem = EstimationProblem(filter_model, tuple(logs), tuple(free))
     if journal is None:
-        return _search(problem, iterations, tolerance, starts, beat, first)[0]
-    key = fit_key(filter_model, logs, free, (iterations, tolerance, [*starts, first], beat))
+        return _search(problem, iterations, tolerance, starts, beat, first, reach)[0]
+    key = fit_key(filter_model, logs, free, (iterations, tolerance, [*starts, first], beat, reach))
     known = journal.find(key)
     if known is not None:
         expansion = expand(problem, known.point, known.steps)
         return Fit(problem, known.point, known.nll, expansion, known.evaluations, SearchOutcome[known.outcome])
-    found, steps = _search(problem, iterations, tolerance, starts, beat, first)
+    found, steps = _search(problem, iterations, tolerance, starts, beat, first, reach)
     journal.note(key, Noted(found.point, steps, found.nll, found.evaluations, found.outcome.name))
     return found
 
@@ -206,11 +210,12 @@ def _search(
     starts: Sequence[FloatArray],
     beat: float,
     first: FloatArray | None,
+    reach: float,
 ) -> tuple[Fit, FloatArray]:
     """The fit, and the difference steps of its expansion."""
     filter_model = problem.filter_model
     if is_linearised(problem):
-        return _linear_search(problem, iterations, tolerance, starts, beat, first)
+        return _linear_search(problem, iterations, tolerance, starts, beat, first, reach)
     settings = GaussNewtonSettings(iterations=iterations, tolerance=tolerance)
     start, evaluations = _best_start(problem, starts)
     differences = _Expansions()
@@ -240,6 +245,7 @@ def _linear_search(
     starts: Sequence[FloatArray],
     beat: float,
     first: FloatArray | None,
+    reach: float,
 ) -> tuple[Fit, FloatArray]:
     """The fit of a stiff model; its expansions need no difference steps."""
     if first is None:
@@ -249,7 +255,7 @@ def _linear_search(
         start, evaluations = _rough(excerpt(problem) or problem, _ROUGH_ITERATIONS, first, starts)
     polishes = tolerance < _ROUGH
     found = linear_search(problem, start, iterations, _HANDED_OVER if polishes else tolerance, beat, _HOPELESS)
-    if polishes and found.nll < beat + _WITHIN_REACH:
+    if polishes and found.nll < beat + reach:
         found = polished(problem, found, max(tolerance, _POLISHED))
     evaluations += found.evaluations
     made = Fit(problem, found.point, found.nll, found.expansion, evaluations, found.outcome)

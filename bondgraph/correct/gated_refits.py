@@ -71,7 +71,7 @@ def _gated_refit(best: Gated, peer: Peer, known: Scored, ground: Ground) -> list
     chance = min(1.0, best.p_value * best.tested)
     trial = Trial(candidate, best.gain, (step,), score_p=chance, stands_for=twins, gate=best.gate)
     try:
-        return [refit_alone(trial, [step], replace(ground, train=train), tried=best.tested)]
+        return [refit_alone(trial, [step], replace(ground, train=train), tried=best.tested, worth=0.5 * ground.need)]
     except (EstimationError, FilterError):  # it diverges wherever its score points
         return []
 

@@ -17,7 +17,7 @@ import numpy as np
 from bondgraph.correct.build import BuiltModel, build
 from bondgraph.correct.candidates import Candidate, Variant, superset
 from bondgraph.correct.decide import judge
-from bondgraph.correct.fit import Fit, Report, fit
+from bondgraph.correct.fit import WITHIN_REACH, Fit, Report, fit
 from bondgraph.correct.journal import Journal
 from bondgraph.correct.quiet import Quiet, lowered_starts, quiet_starts
 from bondgraph.correct.score import CHANCE, Scores
@@ -259,11 +259,17 @@ def inside(coefficient: FreeParameter, step: float) -> float:
 
 
 def refit_alone(
-    trial: Trial, start: Sequence[float], ground: Ground, shapes: Variant | None = None, tried: int | None = None
+    trial: Trial,
+    start: Sequence[float],
+    ground: Ground,
+    shapes: Variant | None = None,
+    tried: int | None = None,
+    worth: float | None = None,
 ) -> Trial:
     """A vanishing candidate refitted on a model of its own, from a value of each coefficient on.
 
-    ``tried`` counts what it was picked from, if that is not what the round tried.
+    ``tried`` counts what it was picked from, if that is not what the round tried. That of a stiff model is given up if
+    it will not gain ``worth`` nats.
     """
     extended = build(trial.candidate.apply(ground.built.graph))
     filter_model = replace(ground.base.problem.filter_model, model=extended.model)
@@ -275,8 +281,9 @@ def refit_alone(
         for point, share in itertools.product(points, STRIDES)
     ]
     free = (*at_optimum(ground.base), *own)
+    beat, reach = (ground.base.nll, -worth) if filter_model.is_stiff and worth is not None else (np.inf, WITHIN_REACH)
     fitted = fit(
-        filter_model, ground.train, free, _MOST_ITERATIONS, _TOLERANCE, starts, journal=ground.journal
+        filter_model, ground.train, free, _MOST_ITERATIONS, _TOLERANCE, starts, beat, ground.journal, reach=reach
     )  # fmt: skip
     evidence = judge(ground.base, fitted, trial.candidate.effect, tried or ground.tried, trial.gate is not None)
     return replace(trial, built=extended, fit=fitted, evidence=evidence)

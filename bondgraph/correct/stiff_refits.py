@@ -21,7 +21,7 @@ from bondgraph.correct.build import BuiltModel, build
 from bondgraph.correct.decide import CLOSE, choose
 from bondgraph.correct.excerpts import excerpt
 from bondgraph.correct.exchange import exchanges
-from bondgraph.correct.fit import Fit, Report, fit, quiet_start
+from bondgraph.correct.fit import WITHIN_REACH, Fit, Report, fit, quiet_start
 from bondgraph.correct.quiet import Quiet, quiet_starts
 from bondgraph.correct.refit import (
     STRIDES,
@@ -55,7 +55,7 @@ _MOST_QUIET = 2
 #: Heats end where a further step promises less than so many nats; after them few steps are left.
 _ROUGH, _ROUGH_ITERATIONS = 2.0, 30
 _TOLERANCE, _MOST_ITERATIONS = 0.05, 12
-#: Those that gain this share of the best in their heat go on; but not those that the fit of the best to the whole logs
+#: Those that gain this share of the best in their heat go on; but not those that the best fit to the whole logs so far
 #: beats on their beginnings by more than must be gained, and so many nats that a heat may leave to exact derivatives.
 _AHEAD, _UNFINISHED = 0.6, 60.0
 #: What promises less than so many times the least gain that counts is near.
@@ -145,7 +145,8 @@ def refit_quiet(trials: Sequence[Trial], scored: Scored, quiet: Quiet, ground: G
         if all(done[j].fit is None for j in group)
     ]
     before = choose(done, ground.level)
-    _refit([_quiet_entrant(done, group, quiet, ground) for group in groups[:_MOST_QUIET]], done, ground, report)
+    entrants = [_quiet_entrant(done, group, quiet, ground) for group in groups[:_MOST_QUIET]]
+    _refit(entrants, done, ground, report, -0.5 * ground.need)
     if choose(done, ground.level) is not before:
         _exchange(done, scored, ground)
     return done
@@ -181,8 +182,13 @@ def _quiet_entrant(trials: Sequence[Trial], group: Sequence[int], quiet: Quiet, 
     return _Entrant(tuple(group), built, filter_model, free, tuple(starts), beginning)
 
 
-def _refit(entrants: Sequence[_Entrant], done: list[Trial], ground: Ground, report: Report) -> None:
-    """Heats, then refits of those that are ahead, noted in the trials; what needs no heat is refitted as it is."""
+def _refit(
+    entrants: Sequence[_Entrant], done: list[Trial], ground: Ground, report: Report, reach: float = WITHIN_REACH
+) -> None:
+    """Heats, then refits of those that are ahead, noted in the trials; what needs no heat is refitted as it is.
+
+    They are finished where they end behind the best so far by less than ``reach``.
+    """
     if not entrants:
         return
     for one in entrants:  # compiled before threads start
@@ -191,19 +197,13 @@ def _refit(entrants: Sequence[_Entrant], done: list[Trial], ground: Ground, repo
     near = [one for one in entrants if one.beginning is None]
     ahead = _ahead([one for one in entrants if one.beginning is not None], ground)
     report("refit the best candidates", len(entrants) - len(near) - len(ahead), len(entrants))
-    best = _noted([one for one, _ in ahead[:1]], done, ground)
-    least = _on_beginnings(best[0]) + ground.need + _UNFINISHED if best and best[0] else np.inf
-    _noted([*near, *(one for one, reached in ahead[1:] if reached < least)], done, ground)
-    report("refit the best candidates", len(entrants), len(entrants))
-
-
-def _noted(entrants: Sequence[_Entrant], done: list[Trial], ground: Ground) -> list[Fit | None]:
-    """Refits on the whole logs, noted in the trials."""
-    found = _whole(entrants, ground, ground.base.nll)
-    for one, fitted in zip(entrants, found, strict=True):
-        if fitted is not None:
+    for due in (ahead[:1], [*((one, -np.inf) for one in near), *ahead[1:]]):
+        best = choose(done, ground.level)
+        lead = ground.base if best is None or best.fit is None else best.fit
+        least = _on_beginnings(lead) + ground.need + _UNFINISHED
+        for one, fitted in _whole([one for one, reached in due if reached < least], ground, lead.nll, reach):
             note(done, one.group, fitted, one.built, ground)
-    return found
+    report("refit the best candidates", len(entrants), len(entrants))
 
 
 def _ahead(entrants: Sequence[_Entrant], ground: Ground) -> list[tuple[_Entrant, float]]:
@@ -234,8 +234,8 @@ def _ahead(entrants: Sequence[_Entrant], ground: Ground) -> list[tuple[_Entrant,
 def _again(entrants: Sequence[_Entrant], best: Fit, done: list[Trial], ground: Ground) -> None:
     """Refits from the given starts, noted in the trials where they are better than what is there."""
     entrants = _not_behind(entrants, best, ground)
-    for one, fitted in zip(entrants, _whole(entrants, ground, best.nll), strict=True):
-        if fitted is not None and fitted.nll < _nll(done[one.group[0]]):
+    for one, fitted in _whole(entrants, ground, best.nll):
+        if fitted.nll < _nll(done[one.group[0]]):
             note(done, one.group, fitted, one.built, ground)
 
 
@@ -302,17 +302,21 @@ def _on_beginnings(best: Fit) -> float:
     return float(part.nll(best.point[:, np.newaxis])[0])
 
 
-def _whole(entrants: Sequence[_Entrant], ground: Ground, beat: float) -> list[Fit | None]:
-    """Fits to the whole logs, given up where they will clearly not be better than ``beat``."""
+def _whole(
+    entrants: Sequence[_Entrant], ground: Ground, beat: float, reach: float = WITHIN_REACH
+) -> list[tuple[_Entrant, Fit]]:
+    """Fits to the whole logs, given up where they will clearly not be better than ``beat``; not those that diverge."""
     for one in entrants:
         compile_exact(EstimationProblem(one.filter_model, ground.train, one.free))
 
     def whole(one: _Entrant) -> Fit:
         return fit(
-            one.filter_model, ground.train, one.free, _MOST_ITERATIONS, _TOLERANCE, one.starts, beat, ground.journal
-        )
+            one.filter_model, ground.train, one.free, _MOST_ITERATIONS, _TOLERANCE, one.starts, beat, ground.journal,
+            reach=reach,
+        )  # fmt: skip
 
-    return _abreast(whole, entrants)
+    found = _abreast(whole, entrants)
+    return [(one, fitted) for one, fitted in zip(entrants, found, strict=True) if fitted is not None]
 
 
 def _nll(trial: Trial) -> float:

@@ -36,8 +36,7 @@ class Trial:
     ``score_p`` is the p-value of the score, corrected for the number of candidates. ``stands_for`` names the candidates
     whose response is the same to rounding, of which this one was refitted. ``gate``: it acts in part of the data only.
     ``instead``: another that was refitted, and how many nats less this one would gain in its place, told there.
-    ``remark``: sizes that were left out, if any. ``hidden``: no score asked for its refit, only one with the process
-    noise held low.
+    ``remark``: sizes that were left out, if any.
     """
 
     candidate: Candidate
@@ -51,7 +50,6 @@ class Trial:
     gate: Gate | None = None
     instead: tuple[str, float] | None = None
     remark: str = ""
-    hidden: bool = False
 
     @property
     def gain(self) -> float:

@@ -238,15 +238,15 @@ def test_what_does_best_in_part_of_the_data_is_refitted_throughout_too() -> None
     assert also_throughout([unseen, part], replace(ground, need=1e9)) == [unseen, part]  # too little to begin with
 
 
-def test_what_only_little_process_noise_showed_has_to_hold_without_it_where_innovations_stay_coloured() -> None:
+def test_what_no_score_asked_for_has_to_hold_in_free_simulation_where_innovations_stay_coloured() -> None:
     """The winch hangs on a slope that turns in steps, which no walk is: its innovations stay coloured."""
     log, base = drawn(0.05), fitted(0.05)
     turn = one_round(built(), base, [log], [effects.quadratic_loss])
-    assert turn.chosen is not None and turn.chosen.evidence is not None and not turn.chosen.hidden
+    assert turn.chosen is not None and turn.chosen.evidence is not None
     ground = Ground(built(), base, (log,), turn.tried, 0.01, 10.0)
     assert confirmed(turn.chosen, ground) is turn.chosen
-    hidden = confirmed(replace(turn.chosen, hidden=True), ground)
-    assert hidden.evidence is not None and hidden.evidence.p_robust > turn.chosen.evidence.p_robust
+    doubted = confirmed(replace(turn.chosen, score_p=1.0), ground)
+    assert doubted.evidence is not None and doubted.evidence.p_robust > turn.chosen.evidence.p_robust
 
 
 def test_a_search_begins_from_one_smooth_and_one_switching_law_of_those_much_alike() -> None:
