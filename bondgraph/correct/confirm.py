@@ -13,10 +13,13 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
 from scipy import stats
 
 from bondgraph.correct.decide import judge, robust_p_value, robust_ratio_p_value
+from bondgraph.correct.excerpts import excerpt
 from bondgraph.correct.fit import Fit, fit
+from bondgraph.correct.linear_steps import is_linearised
 from bondgraph.correct.quiet import annealed_fit, quiet_fit
 from bondgraph.correct.refit import Ground, at_optimum
 from bondgraph.correct.trials import Evidence, Trial
@@ -24,6 +27,8 @@ from bondgraph.correct.whiteness import is_white, whiteness
 from bondgraph.errors import EstimationError
 
 _TOLERANCE, _MOST_ITERATIONS = 0.05, 40
+#: A search on the beginnings of long logs ends where a step promises less than so many nats.
+_ROUGH = 2.0
 #: Largest correlation from sample to sample that is allowed for.
 _LONGEST = 0.97
 
@@ -54,7 +59,13 @@ def _from_there(base: Fit, refit: Fit, ground: Ground) -> Fit:
         for one in at_optimum(base)
     ]
     problem = base.problem
+    part = excerpt(problem) if is_linearised(problem) else None
     try:
+        if part is not None:
+            begun = fit(problem.filter_model, part.logs, free, _MOST_ITERATIONS, _ROUGH, journal=ground.journal)
+            if begun.nll > float(part.nll(base.point[:, np.newaxis])[0]):
+                return base  # it explains the beginnings of long logs less well already
+            free = list(at_optimum(begun))
         other = fit(problem.filter_model, problem.logs, free, _MOST_ITERATIONS, _TOLERANCE, journal=ground.journal)
     except EstimationError:
         return base

@@ -265,20 +265,21 @@ def refit_alone(
     shapes: Variant | None = None,
     tried: int | None = None,
     worth: float | None = None,
+    points: Sequence[FloatArray] = (),
 ) -> Trial:
     """A vanishing candidate refitted on a model of its own, from a value of each coefficient on.
 
     ``tried`` counts what it was picked from, if that is not what the round tried. That of a stiff model is given up if
-    it will not gain ``worth`` nats.
+    it will not gain ``worth`` nats. ``points``: where else to start, each (n,) of what is free without the candidate.
     """
     extended = build(trial.candidate.apply(ground.built.graph))
     filter_model = replace(ground.base.problem.filter_model, model=extended.model)
     own = coefficients(trial.candidate, filter_model, shapes)
     rest = [parameter.coordinate(parameter.start) for parameter in own[len(start) :]]
-    points = [ground.base.point] if filter_model.is_stiff else lowered_starts(ground.base, ground.quiet)
+    usual = [ground.base.point] if filter_model.is_stiff else lowered_starts(ground.base, ground.quiet)
     starts = [
         np.concatenate([point, [inside(one, share * value) for one, value in zip(own, start, strict=False)], rest])
-        for point, share in itertools.product(points, STRIDES)
+        for point, share in itertools.product([*usual, *points], STRIDES)
     ]
     free = (*at_optimum(ground.base), *own)
     beat, reach = (ground.base.nll, -worth) if filter_model.is_stiff and worth is not None else (np.inf, WITHIN_REACH)
