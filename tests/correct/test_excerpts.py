@@ -14,7 +14,7 @@ from bondgraph.correct.fit import Fit, fit, quiet_start
 from bondgraph.correct.linear_steps import linear_search
 from bondgraph.correct.loop import free_parameters
 from bondgraph.estimate.problem import EstimationProblem
-from tests.correct.test_stiff import drawn, setup_of
+from tests.correct.winch import drawn, setup_of
 
 
 @functools.cache

@@ -27,7 +27,7 @@ from bondgraph.declare.effect import Place, Scale
 from bondgraph.declare.elements import Bond
 from bondgraph.declare.graph import BondGraph
 from bondgraph.simulate.simulate import simulate
-from tests.correct.test_stiff import NOISE, winch
+from tests.correct.winch import NOISE, winch
 from vehicle_graphs import effects
 from vehicle_graphs.effect_study.cases import Case
 from vehicle_graphs.effect_study.generate import draw

@@ -1,0 +1,74 @@
+"""What neither a score nor an exchange knows of: the best law at another place, and the one that a state settles to."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from sympy import tanh
+
+from bondgraph.correct.build import build
+from bondgraph.correct.candidates import Candidate, candidates, places
+from bondgraph.correct.fit import no_report
+from bondgraph.correct.refit import Ground, refit_alone
+from bondgraph.correct.scoring import linearisation, score_candidates
+from bondgraph.correct.settled import also_settled
+from bondgraph.correct.stiff_refits import refit_stiff
+from bondgraph.correct.trials import Trial
+from bondgraph.data.log import MatchedLog
+from bondgraph.declare.editing import handle
+from bondgraph.simulate.simulate import simulate
+from tests.correct.winch import NOISE, built, drawn, fitted, fitted_to, winch
+from vehicle_graphs import effects
+
+
+def test_the_law_that_does_best_is_searched_at_other_places_though_an_exchange_says_nothing(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def silent(found: Trial, others: Sequence[Candidate], *given: object) -> list[None]:
+        return [None] * len(others)
+
+    monkeypatch.setattr("bondgraph.correct.stiff_refits.exchanges", silent)
+    log, base = drawn(0.3), fitted(0.3)
+    where = places(built(), [log], base.runs([log]), base.theta)
+    found, _ = candidates(built(), [effects.quadratic_loss, effects.viscous_loss], where)
+    scored = score_candidates(linearisation(base, [log]), found)
+    apart = 0.95 * scored.scores.correlation + 0.05 * np.eye(len(found))  # else motor and drum were taken for one
+    scored = replace(scored, scores=replace(scored.scores, correlation=apart))
+    trials = [
+        Trial(one, float(gain), tuple(step))
+        for one, gain, step in zip(found, scored.scores.gain, scored.scores.steps, strict=True)
+    ]
+    done = refit_stiff(trials, scored, Ground(built(), base, (log,), len(found), 0.01, 10.0), 1, no_report)
+    gains = {one.candidate.label: one.gain for one in done if one.fit is not None}
+    assert gains.keys() >= {"quadratic_loss at motor", "quadratic_loss at drum"}
+    assert gains["quadratic_loss at drum"] > max(gains["quadratic_loss at motor"], 400.0)
+
+
+def sticky(level: float) -> MatchedLog:
+    """The winch with dry friction of its drum."""
+    calm = drawn(0.0)
+    g = winch()
+    g.resistance("stick", lambda w: level * tanh(w / 0.05), at=handle(g, "drum"))
+    run = simulate(build(g).model, calm.time, calm.u, rtol=1e-8).raise_if_failed()
+    return MatchedLog("run", calm.time, calm.u, run.y + NOISE * np.random.default_rng(2).standard_normal(run.y.shape))
+
+
+def test_what_a_law_with_a_state_settles_to_is_refitted_from_there() -> None:
+    log = sticky(1.5)
+    base = fitted_to(log)
+    assert base.problem.filter_model.is_stiff
+    where = [one for one in places(built(), [log], base.runs([log]), base.theta) if one.label == "drum"]
+    laws = [effects.hysteresis_loss, effects.coulomb_loss, effects.viscous_loss]
+    by_name = {one.effect.name: one for one in candidates(built(), laws, where)[0]}
+    ground = Ground(built(), base, (log,), 3, 0.01, 10.0)
+    bent = refit_alone(Trial(by_name["hysteresis_loss"], 0.0), [1.0], ground)
+    dry, viscous = Trial(by_name["coulomb_loss"], 0.0), Trial(by_name["viscous_loss"], 0.0)
+    found = also_settled([dry, viscous, bent], ground)
+    assert found[1:] == [viscous, bent]  # a coefficient in another unit
+    assert found[0].fit is not None and found[0].gain > bent.gain - 3.0
+    assert found[0].fit.values["c_coulomb_loss_drum"] == pytest.approx(1.5, rel=0.2)
+    assert also_settled([dry, bent], replace(ground, need=1e9)) == [dry, bent]  # too little to begin with
+    assert also_settled([found[0], viscous], ground) == [found[0], viscous]  # it brings no state
