@@ -26,8 +26,9 @@ from bondgraph.correct.located import LocatedAt, locate
 from bondgraph.correct.probes import Probe, Signal, probes, signals
 from bondgraph.correct.quiet import Quiet, quiet_scores
 from bondgraph.correct.refit import Ground, refit_best, worth_quiet
+from bondgraph.correct.runoff import runoff
 from bondgraph.correct.scoring import Linearisation, Scored, linearisation, score_candidates
-from bondgraph.correct.settled import also_settled
+from bondgraph.correct.simpler import also_simpler
 from bondgraph.correct.stiff_refits import ABREAST, refit_stiff
 from bondgraph.correct.storages import Look, look, refit_storage, try_storage
 from bondgraph.correct.trials import Alternative, Detectable, Trial
@@ -120,7 +121,8 @@ def one_round(
     if stiff:
         trials += gated_trials([(linear, scored)], ground, settings.report, ahead, most=1)
         trials, ground = beneath_noise(trials, scored, stateful, ground, settings.report)
-        trials = also_settled(also_throughout(trials, ground), ground)
+        trials = also_simpler(also_throughout(trials, ground), ground)
+        trials = runoff(trials, ground, ABREAST)
     else:
         looks_at = [(linear, scored), *(() if quiet is None else ((quiet.linear, quiet.scored),))]
         trials += gated_trials(looks_at, ground, settings.report)

@@ -1,4 +1,4 @@
-"""What neither a score nor an exchange knows of: the best law at another place, and the one that a state settles to."""
+"""What neither scores nor an exchange know of: the best law elsewhere, simpler ones at its place, and a close end."""
 
 from __future__ import annotations
 
@@ -11,15 +11,18 @@ from sympy import tanh
 
 from bondgraph.correct.build import build
 from bondgraph.correct.candidates import Candidate, candidates, places
+from bondgraph.correct.decide import choose, judge
 from bondgraph.correct.fit import no_report
 from bondgraph.correct.refit import Ground, refit_alone
+from bondgraph.correct.runoff import runoff
 from bondgraph.correct.scoring import linearisation, score_candidates
-from bondgraph.correct.settled import also_settled
+from bondgraph.correct.simpler import also_simpler
 from bondgraph.correct.stiff_refits import refit_stiff
 from bondgraph.correct.trials import Trial
 from bondgraph.data.log import MatchedLog
 from bondgraph.declare.editing import handle
 from bondgraph.simulate.simulate import simulate
+from tests.correct.test_stiff import rivals
 from tests.correct.winch import NOISE, built, drawn, fitted, fitted_to, winch
 from vehicle_graphs import effects
 
@@ -47,6 +50,21 @@ def test_the_law_that_does_best_is_searched_at_other_places_though_an_exchange_s
     assert gains["quadratic_loss at drum"] > max(gains["quadratic_loss at motor"], 400.0)
 
 
+def test_of_two_that_end_close_to_each_other_each_is_searched_once_more() -> None:
+    trials, _, ground = rivals()
+    drag, cubic = (refit_alone(trial, trial.step, ground) for trial in trials)
+    assert drag.fit is not None and cubic.fit is not None and drag.fit.nll < cubic.fit.nll - 10.0
+    unlucky = replace(drag.fit, point=cubic.fit.point, nll=cubic.fit.nll + 5.0)
+    short = replace(drag, fit=unlucky, evidence=judge(ground.base, unlucky, drag.candidate.effect, ground.tried))
+    assert choose([short, cubic], 0.01) is cubic
+    found = runoff([short, cubic], ground, 2)
+    assert choose(found, 0.01) is found[0] and found[0].gain == pytest.approx(drag.gain, abs=0.5)
+    far = replace(unlucky, nll=cubic.fit.nll + 50.0)  # no bad luck explains that
+    behind = replace(short, fit=far, evidence=judge(ground.base, far, drag.candidate.effect, ground.tried))
+    assert runoff([behind, cubic], ground, 2) == [behind, cubic]
+    assert runoff([trials[0]], ground, 2) == [trials[0]]  # nothing was refitted
+
+
 def sticky(level: float) -> MatchedLog:
     """The winch with dry friction of its drum."""
     calm = drawn(0.0)
@@ -56,7 +74,7 @@ def sticky(level: float) -> MatchedLog:
     return MatchedLog("run", calm.time, calm.u, run.y + NOISE * np.random.default_rng(2).standard_normal(run.y.shape))
 
 
-def test_what_a_law_with_a_state_settles_to_is_refitted_from_there() -> None:
+def test_simpler_laws_are_searched_from_where_the_best_ended() -> None:
     log = sticky(1.5)
     base = fitted_to(log)
     assert base.problem.filter_model.is_stiff
@@ -66,9 +84,9 @@ def test_what_a_law_with_a_state_settles_to_is_refitted_from_there() -> None:
     ground = Ground(built(), base, (log,), 3, 0.01, 10.0)
     bent = refit_alone(Trial(by_name["hysteresis_loss"], 0.0), [1.0], ground)
     dry, viscous = Trial(by_name["coulomb_loss"], 0.0), Trial(by_name["viscous_loss"], 0.0)
-    found = also_settled([dry, viscous, bent], ground)
+    found = also_simpler([dry, viscous, bent], ground)
     assert found[1:] == [viscous, bent]  # a coefficient in another unit
     assert found[0].fit is not None and found[0].gain > bent.gain - 3.0
     assert found[0].fit.values["c_coulomb_loss_drum"] == pytest.approx(1.5, rel=0.2)
-    assert also_settled([dry, bent], replace(ground, need=1e9)) == [dry, bent]  # too little to begin with
-    assert also_settled([found[0], viscous], ground) == [found[0], viscous]  # it brings no state
+    assert also_simpler([dry, bent], replace(ground, need=1e9)) == [dry, bent]  # too little to begin with
+    assert also_simpler([found[0], viscous], ground) == [found[0], viscous]  # none is simpler
