@@ -13,7 +13,7 @@ import numpy as np
 
 from bondgraph.correct.absent import absent_when_zero
 from bondgraph.correct.advice import separation
-from bondgraph.correct.beneath import beneath_noise
+from bondgraph.correct.beneath import also_elsewhere, beneath_noise
 from bondgraph.correct.build import BuiltModel
 from bondgraph.correct.candidates import Candidate, Refused, candidates, places
 from bondgraph.correct.confirm import confirmed
@@ -121,7 +121,8 @@ def one_round(
     if stiff:
         trials += gated_trials([(linear, scored)], ground, settings.report, ahead, most=1)
         trials, ground = beneath_noise(trials, scored, stateful, ground, settings.report)
-        trials = also_simpler(also_throughout(trials, ground), ground)
+        trials = also_elsewhere(also_throughout(trials, ground), linear, ground, settings.report)
+        trials = also_simpler(trials, ground)
         trials = runoff(trials, ground, ABREAST)
     else:
         looks_at = [(linear, scored), *(() if quiet is None else ((quiet.linear, quiet.scored),))]

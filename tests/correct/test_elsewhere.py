@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from sympy import tanh
 
+from bondgraph.correct.beneath import also_elsewhere
 from bondgraph.correct.build import build
 from bondgraph.correct.candidates import Candidate, candidates, places
 from bondgraph.correct.decide import choose, judge
@@ -48,6 +49,22 @@ def test_the_law_that_does_best_is_searched_at_other_places_though_an_exchange_s
     gains = {one.candidate.label: one.gain for one in done if one.fit is not None}
     assert gains.keys() >= {"quadratic_loss at motor", "quadratic_loss at drum"}
     assert gains["quadratic_loss at drum"] > max(gains["quadratic_loss at motor"], 400.0)
+
+
+def test_a_law_whose_score_told_little_is_searched_where_it_shows_with_little_process_noise() -> None:
+    log, base = drawn(0.3), fitted(0.3)
+    where = places(built(), [log], base.runs([log]), base.theta)
+    linear = linearisation(base, [log])
+    found, _ = candidates(built(), [effects.quadratic_loss], where)
+    ground = Ground(built(), base, (log,), len(found), 0.01, 10.0)
+    motor, drum = (Trial(next(one for one in found if one.place.label == at), 0.0) for at in ("motor", "drum"))
+    best = refit_alone(motor, [0.2], ground)
+    done = also_elsewhere([best, drum], linear, ground, no_report)
+    assert done[0] is best and done[1].gain > best.gain > 100.0
+    told = replace(best, score_gain=best.gain)
+    assert also_elsewhere([told, drum], linear, ground, no_report) == [told, drum]
+    assert also_elsewhere([best], linear, ground, no_report) == [best]  # it has no other place
+    assert also_elsewhere([motor, drum], linear, ground, no_report) == [motor, drum]  # nothing was found
 
 
 def test_of_two_that_end_close_to_each_other_each_is_searched_once_more() -> None:
