@@ -18,9 +18,9 @@ from bondgraph.correct.decide import choose
 from bondgraph.correct.fit import Report
 from bondgraph.correct.gated_refits import gated_trials
 from bondgraph.correct.gates import gate_samples
-from bondgraph.correct.quiet import is_driven, quiet_scores
+from bondgraph.correct.quiet import Quiet, is_driven, quiet_scores
 from bondgraph.correct.refit import WORTH, Ground, worth_quiet
-from bondgraph.correct.scoring import Linearisation, Scored, score_candidates
+from bondgraph.correct.scoring import Linearisation, Scored, linearisation, score_candidates
 from bondgraph.correct.stiff_refits import refit_quiet
 from bondgraph.correct.storages import search_storage
 from bondgraph.correct.trials import Trial
@@ -64,11 +64,12 @@ def also_elsewhere(trials: Sequence[Trial], linear: Linearisation, ground: Groun
     """The trials, and the best law of a stiff model refitted at other places if its score told little of what it gains.
 
     Nor do scores tell then where it acts: those with little process noise do (a loss in a vehicle's gearbox by the
-    direction of the torque had a score of 0.7 nats, at the crank 9, where it gained 116).
+    direction of the torque had a score of 0.7 nats, at the crank 9, where it gained 116). The quiet fit is that of
+    :func:`beneath_noise`; where the best that was found before left no state driven, there is none, and nothing to do.
     """
     done = list(trials)
     best = choose(done, ground.level)
-    if best is None or best.gate is not None or best.score_gain >= WORTH * best.gain:
+    if best is None or best.gate is not None or best.score_gain >= WORTH * best.gain or ground.quiet is None:
         return done
     others = [
         j
@@ -79,9 +80,8 @@ def also_elsewhere(trials: Sequence[Trial], linear: Linearisation, ground: Groun
         return done
     rest = [done[j] for j in others]
     same = [one.candidate for one in rest]
-    quiet = quiet_scores(ground.base, ground.train, same, ground.journal)
-    if quiet is not None:
-        found = refit_quiet(rest, score_candidates(linear, same), quiet, ground, report)
-        for j, one in zip(others, found, strict=True):
-            done[j] = one
+    silent = linearisation(ground.quiet, ground.train)
+    quiet = Quiet(ground.quiet, silent, score_candidates(silent, same))
+    for j, one in zip(others, refit_quiet(rest, score_candidates(linear, same), quiet, ground, report), strict=True):
+        done[j] = one
     return done

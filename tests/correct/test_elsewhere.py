@@ -14,6 +14,7 @@ from bondgraph.correct.build import build
 from bondgraph.correct.candidates import Candidate, candidates, places
 from bondgraph.correct.decide import choose, judge
 from bondgraph.correct.fit import no_report
+from bondgraph.correct.quiet import quiet_fit
 from bondgraph.correct.refit import Ground, refit_alone
 from bondgraph.correct.runoff import runoff
 from bondgraph.correct.scoring import linearisation, score_candidates
@@ -56,13 +57,15 @@ def test_a_law_whose_score_told_little_is_searched_where_it_shows_with_little_pr
     where = places(built(), [log], base.runs([log]), base.theta)
     linear = linearisation(base, [log])
     found, _ = candidates(built(), [effects.quadratic_loss], where)
-    ground = Ground(built(), base, (log,), len(found), 0.01, 10.0)
+    loud = Ground(built(), base, (log,), len(found), 0.01, 10.0)
+    ground = replace(loud, quiet=quiet_fit(base, [log]))
     motor, drum = (Trial(next(one for one in found if one.place.label == at), 0.0) for at in ("motor", "drum"))
     best = refit_alone(motor, [0.2], ground)
     done = also_elsewhere([best, drum], linear, ground, no_report)
     assert done[0] is best and done[1].gain > best.gain > 100.0
     told = replace(best, score_gain=best.gain)
     assert also_elsewhere([told, drum], linear, ground, no_report) == [told, drum]
+    assert also_elsewhere([best, drum], linear, loud, no_report) == [best, drum]  # noise drives nothing
     assert also_elsewhere([best], linear, ground, no_report) == [best]  # it has no other place
     assert also_elsewhere([motor, drum], linear, ground, no_report) == [motor, drum]  # nothing was found
 
