@@ -121,9 +121,7 @@ def one_round(
     if stiff:
         trials += gated_trials([(linear, scored)], ground, settings.report, ahead, most=1)
         trials, ground = beneath_noise(trials, scored, stateful, ground, settings.report)
-        trials = also_elsewhere(also_throughout(trials, ground), linear, ground, settings.report)
-        trials = also_simpler(trials, ground)
-        trials = runoff(trials, ground, ABREAST)
+        trials = _searched_again(trials, linear, ground, settings.report)
     else:
         looks_at = [(linear, scored), *(() if quiet is None else ((quiet.linear, quiet.scored),))]
         trials += gated_trials(looks_at, ground, settings.report)
@@ -134,6 +132,12 @@ def one_round(
     return Round(
         base, tuple(trials), tuple(refused), scored, chosen, tuple(others), seen, located, linear, probed, known, tried
     )
+
+
+def _searched_again(trials: Sequence[Trial], linear: Linearisation, ground: Ground, report: Report) -> list[Trial]:
+    """The trials of a stiff model and what its scores underrate: the best law throughout, elsewhere, without a part."""
+    found = also_elsewhere(also_throughout(trials, ground), linear, ground, report)
+    return runoff(also_simpler(found, ground), ground, ABREAST)
 
 
 def _chosen(trials: Sequence[Trial], ground: Ground) -> tuple[list[Trial], Trial | None]:
