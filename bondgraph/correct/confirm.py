@@ -16,7 +16,8 @@ from dataclasses import replace
 import numpy as np
 from scipy import stats
 
-from bondgraph.correct.decide import judge, robust_p_value, robust_ratio_p_value
+from bondgraph.correct.candidates import Candidate
+from bondgraph.correct.decide import channel_shares, judge, robust_p_value, robust_ratio_p_value
 from bondgraph.correct.excerpts import excerpt
 from bondgraph.correct.fit import Fit, fit
 from bondgraph.correct.linear_steps import is_linearised
@@ -29,6 +30,8 @@ from bondgraph.errors import EstimationError
 _TOLERANCE, _MOST_ITERATIONS = 0.05, 40
 #: A search on the beginnings of long logs ends where a step promises less than so many nats.
 _ROUGH = 2.0
+#: A channel that tells less than this share of a coefficient hardly tells of it.
+_HARDLY = 0.05
 #: Largest correlation from sample to sample that is allowed for.
 _LONGEST = 0.97
 
@@ -36,15 +39,16 @@ _LONGEST = 0.97
 def confirmed(trial: Trial, ground: Ground) -> Trial:
     """The trial with its evidence after a second look.
 
-    On stiff models, whose fits are costly, it is as it is where its score passed as well (or it is a storage, which has
-    none), or its innovations are white. A variance may be far too small there if a law is not smooth: dry friction of a
-    strut was 30 standard deviations from zero in noise of another colour, though its score of 16 nats said p = 1.
+    On stiff models, whose fits are costly, it is as it is where its innovations are white, or it is a storage. Neither
+    the variance of a refit nor that of a score tells enough otherwise: in noise of another colour dry friction of a
+    strut was 30 and more standard deviations from zero, where its scores said p = 1 once and 0.006 once. Channels that
+    hardly tell of it may have any colour.
     """
     if trial.fit is None or trial.evidence is None:
         return trial
     candidate = trial.candidate
-    asked = trial.score_p <= ground.level or (candidate.effect.adds_state and not candidate.followed)
-    if ground.base.problem.filter_model.is_stiff and (asked or is_white(trial.fit, ground.level)):
+    storage = candidate.effect.adds_state and not candidate.followed
+    if ground.base.problem.filter_model.is_stiff and (storage or _is_white(trial.fit, candidate, ground.level)):
         return trial
     base = _from_there(ground.base, trial.fit, ground)
     evidence = judge(base, trial.fit, trial.candidate.effect, trial.evidence.tried, trial.gate is not None)
@@ -72,15 +76,23 @@ def _from_there(base: Fit, refit: Fit, ground: Ground) -> Fit:
     return other if other.nll < base.nll else base
 
 
+def _is_white(refit: Fit, candidate: Candidate, level: float) -> bool:
+    """Whether the innovations of the channels that tell of a candidate could be white."""
+    told = channel_shares(refit, candidate.effect.coefficients)
+    return is_white(refit, level, {channel for channel, share in told.items() if share < _HARDLY})
+
+
 def _in_free_simulation(refit: Fit, trial: Trial, evidence: Evidence, ground: Ground) -> Evidence:
     """The evidence; where the innovations stay coloured with the p-value that the free simulation gives."""
-    if is_white(refit, ground.level) or not any(one.target.kind == "process" for one in refit.problem.free):
+    if _is_white(refit, trial.candidate, ground.level) or not any(
+        one.target.kind == "process" for one in refit.problem.free
+    ):
         return evidence
     quiet = _quietest(refit, quiet_fit(refit, refit.problem.logs, ground.journal), ground)
     if quiet is None:  # no simulation with it stays near the logs
         return replace(evidence, p_robust=1.0)
     names = trial.candidate.effect.coefficients
-    p_value = robust_p_value(quiet, names)
+    p_value = robust_p_value(quiet, names, uneven=True)
     without = _quietest(ground.base, ground.quiet, ground)
     if without is not None:
         gain = without.nll - quiet.nll

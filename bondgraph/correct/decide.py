@@ -16,9 +16,9 @@ from scipy import stats
 from bondgraph.correct.candidates import Candidate
 from bondgraph.correct.fit import BLOCKS, Fit, restricted
 from bondgraph.correct.score import Scores, robust_variance, solve
-from bondgraph.correct.times import term_times
+from bondgraph.correct.times import summed, term_times
 from bondgraph.correct.trials import Alternative, Detectable, Evidence, Trial
-from bondgraph.data.log import MatchedLog
+from bondgraph.data.log import FloatArray, MatchedLog
 from bondgraph.declare.effect import Effect
 
 #: Chance of being found at the size that is called detectable.
@@ -38,10 +38,11 @@ def judge(base: Fit, refit: Fit, effect: Effect, tried: int, gated: bool = False
     return Evidence(gain, min(1.0, ratio * tried), min(1.0, robust * tried), gain - penalty, tried)
 
 
-def robust_p_value(fitted: Fit, coefficients: Sequence[str]) -> float:
+def robust_p_value(fitted: Fit, coefficients: Sequence[str], uneven: bool = False) -> float:
     """P-value of coefficients being zero, by their block-sandwich variance; Hotelling's statistic if several.
 
-    A coefficient of which nothing but zero is left counts as absent.
+    A coefficient of which nothing but zero is left counts as absent. With ``uneven`` the degrees of freedom are those
+    of :func:`effective_blocks`: a scatter that rests on two or three blocks of time is itself hardly known.
     """
     times = term_times(fitted.problem)
     free = ~fitted.held
@@ -58,8 +59,57 @@ def robust_p_value(fitted: Fit, coefficients: Sequence[str]) -> float:
         return 1.0
     distance = np.array(distances)
     squared = float(distance @ solve(variance[np.ix_(rows, rows)], distance[:, np.newaxis])[:, 0])
-    count, size = max(int(times.block.max()) + 1, len(rows) + 2), len(rows)
+    size = len(rows)
+    count = float(max(int(times.block.max()) + 1, size + 2))
+    if uneven:
+        count = min(count, effective_blocks(fitted, [fitted.problem.names[row] for row in rows]))
+        if count <= size:
+            return 1.0
     return float(stats.f.sf(squared * (count - size) / (size * (count - 1)), size, count - size))
+
+
+def effective_blocks(fitted: Fit, coefficients: Sequence[str]) -> float:
+    """How many blocks of equal weight tell as much of the scatter of coefficients as those that they rest on.
+
+    One over the sum of the squared shares of the blocks in what the logs tell of a coefficient; of several coefficients
+    the least, of none that are free all blocks. Reference: Carter, Schnepel and Steigerwald (2017), Review of Economics
+    and Statistics 99(4).
+    """
+    times = term_times(fitted.problem)
+    count = int(times.block.max()) + 1
+    told = _told(fitted, coefficients)
+    if not told.size:
+        return float(count)
+    blocks = summed(times.series(told), times.block, count)
+    shares = blocks / np.maximum(blocks.sum(axis=0), np.finfo(float).tiny)
+    return float(np.min(1.0 / np.maximum((shares**2).sum(axis=0), np.finfo(float).tiny)))
+
+
+def channel_shares(fitted: Fit, coefficients: Sequence[str]) -> dict[str, float]:
+    """How much of what the logs tell of coefficients each channel does, of several the largest share.
+
+    Zero for all channels if none of the coefficients is free.
+    """
+    names = fitted.problem.filter_model.model.names("output")
+    told = _told(fitted, coefficients)
+    if not told.size:
+        return dict.fromkeys(names, 0.0)
+    rows = np.concatenate([np.repeat(np.arange(len(names)), len(log)) for log in fitted.problem.logs])
+    channels = summed(told[: rows.size], rows, len(names))
+    shares = channels / np.maximum(channels.sum(axis=0), np.finfo(float).tiny)
+    return dict(zip(names, map(float, shares.max(axis=1)), strict=True))
+
+
+def _told(fitted: Fit, coefficients: Sequence[str]) -> FloatArray:
+    """What each term tells of coefficients with the free parameters taken out, those that are free: (n_terms, k)."""
+    free = ~fitted.held
+    names = [name for name, moves in zip(fitted.problem.names, free, strict=True) if moves]
+    rows = [names.index(name) for name in coefficients if name in names]
+    expansion = restricted(fitted.expansion, free)
+    if not rows or expansion.terms is None:
+        return np.empty((0, 0))
+    own: FloatArray = expansion.terms.innovations[:, 1:] @ solve(expansion.information, np.eye(len(names)))[:, rows]
+    return own**2
 
 
 def robust_ratio_p_value(gain: float, fitted: Fit, coefficients: Sequence[str]) -> float:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -50,10 +50,10 @@ def whiteness(fitted: Fit, logs: Sequence[MatchedLog]) -> tuple[Whiteness, ...]:
     return tuple(found)
 
 
-def is_white(fitted: Fit, level: float) -> bool:
-    """Whether the innovations of all channels could be white, at a level over all of them."""
+def is_white(fitted: Fit, level: float, but: Collection[str] = ()) -> bool:
+    """Whether the innovations of all channels ``but`` some could be white, at a level over all of them."""
     tests = whiteness(fitted, fitted.problem.logs)
-    return all(test.p_value * len(tests) >= level for test in tests)
+    return all(test.p_value * len(tests) >= level for test in tests if test.channel not in but)
 
 
 def _measured(values: FloatArray) -> FloatArray:
