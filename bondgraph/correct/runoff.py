@@ -11,13 +11,10 @@ import contextlib
 from collections.abc import Sequence
 from dataclasses import replace
 
-import numpy as np
-
 from bondgraph.correct.decide import choose
 from bondgraph.correct.fit import Fit
 from bondgraph.correct.refit import Ground, refit_alone
 from bondgraph.correct.trials import Trial
-from bondgraph.data.log import FloatArray
 from bondgraph.errors import EstimationError, FilterError
 from bondgraph.filter.compiled import in_threads
 
@@ -52,11 +49,12 @@ def _close(trials: Sequence[Trial], best: Fit) -> list[int]:
 def _again(done: list[Trial], due: Sequence[int], best: Fit, ground: Ground, abreast: int) -> None:
     """Refits from there and from the fit without any, put into the trials where they are better."""
     found: dict[int, Trial] = {}
+    shared = best.point[: ground.base.point.size]
 
     def work(k: int) -> None:
         trial = done[due[k]]
         with contextlib.suppress(EstimationError, FilterError):  # it diverges there
-            found[due[k]] = refit_alone(trial, _estimates(trial), ground, points=[_shared(best, ground)])
+            found[due[k]] = refit_alone(trial, _estimates(trial), ground, points=[shared])
 
     in_threads(abreast, work, range(len(due)))
     for j, again in found.items():
@@ -72,8 +70,3 @@ def _again(done: list[Trial], due: Sequence[int], best: Fit, ground: Ground, abr
 def _estimates(trial: Trial) -> list[float]:
     values = {} if trial.fit is None else trial.fit.values
     return [values[name] for name in trial.candidate.effect.coefficients]
-
-
-def _shared(best: Fit, ground: Ground) -> FloatArray:
-    point: FloatArray = np.array(best.point[: ground.base.point.size])
-    return point

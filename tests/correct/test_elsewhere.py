@@ -94,15 +94,16 @@ def sticky(level: float) -> MatchedLog:
     return MatchedLog("run", calm.time, calm.u, run.y + NOISE * np.random.default_rng(2).standard_normal(run.y.shape))
 
 
-def test_simpler_laws_are_searched_from_where_the_best_ended() -> None:
+@pytest.mark.parametrize(("soft", "start"), [("hysteresis_loss", [1.0]), ("stribeck_loss", [1.0, 0.5])])
+def test_simpler_laws_are_searched_from_where_the_best_ended(soft: str, start: list[float]) -> None:
     log = sticky(1.5)
     base = fitted_to(log)
     assert base.problem.filter_model.is_stiff
     where = [one for one in places(built(), [log], base.runs([log]), base.theta) if one.label == "drum"]
-    laws = [effects.hysteresis_loss, effects.coulomb_loss, effects.viscous_loss]
+    laws = [effects.hysteresis_loss, effects.stribeck_loss, effects.coulomb_loss, effects.viscous_loss]
     by_name = {one.effect.name: one for one in candidates(built(), laws, where)[0]}
     ground = Ground(built(), base, (log,), 3, 0.01, 10.0)
-    bent = refit_alone(Trial(by_name["hysteresis_loss"], 0.0), [1.0], ground)
+    bent = refit_alone(Trial(by_name[soft], 0.0), start, ground)
     dry, viscous = Trial(by_name["coulomb_loss"], 0.0), Trial(by_name["viscous_loss"], 0.0)
     found = also_simpler([dry, viscous, bent], ground)
     assert found[1:] == [viscous, bent]  # a coefficient in another unit
