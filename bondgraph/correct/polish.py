@@ -27,11 +27,15 @@ from bondgraph.estimate.steps import damped_step, newton_decrement
 _MOST, _STEPS = 8, 6
 #: Damping of the trials of a step relative to the information: as many at once as most machines have cores, at least.
 _DAMPINGS = ((1e-5, 1e-2), (0.1, 1.0))
+#: Damping of the steps that may leave a ridge, and how many steps lead back onto it.
+_LONGER, _BACK = (1e-5, 1e-3, 1e-2, 0.1), 3
 #: Where exact derivatives promise fewer nats than this, and steps with them took what they promised, the fit ends: on a
 #: vehicle the likelihood has jumps of some tenths of a nat, so that further derivatives promise one for ever.
 _LAST = 4.0
 #: So many nats may then be left of that promise, which is what those jumps are worth.
 _ENOUGH = 0.5
+#: Along a ridge, where a step promises more than :data:`_LAST`, one that gains this little may still lead on.
+_LEAST = 0.1
 
 
 def polished(problem: EstimationProblem, found: Reached, tolerance: float) -> Reached:
@@ -55,7 +59,9 @@ def polished(problem: EstimationProblem, found: Reached, tolerance: float) -> Re
         reached = _stepped(problem, before, tolerance)
         near = newton_decrement(problem, before.point, expansion) < _LAST
         arrived = near and newton_decrement(problem, reached.point, reached.expansion) < _ENOUGH
-        if arrived or before.nll - reached.nll < _ENOUGH:
+        if not near and before.nll - reached.nll < _ENOUGH:
+            reached = _along_ridge(problem, before)
+        if arrived or before.nll - reached.nll < (_ENOUGH if near else _LEAST):
             return replace(reached, outcome=SearchOutcome.CONVERGED)
     return replace(reached, outcome=SearchOutcome.ITERATION_LIMIT)
 
@@ -91,6 +97,31 @@ def _step(problem: EstimationProblem, found: Reached) -> Reached:
                 evaluations=evaluations,
             )  # fmt: skip
     return replace(found, evaluations=evaluations)
+
+
+def _along_ridge(problem: EstimationProblem, found: Reached) -> Reached:
+    """The best point on the ways of several steps, each followed by some with the same derivatives."""
+    longest, known, best = longest_steps(problem), found.expansion, found
+    ways = [(found.point, known, damping) for damping in _LONGER]
+    evaluations = found.evaluations
+    for _ in range(1 + _BACK):
+        steps = [damped_step(problem, point, expansion, damping) - point for point, expansion, damping in ways]
+        points = [
+            np.clip(point + np.clip(step, -longest, longest), problem.lower, problem.upper)
+            for (point, _, _), step in zip(ways, steps, strict=True)
+        ]
+        seen, evaluations = problem.terms(np.array(points).T), evaluations + len(ways)
+        sums, reached = seen.sums(), []
+        for k in map(int, np.flatnonzero(np.isfinite(sums))):
+            carried = _carried(known, seen.members(np.array([k])))
+            reached.append((points[k], carried, ways[k][2]))
+            nll = found.nll - (known.sum - float(sums[k]))
+            if nll < best.nll:
+                best = replace(best, point=points[k], nll=nll, expansion=carried)
+        if not reached:
+            break
+        ways = reached
+    return replace(best, evaluations=evaluations)
 
 
 def _carried(expansion: Expansion, seen: Terms) -> Expansion:

@@ -34,7 +34,7 @@ def torque_proportional_loss(g: BondGraph, at: Place) -> Effect | None:
     if effort is None:
         return None
     name = f"torque_proportional_loss_{at.name}"
-    share = g.parameter(f"share_{name}", 0.0, "1", f"share of the effort lost at {at.label}", (0.0, 0.6))
+    share = g.parameter(f"share_{name}", 0.0, "1", f"share of the effort lost at {at.label}", (0.0, 0.95))
     w = direction(g, at, name)
     g.resistance(name, lambda flow: share * Abs(effort) * tanh(flow / w), at=at.junction)
     law = "effort = c*|transmitted effort|*tanh(flow/w)"
@@ -47,8 +47,8 @@ def directional_loss(g: BondGraph, at: Place) -> Effect | None:
     if effort is None:
         return None
     name = f"directional_loss_{at.name}"
-    drive = g.parameter(f"drive_{name}", 0.0, "1", f"share of a driving effort lost at {at.label}", (0.0, 0.6))
-    overrun = g.parameter(f"overrun_{name}", 0.0, "1", f"share of a braking effort lost at {at.label}", (0.0, 0.6))
+    drive = g.parameter(f"drive_{name}", 0.0, "1", f"share of a driving effort lost at {at.label}", (0.0, 0.95))
+    overrun = g.parameter(f"overrun_{name}", 0.0, "1", f"share of a braking effort lost at {at.label}", (0.0, 0.95))
     w = direction(g, at, name)
     g.resistance(
         name,
