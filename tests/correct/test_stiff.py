@@ -46,7 +46,7 @@ def test_the_method_and_what_walks_are_found_from_model_and_logs() -> None:
     assert setup.filter_model.is_stiff
     assert unknown_drives(built().model, [drawn(0.0)]) == ("slope",)
     assert "process(slope)" in {one.name for one in setup.noise}
-    assert setup.filter_model.initial_std["slope"] < 0.2  # as the inclinometer shows it, ten times its noise
+    assert setup.filter_model.initial_std["slope"] < 0.1  # as the inclinometer shows it
 
 
 def test_a_grip_that_few_samples_miss_is_seen_along_the_course_of_the_filter(monkeypatch: pytest.MonkeyPatch) -> None:
