@@ -39,15 +39,16 @@ _LONGEST = 0.97
 def confirmed(trial: Trial, ground: Ground) -> Trial:
     """The trial with its evidence after a second look.
 
-    On stiff models, whose fits are costly, it is as it is where its innovations are white. Neither the variance of a
-    refit nor that of a score tells enough otherwise: in noise of another colour dry friction of a strut was 30 and more
-    standard deviations from zero, where its scores said p = 1 once and 0.006 once, and a shaft was called soft, of
-    which no score can tell. Channels that hardly tell of it may have any colour.
+    On stiff models, whose fits are costly, it is as it is where its innovations are white, or it is a storage, whose
+    free simulation misses one that is there beside something else. Neither the variance of a refit nor that of a score
+    tells enough otherwise: in noise of another colour dry friction of a strut was 30 and more standard deviations from
+    zero, where its scores said p = 1 once and 0.006 once. Channels that hardly tell of it may have any colour.
     """
     if trial.fit is None or trial.evidence is None:
         return trial
     candidate = trial.candidate
-    if ground.base.problem.filter_model.is_stiff and _is_white(trial.fit, candidate, ground.level):
+    storage = candidate.effect.adds_state and not candidate.followed
+    if ground.base.problem.filter_model.is_stiff and (storage or _is_white(trial.fit, candidate, ground.level)):
         return trial
     base = _from_there(ground.base, trial.fit, ground)
     evidence = judge(base, trial.fit, trial.candidate.effect, trial.evidence.tried, trial.gate is not None)

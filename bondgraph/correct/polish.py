@@ -8,6 +8,11 @@ large, a search ended twenty standard deviations and 55 nats short, and said tha
 Exact derivatives cost as much as a dozen values of the likelihood. So several steps are taken with the same ones, each
 with the gradient that they make with the innovations where it starts (simplified Newton steps: Deuflhard 2004, Newton
 Methods for Nonlinear Problems, 2.1.2), and they are formed anew where these gain no more.
+
+Such a ridge is curved, and narrow: a step along it leaves it, though it promises 19 nats, and a shorter one gains next
+to nothing. Where steps stall, longer ones are followed by others back onto the ridge before it is said what they gained
+(the second-order correction of constrained optimisation: Nocedal and Wright 2006, Numerical Optimization, 18.3). On
+that clutch a search went 20 nats further.
 """
 
 from __future__ import annotations
@@ -60,7 +65,7 @@ def polished(problem: EstimationProblem, found: Reached, tolerance: float) -> Re
         near = newton_decrement(problem, before.point, expansion) < _LAST
         arrived = near and newton_decrement(problem, reached.point, reached.expansion) < _ENOUGH
         if not near and before.nll - reached.nll < _ENOUGH:
-            reached = _along_ridge(problem, before)
+            reached = min(reached, _along_ridge(problem, before), key=lambda one: one.nll)
         if arrived or before.nll - reached.nll < (_ENOUGH if near else _LEAST):
             return replace(reached, outcome=SearchOutcome.CONVERGED)
     return replace(reached, outcome=SearchOutcome.ITERATION_LIMIT)
