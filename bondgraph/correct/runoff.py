@@ -48,7 +48,7 @@ def _close(trials: Sequence[Trial], best: Fit) -> list[int]:
 
 
 def _again(done: list[Trial], due: Sequence[int], best: Fit, ground: Ground, abreast: int) -> None:
-    """Refits from there and from the fit without any, put into the trials where they are better."""
+    """Refits from where the best ended, put into the trials where they are better."""
     found: dict[int, Trial] = {}
     shared = best.point[: ground.base.point.size]
 

@@ -40,13 +40,14 @@ def also_simpler(trials: Sequence[Trial], ground: Ground) -> list[Trial]:
 
 def _from_there(trial: Trial, end: Trial, ground: Ground, worth: float) -> Trial:
     """The trial, or its refit from where another ended, if a coefficient of that has its unit and it gains more."""
-    assert end.fit is not None  # else it has no end
+    ended = end.fit
+    assert ended is not None  # else it has no end
     unit = _unit(trial.candidate, trial.candidate.effect.coefficients[0])
     own = [name for name in end.candidate.effect.coefficients if _unit(end.candidate, name) == unit]
     if not own:
         return trial
-    told, shared = max(own, key=lambda name: _certainty(end.fit, name)), end.fit.point[: ground.base.point.size]
-    level = end.fit.values[told]
+    level = ended.values[max(own, key=lambda name: _certainty(ended, name))]
+    shared = ended.point[: ground.base.point.size]
     with contextlib.suppress(EstimationError, FilterError):  # it diverges there
         again = refit_alone(trial, [level], ground, worth=worth, points=[shared])
         return again if trial.fit is None or again.gain > trial.gain else trial
@@ -59,9 +60,9 @@ def _is_simpler(one: Candidate, best: Candidate) -> bool:
     return len(best.effect.parameters) > 1 or set(one.model.names("state")) < set(best.model.names("state"))
 
 
-def _certainty(fitted: Fit | None, name: str) -> float:
+def _certainty(fitted: Fit, name: str) -> float:
     """How many of its standard deviations a coefficient is from zero."""
-    return 0.0 if fitted is None else abs(fitted.values[name]) / max(fitted.std[name], np.finfo(float).tiny)
+    return abs(fitted.values[name]) / max(fitted.std[name], np.finfo(float).tiny)
 
 
 def _unit(candidate: Candidate, name: str) -> str:

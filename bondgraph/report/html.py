@@ -156,7 +156,7 @@ def without_folders(command: str) -> str:
 
     Examples
     --------
-    >>> without_folders("bondgraph estimate /home/me/models/car.py --data=/data/run1.csv runs/run2.csv")
+    >>> without_folders("bondgraph estimate /models/car.py --data=/data/run1.csv runs/run2.csv")
     'bondgraph estimate car.py --data=run1.csv runs/run2.csv'
     """
     return re.sub(r"(?<![\w.~-])(?:[A-Za-z]:)?[/\\](?:[^\s=/\\]+[/\\])*([^\s=/\\]+)", r"\1", command)

@@ -93,7 +93,7 @@ def coast_down_report() -> ReportData:
         trace=tuple(TraceRow("swarm", i, 40 * i, 500 * 0.9**i + 100, ()) for i in range(30)),
         notes=("The road was taken as level: a constant slope would look like rolling resistance.",),
         made=Provenance(
-            "bondgraph close-loop /home/someone/coast.py:car --data=/data/coast_down_1.csv --holdout coast_down_2.csv",
+            "bondgraph close-loop /models/coast.py:car --data=/data/coast_down_1.csv --holdout coast_down_2.csv",
             3, (("bondgraph", "0.1.0"), ("numpy", "2.4.6")), ("coast_down_1",), ("coast_down_2",), 84.2,
         ),
     )  # fmt: skip
