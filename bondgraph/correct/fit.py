@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import itertools
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -111,10 +112,25 @@ class Fit:
         own = self.problem.filter_model
         return replace(own, initial_std={**own.initial_std, **wide}) if wide else own
 
+    @functools.cached_property
+    def own_runs(self) -> tuple[FilterRun, ...]:
+        """The filter over the logs that were fitted, at the optimum: many ask for it, and it is costly."""
+        return tuple(self._filtered(self.problem.logs))
+
+    @functools.cached_property
+    def linear_promise(self) -> float:
+        """Nats that one more step promises by the filter of a stiff model, linearised along itself."""
+        expansion = linear_expansion(self.problem, self.point, self.own_runs)
+        return newton_decrement(self.problem, self.point, expansion)
+
     def runs(self, logs: Sequence[MatchedLog]) -> list[FilterRun]:
         """The filter over logs (these or others) at the optimum."""
-        if not logs:
-            return []
+        own = self.problem.logs
+        if len(logs) == len(own) and all(one is other for one, other in zip(logs, own, strict=True)):
+            return list(self.own_runs)
+        return self._filtered(logs) if logs else []
+
+    def _filtered(self, logs: Sequence[MatchedLog]) -> list[FilterRun]:
         names = {log.name for log in logs}
         own = names <= {parameter.target.log for parameter in self.problem.free}
         filter_model = self.problem.filter_model if own else self.elsewhere

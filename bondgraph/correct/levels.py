@@ -16,9 +16,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from bondgraph.correct import level_kernel
 from bondgraph.correct.response import LinearLog
 from bondgraph.data.log import FloatArray
 from bondgraph.filter.filter_run import FilterRun
+from bondgraph.simulate.compile import load_kernel
 
 
 @dataclass(frozen=True)
@@ -35,32 +37,17 @@ class LevelChanges:
 
 def respond_to_levels(linear: LinearLog, run: FilterRun, changes: LevelChanges) -> tuple[FloatArray, FloatArray]:
     """Derivatives of whitened innovations and of log scales by levels, both (n_y * n, levels), rows by output."""
-    count, outputs, size = linear.slope.shape
+    count, outputs, _ = linear.slope.shape
     levels = changes.process.shape[0]
-    intervals = linear.path.intervals
-    innovation = np.nan_to_num(run.innovation).T
-    unit = np.eye(size)
-    seen = np.isfinite(run.y).T
-    driven = changes.process[:, :, np.newaxis] * unit
-    noise = changes.measurement[:, :, np.newaxis] * np.eye(outputs)
-    keep = np.tril(np.ones((outputs, outputs)), -1) + 0.5 * np.eye(outputs)
-    moved, spread = np.zeros((levels, size, 1)), np.zeros((levels, size, size))
+    seen = np.isfinite(run.y).T.astype(np.float64)
+    filtered = level_kernel.Filter(
+        np.ascontiguousarray(linear.transition), linear.path.intervals, linear.slope * seen[:, :, np.newaxis], seen,
+        np.ascontiguousarray(linear.gain), np.ascontiguousarray(linear.whitener), np.nan_to_num(run.innovation).T.copy(),
+        np.nan_to_num(run.whitened).T.copy(),
+    )  # fmt: skip
     slopes_z, slopes_s = np.zeros((count, outputs, levels)), np.zeros((count, outputs, levels))
-    for k in range(count):
-        if k:
-            transition = linear.transition[k - 1]
-            moved = transition @ moved
-            spread = transition @ spread @ transition.T + intervals[k - 1] * driven
-        shown, whitener, gain = linear.slope[k] * seen[k][:, np.newaxis], linear.whitener[k], linear.gain[k]
-        own = noise * seen[k]
-        change = whitener @ (shown @ spread @ shown.T + own) @ whitener.T
-        expected = -(shown @ moved)
-        slopes_z[k] = ((whitener @ expected)[..., 0] - (change * keep) @ run.whitened[:, k]).T
-        slopes_s[k] = 0.5 * np.einsum("lii->il", change)
-        left = unit - gain @ shown
-        turned = (left @ spread @ shown.T - gain @ own) @ (whitener.T @ (whitener @ innovation[k]))
-        moved = moved + gain @ expected + turned[..., np.newaxis]
-        spread = left @ spread @ left.T + gain @ own @ gain.T
+    process, noise = np.ascontiguousarray(changes.process.T), np.ascontiguousarray(changes.measurement.T)
+    load_kernel(level_kernel).carried(filtered, process, noise, slopes_z, slopes_s)
     rows = (np.moveaxis(found, 1, 0).reshape(-1, levels) for found in (slopes_z, slopes_s))
     first, second = rows
     return np.ascontiguousarray(first), np.ascontiguousarray(second)

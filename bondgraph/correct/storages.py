@@ -129,10 +129,8 @@ def _further(problem: EstimationProblem, point: FloatArray, base: Fit) -> float:
     if not is_linearised(problem):
         steps = GaussNewtonSettings().difference * (problem.upper - problem.lower)
         return newton_decrement(problem, point, expand(problem, point, steps))
-    both = ((problem, point), (base.problem, base.point))
     # what an exact expansion costs is for what is refitted
-    with_it, without = (newton_decrement(one, at, linear_expansion(one, at)) for one, at in both)
-    return with_it - without
+    return newton_decrement(problem, point, linear_expansion(problem, point)) - base.linear_promise
 
 
 def _problem(trial: Trial, ground: Ground, extended: BuiltModel) -> EstimationProblem:

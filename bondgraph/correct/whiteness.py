@@ -11,7 +11,6 @@ from scipy import stats
 from bondgraph.correct.fit import Fit
 from bondgraph.data.log import FloatArray, MatchedLog
 from bondgraph.filter.consistency import ljung_box
-from bondgraph.filter.likelihood import innovations
 
 #: Logs in which a channel has no more values than this do not tell whether its innovations are white.
 _FEWEST = 40
@@ -32,14 +31,9 @@ def whiteness(fitted: Fit, logs: Sequence[MatchedLog]) -> tuple[Whiteness, ...]:
 
     Reference: Ljung and Box (1978), Biometrika 65(2).
     """
-    batch = fitted.problem.batch(fitted.point[:, np.newaxis])
-    records = innovations(
-        fitted.problem.filter_model, list(logs), batch.theta,
-        noise_std=batch.noise_std, process_std=batch.process_std, x0=list(batch.x0),
-    )  # fmt: skip
-    found = []
+    runs, found = fitted.runs(logs), []
     for row, name in enumerate(fitted.problem.filter_model.model.names("output")):
-        series = [np.where(record.measured[row], record.values[row, :, 0], np.nan) for record in records]
+        series = [np.where(np.isnan(run.y[row]), np.nan, run.whitened[row]) for run in runs]
         series = [values for values in series if np.sum(~np.isnan(values)) > _FEWEST]
         if series:
             statistic, freedom = np.sum([ljung_box(values) for values in series], axis=0)
