@@ -42,8 +42,8 @@ def respond_to_levels(linear: LinearLog, run: FilterRun, changes: LevelChanges) 
     seen = np.isfinite(run.y).T.astype(np.float64)
     filtered = level_kernel.Filter(
         np.ascontiguousarray(linear.transition), linear.path.intervals, linear.slope * seen[:, :, np.newaxis], seen,
-        np.ascontiguousarray(linear.gain), np.ascontiguousarray(linear.whitener), np.nan_to_num(run.innovation).T.copy(),
-        np.nan_to_num(run.whitened).T.copy(),
+        np.ascontiguousarray(linear.gain), np.ascontiguousarray(linear.whitener),
+        np.nan_to_num(run.innovation).T.copy(), np.nan_to_num(run.whitened).T.copy(),
     )  # fmt: skip
     slopes_z, slopes_s = np.zeros((count, outputs, levels)), np.zeros((count, outputs, levels))
     process, noise = np.ascontiguousarray(changes.process.T), np.ascontiguousarray(changes.measurement.T)
