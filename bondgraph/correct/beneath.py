@@ -40,7 +40,7 @@ def beneath_noise(
     """
     done = list(trials)
     best = choose(done, ground.level)
-    if not is_driven(ground.base if best is None or best.fit is None else best.fit):
+    if not is_driven(ground.base if best is None or best.fit is None else best.fit, ground.need):
         return done, ground
     report("look beneath the process noise", 0, 1)
     quiet = quiet_scores(ground.base, ground.train, scored.candidates, ground.journal, gate_samples(ground.train))

@@ -138,16 +138,20 @@ def quiet_scores(
     return Quiet(fitted, linear, score_candidates(linear, found, at))
 
 
-def is_driven(fitted: Fit) -> bool:
+def is_driven(fitted: Fit, least: float) -> bool:
     """Whether process noise drives a state of a fit: more of it than little beyond its lower bound (logarithms).
 
-    A state that walks anyway, the slope of an unknown road, does not count.
+    A state that walks anyway, the slope of an unknown road, does not count; nor does noise that is worth less than
+    ``least`` nats, which is what the fit loses where it falls to its lower bound: it stands in for no more than that.
     """
     problem = fitted.problem
     walking = unknown_drives(problem.filter_model.model, problem.logs)
     counted = np.array([one.target.kind == "process" and one.target.name not in walking for one in problem.free])
     risen = (fitted.point - problem.lower) / (problem.upper - problem.lower)
-    return bool(np.any(risen[counted] > _LITTLE))
+    if not np.any(risen[counted] > _LITTLE):
+        return False
+    lowered = np.where(counted, problem.lower, fitted.point)
+    return not float(problem.nll(lowered[:, np.newaxis])[0]) - fitted.nll < least
 
 
 def quiet_starts(base: Fit, quiet: Quiet, index: int, own: Sequence[FreeParameter]) -> list[FloatArray]:

@@ -46,7 +46,7 @@ def test_the_method_and_what_walks_are_found_from_model_and_logs() -> None:
     assert setup.filter_model.is_stiff
     assert unknown_drives(built().model, [drawn(0.0)]) == ("slope",)
     assert "process(slope)" in {one.name for one in setup.noise}
-    assert setup.filter_model.initial_std["slope"] < 0.1  # as the inclinometer shows it
+    assert setup.filter_model.initial_std["slope"] < 0.2  # where the inclinometer shows it
 
 
 def test_a_grip_that_few_samples_miss_is_seen_along_the_course_of_the_filter(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -282,7 +282,8 @@ def test_what_process_noise_hides_shows_with_little_of_it() -> None:
     log, base = drawn(0.3), fitted(0.3)
     process = np.array([one.target.kind == "process" for one in base.problem.free])
     silent = np.where(process, base.problem.lower, base.point)
-    assert is_driven(base) and not is_driven(replace(base, point=silent))
+    assert is_driven(base, 10.0) and not is_driven(base, np.inf)  # the noise is worth more than ten nats
+    assert not is_driven(replace(base, point=silent), 10.0)
     where = [one for one in places(built(), [log], base.runs([log]), base.theta) if one.label == "drum"]
     found, _ = candidates(built(), [effects.quadratic_loss, effects.coulomb_loss], where)
     drag = [one.effect.name for one in found].index("quadratic_loss")
