@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import stats
 
-from bondgraph.correct.fit import Fit
+from bondgraph.correct.fit import BLOCKS, Fit
 from bondgraph.correct.intervals import integrator
 from bondgraph.data.log import FloatArray, MatchedLog
 from bondgraph.filter.filter_run import FilterRun
@@ -138,16 +138,26 @@ def rms_interval(values: FloatArray) -> tuple[float, float]:
     return float(np.sqrt(max(middle - reach, 0.0))), float(np.sqrt(middle + reach))
 
 
-def gain_interval(before: Assessment, after: Assessment) -> tuple[float, float]:
-    """Gain of log-likelihood from one assessment to another of the same logs, and its standard error, by blocks."""
+def gain_interval(
+    before: Sequence[FilterRun], after: Sequence[FilterRun], blocks: int = _BLOCKS
+) -> tuple[float, float]:
+    """Gain of log-likelihood from one filter to another on the same logs, and its standard error, by blocks of time."""
     gains = np.concatenate([
-        last.filtered.log_likelihood - first.filtered.log_likelihood
-        for first, last in zip(before.logs, after.logs, strict=True)
+        last.log_likelihood - first.log_likelihood for first, last in zip(before, after, strict=True)
     ])  # fmt: skip
-    if gains.size < 2 * _BLOCKS or not np.isfinite(gains).all():
-        return before.nll - after.nll, float("nan")
-    sums = np.array([part.sum() for part in np.array_split(gains, _BLOCKS)])
-    return float(gains.sum()), float(sums.std(ddof=1) * np.sqrt(_BLOCKS))
+    if gains.size < 2 * blocks or not np.isfinite(gains).all():
+        return sum(run.nll for run in before) - sum(run.nll for run in after), float("nan")
+    sums = np.array([part.sum() for part in np.array_split(gains, blocks)])
+    return float(gains.sum()), float(sums.std(ddof=1) * np.sqrt(blocks))
+
+
+def gain_p_value(before: Sequence[FilterRun], after: Sequence[FilterRun]) -> float:
+    """P-value of a gain of log-likelihood, by its scatter over blocks of time; one where there are too few samples.
+
+    One that rests on few of them is worth little, however large. Reference: Vuong (1989), Econometrica 57(2).
+    """
+    gain, error = gain_interval(before, after, BLOCKS)
+    return float(stats.t.sf(gain / error, BLOCKS - 1)) if error > 0.0 else 1.0
 
 
 def _rms(values: FloatArray) -> float:

@@ -16,6 +16,7 @@ from dataclasses import replace
 import numpy as np
 from scipy import stats
 
+from bondgraph.correct.assess import gain_p_value
 from bondgraph.correct.candidates import Candidate
 from bondgraph.correct.decide import channel_shares, judge, robust_p_value, robust_ratio_p_value
 from bondgraph.correct.excerpts import excerpt
@@ -39,17 +40,22 @@ _LONGEST = 0.97
 def confirmed(trial: Trial, ground: Ground) -> Trial:
     """The trial with its evidence after a second look.
 
-    On stiff models, whose fits are costly, it is as it is where its innovations are white, or it is a storage, whose
-    free simulation misses one that is there beside something else. Neither the variance of a refit nor that of a score
-    tells enough otherwise: in noise of another colour dry friction of a strut was 30 and more standard deviations from
-    zero, where its scores said p = 1 once and 0.006 once. Channels that hardly tell of it may have any colour.
+    On stiff models, whose fits are costly, it is as it is where its innovations are white. Neither the variance of a
+    refit nor that of a score tells enough otherwise: in noise of another colour dry friction of a strut was 30 and more
+    standard deviations from zero, where its scores said p = 1 once and 0.006 once. Channels that hardly tell of it may
+    have any colour. A storage, whose free simulation misses one that is there beside something else, must gain all
+    along the logs there: a soft shaft in coloured noise gained 17 to 27 nats, one to 1.5 standard errors of their sum,
+    where a true one gained 578, 4.5 of them.
     """
     if trial.fit is None or trial.evidence is None:
         return trial
     candidate = trial.candidate
-    storage = candidate.effect.adds_state and not candidate.followed
-    if ground.base.problem.filter_model.is_stiff and (storage or _is_white(trial.fit, candidate, ground.level)):
-        return trial
+    if ground.base.problem.filter_model.is_stiff:
+        if _is_white(trial.fit, candidate, ground.level):
+            return trial
+        if candidate.effect.adds_state and not candidate.followed:
+            along = gain_p_value(ground.base.own_runs, trial.fit.own_runs)
+            return replace(trial, evidence=replace(trial.evidence, p_robust=max(trial.evidence.p_robust, along)))
     base = _from_there(ground.base, trial.fit, ground)
     evidence = judge(base, trial.fit, trial.candidate.effect, trial.evidence.tried, trial.gate is not None)
     return replace(trial, evidence=_in_free_simulation(trial.fit, trial, evidence, ground))

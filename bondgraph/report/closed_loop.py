@@ -211,7 +211,10 @@ def _tried(closed: ClosedLoop) -> list[Tried]:
 def _notes(closed: ClosedLoop) -> list[str]:
     notes = []
     if closed.added and closed.corrected_holdout.logs:
-        gain, error = gain_interval(closed.nominal_holdout, closed.corrected_holdout)
+        gain, error = gain_interval(
+            [log.filtered for log in closed.nominal_holdout.logs],
+            [log.filtered for log in closed.corrected_holdout.logs],
+        )
         what = (
             "confirm the correction" if gain > 2.0 * (error if math.isfinite(error) else 0.0) else "do not confirm it"
         )

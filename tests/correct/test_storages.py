@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from bondgraph.correct import storages
+from bondgraph.correct import confirm, storages
+from bondgraph.correct.assess import gain_interval, gain_p_value
 from bondgraph.correct.build import build
 from bondgraph.correct.candidates import candidates, places
 from bondgraph.correct.decide import alternatives
@@ -98,6 +99,25 @@ def fitted(log: MatchedLog) -> Ground:
     free = (*free_parameters(setup, ()), *setup.noise)
     base = fit(setup.filter_model, [log], free, starts=noisy_starts(free))
     return Ground(built, base, (log,), 10, 0.01, 10.0)
+
+
+def test_a_gain_counts_by_its_scatter_along_the_log() -> None:
+    (run,) = fitted(swinging(hoist())).base.own_runs
+    throughout = replace(run, whitened=np.sqrt(0.95) * run.whitened)
+    few = run.whitened.copy()
+    few[:, :50] *= np.sqrt(1.0 - 0.05 * np.sum(run.whitened**2) / np.sum(few[:, :50] ** 2))  # as much, in a tenth
+    at_once = replace(run, whitened=few)
+    gains = [gain_interval([run], [one])[0] for one in (throughout, at_once)]
+    assert gains[0] == pytest.approx(gains[1]) and gains[0] > 30.0
+    assert gain_p_value([run], [throughout]) < 1e-9 < 0.01 < gain_p_value([run], [at_once])
+    assert gain_p_value([run], [run]) == 1.0
+
+
+def test_a_storage_must_gain_all_along_the_log_where_innovations_stay_coloured(monkeypatch: pytest.MonkeyPatch) -> None:
+    ground = fitted(swinging(elastic(0.02, 0.1, loss=0.05)))
+    assert one_round(ground.built, ground.base, ground.train, [effects.added_compliance]).chosen is not None
+    monkeypatch.setattr(confirm, "gain_p_value", lambda before, after: 0.2)
+    assert one_round(ground.built, ground.base, ground.train, [effects.added_compliance]).chosen is None
 
 
 def test_a_compliance_of_a_stiff_model_is_tried_though_a_loss_passes_and_spares_what_cannot_reach_it() -> None:
