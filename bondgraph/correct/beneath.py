@@ -18,7 +18,7 @@ from bondgraph.correct.decide import choose
 from bondgraph.correct.fit import Report
 from bondgraph.correct.gated_refits import gated_trials
 from bondgraph.correct.gates import gate_samples
-from bondgraph.correct.quiet import Quiet, is_driven, quiet_scores
+from bondgraph.correct.quiet import Quiet, is_driven, quiet_fit, quiet_scores
 from bondgraph.correct.refit import WORTH, Ground, worth_quiet
 from bondgraph.correct.scoring import Linearisation, Scored, linearisation, score_candidates
 from bondgraph.correct.stiff_refits import refit_quiet
@@ -64,12 +64,12 @@ def also_elsewhere(trials: Sequence[Trial], linear: Linearisation, ground: Groun
     """The trials, and the best law of a stiff model refitted at other places if its score told little of what it gains.
 
     Nor do scores tell then where it acts: those with little process noise do (a loss in a vehicle's gearbox by the
-    direction of the torque had a score of 0.7 nats, at the crank 9, where it gained 116). The quiet fit is that of
-    :func:`beneath_noise`; where the best that was found before left no state driven, there is none, and nothing to do.
+    direction of the torque had a score of 0.7 nats, at the crank 9, where it gained 116), though the best that was
+    found may leave no state driven.
     """
     done = list(trials)
     best = choose(done, ground.level)
-    if best is None or best.gate is not None or best.score_gain >= WORTH * best.gain or ground.quiet is None:
+    if best is None or best.gate is not None or best.score_gain >= WORTH * best.gain:
         return done
     others = [
         j
@@ -78,10 +78,13 @@ def also_elsewhere(trials: Sequence[Trial], linear: Linearisation, ground: Groun
     ]
     if not others:
         return done
+    fitted = ground.quiet or quiet_fit(ground.base, ground.train, ground.journal)
+    if fitted is None:
+        return done
     rest = [done[j] for j in others]
     same = [one.candidate for one in rest]
-    silent = linearisation(ground.quiet, ground.train)
-    quiet = Quiet(ground.quiet, silent, score_candidates(silent, same))
+    silent = linearisation(fitted, ground.train)
+    quiet = Quiet(fitted, silent, score_candidates(silent, same))
     for j, one in zip(others, refit_quiet(rest, score_candidates(linear, same), quiet, ground, report), strict=True):
         done[j] = one
     return done

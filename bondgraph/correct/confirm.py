@@ -99,7 +99,8 @@ def _in_free_simulation(refit: Fit, trial: Trial, evidence: Evidence, ground: Gr
         return replace(evidence, p_robust=1.0)
     names = trial.candidate.effect.coefficients
     p_value = robust_p_value(quiet, names, uneven=True)
-    without = _quietest(ground.base, ground.quiet, ground)
+    still = ground.quiet or quiet_fit(ground.base, ground.train, ground.journal)
+    without = _quietest(ground.base, still, ground)
     if without is not None:
         gain = without.nll - quiet.nll
         p_value = max(p_value, robust_ratio_p_value(gain, quiet, names))
