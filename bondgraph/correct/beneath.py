@@ -15,7 +15,8 @@ import numpy as np
 
 from bondgraph.correct.candidates import Candidate
 from bondgraph.correct.decide import choose
-from bondgraph.correct.fit import Report
+from bondgraph.correct.excerpts import excerpt
+from bondgraph.correct.fit import Fit, Report
 from bondgraph.correct.gated_refits import gated_trials
 from bondgraph.correct.gates import gate_samples
 from bondgraph.correct.quiet import Quiet, is_driven, quiet_fit, quiet_scores
@@ -28,6 +29,9 @@ from bondgraph.errors import EstimationError, FilterError
 
 #: So many lags and late sensors are refitted, and so many candidates that act in part of the data.
 _LAGS, _GATED = 1, 3
+#: The law that is best is searched at places where it scores, with little process noise, this share of what it scores
+#: at its own.
+_RIVALS = 0.6
 
 
 def beneath_noise(
@@ -69,22 +73,30 @@ def also_elsewhere(trials: Sequence[Trial], linear: Linearisation, ground: Groun
     """
     done = list(trials)
     best = choose(done, ground.level)
-    if best is None or best.gate is not None or best.score_gain >= WORTH * best.gain:
+    if best is None or best.gate is not None or best.candidate.effect.adds_state:
         return done
     others = [
         j
         for j, one in enumerate(done)
         if one.evidence is None and one.gate is None and one.candidate.function is best.candidate.function
     ]
-    if not others:
-        return done
-    fitted = ground.quiet or quiet_fit(ground.base, ground.train, ground.journal)
+    fitted = _quiet_somewhere(ground) if others and best.score_gain < WORTH * best.gain else None
     if fitted is None:
         return done
-    rest = [done[j] for j in others]
+    silent = linearisation(fitted, fitted.problem.logs)
+    own, *gains = score_candidates(silent, [best.candidate, *(done[j].candidate for j in others)]).scores.gain
+    rivals = [j for j, gain in zip(others, gains, strict=True) if gain >= _RIVALS * own]
+    rest = [done[j] for j in rivals]
     same = [one.candidate for one in rest]
-    silent = linearisation(fitted, ground.train)
     quiet = Quiet(fitted, silent, score_candidates(silent, same))
-    for j, one in zip(others, refit_quiet(rest, score_candidates(linear, same), quiet, ground, report), strict=True):
+    for j, one in zip(rivals, refit_quiet(rest, score_candidates(linear, same), quiet, ground, report), strict=True):
         done[j] = one
     return done
+
+
+def _quiet_somewhere(ground: Ground) -> Fit | None:
+    """The quiet fit, that of the beginnings of long logs if none was made."""
+    if ground.quiet is not None:
+        return ground.quiet
+    part = excerpt(ground.base.problem) or ground.base.problem
+    return quiet_fit(replace(ground.base, problem=part), part.logs, ground.journal)

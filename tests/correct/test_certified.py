@@ -25,7 +25,7 @@ def test_steps_that_are_too_long_are_told() -> None:
     log = drawn(0.0)
     setup = setup_of(log)
     fine = fit(setup.filter_model, [log], (*free_parameters(setup, ()), *setup.noise))
-    coarse = replace(setup.filter_model, substeps=1, grading=1.0)
+    coarse = replace(setup.filter_model, method="ros2", substeps=1, grading=1.0)
     found = certify(replace(fine, problem=replace(fine.problem, filter_model=coarse)))
     assert found.shift > NEGLIGIBLE_SHIFT and abs(found.nats) > 1.0
     (said,) = doubts("declared", found)

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from sympy import tanh
 
+from bondgraph.correct import beneath
 from bondgraph.correct.beneath import also_elsewhere
 from bondgraph.correct.build import build
 from bondgraph.correct.candidates import Candidate, candidates, places
@@ -52,7 +53,9 @@ def test_the_law_that_does_best_is_searched_at_other_places_though_an_exchange_s
     assert gains["quadratic_loss at drum"] > max(gains["quadratic_loss at motor"], 400.0)
 
 
-def test_a_law_whose_score_told_little_is_searched_where_it_shows_with_little_process_noise() -> None:
+def test_a_law_whose_score_told_little_is_searched_where_it_shows_with_little_process_noise(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     log, base = drawn(0.3), fitted(0.3)
     where = places(built(), [log], base.runs([log]), base.theta)
     linear = linearisation(base, [log])
@@ -65,9 +68,12 @@ def test_a_law_whose_score_told_little_is_searched_where_it_shows_with_little_pr
     assert done[0] is best and done[1].gain > best.gain > 100.0
     told = replace(best, score_gain=best.gain)
     assert also_elsewhere([told, drum], linear, ground, no_report) == [told, drum]
-    assert also_elsewhere([best, drum], linear, loud, no_report) == [best, drum]  # noise drives nothing
+    unasked = also_elsewhere([best, drum], linear, loud, no_report)  # nothing was looked for beneath the noise
+    assert unasked[1].gain == done[1].gain
     assert also_elsewhere([best], linear, ground, no_report) == [best]  # it has no other place
     assert also_elsewhere([motor, drum], linear, ground, no_report) == [motor, drum]  # nothing was found
+    monkeypatch.setattr(beneath, "_RIVALS", 100.0)
+    assert also_elsewhere([best, drum], linear, ground, no_report) == [best, drum]  # it scores too little there
 
 
 def test_of_two_that_end_close_to_each_other_each_is_searched_once_more() -> None:
