@@ -53,7 +53,7 @@ def test_the_law_that_does_best_is_searched_at_other_places_though_an_exchange_s
     assert gains["quadratic_loss at drum"] > max(gains["quadratic_loss at motor"], 400.0)
 
 
-def test_a_law_whose_score_told_little_is_searched_where_it_shows_with_little_process_noise(
+def test_the_best_law_is_searched_where_it_shows_with_little_process_noise(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     log, base = drawn(0.3), fitted(0.3)
@@ -66,8 +66,8 @@ def test_a_law_whose_score_told_little_is_searched_where_it_shows_with_little_pr
     best = refit_alone(motor, [0.2], ground)
     done = also_elsewhere([best, drum], linear, ground, no_report)
     assert done[0] is best and done[1].gain > best.gain > 100.0
-    told = replace(best, score_gain=best.gain)
-    assert also_elsewhere([told, drum], linear, ground, no_report) == [told, drum]
+    told = replace(best, score_gain=best.gain)  # a score that tells all of the gain may mislead about the place
+    assert also_elsewhere([told, drum], linear, ground, no_report)[1].gain == done[1].gain
     unasked = also_elsewhere([best, drum], linear, loud, no_report)  # nothing was looked for beneath the noise
     assert unasked[1].gain == done[1].gain
     assert also_elsewhere([best], linear, ground, no_report) == [best]  # it has no other place
