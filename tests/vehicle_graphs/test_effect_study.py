@@ -151,6 +151,14 @@ def test_cases_go_round_all_kinds_before_any_comes_again() -> None:
         all_cases(BENCH, ["effect"], ["slip at blet"], [1.0], 1)
 
 
+def test_later_seeds_give_other_cases_as_many() -> None:
+    early, late = (all_cases(BENCH, FAMILIES, (), (1.0, 3.0), 10, first) for first in (0, 20))
+    assert late == [replace(case, seed=case.seed + 20) for case in early]
+    for seeds, first in ((0, 0), (1, -1)):
+        with pytest.raises(OptionError, match=f"{seeds} seeds from {first} on - take one or more"):
+            all_cases(BENCH, FAMILIES, (), (1.0,), seeds, first)
+
+
 def test_the_right_answer_is_scored_as_right_with_its_interval(drawn: Drawn, closed: ClosedLoop) -> None:
     outcome = compare(blank(DRAG, drawn.truth.kinds), closed, drawn)
     assert (outcome.verdict, outcome.found, outcome.extra) == ("effect found", ("quadratic_loss at body",), ())
@@ -259,6 +267,9 @@ def test_the_command_prints_tables_and_writes_results(
     assert result["no_effect"]["all"]["false_alarm"]["hits"] == 8 and len(result["cases"]) == 420
     assert sum(result["confusion"]["slip at belt"].values()) == 20
     assert (tmp_path / "confusion.png").stat().st_size > 10_000
+    assert command.main([*options, "--families", "outside", "--seeds", "1", "--first-seed", "40"]) == 0
+    assert {case.seed for case in quick[420:]} == {40}
+    capsys.readouterr()
     assert command.main([*options, "--kinds", "nothing at all"]) == 2
     assert "no effect 'nothing at all'" in capsys.readouterr().err
 

@@ -48,6 +48,10 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--sizes", nargs="+", type=float, default=SIZES, metavar="S", help="default: 0.3 1 3")
     parser.add_argument("--seeds", type=int, default=10, metavar="N", help="cases of each kind and size; default: 10")
+    parser.add_argument(
+        "--first-seed", type=int, default=0, metavar="K",
+        help="cases from this seed on, as those that a change of the loop was not judged by; default: 0",
+    )  # fmt: skip
     parser.add_argument("--workers", type=int, default=1, metavar="N", help="processes; default: 1")
     parser.add_argument("--minutes", type=float, metavar="M", help="begin no case later than that")
     parser.add_argument("--short", action="store_true", help="logs of half the length")
@@ -62,7 +66,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     found: list[Outcome] = []
     interrupted = False
     try:
-        cases = all_cases(study.machine, options.families, options.kinds, options.sizes, max(options.seeds, 1))
+        cases = all_cases(
+            study.machine, options.families, options.kinds, options.sizes, options.seeds, options.first_seed
+        )
         options.out.mkdir(parents=True, exist_ok=True)
         _run(study, cases, options, found)
     except KeyboardInterrupt:

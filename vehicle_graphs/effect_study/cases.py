@@ -88,7 +88,12 @@ class Case:
 
 
 def all_cases(
-    machine: StudyMachine, families: Sequence[Family], subjects: Sequence[str], sizes: Sequence[float], seeds: int
+    machine: StudyMachine,
+    families: Sequence[Family],
+    subjects: Sequence[str],
+    sizes: Sequence[float],
+    seeds: int,
+    first: int = 0,
 ) -> list[Case]:
     """The cases of a study, all kinds once before any of them a second time, so that a part of them tells something.
 
@@ -105,24 +110,29 @@ def all_cases(
     seeds
         Cases of each kind and size. Without an effect each variant takes two and a half times as many, so that ten
         seeds make a hundred.
+    first
+        The first seed. Whoever changes the loop while looking at some seeds can judge it by others.
 
     Raises
     ------
     OptionError
-        If the machine has no such effect.
+        If the machine has no such effect, or there are no such seeds.
     """
+    if seeds < 1 or first < 0:
+        raise OptionError(f"{seeds} seeds from {first} on - take one or more, from 0 or later on", where=("seeds",))
     known = [kind.label for kind in (*machine.kinds, *machine.faults)]
     for label in subjects:
         if label not in known:
             raise OptionError(f"{machine.name}: no effect {label!r}{suggest(label, known)}", where=(label,))
     found: list[Case] = []
-    for seed in range(seeds):
+    for seed in range(first, first + seeds):
         for size in sizes:
             found += _of_family(machine, "effect", size, seed) if "effect" in families else []
         for family in FAMILIES[1:]:
             found += _of_family(machine, family, CLEAR, seed) if family in families else []
     if "none" in families:
-        found += [Case("none", name, 0.0, seed) for seed in range(seeds, (5 * seeds + 1) // 2) for name, _ in NOTHING]
+        for seed in range(first + seeds, first + (5 * seeds + 1) // 2):
+            found += _of_family(machine, "none", 0.0, seed)
     return [case for case in found if not subjects or case.family == "none" or case.subject in subjects]
 
 
