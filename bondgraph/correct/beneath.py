@@ -28,7 +28,7 @@ from bondgraph.correct.trials import Trial
 from bondgraph.errors import EstimationError, FilterError
 
 #: So many lags and late sensors are refitted, and so many candidates that act in part of the data.
-_LAGS, _GATED = 1, 3
+_LAGS, _GATED = 1, 4
 #: The law that is best is searched at places where it scores, with little process noise, this share of what it scores
 #: at its own.
 _RIVALS = 0.6

@@ -184,6 +184,7 @@ def alternatives(
     listed: list[Alternative] = []
     for trial in ranked:
         close, why = _why_not(chosen, trial, found, order, level)
+        why = f"acting {trial.gate}, {why}" if trial.gate else why
         why += f"; {trial.remark}" if trial.remark else ""
         if close or len(listed) < most:
             place = trial.candidate.place.label

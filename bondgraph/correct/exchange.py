@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from bondgraph.correct.candidates import Candidate, Variant
+from bondgraph.correct.gates import Gate
 from bondgraph.correct.refit import coefficients, inside
 from bondgraph.correct.response import Change, Path, model_change, together
 from bondgraph.correct.score import best_step, project, solve
@@ -47,7 +48,7 @@ def exchanges(
     ----------
     found
         The refitted candidate; nothing can be said without a refit, with its coefficients on a bound, or where it
-        brings a state (a deflection) that the others have no place for.
+        brings a state (a deflection) that the others have no place for. If it acts in part of the data, so do they.
     others, variants
         The candidates, which bring no storage of their own, and how each is tried.
     train
@@ -66,6 +67,8 @@ def exchanges(
         together([_change(log.path, one, how) for one, how in zip(others, variants, strict=True)])
         for log in linear.logs
     ]
+    if found.gate is not None:
+        changes = [_in_part(one, log.path, found.gate, train) for one, log in zip(changes, linear.logs, strict=True)]
     expansion = linear.expansion(linear.columns(changes))
     kept = np.flatnonzero(~fitted.held)
     common = np.flatnonzero(kept < shared)
@@ -93,6 +96,12 @@ def exchanges(
         ends = [fitted.point[:shared] + share * shift for share in _STRIDES]
         results.append(Exchange(removal - gain, tuple(np.concatenate([end, reached, shapes]) for end in ends)))
     return results
+
+
+def _in_part(change: Change, path: Path, gate: Gate, logs: Sequence[MatchedLog]) -> Change:
+    """The changes of candidates that act from a time on, or until it."""
+    on = gate.acts(path.time, path.log.name, logs)[:, np.newaxis]
+    return Change(change.start * on[:-1], change.end * on[1:], change.outputs * on)
 
 
 def _change(path: Path, candidate: Candidate, variant: Variant) -> Change:

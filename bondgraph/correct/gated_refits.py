@@ -15,6 +15,7 @@ from bondgraph.correct.refit import Ground, refit_alone, remoteness
 from bondgraph.correct.scoring import Linearisation, Scored
 from bondgraph.correct.stiff_picks import attainable
 from bondgraph.correct.trials import Trial
+from bondgraph.data.log import FloatArray
 from bondgraph.errors import EstimationError, FilterError
 
 #: A gated candidate must promise this many nats more than the best that acts throughout, beyond its number.
@@ -60,18 +61,25 @@ def _gated_refit(best: Gated, peer: Peer, known: Scored, ground: Ground) -> list
     """One of the candidates that act in part of the data, refitted; none where its graph is refused."""
     index, step = min(peer, key=lambda one: (*remoteness(known.candidates[one[0]]), one[0]))
     step = best.step if index == best.index else step
-    original = known.candidates[index]
-    function = gated(original.function, best.gate, ground.train)
-    made, _ = candidates(ground.built, [function], [original.place])
-    if not made:
-        return []
-    candidate = made[0]
-    train = with_gate(ground.train, candidate.effect, best.gate)
     twins = tuple(known.candidates[k].label for k, _ in peer if k != index)
     chance = min(1.0, best.p_value * best.tested)
-    trial = Trial(candidate, best.gain, (step,), score_p=chance, stands_for=twins, gate=best.gate)
+    trial = Trial(known.candidates[index], best.gain, (step,), score_p=chance, stands_for=twins, gate=best.gate)
+    return refit_in_part(trial, ground, best.tested, 0.5 * ground.need)
+
+
+def refit_in_part(
+    trial: Trial, ground: Ground, tried: int, worth: float, points: Sequence[FloatArray] = ()
+) -> list[Trial]:
+    """A trial of a candidate, made to act in the part of its gate and refitted; none where that cannot be done."""
+    assert trial.gate is not None  # else there is no part
+    function = gated(trial.candidate.function, trial.gate, ground.train)
+    made, _ = candidates(ground.built, [function], [trial.candidate.place])
+    if not made:
+        return []
+    train = with_gate(ground.train, made[0].effect, trial.gate)
+    own = replace(trial, candidate=made[0])
     try:
-        return [refit_alone(trial, [step], replace(ground, train=train), tried=best.tested, worth=0.5 * ground.need)]
+        return [refit_alone(own, trial.step, replace(ground, train=train), tried=tried, worth=worth, points=points)]
     except (EstimationError, FilterError):  # it diverges wherever its score points
         return []
 

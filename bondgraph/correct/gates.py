@@ -70,6 +70,11 @@ class Gate:
             name: self.time if k == own else (_FAR if k < own else -_FAR) for k, name in enumerate(names)
         }  # fmt: skip
 
+    def acts(self, time: FloatArray, log: str, logs: Sequence[MatchedLog]) -> FloatArray:
+        """One where the effect acts at times of a log, zero where it does not."""
+        past = time > self.times(logs)[log]
+        return np.where(past if self.when == "from" else ~past, 1.0, 0.0)
+
 
 def gated(function: EffectFunction, gate: Gate, logs: Sequence[MatchedLog]) -> EffectFunction:
     """The effect function whose effect acts from or until a time; the time is a parameter that each log knows."""
@@ -273,26 +278,35 @@ def best_gated(linear: Linearisation, scored: Scored) -> Gated | None:
     _, gate, response, gain, top = chosen
     projected = linear.projected(response)
     step, own, p_value = best_step(projected, [top], one_sided[[top]])
-    near = _peers(projected, gain, top, usable)
+    near = _peers(projected, gain, top, usable, found)
     return Gated(usable[top], gate, own, float(step[0]), p_value, 2 * len(points) * len(usable), near)
 
 
-def _peers(projected: Projected, gain: FloatArray, top: int, usable: Sequence[int]) -> tuple[Peer, ...]:
-    """Candidates nearly as good as the best, those of one response together."""
+def _peers(
+    projected: Projected, gain: FloatArray, top: int, usable: Sequence[int], found: Sequence[Candidate]
+) -> tuple[Peer, ...]:
+    """Candidates nearly as good as the best, those of one response together; the best of each place before others.
+
+    Where a law acts is told less by scores than which of them acts there is told by a refit.
+    """
     told = np.diag(projected.information)
     size = np.sqrt(np.where(projected.seen & (told > 0.0), told, 1.0))  # what is not seen gains nothing either
     alike = projected.information / np.outer(size, size)
+    near = [int(k) for k in np.argsort(-gain, kind="stable") if gain[k] >= _NEAR * gain[top] - _CLOSE and k != top]
     groups: list[list[int]] = [[top]]
-    for k in map(int, np.argsort(-gain, kind="stable")):
-        if gain[k] < _NEAR * gain[top] - _CLOSE or len(groups) > _MOST_PEERS:
-            break
+    for k in near:
         group = next((group for group in groups if abs(alike[group[0], k]) > _SAME), None)
         if group is None:
             groups.append([k])
-        elif k != top:
+        else:
             group.append(k)
+    first, further, seen = list[list[int]](), list[list[int]](), set[str]()
+    for group in groups:
+        own = {found[usable[k]].place.label for k in group}
+        (further if own & seen else first).append(group)
+        seen |= own
     steps = projected.score / size**2
-    return tuple(tuple((usable[k], float(steps[k])) for k in group) for group in groups[:_MOST_PEERS])
+    return tuple(tuple((usable[k], float(steps[k])) for k in group) for group in (first + further)[:_MOST_PEERS])
 
 
 def _simplest(gain: FloatArray, candidates: Sequence[Candidate]) -> int:

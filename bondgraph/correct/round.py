@@ -26,6 +26,7 @@ from bondgraph.correct.located import LocatedAt, locate
 from bondgraph.correct.probes import Probe, Signal, probes, signals
 from bondgraph.correct.quiet import Quiet, quiet_scores
 from bondgraph.correct.refit import Ground, refit_best, worth_quiet
+from bondgraph.correct.rivals import rivals
 from bondgraph.correct.runoff import runoff
 from bondgraph.correct.scoring import Linearisation, Scored, linearisation, score_candidates
 from bondgraph.correct.simpler import also_simpler
@@ -125,7 +126,7 @@ def one_round(
     else:
         looks_at = [(linear, scored), *(() if quiet is None else ((quiet.linear, quiet.scored),))]
         trials += gated_trials(looks_at, ground, settings.report)
-    trials, chosen = _chosen(trials, ground)
+    trials, chosen = _chosen(rivals(trials, scored, ground), ground)
     others = alternatives(chosen, trials, scored.scores, settings.level)
     others = _with_advice(built, base, chosen, others, scored)
     seen = detectable(vanishing, scored.scores, need)
