@@ -63,10 +63,7 @@ def exchanges(
     if not all(states <= set(one.model.names("state")) for one in others):
         return [None] * len(others)
     linear = linearisation(fitted, train)
-    changes = [
-        together([_change(log.path, one, how) for one, how in zip(others, variants, strict=True)])
-        for log in linear.logs
-    ]
+    changes = [_changes(log.path, others, variants) for log in linear.logs]
     if found.gate is not None:
         changes = [_in_part(one, log.path, found.gate, train) for one, log in zip(changes, linear.logs, strict=True)]
     expansion = linear.expansion(linear.columns(changes))
@@ -98,22 +95,31 @@ def exchanges(
     return results
 
 
+def _changes(path: Path, others: Sequence[Candidate], variants: Sequence[Variant]) -> Change:
+    """The changes by all coefficients of candidates, a lane each; all of them do nothing where these are zero."""
+    model = others[0].model
+    absent = model_change(path, model, model.theta(**path.parameters(model)), 1.0)
+    return together([_change(path, one, how, absent) for one, how in zip(others, variants, strict=True)])
+
+
 def _in_part(change: Change, path: Path, gate: Gate, logs: Sequence[MatchedLog]) -> Change:
     """The changes of candidates that act from a time on, or until it."""
     on = gate.acts(path.time, path.log.name, logs)[:, np.newaxis]
     return Change(change.start * on[:-1], change.end * on[1:], change.outputs * on)
 
 
-def _change(path: Path, candidate: Candidate, variant: Variant) -> Change:
-    """The changes by the coefficients of a candidate along the path of a model that has another effect, a lane each."""
+def _change(path: Path, candidate: Candidate, variant: Variant, absent: Change) -> Change:
+    """The changes by the coefficients of a candidate along the path of a model that has another effect, a lane each.
+
+    ``absent``: the change that taking the other effect out makes, which it needs not do.
+    """
     known = path.parameters(candidate.model) | dict(variant.shapes)
     lanes = []
     for name, size in zip(candidate.effect.coefficients, variant.sizes, strict=True):
-        with_it, without = (
-            model_change(path, candidate.model, candidate.model.theta(**known | {name: value}), size)
-            for value in (size, 0.0)
-        )
+        there = model_change(path, candidate.model, candidate.model.theta(**known | {name: size}), size)
         lanes.append(
-            Change(with_it.start - without.start, with_it.end - without.end, with_it.outputs - without.outputs)
+            Change(
+                there.start - absent.start / size, there.end - absent.end / size, there.outputs - absent.outputs / size
+            )
         )
     return together(lanes)

@@ -96,13 +96,16 @@ def _ends(done: Sequence[Trial], best: Trial) -> list[Trial]:
 
 
 def _others(done: Sequence[Trial], best: Trial, scored: Scored) -> list[int]:
-    """The candidates that were not refitted, nor stand together with one that was, acting when the best does."""
-    refitted = {one.candidate.label for one in done if one.gate == best.gate and one.evidence is not None}
-    refitted |= {label for one in done if one.gate == best.gate and one.fit is not None for label in one.stands_for}
+    """The candidates that act when the best does, and were neither refitted, alone or with others, nor compared yet."""
+    known = set[str]()
+    for one in done:
+        compared = one.instead is not None and one.instead[0] == best.candidate.label
+        if one.gate == best.gate and (one.evidence is not None or compared):
+            known |= {one.candidate.label, *(one.stands_for if one.fit is not None else ())}
     return [
         j
         for j, one in enumerate(scored.candidates)
-        if one.label not in refitted
+        if one.label not in known
         and (best.gate is None or (len(one.effect.parameters) == 1 and not one.effect.channel))
     ]
 

@@ -13,6 +13,7 @@ from bondgraph.correct.response import Change, LinearLog, Path, linearise, model
 from bondgraph.correct.score import LEFT, Projected, Scores, project, scores, solve
 from bondgraph.correct.times import Times, term_times
 from bondgraph.data.log import FloatArray, MatchedLog
+from bondgraph.estimate.free import FreeParameter
 from bondgraph.estimate.objective import Expansion, expansion_of, over_terms
 from bondgraph.filter.filter_run import FilterRun
 from bondgraph.simulate.model import Model
@@ -108,26 +109,30 @@ def linearisation(base: Fit, train: Sequence[MatchedLog]) -> Linearisation:
     chosen = np.concatenate([[0], 1 + kept])
     free, scales = terms.innovations[:, chosen].copy(), terms.log_scales[:, chosen].copy()
     bare = Linearisation(base, model, runs, logs, free, scales, term_times(base.problem))
-    for column, index in enumerate(kept, start=1):
-        parameter = base.problem.free[index]
-        if parameter.target.kind != "parameter":
-            continue
-        value = base.values[parameter.name]
-        size = _SHIFT * (parameter.upper - parameter.lower)
-        size = -size if value + size > parameter.upper else size
-        changes = [_shifted(linear.path, model, parameter.name, size, parameter.slope(value)) for linear in logs]
-        response = bare.columns(changes)[:, 0]
-        timed = bare.times.sample >= 0
+    moved = {
+        column: base.problem.free[index]
+        for column, index in enumerate(kept, start=1)
+        if base.problem.free[index].target.kind == "parameter"
+    }
+    if not moved:
+        return bare
+    changes = [together([_moved(linear.path, base, one) for one in moved.values()]) for linear in logs]
+    responses = bare.columns(changes)
+    timed = bare.times.sample >= 0
+    for column, response in zip(moved, responses.T, strict=True):
         free[timed, column], scales[timed, column] = response[timed], 0.0
     return bare
 
 
-def _shifted(path: Path, model: Model, name: str, size: float, slope: float) -> Change:
-    """The change by one parameter; none where the log knows its value."""
+def _moved(path: Path, base: Fit, parameter: FreeParameter) -> Change:
+    """The change per unit of the coordinate of one parameter; none where the log knows its value."""
+    value = base.values[parameter.name]
+    size = _SHIFT * (parameter.upper - parameter.lower)
+    size = -size if value + size > parameter.upper else size
     theta = path.theta.copy()
-    if name not in path.log.theta_overrides:
-        theta[model.index("parameter", name)] += size
-    return model_change(path, model, theta, size / slope)
+    if parameter.name not in path.log.theta_overrides:
+        theta[base.problem.filter_model.model.index("parameter", parameter.name)] += size
+    return model_change(path, base.problem.filter_model.model, theta, size / parameter.slope(value))
 
 
 def candidate_change(path: Path, candidate: Candidate, variant: Variant) -> Change:
