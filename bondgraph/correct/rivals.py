@@ -26,6 +26,8 @@ _MORE, _AGAIN = 1.0, 3
 _ENDS, _NEAR = 4, 10.0
 #: Responses more alike than this are one and the same but for rounding; than this, one of them is refitted.
 _SAME, _ALIKE = 1.0 - 1e-6, 0.99
+#: What is less alike than this, without any effect, is not asked for: drag of a body and of its front axle are by 0.35.
+_STRANGE = 0.2
 
 
 def rivals(trials: Sequence[Trial], scored: Scored, ground: Ground) -> list[Trial]:
@@ -58,7 +60,8 @@ def _compare(done: list[Trial], best: Trial, scored: Scored, ground: Ground, mos
     """
     again: dict[int, float] = {}
     for end in (best, *_ends(done, best)):
-        others = [j for j in _others(done, best, scored) if end is best or _is_at(scored, j, end.candidate.place.label)]
+        near = _near(scored, end, best)
+        others = [j for j in _others(done, best, scored) if near[j]]
         for one, j in _told(end, others, scored, ground):
             loss = one.loss + best.gain - end.gain
             if loss >= CLOSE:
@@ -107,6 +110,22 @@ def _others(done: Sequence[Trial], best: Trial, scored: Scored) -> list[int]:
         for j, one in enumerate(scored.candidates)
         if one.label not in known
         and (best.gate is None or (len(one.effect.parameters) == 1 and not one.effect.channel))
+    ]
+
+
+def _near(scored: Scored, end: Trial, best: Trial) -> list[bool]:
+    """Of each candidate whether it may do as well as one that was refitted: of another than the best at its place.
+
+    What responses throughout have in common tells nothing of those in a part.
+    """
+    labels = [one.label for one in scored.candidates]
+    if end.candidate.label not in labels:  # a storage has no score
+        return [end is best] * len(labels)
+    own = labels.index(end.candidate.label)
+    return [
+        (best.gate is not None or _alike(scored, own, j) > _STRANGE)
+        and (end is best or _is_at(scored, j, end.candidate.place.label))
+        for j in range(len(labels))
     ]
 
 

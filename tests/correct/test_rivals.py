@@ -61,7 +61,10 @@ def test_what_does_as_well_in_its_place_is_not_told_apart_whatever_scores_said(
     drum = [one for one in where if one.label == "drum"]
     found, _ = candidates(built(), [effects.quadratic_loss, squared_loss], drum)
     scored = score_candidates(linearisation(ground.base, ground.train), found)
-    silent = replace(scored, scores=replace(scored.scores, correlation=np.eye(2)))
+    silent, strange = (
+        replace(scored, scores=replace(scored.scores, correlation=np.array([[1.0, known], [known, 1.0]])))
+        for known in (0.3, 0.1)
+    )
     drag, same = (Trial(one, 0.0) for one in found)
     there = refit_alone(drag, [0.2], ground)
     done = rivals([there, same], silent, ground)
@@ -72,6 +75,7 @@ def test_what_does_as_well_in_its_place_is_not_told_apart_whatever_scores_said(
     assert other.indistinguishable and "in its place it would do as well" in other.why
     (other,) = alternatives(there, [there, same], silent.scores, ground.level)
     assert not other.indistinguishable
+    assert rivals([there, same], strange, ground) == [there, same]  # they have nothing in common
 
 
 def late(function: EffectFunction, size: float) -> MatchedLog:
