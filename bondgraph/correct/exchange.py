@@ -111,7 +111,7 @@ def _in_part(change: Change, path: Path, gate: Gate, logs: Sequence[MatchedLog])
 def _change(path: Path, candidate: Candidate, variant: Variant, absent: Change) -> Change:
     """The changes by the coefficients of a candidate along the path of a model that has another effect, a lane each.
 
-    ``absent``: the change that taking the other effect out makes, which it needs not do.
+    ``absent``: the change by taking the other effect out, which is in that by each candidate and none of its own.
     """
     known = path.parameters(candidate.model) | dict(variant.shapes)
     lanes = []

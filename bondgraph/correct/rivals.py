@@ -60,8 +60,8 @@ def _compare(done: list[Trial], best: Trial, scored: Scored, ground: Ground, mos
     """
     again: dict[int, float] = {}
     for end in (best, *_ends(done, best)):
-        near = _near(scored, end, best)
-        others = [j for j in _others(done, best, scored) if near[j]]
+        due = _comparable(scored, end, best)
+        others = [j for j in _others(done, best, scored) if due[j]]
         for one, j in _told(end, others, scored, ground):
             loss = one.loss + best.gain - end.gain
             if loss >= CLOSE:
@@ -113,7 +113,7 @@ def _others(done: Sequence[Trial], best: Trial, scored: Scored) -> list[int]:
     ]
 
 
-def _near(scored: Scored, end: Trial, best: Trial) -> list[bool]:
+def _comparable(scored: Scored, end: Trial, best: Trial) -> list[bool]:
     """Of each candidate whether it may do as well as one that was refitted: of another than the best at its place.
 
     What responses throughout have in common tells nothing of those in a part.

@@ -12,7 +12,7 @@ from bondgraph.correct.candidates import candidates, places
 from bondgraph.correct.decide import CLOSE, alternatives, choose
 from bondgraph.correct.exchange import exchanges
 from bondgraph.correct.gated_refits import refit_in_part
-from bondgraph.correct.gates import Gate, best_gated, gate_samples, gated
+from bondgraph.correct.gates import Gate, _peers, best_gated, gate_samples, gated
 from bondgraph.correct.refit import Ground, refit_alone
 from bondgraph.correct.rivals import rivals
 from bondgraph.correct.scoring import Scored, linearisation, score_candidates
@@ -136,8 +136,15 @@ def test_each_place_has_one_that_acts_in_part_before_another_has_two(part: tuple
     linear = linearisation(ground.base, ground.train)
     best = best_gated(linear, scored)
     assert best is not None and best.peers[0][0][0] == best.index
-    seen = [{scored.candidates[j].place.label for j, _ in peer} for peer in best.peers]
-    assert {"motor", "drum"} <= seen[0] | seen[1]
+    order = [one.label for one in scored.candidates]
+    gains = {"quadratic_loss at drum": 500.0, "cubic_loss at drum": 499.0, "quadratic_loss at motor": 490.0}
+    near = np.array([gains.get(label, 0.0) for label in order])
+    projected = linear.projected(np.concatenate(scored.columns, axis=1))
+    projected = replace(projected, information=np.diag(np.diag(projected.information)))  # the coupling ties both places
+    found = _peers(projected, near, int(near.argmax()), range(len(order)), scored.candidates)
+    assert [order[peer[0][0]] for peer in found] == [
+        "quadratic_loss at drum", "quadratic_loss at motor", "cubic_loss at drum",
+    ]  # fmt: skip
 
 
 def test_a_gate_acts_from_its_time_through_all_later_logs() -> None:
