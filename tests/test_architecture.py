@@ -32,6 +32,9 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
     **{room: (*FOUNDATION, *DESIGN_TIME, *RUN_TIME, *ON_TOP[:i]) for i, room in enumerate(ON_TOP)},
 }
 
+#: Rooms inside ``correct``, in the order in which a loop goes through them; what stands beside them is the loop itself.
+CORRECT = ("models", "responses", "fits", "scores", "places", "refits")
+
 MODULE_LINES = 400
 MODULE_LINES_AT_MOST = 600
 FUNCTION_LINES = 45
@@ -130,6 +133,26 @@ def test_a_wrong_import_is_found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
         "import bondgraph\nfrom bondgraph.simulate.model import Model\nfrom bondgraph.errors import FilterError"
     )
     assert _import_errors(path) == []
+
+
+def test_rooms_inside_correct_import_one_way() -> None:
+    assert {path.name for path in (PACKAGE / "correct").iterdir() if path.is_dir()} - {"__pycache__"} == set(CORRECT)
+    later = {
+        room: tuple(f"bondgraph.correct.{one}" for one in CORRECT[i + 1 :]) + _of_the_loop()
+        for i, room in enumerate(CORRECT)
+    }
+    errors = [
+        f"{_name(path)}:{line} imports {name}"
+        for room, unknown in later.items()
+        for path in _modules(PACKAGE / "correct" / room)
+        for line, name in _imports(path)
+        if any(name == one or name.startswith(f"{one}.") for one in unknown)
+    ]
+    assert errors == []
+
+
+def _of_the_loop() -> tuple[str, ...]:
+    return tuple(f"bondgraph.correct.{path.stem}" for path in (PACKAGE / "correct").glob("[!_]*.py"))
 
 
 _LOADED = """

@@ -17,10 +17,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from bondgraph.correct.build import BuiltModel, build
-from bondgraph.correct.fit import Fit, fit, noisy_starts
+from bondgraph.correct.fits.fit import Fit, fit, noisy_starts
+from bondgraph.correct.fits.setup import filter_setup
 from bondgraph.correct.loop import free_parameters
-from bondgraph.correct.setup import filter_setup
+from bondgraph.correct.models.build import BuiltModel, build
 from bondgraph.data.log import Log, MatchedLog
 from bondgraph.data.match import match
 from bondgraph.declare.graph import BondGraph

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from bondgraph.correct.build import build
+from bondgraph.correct.models.build import build
 from bondgraph.data.log import Log, LogChannel
 from bondgraph.data.write import write_log
 from bondgraph.declare.editing import handle, with_values

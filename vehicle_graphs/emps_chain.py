@@ -35,11 +35,11 @@ from pathlib import Path
 import numpy as np
 from scipy import signal
 
-from bondgraph.correct.build import BuiltModel, build
-from bondgraph.correct.certified import refined
-from bondgraph.correct.fit import Fit, fit, noisy_starts
+from bondgraph.correct.fits.fit import Fit, fit, noisy_starts
+from bondgraph.correct.fits.setup import filter_setup
 from bondgraph.correct.loop import free_parameters
-from bondgraph.correct.setup import filter_setup
+from bondgraph.correct.models.build import BuiltModel, build
+from bondgraph.correct.refits.certified import refined
 from bondgraph.data.log import Log, MatchedLog
 from bondgraph.data.match import match
 from bondgraph.data.read import read_log

@@ -27,7 +27,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.optimize import least_squares
 
-from bondgraph.correct.build import build
+from bondgraph.correct.models.build import build
 from bondgraph.data.log import Log, MatchedLog
 from bondgraph.data.match import match
 from bondgraph.data.read import read_log

@@ -20,7 +20,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from bondgraph.correct.build import build
+from bondgraph.correct.models.build import build
 from bondgraph.data.log import MatchedLog
 from bondgraph.data.match import match
 from bondgraph.data.read import read_log

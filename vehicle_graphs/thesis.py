@@ -31,7 +31,7 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
-from bondgraph.correct.build import build
+from bondgraph.correct.models.build import build
 from bondgraph.data.log import MatchedLog
 from bondgraph.errors import BondGraphError, DataError
 from bondgraph.estimate.estimate import Method, Settings, estimate

@@ -12,10 +12,10 @@ from pathlib import Path
 from types import ModuleType
 
 from bondgraph.cli.values import names
-from bondgraph.correct.build import build
-from bondgraph.correct.journal import Journal
+from bondgraph.correct.fits.journal import Journal
 from bondgraph.correct.loop import ClosedLoop, LoopSettings
 from bondgraph.correct.loop import close_loop as run_loop
+from bondgraph.correct.models.build import build
 from bondgraph.data.match import read_mapping
 from bondgraph.declare.effect import effect_functions
 from bondgraph.declare.files import load_graph

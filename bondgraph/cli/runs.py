@@ -8,7 +8,7 @@ import sys
 from pathlib import Path
 
 from bondgraph.cli.values import assignments, finite, initial, names
-from bondgraph.correct.build import build
+from bondgraph.correct.models.build import build
 from bondgraph.data.log import MatchedLog
 from bondgraph.data.match import match, read_mapping
 from bondgraph.data.read import read_log

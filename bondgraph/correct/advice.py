@@ -13,13 +13,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from bondgraph.correct.bonds import bond_model
-from bondgraph.correct.build import BuiltModel
-from bondgraph.correct.candidates import Candidate, Variant
-from bondgraph.correct.fit import Fit
-from bondgraph.correct.intervals import integrator
-from bondgraph.correct.response import Path, model_change, open_loop, output_slopes, respond, together
-from bondgraph.correct.score import solve
+from bondgraph.correct.fits.fit import Fit
+from bondgraph.correct.models.bonds import bond_model
+from bondgraph.correct.models.build import BuiltModel
+from bondgraph.correct.models.candidates import Candidate, Variant
+from bondgraph.correct.responses.intervals import integrator
+from bondgraph.correct.responses.response import Path, model_change, open_loop, output_slopes, respond, together
+from bondgraph.correct.scores.score import solve
 from bondgraph.data.log import FloatArray, MatchedLog
 from bondgraph.derive.causality import assign_causality
 from bondgraph.errors import BondGraphError

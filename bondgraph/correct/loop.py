@@ -16,21 +16,21 @@ from typing import Literal
 
 import numpy as np
 
-from bondgraph.correct.assess import Assessment, assess
-from bondgraph.correct.build import BuiltModel, build
-from bondgraph.correct.certified import Certifications, doubts
-from bondgraph.correct.faults import SENSOR_FAULTS
-from bondgraph.correct.fit import BLOCKS, Fit, Report, fit, no_report, noisy_starts, quiet_start
-from bondgraph.correct.journal import Journal
+from bondgraph.correct.fits.assess import Assessment, assess
+from bondgraph.correct.fits.fit import BLOCKS, Fit, Report, fit, no_report, noisy_starts, quiet_start
+from bondgraph.correct.fits.journal import Journal
+from bondgraph.correct.fits.rates import rated, with_followed_rates
+from bondgraph.correct.fits.setup import FilterSetup, filter_setup
+from bondgraph.correct.fits.whiteness import Whiteness, whiteness
+from bondgraph.correct.models.build import BuiltModel, build
+from bondgraph.correct.models.faults import SENSOR_FAULTS
+from bondgraph.correct.places.structure import Structure, structure
+from bondgraph.correct.places.unexplained import Unexplained
 from bondgraph.correct.progress import Decision, Progress, advance
-from bondgraph.correct.rates import rated, with_followed_rates
+from bondgraph.correct.refits.certified import Certifications, doubts
+from bondgraph.correct.refits.trials import Detectable, Trial
 from bondgraph.correct.rest import Rest, settle
 from bondgraph.correct.round import Round, RoundSettings, one_round
-from bondgraph.correct.setup import FilterSetup, filter_setup
-from bondgraph.correct.structure import Structure, structure
-from bondgraph.correct.trials import Detectable, Trial
-from bondgraph.correct.unexplained import Unexplained
-from bondgraph.correct.whiteness import Whiteness, whiteness
 from bondgraph.data.log import MatchedLog
 from bondgraph.declare.editing import handle, with_values, without_input_rates
 from bondgraph.declare.effect import EffectFunction, Place, Scale
@@ -55,8 +55,8 @@ class LoopSettings:
     """How far a correction goes.
 
     ``level`` is the chance of a false alarm over all candidates of one round; ``refits`` how many of the best scores
-    are refitted at most; ``process_noise`` as in :func:`bondgraph.correct.setup.filter_setup`; ``faults``: faults of
-    sensors are candidates too; ``tables``: what stays unexplained is added as a table whose points are parameters;
+    are refitted at most; ``process_noise`` as in :func:`bondgraph.correct.fits.setup.filter_setup`; ``faults``: faults
+    of sensors are candidates too; ``tables``: what stays unexplained is added as a table whose points are parameters;
     ``journal`` keeps finished fits.
     """
 
@@ -83,7 +83,7 @@ class ClosedLoop:
     """The whole correction: both models fitted and assessed, and the history of decisions.
 
     ``nominal_check`` and ``corrected_check`` say what halved integration steps would change. Both built models may have
-    rates among their inputs that no equation uses, see :func:`bondgraph.correct.rates.with_followed_rates`.
+    rates among their inputs that no equation uses, see :func:`bondgraph.correct.fits.rates.with_followed_rates`.
     """
 
     verdict: Verdict

@@ -7,15 +7,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from bondgraph.correct.build import BuiltModel, build
-from bondgraph.correct.candidates import candidates
-from bondgraph.correct.decide import robust_p_value
-from bondgraph.correct.fit import Fit, fit
-from bondgraph.correct.gates import Constancy, Gate, When, constancy, gated, with_gate
-from bondgraph.correct.refit import Ground, at_optimum, refit_alone
+from bondgraph.correct.fits.fit import Fit, fit
+from bondgraph.correct.fits.starts import with_starts
+from bondgraph.correct.models.build import BuiltModel, build
+from bondgraph.correct.models.candidates import candidates
+from bondgraph.correct.refits.decide import robust_p_value
+from bondgraph.correct.refits.refit import Ground, at_optimum, refit_alone
+from bondgraph.correct.refits.trials import Trial
 from bondgraph.correct.round import Round, RoundSettings
-from bondgraph.correct.starts import with_starts
-from bondgraph.correct.trials import Trial
+from bondgraph.correct.scores.gates import Constancy, Gate, When, constancy, gated, with_gate
 from bondgraph.data.log import MatchedLog
 from bondgraph.declare.graph import BondGraph
 from bondgraph.errors import EstimationError

@@ -7,15 +7,23 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from bondgraph.correct.candidates import candidates, places
-from bondgraph.correct.located import locate
-from bondgraph.correct.probes import Probe, Signal, probes, signals
+from bondgraph.correct.models.candidates import candidates, places
+from bondgraph.correct.places.located import locate
+from bondgraph.correct.places.probes import Probe, Signal, probes, signals
+from bondgraph.correct.places.unexplained import (
+    Spline,
+    Unexplained,
+    distinct,
+    needless,
+    splines,
+    table_effect,
+    unexplained,
+)
 from bondgraph.correct.progress import Decision, Progress, without
-from bondgraph.correct.refit import Ground, refit_alone
+from bondgraph.correct.refits.refit import Ground, refit_alone
+from bondgraph.correct.refits.trials import Trial
 from bondgraph.correct.round import Round, RoundSettings
-from bondgraph.correct.scoring import Linearisation, linearisation
-from bondgraph.correct.trials import Trial
-from bondgraph.correct.unexplained import Spline, Unexplained, distinct, needless, splines, table_effect, unexplained
+from bondgraph.correct.scores.scoring import Linearisation, linearisation
 
 #: Functions without a law are tried at so many places.
 _SUSPECTS = 8

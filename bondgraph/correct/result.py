@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from bondgraph.correct.assess import Assessment
-from bondgraph.correct.fit import Fit
+from bondgraph.correct.fits.assess import Assessment
+from bondgraph.correct.fits.fit import Fit
 from bondgraph.correct.loop import Added, ClosedLoop
-from bondgraph.correct.trials import Trial
+from bondgraph.correct.refits.trials import Trial
 from bondgraph.estimate.certify import NEGLIGIBLE_SHIFT, Check
 
 

@@ -11,29 +11,29 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from bondgraph.correct.absent import absent_when_zero
 from bondgraph.correct.advice import separation
-from bondgraph.correct.beneath import also_elsewhere, beneath_noise
-from bondgraph.correct.build import BuiltModel
-from bondgraph.correct.candidates import Candidate, Refused, candidates, places
-from bondgraph.correct.confirm import confirmed
-from bondgraph.correct.decide import alternatives, choose, detectable, hurdle
-from bondgraph.correct.fit import Fit, Report, no_report
-from bondgraph.correct.gated_refits import also_throughout, gated_trials
-from bondgraph.correct.gates import gate_samples
-from bondgraph.correct.journal import Journal
-from bondgraph.correct.located import LocatedAt, locate
-from bondgraph.correct.probes import Probe, Signal, probes, signals
-from bondgraph.correct.quiet import Quiet, quiet_scores
-from bondgraph.correct.refit import Ground, refit_best, worth_quiet
-from bondgraph.correct.rivals import rivals
-from bondgraph.correct.runoff import runoff
-from bondgraph.correct.scoring import Linearisation, Scored, linearisation, score_candidates
-from bondgraph.correct.simpler import also_simpler
-from bondgraph.correct.stiff_refits import ABREAST, refit_stiff
-from bondgraph.correct.storages import Look, look, refit_storage, try_storage
-from bondgraph.correct.trials import Alternative, Detectable, Trial
-from bondgraph.correct.whiteness import is_white
+from bondgraph.correct.fits.fit import Fit, Report, no_report
+from bondgraph.correct.fits.journal import Journal
+from bondgraph.correct.fits.whiteness import is_white
+from bondgraph.correct.models.absent import absent_when_zero
+from bondgraph.correct.models.build import BuiltModel
+from bondgraph.correct.models.candidates import Candidate, Refused, candidates, places
+from bondgraph.correct.places.located import LocatedAt, locate
+from bondgraph.correct.places.probes import Probe, Signal, probes, signals
+from bondgraph.correct.refits.beneath import also_elsewhere, beneath_noise
+from bondgraph.correct.refits.confirm import confirmed
+from bondgraph.correct.refits.decide import alternatives, choose, detectable, hurdle
+from bondgraph.correct.refits.gated_refits import also_throughout, gated_trials
+from bondgraph.correct.refits.refit import Ground, refit_best, worth_quiet
+from bondgraph.correct.refits.rivals import rivals
+from bondgraph.correct.refits.runoff import runoff
+from bondgraph.correct.refits.simpler import also_simpler
+from bondgraph.correct.refits.stiff_refits import ABREAST, refit_stiff
+from bondgraph.correct.refits.storages import Look, look, refit_storage, try_storage
+from bondgraph.correct.refits.trials import Alternative, Detectable, Trial
+from bondgraph.correct.scores.gates import gate_samples
+from bondgraph.correct.scores.quiet import Quiet, quiet_scores
+from bondgraph.correct.scores.scoring import Linearisation, Scored, linearisation, score_candidates
 from bondgraph.data.log import MatchedLog
 from bondgraph.declare.effect import EffectFunction, Place
 from bondgraph.errors import DataError

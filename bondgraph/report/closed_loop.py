@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from bondgraph.correct.assess import Assessment, gain_interval
+from bondgraph.correct.fits.assess import Assessment, gain_interval
 from bondgraph.correct.loop import ClosedLoop
 from bondgraph.correct.result import intervals, result_json
 from bondgraph.declare.files import write_graph

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
+from bondgraph.correct.fits.setup import filter_setup
 from bondgraph.correct.loop import free_parameters
-from bondgraph.correct.setup import filter_setup
 from bondgraph.data.log import MatchedLog
 from bondgraph.estimate.free import declared_free, parse_target
 from bondgraph.estimate.initial import Initial

@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from bondgraph.correct.setup import filter_setup
+from bondgraph.correct.fits.setup import filter_setup
 from bondgraph.data.log import Log, LogChannel, MatchedLog
 from bondgraph.data.write import write_log
 from bondgraph.estimate.initial import Initial, initial_states

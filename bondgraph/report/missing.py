@@ -8,9 +8,9 @@ import numpy as np
 import sympy
 
 from bondgraph.correct.loop import Added, ClosedLoop
-from bondgraph.correct.missing import missing_effort
+from bondgraph.correct.places.missing import missing_effort
+from bondgraph.correct.places.unexplained import Unexplained
 from bondgraph.correct.result import intervals
-from bondgraph.correct.unexplained import Unexplained
 from bondgraph.data.log import FloatArray
 from bondgraph.declare.graph import BondGraph
 from bondgraph.declare.quantities import symbol

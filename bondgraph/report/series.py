@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from bondgraph.correct.assess import rms_interval
+from bondgraph.correct.fits.assess import rms_interval
 
 FloatArray = NDArray[np.float64]
 

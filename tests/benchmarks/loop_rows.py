@@ -6,8 +6,8 @@ import time
 
 import numpy as np
 
-from bondgraph.correct.build import build
 from bondgraph.correct.loop import LoopSettings, close_loop
+from bondgraph.correct.models.build import build
 from bondgraph.data.log import MatchedLog
 from bondgraph.declare.editing import copy, handle, with_values
 from bondgraph.declare.effect import Effect, Place, Scale, effect_functions

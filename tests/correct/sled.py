@@ -6,10 +6,10 @@ import functools
 
 import numpy as np
 
-from bondgraph.correct.build import BuiltModel, build
-from bondgraph.correct.fit import Fit, fit
+from bondgraph.correct.fits.fit import Fit, fit
+from bondgraph.correct.fits.setup import filter_setup
 from bondgraph.correct.loop import free_parameters
-from bondgraph.correct.setup import filter_setup
+from bondgraph.correct.models.build import BuiltModel, build
 from bondgraph.data.log import MatchedLog
 from bondgraph.declare.domains import ROTATION, TRANSLATION
 from bondgraph.declare.editing import handle, with_values

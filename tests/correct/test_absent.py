@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from bondgraph.correct.absent import absent_when_zero
-from bondgraph.correct.build import build
-from bondgraph.correct.candidates import candidates, places
-from bondgraph.correct.fit import fit
+from bondgraph.correct.fits.fit import fit
+from bondgraph.correct.fits.setup import filter_setup
 from bondgraph.correct.loop import free_parameters
-from bondgraph.correct.setup import filter_setup
+from bondgraph.correct.models.absent import absent_when_zero
+from bondgraph.correct.models.build import build
+from bondgraph.correct.models.candidates import candidates, places
 from bondgraph.data.log import MatchedLog
 from bondgraph.declare.domains import ROTATION, TRANSLATION
 from bondgraph.declare.graph import BondGraph

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from sympy import tanh
 
-from bondgraph.correct.build import build
-from bondgraph.correct.candidates import candidates, places, superset
-from bondgraph.correct.refit import coefficients
-from bondgraph.correct.setup import filter_setup
+from bondgraph.correct.fits.setup import filter_setup
+from bondgraph.correct.models.build import build
+from bondgraph.correct.models.candidates import candidates, places, superset
+from bondgraph.correct.refits.refit import coefficients
 from bondgraph.data.log import MatchedLog
 from bondgraph.declare.domains import TRANSLATION
 from bondgraph.declare.editing import handle

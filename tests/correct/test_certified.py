@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from bondgraph.correct.build import build
-from bondgraph.correct.certified import Certifications, certify, doubts, refined
-from bondgraph.correct.fit import fit
+from bondgraph.correct.fits.fit import fit
+from bondgraph.correct.fits.setup import filter_setup
 from bondgraph.correct.loop import free_parameters
-from bondgraph.correct.setup import filter_setup
+from bondgraph.correct.models.build import build
+from bondgraph.correct.refits.certified import Certifications, certify, doubts, refined
 from bondgraph.declare.editing import with_values
 from bondgraph.estimate.certify import NEGLIGIBLE_SHIFT
 from tests.correct.sled import fitted, pull, sled

@@ -7,12 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bondgraph.correct import confirm
-from bondgraph.correct.confirm import confirmed
-from bondgraph.correct.excerpts import excerpt
-from bondgraph.correct.fit import Fit, fit
+from bondgraph.correct.fits.excerpts import excerpt
+from bondgraph.correct.fits.fit import Fit, fit
 from bondgraph.correct.loop import free_parameters
-from bondgraph.correct.refit import refit_alone
+from bondgraph.correct.refits import confirm
+from bondgraph.correct.refits.confirm import confirmed
+from bondgraph.correct.refits.refit import refit_alone
 from tests.correct.test_stiff import rivals
 from tests.correct.winch import drawn, fitted, setup_of
 

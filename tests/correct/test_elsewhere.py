@@ -9,19 +9,19 @@ import numpy as np
 import pytest
 from sympy import tanh
 
-from bondgraph.correct import beneath
-from bondgraph.correct.beneath import also_elsewhere
-from bondgraph.correct.build import build
-from bondgraph.correct.candidates import Candidate, candidates, places
-from bondgraph.correct.decide import choose, judge
-from bondgraph.correct.fit import no_report
-from bondgraph.correct.quiet import quiet_fit
-from bondgraph.correct.refit import Ground, refit_alone
-from bondgraph.correct.runoff import runoff
-from bondgraph.correct.scoring import linearisation, score_candidates
-from bondgraph.correct.simpler import also_simpler
-from bondgraph.correct.stiff_refits import refit_stiff
-from bondgraph.correct.trials import Trial
+from bondgraph.correct.fits.fit import no_report
+from bondgraph.correct.models.build import build
+from bondgraph.correct.models.candidates import Candidate, candidates, places
+from bondgraph.correct.refits import beneath
+from bondgraph.correct.refits.beneath import also_elsewhere
+from bondgraph.correct.refits.decide import choose, judge
+from bondgraph.correct.refits.refit import Ground, refit_alone
+from bondgraph.correct.refits.runoff import runoff
+from bondgraph.correct.refits.simpler import also_simpler
+from bondgraph.correct.refits.stiff_refits import refit_stiff
+from bondgraph.correct.refits.trials import Trial
+from bondgraph.correct.scores.quiet import quiet_fit
+from bondgraph.correct.scores.scoring import linearisation, score_candidates
 from bondgraph.data.log import MatchedLog
 from bondgraph.declare.editing import handle
 from bondgraph.simulate.simulate import simulate
@@ -36,7 +36,7 @@ def test_the_law_that_does_best_is_searched_at_other_places_though_an_exchange_s
     def silent(found: Trial, others: Sequence[Candidate], *given: object) -> list[None]:
         return [None] * len(others)
 
-    monkeypatch.setattr("bondgraph.correct.stiff_refits.exchanges", silent)
+    monkeypatch.setattr("bondgraph.correct.refits.stiff_refits.exchanges", silent)
     log, base = drawn(0.3), fitted(0.3)
     where = places(built(), [log], base.runs([log]), base.theta)
     found, _ = candidates(built(), [effects.quadratic_loss, effects.viscous_loss], where)

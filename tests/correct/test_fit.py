@@ -7,10 +7,10 @@ from typing import cast
 import numpy as np
 import pytest
 
-from bondgraph.correct import polish
-from bondgraph.correct.differences import forward_differences
-from bondgraph.correct.fit import fit, noisy_starts, quiet_start, restricted, standard_deviations
-from bondgraph.correct.linear_steps import Reached
+from bondgraph.correct.fits import polish
+from bondgraph.correct.fits.differences import forward_differences
+from bondgraph.correct.fits.fit import fit, noisy_starts, quiet_start, restricted, standard_deviations
+from bondgraph.correct.fits.linear_steps import Reached
 from bondgraph.data.log import MatchedLog
 from bondgraph.errors import EstimationError
 from bondgraph.estimate.free import FreeParameter

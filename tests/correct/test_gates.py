@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from bondgraph.correct.build import build
-from bondgraph.correct.gates import Gate, gated
+from bondgraph.correct.models.build import build
+from bondgraph.correct.scores.gates import Gate, gated
 from bondgraph.data.log import MatchedLog
 from bondgraph.declare.editing import copy, handle, with_values
 from bondgraph.declare.effect import Place, Scale

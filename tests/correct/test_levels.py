@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from bondgraph.correct import level_kernel
+from bondgraph.correct.responses import level_kernel
 from bondgraph.data.log import FloatArray
 from bondgraph.simulate.compile import has_numba, load_kernel
 

@@ -8,12 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bondgraph.correct.build import build
-from bondgraph.correct.faults import SENSOR_FAULTS
-from bondgraph.correct.fit import fit
+from bondgraph.correct.fits.fit import fit
 from bondgraph.correct.loop import ClosedLoop, close_loop
-from bondgraph.correct.missing import missing_effort
-from bondgraph.correct.refit import at_optimum, coefficients
+from bondgraph.correct.models.build import build
+from bondgraph.correct.models.faults import SENSOR_FAULTS
+from bondgraph.correct.places.missing import missing_effort
+from bondgraph.correct.refits.refit import at_optimum, coefficients
 from bondgraph.correct.round import one_round
 from bondgraph.data.log import MatchedLog
 from bondgraph.declare.domains import TRANSLATION

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from bondgraph.correct.build import build
-from bondgraph.correct.candidates import candidates
+from bondgraph.correct.fits.rates import rated, with_followed_rates
 from bondgraph.correct.loop import ClosedLoop, close_loop
-from bondgraph.correct.rates import rated, with_followed_rates
+from bondgraph.correct.models.build import build
+from bondgraph.correct.models.candidates import candidates
 from bondgraph.data.log import MatchedLog
 from bondgraph.declare.domains import TRANSLATION
 from bondgraph.declare.editing import handle, with_input_rates, with_values, without_input_rates

@@ -8,15 +8,15 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from bondgraph.correct.candidates import Candidate, candidates, places, superset
-from bondgraph.correct.faults import SENSOR_FAULTS
-from bondgraph.correct.gates import best_gated, gate_samples
-from bondgraph.correct.located import locate
-from bondgraph.correct.probes import hats, probes, signals
-from bondgraph.correct.refit import coefficients
-from bondgraph.correct.response import _phi
-from bondgraph.correct.scoring import Linearisation, linearisation, score_candidates
-from bondgraph.correct.structure import structure
+from bondgraph.correct.models.candidates import Candidate, candidates, places, superset
+from bondgraph.correct.models.faults import SENSOR_FAULTS
+from bondgraph.correct.places.located import locate
+from bondgraph.correct.places.probes import hats, probes, signals
+from bondgraph.correct.places.structure import structure
+from bondgraph.correct.refits.refit import coefficients
+from bondgraph.correct.responses.response import _phi
+from bondgraph.correct.scores.gates import best_gated, gate_samples
+from bondgraph.correct.scores.scoring import Linearisation, linearisation, score_candidates
 from bondgraph.data.log import MatchedLog
 from bondgraph.estimate.objective import central_differences
 from bondgraph.estimate.problem import EstimationProblem

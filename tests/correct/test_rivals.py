@@ -7,16 +7,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bondgraph.correct.build import build
-from bondgraph.correct.candidates import candidates, places
-from bondgraph.correct.decide import CLOSE, alternatives, choose
-from bondgraph.correct.exchange import exchanges
-from bondgraph.correct.gated_refits import refit_in_part
-from bondgraph.correct.gates import Gate, _peers, best_gated, gate_samples, gated
-from bondgraph.correct.refit import Ground, refit_alone
-from bondgraph.correct.rivals import rivals
-from bondgraph.correct.scoring import Scored, linearisation, score_candidates
-from bondgraph.correct.trials import Trial
+from bondgraph.correct.models.build import build
+from bondgraph.correct.models.candidates import candidates, places
+from bondgraph.correct.refits.decide import CLOSE, alternatives, choose
+from bondgraph.correct.refits.exchange import exchanges
+from bondgraph.correct.refits.gated_refits import refit_in_part
+from bondgraph.correct.refits.refit import Ground, refit_alone
+from bondgraph.correct.refits.rivals import rivals
+from bondgraph.correct.refits.trials import Trial
+from bondgraph.correct.scores.gates import Gate, _peers, best_gated, gate_samples, gated
+from bondgraph.correct.scores.scoring import Scored, linearisation, score_candidates
 from bondgraph.data.log import MatchedLog
 from bondgraph.declare.editing import handle, with_values
 from bondgraph.declare.effect import Effect, EffectFunction, Place, Scale
@@ -55,7 +55,7 @@ def squared_loss(g: BondGraph, at: Place) -> Effect | None:
 def test_what_does_as_well_in_its_place_is_not_told_apart_whatever_scores_said(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr("bondgraph.correct.rivals._MORE", 3.0)  # what promises less is not worth a refit
+    monkeypatch.setattr("bondgraph.correct.refits.rivals._MORE", 3.0)  # what promises less is not worth a refit
     _, _, ground = drags()
     where = places(built(), ground.train, ground.base.runs(ground.train), ground.base.theta)
     drum = [one for one in where if one.label == "drum"]

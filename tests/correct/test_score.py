@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from bondgraph.correct.score import robust_variance, scores
-from bondgraph.correct.times import Times
+from bondgraph.correct.fits.times import Times
+from bondgraph.correct.scores.score import robust_variance, scores
 from bondgraph.errors import EstimationError
 from bondgraph.estimate.objective import Expansion, expansion_of
 

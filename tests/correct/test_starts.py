@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import pytest
 
-from bondgraph.correct import starts
-from bondgraph.correct.build import build
-from bondgraph.correct.fit import Fit, fit, noisy_starts
+from bondgraph.correct.fits import starts
+from bondgraph.correct.fits.fit import Fit, fit, noisy_starts
+from bondgraph.correct.fits.setup import filter_setup
+from bondgraph.correct.fits.starts import with_starts
 from bondgraph.correct.loop import free_parameters
-from bondgraph.correct.setup import filter_setup
-from bondgraph.correct.starts import with_starts
+from bondgraph.correct.models.build import build
 from bondgraph.data.log import MatchedLog
 from bondgraph.declare.editing import copy, handle, with_values
 from bondgraph.declare.effect import Place

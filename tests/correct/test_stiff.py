@@ -7,32 +7,32 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bondgraph.correct import confirm
-from bondgraph.correct import setup as filter_setups
-from bondgraph.correct.candidates import candidates, places
-from bondgraph.correct.confirm import confirmed
-from bondgraph.correct.decide import alternatives, choose
-from bondgraph.correct.exchange import exchanges
-from bondgraph.correct.faults import sensor_delay
-from bondgraph.correct.fit import Fit, fit, no_report
-from bondgraph.correct.gated_refits import also_throughout
-from bondgraph.correct.gates import Gate
-from bondgraph.correct.linear_steps import Reached, filter_runs, is_linearised, linear_expansion
+from bondgraph.correct.fits import setup as filter_setups
+from bondgraph.correct.fits.fit import Fit, fit, no_report
+from bondgraph.correct.fits.linear_steps import Reached, filter_runs, is_linearised, linear_expansion
+from bondgraph.correct.fits.polish import polished
+from bondgraph.correct.fits.setup import unknown_drives
+from bondgraph.correct.fits.whiteness import is_white
 from bondgraph.correct.loop import free_parameters
-from bondgraph.correct.missing import missing_effort
-from bondgraph.correct.polish import polished
-from bondgraph.correct.quiet import is_driven, quiet_scores
-from bondgraph.correct.refit import Ground, alike, refit_alone
-from bondgraph.correct.response import kicked_along
+from bondgraph.correct.models.candidates import candidates, places
+from bondgraph.correct.models.faults import sensor_delay
+from bondgraph.correct.places.missing import missing_effort
+from bondgraph.correct.refits import confirm
+from bondgraph.correct.refits.confirm import confirmed
+from bondgraph.correct.refits.decide import alternatives, choose
+from bondgraph.correct.refits.exchange import exchanges
+from bondgraph.correct.refits.gated_refits import also_throughout
+from bondgraph.correct.refits.refit import Ground, alike, refit_alone
+from bondgraph.correct.refits.stiff_picks import simpler_law, varied
+from bondgraph.correct.refits.stiff_refits import refit_quiet, refit_stiff
+from bondgraph.correct.refits.storages import search_storage
+from bondgraph.correct.refits.trials import Trial
+from bondgraph.correct.responses.response import kicked_along
 from bondgraph.correct.round import one_round
-from bondgraph.correct.score import Scores
-from bondgraph.correct.scoring import Scored, linearisation, score_candidates
-from bondgraph.correct.setup import unknown_drives
-from bondgraph.correct.stiff_picks import simpler_law, varied
-from bondgraph.correct.stiff_refits import refit_quiet, refit_stiff
-from bondgraph.correct.storages import search_storage
-from bondgraph.correct.trials import Trial
-from bondgraph.correct.whiteness import is_white
+from bondgraph.correct.scores.gates import Gate
+from bondgraph.correct.scores.quiet import is_driven, quiet_scores
+from bondgraph.correct.scores.score import Scores
+from bondgraph.correct.scores.scoring import Scored, linearisation, score_candidates
 from bondgraph.declare.effect import Effect, Place, Scale
 from bondgraph.declare.graph import BondGraph
 from bondgraph.errors import FilterError
@@ -329,11 +329,11 @@ def test_a_candidate_whose_filter_diverges_is_left_out(monkeypatch: pytest.Monke
     def diverging(*given: object, **named: object) -> Fit:
         raise FilterError("the state grew without bound")
 
-    monkeypatch.setattr("bondgraph.correct.stiff_refits.fit", diverging)
+    monkeypatch.setattr("bondgraph.correct.refits.stiff_refits.fit", diverging)
     ground = Ground(built(), base, (log,), 1, 0.01, 1.0)
     assert trials[0].score_gain > ground.need
     assert [trial.fit for trial in refit_stiff(trials, scored, ground, 6, no_report)] == [None]
-    monkeypatch.setattr("bondgraph.correct.quiet.fit", diverging)
+    monkeypatch.setattr("bondgraph.correct.scores.quiet.fit", diverging)
     assert quiet_scores(base, [log], scored.candidates) is None  # nor is there a quiet fit then
 
 

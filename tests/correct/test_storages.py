@@ -8,19 +8,19 @@ from typing import Any
 import numpy as np
 import pytest
 
-from bondgraph.correct import confirm, storages
-from bondgraph.correct.assess import gain_interval, gain_p_value
-from bondgraph.correct.build import build
-from bondgraph.correct.candidates import candidates, places
-from bondgraph.correct.decide import alternatives
-from bondgraph.correct.fit import fit, noisy_starts
+from bondgraph.correct.fits.assess import gain_interval, gain_p_value
+from bondgraph.correct.fits.fit import fit, noisy_starts
+from bondgraph.correct.fits.setup import FilterSetup, filter_setup
 from bondgraph.correct.loop import free_parameters
-from bondgraph.correct.refit import Ground
+from bondgraph.correct.models.build import build
+from bondgraph.correct.models.candidates import candidates, places
+from bondgraph.correct.refits import confirm, storages
+from bondgraph.correct.refits.decide import alternatives
+from bondgraph.correct.refits.refit import Ground
+from bondgraph.correct.refits.storages import look, refit_storage, try_storage
+from bondgraph.correct.refits.trials import Trial
 from bondgraph.correct.round import one_round
-from bondgraph.correct.scoring import linearisation, score_candidates
-from bondgraph.correct.setup import FilterSetup, filter_setup
-from bondgraph.correct.storages import look, refit_storage, try_storage
-from bondgraph.correct.trials import Trial
+from bondgraph.correct.scores.scoring import linearisation, score_candidates
 from bondgraph.data.log import MatchedLog
 from bondgraph.declare.domains import ROTATION
 from bondgraph.declare.editing import handle, with_values

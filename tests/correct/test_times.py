@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from bondgraph.correct.times import Times, term_times
+from bondgraph.correct.fits.times import Times, term_times
 from tests.correct.sled import fitted, pull, sled
 
 

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from sympy import exp
 
-from bondgraph.correct.fit import fit
-from bondgraph.correct.gates import Constancy, Gate, constancy, gate_samples, gates
+from bondgraph.correct.fits.fit import fit
 from bondgraph.correct.loop import ClosedLoop, LoopSettings, close_loop
-from bondgraph.correct.refit import at_optimum
+from bondgraph.correct.refits.refit import at_optimum
 from bondgraph.correct.result import result_json
+from bondgraph.correct.scores.gates import Constancy, Gate, constancy, gate_samples, gates
 from bondgraph.data.log import MatchedLog
 from bondgraph.declare.editing import handle
 from bondgraph.declare.effect import Effect, EffectFunction, Place, Scale

@@ -7,10 +7,10 @@ import functools
 import numpy as np
 from sympy import tanh
 
-from bondgraph.correct.build import BuiltModel, build
-from bondgraph.correct.fit import Fit, fit
+from bondgraph.correct.fits.fit import Fit, fit
+from bondgraph.correct.fits.setup import FilterSetup, filter_setup
 from bondgraph.correct.loop import free_parameters
-from bondgraph.correct.setup import FilterSetup, filter_setup
+from bondgraph.correct.models.build import BuiltModel, build
 from bondgraph.data.log import MatchedLog
 from bondgraph.declare.domains import ROTATION
 from bondgraph.declare.editing import with_values

@@ -11,7 +11,7 @@ import pandas as pd
 import pytest
 from numpy.testing import assert_allclose
 
-from bondgraph.correct.build import build
+from bondgraph.correct.models.build import build
 from bondgraph.data.match import match
 from bondgraph.data.read import read_log
 from bondgraph.declare.graph import BondGraph

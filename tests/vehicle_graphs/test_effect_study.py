@@ -12,8 +12,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bondgraph.correct import faults
 from bondgraph.correct.loop import ClosedLoop, close_loop
+from bondgraph.correct.models import faults
 from bondgraph.errors import DataError, OptionError
 from vehicle_graphs import effects
 from vehicle_graphs.effect_study import __main__ as command

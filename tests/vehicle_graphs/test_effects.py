@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from bondgraph.correct.bonds import bond_model
-from bondgraph.correct.build import BuiltModel, build
-from bondgraph.correct.candidates import Candidate, candidates
+from bondgraph.correct.models.bonds import bond_model
+from bondgraph.correct.models.build import BuiltModel, build
+from bondgraph.correct.models.candidates import Candidate, candidates
 from bondgraph.declare.domains import ROTATION, THERMAL, TRANSLATION
 from bondgraph.declare.editing import copy, handle, with_values
 from bondgraph.declare.effect import SMOOTHING, Effect, EffectFunction, Place, Scale, effect_functions

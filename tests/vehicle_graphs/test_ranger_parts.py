@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import sympy
 
-from bondgraph.correct.build import BuiltModel, build
+from bondgraph.correct.models.build import BuiltModel, build
 from bondgraph.declare.editing import with_values
 from bondgraph.declare.files import graph_from_json, graph_to_json
 from bondgraph.declare.graph import BondGraph

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from bondgraph.correct import faults
 from bondgraph.correct.loop import LoopSettings
+from bondgraph.correct.models import faults
 from bondgraph.data.log import FloatArray
 from bondgraph.declare.effect import Scale, effect_functions
 from bondgraph.simulate.model import Model

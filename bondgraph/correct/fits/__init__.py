@@ -1,0 +1,1 @@
+"""Fitting a model to logs, and what a fit leaves: its filter, its starts, whiteness, errors before and after."""

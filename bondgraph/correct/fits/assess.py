@@ -1,0 +1,164 @@
+"""Errors before and after: one step ahead and in free simulation, per channel and per log, against the sensor noise.
+
+The first sample of a log tells where the machine starts: nothing was predicted before it, so it counts in no one-step
+error, and the free simulation starts from the state that the filter takes from it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import stats
+
+from bondgraph.correct.fits.fit import BLOCKS, Fit
+from bondgraph.correct.responses.intervals import integrator
+from bondgraph.data.log import FloatArray, MatchedLog
+from bondgraph.filter.filter_run import FilterRun
+from bondgraph.simulate.simulate import simulate
+from bondgraph.simulate.trajectory import Trajectory
+
+#: Blocks of time by whose scatter errors are judged.
+_BLOCKS = 20
+
+
+@dataclass(frozen=True)
+class ChannelError:
+    """Root mean square errors of one channel, in its unit; ``noise_std`` is the sensor noise that the fit found.
+
+    Innovations count from the second sample: what is expected of the first is the prior, not a prediction. The 95 %
+    intervals rest on blocks of time (see :func:`rms_interval`).
+    """
+
+    innovation_rmse: float
+    simulation_rmse: float
+    noise_std: float
+    innovation_ci95: tuple[float, float] = (float("nan"), float("nan"))
+    simulation_ci95: tuple[float, float] = (float("nan"), float("nan"))
+
+
+@dataclass(frozen=True)
+class LogAssessment:
+    """One log against one fitted model: its likelihood, its channels' errors, and the runs they were taken from."""
+
+    log: MatchedLog
+    nll: float
+    channels: dict[str, ChannelError]
+    filtered: FilterRun
+    simulated: Trajectory
+
+
+@dataclass(frozen=True)
+class Assessment:
+    """Several logs against one fitted model."""
+
+    logs: tuple[LogAssessment, ...]
+
+    @property
+    def nll(self) -> float:
+        """Negative log-likelihood of all logs."""
+        return sum(log.nll for log in self.logs)
+
+    @property
+    def channels(self) -> dict[str, ChannelError]:
+        """Errors over all logs: root mean squares weighted by the samples of each log."""
+        pooled: dict[str, ChannelError] = {}
+        for name in self.logs[0].channels if self.logs else ():
+            parts = [(log.channels[name], _measured(log, name)) for log in self.logs if name in log.channels]
+            pooled[name] = ChannelError(
+                _pool([(part.innovation_rmse, weight) for part, weight in parts]),
+                _pool([(part.simulation_rmse, weight) for part, weight in parts]),
+                parts[0][0].noise_std,
+            )
+        return pooled
+
+
+def _measured(log: LogAssessment, name: str) -> int:
+    names = log.simulated.model.names("output")
+    return int(np.isfinite(log.log.y[names.index(name)]).sum())
+
+
+def _pool(parts: Sequence[tuple[float, int]]) -> float:
+    total = sum(weight for _, weight in parts)
+    return float(np.sqrt(sum(value**2 * weight for value, weight in parts) / total)) if total else float("nan")
+
+
+def assess(fitted: Fit, logs: Sequence[MatchedLog]) -> Assessment:
+    """Errors of a fitted model on logs, which may be others than those it was fitted to; nothing is re-estimated."""
+    runs = fitted.runs(logs)
+    return Assessment(tuple(_assess_log(fitted, log, run) for log, run in zip(logs, runs, strict=True)))
+
+
+def _assess_log(fitted: Fit, log: MatchedLog, run: FilterRun) -> LogAssessment:
+    simulated = free_simulation(fitted, log, run)
+    model = simulated.model
+    noise = fitted.problem.batch(fitted.point[:, np.newaxis]).noise_std[:, 0]
+    channels = {}
+    for row, name in enumerate(model.names("output")):
+        seen = np.isfinite(log.y[row])
+        if seen.any():
+            error = (simulated.y[row] - log.y[row])[seen]
+            innovation = run.innovation[row, 1:][seen[1:]]
+            intervals = rms_interval(innovation), rms_interval(error)
+            channels[name] = ChannelError(_rms(innovation), _rms(error), float(noise[row]), *intervals)
+    return LogAssessment(log, run.nll, channels, run, simulated)
+
+
+def free_simulation(fitted: Fit, log: MatchedLog, filtered: FilterRun) -> Trajectory:
+    """The fitted model left alone: nothing is given but the inputs and what the first sample says of the state."""
+    filter_model = fitted.problem.filter_model
+    model = filter_model.model
+    theta = fitted.theta.copy()
+    for name, value in log.theta_overrides.items():
+        theta[model.index("parameter", name)] = value
+    x0 = filtered.filtered_mean[: len(model.states), 0]
+    steps = 2 * filter_model.substeps
+    return simulate(model, log.time, log.u, theta, x0, method=integrator(filter_model), substeps=steps, compiled=True)
+
+
+def rms_interval(values: FloatArray) -> tuple[float, float]:
+    """The 95 % interval of a root mean square, by the scatter of the mean square over blocks of time.
+
+    Neighbouring errors belong together, so that the number of values says nothing about how sure their mean is.
+
+    Examples
+    --------
+    >>> noise = np.random.default_rng(1).standard_normal(4000)
+    >>> low, high = rms_interval(noise)
+    >>> 0.95 < low < 1.0 < high < 1.05
+    True
+    """
+    known = values[np.isfinite(values)]
+    if known.size < 2 * _BLOCKS:
+        return float("nan"), float("nan")
+    squares = np.array([np.mean(part**2) for part in np.array_split(known, _BLOCKS)])
+    reach = float(stats.t.isf(0.025, _BLOCKS - 1) * squares.std(ddof=1) / np.sqrt(_BLOCKS))
+    middle = float(squares.mean())
+    return float(np.sqrt(max(middle - reach, 0.0))), float(np.sqrt(middle + reach))
+
+
+def gain_interval(
+    before: Sequence[FilterRun], after: Sequence[FilterRun], blocks: int = _BLOCKS
+) -> tuple[float, float]:
+    """Gain of log-likelihood from one filter to another on the same logs, and its standard error, by blocks of time."""
+    gains = np.concatenate([
+        last.log_likelihood - first.log_likelihood for first, last in zip(before, after, strict=True)
+    ])  # fmt: skip
+    if gains.size < 2 * blocks or not np.isfinite(gains).all():
+        return sum(run.nll for run in before) - sum(run.nll for run in after), float("nan")
+    sums = np.array([part.sum() for part in np.array_split(gains, blocks)])
+    return float(gains.sum()), float(sums.std(ddof=1) * np.sqrt(blocks))
+
+
+def gain_p_value(before: Sequence[FilterRun], after: Sequence[FilterRun]) -> float:
+    """P-value of a gain of log-likelihood, by its scatter over blocks of time; one where there are too few samples.
+
+    One that rests on few of them is worth little, however large. Reference: Vuong (1989), Econometrica 57(2).
+    """
+    gain, error = gain_interval(before, after, BLOCKS)
+    return float(stats.t.sf(gain / error, BLOCKS - 1)) if error > 0.0 else 1.0
+
+
+def _rms(values: FloatArray) -> float:
+    return float(np.sqrt(np.mean(values**2))) if values.size else float("nan")

@@ -1,0 +1,321 @@
+"""Candidates: every effect function at every place where it makes sense, and one graph that holds them all."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from bondgraph.correct.models.bonds import bond_model
+from bondgraph.correct.models.build import BuiltModel, build
+from bondgraph.data.log import FloatArray, MatchedLog
+from bondgraph.declare.editing import copy, handle
+from bondgraph.declare.effect import SMOOTHING, Effect, EffectFunction, Place, Scale, is_for
+from bondgraph.declare.elements import STORAGES
+from bondgraph.declare.graph import BondGraph
+from bondgraph.derive.causality import assign_causality
+from bondgraph.derive.derivation import Derivation, bond_labels
+from bondgraph.derive.equations import ImplicitLoop, StateEquations
+from bondgraph.errors import (
+    BondGraphError,
+    CausalityError,
+    DeclarationError,
+    DerivationError,
+    DimensionError,
+    EstimationError,
+    OptionError,
+    suggest,
+)
+from bondgraph.filter.filter_run import FilterRun
+from bondgraph.generate.module import render
+from bondgraph.simulate.model import Model
+
+#: Values of a shape parameter that are tried, as shares of its bounds (on a logarithmic scale where these allow it).
+_SHAPES = (0.1, 0.35, 0.65, 0.9)
+#: With several shape parameters each takes fewer values.
+_FEWER_SHAPES = (0.2, 0.5, 0.8)
+#: Coefficients of smooth laws are probed at this share of their bounds.
+_PROBE = 1e-4
+#: Over which share of a flow's scale dry friction turns round where the filter integrates by a stiff method.
+_STEEP = 0.002
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """One effect at one place: a way in which the declared graph may be incomplete.
+
+    ``passive``: its coefficients cannot be negative, so that it only takes energy. ``beside_storage``: the place is a
+    junction with a storage, whose flow or effort is a state. ``model`` is that of the graph with the effect.
+    ``followed``: states that the effect brings are integrals of the others, so that its response can be scored.
+    """
+
+    function: EffectFunction
+    place: Place
+    effect: Effect
+    model: Model
+    passive: bool = True
+    beside_storage: bool = True
+    followed: bool = True
+
+    @property
+    def label(self) -> str:
+        """Effect and place as a person reads them."""
+        return f"{self.effect.name} at {self.place.label}"
+
+    def apply(self, graph: BondGraph) -> BondGraph:
+        """The graph with this effect; the given one is left alone."""
+        extended = copy(graph)
+        self.function(extended, placed(extended, self.place))
+        return extended
+
+    @property
+    def lower(self) -> FloatArray:
+        """Lower bounds of the coefficients."""
+        return np.array([self.bounds(name)[0] for name in self.effect.coefficients])
+
+    @property
+    def upper(self) -> FloatArray:
+        """Upper bounds of the coefficients."""
+        return np.array([self.bounds(name)[1] for name in self.effect.coefficients])
+
+    @property
+    def variants(self) -> tuple[Variant, ...]:
+        """The shapes and amplitudes at which the effect is tried; one, without shapes, where it is linear."""
+        grids = [self._values(name) for name in self.effect.shapes]
+        shapes = [dict(zip(self.effect.shapes, values, strict=True)) for values in itertools.product(*grids)]
+        small = _PROBE * (self.upper - self.lower)
+        first = [self._amplitude(share) for share in self.effect.amplitudes] or [small[0]]
+        return tuple(Variant(shape, (size, *small[1:])) for shape in shapes for size in first)
+
+    def _amplitude(self, share: float) -> float:
+        lower, upper = self.lower[0], self.upper[0]
+        return float(lower * (upper / lower) ** share if lower > 0.0 else share * upper)
+
+    def bounds(self, name: str) -> tuple[float, float]:
+        """Bounds of a coefficient or shape.
+
+        Raises
+        ------
+        EstimationError
+            If the effect function declares none.
+        """
+        info = self.model.parameters[self.model.index("parameter", name)]
+        if info.lower is None or info.upper is None:
+            raise EstimationError(
+                f"{self.label}: its coefficient {name} has no bounds, so nothing says how large it may be - "
+                "declare them in the effect function",
+                where=(name,),
+            )
+        return info.lower, info.upper
+
+    def _values(self, name: str) -> list[float]:
+        shares = _SHAPES if len(self.effect.shapes) == 1 else _FEWER_SHAPES
+        lower, upper = self.bounds(name)
+        if lower > 0.0:
+            return [lower * (upper / lower) ** share for share in shares]
+        return [lower + share * (upper - lower) for share in shares]
+
+
+@dataclass(frozen=True)
+class Variant:
+    """One way of trying a candidate: values of its shapes, and the size of each coefficient at which it is probed."""
+
+    shapes: Mapping[str, float]
+    sizes: tuple[float, ...]
+
+
+def placed(graph: BondGraph, place: Place) -> Place:
+    """The same place of another graph."""
+    return place if place.output else replace(place, junction=handle(graph, place.junction.name))
+
+
+@dataclass(frozen=True)
+class Refused:
+    """An effect that could not be tried at a place, and why."""
+
+    effect: str
+    place: str
+    why: str
+
+
+def places(built: BuiltModel, logs: Sequence[MatchedLog], runs: Sequence[FilterRun], theta: FloatArray) -> list[Place]:
+    """All junctions, bonds and sensors with the size of effort and flow that the filtered runs show there.
+
+    A place where nothing moves, or no effort acts, in any log is left out: no effect could be seen there. Stiff methods
+    bear friction that turns round at once, so that no start from rest is taken for motion without friction.
+    """
+    graph = built.graph
+    flat = built.causal.graph
+    labels = bond_labels(built.causal)
+    effort, flow = _bond_sizes(built, logs, runs, theta)
+    incidence = flat.incidence()
+    smoothing = _STEEP if any(run.filter_model.is_stiff for run in runs) else SMOOTHING
+    found = []
+    for node in flat.nodes.values():
+        if node.is_junction:
+            bonds = [index for index, _ in incidence[node.name]]
+            scale = Scale(max(effort[b] for b in bonds), max(flow[b] for b in bonds))
+            if min(scale.effort, scale.flow) > 0.0:
+                found.append(Place(handle(graph, node.name), scale, smoothing=smoothing))
+    for bond in graph.bonds:
+        index = labels.index(f"{bond.source}->{bond.target}") if f"{bond.source}->{bond.target}" in labels else -1
+        if index >= 0 and min(effort[index], flow[index]) > 0.0:
+            scale = Scale(effort[index], flow[index])
+            found.append(Place(handle(graph, bond.source), scale, bond, smoothing=smoothing))
+    return found + _sensors(built.model, logs)
+
+
+def _sensors(model: Model, logs: Sequence[MatchedLog]) -> list[Place]:
+    """The measured outputs; one that shows the same value all the time cannot be told to be wrong in scale."""
+    found = []
+    for row, name in enumerate(model.names("output")):
+        seen = np.concatenate([log.y[row][np.isfinite(log.y[row])] for log in logs])
+        size = float(np.percentile(np.abs(seen), 99.0)) if seen.size else 0.0
+        if size > 0.0:
+            found.append(Place.sensor(name, Scale(size, float(np.percentile(np.abs(seen - np.mean(seen)), 99.0)))))
+    return found
+
+
+def _bond_sizes(
+    built: BuiltModel, logs: Sequence[MatchedLog], runs: Sequence[FilterRun], theta: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """The 99th percentile of each bond's effort and flow over all logs; single spikes set no scale."""
+    model = bond_model(built.causal)
+    own = len(built.equations.outputs)
+    pieces = []
+    for log, run in zip(logs, runs, strict=True):
+        known = theta.copy()
+        for name, value in log.theta_overrides.items():
+            known[model.index("parameter", name)] = value
+        with np.errstate(all="ignore"):
+            outputs = model.output(log.time, run.filtered_mean[: len(model.states)], log.u, known)
+        pieces.append(np.abs(outputs[own:]))
+    together = np.concatenate(pieces, axis=1)
+    together[~np.isfinite(together)] = 0.0
+    sizes = np.percentile(together, 99.0, axis=1)
+    count = len(built.causal.graph.bonds)
+    return sizes[:count], sizes[count:]
+
+
+def candidates(
+    built: BuiltModel,
+    functions: Sequence[EffectFunction],
+    where: Sequence[Place],
+    present: Collection[tuple[str, str]] = (),
+) -> tuple[list[Candidate], list[Refused]]:
+    """Every effect at every place, where the extended graph has a causality, storages without a further nonlinear loop.
+
+    ``present`` holds the effects that the graph already has, by name of their function and label of their place.
+
+    Raises
+    ------
+    OptionError
+        If an effect function fails, or names coefficients that it does not declare.
+    """
+    found: list[Candidate] = []
+    refused: list[Refused] = []
+    for place in where:
+        for function in functions:
+            if (function.__name__, place.label) in present or not is_for(function, place):
+                continue
+            trial = copy(built.graph)
+            try:
+                effect = _effect(function, trial, place)
+                if effect is None:
+                    continue
+                causal = assign_causality(trial)
+                equations = Derivation(causal).equations()
+            except (DeclarationError, CausalityError, DerivationError, DimensionError) as error:
+                refused.append(Refused(function.__name__, place.label, error.message))
+                continue
+            flat = causal.graph
+            why = _why_not(built, flat, effect, equations)
+            if why is not None:
+                refused.append(Refused(effect.name, place.label, why))
+                continue
+            beside = place.bond is None and not place.output and _beside_storage(built, place.junction.name)
+            own = {state.symbol.name for state in built.equations.states}
+            followed = all(s.variable == "integral" or s.symbol.name in own for s in equations.states)
+            model = Model.from_text(render(equations), source=f"{built.graph.name} with {effect.name}")
+            found.append(Candidate(function, place, effect, model, _passive(flat, effect), beside, followed))
+    return found, refused
+
+
+def _effect(function: EffectFunction, graph: BondGraph, place: Place) -> Effect | None:
+    """What an effect function added; its own mistakes are told as such."""
+    try:
+        effect = function(graph, place)
+    except BondGraphError:
+        raise
+    except Exception as error:
+        raise OptionError(
+            f"effect function {function.__name__} failed at {place.label}: {type(error).__name__}: {error} - mend "
+            "it, or let it return None where it makes no sense",
+            where=(function.__name__, place.label),
+        ) from error
+    if effect is None:
+        return None
+    known = {parameter.name for parameter in graph.flatten().parameters}
+    for name in effect.parameters:
+        if name not in known:
+            raise OptionError(
+                f"effect function {function.__name__} names the coefficient {name!r} at {place.label} but declares no"
+                f" such parameter{suggest(name, known)} - return the names of parameters that it added",
+                where=(function.__name__, name),
+            )
+    return effect
+
+
+def _why_not(built: BuiltModel, flat: BondGraph, effect: Effect, equations: StateEquations) -> str | None:
+    """Why an effect cannot be tried, or None."""
+    values = {parameter.name: parameter.value for parameter in flat.parameters}
+    if not effect.coefficients:
+        return "has no coefficient that could be tested"
+    lasting = [name for name in effect.coefficients if values[name] != 0.0]
+    if not effect.adds_state and lasting:
+        return f"does not vanish: its coefficient is {values[lasting[0]]:g} when it is added, not 0"
+    own_inputs = {one.name for one in built.equations.inputs}
+    followed = [one.rate_of for one in equations.inputs if one.name not in own_inputs]
+    if followed:
+        return (
+            f"would need the rate of input {', '.join(followed)}, which the model does not have - declare that storage "
+            "in the graph, its size a parameter with bounds"
+        )
+    loops = sum(isinstance(step, ImplicitLoop) for step in equations.assignments) - built.implicit_loops
+    if loops > 0 and effect.adds_state:
+        return "would close a nonlinear algebraic loop around a storage of unknown size"
+    states = {state.symbol.name for state in equations.states}
+    own = {state.symbol.name for state in built.equations.states}
+    if not own <= states and not effect.adds_state:
+        return f"would take the place of the state {sorted(own - states)[0]}"
+    if any(state.variable != "integral" for state in equations.states if state.symbol.name not in own):
+        return None if effect.adds_state else "would add a state that has no size yet"
+    return None
+
+
+def _passive(flat: BondGraph, effect: Effect) -> bool:
+    bounds = {parameter.name: parameter.bounds for parameter in flat.parameters}
+    known = [bounds[name] for name in effect.coefficients]
+    if effect.channel:
+        return False
+    return all(bound is not None and bound[0] >= 0.0 for bound in known)
+
+
+def _beside_storage(built: BuiltModel, junction: str) -> bool:
+    flat = built.causal.graph
+    ends = {end for bond in flat.bonds if junction in (bond.source, bond.target) for end in (bond.source, bond.target)}
+    return any(flat.nodes[end].kind in STORAGES for end in ends)
+
+
+def superset(built: BuiltModel, vanishing: Sequence[Candidate]) -> BuiltModel:
+    """The declared graph with all vanishing candidates in it, their coefficients zero: one model to test them all.
+
+    Those that revise a declared element come first: it stands alone then, as it did when they were offered.
+    """
+    graph = built.graph
+    declared = built.causal.graph.nodes
+    for candidate in sorted(vanishing, key=lambda one: one.effect.element not in declared):
+        graph = candidate.apply(graph)
+    return build(graph)

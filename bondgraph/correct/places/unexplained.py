@@ -1,0 +1,217 @@
+"""What fits no known effect: an unknown effort or flow at a place as a free function of a signal, with its band.
+
+The function is piecewise linear between knots where the signal is found about equally often. Its values at the knots
+are as many coefficients, estimated with everything else free in the linearised filter; what the free parameters can
+imitate is left to them. Splines as elements of unknown shape: Wahba (1990), Spline Models for Observational Data; as a
+test of a law against an unknown one: Eubank (1999), Nonparametric Regression and Spline Smoothing, chapter 3.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import stats
+from sympy import Expr
+
+from bondgraph.correct.places.probes import Probe, Signal, Variable, hats, knots, shaped
+from bondgraph.correct.responses.response import together
+from bondgraph.correct.scores.score import Projected, best_step, solve
+from bondgraph.correct.scores.scoring import Linearisation
+from bondgraph.data.log import FloatArray
+from bondgraph.declare.effect import Effect, EffectFunction, Place
+from bondgraph.declare.expressions import signal as variable_signal
+from bondgraph.declare.functions import maximum, minimum
+from bondgraph.declare.graph import BondGraph
+from bondgraph.declare.quantities import symbol
+
+#: Information left of an effect, beside a function without a law, below which the function contains it.
+_LEFT = 1e-4
+#: Knots of a spline element.
+_KNOTS = 8
+#: Signals more alike than this are one and the same.
+_SAME = 1.0 - 1e-6
+#: A named effect is not needed beside a spline if what it adds is this likely by chance.
+_NEEDLESS = 0.01
+
+
+@dataclass(frozen=True)
+class Unexplained:
+    """What is missing at a place as a function of a signal, which no known effect explains.
+
+    ``knots``, ``values``, ``std`` (knots,): the shape in the unit of the missing variable, less what free parameters
+    take of it, and its standard deviation by blocks of time. ``gain`` in nats; ``p_value`` corrected for all functions
+    tried. ``like`` names the places that explain it as well.
+    """
+
+    place: Place
+    variable: Variable
+    signal: str
+    signal_unit: str
+    unit: str
+    knots: FloatArray
+    values: FloatArray
+    std: FloatArray
+    gain: float
+    p_value: float
+    like: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Spline:
+    """A function of one signal at one place that was tried: its values at the knots, their band, gain and p-value."""
+
+    probe: Probe
+    signal: Signal
+    knots: FloatArray
+    values: FloatArray
+    std: FloatArray
+    gain: float
+    p_value: float
+
+
+def splines(linear: Linearisation, found: Sequence[Probe], known: Sequence[Signal]) -> tuple[Spline, ...]:
+    """Score a function of every signal at every place; a sensor's error only as one of what it shows or of time."""
+    tried: list[Spline] = []
+    for probe in found:
+        wanted = [(one, knots(one, _KNOTS)) for one in known if probe.variable != "sensor" or one.name == "time"]
+        wanted = [(one, at) for one, at in wanted if at.size > 2]
+        changes = [
+            together([shaped(probe.changes[k], hats(one.values[k], at)) for one, at in wanted])
+            for k in range(len(linear.logs) if wanted else 0)
+        ]
+        columns = linear.columns(changes) if wanted else np.zeros((0, 0))
+        first = 0
+        for one, at in wanted:
+            tried.append(_scored(linear, probe, one, at, columns[:, first : first + at.size]))
+            first += at.size
+    return tuple(tried)
+
+
+def _scored(linear: Linearisation, probe: Probe, one: Signal, at: FloatArray, columns: FloatArray) -> Spline:
+    projected = linear.projected(columns)
+    own = list(range(at.size))
+    step, gain, p_value = best_step(projected, own, np.zeros(at.size, dtype=bool))
+    return Spline(probe, one, at, step, _band(projected, own, step), gain, p_value)
+
+
+def distinct(known: Sequence[Signal]) -> list[Signal]:
+    """Signals of which none is another times a constant; of such the first."""
+    kept: list[Signal] = []
+    shapes: list[FloatArray] = []
+    for one in known:
+        values = np.concatenate(one.values)
+        shape = (values - values.mean()) / max(float(np.linalg.norm(values - values.mean())), np.finfo(float).tiny)
+        if all(abs(float(shape @ other)) < _SAME for other in shapes):
+            kept.append(one)
+            shapes.append(shape)
+    return kept
+
+
+def unexplained(tried: Sequence[Spline], measured: int, level: float) -> Unexplained | None:
+    """The function that explains most, if it passes the tests: p-values times the number tried, and the BIC."""
+    best: Spline | None = None
+    count = len(tried)
+    for one in tried:
+        penalty = 0.5 * one.knots.size * math.log(max(measured, 2)) + math.log(count)
+        ahead = best is None or one.gain > best.gain + 1e-6
+        if one.p_value * count < level and one.gain > penalty and ahead:
+            best = one
+    if best is None:
+        return None
+    like = [
+        one.probe.place.label
+        for one in tried
+        if one is not best and one.signal.name == best.signal.name and best.gain - one.gain < 1.0
+    ]
+    return Unexplained(
+        best.probe.place, best.probe.variable, best.signal.name, best.signal.unit, _unit(best.probe), best.knots,
+        best.values, best.std, best.gain, best.p_value * count, tuple(like),
+    )  # fmt: skip
+
+
+def _band(found: Projected, own: Sequence[int], step: FloatArray) -> FloatArray:
+    """Standard deviations of a function at its knots: the larger of those of white noise and of blocks of time."""
+    information = found.information[np.ix_(own, own)]
+    bread = solve(information, np.eye(len(own)))
+    white = np.diag(bread)
+    sums = found.sums(own, step)
+    sums -= sums.mean(axis=0)
+    return np.sqrt(np.maximum(np.maximum(white, np.diag(bread @ (sums.T @ sums) @ bread)), 0.0))
+
+
+def _unit(probe: Probe) -> str:
+    domain = probe.place.domain
+    if domain is None:
+        return ""
+    return domain.effort_unit if probe.variable == "effort" else domain.flow_unit
+
+
+def needless(linear: Linearisation, tried: Sequence[Spline], chosen: Unexplained, coefficients: Sequence[str]) -> bool:
+    """Whether an effect that is in the model would be dropped if the function were there: a wrong near relative.
+
+    With both free, what the effect's coefficients still add is a quadratic form in where they would then be.
+    """
+    fitted = linear.base
+    own = next(k for k in tried if k.probe.place.label == chosen.place.label and k.signal.name == chosen.signal)
+    probe, one, at = own.probe, own.signal, own.knots
+    columns = linear.columns([shaped(probe.changes[k], hats(one.values[k], at)) for k in range(len(linear.logs))])
+    expansion = linear.expansion(columns)
+    kept = [fitted.problem.names[k] for k in np.flatnonzero(~fitted.held)]
+    rows = [kept.index(name) for name in coefficients if name in kept]
+    if not rows:
+        return True
+    others = [k for k in range(expansion.gradient.size) if k not in rows]
+    information, gradient = expansion.information, expansion.gradient
+    follow = solve(information[np.ix_(others, others)], information[np.ix_(others, rows)])
+    left = information[np.ix_(rows, rows)] - information[np.ix_(rows, others)] @ follow
+    if np.any(np.diag(left) < _LEFT * np.diag(information)[rows]):
+        return True  # the function contains the effect
+    score = -(gradient[rows] - follow.T @ gradient[others])
+    values = np.array([fitted.values[kept[row]] for row in rows]) + solve(left, score[:, np.newaxis])[:, 0]
+    return float(stats.chi2.sf(float(values @ left @ values), len(rows))) > _NEEDLESS
+
+
+def table_effect(found: Unexplained) -> EffectFunction:
+    """The unexplained function as an effect: an element whose law is a table with its points as parameters."""
+
+    def tabulated(g: BondGraph, at: Place) -> Effect | None:
+        if at.label != found.place.label or at.output:
+            return None
+        name = f"table_{at.name}"
+        reach = 4.0 * float(np.abs(found.values).max() + found.std.max())
+        points = [
+            g.parameter(f"{name}_{k}", 0.0, found.unit, f"missing at {knot:.4g} {found.signal_unit}", (-reach, reach))
+            for k, knot in enumerate(found.knots)
+        ]
+        argument = _argument(g, found.signal)
+        law = sum(point * hat for point, hat in zip(points, _hat_laws(argument, found.knots), strict=True))
+        if found.variable == "effort":
+            g.effort_source(name, -law, at=at.junction)
+        else:
+            g.flow_source(name, -law, at=at.junction)
+        text = f"{found.variable} = table({found.signal}), {found.knots.size} points"
+        return Effect("table", name, text, tuple(point.name for point in points))
+
+    tabulated.__name__ = f"table_of_{found.signal.replace(' ', '_')}"
+    return tabulated
+
+
+def _argument(g: BondGraph, name: str) -> Expr:
+    """The signal of a name that :func:`bondgraph.correct.places.probes.signals` gave."""
+    variable, separator, node = name.partition(" of ")
+    if separator:
+        return variable_signal(variable, node)
+    return symbol("t" if name == "time" else name)
+
+
+def _hat_laws(x: Expr, at: FloatArray) -> list[Expr]:
+    """The functions of :func:`bondgraph.correct.places.probes.hats` as expressions."""
+    laws: list[Expr] = []
+    for k in range(at.size):
+        rise = (x - at[k - 1]) / (at[k] - at[k - 1]) if k else 1.0
+        fall = (at[k + 1] - x) / (at[k + 1] - at[k]) if k + 1 < at.size else 1.0
+        laws.append(maximum(0.0, minimum(1.0, minimum(rise, fall))))
+    return laws

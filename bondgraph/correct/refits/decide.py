@@ -1,0 +1,227 @@
+"""Decisions: which candidate, if any, the training logs ask for, and which others they cannot tell from it.
+
+A candidate must pass three hurdles, all corrected for the number of candidates tried (Bonferroni): the likelihood
+ratio test; a test of its coefficient with the block-sandwich variance, which coloured noise does not deceive; and the
+Bayesian information criterion. Held-out logs take no part.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from scipy import stats
+
+from bondgraph.correct.fits.fit import BLOCKS, Fit, restricted
+from bondgraph.correct.fits.times import summed, term_times
+from bondgraph.correct.models.candidates import Candidate
+from bondgraph.correct.refits.trials import Alternative, Detectable, Evidence, Trial
+from bondgraph.correct.scores.score import Scores, robust_variance, solve
+from bondgraph.data.log import FloatArray, MatchedLog
+from bondgraph.declare.effect import Effect
+
+#: Chance of being found at the size that is called detectable.
+_POWER = 0.9
+#: Candidates whose likelihoods differ by less than this many nats are not told apart by the data.
+CLOSE = 3.0
+
+
+def judge(base: Fit, refit: Fit, effect: Effect, tried: int, gated: bool = False) -> Evidence:
+    """Evidence of a refit against the fit without the effect; a switching time counts as one more parameter."""
+    gain = base.nll - refit.nll
+    count = len(effect.parameters) + gated
+    measured = int(sum(np.isfinite(log.y).sum() for log in refit.problem.logs))
+    ratio = float(stats.chi2.sf(2.0 * max(gain, 0.0), count))
+    penalty = 0.5 * count * math.log(max(measured, 2)) + math.log(max(tried, 1))
+    robust = robust_p_value(refit, effect.coefficients)
+    return Evidence(gain, min(1.0, ratio * tried), min(1.0, robust * tried), gain - penalty, tried)
+
+
+def robust_p_value(fitted: Fit, coefficients: Sequence[str], uneven: bool = False) -> float:
+    """P-value of coefficients being zero, by their block-sandwich variance; Hotelling's statistic if several.
+
+    A coefficient of which nothing but zero is left counts as absent. With ``uneven`` the degrees of freedom are those
+    of :func:`effective_blocks`: a scatter that rests on two or three blocks of time is itself hardly known.
+    """
+    times = term_times(fitted.problem)
+    free = ~fitted.held
+    variance = np.zeros((free.size, free.size))
+    variance[np.ix_(free, free)] = robust_variance(restricted(fitted.expansion, free), times)
+    rows, distances = [], []
+    for name in coefficients:
+        index = fitted.problem.names.index(name)
+        value = float(fitted.problem.values(fitted.point)[index])
+        if value != 0.0 and variance[index, index] > 0.0:
+            rows.append(index)
+            distances.append(value / fitted.problem.free[index].slope(value))
+    if not rows:
+        return 1.0
+    distance = np.array(distances)
+    squared = float(distance @ solve(variance[np.ix_(rows, rows)], distance[:, np.newaxis])[:, 0])
+    size = len(rows)
+    count = float(max(int(times.block.max()) + 1, size + 2))
+    if uneven:
+        count = min(count, effective_blocks(fitted, [fitted.problem.names[row] for row in rows]))
+        if count <= size:
+            return 1.0
+    return float(stats.f.sf(squared * (count - size) / (size * (count - 1)), size, count - size))
+
+
+def effective_blocks(fitted: Fit, coefficients: Sequence[str]) -> float:
+    """How many blocks of equal weight tell as much of the scatter of coefficients as those that they rest on.
+
+    One over the sum of the squared shares of the blocks in what the logs tell of a coefficient; of several coefficients
+    the least, of none that are free all blocks. Reference: Carter, Schnepel and Steigerwald (2017), Review of Economics
+    and Statistics 99(4).
+    """
+    times = term_times(fitted.problem)
+    count = int(times.block.max()) + 1
+    told = _told(fitted, coefficients)
+    if not told.size:
+        return float(count)
+    blocks = summed(times.series(told), times.block, count)
+    shares = blocks / np.maximum(blocks.sum(axis=0), np.finfo(float).tiny)
+    return float(np.min(1.0 / np.maximum((shares**2).sum(axis=0), np.finfo(float).tiny)))
+
+
+def channel_shares(fitted: Fit, coefficients: Sequence[str]) -> dict[str, float]:
+    """How much of what the logs tell of coefficients each channel does, of several the largest share.
+
+    Zero for all channels if none of the coefficients is free.
+    """
+    names = fitted.problem.filter_model.model.names("output")
+    told = _told(fitted, coefficients)
+    if not told.size:
+        return dict.fromkeys(names, 0.0)
+    rows = np.concatenate([np.repeat(np.arange(len(names)), len(log)) for log in fitted.problem.logs])
+    channels = summed(told[: rows.size], rows, len(names))
+    shares = channels / np.maximum(channels.sum(axis=0), np.finfo(float).tiny)
+    return dict(zip(names, map(float, shares.max(axis=1)), strict=True))
+
+
+def _told(fitted: Fit, coefficients: Sequence[str]) -> FloatArray:
+    """What each term tells of coefficients with the free parameters taken out, those that are free: (n_terms, k)."""
+    free = ~fitted.held
+    names = [name for name, moves in zip(fitted.problem.names, free, strict=True) if moves]
+    rows = [names.index(name) for name in coefficients if name in names]
+    expansion = restricted(fitted.expansion, free)
+    if not rows or expansion.terms is None:
+        return np.empty((0, 0))
+    own: FloatArray = expansion.terms.innovations[:, 1:] @ solve(expansion.information, np.eye(len(names)))[:, rows]
+    return own**2
+
+
+def robust_ratio_p_value(gain: float, fitted: Fit, coefficients: Sequence[str]) -> float:
+    """P-value of a gain of likelihood in nats, less what the scatter of blocks has over that of white noise.
+
+    The distance of coefficients from zero takes for known what rests on a bound beside them, and would not rest there
+    without them; a gain does not. Reference: Kent (1982), Biometrika 69(1).
+    """
+    free = ~fitted.held
+    names = [name for name, moves in zip(fitted.problem.names, free, strict=True) if moves]
+    rows = [names.index(name) for name in coefficients if name in names]
+    if not rows:
+        return 1.0
+    expansion = restricted(fitted.expansion, free)
+    robust = np.diag(robust_variance(expansion, term_times(fitted.problem)))[rows]
+    white = np.diag(solve(expansion.information, np.eye(len(names))))[rows]
+    seen = white > 0.0
+    inflation = float(np.max(robust[seen] / white[seen], initial=1.0))
+    return float(stats.chi2.sf(2.0 * max(gain, 0.0) / inflation, len(rows)))
+
+
+def hurdle(logs: Sequence[MatchedLog], tried: int, level: float) -> float:
+    """The likelihood gain in nats that one coefficient needs to pass all three hurdles."""
+    measured = sum(int(np.isfinite(log.y).sum()) for log in logs)
+    each = level / max(tried, 1)
+    ratio = 0.5 * float(stats.chi2.isf(each, 1))
+    robust = 0.5 * float(stats.t.isf(0.5 * each, BLOCKS)) ** 2
+    return max(ratio, robust, 0.5 * math.log(max(measured, 2)) + math.log(max(tried, 1)))
+
+
+def detectable(vanishing: Sequence[Candidate], found: Scores, need: float) -> tuple[Detectable, ...]:
+    """The size at which each candidate would have been found nine times in ten.
+
+    The root of twice the gain is nearly normal around size * sqrt(information) with unit variance; it must pass the
+    root of twice the ``need``. Of an effect with several coefficients the first is meant.
+
+    Parameters
+    ----------
+    vanishing
+        The candidates.
+    found
+        Their scores.
+    need
+        Gain in nats that passes the tests, see :func:`hurdle`.
+    """
+    reach = math.sqrt(2.0 * need) + float(stats.norm.ppf(_POWER))
+    listed = []
+    for one, told in zip(vanishing, found.information, strict=True):
+        name = one.effect.coefficients[0]
+        info = one.model.parameters[one.model.index("parameter", name)]
+        size = reach / math.sqrt(told) if told > 0.0 else math.inf
+        listed.append(Detectable(one.effect.name, one.place.label, name, size, info.unit))
+    return tuple(listed)
+
+
+def choose(trials: Sequence[Trial], level: float) -> Trial | None:
+    """The refitted candidate with the largest penalised gain among those that pass, or None."""
+    passed = [trial for trial in trials if trial.fit is not None and trial.evidence and trial.evidence.accepted(level)]
+    return max(passed, key=_bic_gain, default=None)
+
+
+def _bic_gain(trial: Trial) -> float:
+    return -math.inf if trial.evidence is None else trial.evidence.bic_gain
+
+
+def alternatives(
+    chosen: Trial | None, trials: Sequence[Trial], found: Scores, level: float, most: int = 12
+) -> list[Alternative]:
+    """The other candidates, best first, each with the reason it was not chosen."""
+    ranked = sorted((t for t in trials if t is not chosen), key=lambda t: -t.gain)
+    order = {trial.candidate.label: index for index, trial in enumerate(trials)}
+    listed: list[Alternative] = []
+    for trial in ranked:
+        close, why = _why_not(chosen, trial, found, order, level)
+        why = f"acting {trial.gate}, {why}" if trial.gate else why
+        why += f"; {trial.remark}" if trial.remark else ""
+        if close or len(listed) < most:
+            place = trial.candidate.place.label
+            listed.append(Alternative(trial.candidate.effect.name, place, trial.gain, close, why))
+        if close and trial.gate is not None:
+            same = f"its response is that of {trial.candidate.label} to these sensors"
+            names = [label.partition(" at ") for label in trial.stands_for]
+            listed += [Alternative(name, where, trial.gain, True, same) for name, _, where in names]
+    return listed
+
+
+def _why_not(
+    chosen: Trial | None, trial: Trial, found: Scores, order: dict[str, int], level: float
+) -> tuple[bool, str]:
+    if chosen is None:
+        if trial.evidence is None:
+            return False, f"its score promises {trial.score_gain:.1f} nats, too little to be refitted"
+        return False, f"p = {trial.p_value:.2g}, above {level:g}"
+    if trial.evidence is None:
+        a, b = order[chosen.candidate.label], order[trial.candidate.label]
+        size = found.correlation.shape[0]
+        alike = float(found.correlation[a, b]) if max(a, b) < size else 0.0
+        lost = (1.0 - alike**2) * chosen.gain
+        if trial.score_gain > 0.0 and lost < CLOSE:
+            return True, f"its response is the same to these sensors (correlation {alike:.4f}, {lost:.1f} nats less)"
+        if trial.instead is not None and trial.instead[0] == chosen.candidate.label and trial.instead[1] < CLOSE:
+            return True, f"in its place it would do as well ({trial.instead[1]:.1f} nats less)"
+    short = chosen.gain - trial.gain
+    if trial.evidence is not None and short <= -CLOSE:
+        return False, f"it gains {-short:.1f} nats more, but p = {trial.p_value:.2g} is above {level:g}"
+    if trial.evidence is not None and abs(short) < CLOSE:
+        return True, f"its likelihood is within {abs(short):.1f} nats, which these data do not tell apart"
+    return False, f"{_said(trial)} {short:.1f} nats less than {chosen.candidate.label}"
+
+
+def _said(trial: Trial) -> str:
+    if trial.evidence is None:
+        return "its score promises"
+    finished = trial.fit is None or trial.fit.outcome.succeeded
+    return "refitted, it gains" if finished else "its refit was given up while it gained"

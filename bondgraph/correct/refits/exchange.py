@@ -1,0 +1,125 @@
+"""Exchanging an effect that was found for another: what the fit with it says a fit with another instead would reach.
+
+Scores at the fit without any effect rank candidates roughly: that fit hides what it lacks in its noise and in
+parameters far from their truth. At the fit with one of them in place, noise and parameters are about right, whichever
+of several neighbours is the true one. There the quadratic expansion in the parameters, the coefficients found, and
+those of another candidate tells what taking the ones to zero costs and what freeing the other gains: one linearisation
+for all of them. Sequential replacement: Miller (2002), Subset Selection in Regression, section 3.3.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from bondgraph.correct.models.candidates import Candidate, Variant
+from bondgraph.correct.refits.refit import coefficients, inside
+from bondgraph.correct.refits.trials import Trial
+from bondgraph.correct.responses.response import Change, Path, model_change, together
+from bondgraph.correct.scores.gates import Gate
+from bondgraph.correct.scores.score import best_step, project, solve
+from bondgraph.correct.scores.scoring import linearisation
+from bondgraph.data.log import FloatArray, MatchedLog
+from bondgraph.estimate.objective import Expansion
+
+#: Shares of the way to where the expansion puts the parameters at which a refit looks for its start.
+_STRIDES = (1.0, 0.5, 0.0)
+
+
+@dataclass(frozen=True)
+class Exchange:
+    """One candidate in the place of an effect that was found.
+
+    ``loss`` is by how many nats its fit would be worse, ``starts`` are points, each (n,), from which to refit it.
+    """
+
+    loss: float
+    starts: tuple[FloatArray, ...]
+
+
+def exchanges(
+    found: Trial, others: Sequence[Candidate], variants: Sequence[Variant], train: Sequence[MatchedLog], shared: int
+) -> list[Exchange | None]:
+    """What each of some candidates would do in the place of a refitted one; None where nothing can be said.
+
+    Parameters
+    ----------
+    found
+        The refitted candidate; nothing can be said without a refit, with its coefficients on a bound, or where it
+        brings a state (a deflection) that the others have no place for. If it acts in part of the data, so do they.
+    others, variants
+        The candidates, which bring no storage of their own, and how each is tried.
+    train
+        The logs of the refit.
+    shared
+        How many of its free coordinates come first that the others have too; its own coefficients and shapes follow.
+    """
+    fitted = found.fit
+    if fitted is None or found.candidate.effect.adds_state or fitted.held[shared:].any() or not others:
+        return [None] * len(others)
+    states = set(fitted.problem.filter_model.model.names("state"))
+    if not all(states <= set(one.model.names("state")) for one in others):
+        return [None] * len(others)
+    linear = linearisation(fitted, train)
+    changes = [_changes(log.path, others, variants) for log in linear.logs]
+    if found.gate is not None:
+        changes = [_in_part(one, log.path, found.gate, train) for one, log in zip(changes, linear.logs, strict=True)]
+    expansion = linear.expansion(linear.columns(changes))
+    kept = np.flatnonzero(~fitted.held)
+    common = np.flatnonzero(kept < shared)
+    own = np.flatnonzero(kept >= shared)[: len(found.candidate.effect.coefficients)]
+    away = -fitted.point[kept[own]]
+    gradient = expansion.gradient + expansion.information[:, own] @ away
+    lanes = np.arange(kept.size, expansion.gradient.size)
+    rows = np.concatenate([common, lanes])
+    moved = Expansion(gradient[rows], expansion.information[np.ix_(rows, rows)], 1)
+    projected = project(moved, common.size)
+    back = -solve(moved.information[: common.size, : common.size], moved.gradient[: common.size, np.newaxis])[:, 0]
+    removal = 0.5 * float(away @ (expansion.gradient[own] + gradient[own]))
+    removal += 0.5 * float(moved.gradient[: common.size] @ back)
+    results: list[Exchange | None] = []
+    first = 0
+    for one, how in zip(others, variants, strict=True):
+        mine = list(range(first, first + len(one.effect.coefficients)))
+        first += len(mine)
+        step, gain, _ = best_step(projected, mine, one.lower >= 0.0)
+        shift = np.zeros(shared)
+        shift[kept[common]] = back + projected.share[:, mine] @ step
+        free = coefficients(one, replace(fitted.problem.filter_model, model=one.model), how)
+        reached = [inside(parameter, value) for parameter, value in zip(free, step, strict=False)]
+        shapes = [parameter.coordinate(parameter.start) for parameter in free[step.size :]]
+        ends = [fitted.point[:shared] + share * shift for share in _STRIDES]
+        results.append(Exchange(removal - gain, tuple(np.concatenate([end, reached, shapes]) for end in ends)))
+    return results
+
+
+def _changes(path: Path, others: Sequence[Candidate], variants: Sequence[Variant]) -> Change:
+    """The changes by all coefficients of candidates, a lane each; all of them do nothing where these are zero."""
+    model = others[0].model
+    absent = model_change(path, model, model.theta(**path.parameters(model)), 1.0)
+    return together([_change(path, one, how, absent) for one, how in zip(others, variants, strict=True)])
+
+
+def _in_part(change: Change, path: Path, gate: Gate, logs: Sequence[MatchedLog]) -> Change:
+    """The changes of candidates that act from a time on, or until it."""
+    on = gate.acts(path.time, path.log.name, logs)[:, np.newaxis]
+    return Change(change.start * on[:-1], change.end * on[1:], change.outputs * on)
+
+
+def _change(path: Path, candidate: Candidate, variant: Variant, absent: Change) -> Change:
+    """The changes by the coefficients of a candidate along the path of a model that has another effect, a lane each.
+
+    ``absent``: the change by taking the other effect out, which is in that by each candidate and none of its own.
+    """
+    known = path.parameters(candidate.model) | dict(variant.shapes)
+    lanes = []
+    for name, size in zip(candidate.effect.coefficients, variant.sizes, strict=True):
+        there = model_change(path, candidate.model, candidate.model.theta(**known | {name: size}), size)
+        lanes.append(
+            Change(
+                there.start - absent.start / size, there.end - absent.end / size, there.outputs - absent.outputs / size
+            )
+        )
+    return together(lanes)

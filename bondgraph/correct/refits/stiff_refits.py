@@ -1,0 +1,393 @@
+"""Refits of candidates on stiff models, whose filters take longest: heats on a part of the logs, then the whole.
+
+A stiff model that lacks something is fitted far from its truth, and a local search from there ends far from it too. So
+what promises much is searched anew, from little process noise (:func:`bondgraph.correct.fits.fit.quiet_start`), on the
+beginnings of the logs; those that gain most there go on to the whole, first the best of them, then those that this
+does not beat clearly on the beginnings. What promises little is near, and starts where its score points; what promises
+less than must be gained is refitted only where its law is not smooth, which scores underrate. At last the fit with the
+best of them says which others would do as well in its place (:mod:`.exchange`); those are refitted from there.
+"""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import TypeVar
+
+import numpy as np
+
+from bondgraph.correct.fits.excerpts import excerpt
+from bondgraph.correct.fits.fit import WITHIN_REACH, Fit, Report, fit, quiet_start
+from bondgraph.correct.models.build import BuiltModel, build
+from bondgraph.correct.refits.decide import CLOSE, choose
+from bondgraph.correct.refits.exchange import exchanges
+from bondgraph.correct.refits.refit import (
+    STRIDES,
+    Ground,
+    abrupt,
+    alike,
+    along,
+    at_optimum,
+    coefficients,
+    inside,
+    note,
+    worth_quiet,
+)
+from bondgraph.correct.refits.stiff_picks import attainable, simpler_law, varied
+from bondgraph.correct.refits.trials import Trial
+from bondgraph.correct.scores.quiet import Quiet, quiet_starts
+from bondgraph.correct.scores.scoring import Scored
+from bondgraph.data.log import FloatArray
+from bondgraph.errors import EstimationError, FilterError
+from bondgraph.estimate.exact import compile_exact
+from bondgraph.estimate.free import FreeParameter
+from bondgraph.estimate.problem import EstimationProblem
+from bondgraph.filter.compiled import CompiledFilter, in_threads
+from bondgraph.filter.filter_model import FilterModel
+
+_Task = TypeVar("_Task")
+
+#: At most so many candidates are searched from anywhere else than the end of the best of them.
+_MOST = 4
+#: So many of those that are best with little process noise are searched.
+_MOST_QUIET = 2
+#: Heats end where a further step promises less than so many nats; after them few steps are left.
+_ROUGH, _ROUGH_ITERATIONS = 2.0, 30
+_TOLERANCE, _MOST_ITERATIONS = 0.05, 12
+#: Those that gain this share of the best in their heat go on; but not those that the best fit to the whole logs so far
+#: beats on their beginnings by more than must be gained, and so many nats that a heat may leave to exact derivatives.
+_AHEAD, _UNFINISHED = 0.6, 60.0
+#: What promises less than so many times the least gain that counts is near.
+NEARBY = 10.0
+#: Shares of the step of a score at which those near are tried: the filter of all logs is costly, and scores are right.
+_NEAR_STRIDES = (1.0, 0.1)
+#: Multiples of that step, and by how much (of a logarithm) lower process noise, at which a start is tried.
+_MULTIPLES = (1.0, 4.0, 16.0)
+_QUIETER = 2.0
+#: So many times the best is exchanged for others, as far as they seem to lose less than this share of what it gains; of
+#: what loses much expansions are right to a factor of two only (a winch: 89 nats said, 50 lost), so refits decide.
+_EXCHANGES, _ACCURATE = 3, 0.1
+#: The same law at another place is exchanged though it seems to lose up to this share (a vehicle's creep in the tyre
+#: instead of in what it pushes: half of 251 nats said, and it gained); it is searched if its score is this share.
+_SAME_LAW = 0.6
+#: Side by side, whatever the machine, so that results do not depend on it.
+ABREAST = 2
+
+
+@dataclass(frozen=True)
+class _Entrant:
+    """A candidate with the model that it added its effect to, what is free there, and where it may start.
+
+    ``beginning`` is where its heat begins (n,); None: it needs none.
+    """
+
+    group: tuple[int, ...]
+    built: BuiltModel
+    filter_model: FilterModel
+    free: tuple[FreeParameter, ...]
+    starts: tuple[FloatArray, ...]
+    beginning: FloatArray | None
+
+
+def refit_stiff(
+    trials: Sequence[Trial], scored: Scored, ground: Ground, most: int, report: Report, ahead: float = 0.0
+) -> list[Trial]:
+    """The trials of vanishing candidates on a stiff model, the best of them refitted.
+
+    Parameters
+    ----------
+    trials
+        In the order of the scores.
+    scored
+        Scores of the same candidates.
+    ground
+        What to start from.
+    most
+        Most refits.
+    report
+        Told of each.
+    ahead
+        What another candidate has gained by its refit; those are left out that cannot reach it, however underrated.
+    """
+    done = list(trials)
+    groups = [
+        group
+        for group in varied(trials, scored.scores, ground)
+        if (done[group[0]].score_gain > ground.need or done[group[0]].candidate.effect.amplitudes)
+        and attainable(done[group[0]].score_gain, done[group[0]].candidate.effect) >= ahead
+    ]
+    _refit([_entrant(done, group, scored, ground) for group in groups[: min(_MOST, most)]], done, ground, report)
+    _exchange(done, scored, ground)
+    _elsewhere(done, scored, ground, report)
+    refitted = [j for j, trial in enumerate(done) if trial.fit is not None]
+    if refitted:
+        leader = min(refitted, key=lambda j: _nll(done[j]))
+        simpler = simpler_law(leader, done, scored.scores, ground)
+        if simpler is not None:
+            _refit([_entrant(done, [simpler], scored, ground)], done, ground, report)
+    return done
+
+
+def refit_quiet(trials: Sequence[Trial], scored: Scored, quiet: Quiet, ground: Ground, report: Report) -> list[Trial]:
+    """The trials, and refits of those that are best with the process noise held low, as far as they have none.
+
+    Parameters
+    ----------
+    trials, scored, ground, report
+        As for :func:`refit_stiff`, some of them refitted.
+    quiet
+        Scores of the same candidates on the quiet fit.
+    """
+    done, found = list(trials), quiet.scored.scores
+    groups = [
+        group
+        for group in alike(done, found, worth_quiet(found, ground.need))
+        if all(done[j].fit is None for j in group)
+    ]
+    before = choose(done, ground.level)
+    entrants = [_quiet_entrant(done, group, quiet, ground) for group in groups[:_MOST_QUIET]]
+    _refit(entrants, done, ground, report, -0.5 * ground.need)
+    if choose(done, ground.level) is not before:
+        _exchange(done, scored, ground)
+        _elsewhere(done, scored, ground, report)
+    return done
+
+
+def _entrant(trials: Sequence[Trial], group: Sequence[int], scored: Scored, ground: Ground) -> _Entrant:
+    index, base, found = group[0], ground.base, scored.scores
+    candidate = trials[index].candidate
+    built = build(candidate.apply(ground.built.graph))
+    filter_model = replace(base.problem.filter_model, model=built.model)
+    own = coefficients(candidate, filter_model, scored.variants[index])
+    free = (*at_optimum(base), *own)
+    near = trials[index].score_gain <= NEARBY * ground.need
+    shares = (*(_NEAR_STRIDES if near else STRIDES), *abrupt(candidate, found.steps[index]))
+    starts = [along(base, found, index, own, share) for share in shares]
+    if near:
+        return _Entrant(tuple(group), built, filter_model, free, tuple(starts), None)
+    starts += _afresh(base, own, found.steps[index])
+    absent = [parameter.coordinate(parameter.start) for parameter in own]
+    beginning = quiet_start(free, np.concatenate([declared_point(base), absent]))
+    return _Entrant(tuple(group), built, filter_model, free, tuple(starts), beginning)
+
+
+def _quiet_entrant(trials: Sequence[Trial], group: Sequence[int], quiet: Quiet, ground: Ground) -> _Entrant:
+    """A candidate that is searched from where the quiet fit points, and from little process noise."""
+    index, base = group[0], ground.base
+    built = build(trials[index].candidate.apply(ground.built.graph))
+    filter_model = replace(base.problem.filter_model, model=built.model)
+    own = coefficients(trials[index].candidate, filter_model, quiet.scored.variants[index])
+    free = (*at_optimum(base), *own)
+    starts = quiet_starts(base, quiet, index, own)
+    beginning = quiet_start(free, np.concatenate([declared_point(base), [one.coordinate(one.start) for one in own]]))
+    return _Entrant(tuple(group), built, filter_model, free, tuple(starts), beginning)
+
+
+def _refit(
+    entrants: Sequence[_Entrant], done: list[Trial], ground: Ground, report: Report, reach: float = WITHIN_REACH
+) -> None:
+    """Heats, then refits of those that are ahead, noted in the trials; what needs no heat is refitted as it is.
+
+    They are finished where they end behind the best so far by less than ``reach``.
+    """
+    if not entrants:
+        return
+    for one in entrants:  # compiled before threads start
+        CompiledFilter.of(one.filter_model)
+    report("refit the best candidates", 0, len(entrants))
+    near = [one for one in entrants if one.beginning is None]
+    ahead = _ahead([one for one in entrants if one.beginning is not None], ground)
+    report("refit the best candidates", len(entrants) - len(near) - len(ahead), len(entrants))
+    for due in (ahead[:1], [*((one, -np.inf) for one in near), *ahead[1:]]):
+        best = choose(done, ground.level)
+        lead = ground.base if best is None or best.fit is None else best.fit
+        least = _on_beginnings(lead) + ground.need + _UNFINISHED
+        for one, fitted in _whole([one for one, reached in due if reached < least], ground, lead.nll, reach):
+            note(done, one.group, fitted, one.built, ground)
+    report("refit the best candidates", len(entrants), len(entrants))
+
+
+def _ahead(entrants: Sequence[_Entrant], ground: Ground) -> list[tuple[_Entrant, float]]:
+    """Those that go on to the whole logs from where their heat ended, with what they reached there, the best first."""
+    if not entrants:
+        return []
+    parts = [_part(one, ground) for one in entrants]
+
+    def heat(k: int) -> Fit:
+        one, part = entrants[k], parts[k]
+        return fit(
+            one.filter_model, part.logs, one.free, _ROUGH_ITERATIONS, _ROUGH, one.starts, journal=ground.journal,
+            first=one.beginning,
+        )  # fmt: skip
+
+    found = _abreast(heat, range(len(entrants)))
+    best = min(np.inf if one is None else one.nll for one in found)
+    problem = replace(ground.base.problem, logs=parts[0].logs)
+    gained = float(problem.nll(ground.base.point[:, np.newaxis])[0]) - best
+    kept = [
+        (replace(one, starts=(heated.point,)), heated.nll)
+        for one, heated in zip(entrants, found, strict=True)
+        if heated is not None and heated.nll <= best + (1.0 - _AHEAD) * max(gained, 0.0)
+    ]
+    return sorted(kept, key=lambda pair: pair[1])
+
+
+def _again(entrants: Sequence[_Entrant], best: Fit, done: list[Trial], ground: Ground) -> None:
+    """Refits from the given starts, noted in the trials where they are better than what is there."""
+    entrants = _not_behind(entrants, best, ground)
+    for one, fitted in _whole(entrants, ground, best.nll):
+        if fitted.nll < _nll(done[one.group[0]]):
+            note(done, one.group, fitted, one.built, ground)
+
+
+def _exchange(done: list[Trial], scored: Scored, ground: Ground) -> None:
+    """Refit what would do as well in the place of the best, from where that one ended; again if it is better."""
+    groups = alike(done, scored.scores, 0.5 * ground.need)
+    tried: set[int] = set()
+    for _ in range(_EXCHANGES):
+        best = choose(done, ground.level)
+        if best is None or best.fit is None:
+            return
+        lead, others = best.fit, [group for group in groups if done[group[0]] is not best and group[0] not in tried]
+        found = exchanges(
+            best, [done[group[0]].candidate for group in others], [scored.variants[group[0]] for group in others],
+            ground.train, ground.base.point.size,
+        )  # fmt: skip
+        gained = ground.base.nll - lead.nll
+        due, margin = [], max(CLOSE, _ACCURATE * gained)
+        for group, one in zip(others, found, strict=True):
+            if one is None:
+                continue
+            for j in group:
+                done[j] = replace(done[j], instead=(best.candidate.label, one.loss))
+            same = any(done[j].candidate.function is best.candidate.function for j in group)
+            if one.loss < (_SAME_LAW * gained if same else margin) and (
+                _nll(done[group[0]]) > lead.nll + max(one.loss, 0.0) + _ROUGH
+            ):
+                due.append((one, group))
+        due = sorted(due, key=lambda pair: pair[0].loss)[:ABREAST]
+        entrants = [replace(_entrant(done, group, scored, ground), starts=one.starts) for one, group in due]
+        _again(entrants, lead, done, ground)
+        tried |= {group[0] for _, group in due}
+        if not due:
+            return
+
+
+def _elsewhere(done: list[Trial], scored: Scored, ground: Ground, report: Report) -> None:
+    """Refit the law that did best at other places where its score promises about as much, searched anew.
+
+    Of what is far an exchange knows nothing: creep of a vehicle's tyre in place of that of what it pushes was to lose
+    3300 nats where all that was gained were 814.
+    """
+    best = choose(done, ground.level)
+    if best is None:
+        return
+    groups = [
+        group
+        for group in alike(done, scored.scores, 0.5 * ground.need)
+        if all(done[j].fit is None for j in group)
+        and done[group[0]].candidate.function is best.candidate.function
+        and done[group[0]].score_gain >= _SAME_LAW * best.score_gain
+    ]
+    _refit([_entrant(done, group, scored, ground) for group in groups[:ABREAST]], done, ground, report)
+
+
+def _not_behind(entrants: Sequence[_Entrant], best: Fit, ground: Ground) -> list[_Entrant]:
+    """Those that are not clearly behind the best fit on the beginnings of the logs, from where they ended there.
+
+    What explains these clearly worse is told apart.
+    """
+    for one in entrants:
+        CompiledFilter.of(one.filter_model)
+    part = excerpt(best.problem)
+    if part is None:
+        return list(entrants)
+    reached = _on_beginnings(best)
+
+    def heat(one: _Entrant) -> Fit:
+        return fit(
+            one.filter_model, part.logs, one.free, _ROUGH_ITERATIONS, _ROUGH, one.starts, reached, ground.journal
+        )
+
+    return [
+        replace(one, starts=(heated.point, *one.starts))
+        for one, heated in zip(entrants, _abreast(heat, entrants), strict=True)
+        if heated is not None and heated.nll < reached + ground.need + _UNFINISHED
+    ]
+
+
+def _on_beginnings(best: Fit) -> float:
+    """The negative log-likelihood of the beginnings of the logs at the optimum of them all."""
+    part = excerpt(best.problem) or best.problem
+    return float(part.nll(best.point[:, np.newaxis])[0])
+
+
+def _whole(
+    entrants: Sequence[_Entrant], ground: Ground, beat: float, reach: float = WITHIN_REACH
+) -> list[tuple[_Entrant, Fit]]:
+    """Fits to the whole logs, given up where they will clearly not be better than ``beat``; not those that diverge."""
+    for one in entrants:
+        compile_exact(EstimationProblem(one.filter_model, ground.train, one.free))
+
+    def whole(one: _Entrant) -> Fit:
+        return fit(
+            one.filter_model, ground.train, one.free, _MOST_ITERATIONS, _TOLERANCE, one.starts, beat, ground.journal,
+            reach=reach,
+        )  # fmt: skip
+
+    found = _abreast(whole, entrants)
+    return [(one, fitted) for one, fitted in zip(entrants, found, strict=True) if fitted is not None]
+
+
+def _nll(trial: Trial) -> float:
+    return np.inf if trial.fit is None else trial.fit.nll
+
+
+def _part(one: _Entrant, ground: Ground) -> EstimationProblem:
+    """The beginnings of long logs."""
+    problem = EstimationProblem(one.filter_model, ground.train, one.free)
+    return excerpt(problem) or problem
+
+
+def _abreast(action: Callable[[_Task], Fit], tasks: Sequence[_Task]) -> list[Fit | None]:
+    """Fits side by side; None for one whose model diverges."""
+    found: list[Fit | None] = [None] * len(tasks)
+
+    def work(k: int) -> None:
+        with contextlib.suppress(EstimationError, FilterError):
+            found[k] = action(tasks[k])
+
+    in_threads(ABREAST, work, range(len(tasks)))
+    return found
+
+
+def _afresh(base: Fit, own: Sequence[FreeParameter], step: FloatArray) -> list[FloatArray]:
+    """Starts that owe less to the fit without a candidate: its parameters or the declared ones, its noise or little.
+
+    A model that lacks something drives its parameters to bounds and its noise up, and from there a long way leads back.
+    Coefficients are tried at what their score points at and, since a large effect is underrated, at multiples of it.
+    """
+    problem = base.problem
+    kinds = np.array([parameter.target.kind for parameter in problem.free])
+    declared = declared_point(base)
+    quiet = np.where(kinds == "process", np.clip(base.point - _QUIETER, problem.lower, problem.upper), 0.0)
+    found = []
+    for point in (base.point, declared):
+        for levels in (point, np.where(kinds == "process", quiet, point)):
+            for many in _MULTIPLES:
+                reached = [inside(one, many * value) for one, value in zip(own, step, strict=False)]
+                shapes = [parameter.coordinate(parameter.start) for parameter in own[step.size :]]
+                found.append(np.concatenate([levels, reached, shapes]))
+    return found
+
+
+def declared_point(base: Fit) -> FloatArray:
+    """The point of a fit with its parameters as declared."""
+    model = base.problem.filter_model.model
+    point = base.point.copy()
+    for k, parameter in enumerate(base.problem.free):
+        if parameter.target.kind == "parameter":
+            value = model.parameters[model.index("parameter", parameter.target.name)].value
+            point[k] = parameter.coordinate(float(np.clip(value, parameter.lower, parameter.upper)))
+    return point

@@ -1,0 +1,89 @@
+"""Values of the decisions: candidates with their scores and refits, what speaks for them, what could have been seen."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from bondgraph.correct.fits.fit import Fit
+from bondgraph.correct.models.build import BuiltModel
+from bondgraph.correct.models.candidates import Candidate
+from bondgraph.correct.scores.gates import Gate
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """What speaks for one refitted candidate.
+
+    ``delta_nll``: gain of log-likelihood in nats; ``p_value`` and ``p_robust``: of the likelihood ratio and of the
+    coefficient with block-sandwich variance, both times the number tried; ``bic_gain``: gain after the penalty, nats.
+    """
+
+    delta_nll: float
+    p_value: float
+    p_robust: float
+    bic_gain: float
+    tried: int
+
+    def accepted(self, level: float) -> bool:
+        """Whether all three hurdles are passed."""
+        return self.p_value < level and self.p_robust < level and self.bic_gain > 0.0
+
+
+@dataclass(frozen=True)
+class Trial:
+    """A candidate with its score, and its refit if it came that far.
+
+    ``score_p`` is the p-value of the score, corrected for the number of candidates. ``stands_for`` names the candidates
+    whose response is the same to rounding, of which this one was refitted. ``gate``: it acts in part of the data only.
+    ``instead``: another that was refitted, and how many nats less this one would gain in its place, told there.
+    ``remark``: sizes that were left out, if any.
+    """
+
+    candidate: Candidate
+    score_gain: float
+    step: tuple[float, ...] = ()
+    built: BuiltModel | None = None
+    fit: Fit | None = None
+    evidence: Evidence | None = None
+    score_p: float = 1.0
+    stands_for: tuple[str, ...] = ()
+    gate: Gate | None = None
+    instead: tuple[str, float] | None = None
+    remark: str = ""
+
+    @property
+    def gain(self) -> float:
+        """Likelihood gain in nats: of the refit, else as the score predicts it."""
+        return self.score_gain if self.evidence is None else self.evidence.delta_nll
+
+    @property
+    def p_value(self) -> float:
+        """The larger of both p-values of the refit, else that of the score; corrected for the number tried."""
+        return self.score_p if self.evidence is None else max(self.evidence.p_value, self.evidence.p_robust)
+
+
+@dataclass(frozen=True)
+class Alternative:
+    """A candidate that was not chosen, and why; of one that the data do not tell from the chosen, what would."""
+
+    name: str
+    junction: str
+    delta_nll: float
+    indistinguishable: bool
+    why: str
+    separate: str = ""
+
+
+@dataclass(frozen=True)
+class Detectable:
+    """How large a missing effect must be to be found with logs such as these.
+
+    At ``size`` of its coefficient it is found about nine times in ten, with the same excitation and noise. ``size`` is
+    infinite where the free parameters take all of the candidate's response, so that no size shows.
+    """
+
+    effect: str
+    junction: str
+    coefficient: str
+    size: float
+    unit: str

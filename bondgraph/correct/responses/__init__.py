@@ -1,0 +1,1 @@
+"""How the whitened innovations of a filter respond to small changes: of the model, its noise levels, its steps."""

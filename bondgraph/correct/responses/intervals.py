@@ -1,0 +1,144 @@
+"""What shifts of the rates inside the intervals of a log leave at their ends, where a model is stiff.
+
+A point's Jacobian says little about an interval over which a stiff model relaxes: a belt that grips, a tyre at rest.
+So the model itself is integrated: from two points inside each interval on, with every state kicked by a little, and
+what remains of the kicks at the end is the transition from there. A shift of the rates is a row of kicks, taken at
+these points by a quadrature; what relaxes faster than the quadrature sees leaves next to nothing at the end.
+
+The transition over a whole interval is that of the filter: its covariance between the states at both ends over that at
+the first, which averages over what the filter does not know. Reference: Lefebvre, Bruyninckx, De Schutter (2002), IEEE
+Trans. Automatic Control 47(8), for the unscented filter as a statistical linearisation.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from bondgraph.correct.responses import interval_kernel
+from bondgraph.data.log import FloatArray
+from bondgraph.filter.compiled import available_cores, in_threads, log_rows
+from bondgraph.filter.filter_model import FilterModel
+from bondgraph.filter.filter_run import FilterRun
+from bondgraph.filter.samples import Samples
+from bondgraph.simulate.arrays import IntArray
+from bondgraph.simulate.compile import load_kernel
+from bondgraph.simulate.program.lane_text import LANES
+from bondgraph.simulate.program.lanes import LaneModel, load_lanes
+from bondgraph.simulate.rosenbrock import TABLEAUS
+from bondgraph.simulate.stiff import Rosenbrock
+
+#: Points of the quadrature as shares of an interval, of equal weight: what is fast has relaxed from the sample before,
+#: and relaxes until the next.
+NODES = (0.25, 0.75)
+#: States are kicked by this share of their largest value.
+_KICK = 1e-5
+#: A kick must relax as it does in truth, which takes a method that is L-stable; and where a belt grips steps must be
+#: short, or two kicks that differ by which side of a kink they fall on grow apart. So many cheap steps do better than
+#: few of a higher order: on a vehicle the gradient is within 0.03 standard deviations of that of fine steps, where
+#: eleven of RODAS4, at the same cost, are wild in a tenth of the intervals. Each is longer than the last.
+_METHOD, _STEPS, _GRADING = "ros2", 40, 1.2
+#: Standard deviations below this share of a state's largest value count as none.
+_KNOWN = 1e-12
+#: Directions of a covariance (as correlations) with less variance than this are rounding.
+_SINGULAR = 1e-9
+
+
+@dataclass(frozen=True)
+class Kicks:
+    """States at the nodes ``reached`` (n - 1, nodes, n_x); and to the end ``moved`` (n - 1, nodes, n_x, n_x)."""
+
+    reached: FloatArray
+    moved: FloatArray
+
+
+def kicks(
+    filter_model: FilterModel,
+    samples: Samples,
+    start: FloatArray,
+    theta: FloatArray,
+    nodes: Sequence[float] = NODES,
+) -> Kicks:
+    """Kick the states inside each interval of a log.
+
+    Parameters
+    ----------
+    filter_model, samples
+        The model with its stiff method, and the log.
+    start
+        States where the intervals begin, shape (n_x, n - 1).
+    theta
+        Parameters (n_theta,) of this log.
+    nodes
+        Where in the intervals, as increasing shares of them.
+    """
+    size, count = start.shape
+    lanes = load_lanes(filter_model.model, filter_model.is_stiff)
+    rows = log_rows(samples)
+    every = interval_kernel.Intervals(
+        rows.time[:-1], np.diff(rows.time), rows.u_left, rows.u_right, _steps(samples), _GRADING,
+        TABLEAUS[_METHOD].numbers,
+    )  # fmt: skip
+    reached, moved = np.empty((count, len(nodes), size)), np.empty((count, len(nodes), size, size))
+    largest = np.maximum(np.abs(start).max(axis=1, initial=0.0), 1e-3)
+    equations = interval_kernel.Equations(lanes.prepare, lanes.advance)
+    kicked = load_kernel(interval_kernel).kicked
+    begin, parameters, places = np.ascontiguousarray(start.T), np.ascontiguousarray(theta), np.array(nodes)
+
+    def some(own: slice) -> None:
+        kicked(
+            equations, _some(every, own), parameters, begin[own], _KICK * largest, places, reached[own], moved[own],
+            _scratch(lanes, rows.u.shape[1]),
+        )  # fmt: skip
+
+    threads = available_cores()
+    edges = np.linspace(0, count, threads + 1).astype(int)
+    in_threads(threads, some, [slice(first, end) for first, end in itertools.pairwise(edges)])
+    return Kicks(reached, np.nan_to_num(moved, nan=0.0, posinf=0.0, neginf=0.0))
+
+
+def _some(every: interval_kernel.Intervals, own: slice) -> interval_kernel.Intervals:
+    """Neighbouring ones of all intervals."""
+    return every._replace(
+        start=every.start[own], length=every.length[own], u_left=every.u_left[own], u_right=every.u_right[own],
+        substeps=every.substeps[own],
+    )  # fmt: skip
+
+
+def _scratch(lanes: LaneModel, inputs: int) -> interval_kernel.Scratch:
+    left, right = np.zeros(inputs), np.zeros(inputs)
+    return interval_kernel.Scratch(
+        lanes.buffer(), np.zeros(2), np.zeros(2 * inputs), left, right, LANES, lanes.theta, lanes.x
+    )
+
+
+def _steps(samples: Samples) -> IntArray:
+    """Integration steps of each interval; longer ones take more."""
+    found: IntArray = _STEPS * samples.substeps // max(int(np.min(samples.substeps)), 1)
+    return found
+
+
+def integrator(filter_model: FilterModel) -> str | Rosenbrock:
+    """The method by which free simulations of a filter's model are integrated, twice as fine as in the filter."""
+    if not filter_model.is_stiff:
+        return "rk4"
+    return Rosenbrock(filter_model.method, 2 * filter_model.substeps, math.sqrt(filter_model.grading))
+
+
+def filter_transitions(run: FilterRun) -> FloatArray:
+    """Transitions (n - 1, n_x, n_x) of the filter from one sample to the next, in what it does not know for certain."""
+    size = len(run.filter_model.model.states)
+    before = np.moveaxis(run.filtered_cov[:size, :size, :-1], -1, 0)
+    cross = np.moveaxis(run.cross_cov[:size, :size, 1:], -1, 0)
+    known = _KNOWN * np.maximum(np.abs(run.filtered_mean[:size]).max(axis=1), 1e-3)
+    std = np.maximum(np.sqrt(np.maximum(np.einsum("kii->ki", before), 0.0)), known)
+    scaled = before / (std[:, :, np.newaxis] * std[:, np.newaxis])
+    values, vectors = np.linalg.eigh(scaled)
+    inverse = np.where(values > _SINGULAR, 1.0 / np.where(values > _SINGULAR, values, 1.0), 0.0)
+    solved = np.swapaxes(cross / std[:, :, np.newaxis], 1, 2) @ (vectors * inverse[:, np.newaxis])
+    found: FloatArray = (solved @ np.swapaxes(vectors, 1, 2)) / std[:, np.newaxis]
+    return found

@@ -1,0 +1,53 @@
+"""How whitened innovations respond to noise levels, in the linearised filter: its covariances are carried along.
+
+A level enters the covariances only. Their derivatives follow the Riccati recursion in Joseph's form, those of gain and
+whitening matrix follow from them, and the state is moved by the changed gain:
+
+    dP- = F dP F' + dQ,   dS = H dP- H' + dR,   dP = (I - K H) dP- (I - K H)' + K dR K',
+    dK  = ((I - K H) dP- H' - K dR) S^-1,       dL = L half(L^-1 dS L^-T),
+
+with half() the lower triangle and half of the diagonal. Reference: Gupta and Mehra (1974), IEEE Trans. Automatic
+Control 19(6); Sarkka (2013), Bayesian Filtering and Smoothing, appendix A.3, for the derivative of a Cholesky factor.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from bondgraph.correct.responses import level_kernel
+from bondgraph.correct.responses.response import LinearLog
+from bondgraph.data.log import FloatArray
+from bondgraph.filter.filter_run import FilterRun
+from bondgraph.simulate.compile import load_kernel
+
+
+@dataclass(frozen=True)
+class LevelChanges:
+    """Derivatives of covariances by some levels, each (levels,) first.
+
+    ``process`` (levels, n_x) of the variances per second that drive the states, ``measurement`` (levels, n_y) of the
+    variances of the sensors.
+    """
+
+    process: FloatArray
+    measurement: FloatArray
+
+
+def respond_to_levels(linear: LinearLog, run: FilterRun, changes: LevelChanges) -> tuple[FloatArray, FloatArray]:
+    """Derivatives of whitened innovations and of log scales by levels, both (n_y * n, levels), rows by output."""
+    count, outputs, _ = linear.slope.shape
+    levels = changes.process.shape[0]
+    seen = np.isfinite(run.y).T.astype(np.float64)
+    filtered = level_kernel.Filter(
+        np.ascontiguousarray(linear.transition), linear.path.intervals, linear.slope * seen[:, :, np.newaxis], seen,
+        np.ascontiguousarray(linear.gain), np.ascontiguousarray(linear.whitener),
+        np.nan_to_num(run.innovation).T.copy(), np.nan_to_num(run.whitened).T.copy(),
+    )  # fmt: skip
+    slopes_z, slopes_s = np.zeros((count, outputs, levels)), np.zeros((count, outputs, levels))
+    process, noise = np.ascontiguousarray(changes.process.T), np.ascontiguousarray(changes.measurement.T)
+    load_kernel(level_kernel).carried(filtered, process, noise, slopes_z, slopes_s)
+    rows = (np.moveaxis(found, 1, 0).reshape(-1, levels) for found in (slopes_z, slopes_s))
+    first, second = rows
+    return np.ascontiguousarray(first), np.ascontiguousarray(second)

@@ -1,0 +1,1 @@
+"""Score tests of candidates on a fitted model, for all of the data, in part of it, and with little process noise."""

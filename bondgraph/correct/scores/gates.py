@@ -1,0 +1,361 @@
+"""Effects that act only in part of the data: constancy of a coefficient, and candidates that begin or end at a time.
+
+The logs are taken one after the other, as they were driven. A coefficient that is the same throughout has scores whose
+running sum is a Brownian bridge; its largest weighted square tells whether it changed, without a guess when. Reference:
+Andrews (1993), Econometrica 61(4), for the test and its distribution; Hansen (1997), J. Business Econ. Statist. 15(1).
+
+A gated candidate is a candidate whose coefficients are multiplied by a switch of time. Its switching time is known per
+log: it lies before, inside or after it.
+"""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+
+from bondgraph.correct.fits.fit import Fit, restricted
+from bondgraph.correct.fits.times import summed
+from bondgraph.correct.models.candidates import Candidate, Variant
+from bondgraph.correct.responses.response import decay
+from bondgraph.correct.scores.score import Projected, best_step, score_pieces, solve
+from bondgraph.correct.scores.scoring import Linearisation, Scored, candidate_change
+from bondgraph.data.log import FloatArray, MatchedLog
+from bondgraph.declare.editing import share_effort
+from bondgraph.declare.effect import Effect, EffectFunction, Place
+from bondgraph.declare.elements import STORAGES
+from bondgraph.declare.functions import switch
+from bondgraph.declare.graph import BondGraph
+from bondgraph.declare.quantities import symbol
+from bondgraph.declare.revision import replace_symbols
+
+When = Literal["from", "until"]
+
+#: A change is looked for where at least this share of the information lies on either side.
+_TRIM = 0.1
+#: A coefficient with less than this share of its size elsewhere may be absent there.
+_ABSENT = 0.4
+#: Gates that are tried, evenly over all training time.
+_GATES = 14
+#: Switching times that are tried between neighbouring gates once a gated candidate stands out.
+_FINER = 30
+#: Candidates with this share of the best one's gain, less so many nats, are about as good with the same gate; so many
+#: of them count, those of one response but for rounding together.
+_NEAR, _CLOSE, _MOST_PEERS, _SAME = 0.9, 6.0, 4, 1.0 - 1e-6
+#: Candidates of the same response, each with its step.
+Peer = tuple[tuple[int, float], ...]
+#: Far away in time, s: an effect that is on, or off, throughout a log.
+_FAR = 1e6
+
+
+@dataclass(frozen=True)
+class Gate:
+    """A point in time, as log and seconds in it; ``when``: the effect acts from it, or until it."""
+
+    when: When
+    log: str
+    time: float
+
+    def __str__(self) -> str:
+        return f"{self.when} {self.time:.4g} s of {self.log}"
+
+    def times(self, logs: Sequence[MatchedLog]) -> dict[str, float]:
+        """The switching time as each log sees it, by name of the log."""
+        names = [log.name for log in logs]
+        own = names.index(self.log)
+        return {
+            name: self.time if k == own else (_FAR if k < own else -_FAR) for k, name in enumerate(names)
+        }  # fmt: skip
+
+    def acts(self, time: FloatArray, log: str, logs: Sequence[MatchedLog]) -> FloatArray:
+        """One where the effect acts at times of a log, zero where it does not."""
+        past = time > self.times(logs)[log]
+        return np.where(past if self.when == "from" else ~past, 1.0, 0.0)
+
+
+def gated(function: EffectFunction, gate: Gate, logs: Sequence[MatchedLog]) -> EffectFunction:
+    """The effect function whose effect acts from or until a time; the time is a parameter that each log knows."""
+    width = 0.5 * float(np.median(np.diff(logs[0].time)))
+    only = gate.time if len(logs) == 1 else (-_FAR if gate.when == "from" else _FAR)
+
+    def extended(g: BondGraph, at: Place) -> Effect | None:
+        declared = set(g.nodes)
+        effect = function(g, at)
+        if effect is None or effect.adds_state:
+            return None
+        own = g.parameter(gate_name(effect), only, "s", f"time {gate.when} which {effect.element} acts")
+        soft = g.parameter(f"width_{gate_name(effect)}", width, "s", "time in which it changes over")
+        past = switch(symbol("t") - own, soft)
+        on = past if gate.when == "from" else 1 - past
+        if effect.element in g.nodes and g.nodes[effect.element].kind in STORAGES and effect.element not in declared:
+            share_effort(g, effect.element, on)
+        else:
+            replace_symbols(g, {name: symbol(name) * on for name in effect.coefficients})
+        return replace(effect, law=f"{effect.law}, {gate.when} {gate.time:.4g} s of {gate.log}")
+
+    extended.__name__ = function.__name__
+    extended.__dict__.update(function.__dict__)
+    return extended
+
+
+def gate_name(effect: Effect) -> str:
+    """The parameter that holds the switching time of an effect."""
+    return f"switch_{effect.coefficients[0]}"
+
+
+def with_gate(logs: Sequence[MatchedLog], effect: Effect, gate: Gate) -> tuple[MatchedLog, ...]:
+    """The logs, each knowing when the effect switches."""
+    times = gate.times(logs)
+    return tuple(
+        replace(log, theta_overrides={**log.theta_overrides, gate_name(effect): times[log.name]}) for log in logs
+    )
+
+
+def gates(logs: Sequence[MatchedLog]) -> tuple[tuple[str, float], ...]:
+    """Evenly spaced points over the time of all logs."""
+    lengths = np.array([log.time[-1] - log.time[0] for log in logs])
+    ends = np.cumsum(lengths)
+    found = []
+    for share in np.linspace(0.0, 1.0, _GATES + 2)[1:-1]:
+        at = share * ends[-1]
+        k = int(np.searchsorted(ends, at, side="right"))
+        start = ends[k] - lengths[k]
+        found.append((logs[k].name, float(logs[k].time[0] + at - start)))
+    return tuple(found)
+
+
+@dataclass(frozen=True)
+class Constancy:
+    """Whether a coefficient is the same throughout: the p-value, and where it most likely changes.
+
+    ``before`` and ``after`` are what the scores say that its coordinate is on either side of that.
+    """
+
+    p_value: float
+    log: str
+    time: float
+    before: float = 0.0
+    after: float = 0.0
+
+    @property
+    def switches(self) -> bool:
+        """Whether the coefficient could be zero on one side: small beside the other, or of the other sign."""
+        small, large = sorted((self.before, self.after), key=abs)
+        return small / large < _ABSENT if large != 0.0 else False
+
+
+def constancy(fitted: Fit, coefficient: str) -> Constancy:
+    """The largest weighted square of the running sum of scores of a fitted coefficient, all else taken out."""
+    logs = fitted.problem.logs
+    free = ~fitted.held
+    index = int(np.flatnonzero(np.flatnonzero(free) == fitted.problem.names.index(coefficient))[0])
+    blocks, places = _fine_blocks(fitted)
+    expansion = restricted(fitted.expansion, free)
+    others = [k for k in range(int(free.sum())) if k != index]
+    follow = solve(expansion.information[np.ix_(others, others)], expansion.information[others, index][:, np.newaxis])
+    timed = blocks >= 0
+    pieces = summed(score_pieces(expansion)[timed], blocks[timed], int(blocks.max()) + 1)
+    sums = pieces[:, index] - pieces[:, others] @ follow[:, 0]
+    assert expansion.terms is not None
+    slope = expansion.terms.innovations[:, 1 + index] - expansion.terms.innovations[:, 1:][:, others] @ follow[:, 0]
+    told = np.bincount(blocks[blocks >= 0], weights=slope[blocks >= 0] ** 2, minlength=sums.size)
+    share = np.cumsum(told) / max(float(told.sum()), np.finfo(float).tiny)
+    inside = np.flatnonzero((share > _TRIM) & (share < 1.0 - _TRIM))
+    if not inside.size:
+        return Constancy(1.0, logs[0].name, float(logs[0].time[0]))
+    running = np.cumsum(sums - sums.sum() * told / told.sum())
+    scatter = _long_run(sums - sums.sum() * told / told.sum())
+    statistic = running[inside] ** 2 / (scatter * share[inside] * (1.0 - share[inside]))
+    best = int(np.argmax(statistic))
+    log, time = places[inside[best]]
+    at = inside[best]
+    whole, early, value = (
+        float(told.sum()),
+        float(told[: at + 1].sum()),
+        float(fitted.point[np.flatnonzero(free)[index]]),
+    )
+    before, after = value - float(running[at]) / early, value + float(running[at]) / (whole - early)
+    return Constancy(_andrews(float(statistic[best])), log, time, before, after)
+
+
+def _long_run(sums: FloatArray) -> float:
+    """Sum of squares of neighbouring blocks taken by fours: the scatter that a running sum has under coloured noise."""
+    by_four = np.add.reduceat(sums, np.arange(0, sums.size, 4))
+    return float(max(np.sum(by_four**2), np.finfo(float).tiny))
+
+
+def _fine_blocks(fitted: Fit) -> tuple[np.ndarray, list[tuple[str, float]]]:
+    """About 160 blocks of time over all logs, and where each ends."""
+    logs = fitted.problem.logs
+    seconds = sum(float(log.time[-1] - log.time[0]) for log in logs) / 160.0
+    pieces, places, first = [], [], 0
+    for log in logs:
+        own = ((log.time - log.time[0]) / max(seconds, 1e-9)).astype(np.int64)
+        pieces += [first + own] * log.y.shape[0]
+        places += [(log.name, float(log.time[0] + (k + 1) * seconds)) for k in range(int(own.max()) + 1)]
+        first += int(own.max()) + 1
+    priors = sum(parameter.prior_mean is not None for parameter in fitted.problem.free)
+    return np.concatenate([*pieces, np.full(priors, -1)]), places
+
+
+@functools.cache
+def _bridges() -> FloatArray:
+    """The statistic's distribution when nothing changes, by simulated Brownian bridges; sorted."""
+    rng = np.random.default_rng(7)
+    share = np.linspace(0.0, 1.0, 161)[1:]
+    walks = np.cumsum(rng.standard_normal((20000, share.size)), axis=1) / np.sqrt(share.size)
+    bridges = walks - walks[:, -1:] * share
+    inside = (share > _TRIM) & (share < 1.0 - _TRIM)
+    found: FloatArray = np.sort((bridges[:, inside] ** 2 / (share * (1.0 - share))[inside]).max(axis=1))
+    return found
+
+
+def _andrews(statistic: float) -> float:
+    """P-value of the largest weighted square; beyond the simulated range the tail falls as that of a chi-square."""
+    known = _bridges()
+    above = float(np.mean(known >= statistic))
+    if above > 2e-3:
+        return above
+    edge = float(known[int(0.998 * known.size)])
+    return 2e-3 * float(np.exp(-0.5 * (statistic - edge)))
+
+
+@dataclass(frozen=True)
+class Gated:
+    """The gated candidate that scores best: which, when, its gain in nats, its step, and how many were tried.
+
+    ``peers``: the candidates that score about as well with the same gate, those of the same response together.
+    """
+
+    index: int
+    gate: Gate
+    gain: float
+    step: float
+    p_value: float
+    tested: int
+    peers: tuple[Peer, ...] = ()
+
+
+def gate_samples(logs: Sequence[MatchedLog]) -> list[list[int]]:
+    """The samples of each log just before the gates that lie in it."""
+    found: list[list[int]] = [[] for _ in logs]
+    names = [log.name for log in logs]
+    for name, time in gates(logs):
+        k = names.index(name)
+        found[k].append(int(np.searchsorted(logs[k].time, time)) - 1)
+    return found
+
+
+def best_gated(linear: Linearisation, scored: Scored) -> Gated | None:
+    """Score all candidates of one coefficient as acting from, or until, each of some times.
+
+    ``scored`` must hold the states at the samples of :func:`gate_samples`.
+    """
+    found = scored.candidates
+    usable = [j for j, one in enumerate(found) if len(one.effect.parameters) == 1 and not one.effect.channel]
+    if not usable:
+        return None
+    logs = [log.path.log for log in linear.logs]
+    whole = np.concatenate([scored.columns[j] for j in usable], axis=1)
+    one_sided = np.array([found[j].lower[0] >= 0.0 for j in usable])
+    points = gates(logs)
+    chosen: tuple[float, Gate, FloatArray, FloatArray, int] | None = None
+    for number, (name, time) in enumerate(points):
+        after = _after(linear, whole, scored, usable, number)
+        responses: tuple[tuple[When, FloatArray], ...] = (("from", after), ("until", whole - after))
+        for when, response in responses:
+            score, told = linear.each_alone(response)
+            gain = 0.5 * score**2 / np.where(told > 0.0, told, np.inf)
+            gain[one_sided & (score < 0.0)] = 0.0
+            top = _simplest(gain, [found[j] for j in usable])
+            if chosen is None or gain[top] > chosen[0]:
+                chosen = float(gain[top]), Gate(when, name, time), response, gain, top
+    if chosen is None:
+        return None
+    _, gate, response, gain, top = chosen
+    projected = linear.projected(response)
+    step, own, p_value = best_step(projected, [top], one_sided[[top]])
+    near = _peers(projected, gain, top, usable, found)
+    return Gated(usable[top], gate, own, float(step[0]), p_value, 2 * len(points) * len(usable), near)
+
+
+def _peers(
+    projected: Projected, gain: FloatArray, top: int, usable: Sequence[int], found: Sequence[Candidate]
+) -> tuple[Peer, ...]:
+    """Candidates nearly as good as the best, those of one response together; the best of each place before others.
+
+    Where a law acts is told less by scores than which of them acts there is told by a refit.
+    """
+    told = np.diag(projected.information)
+    size = np.sqrt(np.where(projected.seen & (told > 0.0), told, 1.0))  # what is not seen gains nothing either
+    alike = projected.information / np.outer(size, size)
+    near = [int(k) for k in np.argsort(-gain, kind="stable") if gain[k] >= _NEAR * gain[top] - _CLOSE and k != top]
+    groups: list[list[int]] = [[top]]
+    for k in near:
+        group = next((group for group in groups if abs(alike[group[0], k]) > _SAME), None)
+        if group is None:
+            groups.append([k])
+        else:
+            group.append(k)
+    first, further, seen = list[list[int]](), list[list[int]](), set[str]()
+    for group in groups:
+        own = {found[usable[k]].place.label for k in group}
+        (further if own & seen else first).append(group)
+        seen |= own
+    steps = projected.score / size**2
+    return tuple(tuple((usable[k], float(steps[k])) for k in group) for group in (first + further)[:_MOST_PEERS])
+
+
+def _simplest(gain: FloatArray, candidates: Sequence[Candidate]) -> int:
+    """Of the candidates that score within a nat of the best, one without a memory of its own, the first of them."""
+    near = [int(j) for j in np.flatnonzero(gain >= gain.max() - 1.0)]
+    return min(near, key=lambda j: (len(candidates[j].model.states), j))
+
+
+def refined(linear: Linearisation, best: Gated, candidate: Candidate, variant: Variant) -> Gated:
+    """The same gated candidate with its switching time found anew between the neighbouring gates."""
+    logs = [log.path.log for log in linear.logs]
+    names = [log.name for log in logs]
+    own = names.index(best.gate.log)
+    total = sum(float(log.time[-1] - log.time[0]) for log in logs)
+    reach = total / (_GATES + 1)
+    time = logs[own].time
+    inside = np.flatnonzero(np.abs(time - best.gate.time) < reach)
+    inside = inside[(inside > 0) & (inside < time.size - 1)]
+    samples = [int(k) for k in inside[:: max(1, inside.size // _FINER)]]
+    changes = [candidate_change(log.path, candidate, variant) for log in linear.logs]
+    whole, states = linear.columns_and_states(changes, [samples if k == own else () for k in range(len(logs))])
+    first = sum(log.slope.shape[0] * log.slope.shape[1] for log in linear.logs[:own])
+    for place, sample in enumerate(samples):
+        after = _tail(linear, whole, own, first, sample, states[own][place])
+        response = after if best.gate.when == "from" else whole - after
+        step, gain, p_value = best_step(linear.projected(response), [0], candidate.lower >= 0.0)
+        if gain > best.gain:
+            gate = Gate(best.gate.when, best.gate.log, float(time[sample + 1]))
+            best = replace(best, gate=gate, gain=gain, step=float(step[0]), p_value=p_value)
+    return best
+
+
+def _tail(linear: Linearisation, whole: FloatArray, own: int, first: int, sample: int, state: FloatArray) -> FloatArray:
+    """Responses of changes that act only after a sample of one log, and in all logs after it."""
+    log = linear.logs[own]
+    outputs, count = log.slope.shape[1], log.slope.shape[0]
+    rows = slice(first, first + outputs * count)
+    late = np.tile(np.arange(count) > sample, outputs)
+    after = whole.copy()
+    after[:first] = 0.0
+    after[rows] = np.where(late[:, np.newaxis], whole[rows] - decay(log, sample) @ state, 0.0)
+    return after
+
+
+def _after(linear: Linearisation, whole: FloatArray, scored: Scored, usable: Sequence[int], number: int) -> FloatArray:
+    """Responses of candidates that act from a gate on: what they do from then on, less what went before it leaves."""
+    samples = gate_samples([log.path.log for log in linear.logs])
+    own = next(k for k in range(len(samples)) if number < sum(map(len, samples[: k + 1])))
+    place = number - sum(map(len, samples[:own]))
+    first = sum(log.slope.shape[0] * log.slope.shape[1] for log in linear.logs[:own])
+    state = scored.states[own][place][:, usable]
+    return _tail(linear, whole, own, first, samples[own][place], state)

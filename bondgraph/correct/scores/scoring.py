@@ -1,0 +1,197 @@
+"""Scores of candidates on a fitted model: their responses through the linearised filter, free parameters taken out."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from bondgraph.correct.fits.fit import Fit
+from bondgraph.correct.fits.times import Times, term_times
+from bondgraph.correct.models.candidates import Candidate, Variant
+from bondgraph.correct.responses.response import Change, LinearLog, Path, linearise, model_change, respond, together
+from bondgraph.correct.scores.score import LEFT, Projected, Scores, project, scores, solve
+from bondgraph.data.log import FloatArray, MatchedLog
+from bondgraph.estimate.free import FreeParameter
+from bondgraph.estimate.objective import Expansion, expansion_of, over_terms
+from bondgraph.filter.filter_run import FilterRun
+from bondgraph.simulate.model import Model
+
+#: Lanes that go through the filter at once; bounds the memory, changes no number.
+_LANES = 96
+#: Free parameters are shifted by this share of their bounds.
+_SHIFT = 1e-5
+
+
+@dataclass(frozen=True)
+class Linearisation:
+    """A fitted model with its filter linearised along every training log.
+
+    ``runs`` are those of the filter. ``free`` and ``scales`` (n_terms, 1 + free) hold the terms of the likelihood and
+    of their logarithmic scales, with their derivatives by the free coordinates that do not rest on a bound; ``times``
+    the times of the terms.
+    """
+
+    base: Fit
+    model: Model
+    runs: tuple[FilterRun, ...]
+    logs: tuple[LinearLog, ...]
+    free: FloatArray
+    scales: FloatArray
+    times: Times
+
+    @property
+    def count(self) -> int:
+        """Number of free coordinates."""
+        return int(self.free.shape[1]) - 1
+
+    def columns(self, changes: Sequence[Change]) -> FloatArray:
+        """Responses (n_terms, lanes) to changes given per log."""
+        return self.columns_and_states(changes, [()] * len(self.logs))[0]
+
+    def columns_and_states(
+        self, changes: Sequence[Change], at: Sequence[Sequence[int]]
+    ) -> tuple[FloatArray, tuple[FloatArray, ...]]:
+        """Responses (n_terms, lanes), and per log the shifts of the filtered states (at, n_x, lanes) at its samples."""
+        lanes = changes[0].outputs.shape[2]
+        pieces, states = [], []
+        for linear, change, own in zip(self.logs, changes, at, strict=True):
+            parts = [
+                respond(linear, Change(*(a[..., first : first + _LANES] for a in _arrays(change))), own)
+                for first in range(0, lanes, _LANES)
+            ]
+            pieces.append(np.concatenate([part for part, _ in parts], axis=1))
+            states.append(np.concatenate([part for _, part in parts], axis=2))
+        whole = np.concatenate(pieces)
+        priors = np.zeros((self.free.shape[0] - whole.shape[0], lanes))
+        return np.concatenate([whole, priors]), tuple(states)
+
+    def expansion(self, columns: FloatArray) -> Expansion:
+        """Gradient and information in the free coordinates, then those of responses (n_terms, lanes)."""
+        scales = np.concatenate([self.scales, np.zeros(columns.shape)], axis=1)
+        return expansion_of(np.concatenate([self.free, columns], axis=1), scales, 0)
+
+    def each_alone(self, columns: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Score and information (lanes,) of each response (n_terms, lanes) with the free coordinates taken out.
+
+        What :meth:`projected` has on its diagonal, at a fraction of its cost; no information where only rounding is
+        left.
+        """
+        z, free, scales = self.free[:, 0], self.free[:, 1:], self.scales[:, 1:]
+        spread = free + z[:, np.newaxis] * scales
+        inner = over_terms(spread, spread) + 2.0 * over_terms(scales, scales)
+        gradient = over_terms(free, z[:, np.newaxis])[:, 0] + scales.sum(axis=0)
+        across = over_terms(spread, columns)
+        share = solve(inner, across)
+        own = np.einsum("ij,ij->j", columns, columns)
+        left = own - np.einsum("ij,ij->j", across, share)
+        score = -(z @ columns - share.T @ gradient)
+        return score, np.where(left > LEFT * np.maximum(own, np.finfo(float).tiny), left, 0.0)
+
+    def projected(self, columns: FloatArray) -> Projected:
+        """Scores of responses (n_terms, lanes) with the free coordinates taken out."""
+        return project(self.expansion(columns), self.count, self.times)
+
+
+def _arrays(change: Change) -> tuple[FloatArray, FloatArray, FloatArray]:
+    return change.start, change.end, change.outputs
+
+
+def linearisation(base: Fit, train: Sequence[MatchedLog]) -> Linearisation:
+    """Linearise the filter of a fit along its training logs."""
+    model = base.problem.filter_model.model
+    runs = tuple(base.runs(train))
+    logs = tuple(linearise(run, log, base.theta) for run, log in zip(runs, train, strict=True))
+    kept = np.flatnonzero(~base.held)
+    terms = base.expansion.terms
+    assert terms is not None  # fits keep their terms
+    chosen = np.concatenate([[0], 1 + kept])
+    free, scales = terms.innovations[:, chosen].copy(), terms.log_scales[:, chosen].copy()
+    bare = Linearisation(base, model, runs, logs, free, scales, term_times(base.problem))
+    moved = {
+        column: base.problem.free[index]
+        for column, index in enumerate(kept, start=1)
+        if base.problem.free[index].target.kind == "parameter"
+    }
+    if not moved:
+        return bare
+    changes = [together([_moved(linear.path, base, one) for one in moved.values()]) for linear in logs]
+    responses = bare.columns(changes)
+    timed = bare.times.sample >= 0
+    for column, response in zip(moved, responses.T, strict=True):
+        free[timed, column], scales[timed, column] = response[timed], 0.0
+    return bare
+
+
+def _moved(path: Path, base: Fit, parameter: FreeParameter) -> Change:
+    """The change per unit of the coordinate of one parameter; none where the log knows its value."""
+    value = base.values[parameter.name]
+    size = _SHIFT * (parameter.upper - parameter.lower)
+    size = -size if value + size > parameter.upper else size
+    theta = path.theta.copy()
+    if parameter.name not in path.log.theta_overrides:
+        theta[base.problem.filter_model.model.index("parameter", parameter.name)] += size
+    return model_change(path, base.problem.filter_model.model, theta, size / parameter.slope(value))
+
+
+def candidate_change(path: Path, candidate: Candidate, variant: Variant) -> Change:
+    """The changes by the coefficients of a candidate, a lane each."""
+    known = path.parameters(candidate.model) | dict(variant.shapes)
+    lanes = []
+    for name, size in zip(candidate.effect.coefficients, variant.sizes, strict=True):
+        theta = candidate.model.theta(**known, **{name: size})
+        lanes.append(model_change(path, candidate.model, theta, size))
+    return together(lanes)
+
+
+@dataclass(frozen=True)
+class Scored:
+    """Candidates with the variant of each that fits best, its responses and its scores.
+
+    ``columns`` holds one (n_terms, coefficients) per candidate, ``states`` per log the shifts of the filtered states at
+    the gates (gates, n_x, candidates) by the first coefficient; ``tests`` is how many variants were tried in all.
+    """
+
+    candidates: tuple[Candidate, ...]
+    variants: tuple[Variant, ...]
+    columns: tuple[FloatArray, ...]
+    states: tuple[FloatArray, ...]
+    scores: Scores
+    tests: int
+
+
+def score_candidates(
+    linear: Linearisation, found: Sequence[Candidate], at: Sequence[Sequence[int]] | None = None
+) -> Scored:
+    """Score every candidate in every variant, and keep the best variant of each.
+
+    ``at`` holds samples of each log at which the shifts of the states are kept too.
+    """
+    every = [(candidate, variant) for candidate in found for variant in candidate.variants]
+    at = [()] * len(linear.logs) if at is None else at
+    if not every:
+        empty = np.zeros((linear.free.shape[0], 0))
+        return Scored((), (), (), (), scores(linear.expansion(empty), linear.count, np.zeros(0, dtype=bool)), 0)
+    changes = [
+        together([candidate_change(log.path, candidate, variant) for candidate, variant in every])
+        for log in linear.logs
+    ]
+    sizes = [len(candidate.effect.coefficients) for candidate, _ in every]
+    columns, states = linear.columns_and_states(changes, at)
+    result = _scores(linear, columns, [candidate for candidate, _ in every], sizes)
+    edges = np.concatenate([[0], np.cumsum(sizes)]).astype(int)
+    best: dict[int, int] = {}
+    for j, k in enumerate(k for k, candidate in enumerate(found) for _ in candidate.variants):
+        if k not in best or result.gain[j] > result.gain[best[k]]:
+            best[k] = j
+    chosen = [best[k] for k in range(len(found))]
+    own = tuple(columns[:, edges[j] : edges[j + 1]] for j in chosen)
+    picked = _scores(linear, np.concatenate(own, axis=1), found, [sizes[j] for j in chosen])
+    kept = tuple(part[..., edges[chosen]] for part in states)
+    return Scored(tuple(found), tuple(every[j][1] for j in chosen), own, kept, picked, len(every))
+
+
+def _scores(linear: Linearisation, columns: FloatArray, found: Iterable[Candidate], sizes: Sequence[int]) -> Scores:
+    one_sided = np.concatenate([candidate.lower >= 0.0 for candidate in found])
+    return scores(linear.expansion(columns), linear.count, one_sided, linear.times, sizes)
