@@ -117,3 +117,23 @@ def test_simpler_laws_are_searched_from_where_the_best_ended(soft: str, start: l
     assert found[0].fit.values["c_coulomb_loss_drum"] == pytest.approx(1.5, rel=0.2)
     assert also_simpler([dry, bent], replace(ground, need=1e9)) == [dry, bent]  # too little to begin with
     assert also_simpler([found[0], viscous], ground) == [found[0], viscous]  # none is simpler
+
+
+def test_a_law_that_switches_is_searched_at_the_place_of_the_best_from_the_amplitudes_it_is_tried_at() -> None:
+    log = sticky(1.5)
+    base = fitted_to(log)
+    where = [one for one in places(built(), [log], base.runs([log]), base.theta) if one.label in ("drum", "motor")]
+    found, _ = candidates(built(), [effects.quadratic_loss, effects.coulomb_loss], where)
+    by_label = {one.label: one for one in found}
+    ground = Ground(built(), base, (log,), 3, 0.01, 0.0)
+    bent = refit_alone(Trial(by_label["quadratic_loss at drum"], 0.0), [0.1], ground)
+    ground = replace(ground, need=0.5 * bent.gain)
+    smooth = Trial(by_label["coulomb_loss at drum"], 0.0)
+    assert also_simpler([smooth, bent], ground) == [smooth, bent]  # as many coefficients, in another unit
+    switching = replace(smooth.candidate, effect=replace(smooth.candidate.effect, amplitudes=(0.01, 0.1, 0.3)))
+    elsewhere = Trial(replace(switching, place=by_label["coulomb_loss at motor"].place), 0.0)
+    done = also_simpler([Trial(switching, 0.0), elsewhere, bent], ground)
+    assert done[1:] == [elsewhere, bent]
+    assert done[0].fit is not None and done[0].gain > bent.gain + 10.0
+    assert done[0].fit.values["c_coulomb_loss_drum"] == pytest.approx(1.5, rel=0.2)
+    assert also_simpler(done, ground)[0] is done[0]  # it has been refitted

@@ -266,12 +266,13 @@ def refit_alone(
     tried: int | None = None,
     worth: float | None = None,
     points: Sequence[FloatArray] = (),
+    shares: Sequence[float] = STRIDES,
 ) -> Trial:
     """A vanishing candidate refitted on a model of its own, from a value of each coefficient on.
 
     ``tried`` counts what it was picked from, if that is not what the round tried. That of a stiff model is given up if
     it will not gain ``worth`` nats. ``points``: where to start instead of the optimum without the candidate, each (n,)
-    of what is free there.
+    of what is free there. ``shares`` of ``start`` are tried.
     """
     extended = build(trial.candidate.apply(ground.built.graph))
     filter_model = replace(ground.base.problem.filter_model, model=extended.model)
@@ -280,7 +281,7 @@ def refit_alone(
     usual = [ground.base.point] if filter_model.is_stiff else lowered_starts(ground.base, ground.quiet)
     starts = [
         np.concatenate([point, [inside(one, share * value) for one, value in zip(own, start, strict=False)], rest])
-        for point, share in itertools.product(points or usual, STRIDES)
+        for point, share in itertools.product(points or usual, shares)
     ]
     free = (*at_optimum(ground.base), *own)
     beat, reach = (ground.base.nll, -worth) if filter_model.is_stiff and worth is not None else (np.inf, WITHIN_REACH)
