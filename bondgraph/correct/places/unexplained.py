@@ -18,7 +18,7 @@ from sympy import Expr
 
 from bondgraph.correct.places.probes import Probe, Signal, Variable, hats, knots, shaped
 from bondgraph.correct.responses.response import together
-from bondgraph.correct.scores.score import Projected, best_step, solve
+from bondgraph.correct.scores.score import SAME, Projected, best_step, solve
 from bondgraph.correct.scores.scoring import Linearisation
 from bondgraph.data.log import FloatArray
 from bondgraph.declare.effect import Effect, EffectFunction, Place
@@ -31,8 +31,6 @@ from bondgraph.declare.quantities import symbol
 _LEFT = 1e-4
 #: Knots of a spline element.
 _KNOTS = 8
-#: Signals more alike than this are one and the same.
-_SAME = 1.0 - 1e-6
 #: A named effect is not needed beside a spline if what it adds is this likely by chance.
 _NEEDLESS = 0.01
 
@@ -104,7 +102,7 @@ def distinct(known: Sequence[Signal]) -> list[Signal]:
     for one in known:
         values = np.concatenate(one.values)
         shape = (values - values.mean()) / max(float(np.linalg.norm(values - values.mean())), np.finfo(float).tiny)
-        if all(abs(float(shape @ other)) < _SAME for other in shapes):
+        if all(abs(float(shape @ other)) < SAME for other in shapes):
             kept.append(one)
             shapes.append(shape)
     return kept

@@ -21,7 +21,7 @@ from bondgraph.correct.models.candidates import Candidate, Variant, superset
 from bondgraph.correct.refits.decide import judge
 from bondgraph.correct.refits.trials import Trial
 from bondgraph.correct.scores.quiet import Quiet, lowered_starts, quiet_starts
-from bondgraph.correct.scores.score import CHANCE, Scores
+from bondgraph.correct.scores.score import CHANCE, SAME, Scores
 from bondgraph.correct.scores.scoring import Scored
 from bondgraph.data.log import FloatArray, MatchedLog
 from bondgraph.errors import EstimationError
@@ -31,9 +31,6 @@ from bondgraph.filter.filter_model import FilterModel
 #: Candidates are compared to this many nats; the chosen one is then estimated to the end.
 _TOLERANCE = 0.05
 _MOST_ITERATIONS = 25
-#: Responses more alike than this are one and the same but for rounding.
-_SAME = 1.0 - 1e-6
-
 
 #: Scores are right to a factor of two: those with less than this share of the best one's gain are not refitted.
 WORTH = 0.4
@@ -186,7 +183,7 @@ def alike(trials: Sequence[Trial], found: Scores, least: float) -> list[list[int
             (
                 group
                 for group in groups
-                if abs(found.correlation[group[0], j]) > _SAME and len(found.steps[group[0]]) == size
+                if abs(found.correlation[group[0], j]) > SAME and len(found.steps[group[0]]) == size
             ),
             None,
         )

@@ -17,6 +17,7 @@ from bondgraph.correct.refits.exchange import Exchange, exchanges
 from bondgraph.correct.refits.gated_refits import refit_in_part
 from bondgraph.correct.refits.refit import Ground, refit_alone
 from bondgraph.correct.refits.trials import Trial
+from bondgraph.correct.scores.score import SAME
 from bondgraph.correct.scores.scoring import Scored
 from bondgraph.errors import EstimationError, FilterError
 
@@ -24,8 +25,8 @@ from bondgraph.errors import EstimationError, FilterError
 _MORE, _AGAIN = 1.0, 3
 #: At so many others that ended within these nats of the best it is told what would do as well at their places.
 _ENDS, _NEAR = 4, 10.0
-#: Responses more alike than this are one and the same but for rounding; than this, one of them is refitted.
-_SAME, _ALIKE = 1.0 - 1e-6, 0.99
+#: Of responses more alike than this one is refitted.
+_ALIKE = 0.99
 #: What is less alike than this, without any effect, is not asked for: drag of a body and of its front axle are by 0.35.
 _STRANGE = 0.2
 
@@ -133,7 +134,7 @@ def _is_at(scored: Scored, j: int, place: str) -> bool:
     """Whether a candidate acts at a place, or at one that is rigidly tied to it."""
     same = [k for k, one in enumerate(scored.candidates) if one.place.label == place]
     name = scored.candidates[j].effect.name
-    return any(k == j or (scored.candidates[k].effect.name == name and _alike(scored, j, k) > _SAME) for k in same)
+    return any(k == j or (scored.candidates[k].effect.name == name and _alike(scored, j, k) > SAME) for k in same)
 
 
 def _alike(scored: Scored, j: int, k: int) -> float:

@@ -21,7 +21,7 @@ from bondgraph.correct.fits.fit import Fit, restricted
 from bondgraph.correct.fits.times import summed
 from bondgraph.correct.models.candidates import Candidate, Variant
 from bondgraph.correct.responses.response import decay
-from bondgraph.correct.scores.score import Projected, best_step, score_pieces, solve
+from bondgraph.correct.scores.score import SAME, Projected, best_step, score_pieces, solve
 from bondgraph.correct.scores.scoring import Linearisation, Scored, candidate_change
 from bondgraph.data.log import FloatArray, MatchedLog
 from bondgraph.declare.editing import share_effort
@@ -44,7 +44,7 @@ _GATES = 14
 _FINER = 30
 #: Candidates with this share of the best one's gain, less so many nats, are about as good with the same gate; so many
 #: of them count, those of one response but for rounding together.
-_NEAR, _CLOSE, _MOST_PEERS, _SAME = 0.9, 6.0, 4, 1.0 - 1e-6
+_NEAR, _CLOSE, _MOST_PEERS = 0.9, 6.0, 4
 #: Candidates of the same response, each with its step.
 Peer = tuple[tuple[int, float], ...]
 #: Far away in time, s: an effect that is on, or off, throughout a log.
@@ -295,7 +295,7 @@ def _peers(
     near = [int(k) for k in np.argsort(-gain, kind="stable") if gain[k] >= _NEAR * gain[top] - _CLOSE and k != top]
     groups: list[list[int]] = [[top]]
     for k in near:
-        group = next((group for group in groups if abs(alike[group[0], k]) > _SAME), None)
+        group = next((group for group in groups if abs(alike[group[0], k]) > SAME), None)
         if group is None:
             groups.append([k])
         else:

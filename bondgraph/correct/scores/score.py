@@ -36,6 +36,8 @@ LEFT = 1e-7
 _SINGULAR = 1e-9
 #: A score this likely by chance, even as that of the only candidate tried, says nothing.
 CHANCE = 0.05
+#: Responses (or signals) whose correlation is larger than this are one and the same but for rounding.
+SAME = 1.0 - 1e-6
 #: Up to so many coefficients blocks of time determine their covariance.
 _FEW = 3
 
