@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+import os
 import signal
+import time
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
@@ -24,7 +26,8 @@ from vehicle_graphs.effect_study.generate import LARGEST, Drawn, draw, sensor_no
 from vehicle_graphs.effect_study.machine import Kind, StudyMachine
 from vehicle_graphs.effect_study.machines import BENCH, MACHINES, RANGER
 from vehicle_graphs.effect_study.scoring import Answer, Hit, Outcome, compare
-from vehicle_graphs.effect_study.study import Study, close_case, workers
+from vehicle_graphs.effect_study.study import Study, close_case
+from vehicle_graphs.effect_study.workers import RenewedProcesses, workers
 
 DRAG = Case("effect", "quadratic_loss at body", 3.0, 0)
 QUICK = replace(BENCH, functions=(effects.quadratic_loss, effects.added_inertia, effects.coulomb_loss))
@@ -307,6 +310,21 @@ def deadline() -> Iterator[None]:
     yield
     signal.alarm(0)
     signal.signal(signal.SIGALRM, before)
+
+
+@pytest.mark.usefixtures("deadline")
+def test_processes_are_replaced_as_often_as_it_takes() -> None:
+    with RenewedProcesses(1, renewed=2) as executor:
+        due = [executor.submit(os.getpid) for _ in range(7)]
+        seen = [one.result() for one in due]
+    assert seen[0::2][:3] == seen[1::2] and len(set(seen)) == 4
+    assert os.getpid() not in seen
+    executor = RenewedProcesses(1)
+    due = [executor.submit(time.sleep, 0.2) for _ in range(3)]
+    executor.shutdown(wait=False, cancel_futures=True)
+    assert due[-1].cancelled()
+    with pytest.raises(RuntimeError, match="shutdown"):
+        executor.submit(os.getpid)
 
 
 @pytest.mark.slow

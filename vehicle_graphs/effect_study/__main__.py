@@ -29,7 +29,8 @@ from vehicle_graphs.effect_study.cases import DESCRIPTIONS, FAMILIES, Case, all_
 from vehicle_graphs.effect_study.machines import MACHINES
 from vehicle_graphs.effect_study.picture import picture
 from vehicle_graphs.effect_study.scoring import Outcome
-from vehicle_graphs.effect_study.study import Study, workers
+from vehicle_graphs.effect_study.study import Study
+from vehicle_graphs.effect_study.workers import workers
 
 SIZES = (0.3, 1.0, 3.0)
 

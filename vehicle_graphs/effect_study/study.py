@@ -5,10 +5,8 @@ from __future__ import annotations
 import json
 import time
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import Executor, Future, ProcessPoolExecutor, as_completed
-from contextlib import contextmanager
+from concurrent.futures import Executor, Future, as_completed
 from dataclasses import dataclass, replace
-from multiprocessing import get_context
 from pathlib import Path
 
 from bondgraph.correct.loop import close_loop
@@ -18,8 +16,6 @@ from vehicle_graphs.effect_study.generate import draw
 from vehicle_graphs.effect_study.machine import StudyMachine
 from vehicle_graphs.effect_study.scoring import Hit, Outcome, compare
 
-#: A worker is replaced after so many cases: what it compiled for each stays in its memory (50 MB a case).
-_RENEWED = 20
 #: Called with an outcome as soon as it is there.
 Done = Callable[[Outcome], None]
 
@@ -147,21 +143,3 @@ def _taken(
 def _in_time(machine: StudyMachine, case: Case, until: float | None) -> Outcome | None:
     """The outcome of a case, None if its time (of the clock, which processes share) is over."""
     return None if until is not None and time.time() > until else close_case(machine, case)
-
-
-@contextmanager
-def workers(count: int) -> Iterator[Executor | None]:
-    """An executor of so many processes; none for a single one, whose cases are taken in this process.
-
-    An interruption takes back what has not begun and waits for nothing.
-    """
-    if count <= 1:
-        yield None
-        return
-    executor = ProcessPoolExecutor(count, mp_context=get_context("spawn"), max_tasks_per_child=_RENEWED)
-    try:
-        yield executor
-    except BaseException:
-        executor.shutdown(wait=False, cancel_futures=True)
-        raise
-    executor.shutdown()

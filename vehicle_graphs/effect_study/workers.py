@@ -1,0 +1,85 @@
+"""Processes that take cases side by side, each replaced after some of them."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Iterator
+from concurrent.futures import Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
+from contextlib import contextmanager
+from multiprocessing import get_context
+from typing import Any, ParamSpec, TypeVar
+
+_P = ParamSpec("_P")
+_T = TypeVar("_T")
+
+#: A worker is replaced after so many cases: what it compiled for each stays in its memory (50 to 300 MB a case).
+_RENEWED = 10
+
+
+class RenewedProcesses(Executor):
+    """So many processes, each replaced after so many tasks.
+
+    A pool of :class:`~concurrent.futures.ProcessPoolExecutor` that replaces its processes (``max_tasks_per_child``) may
+    end up with none of them and wait for ever (CPython issue 115634, Python 3.11 to 3.13); so here every thread has a
+    pool of a single process, and takes another when its tasks are done.
+
+    Examples
+    --------
+    >>> with RenewedProcesses(2, renewed=1) as executor:
+    ...     sorted(executor.map(abs, [-1, -2, -3]))
+    [1, 2, 3]
+    """
+
+    def __init__(self, count: int, renewed: int = _RENEWED) -> None:
+        self._threads = ThreadPoolExecutor(count, thread_name_prefix="cases")
+        self._renewed = renewed
+        self._own = threading.local()
+        self._pools: list[ProcessPoolExecutor] = []
+        self._closed = threading.Lock()
+
+    def submit(self, fn: Callable[_P, _T], /, *args: _P.args, **kwargs: _P.kwargs) -> Future[_T]:
+        """Have a task done by the next process that is free."""
+        return self._threads.submit(self._done, fn, args, kwargs)
+
+    def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
+        """Take no more tasks; wait for those that run, or not."""
+        self._threads.shutdown(wait, cancel_futures=cancel_futures)
+        with self._closed:
+            for pool in self._pools:
+                pool.shutdown(wait, cancel_futures=cancel_futures)
+
+    def _done(self, task: Callable[..., _T], given: tuple[Any, ...], named: dict[str, Any]) -> _T:
+        return self._process().submit(task, *given, **named).result()
+
+    def _process(self) -> ProcessPoolExecutor:
+        """The process of this thread, a new one if the last has done its tasks."""
+        own = self._own
+        if getattr(own, "left", 0) == 0:
+            with self._closed:
+                if hasattr(own, "pool"):
+                    own.pool.shutdown()
+                    self._pools.remove(own.pool)
+                own.pool = ProcessPoolExecutor(1, mp_context=get_context("spawn"))
+                self._pools.append(own.pool)
+            own.left = self._renewed
+        own.left -= 1
+        pool: ProcessPoolExecutor = own.pool
+        return pool
+
+
+@contextmanager
+def workers(count: int) -> Iterator[Executor | None]:
+    """An executor of so many processes; none for a single one, whose cases are taken in this process.
+
+    An interruption takes back what has not begun and waits for nothing.
+    """
+    if count <= 1:
+        yield None
+        return
+    executor = RenewedProcesses(count)
+    try:
+        yield executor
+    except BaseException:
+        executor.shutdown(wait=False, cancel_futures=True)
+        raise
+    executor.shutdown()
