@@ -20,8 +20,15 @@ class RenewedProcesses(Executor):
     """So many processes, each replaced after so many tasks.
 
     A pool of :class:`~concurrent.futures.ProcessPoolExecutor` that replaces its processes (``max_tasks_per_child``) may
-    end up with none of them and wait for ever (CPython issue 115634, Python 3.11 to 3.13); so here every thread has a
+    end up with none of them and wait for ever (CPython issue 115634; seen with Python 3.11). So here every thread has a
     pool of a single process, and takes another when its tasks are done.
+
+    Parameters
+    ----------
+    count
+        Processes side by side.
+    renewed
+        Tasks after which a process is replaced.
 
     Examples
     --------

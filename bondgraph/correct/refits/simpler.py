@@ -62,9 +62,9 @@ def _from_amplitudes(trial: Trial, ground: Ground) -> Trial:
 
     Never given up: what a search of a law that switches still promises is told too low, as its score is.
     """
-    unit = np.ones(1)  # its amplitudes are shares of it
+    amplitudes = abrupt(trial.candidate, np.ones(1))
     with contextlib.suppress(EstimationError, FilterError):  # it diverges there
-        return refit_alone(trial, list(unit), ground, shares=abrupt(trial.candidate, unit))
+        return refit_alone(trial, [1.0], ground, shares=amplitudes)
     return trial
 
 
