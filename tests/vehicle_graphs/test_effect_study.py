@@ -27,7 +27,7 @@ from vehicle_graphs.effect_study.machine import Kind, StudyMachine
 from vehicle_graphs.effect_study.machines import BENCH, MACHINES, RANGER
 from vehicle_graphs.effect_study.scoring import Answer, Hit, Outcome, compare
 from vehicle_graphs.effect_study.study import Study, close_case
-from vehicle_graphs.effect_study.workers import RenewedProcesses, workers
+from vehicle_graphs.effect_study.workers import ProcessDiedError, RenewedProcesses, workers
 
 DRAG = Case("effect", "quadratic_loss at body", 3.0, 0)
 QUICK = replace(BENCH, functions=(effects.quadratic_loss, effects.added_inertia, effects.coulomb_loss))
@@ -325,6 +325,43 @@ def test_processes_are_replaced_as_often_as_it_takes() -> None:
     assert due[-1].cancelled()
     with pytest.raises(RuntimeError, match="shutdown"):
         executor.submit(os.getpid)
+
+
+def _die_once(mark: Path) -> str:
+    if not mark.exists():
+        mark.touch()
+        os._exit(1)
+    return "lived"
+
+
+@pytest.mark.usefixtures("deadline")
+def test_a_process_that_dies_is_replaced_and_its_task_tried_once_more(tmp_path: Path) -> None:
+    with RenewedProcesses(1) as executor:
+        mended, hopeless, after = (
+            executor.submit(_die_once, tmp_path / "mark"),
+            executor.submit(os._exit, 1),
+            executor.submit(abs, -3),
+        )
+        assert mended.result() == "lived"
+        with pytest.raises(ProcessDiedError, match="died twice"):
+            hopeless.result()
+        assert after.result() == 3
+
+
+def test_a_case_whose_process_dies_is_an_outcome_and_the_study_goes_on(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def close(machine: StudyMachine, case: Case) -> Outcome:
+        if case.seed == 1:
+            raise ProcessDiedError("its process died twice")
+        return made_up(machine, case)
+
+    monkeypatch.setattr(running, "close_case", close)
+    cases = [replace(DRAG, seed=seed) for seed in range(3)]
+    with ThreadPoolExecutor(1) as executor:
+        found = Study(tmp_path, BENCH).run(cases, lambda _: None, executor)
+    assert [one.failure for one in found] == ["", "ProcessDiedError: its process died twice", ""]
+    assert found[1].hits == (Hit("quadratic_loss at body", "failed"),)
 
 
 @pytest.mark.slow

@@ -15,6 +15,7 @@ from vehicle_graphs.effect_study.cases import Case
 from vehicle_graphs.effect_study.generate import draw
 from vehicle_graphs.effect_study.machine import StudyMachine
 from vehicle_graphs.effect_study.scoring import Hit, Outcome, compare
+from vehicle_graphs.effect_study.workers import ProcessDiedError
 
 #: Called with an outcome as soon as it is there.
 Done = Callable[[Outcome], None]
@@ -23,7 +24,7 @@ Done = Callable[[Outcome], None]
 def close_case(machine: StudyMachine, case: Case) -> Outcome:
     """Simulate a case, close the loop on its logs without the truth, then compare. What stops a loop is an outcome."""
     started, used = time.monotonic(), time.process_time()
-    outcome = Outcome(case.family, case.subject, case.size, case.seed, _labels(machine, case))
+    outcome = _begun(machine, case)
     try:
         drawn = draw(machine, case)
         outcome = replace(outcome, shown=drawn.shown, left=drawn.left, promise=drawn.promise)
@@ -31,12 +32,17 @@ def close_case(machine: StudyMachine, case: Case) -> Outcome:
         closed = close_loop(machine.graph(), drawn.train, drawn.holdout, functions, machine.settings)
         outcome = compare(outcome, closed, drawn)
     except Exception as error:  # a study of failures goes on: what stopped this case stands in its row of the table
-        outcome = replace(outcome, failure=f"{type(error).__name__}: {error}")
+        outcome = _failed(outcome, error)
     return replace(outcome, seconds=time.monotonic() - started, processor_seconds=time.process_time() - used)
 
 
-def _labels(machine: StudyMachine, case: Case) -> tuple[Hit, ...]:
-    return tuple(Hit(kind.label, "failed") for kind in case.kinds(machine))
+def _begun(machine: StudyMachine, case: Case) -> Outcome:
+    hits = tuple(Hit(kind.label, "failed") for kind in case.kinds(machine))
+    return Outcome(case.family, case.subject, case.size, case.seed, hits)
+
+
+def _failed(outcome: Outcome, error: Exception) -> Outcome:
+    return replace(outcome, failure=f"{type(error).__name__}: {error}")
 
 
 @dataclass(frozen=True)
@@ -135,9 +141,13 @@ def _taken(
         executor.submit(_in_time, machine, case, end): case for case in cases
     }
     for future in as_completed(waiting):
-        outcome = future.result()
+        case = waiting[future]
+        try:
+            outcome = future.result()
+        except ProcessDiedError as error:
+            outcome = _failed(_begun(machine, case), error)
         if outcome is not None:
-            yield waiting[future], outcome
+            yield case, outcome
 
 
 def _in_time(machine: StudyMachine, case: Case, until: float | None) -> Outcome | None:

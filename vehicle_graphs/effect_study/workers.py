@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable, Iterator
 from concurrent.futures import Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from multiprocessing import get_context
 from typing import Any, ParamSpec, TypeVar
@@ -16,8 +17,15 @@ _T = TypeVar("_T")
 _RENEWED = 10
 
 
+class ProcessDiedError(RuntimeError):
+    """The process of a task ended without an answer, and so did the one in which it was tried again."""
+
+
 class RenewedProcesses(Executor):
     """So many processes, each replaced after so many tasks.
+
+    A process that ends by itself, as when the system is out of memory, is replaced too, and its task is tried once
+    more; if that ends likewise, the task's future raises :class:`ProcessDiedError` and the others go on.
 
     A pool of :class:`~concurrent.futures.ProcessPoolExecutor` that replaces its processes (``max_tasks_per_child``) may
     end up with none of them and wait for ever (CPython issue 115634; seen with Python 3.11). So here every thread has a
@@ -43,6 +51,7 @@ class RenewedProcesses(Executor):
         self._own = threading.local()
         self._pools: list[ProcessPoolExecutor] = []
         self._closed = threading.Lock()
+        self._over = False
 
     def submit(self, fn: Callable[_P, _T], /, *args: _P.args, **kwargs: _P.kwargs) -> Future[_T]:
         """Have a task done by the next process that is free."""
@@ -52,17 +61,26 @@ class RenewedProcesses(Executor):
         """Take no more tasks; wait for those that run, or not."""
         self._threads.shutdown(wait, cancel_futures=cancel_futures)
         with self._closed:
+            self._over = True
             for pool in self._pools:
                 pool.shutdown(wait, cancel_futures=cancel_futures)
 
     def _done(self, task: Callable[..., _T], given: tuple[Any, ...], named: dict[str, Any]) -> _T:
-        return self._process().submit(task, *given, **named).result()
+        for _ in range(2):
+            try:
+                return self._process().submit(task, *given, **named).result()
+            except BrokenProcessPool as error:
+                self._own.left = 0
+                died = error
+        raise ProcessDiedError("its process died twice without an answer, out of memory for example") from died
 
     def _process(self) -> ProcessPoolExecutor:
         """The process of this thread, a new one if the last has done its tasks."""
         own = self._own
         if getattr(own, "left", 0) == 0:
             with self._closed:
+                if self._over:
+                    raise RuntimeError("no new process after shutdown")
                 if hasattr(own, "pool"):
                     own.pool.shutdown()
                     self._pools.remove(own.pool)
