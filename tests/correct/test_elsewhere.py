@@ -119,6 +119,30 @@ def test_simpler_laws_are_searched_from_where_the_best_ended(soft: str, start: l
     assert also_simpler([found[0], viscous], ground) == [found[0], viscous]  # none is simpler
 
 
+@pytest.mark.parametrize(("gain", "worth"), [(700.0, 350.0), (80.0, 20.0)])
+def test_a_simpler_law_that_the_linearised_filter_leaves_half_way_is_finished(
+    gain: float, worth: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    log = sticky(1.5)
+    base = fitted_to(log)
+    where = [one for one in places(built(), [log], base.runs([log]), base.theta) if one.label == "drum"]
+    found, _ = candidates(built(), [effects.stribeck_loss, effects.coulomb_loss], where)
+    by_name = {one.effect.name: Trial(one, 0.0) for one in found}
+    bent, dry = by_name["stribeck_loss"], by_name["coulomb_loss"]
+    ground = Ground(built(), base, (log,), 3, 0.01, 10.0)
+    bent = refit_alone(bent, [1.0, 0.5], ground)
+    assert bent.evidence is not None
+    asked: list[float | None] = []
+
+    def refitted(trial: Trial, *given: object, worth: float | None = None, **named: object) -> Trial:
+        asked.append(worth)
+        return trial
+
+    monkeypatch.setattr("bondgraph.correct.refits.simpler.refit_alone", refitted)
+    also_simpler([replace(bent, evidence=replace(bent.evidence, delta_nll=gain)), dry], ground)
+    assert asked[0] == worth
+
+
 def test_a_law_that_switches_is_searched_at_the_place_of_the_best_from_the_amplitudes_it_is_tried_at() -> None:
     log = sticky(1.5)
     base = fitted_to(log)
