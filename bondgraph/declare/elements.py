@@ -190,7 +190,7 @@ def check_node(node: Node, graph: str) -> None:
                 where=(node.name,),
             )
     _check_complete(node, where)
-    check_modal(node, where)
+    check_modal(node.name, [name for name, _ in node.laws], where)
 
 
 def _check_complete(node: Node, where: str) -> None:

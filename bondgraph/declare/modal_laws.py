@@ -3,13 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Collection
-from typing import TYPE_CHECKING
 
 from bondgraph.errors import DeclarationError
 from bondgraph.units import Dimension
-
-if TYPE_CHECKING:
-    from bondgraph.declare.elements import Node
 
 #: Laws of a resistance with modes, and which of its own variables each may use.
 MODAL_LAWS: dict[str, tuple[str, ...]] = {
@@ -32,15 +28,15 @@ def is_modal(given: Collection[str]) -> bool:
     return not MODAL_LAWS.keys().isdisjoint(given)
 
 
-def check_modal(node: Node, where: str) -> None:
-    """Raise DeclarationError unless a node with modes gives all laws of a friction, or all of an impact."""
-    given = {name for name, _ in node.laws}
+def check_modal(name: str, given: Collection[str], where: str) -> None:
+    """Raise DeclarationError unless what a node with modes gives are all laws of a friction, or all of an impact."""
+    given = set(given)
     if not is_modal(given) or any(needed <= given <= needed | extra for needed, extra in _COMPLETE):
         return
     raise DeclarationError(
         f"{where}: an R with modes gives capacity and width (and static) of dry friction, or gap, restitution, "
         f"stiffness and width (and damping) of an impact, but this one gives {', '.join(sorted(given))}",
-        where=(node.name,),
+        where=(name,),
     )
 
 
