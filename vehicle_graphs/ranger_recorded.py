@@ -33,7 +33,7 @@ from bondgraph.estimate.problem import pose
 from bondgraph.estimate.result import Estimate
 from bondgraph.filter.consistency import Consistency, consistency
 from bondgraph.filter.filter_model import FilterModel
-from bondgraph.filter.likelihood import run
+from bondgraph.filter.runs import run
 from bondgraph.filter.smoother import smooth
 from bondgraph.report.collect import output_bands, state_bands
 from bondgraph.report.figures import save_figure

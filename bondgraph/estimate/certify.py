@@ -20,7 +20,7 @@ from bondgraph.estimate.problem import EstimationProblem
 from bondgraph.filter.choice import plan_again
 from bondgraph.filter.discretisation import explicit_substeps
 from bondgraph.filter.filter_model import FilterModel
-from bondgraph.filter.likelihood import run
+from bondgraph.filter.runs import run
 
 #: ``"step"``: against halved steps; ``"full"``: also against the classical Runge-Kutta method; ``"none"``: never.
 Depth = Literal["none", "step", "full"]

@@ -31,7 +31,7 @@ from bondgraph.estimate.objective import FloatArray
 from bondgraph.estimate.problem import EstimationProblem
 from bondgraph.filter.choice import choose_method
 from bondgraph.filter.filter_model import FilterModel
-from bondgraph.filter.likelihood import run
+from bondgraph.filter.runs import run
 from bondgraph.simulate.batch import simulate_batch
 from bondgraph.simulate.stiff import Rosenbrock
 

@@ -10,7 +10,7 @@ import numpy as np
 from bondgraph.estimate.result import Estimate
 from bondgraph.filter.consistency import nis_band, normalised_innovations, whiteness_p
 from bondgraph.filter.filter_run import FilterRun
-from bondgraph.filter.likelihood import run
+from bondgraph.filter.runs import run
 
 #: Missing samples put between logs, so that no autocorrelation reaches from one into the next.
 _APART = 50

@@ -73,7 +73,7 @@ def consistency(run: FilterRun, confidence: float = 0.95) -> Consistency:
     Parameters
     ----------
     run
-        As :func:`bondgraph.filter.likelihood.run` gives it.
+        As :func:`bondgraph.filter.runs.run` gives it.
     confidence
         Probability of the bands.
 
@@ -86,7 +86,7 @@ def consistency(run: FilterRun, confidence: float = 0.95) -> Consistency:
     --------
     >>> from bondgraph.data.log import MatchedLog
     >>> from bondgraph.filter.filter_model import FilterModel
-    >>> from bondgraph.filter.likelihood import run
+    >>> from bondgraph.filter.runs import run
     >>> from bondgraph.simulate.example import pendulum
     >>> swing = FilterModel(pendulum(), {"rate": 0.1}, {"deflection": 0.05}, {"angle": 0.1, "rate": 0.1}, substeps=2)
     >>> time = np.arange(40) * 0.05

@@ -17,8 +17,8 @@ import numpy.typing as npt
 from bondgraph.filter.choice import choose_method, fastest_rates, looked_at
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.filter_run import FilterRun
-from bondgraph.filter.likelihood import likelihood, run
 from bondgraph.filter.members import MemberValues, per_log
+from bondgraph.filter.runs import member_runs, run
 from bondgraph.filter.samples import MeasuredLog, Samples
 from bondgraph.simulate.arrays import FloatArray
 from bondgraph.simulate.model import Model
@@ -95,9 +95,8 @@ def discretisation_error(
     listed = logs if isinstance(logs, Sequence) else (logs,)
     used = choose_method(filter_model, listed, compiled=compiled)
     finer = used.with_halved_steps()
-    coarse = likelihood(used, listed, theta, compiled=compiled, **values).nll[0]
-    fine = likelihood(finer, listed, theta, compiled=compiled, **values).nll[0]
-    nats = float(coarse - fine) if np.isfinite(coarse) and np.isfinite(fine) else np.inf
+    coarse, fine = (_nll(steps, listed, theta, values, compiled) for steps in (used, finer))
+    nats = coarse - fine if np.isfinite(coarse) and np.isfinite(fine) else np.inf
     x0 = per_log("x0", values.get("x0"), len(listed))
     initial_std = per_log("initial_std", values.get("initial_std"), len(listed))
     rates = []
@@ -105,6 +104,18 @@ def discretisation_error(
         own: MemberValues = {**values, "x0": x0[i], "initial_std": initial_std[i]}
         rates.append(step_times_rate(run(used, log, theta, compiled=compiled, **own), log, theta))
     return DiscretisationError(nats, max(rates), used.typical_substeps, used.method)
+
+
+def _nll(
+    filter_model: FilterModel,
+    logs: Sequence[MeasuredLog],
+    theta: npt.ArrayLike | None,
+    values: MemberValues,
+    compiled: bool,
+) -> float:
+    """The value of the first member over all logs; infinite where it diverged."""
+    _, _, runs = member_runs(filter_model, logs, theta, values, depth=0, threads=None, compiled=compiled)
+    return float(sum(one.verdicts.nll[0] for one in runs))
 
 
 def jacobian(model: Model, t: float, x: FloatArray, u: FloatArray, theta: FloatArray) -> FloatArray:

@@ -54,7 +54,7 @@ def filterpy_filter(filter_model: FilterModel, theta: npt.ArrayLike | None = Non
 def filterpy_run(
     filter_model: FilterModel, log: MeasuredLog, theta: npt.ArrayLike | None = None, **values: Unpack[MemberValues]
 ) -> FilterpyRun:
-    """Filter one log with filterpy; arguments as for :func:`bondgraph.filter.likelihood.run`.
+    """Filter one log with filterpy; arguments as for :func:`bondgraph.filter.runs.run`.
 
     Samples where some channels are missing are updated with those that are there.
 

@@ -10,24 +10,19 @@ from __future__ import annotations
 import functools
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Unpack
+from typing import Unpack
 
 import numpy as np
 import numpy.typing as npt
 
-from bondgraph.errors import FilterError
-from bondgraph.filter.batch import BatchRun, run_batches
-from bondgraph.filter.ceiling import run_below
-from bondgraph.filter.choice import choose_method
+from bondgraph.filter.batch import BatchRun
+from bondgraph.filter.discretisation import DiscretisationError, discretisation_error
 from bondgraph.filter.filter_model import FilterModel
-from bondgraph.filter.filter_run import FilterRun
-from bondgraph.filter.members import MemberBatch, MemberValues, member_batches
-from bondgraph.filter.samples import MeasuredLog, Samples
+from bondgraph.filter.members import MemberValues
+from bondgraph.filter.runs import member_runs
+from bondgraph.filter.samples import MeasuredLog
 from bondgraph.simulate.arrays import BoolArray, FloatArray, IntArray
 from bondgraph.simulate.outcome import Outcome
-
-if TYPE_CHECKING:
-    from bondgraph.filter.discretisation import DiscretisationError
 
 
 @dataclass(frozen=True)
@@ -127,7 +122,7 @@ def likelihood(
     >>> int(np.argmin(likelihood(swing, log, lengths).nll))
     1
     """
-    used, batches, runs = _run(
+    used, batches, runs = member_runs(
         filter_model, logs, theta, values, depth=0, threads=threads, compiled=compiled, ceilings=ceilings
     )
     per_log = np.array([run.verdicts.nll for run in runs])
@@ -139,8 +134,6 @@ def likelihood(
     finished = np.sum([run.verdicts.last + 1 for run in runs], axis=0) / sum(run.samples.time.size for run in runs)
 
     def best() -> DiscretisationError:
-        from bondgraph.filter.discretisation import discretisation_error  # here: it asks for likelihoods itself
-
         m = int(np.argmin(nll))
         own: MemberValues = {
             "noise_std": batches[0].noise_std[:, m],
@@ -181,64 +174,8 @@ def innovations(
 
     With z and log s of a record, nll = sum(z^2/2 + log s) + log(2 pi)/2 per measured value.
     """
-    _, _, runs = _run(filter_model, logs, theta, values, depth=1, threads=threads, compiled=compiled)
+    _, _, runs = member_runs(filter_model, logs, theta, values, depth=1, threads=threads, compiled=compiled)
     return tuple(_whitened(run) for run in runs)
-
-
-def run(
-    filter_model: FilterModel,
-    log: MeasuredLog,
-    theta: npt.ArrayLike | None = None,
-    *,
-    compiled: bool = True,
-    **values: Unpack[MemberValues],
-) -> FilterRun:
-    """Filter one log with one set of numbers and keep everything; arguments as for :func:`likelihood`.
-
-    Examples
-    --------
-    >>> from bondgraph.data.log import MatchedLog
-    >>> from bondgraph.simulate.example import pendulum
-    >>> swing = FilterModel(pendulum(), {"rate": 0.1}, {"deflection": 0.05}, {"angle": 0.1, "rate": 0.1}, substeps=2)
-    >>> time = np.arange(40) * 0.05
-    >>> log = MatchedLog("swing", time, np.zeros((1, 40)), 0.5 * np.cos(3.1 * time)[np.newaxis])
-    >>> run(swing, log, compiled=False).mean("angle").shape
-    (40,)
-    """
-    used, _, (batch,) = _run(filter_model, log, theta, values, depth=2, threads=1, compiled=compiled)
-    if batch.verdicts.nll.size != 1:
-        raise FilterError(f"{log.name}: run takes one member, not {batch.verdicts.nll.size} - use likelihood for many")
-    return batch.filter_run(used, 0)
-
-
-def _run(
-    filter_model: FilterModel,
-    logs: MeasuredLog | Sequence[MeasuredLog],
-    theta: npt.ArrayLike | None,
-    values: MemberValues,
-    *,
-    depth: int,
-    threads: int | None,
-    compiled: bool,
-    ceilings: npt.ArrayLike | None = None,
-) -> tuple[FilterModel, tuple[MemberBatch, ...], tuple[BatchRun, ...]]:
-    """The filter model with its method decided, and for each log the members and the run."""
-    listed = logs if isinstance(logs, Sequence) else (logs,)
-    if not listed:
-        raise FilterError(f"{filter_model.model.name}: there is no log to filter - give at least one")
-    filter_model = choose_method(filter_model, listed, compiled=compiled)
-    samples = [Samples.of(filter_model, log) for log in listed]
-    batches = member_batches(filter_model, samples, theta, values)
-    if ceilings is None:
-        return filter_model, batches, run_batches(filter_model, samples, batches, depth, threads, compiled)
-    highest = np.asarray(ceilings, dtype=np.float64)
-    if highest.shape not in ((), (batches[0].size,)):
-        raise FilterError(
-            f"ceilings has shape {highest.shape} for {batches[0].size} members - give one for each, or one for all",
-            where=("ceilings",),
-        )
-    each = np.array(np.broadcast_to(highest, batches[0].size))
-    return filter_model, batches, run_below(filter_model, samples, batches, each, threads, compiled)
 
 
 def _outcomes(runs: Sequence[BatchRun]) -> tuple[Outcome, ...]:

@@ -61,7 +61,7 @@ def smooth(run: FilterRun) -> SmootherRun:
     Parameters
     ----------
     run
-        As :func:`bondgraph.filter.likelihood.run` gives it.
+        As :func:`bondgraph.filter.runs.run` gives it.
 
     Raises
     ------
@@ -72,7 +72,7 @@ def smooth(run: FilterRun) -> SmootherRun:
     --------
     >>> from bondgraph.data.log import MatchedLog
     >>> from bondgraph.filter.filter_model import FilterModel
-    >>> from bondgraph.filter.likelihood import run
+    >>> from bondgraph.filter.runs import run
     >>> from bondgraph.simulate.example import pendulum
     >>> swing = FilterModel(pendulum(), {"rate": 0.1}, {"deflection": 0.05}, {"angle": 0.1, "rate": 0.1}, substeps=2)
     >>> time = np.arange(40) * 0.05

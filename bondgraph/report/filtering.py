@@ -13,8 +13,8 @@ from bondgraph.data.write import write_log
 from bondgraph.estimate.initial import Initial, initial_states
 from bondgraph.filter.consistency import Consistency, consistency
 from bondgraph.filter.filter_run import FilterRun
-from bondgraph.filter.likelihood import run
 from bondgraph.filter.noise import Noise
+from bondgraph.filter.runs import run
 from bondgraph.filter.smoother import smooth
 from bondgraph.report.closed_loop import write_json
 from bondgraph.report.collect import output_bands, state_bands

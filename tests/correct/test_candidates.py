@@ -18,7 +18,7 @@ from bondgraph.declare.editing import handle
 from bondgraph.declare.effect import Effect, Place, Scale, effect_functions
 from bondgraph.declare.graph import BondGraph, Handle
 from bondgraph.errors import EstimationError, OptionError
-from bondgraph.filter.likelihood import run
+from bondgraph.filter.runs import run
 from tests.correct.sled import built, fitted, pull, sled
 from vehicle_graphs import effects
 from vehicle_graphs.driveline import driveline

@@ -8,7 +8,8 @@ import pytest
 from bondgraph.filter.choice import STEP_TIMES_RATE, choose_method
 from bondgraph.filter.discretisation import discretisation_error
 from bondgraph.filter.filter_model import FilterModel
-from bondgraph.filter.likelihood import likelihood, run
+from bondgraph.filter.likelihood import likelihood
+from bondgraph.filter.runs import run
 from tests.filter.logs import PlainLog, driveline_filter, simulated_log
 from tests.simulate.samples import decay
 

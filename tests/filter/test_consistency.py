@@ -9,7 +9,7 @@ import pytest
 
 from bondgraph.errors import FilterError
 from bondgraph.filter.consistency import consistency, nis_band, normalised_innovations, whiteness_p
-from bondgraph.filter.likelihood import run
+from bondgraph.filter.runs import run
 from tests.filter.logs import circuit_filter, driveline_filter, pendulum_filter, simulated_log
 
 

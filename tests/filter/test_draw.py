@@ -9,7 +9,7 @@ from bondgraph.data.log import MatchedLog
 from bondgraph.errors import FilterError
 from bondgraph.filter.draw import draw_logs
 from bondgraph.filter.filter_model import FilterModel
-from bondgraph.filter.likelihood import run
+from bondgraph.filter.runs import run
 from bondgraph.simulate.example import pendulum
 from tests.estimate.linear import lag
 

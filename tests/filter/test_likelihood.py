@@ -13,7 +13,8 @@ import pytest
 
 from bondgraph.errors import FilterError, ModelError
 from bondgraph.filter.filter_model import FilterModel
-from bondgraph.filter.likelihood import innovations, likelihood, negative_log_likelihood, run
+from bondgraph.filter.likelihood import innovations, likelihood, negative_log_likelihood
+from bondgraph.filter.runs import run
 from bondgraph.simulate.outcome import Outcome
 from tests.filter.logs import PlainLog, circuit_filter, driveline_filter, pendulum_filter, simulated_log
 from tests.simulate.samples import decay

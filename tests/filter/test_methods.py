@@ -11,7 +11,8 @@ import pytest
 from bondgraph.errors import FilterError
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.filterpy_bridge import filterpy_run
-from bondgraph.filter.likelihood import innovations, likelihood, run
+from bondgraph.filter.likelihood import innovations, likelihood
+from bondgraph.filter.runs import run
 from bondgraph.simulate import compile
 from bondgraph.simulate.outcome import Outcome
 from tests.filter.logs import PlainLog, circuit_filter, driveline_filter, pendulum_filter, simulated_log

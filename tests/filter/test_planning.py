@@ -15,9 +15,10 @@ from bondgraph.filter.discretisation import discretisation_error, explicit_subst
 from bondgraph.filter.draw import draw_logs
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.gradient import Directions, innovation_tangents
-from bondgraph.filter.likelihood import likelihood, run
+from bondgraph.filter.likelihood import likelihood
 from bondgraph.filter.plan import IntervalSteps, StepPlan, log_key
 from bondgraph.filter.planning import plan_cost, plan_steps
+from bondgraph.filter.runs import run
 from bondgraph.filter.samples import Samples
 from bondgraph.filter.ukf import Member
 from bondgraph.simulate.model import Model

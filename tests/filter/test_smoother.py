@@ -11,7 +11,7 @@ import pytest
 from bondgraph.errors import FilterError
 from bondgraph.filter.belief import Belief, Prediction, predict, update
 from bondgraph.filter.filter_model import FilterModel
-from bondgraph.filter.likelihood import run
+from bondgraph.filter.runs import run
 from bondgraph.filter.samples import interval_substeps
 from bondgraph.filter.sigma_points import MerweScaled
 from bondgraph.filter.smoother import smooth, smooth_step

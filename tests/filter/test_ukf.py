@@ -12,7 +12,7 @@ import pytest
 from bondgraph.filter.belief import Belief, predict, update
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.filterpy_bridge import filterpy_run
-from bondgraph.filter.likelihood import run
+from bondgraph.filter.runs import run
 from bondgraph.filter.samples import interval_substeps
 from bondgraph.filter.sigma_points import MerweScaled
 from bondgraph.simulate.model import Model

@@ -12,7 +12,7 @@ from bondgraph.declare.domains import ROTATION
 from bondgraph.declare.effect import Effect, Place, Scale
 from bondgraph.declare.graph import BondGraph
 from bondgraph.filter.filter_model import FilterModel
-from bondgraph.filter.likelihood import run
+from bondgraph.filter.runs import run
 from bondgraph.report.collect import (
     Runs,
     added_nodes,

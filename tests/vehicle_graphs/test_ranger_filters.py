@@ -17,7 +17,7 @@ from bondgraph.filter.consistency import consistency
 from bondgraph.filter.draw import draw_logs
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.filter_run import FilterRun
-from bondgraph.filter.likelihood import run
+from bondgraph.filter.runs import run
 from bondgraph.filter.smoother import SmootherRun, smooth
 from bondgraph.report.collect import output_bands, state_bands
 from vehicle_graphs.ranger import NOISE, coast_down, filter_model, full

@@ -15,7 +15,7 @@ from bondgraph.errors import DataError
 from bondgraph.estimate.initial import initial_states
 from bondgraph.filter.consistency import Consistency, consistency
 from bondgraph.filter.filter_model import FilterModel
-from bondgraph.filter.likelihood import run
+from bondgraph.filter.runs import run
 from vehicle_graphs import ranger
 from vehicle_graphs.ranger_filters import NOISE
 from vehicle_graphs.ranger_recorded import main, read_runs

@@ -31,7 +31,7 @@ from bondgraph.estimate.problem import EstimationProblem
 from bondgraph.estimate.steps import newton_decrement
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.filter_run import FilterRun
-from bondgraph.filter.likelihood import run
+from bondgraph.filter.runs import run
 from bondgraph.simulate.model import Model
 
 #: Blocks of the sandwich variance over all training logs: enough for its distribution, long enough to be independent.

@@ -31,7 +31,7 @@ from bondgraph.estimate.objective import Expansion, SearchOutcome, expansion_of
 from bondgraph.estimate.problem import EstimationProblem
 from bondgraph.estimate.steps import damped_step, newton_decrement, promised_gain
 from bondgraph.filter.filter_run import FilterRun
-from bondgraph.filter.likelihood import run
+from bondgraph.filter.runs import run
 from bondgraph.simulate.compile import has_numba
 
 #: Parameters are shifted by this share of their bounds.

@@ -19,7 +19,7 @@ from bondgraph.estimate.free import FreeParameter, declared_free
 from bondgraph.estimate.initial import directly_measured, initial_states
 from bondgraph.filter.discretisation import step_times_rate
 from bondgraph.filter.filter_model import FilterModel
-from bondgraph.filter.likelihood import run
+from bondgraph.filter.runs import run
 from bondgraph.simulate.model import Model
 from bondgraph.simulate.simulate import simulate
 

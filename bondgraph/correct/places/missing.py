@@ -26,7 +26,8 @@ from bondgraph.derive.derivation import bond_labels
 from bondgraph.errors import EstimationError, OptionError
 from bondgraph.estimate.initial import initial_states
 from bondgraph.filter.filter_model import FilterModel
-from bondgraph.filter.likelihood import likelihood, run
+from bondgraph.filter.likelihood import likelihood
+from bondgraph.filter.runs import run
 from bondgraph.filter.smoother import smooth
 from bondgraph.simulate.model import Model
 

@@ -1,0 +1,96 @@
+"""Runs of the filter over logs: of many members for what a likelihood needs, of one with everything kept."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Unpack
+
+import numpy as np
+import numpy.typing as npt
+
+from bondgraph.errors import FilterError
+from bondgraph.filter.batch import BatchRun, run_batches
+from bondgraph.filter.ceiling import run_below
+from bondgraph.filter.choice import choose_method
+from bondgraph.filter.filter_model import FilterModel
+from bondgraph.filter.filter_run import FilterRun
+from bondgraph.filter.members import MemberBatch, MemberValues, member_batches
+from bondgraph.filter.samples import MeasuredLog, Samples
+
+
+def run(
+    filter_model: FilterModel,
+    log: MeasuredLog,
+    theta: npt.ArrayLike | None = None,
+    *,
+    compiled: bool = True,
+    **values: Unpack[MemberValues],
+) -> FilterRun:
+    """Filter one log with one set of numbers and keep everything.
+
+    Arguments as for :func:`bondgraph.filter.likelihood.likelihood`, of a single member.
+
+    Raises
+    ------
+    FilterError, ModelError
+        If log or shapes do not fit the model, or there are several members.
+
+    Examples
+    --------
+    >>> from bondgraph.data.log import MatchedLog
+    >>> from bondgraph.simulate.example import pendulum
+    >>> swing = FilterModel(pendulum(), {"rate": 0.1}, {"deflection": 0.05}, {"angle": 0.1, "rate": 0.1}, substeps=2)
+    >>> time = np.arange(40) * 0.05
+    >>> log = MatchedLog("swing", time, np.zeros((1, 40)), 0.5 * np.cos(3.1 * time)[np.newaxis])
+    >>> run(swing, log, compiled=False).mean("angle").shape
+    (40,)
+    """
+    used, _, (batch,) = member_runs(filter_model, log, theta, values, depth=2, threads=1, compiled=compiled)
+    if batch.verdicts.nll.size != 1:
+        raise FilterError(f"{log.name}: run takes one member, not {batch.verdicts.nll.size} - use likelihood for many")
+    return batch.filter_run(used, 0)
+
+
+def member_runs(
+    filter_model: FilterModel,
+    logs: MeasuredLog | Sequence[MeasuredLog],
+    theta: npt.ArrayLike | None,
+    values: MemberValues,
+    *,
+    depth: int,
+    threads: int | None,
+    compiled: bool,
+    ceilings: npt.ArrayLike | None = None,
+) -> tuple[FilterModel, tuple[MemberBatch, ...], tuple[BatchRun, ...]]:
+    """The filter model with its method decided, and for each log the members and the run.
+
+    Parameters
+    ----------
+    filter_model, logs, theta, threads, compiled, ceilings
+        As for :func:`bondgraph.filter.likelihood.likelihood`.
+    values
+        Numbers of the members.
+    depth
+        What is recorded: 0 the likelihood, 1 whitened innovations too, 2 everything.
+
+    Raises
+    ------
+    FilterError, ModelError
+        If there is no log, or logs or shapes do not fit the model.
+    """
+    listed = logs if isinstance(logs, Sequence) else (logs,)
+    if not listed:
+        raise FilterError(f"{filter_model.model.name}: there is no log to filter - give at least one")
+    filter_model = choose_method(filter_model, listed, compiled=compiled)
+    samples = [Samples.of(filter_model, log) for log in listed]
+    batches = member_batches(filter_model, samples, theta, values)
+    if ceilings is None:
+        return filter_model, batches, run_batches(filter_model, samples, batches, depth, threads, compiled)
+    highest = np.asarray(ceilings, dtype=np.float64)
+    if highest.shape not in ((), (batches[0].size,)):
+        raise FilterError(
+            f"ceilings has shape {highest.shape} for {batches[0].size} members - give one for each, or one for all",
+            where=("ceilings",),
+        )
+    each = np.array(np.broadcast_to(highest, batches[0].size))
+    return filter_model, batches, run_below(filter_model, samples, batches, each, threads, compiled)
