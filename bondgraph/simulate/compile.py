@@ -26,10 +26,10 @@ from bondgraph.simulate import table_kernel
 from bondgraph.simulate.arrays import FloatArray
 from bondgraph.simulate.cache import store
 from bondgraph.simulate.loader import parse_module
-from bondgraph.simulate.model import Model
 from bondgraph.simulate.scalar import scalar_source
 
 Scalar = Callable[[float, FloatArray, FloatArray, FloatArray, FloatArray], None]
+Batched = Callable[[float, FloatArray, FloatArray, FloatArray], FloatArray]
 
 # contract: a*b + c in one rounding. error_model: numpy's rules for division by zero. nogil: threads run side by side.
 # Functions never called from Python (_inner) go without the wrappers for it, which would take half of the compile time.
@@ -67,37 +67,45 @@ class CompiledModel:
     backend: str
 
 
-def compile_model(model: Model) -> CompiledModel:
+def compile_model(text: str, name: str, rhs: Batched, output: Batched) -> CompiledModel:
     """The scalar functions of a model, compiled where numba is installed.
+
+    Parameters
+    ----------
+    text, name
+        The generated module and its name.
+    rhs, output
+        Its numpy form, which serves where numba is missing.
 
     Examples
     --------
     >>> import numpy as np
     >>> from bondgraph.simulate.example import pendulum
     >>> model, dx = pendulum(), np.empty(2)
-    >>> compile_model(model).rhs_into(0.0, model.x0(), model.u0(), model.theta(), dx)
+    >>> compiled = compile_model(model.text, model.name, model.rhs, model.output)
+    >>> compiled.rhs_into(0.0, model.x0(), model.u0(), model.theta(), dx)
     >>> bool(np.allclose(dx, model.rhs(0.0, model.x0(), model.u0(), model.theta())))
     True
     """
     if has_numba():
-        module = load_compiled(model_source(model))
+        module = load_compiled(model_source(text, name))
         return CompiledModel(module.rhs_into, module.output_into, "numba")
 
     def rhs_into(t: float, x: FloatArray, u: FloatArray, theta: FloatArray, dx: FloatArray) -> None:
-        dx[...] = model.rhs(t, x, u, theta)
+        dx[...] = rhs(t, x, u, theta)
 
     def output_into(t: float, x: FloatArray, u: FloatArray, theta: FloatArray, y: FloatArray) -> None:
-        y[...] = model.output(t, x, u, theta)
+        y[...] = output(t, x, u, theta)
 
     return CompiledModel(rhs_into, output_into, "numpy")
 
 
-def model_source(model: Model) -> str:
-    """The source that numba compiles for one model."""
+def model_source(text: str, name: str) -> str:
+    """The source that numba compiles for the generated module of one model."""
     parts = [
-        HEADER.format(title=f"Compiled form of the generated module {model.name!r}"),
+        HEADER.format(title=f"Compiled form of the generated module {name!r}"),
         *_functions(table_kernel, "@_inner\n"),
-        scalar_source(parse_module(model.text, model.name), "@_jit", "@_inner"),
+        scalar_source(parse_module(text, name), "@_jit", "@_inner"),
     ]
     return "\n\n".join(parts) + "\n"
 

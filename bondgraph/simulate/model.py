@@ -166,14 +166,16 @@ class Model:
         """Scalar in-place functions, compiled with numba where it is installed; cached between runs."""
         from bondgraph.simulate.compile import compile_model  # here: numba is imported only by those who need it
 
-        return compile_model(self)
+        return compile_model(self.text, self.name, self.rhs, self.output)
 
     @functools.cached_property
     def program(self) -> ModelProgram:
         """The equations as a list of operations, which can be differentiated and printed in other forms."""
         from bondgraph.simulate.program.model_program import ModelProgram  # here: read by those who need it
 
-        return ModelProgram(self)
+        return ModelProgram(
+            self.text, self.name, {"x": len(self.states), "u": len(self.inputs), "theta": len(self.parameters)}
+        )
 
     def rhs(self, t: float | FloatArray, x: npt.ArrayLike, u: npt.ArrayLike, theta: npt.ArrayLike) -> FloatArray:
         """Time derivatives of the states.

@@ -50,7 +50,7 @@ def lane_text(equations: ModelProgram, stiff: bool) -> LaneText:
     Examples
     --------
     >>> from bondgraph.simulate.example import pendulum
-    >>> text = lane_text(ModelProgram(pendulum()), stiff=False)
+    >>> text = lane_text(pendulum().program, stiff=False)
     >>> print(text.source.partition("def rates")[2].partition("@lane_loops")[0].strip())
     (clock, inputs, w, n):
         inputs_0 = inputs[0]

@@ -53,7 +53,7 @@ def tangent_text(equations: ModelProgram, parameters: Sequence[int], stiff: bool
     Examples
     --------
     >>> from bondgraph.simulate.example import pendulum
-    >>> text = tangent_text(ModelProgram(pendulum()), [0], stiff=False)
+    >>> text = tangent_text(pendulum().program, [0], stiff=False)
     >>> [name for name in ("slopes", "push", "advance_tangents") if f"def {name}(" in text.source]
     ['slopes', 'push', 'advance_tangents']
     """

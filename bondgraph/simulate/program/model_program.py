@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 import numpy as np
 
@@ -15,9 +15,6 @@ from bondgraph.simulate.program.evaluate import evaluate, stack_rows
 from bondgraph.simulate.program.parse import Reader
 from bondgraph.simulate.program.tangent import tangents
 from bondgraph.simulate.program.tape import Program, Tape
-
-if TYPE_CHECKING:
-    from bondgraph.simulate.model import Model
 
 Equations = Literal["rhs", "output"]
 Variables = Literal["x", "u", "theta"]
@@ -54,20 +51,22 @@ class ModelProgram:
 
     Parameters
     ----------
-    model
-        The model; its text is read once.
+    text, name
+        The generated module, which is read once, and its name.
+    sizes
+        How many states, inputs and parameters it has.
 
     Examples
     --------
     >>> from bondgraph.simulate.example import pendulum
-    >>> jacobian = ModelProgram(pendulum()).jacobian("rhs", "x")
+    >>> jacobian = pendulum().program.jacobian("rhs", "x")
     >>> jacobian.rows.tolist(), jacobian.columns.tolist()
     ([0, 1, 1], [1, 0, 1])
     """
 
-    def __init__(self, model: Model) -> None:
-        tree = parse_module(model.text, model.name)
-        namespace = run_module(tree, model.name)
+    def __init__(self, text: str, name: str, sizes: Mapping[Variables, int]) -> None:
+        tree = parse_module(text, name)
+        namespace = run_module(tree, name)
         self.tree = tree
         self.tape = Tape()
         self.reader = Reader(tree, namespace, self.tape)
@@ -76,7 +75,7 @@ class ModelProgram:
             "output": self.reader.equations("output"),
         }
         self.solvers: Mapping[str, Callable[..., Any]] = {name: namespace[name] for name in self.reader.solvers}
-        self.sizes = {"x": len(model.states), "u": len(model.inputs), "theta": len(model.parameters)}
+        self.sizes = sizes
         self._jacobians: dict[tuple[Equations, Variables], SparseJacobian] = {}
 
     def derivative(self, nodes: tuple[int, ...], vector: str, position: int) -> tuple[int, ...]:
