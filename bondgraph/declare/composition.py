@@ -5,21 +5,22 @@ from __future__ import annotations
 import dataclasses
 import functools
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import Any, TypeVar
 
 from sympy import Expr, Symbol
 
 from bondgraph.declare.elements import Bond, Node
 from bondgraph.declare.expressions import is_local, normalise, signal, signal_name, symbols_in
 from bondgraph.declare.functions import TableFunction, table_function
+from bondgraph.declare.handles import SubGraph
 from bondgraph.declare.quantities import Integral, NamedSignal, Output, Requirement, symbol
+from bondgraph.declare.store import GraphStore
 from bondgraph.errors import DeclarationError
 
-if TYPE_CHECKING:
-    from bondgraph.declare.graph import BondGraph, SubGraph
+_Graph = TypeVar("_Graph", bound=GraphStore)
 
 
-def flatten(graph: BondGraph) -> BondGraph:
+def flatten(graph: _Graph) -> _Graph:
     """The same machine without parts; a graph without parts is returned as it is.
 
     Examples
@@ -62,7 +63,7 @@ def flatten(graph: BondGraph) -> BondGraph:
     return flat
 
 
-def _resolve_inside(graph: BondGraph, name: str) -> str:
+def _resolve_inside(graph: GraphStore, name: str) -> str:
     part_name, _, inner = name.partition(".")
     for part in graph.subgraphs:
         if part.name == part_name:
@@ -71,7 +72,7 @@ def _resolve_inside(graph: BondGraph, name: str) -> str:
     return name
 
 
-def _outer_names(graph: BondGraph) -> Callable[[str], str]:
+def _outer_names(graph: GraphStore) -> Callable[[str], str]:
     """What the outer graph's name of a quantity becomes: a shared one loses the name of its part."""
     shared = {part.name for part in graph.subgraphs if part.shared}
 
@@ -82,7 +83,7 @@ def _outer_names(graph: BondGraph) -> Callable[[str], str]:
     return rename
 
 
-def share(graph: BondGraph, quantities: dict[str, Any], quantity: Any, part: str) -> None:
+def share(graph: GraphStore, quantities: dict[str, Any], quantity: Any, part: str) -> None:
     """Add a quantity of a part under its own name, where equal ones may meet.
 
     Raises
@@ -99,7 +100,7 @@ def share(graph: BondGraph, quantities: dict[str, Any], quantity: Any, part: str
         )
 
 
-def _copy_part(flat: BondGraph, part: SubGraph, inside: BondGraph, outer: _Renaming) -> None:
+def _copy_part(flat: _Graph, part: SubGraph[_Graph], inside: _Graph, outer: _Renaming) -> None:
     bound = {name: outer.expression(expression) for name, expression in part.bind}
     renaming = _inside(part.name, part.shared, tuple(bound.items()))
     for quantity in inside.quantities.values():

@@ -11,8 +11,9 @@ from bondgraph.declare.elements import Bond, Node
 from bondgraph.declare.expressions import signal
 from bondgraph.declare.graph import BondGraph, Handle
 from bondgraph.declare.quantities import Parameter
+from bondgraph.declare.quantity_checks import check_quantity
 from bondgraph.declare.requirements import check_requirements
-from bondgraph.declare.validation import check_quantity, node_domains
+from bondgraph.declare.validation import node_domains
 from bondgraph.errors import DeclarationError, suggest
 
 

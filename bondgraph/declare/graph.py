@@ -8,7 +8,7 @@ what can only be known at the end (a junction without bonds, a signal of a node 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, Self
 
 from bondgraph.declare.composition import flatten
 from bondgraph.declare.element_builder import ElementBuilder
@@ -56,12 +56,12 @@ class BondGraph(QuantityBuilder, ElementBuilder):
     def include(
         self,
         name: str,
-        graph: BondGraph,
+        graph: Self,
         ports: Mapping[str, str] | None = None,
         bind: Mapping[str, Any] | None = None,
         *,
         shared: bool = False,
-    ) -> SubGraph:
+    ) -> SubGraph[Self]:
         """Use a graph as a part; outer bonds reach it as ``"name.port"``.
 
         ``bind`` replaces inputs and parameters of the part by expressions of this graph. Inner names get the part's
@@ -93,7 +93,7 @@ class BondGraph(QuantityBuilder, ElementBuilder):
             raise
         return part
 
-    def exchange(self, name: str, graph: BondGraph) -> None:
+    def exchange(self, name: str, graph: Self) -> None:
         """Replace the part ``name`` by another graph with the same ports."""
         if name not in self._subgraphs:
             raise DeclarationError(f"{self.name}: no part {name!r}{suggest(name, self._subgraphs)}", where=(name,))
@@ -115,6 +115,6 @@ class BondGraph(QuantityBuilder, ElementBuilder):
         """
         validate(self.flatten())
 
-    def flatten(self) -> BondGraph:
+    def flatten(self) -> Self:
         """The same machine without parts: inner names get the part's name and a dot in front."""
         return flatten(self)

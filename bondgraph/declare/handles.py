@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import Any, Generic, TypeAlias, TypeVar
 
 import sympy
 from sympy import Expr, Symbol
@@ -14,8 +14,7 @@ from bondgraph.declare.domains import Domain
 from bondgraph.declare.expressions import normalise, signal
 from bondgraph.errors import DeclarationError
 
-if TYPE_CHECKING:
-    from bondgraph.declare.graph import BondGraph
+_Graph = TypeVar("_Graph")
 
 #: A law: a function of the element's own variables, an expression in them, or the coefficient of a linear law.
 Law: TypeAlias = Callable[..., Any] | Expr | float
@@ -65,7 +64,7 @@ At: TypeAlias = Handle | str
 
 
 @dataclass(frozen=True)
-class SubGraph:
+class SubGraph(Generic[_Graph]):
     """A graph used as a part of another; ``ports`` names the inner junctions that outer bonds may reach.
 
     ``bind`` gives inner inputs and parameters as expressions of the outer graph. The quantities of a ``shared`` part
@@ -73,7 +72,7 @@ class SubGraph:
     """
 
     name: str
-    graph: BondGraph
+    graph: _Graph
     ports: tuple[tuple[str, str], ...]
     bind: tuple[tuple[str, Expr], ...] = ()
     shared: bool = False

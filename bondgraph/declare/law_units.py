@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
 
 from sympy import Expr, Symbol
 
@@ -14,16 +13,14 @@ from bondgraph.declare.elements import ENERGY_VARIABLE, TWO_PORTS, Node
 from bondgraph.declare.expressions import signal_name, symbols_in, tables_in, to_text
 from bondgraph.declare.modal_laws import MODAL_LAWS, modal_dimension
 from bondgraph.declare.quantities import Input, Integral, NamedSignal, Parameter, Table, symbol
+from bondgraph.declare.store import GraphStore
 from bondgraph.errors import DimensionError
 from bondgraph.units import dimension_text
-
-if TYPE_CHECKING:
-    from bondgraph.declare.graph import BondGraph
 
 _VARIABLES = ("effort", "flow", "displacement", "momentum")
 
 
-def check_law_units(graph: BondGraph, domains: dict[str, Domain | None]) -> None:
+def check_law_units(graph: GraphStore, domains: dict[str, Domain | None]) -> None:
     """Raise DimensionError unless every law, signal, integral and output of a flat graph is homogeneous.
 
     Parameters
@@ -37,7 +34,7 @@ def check_law_units(graph: BondGraph, domains: dict[str, Domain | None]) -> None
 
 
 class _LawUnits:
-    def __init__(self, graph: BondGraph, domains: dict[str, Domain | None]) -> None:
+    def __init__(self, graph: GraphStore, domains: dict[str, Domain | None]) -> None:
         self.graph, self.domains = graph, domains
         self.incidence = graph.incidence()
         self.tables = {table.name: table for table in graph.tables}

@@ -11,9 +11,9 @@ from bondgraph.declare.expressions import signal
 from bondgraph.declare.functions import TableFunction, table_function
 from bondgraph.declare.handles import At, Handle, callable_law
 from bondgraph.declare.quantities import Input, Integral, NamedSignal, Output, Parameter, Requirement, Table, symbol
+from bondgraph.declare.quantity_checks import check_quantity, check_table
 from bondgraph.declare.requirements import check_requirement
 from bondgraph.declare.store import GraphStore
-from bondgraph.declare.validation import check_quantity, check_table
 from bondgraph.errors import DeclarationError, suggest
 
 

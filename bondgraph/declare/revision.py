@@ -89,7 +89,9 @@ def revise_laws(graph: BondGraph, node: str, laws: Callable[[Mapping[str, Expr]]
 Laws = Mapping[str, Expr]
 
 
-def _in_part(graph: BondGraph, name: str, revise: Callable[[BondGraph, Callable[[Laws], Laws]], None]) -> SubGraph:
+def _in_part(
+    graph: BondGraph, name: str, revise: Callable[[BondGraph, Callable[[Laws], Laws]], None]
+) -> SubGraph[BondGraph]:
     """A part with a copy of its graph that was revised; ``revise`` gets the copy, and what takes laws from outside."""
     part = graph._subgraphs[name]
     inside = copy(part.graph)

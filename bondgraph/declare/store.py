@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, Self
 
 import sympy
 from sympy import Expr, Symbol
@@ -14,7 +14,7 @@ from bondgraph.declare.expressions import is_local, normalise, signal_name
 from bondgraph.declare.functions import TableFunction
 from bondgraph.declare.handles import At, Handle, SubGraph
 from bondgraph.declare.quantities import Input, Integral, NamedSignal, Output, Parameter, Requirement, Table, symbol
-from bondgraph.declare.validation import check_quantity
+from bondgraph.declare.quantity_checks import check_quantity
 from bondgraph.errors import DeclarationError, suggest
 
 Quantity = Input | Parameter | Table | Integral | NamedSignal
@@ -32,7 +32,7 @@ class GraphStore:
         self._quantities: dict[str, Quantity] = {}
         self._outputs: dict[str, Output] = {}
         self._requirements: list[Requirement] = []
-        self._subgraphs: dict[str, SubGraph] = {}
+        self._subgraphs: dict[str, SubGraph[Self]] = {}
 
     # ------------------------------------------------------------------ what has been declared
 
@@ -87,7 +87,7 @@ class GraphStore:
         return tuple(self._requirements)
 
     @property
-    def subgraphs(self) -> tuple[SubGraph, ...]:
+    def subgraphs(self) -> tuple[SubGraph[Self], ...]:
         """Parts that are graphs themselves."""
         return tuple(self._subgraphs.values())
 

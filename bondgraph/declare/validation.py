@@ -1,11 +1,8 @@
-"""Checks of declared quantities and of complete graphs."""
+"""Checks of complete graphs."""
 
 from __future__ import annotations
 
-import itertools
-import math
-import re
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import networkx as nx
 
@@ -14,80 +11,13 @@ from bondgraph.declare.domains import Domain
 from bondgraph.declare.elements import SOURCES, STORAGES, TWO_PORTS, Node, a_kind
 from bondgraph.declare.expressions import signal_name, signals_in
 from bondgraph.declare.law_units import check_law_units
-from bondgraph.declare.quantities import Input, Integral, NamedSignal, Output, Parameter, Table
+from bondgraph.declare.quantity_checks import is_free_name
 from bondgraph.declare.requirements import check_requirements
+from bondgraph.declare.store import GraphStore
 from bondgraph.errors import DeclarationError, suggest
-from bondgraph.units import parse_unit
-
-if TYPE_CHECKING:
-    from bondgraph.declare.graph import BondGraph
-
-_NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*(\.[A-Za-z0-9_]+)*\Z")
-_RESERVED = re.compile(r"(t|pi|(effort|flow|displacement|momentum)\d*)\Z")
-
-Quantity = Input | Parameter | Table | Integral | NamedSignal | Output
 
 
-def check_quantity(quantity: Quantity, graph: str) -> None:
-    """Raise DeclarationError unless name, unit, values and bounds of a quantity are possible."""
-    name = quantity.name
-    where = f"{graph}: {name}"
-    if not _NAME.match(name):
-        raise DeclarationError(f"{graph}: name {name!r} - use letters, digits and underscores", where=(name,))
-    if _RESERVED.match(name) and not isinstance(quantity, Output):
-        raise DeclarationError(
-            f"{where}: this name is reserved for time, pi and the elements' own variables - use another", where=(name,)
-        )
-    try:
-        parse_unit(quantity.unit)
-        for unit in getattr(quantity, "argument_units", ()):
-            parse_unit(unit)
-    except DeclarationError as error:
-        raise DeclarationError(f"{where}: {error.message}", where=(name,)) from None
-    for label in ("value", "default", "initial"):
-        value = getattr(quantity, label, 0.0)
-        if not math.isfinite(value):
-            raise DeclarationError(f"{where}: {label} {value} must be a finite number", where=(name,))
-    if isinstance(quantity, Parameter) and quantity.bounds is not None:
-        _check_bounds(quantity, where)
-
-
-def _check_bounds(parameter: Parameter, where: str) -> None:
-    assert parameter.bounds is not None
-    lower, upper = parameter.bounds
-    if not (math.isfinite(lower) and math.isfinite(upper) and lower < upper):
-        raise DeclarationError(
-            f"{where}: bounds ({lower}, {upper}) must be two finite numbers, the lower first", where=(parameter.name,)
-        )
-    if not lower <= parameter.value <= upper:
-        raise DeclarationError(
-            f"{where}: value {parameter.value} {parameter.unit} lies outside its bounds ({lower}, {upper}) - "
-            "correct the value or widen the bounds",
-            where=(parameter.name,),
-        )
-
-
-def check_table(table: Table, graph: str) -> None:
-    """Raise DeclarationError unless a table has increasing arguments and one finite value for each."""
-    where = f"{graph}: table {table.name}"
-    for label, points in (("x", table.x), ("y", table.y)):
-        if label == "y" and not points:
-            continue
-        if len(points) < 2 or any(b <= a for a, b in itertools.pairwise(points)):
-            raise DeclarationError(
-                f"{where}: {label} must have at least 2 strictly increasing points, got {list(points)[:6]}",
-                where=(table.name,),
-            )
-    rows: Any = table.values
-    if len(rows) != len(table.x) or (table.y and any(len(row) != len(table.y) for row in rows)):
-        shape = f"{len(table.x)} rows of {len(table.y)}" if table.y else str(len(table.x))
-        raise DeclarationError(f"{where}: needs {shape} values, got {len(rows)}", where=(table.name,))
-    flat = [value for row in rows for value in row] if table.y else list(rows)
-    if not all(math.isfinite(value) for value in (*flat, *table.x, *table.y)):
-        raise DeclarationError(f"{where}: all points and values must be finite", where=(table.name,))
-
-
-def validate(graph: BondGraph) -> None:
+def validate(graph: GraphStore) -> None:
     """Raise DeclarationError for what can only be known when the (flat) graph is complete."""
     if not graph.nodes:
         raise DeclarationError(f"{graph.name}: the graph has no nodes - declare junctions and elements", (graph.name,))
@@ -103,13 +33,13 @@ def validate(graph: BondGraph) -> None:
     check_requirements(graph.requirements, graph.parameters, graph.name)
 
 
-def _check_state_names(graph: BondGraph) -> None:
+def _check_state_names(graph: GraphStore) -> None:
     seen: dict[str, str] = {}
     for node in graph.nodes.values():
         for port in range(1, node.ports + 1) if node.state else ():
             name = node.state_name(port)
             taken = seen.get(name) or (name if name in graph.quantities else "")
-            if taken or not _NAME.match(name) or _RESERVED.match(name):
+            if taken or not is_free_name(name):
                 problem = f"is taken by {taken}" if taken else "is no name, or one that is reserved"
                 raise DeclarationError(
                     f"{graph.name}: {node.name}: state {name!r} {problem} - use another name", where=(node.name,)
@@ -117,7 +47,7 @@ def _check_state_names(graph: BondGraph) -> None:
             seen[name] = node.name
 
 
-def _check_degree(graph: BondGraph, node: Node, bonds: list[tuple[int, bool]]) -> None:
+def _check_degree(graph: GraphStore, node: Node, bonds: list[tuple[int, bool]]) -> None:
     degree = len(bonds)
     incoming = sum(inward for _, inward in bonds)
     where = f"{graph.name}: {node.name}"
@@ -140,7 +70,7 @@ def _check_degree(graph: BondGraph, node: Node, bonds: list[tuple[int, bool]]) -
         )
 
 
-def node_domains(graph: BondGraph) -> dict[str, Domain | None]:
+def node_domains(graph: GraphStore) -> dict[str, Domain | None]:
     """The domain of every junction and one-port, spread along bonds; two-ports and fields take None.
 
     Raises
@@ -167,7 +97,7 @@ def node_domains(graph: BondGraph) -> dict[str, Domain | None]:
     return domains
 
 
-def _refuse_mixed(graph: BondGraph, network: nx.Graph[str], declared: list[str]) -> None:
+def _refuse_mixed(graph: GraphStore, network: nx.Graph[str], declared: list[str]) -> None:
     first = declared[0]
     other = next(n for n in declared if graph.nodes[n].domain != graph.nodes[first].domain)
     path = nx.shortest_path(network, first, other)
@@ -178,7 +108,7 @@ def _refuse_mixed(graph: BondGraph, network: nx.Graph[str], declared: list[str])
     )
 
 
-def _check_signals(graph: BondGraph) -> None:
+def _check_signals(graph: GraphStore) -> None:
     users: list[tuple[str, Any]] = [(n.name, law) for n in graph.nodes.values() for _, law in n.laws]
     users += [(i.name, i.of) for i in graph.integrals]
     users += [(s.name, law) for s in graph.signals for law in (s.expression, s.guess) if law is not None]
@@ -188,7 +118,7 @@ def _check_signals(graph: BondGraph) -> None:
             _check_signal(graph, user, used)
 
 
-def _check_signal(graph: BondGraph, user: str, used: Any) -> None:
+def _check_signal(graph: GraphStore, user: str, used: Any) -> None:
     read = signal_name(used)
     assert read is not None
     node = graph.nodes.get(read.node)
