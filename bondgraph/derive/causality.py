@@ -202,3 +202,14 @@ class _Assignment:
 
 def _declared(node: Node) -> Pattern:
     return (node.laws[0][0].startswith("flow"),) * node.ports
+
+
+def bond_labels(causal: CausalGraph) -> list[str]:
+    """``a->b`` for every bond; parallel bonds between the same nodes are numbered ``a->b#2``."""
+    seen: dict[str, int] = {}
+    labels = []
+    for bond in causal.graph.bonds:
+        label = f"{bond.source}->{bond.target}"
+        seen[label] = seen.get(label, 0) + 1
+        labels.append(label if seen[label] == 1 else f"{label}#{seen[label]}")
+    return labels

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from bondgraph.derive.causality import bond_labels
 from bondgraph.derive.dependence import dependences
-from bondgraph.derive.derivation import Derivation, bond_labels
+from bondgraph.derive.derivation import Derivation
 
 
 def explain(derivation: Derivation) -> str:

@@ -11,7 +11,8 @@ from sympy import Expr, Symbol
 
 from bondgraph.declare.expressions import to_text
 from bondgraph.declare.sympy_text import to_sympy_text
-from bondgraph.derive.derivation import Derivation, bond_labels
+from bondgraph.derive.causality import bond_labels
+from bondgraph.derive.derivation import Derivation
 from bondgraph.derive.equations import Assignment, StateEquations
 
 #: Expressions of more parts than this are printed in pieces: written out, a chain of loops grows exponentially.

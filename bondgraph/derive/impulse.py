@@ -21,8 +21,8 @@ from sympy import Add, Expr, Symbol
 
 from bondgraph.declare.quantities import Input, symbol
 from bondgraph.derive.causality import CausalGraph
+from bondgraph.derive.continuous import ContinuousDerivation
 from bondgraph.derive.definitions import ONE, ZERO, Key, Law
-from bondgraph.derive.derivation import Derivation
 from bondgraph.derive.equations import Assignment, ImplicitLoop, Mode, OutputEquation, Reset, StateEquations
 from bondgraph.derive.jacobian import Jacobian, jacobian
 from bondgraph.derive.linear import quotient
@@ -35,7 +35,7 @@ _Step = Assignment | ImplicitLoop
 class _Free:
     """The equations with the efforts of elements with modes as inputs, and the flows of these as outputs."""
 
-    derivation: Derivation
+    derivation: ContinuousDerivation
     equations: StateEquations
     names: tuple[str, ...]
     restitutions: tuple[Expr, ...]
@@ -61,7 +61,7 @@ def with_resets(causal: CausalGraph, modes: Sequence[Mode]) -> tuple[Mode, ...]:
 
 
 def _derive_free(causal: CausalGraph, names: tuple[str, ...]) -> _Free:
-    derivation = Derivation(causal, smooth=False, free=True)
+    derivation = ContinuousDerivation(causal, smooth=False, free=True)
     variables = derivation.variables
     equations = derivation.equations()
     nodes = [causal.graph.nodes[name] for name in names]
@@ -85,7 +85,7 @@ def _derive_free(causal: CausalGraph, names: tuple[str, ...]) -> _Free:
 
 def _check_gaps(causal: CausalGraph, names: Sequence[str]) -> None:
     """Refuse an impact whose gap does not open as its flow says."""
-    derivation = Derivation(causal, smooth=False, free=True)
+    derivation = ContinuousDerivation(causal, smooth=False, free=True)
     variables = derivation.variables
     for name in names:
         node = causal.graph.nodes[name]

@@ -28,9 +28,9 @@ from bondgraph.declare.expressions import normalise
 from bondgraph.declare.functions import maximum, minimum
 from bondgraph.declare.quantities import symbol
 from bondgraph.derive.definitions import ONE, ZERO
-from bondgraph.derive.derivation import is_small
 from bondgraph.derive.equations import Assignment, ImplicitLoop, StateEquations
 from bondgraph.derive.linear import is_zero, solve_linear
+from bondgraph.derive.size import is_small
 from bondgraph.errors import DerivationError, suggest
 
 RowKind = Literal["derivatives", "outputs"]

@@ -11,20 +11,15 @@ from __future__ import annotations
 
 from collections import ChainMap
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
 
 from sympy import Abs, Add, Dummy, Expr, Float, Mul, Piecewise, Rational
 
 from bondgraph.derive.definitions import ONE, ZERO, Constrained, Key, Residual
 from bondgraph.derive.linear import quotient, solve_linear
+from bondgraph.derive.loop_members import LONG, LoopMembers
 from bondgraph.derive.size import is_long
 from bondgraph.errors import DerivationError
 
-if TYPE_CHECKING:
-    from bondgraph.derive.loops import LoopSolver
-
-#: Intermediate results with more operations than this get a name.
-_LONG = 12
 #: A pivot below this is zero.
 _NO_PIVOT = Float(1e-12)
 
@@ -32,7 +27,7 @@ _NO_PIVOT = Float(1e-12)
 _Row = tuple[list[Expr], Expr]
 
 
-def solve_constrained(solver: LoopSolver) -> None:
+def solve_constrained(loop: LoopMembers) -> None:
     """Give the members of a loop through constrained efforts their values.
 
     Raises
@@ -40,13 +35,13 @@ def solve_constrained(solver: LoopSolver) -> None:
     DerivationError
         If an effort acts on its own flow nonlinearly or not at all.
     """
-    system = _ConstrainedSystem(solver)
-    derivation = solver.derivation
+    system = _ConstrainedSystem(loop)
+    derivation = loop.derivation
     for key, value in zip(system.held, system.solve(), strict=True):
         derivation.values[key] = derivation.name(key, value)
     efforts = [derivation.values[key] for key in system.held]
     for key, (row, constant) in zip(system.rest, system.rest_rows, strict=True):
-        rule = solver.rules[key]
+        rule = loop.rules[key]
         assert rule is not None
         value = Add(constant, *(a * effort for a, effort in zip(row, efforts, strict=True)))
         derivation.values[key] = derivation.named(key, rule, value)
@@ -55,22 +50,22 @@ def solve_constrained(solver: LoopSolver) -> None:
 class _ConstrainedSystem:
     """Rates of the flows as ``constant + row * efforts``, and the efforts that follow from the modes."""
 
-    def __init__(self, solver: LoopSolver) -> None:
-        self.solver, self.derivation = solver, solver.derivation
-        self.held = [key for key in solver.torn if isinstance(solver.rules[key], Constrained)]
-        self.rest = [key for key in solver.torn if key not in self.held]
-        self.rules = [rule for key in self.held if isinstance(rule := solver.rules[key], Constrained)]
+    def __init__(self, loop: LoopMembers) -> None:
+        self.loop, self.derivation = loop, loop.derivation
+        self.held = [key for key in loop.torn if isinstance(loop.rules[key], Constrained)]
+        self.rest = [key for key in loop.torn if key not in self.held]
+        self.rules = [rule for key in self.held if isinstance(rule := loop.rules[key], Constrained)]
         self.names = [rule.element for rule in self.rules]
-        self.coefficients: dict[Key, dict[Key, Expr]] = {key: {key: ONE} for key in solver.torn}
-        self.constants = ChainMap(dict.fromkeys(solver.torn, ZERO), self.derivation.values)
-        if any(isinstance(solver.rules[key], Residual) for key in solver.torn):
+        self.coefficients: dict[Key, dict[Key, Expr]] = {key: {key: ONE} for key in loop.torn}
+        self.constants = ChainMap(dict.fromkeys(loop.torn, ZERO), self.derivation.values)
+        if any(isinstance(loop.rules[key], Residual) for key in loop.torn):
             raise self._nonlinear()
-        for key in solver.order:
+        for key in loop.order:
             self.coefficients[key], self.constants[key] = self._affine(key)
         self.rest_rows = self._eliminate()
 
     def _affine(self, key: Key) -> tuple[dict[Key, Expr], Expr]:
-        row = self.solver._affine(key, self.coefficients, self.constants)
+        row = self.loop.affine(key, self.coefficients, self.constants)
         if row is None:
             raise self._nonlinear()
         return row
@@ -84,7 +79,7 @@ class _ConstrainedSystem:
         )
 
     def _name(self, value: Expr, hint: str) -> Expr:
-        if not is_long(value, _LONG):
+        if not is_long(value, LONG):
             return value
         return self.derivation.assign_as(f"lock_{hint}", value, "", f"constraint of {', '.join(self.names)}")
 
@@ -136,7 +131,7 @@ class _ConstrainedSystem:
     def _slip(self, rule: Constrained) -> tuple[list[Expr], Expr]:
         """The effort of a slipping element, which may depend on the other efforts (a normal force)."""
         key: Key = ("slip", rule.element)
-        self.solver.rules[key] = rule.slip
+        self.loop.rules[key] = rule.slip
         return self._by_efforts(*self._affine(key))
 
     def _joint(self, rates: list[_Row], slips: list[_Row]) -> tuple[list[list[Expr]], list[Expr]]:
@@ -195,7 +190,7 @@ class _ConstrainedSystem:
         zero_test = self.derivation.zero_test
 
         def stand_in(value: Expr, hint: str) -> Expr:
-            if not is_long(value, _LONG):
+            if not is_long(value, LONG):
                 return value
             short = Dummy(hint, real=True)
             zero_test.define(short, value)

@@ -3,73 +3,24 @@
 from __future__ import annotations
 
 from collections import ChainMap
-from collections.abc import Mapping, MutableMapping, Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from collections.abc import Mapping, Sequence
 
-from sympy import Add, Expr, Symbol
+from sympy import Expr, Symbol
 
-from bondgraph.derive.definitions import ONE, ZERO, Constrained, Key, Rate, Residual
+from bondgraph.derive.computed import Loop
+from bondgraph.derive.definitions import ONE, ZERO, Constrained, Key, Residual
 from bondgraph.derive.equations import Assignment, ImplicitLoop
 from bondgraph.derive.laws import solve_for
 from bondgraph.derive.linear import solve_linear
 from bondgraph.derive.locking import solve_constrained
-from bondgraph.derive.order import tear
+from bondgraph.derive.loop_members import LONG, LoopMembers
 from bondgraph.derive.piecewise import solve_piecewise
 from bondgraph.derive.size import is_long
 from bondgraph.errors import DerivationError
 
-if TYPE_CHECKING:
-    from bondgraph.derive.derivation import Derivation
 
-#: Intermediate results of a loop with more operations than this get a name.
-_LONG = 12
-
-
-@dataclass(frozen=True)
-class Loop:
-    """A solved algebraic loop: the elements on it, the variables that were torn, and how it was solved."""
-
-    elements: tuple[str, ...]
-    torn: tuple[str, ...]
-    linear: bool
-    of_rates: bool
-
-
-class LoopSolver:
+class LoopSolver(LoopMembers):
     """Solves one strongly connected component of the definitions."""
-
-    def __init__(self, derivation: Derivation, members: list[Key]) -> None:
-        self.derivation = derivation
-        self.members = members
-        self.inside = set(members)
-        self.rules = {key: derivation.variables.definition(key) for key in members}
-        self.stand_ins = {key: Symbol(f"__loop_{i}", real=True) for i, key in enumerate(members)}
-        self.open_values = ChainMap({**self.stand_ins}, derivation.values)
-        self.loop_symbols = set(self.stand_ins.values())
-        implicit = [key for key in members if isinstance(self.rules[key], Residual | Constrained)]
-        self.torn, self.order = tear(members, self._within, implicit, self._nonlinear_arguments())
-        self.elements = self._elements()
-        self.signals = [key[1] for key in members if key[0] == "s"]
-
-    def _within(self, key: Key) -> list[Key]:
-        rule = self.rules[key]
-        return [] if rule is None else [used for used in rule.depends if used in self.inside]
-
-    def _nonlinear_arguments(self) -> set[Key]:
-        """Members on which others depend nonlinearly.
-
-        Guessing these is better than guessing what follows from them: the residual then contains the law itself, whose
-        slope tells Newton's method where to go, and not the law of a law's argument.
-        """
-        found: dict[Key, None] = {}
-        for rule in self.rules.values():
-            if rule is None or isinstance(rule, Residual | Rate | Constrained):
-                continue
-            for used, partial in rule.partials(self.open_values):
-                if used in self.inside and not partial.free_symbols.isdisjoint(self.loop_symbols):
-                    found[used] = None
-        return set(found)
 
     def solve(self) -> None:
         """Give every member a value."""
@@ -103,47 +54,22 @@ class LoopSolver:
         coefficients: dict[Key, dict[Key, Expr]] = {key: {key: ONE} for key in self.torn}
         constants = ChainMap(dict.fromkeys(self.torn, ZERO), self.derivation.values)
         for key in self.order:
-            row = self._affine(key, coefficients, constants)
+            row = self.affine(key, coefficients, constants)
             if row is None:
                 return None
             coefficients[key], constants[key] = row
         matrix, right = [], []
         for key in self.torn:
-            row = self._affine(key, coefficients, constants)
+            row = self.affine(key, coefficients, constants)
             if row is None:
                 return None
             matrix.append([(ONE if other == key else ZERO) - row[0].get(other, ZERO) for other in self.torn])
             right.append(row[1])
         return matrix, right
 
-    def _affine(
-        self, key: Key, coefficients: dict[Key, dict[Key, Expr]], constants: MutableMapping[Key, Expr]
-    ) -> tuple[dict[Key, Expr], Expr] | None:
-        """Coefficients of the torn variables in a member's value, and its value where they are zero."""
-        rule = self.rules[key]
-        assert rule is not None and not isinstance(rule, Residual)
-        if isinstance(rule, Rate) and any(used in self.inside and used[0] != "d" for used in rule.depends):
-            return None  # a rate whose slopes are taken at variables of the same loop
-        row: dict[Key, Expr] = {}
-        for used, partial in rule.partials(self.open_values):
-            if used not in self.inside:
-                continue
-            if not partial.free_symbols.isdisjoint(self.loop_symbols):
-                return None
-            for torn, inner in coefficients[used].items():
-                row[torn] = Add(row.get(torn, ZERO), partial * inner)
-        shortened = {torn: self._shorten(value, key) for torn, value in row.items() if value != 0}
-        return shortened, self._shorten(rule.build(constants), key)
-
-    def _shorten(self, value: Expr, key: Key) -> Expr:
-        if not is_long(value, _LONG):
-            return value
-        name, _, meaning = self.derivation.label(key)
-        return self.derivation.assign_as(f"{name}_part", value, "", f"part of {meaning}")
-
     def _closed_form(self, matrix: list[list[Expr]], right: list[Expr]) -> None:
         def name_it(value: Expr, hint: str) -> Expr:
-            if not is_long(value, _LONG):
+            if not is_long(value, LONG):
                 return value
             return self.derivation.assign_as(f"loop_{hint}", value, "", f"loop of {', '.join(self.elements)}")
 
@@ -217,9 +143,9 @@ class LoopSolver:
         for local in body:
             inside[local.symbol] = local.expression.xreplace(inside)
         whole = residual.xreplace(inside)
-        if is_long(whole, 4 * _LONG):
+        if is_long(whole, 4 * LONG):
             return None
-        solved = solve_for(whole, unknown) if not is_long(whole, 2 * _LONG) else None
+        solved = solve_for(whole, unknown) if not is_long(whole, 2 * LONG) else None
         return solved if solved is not None else solve_piecewise(whole + unknown, unknown, self._name_part)
 
     def _name_part(self, value: Expr, hint: str) -> Expr:
@@ -243,21 +169,4 @@ class LoopSolver:
         return rule.guess if isinstance(rule, Residual) else ZERO
 
     def _uses_inside(self, key: Key) -> int:
-        return sum(key in self._within(other) for other in self.members)
-
-    def _elements(self) -> tuple[str, ...]:
-        """Elements whose laws are on the loop, in order of declaration."""
-        read = self.derivation.variables
-        counts: dict[str, int] = {}
-        for key in self.members:
-            rate = key[0] == "d"
-            if rate and key[1][0] == "x":
-                name = read.state_elements.get(key[1][1])
-                counts.update({name: 2} if name else {})
-                continue
-            for name in read.elements_of(key[1] if rate else key):
-                counts[name] = counts.get(name, 0) + 1
-        alone = len(self.members) == 1
-        nodes = read.positions
-        most = 1 if alone or max(counts.values(), default=0) < 2 else 2  # a loop of signals passes each element once
-        return tuple(sorted((name for name, count in counts.items() if count >= most), key=nodes.__getitem__))
+        return sum(key in self.within(other) for other in self.members)

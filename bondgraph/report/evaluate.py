@@ -11,8 +11,8 @@ import numpy as np
 from bondgraph.declare.elements import STORAGES
 from bondgraph.declare.graph import BondGraph
 from bondgraph.declare.requirements import check_requirements
-from bondgraph.derive.causality import CausalGraph, assign_causality
-from bondgraph.derive.derivation import Derivation, bond_labels
+from bondgraph.derive.causality import CausalGraph, assign_causality, bond_labels
+from bondgraph.derive.derivation import Derivation
 from bondgraph.errors import DataError, suggest
 from bondgraph.generate.module import render
 from bondgraph.report.energy import energy_name, energy_states, inertia_value

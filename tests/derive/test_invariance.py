@@ -16,8 +16,8 @@ from bondgraph.declare.expressions import signal, signal_name
 from bondgraph.declare.functions import TableFunction, table_function
 from bondgraph.declare.graph import BondGraph
 from bondgraph.declare.quantities import symbol
-from bondgraph.derive.causality import CausalGraph, assign_causality
-from bondgraph.derive.derivation import bond_labels, derive
+from bondgraph.derive.causality import CausalGraph, assign_causality, bond_labels
+from bondgraph.derive.derivation import derive
 from bondgraph.errors import BondGraphError
 from tests.derive.compare import energy_names, inertias, loaded
 from tests.derive.random_graphs import RandomGraph
@@ -197,7 +197,8 @@ def test_stored_power_is_supplied_less_dissipated(seed, graph):
 
 SCRIPT = """
 from bondgraph.derive.causality import CausalGraph, assign_causality
-from bondgraph.derive.derivation import bond_labels, derive
+from bondgraph.derive.causality import bond_labels
+from bondgraph.derive.derivation import derive
 from bondgraph.errors import BondGraphError
 from bondgraph.generate.module import render
 from tests.derive.random_graphs import RandomGraph

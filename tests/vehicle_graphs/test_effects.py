@@ -13,7 +13,7 @@ from bondgraph.declare.editing import copy, handle, with_values
 from bondgraph.declare.effect import SMOOTHING, Effect, EffectFunction, Place, Scale, effect_functions
 from bondgraph.declare.graph import BondGraph
 from bondgraph.declare.quantities import symbol
-from bondgraph.derive.derivation import bond_labels
+from bondgraph.derive.causality import bond_labels
 from bondgraph.report.missing import law_curve
 from bondgraph.simulate.simulate import simulate
 from vehicle_graphs import effects

@@ -15,8 +15,8 @@ from bondgraph.declare.editing import copy, handle
 from bondgraph.declare.effect import SMOOTHING, Effect, EffectFunction, Place, Scale, is_for
 from bondgraph.declare.elements import STORAGES
 from bondgraph.declare.graph import BondGraph
-from bondgraph.derive.causality import assign_causality
-from bondgraph.derive.derivation import Derivation, bond_labels
+from bondgraph.derive.causality import assign_causality, bond_labels
+from bondgraph.derive.derivation import Derivation
 from bondgraph.derive.equations import ImplicitLoop, StateEquations
 from bondgraph.errors import (
     BondGraphError,

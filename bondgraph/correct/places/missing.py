@@ -22,7 +22,7 @@ from bondgraph.correct.responses.response import LinearLog, Path, linearise, mod
 from bondgraph.data.log import FloatArray, MatchedLog
 from bondgraph.declare.editing import copy, handle
 from bondgraph.declare.effect import Place
-from bondgraph.derive.derivation import bond_labels
+from bondgraph.derive.causality import bond_labels
 from bondgraph.errors import EstimationError, OptionError
 from bondgraph.estimate.initial import initial_states
 from bondgraph.filter.filter_model import FilterModel

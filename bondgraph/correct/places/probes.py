@@ -21,8 +21,8 @@ from bondgraph.data.log import FloatArray
 from bondgraph.declare.editing import copy, handle
 from bondgraph.declare.effect import Place
 from bondgraph.declare.graph import BondGraph
-from bondgraph.derive.causality import assign_causality
-from bondgraph.derive.derivation import Derivation, bond_labels
+from bondgraph.derive.causality import assign_causality, bond_labels
+from bondgraph.derive.derivation import Derivation
 from bondgraph.errors import BondGraphError
 from bondgraph.generate.module import render
 from bondgraph.simulate.model import Model
