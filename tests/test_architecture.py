@@ -11,6 +11,7 @@ import tomllib
 from collections.abc import Iterator
 from pathlib import Path
 
+import networkx as nx
 import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -153,6 +154,39 @@ def test_rooms_inside_correct_import_one_way() -> None:
 
 def _of_the_loop() -> tuple[str, ...]:
     return tuple(f"bondgraph.correct.{path.stem}" for path in (PACKAGE / "correct").glob("[!_]*.py"))
+
+
+def _module(path: Path) -> str:
+    return ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__")
+
+
+def _circles(paths: list[Path]) -> list[list[str]]:
+    """Modules that import each other round a circle, wherever they do it, in a function or for types alone too."""
+    known = {_module(path): path for path in paths}
+    network = nx.DiGraph()
+    for name, path in known.items():
+        for _, imported in _imports(path):
+            target = imported if imported in known else imported.rpartition(".")[0]
+            if target in known:
+                network.add_edge(name, target)
+    return [sorted(circle) for circle in nx.strongly_connected_components(network) if len(circle) > 1]
+
+
+def test_no_modules_import_each_other_round_a_circle() -> None:
+    assert _circles([*_modules(), *_modules(ROOT / "vehicle_graphs")]) == []
+
+
+def test_a_circle_is_found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sys.modules[__name__], "ROOT", tmp_path)
+    (tmp_path / "house").mkdir()
+    lines = {
+        "door": "from house.wall import stone\nfrom house import roof",
+        "wall": "def build():\n    from house.roof import beam",
+        "roof": "if TYPE_CHECKING:\n    from house import wall",
+    }
+    for name, text in lines.items():
+        (tmp_path / "house" / f"{name}.py").write_text(text)
+    assert _circles(_modules(tmp_path)) == [["house.roof", "house.wall"]]
 
 
 _LOADED = """

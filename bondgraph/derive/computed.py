@@ -10,8 +10,8 @@ from bondgraph.declare.quantities import symbol
 from bondgraph.derive.causality import CausalGraph
 from bondgraph.derive.definitions import Definition, Key, Law, Residual
 from bondgraph.derive.equations import Assignment, ImplicitLoop
+from bondgraph.derive.rules import bond_variables
 from bondgraph.derive.size import is_long, is_small
-from bondgraph.derive.variables import BondVariables
 from bondgraph.derive.zero import ZeroTest
 
 
@@ -41,7 +41,7 @@ class Computed:
     def __init__(self, causal: CausalGraph, smooth: bool = True, free: bool = False) -> None:
         self.causal = causal
         self.smooth = smooth
-        self.variables = BondVariables(causal, smooth, free)
+        self.variables = bond_variables(causal, smooth, free)
         self.values: dict[Key, Expr] = {}
         self.assignments: list[Assignment | ImplicitLoop] = []
         self.loops: list[Loop] = []

@@ -8,22 +8,17 @@ capacity. Each mode is a held input of the equations. What keeps an element lock
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from sympy import Eq, Expr, Integer, Piecewise, Symbol
+from sympy import Expr, Integer, Piecewise, Symbol
 
-from bondgraph.declare.elements import Node
 from bondgraph.declare.expressions import to_text
 from bondgraph.declare.functions import switch
-from bondgraph.declare.modal import smooth_effort
 from bondgraph.declare.quantities import Input, symbol
-from bondgraph.derive.definitions import ONE, ZERO, Constrained, Key, Law
+from bondgraph.derive.definitions import ZERO, Key, Law
 from bondgraph.derive.equations import Assignment, ImplicitLoop, Mode, ModeKind, StateEquations, ZeroFunction
-
-if TYPE_CHECKING:
-    from bondgraph.derive.variables import BondVariables
 
 #: Values of the modes and the words for them.
 LETTERS: dict[ModeKind, tuple[tuple[str, float], ...]] = {
@@ -31,12 +26,10 @@ LETTERS: dict[ModeKind, tuple[tuple[str, float], ...]] = {
     "friction": (("locked", 0.0), ("forward", 1.0), ("backward", -1.0)),
     "impact": (("apart", 0.0), ("touching", 1.0)),
 }
-#: The value at which the flow of an element is held at zero.
-_CONSTRAINED = {"friction": 0, "impact": 1}
 
 
 @dataclass(frozen=True)
-class _Draft:
+class Draft:
     """A mode before the equations are known: its zero functions as laws, with unit and meaning."""
 
     kind: ModeKind
@@ -51,75 +44,28 @@ class ModeNotes:
     ``free`` takes the efforts of elements with modes as given from outside, under the names in ``efforts``.
     """
 
-    variables: BondVariables
     free: bool = False
     owner: str = ""
     efforts: dict[str, Symbol] = field(default_factory=dict)
-    drafts: dict[Symbol, _Draft] = field(default_factory=dict)
+    drafts: dict[Symbol, Draft] = field(default_factory=dict)
     _sides: dict[Law, Symbol] = field(default_factory=dict)
 
     # ------------------------------------------------------------------ while laws are read
 
-    def hold(self, expression: Expr, own: dict[Symbol, tuple[Key, int]]) -> Expr:
-        """Switches as jumps that stay on the side on which they are held; by the value itself where they are not."""
+    def hold(self, expression: Expr, read: Callable[[Expr], Law], unused: Callable[[str], str]) -> Expr:
+        """Switches as jumps that stay on the side on which they are held; by the value itself where they are not.
+
+        ``read`` makes a law of what a switch looks at, ``unused`` a name that nothing else has.
+        """
         for used in sorted(expression.atoms(switch), key=str):
             value = used.args[0]
-            law = self.variables.law(value, own)
+            law = read(value)
             if law not in self._sides:
-                side = symbol(self.variables._unused(f"side_{self.owner or 'output'}"))
+                side = symbol(unused(f"side_{self.owner or 'output'}"))
                 self._sides[law] = side
-                self.drafts[side] = _Draft("switch", self.owner or "output", ((law, "", to_text(value)),))
+                self.drafts[side] = Draft("switch", self.owner or "output", ((law, "", to_text(value)),))
             expression = expression.xreplace({used: held_jump(value, self._sides[law])})
         return expression
-
-    def define(self, node: Node) -> None:
-        """The effort of an element with modes: smooth, given from outside, or by its mode."""
-        variables, port = self.variables, self.variables.ports(node)[0]
-        variables.label_port(port)
-        key, _ = variables.own(port, "effort")
-        own = {symbol(v): variables.own(port, v) for v in ("effort", "flow")}
-        laws = dict(node.laws)
-        if variables.smooth:
-            variables.definitions[key] = variables.law(smooth_effort(laws), own)
-            return
-        kind: ModeKind = "impact" if "gap" in laws else "friction"
-        mode = symbol(variables._unused(f"mode_{node.name}"))
-        self.drafts[mode] = _Draft(kind, node.name, self._functions(node, laws, own))
-        if self.free:
-            self.efforts[node.name] = symbol(variables._unused(f"effort_{node.name}"))
-            variables.definitions[key] = Law(self.efforts[node.name], ())
-            return
-        slip = variables.law(mode * laws["capacity"] if kind == "friction" else ZERO, own)
-        static = variables.law(_static(laws) if kind == "friction" else ONE)
-        flow, sign = variables.own(port, "flow")
-        locked = Eq(mode, _CONSTRAINED[kind])
-        variables.definitions[key] = Constrained(node.name, ("d", flow), locked, slip, static, sign)
-
-    def _functions(
-        self, node: Node, laws: Mapping[str, Expr], own: dict[Symbol, tuple[Key, int]]
-    ) -> tuple[tuple[Law, str, str], ...]:
-        variables, name = self.variables, node.name
-        domain = variables.bond_domain(variables.ports(node)[0].bond)
-        effort, flow, distance = (
-            "" if domain is None else unit
-            for unit in (
-                domain and domain.effort_unit, domain and domain.flow_unit, domain and domain.displacement_unit,
-            )
-        )  # fmt: skip
-        if "gap" in laws:
-            rows = [
-                (laws["gap"], distance, f"gap of {name}"),
-                (-symbol("effort"), effort, f"push of {name}"),
-                (symbol("flow"), flow, f"opening speed of {name}"),
-            ]
-        else:
-            static = _static(laws)
-            rows = [
-                (symbol("flow"), flow, f"flow of {name}"),
-                (static - symbol("effort"), effort, f"what {name} can carry forward beyond its effort"),
-                (static + symbol("effort"), effort, f"what {name} can carry backward beyond its effort"),
-            ]
-        return tuple((variables.law(law, own), unit or "", meaning) for law, unit, meaning in rows)
 
     # ------------------------------------------------------------------ when all are read
 
@@ -143,11 +89,6 @@ class ModeNotes:
             functions = tuple(ZeroFunction(law.build(values), unit, meaning) for law, unit, meaning in draft.functions)
             found.append(Mode(mode, draft.kind, draft.element, functions))
         return found
-
-
-def _static(laws: Mapping[str, Expr]) -> Expr:
-    """What a friction can hold: its static capacity, or the sliding one at rest."""
-    return laws.get("static", laws["capacity"]).xreplace({symbol("flow"): ZERO})
 
 
 def held_jump(value: Expr, side: Symbol) -> Expr:

@@ -38,7 +38,7 @@ from bondgraph.derive.integrals import agree, integral, line_integral
 from bondgraph.derive.jacobian import gradient, jacobian
 from bondgraph.derive.laws import solve_for
 from bondgraph.derive.modes import by_value
-from bondgraph.derive.variables import BondVariables
+from bondgraph.derive.rules import bond_variables
 from bondgraph.errors import DerivationError, suggest
 
 Energies = Mapping[str, Callable[..., Any] | Expr]
@@ -114,7 +114,7 @@ class _Balance:
     def __init__(self, causal: CausalGraph, energies: Energies, smooth: bool) -> None:
         self.causal, self.smooth = causal, smooth
         self.graph = causal.graph
-        self.variables = BondVariables(causal, smooth)
+        self.variables = bond_variables(causal, smooth)
         self.incidence = self.graph.incidence()
         self.energies = energies
         self.tables = {table.name: table for table in self.graph.tables}

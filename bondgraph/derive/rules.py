@@ -3,25 +3,55 @@
 from __future__ import annotations
 
 import functools
-from typing import TYPE_CHECKING
+from collections.abc import Mapping
 
 import sympy
-from sympy import Expr, Symbol
+from sympy import Eq, Expr, Symbol
 
 from bondgraph.declare.elements import ENERGY_VARIABLE, LAW_GIVES, Node
 from bondgraph.declare.functions import number
+from bondgraph.declare.modal import smooth_effort
 from bondgraph.declare.modal_laws import is_modal
 from bondgraph.declare.quantities import symbol
-from bondgraph.derive.definitions import ZERO, Key, Residual, Scaled, Sum
+from bondgraph.derive.causality import CausalGraph
+from bondgraph.derive.definitions import ONE, ZERO, Constrained, Key, Law, Residual, Scaled, Sum
+from bondgraph.derive.equations import ModeKind
 from bondgraph.derive.laws import slope, solve_for
+from bondgraph.derive.modes import Draft
 from bondgraph.derive.patterns import equations_of, forms, match, unknowns_of
+from bondgraph.derive.variables import BondVariables, Port
 from bondgraph.errors import DerivationError
 
-if TYPE_CHECKING:
-    from bondgraph.derive.variables import BondVariables, Port
+#: The value of a mode at which the flow of an element is held at zero.
+_CONSTRAINED = {"friction": 0, "impact": 1}
 
 
-def define(variables: BondVariables, node: Node) -> None:
+def bond_variables(causal: CausalGraph, smooth: bool = True, free: bool = False) -> BondVariables:
+    """The variables of a causal graph, each with the rule that gives it.
+
+    Parameters
+    ----------
+    causal
+        Graph with all strokes placed.
+    smooth
+        Whether switches, friction and impacts are taken as smooth laws, else as modes.
+    free
+        Whether the efforts of elements with modes are given from outside.
+
+    Raises
+    ------
+    DerivationError
+        If a law does not determine what a node must give.
+    """
+    variables = BondVariables(causal, smooth, free)
+    for node in causal.graph.nodes.values():
+        variables.modes.owner = node.name
+        _define(variables, node)
+    variables.modes.owner = ""
+    return variables
+
+
+def _define(variables: BondVariables, node: Node) -> None:
     """Define what a node gives to its bonds, and the rates of its states."""
     _DEFINE[node.kind](variables, node)
 
@@ -80,7 +110,7 @@ def _two_port(variables: BondVariables, node: Node) -> None:
 def _resistance(variables: BondVariables, node: Node) -> None:
     """What each port gives, from the law that has it as its subject, or by solving the laws for it."""
     if is_modal(dict(node.laws)):
-        variables.modes.define(node)
+        _modal(variables, node)
         return
     ports = variables.ports(node)
     pattern = tuple(variables.causal.receives_effort(port.bond, node.name) for port in ports)
@@ -95,6 +125,62 @@ def _resistance(variables: BondVariables, node: Node) -> None:
             variables.definitions[key] = variables.law(sign * law, own)
         return
     _solve(variables, node, equations_of(node), unknowns, own)
+
+
+def _modal(variables: BondVariables, node: Node) -> None:
+    """The effort of an element with modes: smooth, given from outside, or by its mode."""
+    port = variables.ports(node)[0]
+    variables.label_port(port)
+    key, _ = variables.own(port, "effort")
+    own = {symbol(v): variables.own(port, v) for v in ("effort", "flow")}
+    laws = dict(node.laws)
+    if variables.smooth:
+        variables.definitions[key] = variables.law(smooth_effort(laws), own)
+        return
+    kind: ModeKind = "impact" if "gap" in laws else "friction"
+    mode = symbol(variables.unused(f"mode_{node.name}"))
+    variables.modes.drafts[mode] = Draft(kind, node.name, _zero_functions(variables, node, laws, own))
+    if variables.modes.free:
+        variables.modes.efforts[node.name] = symbol(variables.unused(f"effort_{node.name}"))
+        variables.definitions[key] = Law(variables.modes.efforts[node.name], ())
+        return
+    slip = variables.law(mode * laws["capacity"] if kind == "friction" else ZERO, own)
+    static = variables.law(_static(laws) if kind == "friction" else ONE)
+    flow, sign = variables.own(port, "flow")
+    locked = Eq(mode, _CONSTRAINED[kind])
+    variables.definitions[key] = Constrained(node.name, ("d", flow), locked, slip, static, sign)
+
+
+def _zero_functions(
+    variables: BondVariables, node: Node, laws: Mapping[str, Expr], own: dict[Symbol, tuple[Key, int]]
+) -> tuple[tuple[Law, str, str], ...]:
+    name = node.name
+    domain = variables.bond_domain(variables.ports(node)[0].bond)
+    effort, flow, distance = (
+        "" if domain is None else unit
+        for unit in (
+            domain and domain.effort_unit, domain and domain.flow_unit, domain and domain.displacement_unit,
+        )
+    )  # fmt: skip
+    if "gap" in laws:
+        rows = [
+            (laws["gap"], distance, f"gap of {name}"),
+            (-symbol("effort"), effort, f"push of {name}"),
+            (symbol("flow"), flow, f"opening speed of {name}"),
+        ]
+    else:
+        static = _static(laws)
+        rows = [
+            (symbol("flow"), flow, f"flow of {name}"),
+            (static - symbol("effort"), effort, f"what {name} can carry forward beyond its effort"),
+            (static + symbol("effort"), effort, f"what {name} can carry backward beyond its effort"),
+        ]
+    return tuple((variables.law(law, own), unit or "", meaning) for law, unit, meaning in rows)
+
+
+def _static(laws: Mapping[str, Expr]) -> Expr:
+    """What a friction can hold: its static capacity, or the sliding one at rest."""
+    return laws.get("static", laws["capacity"]).xreplace({symbol("flow"): ZERO})
 
 
 def _explicit(node: Node, unknowns: list[Symbol]) -> dict[Symbol, Expr] | None:

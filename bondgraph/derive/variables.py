@@ -18,7 +18,6 @@ from bondgraph.derive.definitions import Constrained, Definition, Key, Law, Rate
 from bondgraph.derive.equations import State, StateVariable
 from bondgraph.derive.laws import linear_coefficient
 from bondgraph.derive.modes import ModeNotes
-from bondgraph.derive.rules import define
 from bondgraph.errors import DerivationError
 
 
@@ -42,12 +41,15 @@ class Port:
 
 
 class BondVariables:
-    """Keys, names, units and definitions of every variable of a causal graph (built once, then only read)."""
+    """Keys, names, units and definitions of every variable of a causal graph (built once, then only read).
+
+    Made by :func:`bondgraph.derive.rules.bond_variables`, which adds the rules of the nodes to those of the quantities.
+    """
 
     def __init__(self, causal: CausalGraph, smooth: bool = True, free: bool = False) -> None:
         self.causal = causal
         self.smooth = smooth
-        self.modes = ModeNotes(self, free)
+        self.modes = ModeNotes(free)
         self.graph = causal.graph
         self.incidence = causal.graph.incidence()
         self.domains = node_domains(causal.graph)
@@ -67,9 +69,6 @@ class BondVariables:
         for quantity in self.graph.quantities.values():
             self.modes.owner = quantity.name
             self._quantity(quantity)
-        for node in self.graph.nodes.values():
-            self.modes.owner = node.name
-            define(self, node)
         self.modes.owner = ""
 
     # ------------------------------------------------------------------ equal variables
@@ -177,7 +176,8 @@ class BondVariables:
         ends = self.causal.bonds[bond]
         return self.domains[ends.source] or self.domains[ends.target]
 
-    def _unused(self, name: str) -> str:
+    def unused(self, name: str) -> str:
+        """A name that nothing else has, with underscores behind it if need be; taken from now on."""
         while name in self._names:
             name += "_"
         self._names[name] = None
@@ -188,7 +188,7 @@ class BondVariables:
         declared = {one.rate_of: one.symbol for one in self.graph.inputs if one.rate_of}
         changing = (one for one in self.graph.inputs if not one.is_held and not one.rate_of)
         return {
-            one.symbol: declared[one.name] if one.name in declared else symbol(self._unused(f"d_{one.name}"))
+            one.symbol: declared[one.name] if one.name in declared else symbol(self.unused(f"d_{one.name}"))
             for one in changing
         }
 
@@ -219,7 +219,7 @@ class BondVariables:
         initial = node.initial[port.number - 1] if len(node.initial) >= port.number else 0.0
         where = f" (port {port.number})" if node.ports > 1 else ""
         return State(
-            symbol(self._unused(wanted)), unit, initial, f"{variable} of {node.name}{where}", node.name, variable
+            symbol(self.unused(wanted)), unit, initial, f"{variable} of {node.name}{where}", node.name, variable
         )
 
     def constant_inertia(self, node: Node) -> Expr | None:
@@ -308,7 +308,11 @@ class BondVariables:
         """Switches as smooth steps, or as jumps whose sides are held."""
         if not expression.has(switch):
             return expression
-        return expression.replace(switch, smooth_step) if self.smooth else self.modes.hold(expression, own)
+        return (
+            expression.replace(switch, smooth_step)
+            if self.smooth
+            else self.modes.hold(expression, lambda value: self.law(value, own), self.unused)
+        )
 
     def signal(self, used: Symbol) -> tuple[Key, int] | Expr:
         """The variable a signal reads, as a key with sign, or as an expression of states."""

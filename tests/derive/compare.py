@@ -11,7 +11,7 @@ from bondgraph.declare.graph import BondGraph
 from bondgraph.derive.causality import CausalGraph, assign_causality
 from bondgraph.derive.derivation import check_closed, derive
 from bondgraph.derive.equations import StateEquations
-from bondgraph.derive.variables import BondVariables
+from bondgraph.derive.rules import bond_variables
 from bondgraph.generate.module import render
 from tests.derive.oracle import STORED, Oracle, Solution
 
@@ -25,7 +25,7 @@ def loaded(equations: StateEquations) -> dict[str, Any]:
 
 def energy_names(causal: CausalGraph) -> dict[str, str]:
     """State name -> energy variable as a signal (``momentum(rotor)``), for the independent storages."""
-    variables = BondVariables(causal)
+    variables = bond_variables(causal)
     found = {}
     for node in causal.graph.nodes.values():
         for port in range(1, node.ports + 1) if node.kind in STORED else ():
@@ -101,7 +101,7 @@ def oracle_solution(
 
 def inertias(causal: CausalGraph) -> dict[str, float]:
     """The inertia by which a flow state must be multiplied to give the momentum."""
-    variables = BondVariables(causal)
+    variables = bond_variables(causal)
     values = {quantity.symbol: quantity.value for quantity in causal.graph.parameters}
     found = {}
     for state in variables.states:
