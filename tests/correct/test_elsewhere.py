@@ -161,3 +161,7 @@ def test_a_law_that_switches_is_searched_at_the_place_of_the_best_from_the_ampli
     assert done[0].fit is not None and done[0].gain > bent.gain + 10.0
     assert done[0].fit.values["c_coulomb_loss_drum"] == pytest.approx(1.5, rel=0.2)
     assert also_simpler(done, ground)[0] is done[0]  # it has been refitted
+    assert done[0].evidence is not None and bent.evidence is not None
+    stuck = replace(done[0], evidence=replace(done[0].evidence, delta_nll=140.0))
+    ahead = replace(bent, evidence=replace(bent.evidence, delta_nll=700.0))
+    assert also_simpler([stuck, ahead], ground)[0].gain == pytest.approx(done[0].gain)  # but ended far behind
