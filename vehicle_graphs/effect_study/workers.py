@@ -72,7 +72,10 @@ class RenewedProcesses(Executor):
             except BrokenProcessPool as error:
                 self._own.left = 0
                 died = error
-        raise ProcessDiedError("its process died twice without an answer, out of memory for example") from died
+        raise ProcessDiedError(
+            "its process died twice without an answer, out of memory for example - take fewer workers, and remove what "
+            "is kept of this task to try it again"
+        ) from died
 
     def _process(self) -> ProcessPoolExecutor:
         """The process of this thread, a new one if the last has done its tasks."""
