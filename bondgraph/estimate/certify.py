@@ -9,7 +9,7 @@ finer steps.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
@@ -154,11 +154,15 @@ def check(
     gradient = expansion.gradient
     if not converged:
         gradient = gradient - jacobian(problem, point[:, np.newaxis], steps[:, np.newaxis])[0].gradient
-    moved = -known @ gradient
-    moved = np.clip(point + moved, problem.lower, problem.upper) - point
-    in_std = np.divide(np.abs(moved), std, out=np.zeros_like(std), where=std > 0.0)
+    moved = np.clip(point - known @ gradient, problem.lower, problem.upper) - point
     both = [float(objective.nll(point[:, np.newaxis])[0]) for objective in (problem, again)]
-    nats = both[0] - both[1]
+    return check_of(finer, problem.names, moved, known, both[0] - both[1])
+
+
+def check_of(finer: FilterModel, names: Sequence[str], moved: FloatArray, covariance: FloatArray, nats: float) -> Check:
+    """The check that found coordinates of some names moved (n,), with their covariance (n, n), and the likelihood."""
+    std = np.sqrt(np.diag(covariance))
+    in_std = np.divide(np.abs(moved), std, out=np.zeros_like(std), where=std > 0.0)
     shift = float(np.max(in_std, initial=0.0)) if np.isfinite(in_std).all() and math.isfinite(nats) else math.inf
-    worst = problem.names[int(np.argmax(np.nan_to_num(in_std, nan=np.inf)))] if problem.names else "nothing"
+    worst = names[int(np.argmax(np.nan_to_num(in_std, nan=np.inf)))] if names else "nothing"
     return Check(finer.method, finer.typical_substeps, nats, shift, worst)

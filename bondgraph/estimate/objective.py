@@ -155,6 +155,20 @@ class Expansion:
         """The likelihood there but for its constant; NaN where the terms are not known."""
         return float(self.terms.members(np.array([0])).sums()[0]) if self.terms is not None else float("nan")
 
+    def around(self, seen: Terms) -> Expansion:
+        """The expansion around other terms (n_terms, 1), of a point or a filter close by, with the same derivatives.
+
+        A whitened innovation is z = e/s, so dz = de/s - z dlog s: kept are de/s and dlog s, and z is the one that is
+        seen. The derivatives must be known.
+        """
+        assert self.terms is not None  # whoever asks has formed them
+        known_z, known_s = self.terms.innovations, self.terms.log_scales
+        errors = known_z[:, 1:] + known_z[:, :1] * known_s[:, 1:]
+        slopes = errors - seen.innovations * known_s[:, 1:]
+        return expansion_of(
+            np.hstack([seen.innovations, slopes]), np.hstack([seen.log_scales, known_s[:, 1:]]), self.evaluations
+        )
+
 
 #: Expansions of an objective at points (n, members) with difference steps (n, members).
 Expand = Callable[[Objective, FloatArray, FloatArray], tuple[Expansion, ...]]

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from bondgraph.correct.fits.fit import fit
+import numpy as np
+
+from bondgraph.correct.fits.fit import expand, fit
 from bondgraph.correct.fits.setup import filter_setup
 from bondgraph.correct.loop import free_parameters
 from bondgraph.correct.models.build import build
@@ -26,7 +28,9 @@ def test_steps_that_are_too_long_are_told() -> None:
     setup = setup_of(log)
     fine = fit(setup.filter_model, [log], (*free_parameters(setup, ()), *setup.noise))
     coarse = replace(setup.filter_model, method="ros2", substeps=1, grading=1.0)
-    found = certify(replace(fine, problem=replace(fine.problem, filter_model=coarse)))
+    problem = replace(fine.problem, filter_model=coarse)
+    expansion = expand(problem, fine.point, np.full(fine.point.size, 1e-5))
+    found = certify(replace(fine, problem=problem, expansion=expansion))
     assert found.shift > NEGLIGIBLE_SHIFT and abs(found.nats) > 1.0
     (said,) = doubts("declared", found)
     assert said.startswith(

@@ -22,9 +22,8 @@ from dataclasses import replace
 import numpy as np
 
 from bondgraph.correct.fits.linear_steps import Reached, longest_steps
-from bondgraph.data.log import FloatArray
 from bondgraph.estimate.exact import exact_expansion
-from bondgraph.estimate.objective import Expansion, SearchOutcome, Terms, expansion_of
+from bondgraph.estimate.objective import SearchOutcome
 from bondgraph.estimate.problem import EstimationProblem
 from bondgraph.estimate.steps import damped_step, newton_decrement
 
@@ -98,7 +97,7 @@ def _step(problem: EstimationProblem, found: Reached) -> Reached:
         if gained > 0.0:
             terms = seen.members(np.array([best]))
             return replace(
-                found, point=points[best], nll=found.nll - gained, expansion=_carried(known, terms),
+                found, point=points[best], nll=found.nll - gained, expansion=known.around(terms),
                 evaluations=evaluations,
             )  # fmt: skip
     return replace(found, evaluations=evaluations)
@@ -118,7 +117,7 @@ def _along_ridge(problem: EstimationProblem, found: Reached) -> Reached:
         seen, evaluations = problem.terms(np.array(points).T), evaluations + len(ways)
         sums, reached = seen.sums(), []
         for k in map(int, np.flatnonzero(np.isfinite(sums))):
-            carried = _carried(known, seen.members(np.array([k])))
+            carried = known.around(seen.members(np.array([k])))
             reached.append((points[k], carried, ways[k][2]))
             nll = found.nll - (known.sum - float(sums[k]))
             if nll < best.nll:
@@ -127,17 +126,3 @@ def _along_ridge(problem: EstimationProblem, found: Reached) -> Reached:
             break
         ways = reached
     return replace(best, evaluations=evaluations)
-
-
-def _carried(expansion: Expansion, seen: Terms) -> Expansion:
-    """The expansion around the terms (n_terms, 1) of another point, with the derivatives of the errors themselves.
-
-    A whitened innovation is z = e/s, so dz = de/s - z dlog s: kept are de/s and dlog s, and z is the one that is seen.
-    """
-    assert expansion.terms is not None  # exact expansions have their terms
-    known_z, known_s = expansion.terms.innovations, expansion.terms.log_scales
-    errors = known_z[:, 1:] + known_z[:, :1] * known_s[:, 1:]
-    slopes: FloatArray = errors - seen.innovations * known_s[:, 1:]
-    return expansion_of(
-        np.hstack([seen.innovations, slopes]), np.hstack([seen.log_scales, known_s[:, 1:]]), expansion.evaluations
-    )
