@@ -18,7 +18,8 @@ from bondgraph.correct.models.bonds import bond_model
 from bondgraph.correct.models.build import BuiltModel
 from bondgraph.correct.models.candidates import Candidate, Variant
 from bondgraph.correct.responses.intervals import integrator
-from bondgraph.correct.responses.response import Path, model_change, open_loop, output_slopes, respond, together
+from bondgraph.correct.responses.recursion import respond
+from bondgraph.correct.responses.response import Path, model_change, open_loop, output_slopes, together
 from bondgraph.correct.scores.score import solve
 from bondgraph.data.log import FloatArray, MatchedLog
 from bondgraph.derive.causality import assign_causality

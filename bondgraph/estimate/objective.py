@@ -26,11 +26,14 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 import numpy.typing as npt
 
+from bondgraph.estimate import products_kernel
+from bondgraph.simulate.compile import has_numba, load_kernel
+
 FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
 
-#: Squares of more columns than these are halved.
-_FEW_COLUMNS = 24
+#: From so many products on compiled code sums them; of fewer it saves nothing.
+_MANY_PRODUCTS = 1_000_000
 
 
 class SearchOutcome(enum.Enum):
@@ -255,34 +258,32 @@ def expansion_of(innovations: FloatArray, log_scales: FloatArray, evaluations: i
     z, slopes_z, slopes_s = innovations[:, 0], innovations[:, 1:], log_scales[:, 1:]
     slopes_e = slopes_z + z[:, np.newaxis] * slopes_s
     gradient = over_terms(slopes_z, z[:, np.newaxis])[:, 0] + slopes_s.sum(axis=0)
-    information = _squares(slopes_e)
+    information = over_terms(slopes_e, slopes_e)
     scaled = np.flatnonzero(slopes_s.any(axis=0))
-    information[np.ix_(scaled, scaled)] += 2.0 * _squares(slopes_s[:, scaled])
+    moving = slopes_s[:, scaled]
+    information[np.ix_(scaled, scaled)] += 2.0 * over_terms(moving, moving)
     return Expansion(gradient, information, evaluations, Terms(innovations, log_scales))
-
-
-def _squares(columns: FloatArray) -> FloatArray:
-    """``over_terms(columns, columns)`` of many columns by half the products, for the result is symmetric."""
-    count = columns.shape[1]
-    if count <= _FEW_COLUMNS:
-        return over_terms(columns, columns)
-    first, last = np.ascontiguousarray(columns[:, : count // 2]), np.ascontiguousarray(columns[:, count // 2 :])
-    across = over_terms(first, last)
-    return np.block([[_squares(first), across], [across.T, _squares(last)]])
 
 
 def over_terms(left: FloatArray, right: FloatArray) -> FloatArray:
     """Sums over terms of the products of columns, ``left.T @ right`` of (n_terms, n) and (n_terms, m).
 
     Not by a BLAS: many rows and few columns are no work for several threads, which on a busy machine wait for each
-    other several hundred times longer than the sums take, and whose number would show in the last digits.
+    other several hundred times longer than the sums take, and whose number would show in the last digits. Of columns
+    with themselves half is summed.
 
     Examples
     --------
     >>> over_terms(np.ones((3, 2)), np.arange(3.0)[:, np.newaxis]).tolist()
     [[3.0], [3.0]]
     """
-    sums: FloatArray = np.einsum("ia,ib->ab", left, right)
+    count, across = left.shape[1], right.shape[1]
+    if left.shape[0] * count * across < _MANY_PRODUCTS or not has_numba():
+        plain: FloatArray = np.einsum("ia,ib->ab", left, right)
+        return plain
+    sums, part = np.empty((count, across)), np.empty((products_kernel.TILE, across))
+    first, last = np.ascontiguousarray(left), np.ascontiguousarray(right)
+    load_kernel(products_kernel).products(first, last, left is right, part, sums)
     return sums
 
 

@@ -16,13 +16,13 @@ import numpy as np
 
 from bondgraph.correct.responses.intervals import Kicks
 from bondgraph.correct.responses.levels import LevelChanges, respond_to_levels
+from bondgraph.correct.responses.recursion import respond
 from bondgraph.correct.responses.response import (
     Change,
     LinearLog,
     kicked_along,
     linearise,
     model_change,
-    respond,
     together,
 )
 from bondgraph.data.log import FloatArray

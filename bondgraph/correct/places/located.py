@@ -14,7 +14,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from bondgraph.correct.places.probes import Probe, Signal, Variable, hats, knots, shaped
-from bondgraph.correct.responses.response import Change, together
 from bondgraph.correct.scores.score import best_step
 from bondgraph.correct.scores.scoring import Linearisation
 from bondgraph.data.log import FloatArray
@@ -43,15 +42,16 @@ def locate(linear: Linearisation, found: Sequence[Probe], known: Sequence[Signal
     """The places, those that explain most first."""
     time = next((signal for signal in known if signal.name == "time"), None)
     own = {signal.name.partition(" of ")[2]: signal for signal in known if " of " in signal.name}
-    lanes, edges = [], [0]
-    for probe in found:
-        signal = own.get(probe.place.label)
-        lanes.append([_lanes(linear, probe, k, signal, time) for k in range(len(linear.logs))])
-        edges.append(edges[-1] + lanes[-1][0].outputs.shape[2])
-    if not lanes:
+    if not found:
         return ()
-    columns = linear.columns([together([own_lanes[k] for own_lanes in lanes]) for k in range(len(linear.logs))])
+    shapes = [
+        [_courses(linear, probe, k, own.get(probe.place.label), time) for k in range(len(linear.logs))]
+        for probe in found
+    ]
+    sizes = [courses[0].shape[0] for courses in shapes]
+    columns, _ = linear.responses(sizes, lambda part, k: shaped(found[part].changes[k], shapes[part][k]))
     projected = linear.projected(columns)
+    edges = np.concatenate([[0], np.cumsum(sizes)]).astype(int)
     listed = []
     for probe, first, end in zip(found, edges[:-1], edges[1:], strict=True):
         _, gain, p_value = best_step(projected, list(range(first, end)), np.zeros(end - first, dtype=bool))
@@ -64,8 +64,8 @@ def locate(linear: Linearisation, found: Sequence[Probe], known: Sequence[Signal
     return tuple(sorted(places, key=lambda place: (-round(place.share, 6), place.p_value)))
 
 
-def _lanes(linear: Linearisation, probe: Probe, k: int, own: Signal | None, time: Signal | None) -> Change:
-    """The shapes that the unknown of a probe may take in one log."""
+def _courses(linear: Linearisation, probe: Probe, k: int, own: Signal | None, time: Signal | None) -> FloatArray:
+    """The courses (lanes, n) that the unknown of a probe may take in one log."""
     path = linear.logs[k].path
     courses: list[FloatArray] = [np.ones((1, path.time.size))]
     if probe.variable == "sensor":
@@ -77,4 +77,4 @@ def _lanes(linear: Linearisation, probe: Probe, k: int, own: Signal | None, time
         courses.append(np.gradient(own.values[k], path.time)[np.newaxis])  # what a storage takes
     if time is not None:
         courses.append(hats(time.values[k], knots(time, _TIME))[1:])
-    return shaped(probe.changes[k], np.concatenate(courses))
+    return np.concatenate(courses)

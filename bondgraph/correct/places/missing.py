@@ -18,7 +18,8 @@ from bondgraph.correct.fits.fit import Fit
 from bondgraph.correct.models.bonds import bond_model
 from bondgraph.correct.models.build import BuiltModel, build
 from bondgraph.correct.places.probes import hats, probed_model, shaped
-from bondgraph.correct.responses.response import LinearLog, Path, linearise, model_change, respond
+from bondgraph.correct.responses.recursion import respond
+from bondgraph.correct.responses.response import LinearLog, Path, linearise, model_change
 from bondgraph.data.log import FloatArray, MatchedLog
 from bondgraph.declare.editing import copy, handle
 from bondgraph.declare.effect import Place

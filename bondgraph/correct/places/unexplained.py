@@ -17,7 +17,7 @@ from scipy import stats
 from sympy import Expr
 
 from bondgraph.correct.places.probes import Probe, Signal, Variable, hats, knots, shaped
-from bondgraph.correct.responses.response import together
+from bondgraph.correct.responses.response import Change
 from bondgraph.correct.scores.score import SAME, Projected, best_step, solve
 from bondgraph.correct.scores.scoring import Linearisation
 from bondgraph.data.log import FloatArray
@@ -76,16 +76,22 @@ def splines(linear: Linearisation, found: Sequence[Probe], known: Sequence[Signa
     for probe in found:
         wanted = [(one, knots(one, _KNOTS)) for one in known if probe.variable != "sensor" or one.name == "time"]
         wanted = [(one, at) for one, at in wanted if at.size > 2]
-        changes = [
-            together([shaped(probe.changes[k], hats(one.values[k], at)) for one, at in wanted])
-            for k in range(len(linear.logs) if wanted else 0)
-        ]
-        columns = linear.columns(changes) if wanted else np.zeros((0, 0))
+        columns = _columns(linear, probe, wanted)
         first = 0
         for one, at in wanted:
             tried.append(_scored(linear, probe, one, at, columns[:, first : first + at.size]))
             first += at.size
     return tuple(tried)
+
+
+def _columns(linear: Linearisation, probe: Probe, wanted: Sequence[tuple[Signal, FloatArray]]) -> FloatArray:
+    """Responses (n_terms, knots of all signals) to functions of signals, each given with its knots."""
+
+    def one_signal(part: int, log: int) -> Change:
+        one, at = wanted[part]
+        return shaped(probe.changes[log], hats(one.values[log], at))
+
+    return linear.responses([at.size for _, at in wanted], one_signal)[0]
 
 
 def _scored(linear: Linearisation, probe: Probe, one: Signal, at: FloatArray, columns: FloatArray) -> Spline:

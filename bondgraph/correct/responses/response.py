@@ -267,49 +267,6 @@ def _update(run: FilterRun, slope: FloatArray) -> tuple[FloatArray, FloatArray]:
     return whitener, cross @ np.swapaxes(whitener, 1, 2) @ whitener
 
 
-def respond(linear: LinearLog, change: Change, at: Sequence[int] = ()) -> tuple[FloatArray, FloatArray]:
-    """Changes of the whitened innovations per unit of each change, and of the filtered states at some samples.
-
-    Returns
-    -------
-    tuple
-        Shape (n_y * n, lanes), rows by output, then sample, as the terms of an estimation problem; and
-        (at, n_x, lanes).
-    """
-    driven = linear.early @ np.moveaxis(change.start, 1, 0)
-    driven += linear.late @ np.moveaxis(change.end, 1, 0)
-    shifted = np.moveaxis(change.outputs, 1, 0)
-    return _carried(linear, np.zeros(driven.shape[1:]), 0, driven, shifted, at)
-
-
-def decay(linear: LinearLog, sample: int) -> FloatArray:
-    """Response (n_y * n, n_x) of the innovations to a unit shift of each filtered state after a sample."""
-    size, outputs = linear.transition.shape[1], linear.slope.shape[1]
-    count = linear.slope.shape[0] - 1 - sample
-    still, silent = np.zeros((count, size, size)), np.zeros((count + 1, outputs, size))
-    found = np.zeros((outputs, linear.slope.shape[0], size))
-    after, _ = _carried(linear, np.eye(size), sample + 1, still, silent[1:], ())
-    found[:, sample + 1 :] = after.reshape(outputs, count, size)
-    return found.reshape(-1, size)
-
-
-def _carried(
-    linear: LinearLog, moved: FloatArray, first: int, driven: FloatArray, shifted: FloatArray, at: Sequence[int]
-) -> tuple[FloatArray, FloatArray]:
-    """The recursion from a sample on, given the state's shift after the sample before it."""
-    found, states = np.empty(shifted.shape), np.zeros((len(at), *moved.shape))
-    for row in range(shifted.shape[0]):
-        k = first + row
-        if k:
-            moved = linear.transition[k - 1] @ moved + driven[k - 1 if not first else row]
-        expected = linear.slope[k] @ moved + shifted[row]
-        found[row] = -(linear.whitener[k] @ expected)
-        moved = moved - linear.gain[k] @ expected
-        if k in at:
-            states[list(at).index(k)] = moved
-    return np.ascontiguousarray(np.moveaxis(found, 1, 0)).reshape(-1, moved.shape[1]), states
-
-
 def model_change(path: Path, changed: Model, theta: FloatArray, size: float) -> Change:
     """The shift of rates and outputs along a path from its model to another, divided by ``size``; one lane.
 

@@ -20,7 +20,7 @@ import numpy as np
 from bondgraph.correct.fits.fit import Fit, restricted
 from bondgraph.correct.fits.times import summed
 from bondgraph.correct.models.candidates import Candidate, Variant
-from bondgraph.correct.responses.response import decay
+from bondgraph.correct.responses.recursion import decay
 from bondgraph.correct.scores.score import SAME, Projected, best_step, score_pieces, solve
 from bondgraph.correct.scores.scoring import Linearisation, Scored, candidate_change
 from bondgraph.data.log import FloatArray, MatchedLog

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,16 +10,18 @@ import numpy as np
 from bondgraph.correct.fits.fit import Fit
 from bondgraph.correct.fits.times import Times, term_times
 from bondgraph.correct.models.candidates import Candidate, Variant
-from bondgraph.correct.responses.response import Change, LinearLog, Path, linearise, model_change, respond, together
+from bondgraph.correct.responses.recursion import respond_into
+from bondgraph.correct.responses.response import Change, LinearLog, Path, linearise, model_change, together
 from bondgraph.correct.scores.score import LEFT, Projected, Scores, project, scores, solve
 from bondgraph.data.log import FloatArray, MatchedLog
 from bondgraph.estimate.free import FreeParameter
 from bondgraph.estimate.objective import Expansion, expansion_of, over_terms
+from bondgraph.filter.compiled import available_cores, in_threads
 from bondgraph.filter.filter_run import FilterRun
 from bondgraph.simulate.model import Model
 
-#: Lanes that go through the filter at once; bounds the memory, changes no number.
-_LANES = 96
+#: Lanes that go through the filter at once, and candidates of which the lanes do; changes no number.
+_LANES, _ABREAST = 32, 8
 #: Free parameters are shifted by this share of their bounds.
 _SHIFT = 1e-5
 
@@ -54,18 +56,37 @@ class Linearisation:
         self, changes: Sequence[Change], at: Sequence[Sequence[int]]
     ) -> tuple[FloatArray, tuple[FloatArray, ...]]:
         """Responses (n_terms, lanes), and per log the shifts of the filtered states (at, n_x, lanes) at its samples."""
-        lanes = changes[0].outputs.shape[2]
-        pieces, states = [], []
-        for linear, change, own in zip(self.logs, changes, at, strict=True):
-            parts = [
-                respond(linear, Change(*(a[..., first : first + _LANES] for a in _arrays(change))), own)
-                for first in range(0, lanes, _LANES)
-            ]
-            pieces.append(np.concatenate([part for part, _ in parts], axis=1))
-            states.append(np.concatenate([part for _, part in parts], axis=2))
-        whole = np.concatenate(pieces)
-        priors = np.zeros((self.free.shape[0] - whole.shape[0], lanes))
-        return np.concatenate([whole, priors]), tuple(states)
+        edges = [*range(0, changes[0].outputs.shape[2], _LANES), changes[0].outputs.shape[2]]
+
+        def some(part: int, log: int) -> Change:
+            own = slice(edges[part], edges[part + 1])
+            return Change(*(a[..., own] for a in _arrays(changes[log])))
+
+        return self.responses(np.diff(edges).tolist(), some, at)
+
+    def responses(
+        self, sizes: Sequence[int], changes: Callable[[int, int], Change], at: Sequence[Sequence[int]] | None = None
+    ) -> tuple[FloatArray, tuple[FloatArray, ...]]:
+        """As :meth:`columns_and_states`, of changes that are made when they are needed, on all cores.
+
+        ``changes(part, log)`` makes those of a part, of ``sizes[part]`` lanes, along one log.
+        """
+        at = [()] * len(self.logs) if at is None else at
+        edges = np.concatenate([[0], np.cumsum(sizes)]).astype(int)
+        found = np.zeros((self.free.shape[0], edges[-1]))
+        states = [
+            np.empty((len(own), linear.slope.shape[2], edges[-1])) for linear, own in zip(self.logs, at, strict=True)
+        ]
+        rows = np.cumsum([0, *(linear.whitened.size for linear in self.logs)])
+
+        def respond_to(part: int) -> None:
+            for k, linear in enumerate(self.logs):
+                own = found[rows[k] : rows[k + 1]].reshape(*linear.whitened.shape, -1)
+                moved = respond_into(own, int(edges[part]), linear, changes(part, k), at[k])
+                states[k][..., edges[part] : edges[part + 1]] = moved
+
+        in_threads(available_cores(), respond_to, range(len(sizes)))
+        return found, tuple(states)
 
     def expansion(self, columns: FloatArray) -> Expansion:
         """Gradient and information in the free coordinates, then those of responses (n_terms, lanes)."""
@@ -173,12 +194,8 @@ def score_candidates(
     if not every:
         empty = np.zeros((linear.free.shape[0], 0))
         return Scored((), (), (), (), scores(linear.expansion(empty), linear.count, np.zeros(0, dtype=bool)), 0)
-    changes = [
-        together([candidate_change(log.path, candidate, variant) for candidate, variant in every])
-        for log in linear.logs
-    ]
     sizes = [len(candidate.effect.coefficients) for candidate, _ in every]
-    columns, states = linear.columns_and_states(changes, at)
+    columns, states = _responses(linear, every, sizes, at)
     result = _scores(linear, columns, [candidate for candidate, _ in every], sizes)
     edges = np.concatenate([[0], np.cumsum(sizes)]).astype(int)
     best: dict[int, int] = {}
@@ -190,6 +207,25 @@ def score_candidates(
     picked = _scores(linear, np.concatenate(own, axis=1), found, [sizes[j] for j in chosen])
     kept = tuple(part[..., edges[chosen]] for part in states)
     return Scored(tuple(found), tuple(every[j][1] for j in chosen), own, kept, picked, len(every))
+
+
+def _responses(
+    linear: Linearisation,
+    every: Sequence[tuple[Candidate, Variant]],
+    sizes: Sequence[int],
+    at: Sequence[Sequence[int]],
+) -> tuple[FloatArray, tuple[FloatArray, ...]]:
+    """Responses to the coefficients of candidates, so many each."""
+    firsts = range(0, len(every), _ABREAST)
+
+    def some(part: int, log: int) -> Change:
+        path = linear.logs[log].path
+        own = every[firsts[part] : firsts[part] + _ABREAST]
+        return together([candidate_change(path, candidate, variant) for candidate, variant in own])
+
+    for log in linear.logs:
+        _ = log.path.declared  # once, before threads ask for it
+    return linear.responses([sum(sizes[first : first + _ABREAST]) for first in firsts], some, at)
 
 
 def _scores(linear: Linearisation, columns: FloatArray, found: Iterable[Candidate], sizes: Sequence[int]) -> Scores:
