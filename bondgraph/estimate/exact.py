@@ -87,8 +87,10 @@ def exact_derivatives(objective: Objective, points: FloatArray, steps: FloatArra
     return tuple(found)
 
 
-def exact_expansion(problem: EstimationProblem, point: FloatArray) -> Expansion | None:
+def exact_expansion(problem: EstimationProblem, point: FloatArray, known: Terms | None = None) -> Expansion | None:
     """The expansion at a point (n,) by exact derivatives alone; None where there are none or the filter chatters.
+
+    ``known`` are the terms (n_terms, 1) there, if somebody has them.
 
     Examples
     --------
@@ -106,7 +108,7 @@ def exact_expansion(problem: EstimationProblem, point: FloatArray) -> Expansion 
     if filter_model is None:
         return None
     expansion = _expand(problem, filter_model, point, _threads(problem))
-    seen = problem.terms(point[:, np.newaxis])
+    seen = problem.terms(point[:, np.newaxis]) if known is None else known
     if expansion is None or not _agrees(expansion, float(seen.sums()[0])):
         return None
     return _about(seen, expansion)

@@ -82,7 +82,7 @@ def test_a_step_that_leaves_a_curved_valley_is_led_back_into_it() -> None:
 def test_a_search_follows_a_curved_valley_to_its_end(monkeypatch: pytest.MonkeyPatch) -> None:
     valley = Valley()
     valley.narrow = 10.0
-    monkeypatch.setattr(polish, "exact_expansion", lambda problem, point: valley.expansion(point))
+    monkeypatch.setattr(polish, "exact_expansion", lambda problem, point, known: valley.expansion(point))
     start = np.array([-1.0, 1.0])
     known = valley.expansion(start)
     found = Reached(start, known.sum, known, 0, SearchOutcome.ITERATION_LIMIT)

@@ -56,7 +56,8 @@ def polished(problem: EstimationProblem, found: Reached, tolerance: float) -> Re
     """
     reached = found
     for _ in range(_MOST):
-        expansion = exact_expansion(problem, reached.point)
+        seen = reached.expansion.terms
+        expansion = exact_expansion(problem, reached.point, seen and seen.members(np.array([0])))
         if expansion is None:
             return reached
         before = replace(reached, expansion=expansion, evaluations=reached.evaluations + expansion.evaluations)
