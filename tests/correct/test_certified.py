@@ -5,14 +5,16 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from bondgraph.correct.fits.fit import expand, fit
 from bondgraph.correct.fits.setup import filter_setup
 from bondgraph.correct.loop import free_parameters
 from bondgraph.correct.models.build import build
+from bondgraph.correct.refits import certified
 from bondgraph.correct.refits.certified import Certifications, certify, doubts, refined
 from bondgraph.declare.editing import with_values
-from bondgraph.estimate.certify import NEGLIGIBLE_SHIFT
+from bondgraph.estimate.certify import NEGLIGIBLE_SHIFT, check
 from tests.correct.sled import fitted, pull, sled
 from tests.correct.test_stiff import drawn, setup_of
 
@@ -36,6 +38,25 @@ def test_steps_that_are_too_long_are_told() -> None:
     assert said.startswith(
         f"the declared model is not certified: with every integration step halved, {found.parameter}"
     )
+
+
+def test_innovations_alone_are_believed_only_where_they_say_little(monkeypatch: pytest.MonkeyPatch) -> None:
+    resolved = fitted([pull(sled(), 2)])
+    by_innovations = certify(resolved)
+    asked: list[int] = []
+
+    def counting(*args: object, **settings: object) -> object:
+        asked.append(1)
+        return check(*args, **settings)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(certified, "check", counting)
+    certify(resolved)
+    assert not asked
+    monkeypatch.setattr(certified, "_SURE", 0.0)
+    by_derivatives = certify(resolved)
+    assert asked
+    assert by_derivatives.shift <= NEGLIGIBLE_SHIFT
+    assert by_innovations.nats == pytest.approx(by_derivatives.nats, abs=1e-6)
 
 
 def test_a_fit_goes_on_with_shorter_steps_where_its_steps_move_it() -> None:

@@ -14,12 +14,14 @@ from bondgraph.correct.places.located import locate
 from bondgraph.correct.places.probes import hats, probes, signals
 from bondgraph.correct.places.structure import structure
 from bondgraph.correct.refits.refit import coefficients
-from bondgraph.correct.responses.response import _phi
+from bondgraph.correct.responses.recursion import _carried, _in_numpy
+from bondgraph.correct.responses.response import Change, _phi
 from bondgraph.correct.scores.gates import best_gated, gate_samples
 from bondgraph.correct.scores.scoring import Linearisation, linearisation, score_candidates
 from bondgraph.data.log import MatchedLog
 from bondgraph.estimate.objective import central_differences
 from bondgraph.estimate.problem import EstimationProblem
+from bondgraph.simulate.compile import has_numba
 from tests.correct.sled import FUNCTIONS, added, built, fitted, pull, sled
 from vehicle_graphs import effects
 
@@ -61,6 +63,24 @@ def test_responses_are_those_of_the_filter(
         error = np.abs(column[:, 0] - truth).max() / np.abs(truth).max()
         changes_gains = one.effect.name in ("added_inertia", "sensor_scale")  # which the linearised filter holds
         assert error < (5e-3 if changes_gains else 5e-4), one.label
+
+
+@pytest.mark.skipif(not has_numba(), reason="compiled kernels need numba")
+@pytest.mark.parametrize("first", [0, 700])
+def test_the_compiled_recursion_is_the_formulas(linear: Linearisation, first: int) -> None:
+    log, random = linear.logs[0], np.random.default_rng(4)
+    outputs, count = log.whitened.shape
+    size, lanes = log.slope.shape[2], 5
+    start, end = random.standard_normal((2, size, count - 1, lanes))
+    start[-1] = end[-1] = 0.0  # a state of which the rate is not shifted
+    change = Change(start, end, random.standard_normal((outputs, count, lanes)))
+    moved, at = random.standard_normal((size, lanes)), [first, first + 3]
+    plain, compiled = np.zeros((outputs, count, lanes)), np.zeros((outputs, count, lanes + 3))
+    states = _in_numpy(log, change, first, moved.copy(), at, plain)
+    again = _carried(log, change, first, moved.copy(), at, compiled, 2)
+    np.testing.assert_allclose(compiled[:, :, 2 : 2 + lanes], plain, rtol=1e-9, atol=1e-9 * np.abs(plain).max())
+    np.testing.assert_allclose(again, states, rtol=1e-9, atol=1e-9 * np.abs(states).max())
+    assert not compiled[:, :, :2].any() and not compiled[:, :, 2 + lanes :].any()
 
 
 @pytest.mark.parametrize("size", [1e-3, 0.3, 20.0])
