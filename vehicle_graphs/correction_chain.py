@@ -17,7 +17,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from bondgraph.correct.fits.fit import Fit, fit, noisy_starts
+from bondgraph.correct.fits.fit import Fit, fit
+from bondgraph.correct.fits.noise_starts import noisy_starts
 from bondgraph.correct.fits.setup import filter_setup
 from bondgraph.correct.loop import free_parameters
 from bondgraph.correct.models.build import BuiltModel, build

@@ -35,7 +35,8 @@ from pathlib import Path
 import numpy as np
 from scipy import signal
 
-from bondgraph.correct.fits.fit import Fit, fit, noisy_starts
+from bondgraph.correct.fits.fit import Fit, fit
+from bondgraph.correct.fits.noise_starts import noisy_starts
 from bondgraph.correct.fits.setup import filter_setup
 from bondgraph.correct.loop import free_parameters
 from bondgraph.correct.models.build import BuiltModel, build

@@ -17,8 +17,9 @@ from typing import Literal
 import numpy as np
 
 from bondgraph.correct.fits.assess import Assessment, assess
-from bondgraph.correct.fits.fit import BLOCKS, Fit, Report, fit, no_report, noisy_starts, quiet_start
+from bondgraph.correct.fits.fit import BLOCKS, Fit, Report, fit, no_report
 from bondgraph.correct.fits.journal import Journal
+from bondgraph.correct.fits.noise_starts import noisy_starts, quiet_start
 from bondgraph.correct.fits.rates import rated, with_followed_rates
 from bondgraph.correct.fits.setup import FilterSetup, filter_setup
 from bondgraph.correct.fits.whiteness import Whiteness, whiteness

@@ -97,7 +97,7 @@ class ZeroTest:
     def _excludes_zero(self, expression: Expr, trial: int) -> bool:
         interval = self._intervals.setdefault(trial, _Interval(trial))
         try:
-            interval.learn(self._definitions)
+            interval.learn(self._definitions, expression)
             value = interval.value(expression)
         except (_UnboundedError, ZeroDivisionError, ValueError, OverflowError, mpmath.libmp.ComplexResult):
             return False
@@ -201,16 +201,20 @@ class _Interval:
     def __init__(self, trial: int) -> None:
         self.draw, self.signed = random.Random(trial), trial % 2
         self.point: dict[Expr, Any] = {}
-        self.learned = 0
 
-    def learn(self, definitions: list[tuple[Expr, Expr]]) -> None:
-        """Take over what symbols stand for; one without a value at this point has none."""
-        for symbol, value in definitions[self.learned :]:
+    def learn(self, definitions: list[tuple[Expr, Expr]], wanted: Expr) -> None:
+        """Take over what symbols stand for on which an expression depends; one without a value here has none."""
+        needed = set(wanted.free_symbols)
+        for symbol, value in reversed(definitions):
+            if symbol in needed:
+                needed |= value.free_symbols
+        for symbol, value in definitions:
+            if symbol not in needed or symbol in self.point:
+                continue
             try:
                 self.point[symbol] = self.value(value)
             except (_UnboundedError, ZeroDivisionError, ValueError, OverflowError, mpmath.libmp.ComplexResult):
                 self.point[symbol] = mpmath.iv.mpf([-mpmath.inf, mpmath.inf])
-        self.learned = len(definitions)
 
     def value(self, expression: Expr) -> Any:
         if expression not in self.point:

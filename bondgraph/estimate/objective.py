@@ -27,6 +27,7 @@ import numpy as np
 import numpy.typing as npt
 
 from bondgraph.estimate import products_kernel
+from bondgraph.filter.compiled import available_cores, in_threads
 from bondgraph.simulate.compile import has_numba, load_kernel
 
 FloatArray = npt.NDArray[np.float64]
@@ -281,10 +282,17 @@ def over_terms(left: FloatArray, right: FloatArray) -> FloatArray:
     if left.shape[0] * count * across < _MANY_PRODUCTS or not has_numba():
         plain: FloatArray = np.einsum("ia,ib->ab", left, right)
         return plain
-    sums, part = np.empty((count, across)), np.empty((products_kernel.TILE, across))
-    first, last = np.ascontiguousarray(left), np.ascontiguousarray(right)
-    load_kernel(products_kernel).products(first, last, left is right, part, sums)
-    return sums
+    sums, own = np.zeros((count, across)), left is right
+    first = np.ascontiguousarray(left)
+    last = first if own else np.ascontiguousarray(right)
+    products = load_kernel(products_kernel).products
+    threads = min(available_cores(), -(-count // products_kernel.TILE))
+
+    def some(tile: int) -> None:
+        products(first, last, own, tile, threads, np.empty((products_kernel.TILE, across)), sums)
+
+    in_threads(threads, some, range(threads))
+    return np.tril(sums) + np.tril(sums, -1).T if own else sums
 
 
 def _offsets(value: float, step: float, lower: float, upper: float) -> tuple[float, float]:

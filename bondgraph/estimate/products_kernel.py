@@ -13,26 +13,24 @@ BLOCK = 256
 TILE = 16
 
 
-def products(left: FloatArray, right: FloatArray, symmetric: bool, part: FloatArray, sums: FloatArray) -> None:
-    """Fill ``sums`` (n, m) with ``left.T @ right`` of (rows, n) and (rows, m); ``part`` (TILE, m) is scratch.
+def products(
+    left: FloatArray, right: FloatArray, symmetric: bool, tile: int, every: int, part: FloatArray, sums: FloatArray
+) -> None:
+    """Add ``left.T @ right`` of (rows, n) and (rows, m) to ``sums`` (n, m); ``part`` (TILE, m) is scratch.
 
-    Of a symmetric result half is computed, and the other half mirrored.
+    Of the tiles of ``TILE`` columns of the left ``every`` so many are taken, from number ``tile`` on: the others are
+    for other threads. Of a symmetric result nothing above the diagonal is computed.
     """
-    sums[:] = 0.0
     count = left.shape[1]
     for first in range(0, left.shape[0], BLOCK):
         last = min(first + BLOCK, left.shape[0])
-        for low in range(0, count, TILE):
+        for low in range(tile * TILE, count, every * TILE):
             high = min(low + TILE, count)
             part[:] = 0.0
             _block(left, right, first, last, low, high, symmetric, part)
             for a in range(low, high):
                 for b in range(a + 1 if symmetric else right.shape[1]):
                     sums[a, b] += part[a - low, b]
-    if symmetric:
-        for a in range(count):
-            for b in range(a):
-                sums[b, a] = sums[a, b]
 
 
 def _block(

@@ -69,8 +69,8 @@ def _belongs(node: ast.stmt) -> bool:
     return isinstance(node, ast.FunctionDef) and not node.decorator_list
 
 
-def run_module(tree: ast.Module, source: str) -> dict[str, Any]:
-    """The names a generated module defines.
+def run_module(module: ast.Module | str, source: str) -> dict[str, Any]:
+    """The names a generated module defines, given its syntax tree or its text.
 
     Raises
     ------
@@ -79,7 +79,7 @@ def run_module(tree: ast.Module, source: str) -> dict[str, Any]:
     """
     namespace: dict[str, Any] = {"__builtins__": _restricted_builtins()}
     try:
-        exec(compile(tree, source, "exec"), namespace)
+        exec(compile(module, source, "exec"), namespace)
     except Exception as error:  # whatever the text does wrong is the module's fault, told as such
         raise ModelError(
             f"{source}: running the module failed: {type(error).__name__}: {error} - regenerate it", where=(source,)

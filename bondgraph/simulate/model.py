@@ -112,16 +112,15 @@ class Model:
     _resets: Mapping[str, Callable[..., Any]] = field(default_factory=dict, compare=False, repr=False)
 
     @classmethod
-    def from_text(cls, text: str, source: str = "generated module") -> Model:
-        """Load the text of a generated module.
+    def from_text(cls, text: str, source: str = "generated module", *, own: bool = False) -> Model:
+        """Load the text of a generated module; ``own`` text, just rendered, need not be looked at before it is run.
 
         Raises
         ------
         ModelError
             If it is not a generated module of the format this version reads.
         """
-        tree = parse_module(text, source)
-        names = run_module(tree, source)
+        names = run_module(text if own else parse_module(text, source), source)
         model = cls(
             name=str(names["NAME"]),
             text=text,

@@ -10,8 +10,9 @@ import pytest
 
 from bondgraph.correct.fits import fit as fitting
 from bondgraph.correct.fits.excerpts import excerpt
-from bondgraph.correct.fits.fit import Fit, fit, quiet_start
+from bondgraph.correct.fits.fit import Fit, fit
 from bondgraph.correct.fits.linear_steps import linear_search
+from bondgraph.correct.fits.noise_starts import quiet_start
 from bondgraph.correct.loop import free_parameters
 from bondgraph.estimate.problem import EstimationProblem
 from tests.correct.winch import drawn, setup_of

@@ -9,8 +9,9 @@ import pytest
 
 from bondgraph.correct.fits import polish
 from bondgraph.correct.fits.differences import forward_differences
-from bondgraph.correct.fits.fit import fit, noisy_starts, quiet_start, restricted, standard_deviations
+from bondgraph.correct.fits.fit import fit, restricted, standard_deviations
 from bondgraph.correct.fits.linear_steps import Reached
+from bondgraph.correct.fits.noise_starts import noisy_starts, quiet_start
 from bondgraph.data.log import MatchedLog
 from bondgraph.errors import EstimationError
 from bondgraph.estimate.free import FreeParameter

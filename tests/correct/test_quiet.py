@@ -7,7 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bondgraph.correct.fits.fit import Fit, fit, noisy_starts
+from bondgraph.correct.fits.fit import Fit, fit
+from bondgraph.correct.fits.noise_starts import noisy_starts
 from bondgraph.correct.fits.setup import filter_setup
 from bondgraph.correct.fits.whiteness import whiteness
 from bondgraph.correct.loop import LoopSettings, close_loop, free_parameters

@@ -5,7 +5,8 @@ from __future__ import annotations
 import pytest
 
 from bondgraph.correct.fits import starts
-from bondgraph.correct.fits.fit import Fit, fit, noisy_starts
+from bondgraph.correct.fits.fit import Fit, fit
+from bondgraph.correct.fits.noise_starts import noisy_starts
 from bondgraph.correct.fits.setup import filter_setup
 from bondgraph.correct.fits.starts import with_starts
 from bondgraph.correct.loop import free_parameters

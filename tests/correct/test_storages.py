@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from bondgraph.correct.fits.assess import gain_interval, gain_p_value
-from bondgraph.correct.fits.fit import fit, noisy_starts
+from bondgraph.correct.fits.fit import fit
+from bondgraph.correct.fits.noise_starts import noisy_starts
 from bondgraph.correct.fits.setup import FilterSetup, filter_setup
 from bondgraph.correct.loop import free_parameters
 from bondgraph.correct.models.build import build

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import functools
-import itertools
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
@@ -12,8 +11,15 @@ import numpy as np
 from bondgraph.correct.fits.differences import forward_differences
 from bondgraph.correct.fits.excerpts import excerpt
 from bondgraph.correct.fits.journal import Journal, Noted, fit_key
-from bondgraph.correct.fits.linear_steps import is_linearised, linear_expansion, linear_search
+from bondgraph.correct.fits.linear_steps import (
+    expansion_along,
+    is_linearised,
+    linear_expansion,
+    linear_search,
+)
 from bondgraph.correct.fits.polish import polished
+from bondgraph.correct.fits.setup import unknown_drives
+from bondgraph.correct.responses.response import LinearLog, linearise
 from bondgraph.data.log import FloatArray, MatchedLog
 from bondgraph.errors import EstimationError
 from bondgraph.estimate.exact import exact_expansion
@@ -36,10 +42,6 @@ from bondgraph.simulate.model import Model
 
 #: Blocks of the sandwich variance over all training logs: enough for its distribution, long enough to be independent.
 BLOCKS = 40
-#: Factors on declared noise levels at which a first fit looks for its start.
-_NOISIER = (1.0, 5.0, 25.0, 125.0)
-#: Where process noise and that of sensors begin a quiet search: shares of the way between their bounds (logarithms).
-_QUIET, _LOUD = 0.2, 0.7
 #: A fit that is to beat another gives up when it is behind by more than this many times what a step promises or gains.
 _HOPELESS = 10.0
 #: The exact steps that end the fit of a stiff model must promise so many nats. They begin where the linearised filter
@@ -47,6 +49,8 @@ _HOPELESS = 10.0
 _POLISHED, _HANDED_OVER = 0.1, 30.0
 #: Along a ridge it once left 55 nats; one that is behind by less than this may still beat what it is to beat.
 WITHIN_REACH = 60.0
+#: Process noise this share of the way up from its lower bound stands in for nothing.
+_LITTLE = 0.2
 #: A search on a part of the logs ends where a further step promises less than so many nats.
 _ROUGH, _ROUGH_ITERATIONS = 2.0, 30
 
@@ -118,15 +122,41 @@ class Fit:
         return tuple(self._filtered(self.problem.logs))
 
     @functools.cached_property
+    def linear_logs(self) -> tuple[LinearLog, ...]:
+        """The filter linearised along its runs over the logs that were fitted: many ask for it, and it is costly."""
+        pairs = zip(self.own_runs, self.problem.logs, strict=True)
+        return tuple(linearise(one.raise_if_failed(), log, self.theta) for one, log in pairs)
+
+    @functools.cached_property
     def linear_promise(self) -> float:
         """Nats that one more step promises by the filter of a stiff model, linearised along itself."""
-        expansion = linear_expansion(self.problem, self.point, self.own_runs)
+        expansion = expansion_along(self.problem, self.point, self.own_runs, self.linear_logs)
         return newton_decrement(self.problem, self.point, expansion)
+
+    @functools.cached_property
+    def driven(self) -> float:
+        """Nats that the fit loses where process noise that drives its states falls to its lower bounds.
+
+        None is lost where it is hardly more than these (logarithms). A state that walks anyway, the slope of an unknown
+        road, does not count.
+        """
+        problem = self.problem
+        walking = unknown_drives(problem.filter_model.model, problem.logs)
+        counted = np.array([one.target.kind == "process" and one.target.name not in walking for one in problem.free])
+        risen = (self.point - problem.lower) / (problem.upper - problem.lower)
+        if not np.any(risen[counted] > _LITTLE):
+            return 0.0
+        lowered = np.where(counted, problem.lower, self.point)
+        return float(problem.nll(lowered[:, np.newaxis])[0]) - self.nll
+
+    def fits(self, logs: Sequence[MatchedLog]) -> bool:
+        """Whether it was these logs that were fitted."""
+        own = self.problem.logs
+        return len(logs) == len(own) and all(one is other for one, other in zip(logs, own, strict=True))
 
     def runs(self, logs: Sequence[MatchedLog]) -> list[FilterRun]:
         """The filter over logs (these or others) at the optimum."""
-        own = self.problem.logs
-        if len(logs) == len(own) and all(one is other for one, other in zip(logs, own, strict=True)):
+        if self.fits(logs):
             return list(self.own_runs)
         return self._filtered(logs) if logs else []
 
@@ -290,37 +320,6 @@ def _rough(
         evaluations += again.evaluations
         found = again if again.nll < found.nll else found
     return found.point, evaluations
-
-
-def quiet_start(free: Sequence[FreeParameter], point: FloatArray) -> FloatArray:
-    """A point (n,) with little process noise and much of the sensors: its errors are then those of the outputs.
-
-    Much process noise lets a filter follow any log whatever its parameters, and likelihoods have an optimum there too.
-    A search that begins without finds parameters first, as one of free simulations would.
-    """
-    start = point.copy()
-    for k, parameter in enumerate(free):
-        if parameter.target.kind in ("process", "std"):
-            low, high = parameter.coordinate(parameter.lower), parameter.coordinate(parameter.upper)
-            start[k] = low + (_QUIET if parameter.target.kind == "process" else _LOUD) * (high - low)
-    return start
-
-
-def noisy_starts(free: Sequence[FreeParameter]) -> list[FloatArray]:
-    """The starts of free parameters with process and measurement noise as declared and several times larger.
-
-    Far from the optimum a model is surprised by all it sees. A search that begins with noise of the right size for that
-    surprise moves the parameters first; one that begins with far too little throws every noise level up at once.
-    """
-    start = np.array([parameter.coordinate(parameter.start) for parameter in free])
-    kinds = np.array([parameter.target.kind for parameter in free])
-    found = []
-    for process, measurement in itertools.product(_NOISIER, _NOISIER[:3]):
-        point = start.copy()
-        point[kinds == "process"] += np.log(process)
-        point[kinds == "std"] += np.log(measurement)
-        found.append(point)
-    return found
 
 
 def _best_start(problem: EstimationProblem, starts: Sequence[FloatArray]) -> tuple[FloatArray, int]:

@@ -87,10 +87,20 @@ def linear_expansion(
     """
     theta = problem.batch(point[:, np.newaxis]).theta[:, 0]
     runs = filter_runs(problem, point) if runs is None else runs
-    innovations, scales = [], []
     known = [None] * len(runs) if kicked is None else kicked
-    for log, filtered, own in zip(problem.logs, runs, known, strict=True):
-        linear = linearise(filtered.raise_if_failed(), log, theta, own)
+    linear = [
+        linearise(filtered.raise_if_failed(), log, theta, own)
+        for log, filtered, own in zip(problem.logs, runs, known, strict=True)
+    ]
+    return expansion_along(problem, point, runs, linear)
+
+
+def expansion_along(
+    problem: EstimationProblem, point: FloatArray, runs: Sequence[FilterRun], every: Sequence[LinearLog]
+) -> Expansion:
+    """As :func:`linear_expansion`, with the filter's runs along all logs already linearised."""
+    innovations, scales = [], []
+    for filtered, linear in zip(runs, every, strict=True):
         columns_z, columns_s = _columns(problem, point, linear, filtered)
         innovations.append(np.concatenate([filtered.whitened.reshape(-1, 1), columns_z], axis=1))
         scales.append(np.concatenate([filtered.log_scales.reshape(-1, 1), columns_s], axis=1))
@@ -128,7 +138,7 @@ def linear_search(
     tolerance = max(tolerance, _FINEST)
     point = np.clip(start, problem.lower, problem.upper)
     runs = filter_runs(problem, point)
-    value, evaluations, damping = _value(problem, point, runs), 1, _DAMPING
+    value, evaluations, damping = value_of(problem, point, runs), 1, _DAMPING
     kicked, there = _kicked(problem, point, runs), point
     expansion = linear_expansion(problem, point, runs, kicked)
     outcome = SearchOutcome.ITERATION_LIMIT
@@ -142,7 +152,7 @@ def linear_search(
         step = np.clip(damped_step(problem, point, expansion, damping) - point, -longest, longest)
         trial = point + step
         tried = filter_runs(problem, trial)
-        reached, evaluations = _value(problem, trial, tried), evaluations + 1
+        reached, evaluations = value_of(problem, trial, tried), evaluations + 1
         gained = value - reached
         if not gained > 0.0:
             vain += 1
@@ -180,7 +190,7 @@ def longest_steps(problem: EstimationProblem) -> FloatArray:
     return np.where(problem.noise_levels, _LONGEST_LEVEL, _LONGEST * (problem.upper - problem.lower))
 
 
-def _value(problem: EstimationProblem, point: FloatArray, runs: Sequence[FilterRun]) -> float:
+def value_of(problem: EstimationProblem, point: FloatArray, runs: Sequence[FilterRun]) -> float:
     """The negative log-likelihood with the priors; infinite where the filter failed."""
     total = sum(one.nll for one in runs) + 0.5 * float(np.sum(_priors(problem, point)[:, 0] ** 2))
     return total if np.isfinite(total) else float("inf")

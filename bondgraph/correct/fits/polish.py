@@ -86,10 +86,11 @@ def _stepped(problem: EstimationProblem, found: Reached, tolerance: float) -> Re
 def _step(problem: EstimationProblem, found: Reached) -> Reached:
     """One step, the better one of two dampings, which two threads try at once; more of it until it gains, if it does.
 
-    It stays where it is if no trial gains.
+    It stays where it is if no trial gains; for a promise of few nats, which jumps may be, there are no more trials.
     """
     longest, evaluations, known = longest_steps(problem), found.evaluations, found.expansion
-    for pair in _DAMPINGS:
+    much = newton_decrement(problem, found.point, known) >= _LAST
+    for pair in _DAMPINGS if much else _DAMPINGS[:1]:
         steps = [damped_step(problem, found.point, known, damping) - found.point for damping in pair]
         points = [np.clip(found.point + np.clip(s, -longest, longest), problem.lower, problem.upper) for s in steps]
         seen, evaluations = problem.terms(np.array(points).T), evaluations + len(pair)

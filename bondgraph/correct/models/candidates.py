@@ -238,7 +238,7 @@ def candidates(
             beside = place.bond is None and not place.output and _beside_storage(built, place.junction.name)
             own = {state.symbol.name for state in built.equations.states}
             followed = all(s.variable == "integral" or s.symbol.name in own for s in equations.states)
-            model = Model.from_text(render(equations), source=f"{built.graph.name} with {effect.name}")
+            model = Model.from_text(render(equations), source=f"{built.graph.name} with {effect.name}", own=True)
             found.append(Candidate(function, place, effect, model, _passive(flat, effect), beside, followed))
     return found, refused
 
@@ -257,7 +257,8 @@ def _effect(function: EffectFunction, graph: BondGraph, place: Place) -> Effect 
         ) from error
     if effect is None:
         return None
-    known = {parameter.name for parameter in graph.flatten().parameters}
+    own = {parameter.name for parameter in graph.parameters}
+    known = own if own.issuperset(effect.parameters) else {one.name for one in graph.flatten().parameters}
     for name in effect.parameters:
         if name not in known:
             raise OptionError(

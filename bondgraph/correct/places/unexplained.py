@@ -26,6 +26,7 @@ from bondgraph.declare.expressions import signal as variable_signal
 from bondgraph.declare.functions import maximum, minimum
 from bondgraph.declare.graph import BondGraph
 from bondgraph.declare.quantities import symbol
+from bondgraph.filter.compiled import available_cores, in_threads
 
 #: Information left of an effect, beside a function without a law, below which the function contains it.
 _LEFT = 1e-4
@@ -76,12 +77,21 @@ def splines(linear: Linearisation, found: Sequence[Probe], known: Sequence[Signa
     for probe in found:
         wanted = [(one, knots(one, _KNOTS)) for one in known if probe.variable != "sensor" or one.name == "time"]
         wanted = [(one, at) for one, at in wanted if at.size > 2]
-        columns = _columns(linear, probe, wanted)
-        first = 0
-        for one, at in wanted:
-            tried.append(_scored(linear, probe, one, at, columns[:, first : first + at.size]))
-            first += at.size
+        tried += _each_scored(linear, probe, wanted)
     return tuple(tried)
+
+
+def _each_scored(linear: Linearisation, probe: Probe, wanted: Sequence[tuple[Signal, FloatArray]]) -> list[Spline]:
+    """Functions of several signals at one place, each given with its knots."""
+    columns = _columns(linear, probe, wanted)
+    edges = np.cumsum([0, *(at.size for _, at in wanted)])
+    found: dict[int, Spline] = {}
+
+    def score(k: int) -> None:
+        found[k] = _scored(linear, probe, *wanted[k], columns[:, edges[k] : edges[k + 1]])
+
+    in_threads(available_cores(), score, range(len(wanted)))
+    return [found[k] for k in range(len(wanted))]
 
 
 def _columns(linear: Linearisation, probe: Probe, wanted: Sequence[tuple[Signal, FloatArray]]) -> FloatArray:

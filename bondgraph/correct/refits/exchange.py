@@ -20,12 +20,14 @@ from bondgraph.correct.refits.trials import Trial
 from bondgraph.correct.responses.response import Change, Path, model_change, together
 from bondgraph.correct.scores.gates import Gate
 from bondgraph.correct.scores.score import best_step, project, solve
-from bondgraph.correct.scores.scoring import linearisation
+from bondgraph.correct.scores.scoring import Linearisation, linearisation
 from bondgraph.data.log import FloatArray, MatchedLog
 from bondgraph.estimate.objective import Expansion
 
 #: Shares of the way to where the expansion puts the parameters at which a refit looks for its start.
 _STRIDES = (1.0, 0.5, 0.0)
+#: Candidates whose responses are formed at once; changes no number.
+_ABREAST = 8
 
 
 @dataclass(frozen=True)
@@ -63,10 +65,7 @@ def exchanges(
     if not all(states <= set(one.model.names("state")) for one in others):
         return [None] * len(others)
     linear = linearisation(fitted, train)
-    changes = [_changes(log.path, others, variants) for log in linear.logs]
-    if found.gate is not None:
-        changes = [_in_part(one, log.path, found.gate, train) for one, log in zip(changes, linear.logs, strict=True)]
-    expansion = linear.expansion(linear.columns(changes))
+    expansion = linear.expansion(_columns(linear, found.gate, others, variants, train))
     kept = np.flatnonzero(~fitted.held)
     common = np.flatnonzero(kept < shared)
     own = np.flatnonzero(kept >= shared)[: len(found.candidate.effect.coefficients)]
@@ -95,11 +94,25 @@ def exchanges(
     return results
 
 
-def _changes(path: Path, others: Sequence[Candidate], variants: Sequence[Variant]) -> Change:
-    """The changes by all coefficients of candidates, a lane each; all of them do nothing where these are zero."""
-    model = others[0].model
-    absent = model_change(path, model, model.theta(**path.parameters(model)), 1.0)
-    return together([_change(path, one, how, absent) for one, how in zip(others, variants, strict=True)])
+def _columns(
+    linear: Linearisation,
+    gate: Gate | None,
+    others: Sequence[Candidate],
+    variants: Sequence[Variant],
+    train: Sequence[MatchedLog],
+) -> FloatArray:
+    """Responses to all coefficients of candidates, a lane each; all of them do nothing where these are zero."""
+    model, paths = others[0].model, [log.path for log in linear.logs]
+    absent = [model_change(path, model, model.theta(**path.parameters(model)), 1.0) for path in paths]
+    firsts = range(0, len(others), _ABREAST)
+
+    def some(part: int, log: int) -> Change:
+        own = range(firsts[part], min(firsts[part] + _ABREAST, len(others)))
+        change = together([_change(paths[log], others[k], variants[k], absent[log]) for k in own])
+        return change if gate is None else _in_part(change, paths[log], gate, train)
+
+    sizes = [len(one.effect.coefficients) for one in others]
+    return linear.responses([sum(sizes[first : first + _ABREAST]) for first in firsts], some)[0]
 
 
 def _in_part(change: Change, path: Path, gate: Gate, logs: Sequence[MatchedLog]) -> Change:

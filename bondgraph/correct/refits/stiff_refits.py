@@ -1,7 +1,7 @@
 """Refits of candidates on stiff models, whose filters take longest: heats on a part of the logs, then the whole.
 
 A stiff model that lacks something is fitted far from its truth, and a local search from there ends far from it too. So
-what promises much is searched anew, from little process noise (:func:`bondgraph.correct.fits.fit.quiet_start`), on the
+what promises much is searched anew, from little process noise (``quiet_start``), on the
 beginnings of the logs; those that gain most there go on to the whole, first the best of them, then those that this
 does not beat clearly on the beginnings. What promises little is near, and starts where its score points; what promises
 less than must be gained is refitted only where its law is not smooth, which scores underrate. At last the fit with the
@@ -18,7 +18,8 @@ from typing import TypeVar
 import numpy as np
 
 from bondgraph.correct.fits.excerpts import excerpt
-from bondgraph.correct.fits.fit import WITHIN_REACH, Fit, Report, fit, quiet_start
+from bondgraph.correct.fits.fit import WITHIN_REACH, Fit, Report, fit
+from bondgraph.correct.fits.noise_starts import quiet_start
 from bondgraph.correct.models.build import BuiltModel, build
 from bondgraph.correct.refits.decide import CLOSE, choose
 from bondgraph.correct.refits.exchange import exchanges

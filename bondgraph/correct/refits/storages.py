@@ -6,13 +6,15 @@ the model without it, only stiffer the closer it gets there; sizes that steps do
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from bondgraph.correct.fits.excerpts import excerpt
-from bondgraph.correct.fits.fit import Fit, expand, fit, quiet_start
-from bondgraph.correct.fits.linear_steps import is_linearised, linear_expansion
+from bondgraph.correct.fits.fit import Fit, expand, fit
+from bondgraph.correct.fits.linear_steps import filter_runs, is_linearised, linear_expansion, value_of
+from bondgraph.correct.fits.noise_starts import quiet_start
 from bondgraph.correct.fits.setup import filter_setup
 from bondgraph.correct.models.build import BuiltModel, build
 from bondgraph.correct.refits.decide import judge
@@ -24,6 +26,7 @@ from bondgraph.data.log import FloatArray
 from bondgraph.estimate.gauss_newton import GaussNewtonSettings
 from bondgraph.estimate.problem import EstimationProblem
 from bondgraph.estimate.steps import newton_decrement
+from bondgraph.filter.filter_run import FilterRun
 
 #: Candidates are compared to this many nats; the chosen one is then estimated to the end.
 _TOLERANCE, _MOST_ITERATIONS = 0.05, 25
@@ -66,7 +69,8 @@ def look(trial: Trial, ground: Ground, quiet: tuple[Quiet, int | None] | None = 
     trial = replace(trial, built=extended, remark=remark)
     if not starts.size:
         return Look(trial, problem, None)
-    values = problem.nll(starts)
+    runs = filter_runs(problem, starts[:, 0]) if is_linearised(problem) and starts.shape[1] == 1 else None
+    values = problem.nll(starts) if runs is None else np.array([value_of(problem, starts[:, 0], runs)])
     best = int(np.argmin(np.where(np.isfinite(values), values, np.inf)))
     loss = float(values[best]) - ground.base.nll
     trial = replace(
@@ -74,7 +78,7 @@ def look(trial: Trial, ground: Ground, quiet: tuple[Quiet, int | None] | None = 
     )
     if not loss < _LOSES * ground.need:
         return Look(trial, problem, None)
-    promise = -loss + _further(problem, starts[:, best], ground.base)
+    promise = -loss + _further(problem, starts[:, best], ground.base, runs)
     trial = replace(trial, score_gain=max(promise, 0.0))
     return Look(trial, problem, starts[:, best] if promise >= 0.5 * ground.need else None)
 
@@ -120,8 +124,12 @@ def refit_storage(seen: Look, ground: Ground, beat: float) -> Trial:
     )
 
 
-def _further(problem: EstimationProblem, point: FloatArray, base: Fit) -> float:
+def _further(
+    problem: EstimationProblem, point: FloatArray, base: Fit, runs: Sequence[FilterRun] | None = None
+) -> float:
     """What a step from a point (n,) promises beyond what one from the fit without the storage does.
+
+    ``runs`` are those of the filter there, if somebody has them.
 
     That of a stiff model ends where its likelihood jumps by tenths of a nat, and its linearised filter may promise some
     nats there for ever: those are no gain of the storage's.
@@ -130,7 +138,7 @@ def _further(problem: EstimationProblem, point: FloatArray, base: Fit) -> float:
         steps = GaussNewtonSettings().difference * (problem.upper - problem.lower)
         return newton_decrement(problem, point, expand(problem, point, steps))
     # what an exact expansion costs is for what is refitted
-    return newton_decrement(problem, point, linear_expansion(problem, point)) - base.linear_promise
+    return newton_decrement(problem, point, linear_expansion(problem, point, runs)) - base.linear_promise
 
 
 def _problem(trial: Trial, ground: Ground, extended: BuiltModel) -> EstimationProblem:

@@ -31,6 +31,7 @@ from bondgraph.declare.functions import switch
 from bondgraph.declare.graph import BondGraph
 from bondgraph.declare.quantities import symbol
 from bondgraph.declare.revision import replace_symbols
+from bondgraph.filter.compiled import available_cores, in_threads
 
 When = Literal["from", "until"]
 
@@ -262,21 +263,23 @@ def best_gated(linear: Linearisation, scored: Scored) -> Gated | None:
     whole = np.concatenate([scored.columns[j] for j in usable], axis=1)
     one_sided = np.array([found[j].lower[0] >= 0.0 for j in usable])
     points = gates(logs)
-    chosen: tuple[float, Gate, FloatArray, FloatArray, int] | None = None
-    for number, (name, time) in enumerate(points):
+    gains: dict[tuple[int, When], FloatArray] = {}
+
+    def act(number: int) -> None:
         after = _after(linear, whole, scored, usable, number)
         responses: tuple[tuple[When, FloatArray], ...] = (("from", after), ("until", whole - after))
         for when, response in responses:
             score, told = linear.each_alone(response)
             gain = 0.5 * score**2 / np.where(told > 0.0, told, np.inf)
             gain[one_sided & (score < 0.0)] = 0.0
-            top = _simplest(gain, [found[j] for j in usable])
-            if chosen is None or gain[top] > chosen[0]:
-                chosen = float(gain[top]), Gate(when, name, time), response, gain, top
-    if chosen is None:
-        return None
-    _, gate, response, gain, top = chosen
-    projected = linear.projected(response)
+            gains[number, when] = gain
+
+    in_threads(available_cores(), act, range(len(points)))
+    tops = {key: _simplest(gain, [found[j] for j in usable]) for key, gain in gains.items()}
+    number, when = max(sorted(gains), key=lambda key: gains[key][tops[key]])
+    gate, gain, top = Gate(when, *points[number]), gains[number, when], tops[number, when]
+    after = _after(linear, whole, scored, usable, number)
+    projected = linear.projected(after if when == "from" else whole - after)
     step, own, p_value = best_step(projected, [top], one_sided[[top]])
     near = _peers(projected, gain, top, usable, found)
     return Gated(usable[top], gate, own, float(step[0]), p_value, 2 * len(points) * len(usable), near)

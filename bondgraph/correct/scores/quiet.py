@@ -21,7 +21,6 @@ import numpy as np
 
 from bondgraph.correct.fits.fit import Fit, fit
 from bondgraph.correct.fits.journal import Journal
-from bondgraph.correct.fits.setup import unknown_drives
 from bondgraph.correct.models.candidates import Candidate
 from bondgraph.correct.scores.scoring import Linearisation, Scored, linearisation, score_candidates
 from bondgraph.data.log import FloatArray, MatchedLog
@@ -41,8 +40,6 @@ _RISING = tuple(5.0**k for k in range(9))
 _STRIDES = (1.0, 0.5)
 #: How far process noise is lowered from the fit without an effect to its bound, on its logarithmic scale.
 _LOWERED = (1.0, 0.5, 0.0)
-#: Process noise this share of the way up from its lower bound stands in for nothing.
-_LITTLE = 0.2
 #: Coefficients start this share of their range away from a bound.
 _MARGIN = 1e-6
 
@@ -139,19 +136,11 @@ def quiet_scores(
 
 
 def is_driven(fitted: Fit, least: float) -> bool:
-    """Whether process noise drives a state of a fit: more of it than little beyond its lower bound (logarithms).
+    """Whether process noise drives a state of a fit: it is worth ``least`` nats or more, see :attr:`Fit.driven`.
 
-    A state that walks anyway, the slope of an unknown road, does not count; nor does noise that is worth less than
-    ``least`` nats, which is what the fit loses where it falls to its lower bound: it stands in for no more than that.
+    What is worth less stands in for no more than that.
     """
-    problem = fitted.problem
-    walking = unknown_drives(problem.filter_model.model, problem.logs)
-    counted = np.array([one.target.kind == "process" and one.target.name not in walking for one in problem.free])
-    risen = (fitted.point - problem.lower) / (problem.upper - problem.lower)
-    if not np.any(risen[counted] > _LITTLE):
-        return False
-    lowered = np.where(counted, problem.lower, fitted.point)
-    return not float(problem.nll(lowered[:, np.newaxis])[0]) - fitted.nll < least
+    return not fitted.driven < least
 
 
 def quiet_starts(base: Fit, quiet: Quiet, index: int, own: Sequence[FreeParameter]) -> list[FloatArray]:

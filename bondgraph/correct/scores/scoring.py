@@ -123,7 +123,9 @@ def linearisation(base: Fit, train: Sequence[MatchedLog]) -> Linearisation:
     """Linearise the filter of a fit along its training logs."""
     model = base.problem.filter_model.model
     runs = tuple(base.runs(train))
-    logs = tuple(linearise(run, log, base.theta) for run, log in zip(runs, train, strict=True))
+    logs = base.linear_logs if base.fits(train) else None
+    if logs is None:
+        logs = tuple(linearise(run, log, base.theta) for run, log in zip(runs, train, strict=True))
     kept = np.flatnonzero(~base.held)
     terms = base.expansion.terms
     assert terms is not None  # fits keep their terms

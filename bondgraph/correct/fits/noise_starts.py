@@ -1,0 +1,47 @@
+"""Where the searches of fits begin: with how much noise of the process and of the sensors."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+
+import numpy as np
+
+from bondgraph.data.log import FloatArray
+from bondgraph.estimate.free import FreeParameter
+
+#: Factors on declared noise levels at which a first fit looks for its start.
+_NOISIER = (1.0, 5.0, 25.0, 125.0)
+#: Where process noise and that of sensors begin a quiet search: shares of the way between their bounds (logarithms).
+_QUIET, _LOUD = 0.2, 0.7
+
+
+def quiet_start(free: Sequence[FreeParameter], point: FloatArray) -> FloatArray:
+    """A point (n,) with little process noise and much of the sensors: its errors are then those of the outputs.
+
+    Much process noise lets a filter follow any log whatever its parameters, and likelihoods have an optimum there too.
+    A search that begins without finds parameters first, as one of free simulations would.
+    """
+    start = point.copy()
+    for k, parameter in enumerate(free):
+        if parameter.target.kind in ("process", "std"):
+            low, high = parameter.coordinate(parameter.lower), parameter.coordinate(parameter.upper)
+            start[k] = low + (_QUIET if parameter.target.kind == "process" else _LOUD) * (high - low)
+    return start
+
+
+def noisy_starts(free: Sequence[FreeParameter]) -> list[FloatArray]:
+    """The starts of free parameters with process and measurement noise as declared and several times larger.
+
+    Far from the optimum a model is surprised by all it sees. A search that begins with noise of the right size for that
+    surprise moves the parameters first; one that begins with far too little throws every noise level up at once.
+    """
+    start = np.array([parameter.coordinate(parameter.start) for parameter in free])
+    kinds = np.array([parameter.target.kind for parameter in free])
+    found = []
+    for process, measurement in itertools.product(_NOISIER, _NOISIER[:3]):
+        point = start.copy()
+        point[kinds == "process"] += np.log(process)
+        point[kinds == "std"] += np.log(measurement)
+        found.append(point)
+    return found
