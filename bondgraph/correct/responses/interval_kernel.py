@@ -1,9 +1,15 @@
-"""How kicks of the states inside the intervals of a log reach their ends, in the part of Python that numba compiles."""
+"""How kicks of the states inside the intervals of a log reach their ends, in the part of Python that numba compiles.
+
+They are followed from one node to the next, where the states are kicked anew: a transition is the product of those of
+its parts, which costs less than to follow the kicks of every node to the end.
+"""
 
 from __future__ import annotations
 
 import math
 from typing import NamedTuple
+
+import numpy as np
 
 from bondgraph.simulate.arrays import FloatArray, IntArray
 from bondgraph.simulate.program.lanes import Advance, Prepare
@@ -61,19 +67,19 @@ def kicked(
         for lane in range(scratch.lanes):
             scratch.buffer[(scratch.theta + i) * scratch.lanes + lane] = theta[i]
     equations.prepare(scratch.buffer, scratch.lanes)
+    whole = np.empty((x.shape[1], x.shape[1]))
     for k in range(x.shape[0]):
         for i in range(x.shape[1]):
             for lane in range(scratch.lanes):
                 scratch.buffer[(scratch.x + i) * scratch.lanes + lane] = x[k, i]
-        before = 0.0
-        for m in range(nodes.size):
-            if nodes[m] > before:
-                _part(equations, intervals, k, before, nodes[m], scratch, 8)
-            before = nodes[m]
-            for i in range(x.shape[1]):
-                reached[k, m, i] = scratch.buffer[(scratch.x + i) * scratch.lanes]
+        if nodes[0] > 0.0:
+            _part(equations, intervals, k, 0.0, nodes[0], scratch, 8)
+        for i in range(x.shape[1]):
+            reached[k, 0, i] = scratch.buffer[(scratch.x + i) * scratch.lanes]
         for m in range(nodes.size):
             _kick(equations, intervals, k, m, kicks, nodes, reached, moved, scratch)
+        for m in range(nodes.size - 2, -1, -1):
+            _joined(moved[k, m + 1], moved[k, m], whole)
 
 
 def _kick(
@@ -87,8 +93,11 @@ def _kick(
     moved: FloatArray,
     scratch: Scratch,
 ) -> None:
-    """From one node to the end, the states kicked one after the other, as many side by side as there are lanes."""
-    size = kicks.size
+    """From one node to the next or the end, the states kicked one after the other, many side by side in lanes.
+
+    What a kick leaves there that is no number counts as nothing.
+    """
+    size, last = kicks.size, m + 1 == nodes.size
     first = 0
     while first < size:
         count = min(scratch.lanes - 1, size - first)
@@ -97,13 +106,27 @@ def _kick(
             for lane in range(n):
                 kick = kicks[i] if lane > 0 and first + lane - 1 == i and lane <= count else 0.0
                 scratch.buffer[(scratch.x + i) * scratch.lanes + lane] = reached[k, m, i] + kick
-        _part(equations, intervals, k, nodes[m], 1.0, scratch, n)
-        for lane in range(1, count + 1):
-            for i in range(size):
-                row = (scratch.x + i) * scratch.lanes
-                change = scratch.buffer[row + lane] - scratch.buffer[row]
-                moved[k, m, i, first + lane - 1] = change / kicks[first + lane - 1]
+        _part(equations, intervals, k, nodes[m], 1.0 if last else nodes[m + 1], scratch, n)
+        for i in range(size):
+            row = (scratch.x + i) * scratch.lanes
+            if not last:
+                reached[k, m + 1, i] = scratch.buffer[row]
+            for lane in range(1, count + 1):
+                change = (scratch.buffer[row + lane] - scratch.buffer[row]) / kicks[first + lane - 1]
+                moved[k, m, i, first + lane - 1] = change if math.isfinite(change) else 0.0
         first += count
+
+
+def _joined(late: FloatArray, early: FloatArray, whole: FloatArray) -> None:
+    """Make of the transition to a node that from there on too; ``whole`` is scratch."""
+    size = late.shape[0]
+    for i in range(size):
+        for j in range(size):
+            total = 0.0
+            for c in range(size):
+                total += late[i, c] * early[c, j]
+            whole[i, j] = total
+    early[:] = whole
 
 
 def _part(

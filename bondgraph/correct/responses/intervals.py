@@ -98,7 +98,7 @@ def kicks(
     threads = available_cores()
     edges = np.linspace(0, count, threads + 1).astype(int)
     in_threads(threads, some, [slice(first, end) for first, end in itertools.pairwise(edges)])
-    return Kicks(reached, np.nan_to_num(moved, nan=0.0, posinf=0.0, neginf=0.0))
+    return Kicks(reached, moved)
 
 
 def _some(every: interval_kernel.Intervals, own: slice) -> interval_kernel.Intervals:
