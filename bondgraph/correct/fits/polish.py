@@ -17,6 +17,7 @@ that clutch a search went 20 nats further.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -36,8 +37,9 @@ _LONGER, _BACK = (1e-5, 1e-3, 1e-2, 0.1), 3
 #: Where exact derivatives promise fewer nats than this, and steps with them took what they promised, the fit ends: on a
 #: vehicle the likelihood has jumps of some tenths of a nat, so that further derivatives promise one for ever.
 _LAST = 4.0
-#: So many nats may then be left of that promise, which is what those jumps are worth.
-_ENOUGH = 0.5
+#: So many nats may then be left of that promise, which is what those jumps are worth, or this share of it was gained:
+#: further derivatives were worth a tenth of a nat then.
+_ENOUGH, _KEPT = 0.5, 0.4
 #: Along a ridge, where a step promises more than :data:`_LAST`, one that gains this little may still lead on.
 _LEAST = 0.1
 
@@ -61,10 +63,13 @@ def polished(problem: EstimationProblem, found: Reached, tolerance: float) -> Re
         if expansion is None:
             return reached
         before = replace(reached, expansion=expansion, evaluations=reached.evaluations + expansion.evaluations)
-        reached = _stepped(problem, before, tolerance)
-        near = newton_decrement(problem, before.point, expansion) < _LAST
-        arrived = near and newton_decrement(problem, reached.point, reached.expansion) < _ENOUGH
-        if not near and before.nll - reached.nll < _ENOUGH:
+        promise = newton_decrement(problem, before.point, expansion)
+        reached = _stepped(problem, before, tolerance if promise < _LAST else max(tolerance, _ENOUGH))
+        gained = before.nll - reached.nll
+        near = promise < _LAST
+        left = newton_decrement(problem, reached.point, reached.expansion)
+        arrived = near and (left < _ENOUGH or gained > _KEPT * promise)
+        if not near and gained < _ENOUGH:
             reached = min(reached, _along_ridge(problem, before), key=lambda one: one.nll)
         if arrived or before.nll - reached.nll < (_ENOUGH if near else _LEAST):
             return replace(reached, outcome=SearchOutcome.CONVERGED)
@@ -72,25 +77,29 @@ def polished(problem: EstimationProblem, found: Reached, tolerance: float) -> Re
 
 
 def _stepped(problem: EstimationProblem, found: Reached, tolerance: float) -> Reached:
-    """Where steps with the same derivatives lead, as long as they promise and gain something."""
+    """Where steps with the same derivatives lead, as long as they promise and gain something.
+
+    After the first, one that promises no more than jumps may be is tried at two dampings, and not at all of them.
+    """
     reached = found
-    for _ in range(_STEPS):
-        if newton_decrement(problem, reached.point, reached.expansion) < tolerance:
+    for count in range(_STEPS):
+        promise = newton_decrement(problem, reached.point, reached.expansion)
+        if promise < tolerance:
             break
-        before, reached = reached, _step(problem, reached)
+        every = count == 0 or promise >= _LAST
+        before, reached = reached, _step(problem, reached, _DAMPINGS if every else _DAMPINGS[:1])
         if before.nll - reached.nll < tolerance:
             break
     return reached
 
 
-def _step(problem: EstimationProblem, found: Reached) -> Reached:
-    """One step, the better one of two dampings, which two threads try at once; more of it until it gains, if it does.
+def _step(problem: EstimationProblem, found: Reached, dampings: Sequence[tuple[float, float]]) -> Reached:
+    """One step, the better one of two dampings, which two threads try at once; more of them until one gains.
 
-    It stays where it is if no trial gains; for a promise of few nats, which jumps may be, there are no more trials.
+    It stays where it is if no trial gains.
     """
     longest, evaluations, known = longest_steps(problem), found.evaluations, found.expansion
-    much = newton_decrement(problem, found.point, known) >= _LAST
-    for pair in _DAMPINGS if much else _DAMPINGS[:1]:
+    for pair in dampings:
         steps = [damped_step(problem, found.point, known, damping) - found.point for damping in pair]
         points = [np.clip(found.point + np.clip(s, -longest, longest), problem.lower, problem.upper) for s in steps]
         seen, evaluations = problem.terms(np.array(points).T), evaluations + len(pair)
