@@ -30,6 +30,7 @@ from bondgraph.estimate.free import FreeParameter
 from bondgraph.estimate.objective import Expansion, SearchOutcome, expansion_of
 from bondgraph.estimate.problem import EstimationProblem
 from bondgraph.estimate.steps import damped_step, newton_decrement, promised_gain
+from bondgraph.filter.compiled import available_cores, in_threads
 from bondgraph.filter.filter_run import FilterRun
 from bondgraph.filter.runs import run
 from bondgraph.simulate.compile import has_numba
@@ -205,15 +206,19 @@ def _columns(
     values = problem.values(point)
     own = [k for k, one in enumerate(problem.free) if one.target.kind == "parameter"]
     known = [k for k in own if problem.free[k].target.name not in linear.path.log.theta_overrides]
-    if known:
-        changes = together([_shift(problem.free[k], float(values[k]), linear, filtered) for k in known])
-        columns_z[:, known] = respond(linear, changes)[0]
     levels = [k for k, one in enumerate(problem.free) if one.target.kind in ("std", "process")]
-    if levels:
-        found = respond_to_levels(
-            linear, filtered, _levels([problem.free[k] for k in levels], values[levels], filtered)
-        )
-        columns_z[:, levels], columns_s[:, levels] = found
+
+    def by_parameters() -> None:
+        if known:
+            changes = together([_shift(problem.free[k], float(values[k]), linear, filtered) for k in known])
+            columns_z[:, known] = respond(linear, changes)[0]
+
+    def by_levels() -> None:
+        if levels:
+            wanted = _levels([problem.free[k] for k in levels], values[levels], filtered)
+            columns_z[:, levels], columns_s[:, levels] = respond_to_levels(linear, filtered, wanted)
+
+    in_threads(available_cores(), lambda work: work(), (by_parameters, by_levels))
     return columns_z, columns_s
 
 

@@ -95,10 +95,14 @@ def kicks(
             _scratch(lanes, rows.u.shape[1]),
         )  # fmt: skip
 
-    threads = available_cores()
-    edges = np.linspace(0, count, threads + 1).astype(int)
-    in_threads(threads, some, [slice(first, end) for first, end in itertools.pairwise(edges)])
+    in_threads(available_cores(), some, _shares(count))
     return Kicks(reached, moved)
+
+
+def _shares(count: int) -> list[slice]:
+    """Intervals in as many parts as there are cores."""
+    edges = np.linspace(0, count, available_cores() + 1).astype(int)
+    return [slice(first, end) for first, end in itertools.pairwise(edges)]
 
 
 def _some(every: interval_kernel.Intervals, own: slice) -> interval_kernel.Intervals:
@@ -136,9 +140,14 @@ def filter_transitions(run: FilterRun) -> FloatArray:
     cross = np.moveaxis(run.cross_cov[:size, :size, 1:], -1, 0)
     known = _KNOWN * np.maximum(np.abs(run.filtered_mean[:size]).max(axis=1), 1e-3)
     std = np.maximum(np.sqrt(np.maximum(np.einsum("kii->ki", before), 0.0)), known)
-    scaled = before / (std[:, :, np.newaxis] * std[:, np.newaxis])
-    values, vectors = np.linalg.eigh(scaled)
-    inverse = np.where(values > _SINGULAR, 1.0 / np.where(values > _SINGULAR, values, 1.0), 0.0)
-    solved = np.swapaxes(cross / std[:, :, np.newaxis], 1, 2) @ (vectors * inverse[:, np.newaxis])
-    found: FloatArray = (solved @ np.swapaxes(vectors, 1, 2)) / std[:, np.newaxis]
+    found = np.empty(before.shape)
+
+    def some(own: slice) -> None:
+        scale = std[own]
+        values, vectors = np.linalg.eigh(before[own] / (scale[:, :, np.newaxis] * scale[:, np.newaxis]))
+        inverse = np.where(values > _SINGULAR, 1.0 / np.where(values > _SINGULAR, values, 1.0), 0.0)
+        solved = np.swapaxes(cross[own] / scale[:, :, np.newaxis], 1, 2) @ (vectors * inverse[:, np.newaxis])
+        found[own] = (solved @ np.swapaxes(vectors, 1, 2)) / scale[:, np.newaxis]
+
+    in_threads(available_cores(), some, _shares(before.shape[0]))
     return found
