@@ -12,6 +12,7 @@ from bondgraph.correct.fits.differences import forward_differences
 from bondgraph.correct.fits.excerpts import excerpt
 from bondgraph.correct.fits.journal import Journal, Noted, fit_key
 from bondgraph.correct.fits.linear_steps import (
+    Reached,
     expansion_along,
     is_linearised,
     linear_expansion,
@@ -294,24 +295,28 @@ def _linear_search(
     reach: float,
 ) -> tuple[Fit, FloatArray]:
     """The fit of a stiff model; its expansions need no difference steps."""
+    polishes, part = tolerance < _ROUGH, excerpt(problem)
     if first is None:
         best, evaluations = _best_start(problem, starts)
         start = best[:, 0]
     else:
-        start, evaluations = _rough(excerpt(problem) or problem, _ROUGH_ITERATIONS, first, starts)
-    polishes = tolerance < _ROUGH
+        rough = _rough(part or problem, _ROUGH_ITERATIONS, first, starts)
+        if part is None and not polishes:  # nothing is left to do
+            return _fit_of(problem, rough)
+        start, evaluations = rough.point, rough.evaluations
     found = linear_search(problem, start, iterations, _HANDED_OVER if polishes else tolerance, beat, _HOPELESS)
     if polishes and found.nll < beat + reach:
         found = polished(problem, found, max(tolerance, _POLISHED))
-    evaluations += found.evaluations
-    made = Fit(problem, found.point, found.nll, found.expansion, evaluations, found.outcome)
+    return _fit_of(problem, replace(found, evaluations=evaluations + found.evaluations))
+
+
+def _fit_of(problem: EstimationProblem, found: Reached) -> tuple[Fit, FloatArray]:
+    made = Fit(problem, found.point, found.nll, found.expansion, found.evaluations, found.outcome)
     return made, np.zeros(found.point.size)
 
 
-def _rough(
-    problem: EstimationProblem, iterations: int, first: FloatArray, starts: Sequence[FloatArray]
-) -> tuple[FloatArray, int]:
-    """Where a rough search from the first start or, if that is better, from another one ends, shape (n,)."""
+def _rough(problem: EstimationProblem, iterations: int, first: FloatArray, starts: Sequence[FloatArray]) -> Reached:
+    """Where a rough search from the first start or, if that is better, from another one ends."""
     found = linear_search(problem, first, iterations, _ROUGH, np.inf, _HOPELESS)
     evaluations = found.evaluations + len(starts)
     other, _ = _best_start(problem, starts)
@@ -319,7 +324,7 @@ def _rough(
         again = linear_search(problem, other[:, 0], iterations, _ROUGH, np.inf, _HOPELESS)
         evaluations += again.evaluations
         found = again if again.nll < found.nll else found
-    return found.point, evaluations
+    return replace(found, evaluations=evaluations)
 
 
 def _best_start(problem: EstimationProblem, starts: Sequence[FloatArray]) -> tuple[FloatArray, int]:
