@@ -27,6 +27,7 @@ from bondgraph.correct.refits.stiff_picks import simpler_law, varied
 from bondgraph.correct.refits.stiff_refits import refit_quiet, refit_stiff
 from bondgraph.correct.refits.storages import search_storage
 from bondgraph.correct.refits.trials import Trial
+from bondgraph.correct.responses.intervals import kicks
 from bondgraph.correct.responses.response import kicked_along
 from bondgraph.correct.round import one_round
 from bondgraph.correct.scores.gates import Gate
@@ -37,6 +38,7 @@ from bondgraph.declare.effect import Effect, Place, Scale
 from bondgraph.declare.graph import BondGraph
 from bondgraph.errors import FilterError
 from bondgraph.estimate.objective import SearchOutcome, central_differences
+from bondgraph.filter.samples import Samples
 from tests.correct.winch import built, drawn, fitted, setup_of
 from vehicle_graphs import effects
 
@@ -66,6 +68,18 @@ def test_kicks_from_the_point_before_give_the_expansion_of_this_one() -> None:
     assert not np.array_equal(near.gradient, fresh.gradient)
     kept = ~base.held & (names != "grip")  # which is faster than the quadrature sees
     assert np.abs((near.gradient - fresh.gradient) * std)[kept].max() < 0.1
+
+
+def test_kicks_followed_from_node_to_node_leave_what_they_leave_when_followed_to_the_end() -> None:
+    base = fitted(0.0)
+    (log,), (run,) = base.problem.logs, base.own_runs
+    samples, start = Samples.of(run.filter_model, log), run.filtered_mean[:, :-1]
+    theta, nodes = samples.theta(run.filter_model, base.theta), (0.0, 0.25, 0.75)
+    several = kicks(run.filter_model, samples, start, theta, nodes)
+    for k, node in enumerate(nodes):
+        alone = kicks(run.filter_model, samples, start, theta, (node,))
+        assert np.abs(several.moved[:, k] - alone.moved[:, 0]).max() < 1e-5 * np.abs(alone.moved).max()
+        assert np.abs(several.reached[:, k] - alone.reached[:, 0]).max() < 1e-5 * np.abs(start).max()
 
 
 def test_a_simpler_law_at_the_place_of_the_best_is_refitted_beside_it() -> None:
