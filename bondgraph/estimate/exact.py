@@ -121,7 +121,7 @@ def compile_exact(problem: EstimationProblem) -> None:
         return
     names = {one.target.name for one in problem.free if one.target.kind == "parameter"}
     model = filter_model.model
-    load_tangents(model, tuple(sorted(model.index("parameter", name) for name in names)), filter_model.is_stiff)
+    load_tangents(model, tuple(sorted(model.index("parameter", name) for name in names)), filter_model.method)
 
 
 def _exact_filter(problem: EstimationProblem) -> FilterModel | None:

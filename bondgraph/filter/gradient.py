@@ -118,7 +118,7 @@ def innovation_tangents(
             where=(filter_model.model.name, "method"),
         )
     moving = np.flatnonzero(np.any([np.any(each.theta != 0.0, axis=1) for each in directions], axis=0))
-    tangents = load_tangents(filter_model.model, tuple(int(position) for position in moving), filter_model.is_stiff)
+    tangents = load_tangents(filter_model.model, tuple(int(position) for position in moving), filter_model.method)
     run = load_kernel(gradient_kernel, gradient_algebra, kernel_channels).filter_with_tangents
     samples = [Samples.of(filter_model, log) for log in logs]
 

@@ -119,12 +119,13 @@ class Writer:
             "measure": tape.program(rewrite(rows["output"])),
         }
         if self._stiff:
-            nodes, programs["substitute"] = self._solver_nodes()
+            nodes, factors = self._solver_nodes()
+            programs["substitute"] = self._solution(factors)
             programs["factor"] = tape.program(nodes)
         return programs
 
-    def _solver_nodes(self) -> tuple[list[int], Program]:
-        """Nodes of df/dt and of the factors of 1/(gamma h) I - J, and the solution for a right-hand side."""
+    def _solver_nodes(self) -> tuple[list[int], SparseFactors]:
+        """Nodes of df/dt and of the factors of 1/(gamma h) I - J, and the factors as other functions read them."""
         equations, tape = self._equations, self._tape
         n_x = equations.sizes["x"]
         factors = factorise(tape, n_x, equations.jacobian_nodes("rhs", "x"), tape.leaf("step", 0))
@@ -140,10 +141,13 @@ class Writer:
             {place: known(new[node]) for place, node in factors.entries.items()},
             {k: known(new[node]) for k, node in factors.inverse_pivots.items()},
         )
-        right = [tape.leaf("right", i) for i in range(n_x)]
-        solution = tape.program(substitute(tape, kept, right))
         self._n_factors = len(stored)
-        return [*self._hoister.rewrite(equations.trend_nodes()), *stored], solution
+        return [*self._hoister.rewrite(equations.trend_nodes()), *stored], kept
+
+    def _solution(self, factors: SparseFactors) -> Program:
+        """The solution for a right-hand side."""
+        right = [self._tape.leaf("right", i) for i in range(self._equations.sizes["x"])]
+        return self._tape.program(substitute(self._tape, factors, right))
 
     def _stored(self, node: int, stored: dict[int, int], vector: str) -> int:
         """How another function reads a node: directly where it is fixed, else from a vector in which it is kept."""

@@ -20,6 +20,12 @@ TREND: int
 STAGES: int
 DIN: int
 DOUT: int
+JAC: int
+N_JAC: int
+JACS: int
+BEND: int
+N_BEND: int
+BENDS: int
 
 #: ``rates(clock, inputs, w, n)``, and the same for ``slopes``, ``curve`` and ``factor``
 rates: Callable[[FloatArray, FloatArray, FloatArray, int], None]
@@ -30,10 +36,12 @@ factor: Callable[[FloatArray, FloatArray, FloatArray, int], None]
 #: The step of the method at hand: ``_rk4_step`` or ``_rosenbrock_step``.
 one_step: Callable[..., None]
 
-#: ``push(seed, w, n)``, and the same for ``bend`` and ``sway``
+#: ``push(seed, w, n)``
 push: Callable[[FloatArray, FloatArray, int], None]
-bend: Callable[[FloatArray, FloatArray, int], None]
-sway: Callable[[FloatArray, FloatArray, int], None]
+
+#: ``push_step(seed, clock, w, n)`` and ``push_state(clock, w, n)``
+push_step: Callable[[FloatArray, FloatArray, FloatArray, int], None]
+push_state: Callable[[FloatArray, FloatArray, int], None]
 
 #: ``substitute(w, n)``
 substitute: Callable[[FloatArray, int], None]

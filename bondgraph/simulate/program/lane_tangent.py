@@ -6,26 +6,36 @@ For chosen parameters the equations are printed with their Jacobians J = df/dx a
     push(seed, w, n)                J d + (df/dtheta) seed, for one direction d of all lanes
 
 are called: what is expensive (functions, tables, loops) is computed once for all directions. In the step of a stiff
-method J itself moves with the state at which the step starts, and so does the trend df/dt. For a stage U
+method J itself moves with the state at which the step starts, and so does the trend df/dt:
 
-    curve(clock, inputs, w, n)      d(J U)/dx and d(J U)/dtheta at the start of the step
-    bend(seed, w, n)                their product with a direction
-    sway(seed, w, n)                the product of the derivatives of the trend with a direction
+    factor(clock, inputs, w, n)     the trend, its derivatives, and the factors of W = 1/(gamma h) I - J
+    curve(clock, inputs, w, n)      d(J U)/dx and d(J U)/dtheta at the start of the step, for a stage U
+
+A stage solves W U = R, so its tangent solves W dU = dR + dJ U. With the matrices of all stages kept, the whole step of
+a direction is straight-line arithmetic:
+
+    push_step(seed, clock, w, n)    a direction at the end of a step from that at its start
+    push_state(clock, w, n)         the same for a direction in which no parameter moves
 
 so that the tangent is that of the steps themselves, and exact for the likelihood that is computed with them.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from bondgraph.simulate.program import stiff_tangent_kernel, tangent_kernel
 from bondgraph.simulate.program.lane_model import Writer, kernel_functions
 from bondgraph.simulate.program.lane_text import Place
 from bondgraph.simulate.program.model_program import ModelProgram
+from bondgraph.simulate.program.sparse_lu import SparseFactors, substitute
 from bondgraph.simulate.program.tangent import tangents
 from bondgraph.simulate.program.tape import Program
+from bondgraph.simulate.rosenbrock import Tableau
+
+#: Nodes of the entries of a matrix, by row, vector that it is multiplied with, and position there.
+Entries = dict[tuple[int, str, int], int]
 
 
 @dataclass(frozen=True)
@@ -47,63 +57,86 @@ class TangentText:
     vectors: int
 
 
-def tangent_text(equations: ModelProgram, parameters: Sequence[int], stiff: bool) -> TangentText:
-    """Text of the tangent functions, explicit or stiff, for derivatives by the parameters at these positions.
+def tangent_text(equations: ModelProgram, parameters: Sequence[int], tableau: Tableau | None = None) -> TangentText:
+    """Text of the tangent functions for derivatives by the parameters at these positions.
+
+    They are those of the stiff method with this tableau, or of the explicit one.
 
     Examples
     --------
     >>> from bondgraph.simulate.example import pendulum
-    >>> text = tangent_text(pendulum().program, [0], stiff=False)
+    >>> text = tangent_text(pendulum().program, [0])
     >>> [name for name in ("slopes", "push", "advance_tangents") if f"def {name}(" in text.source]
     ['slopes', 'push', 'advance_tangents']
     """
-    return _TangentWriter(equations, parameters, stiff).tangent_text()
+    return _TangentWriter(equations, parameters, tableau).tangent_text()
 
 
 class _TangentWriter(Writer):
-    def __init__(self, equations: ModelProgram, parameters: Sequence[int], stiff: bool) -> None:
-        super().__init__(equations, stiff)
+    def __init__(self, equations: ModelProgram, parameters: Sequence[int], tableau: Tableau | None) -> None:
+        super().__init__(equations, tableau is not None)
         self._parameters = list(parameters)
+        self._tableau = tableau
         self._kept: dict[str, dict[int, int]] = {"jac": {}, "yjac": {}, "bend": {}, "sway": {}}
 
     def tangent_text(self) -> TangentText:
         programs = self._tangent_programs()
         hoisted = self._tape.program(self._hoister.nodes)
         self._lay_out()
-        n_u, rows = self._equations.sizes["u"], self._rows
-        at_x = {name: Place(rows[name]) for name in ("theta", "hoisted", "x", "din", "factors", *self._kept)} | {
-            "seed": Place(0, "seed"), "t": Place(0, "clock"), "step": Place(1, "clock"), "u": Place(0, "inputs"),
-            "du": Place(n_u, "inputs"), "right": Place(rows["total"]), "v": Place(rows["total"]),
-        }  # fmt: skip
-        at_stage = {**at_x, "x": Place(rows["stage"])}
-        timed, seeded = "clock, inputs, w, n", "seed, w, n"
+        places = self._places()
+        at_stage = {**places, "x": Place(self._rows["stage"])}
+        timed, seeded, stepped = "clock, inputs, w, n", "seed, w, n", "clock, w, n"
         parts = [
-            self._function("prepare", "w, n", hoisted, at_x, ["hoisted"]),
+            self._function("prepare", "w, n", hoisted, places, ["hoisted"]),
             self._function("slopes", timed, programs["slopes"], at_stage, ["slope", "jac"]),
-            self._function("push", seeded, programs["push"], at_x, ["dout"]),
-            self._function("measure_slopes", timed, programs["measure"], at_x, ["y", "yjac"]),
-            self._function("push_output", seeded, programs["push_output"], at_x, ["dy"]),
+            self._function("measure_slopes", timed, programs["measure"], places, ["y", "yjac"]),
+            self._function("push_output", seeded, programs["push_output"], places, ["dy"]),
         ]
         if self._stiff:
             parts += [
-                self._function("factor", timed, programs["factor"], at_x, ["trend", "factors", "sway"]),
-                self._function("substitute", "w, n", programs["substitute"], at_x, ["total"]),
-                self._function("curve", timed, programs["curve"], at_x, ["bend"]),
-                self._function("bend", seeded, programs["bend"], at_x, ["dout"]),
-                self._function("sway", seeded, programs["sway"], at_x, ["dout"]),
+                self._function("factor", timed, programs["factor"], places, ["trend", "factors", "sway"]),
+                self._function("substitute", "w, n", programs["substitute"], places, ["total"]),
+                self._function("curve", timed, programs["curve"], places, ["bend"]),
+                self._function("push_step", f"seed, {stepped}", programs["push_step"], places, ["dout"]),
+                self._function("push_state", stepped, programs["push_state"], places, ["dout"]),
             ]
+        else:
+            parts.append(self._function("push", seeded, programs["push"], places, ["dout"]))
         kernel = stiff_tangent_kernel if self._stiff else tangent_kernel
         functions = [f"@lane_loops\n{part}" for part in parts]
-        lines = "\n".join([f"DIN = {rows['din']}", f"DOUT = {rows['dout']}"])
         calls = kernel_functions(kernel, "@_inner", callback="advance_tangents")
-        source = "\n\n\n".join([self._preamble(), lines, *functions, *calls])
-        total, vectors = self._next + self._spare, 9 if self._stiff else 3
+        source = "\n\n\n".join([self._preamble(), self._own_rows(), *functions, *calls])
+        rows, total, vectors = self._rows, self._next + self._spare, 1 if self._stiff else 3
         return TangentText(source, rows["theta"], rows["x"], rows["y"], rows["din"], rows["dy"], total, vectors)
+
+    def _places(self) -> dict[str, Place]:
+        """Where each vector of leaves is."""
+        rows, n_u = self._rows, self._equations.sizes["u"]
+        stages = range(self._tableau.stages if self._tableau else 0)
+        return {
+            **{name: Place(rows[name]) for name in ("theta", "hoisted", "x", "din", "factors", *self._kept)},
+            **{f"jac{s}": Place(rows["jacs"] + s * len(self._kept["jac"])) for s in stages},
+            **{f"bend{s}": Place(rows["bends"] + s * len(self._kept["bend"])) for s in stages},
+            "seed": Place(0, "seed"), "t": Place(0, "clock"), "step": Place(1, "clock"), "u": Place(0, "inputs"),
+            "du": Place(n_u, "inputs"), "right": Place(rows["total"]), "v": Place(rows["total"]),
+        }  # fmt: skip
+
+    def _own_rows(self) -> str:
+        """Numbers of the rows that only tangents have."""
+        names = ["din", "dout", *(("jac", "jacs", "bend", "bends") if self._stiff else ())]
+        lines = [f"{name.upper()} = {self._rows[name]}" for name in names]
+        if self._stiff:
+            lines += [f"N_{name.upper()} = {len(self._kept[name])}" for name in ("jac", "bend")]
+        return "\n".join(lines)
 
     def _lay_out(self) -> None:
         n_x, n_y = self._equations.sizes["x"], len(self._equations.rows["output"])
         kept = {name: len(stored) for name, stored in self._kept.items()}
-        stiff = {"factors": self._n_factors, "stages": 6 * n_x} if self._stiff else {"factors": 0, "stages": 0}
+        stages = self._tableau.stages if self._tableau else 0
+        stiff = {
+            "factors": self._n_factors if self._stiff else 0, "stages": stages * n_x,
+            "jacs": stages * kept["jac"], "bends": stages * kept["bend"],
+        }  # fmt: skip
         for name, size in {
             "theta": self._equations.sizes["theta"], "x": n_x, "stage": n_x, "slope": n_x, "total": n_x, "trend": n_x,
             "hoisted": len(self._hoister.nodes), "y": n_y, "din": n_x, "dout": n_x, "dy": n_y, **kept, **stiff,
@@ -118,34 +151,87 @@ class _TangentWriter(Writer):
 
     def _tangent_programs(self) -> dict[str, Program]:
         model, tape, rewrite = self._equations, self._tape, self._hoister.rewrite
-        push = self._products(model.rows["rhs"], "jac")
-        push_output = self._products(model.rows["output"], "yjac")
+        moving = self._moving(seeded=True)
+        jac, outputs = self._entries(model.rows["rhs"], "jac"), self._entries(model.rows["output"], "yjac")
         programs = {
             "slopes": tape.program([*rewrite(model.rows["rhs"]), *self._kept["jac"]]),
-            "push": push,
             "measure": tape.program([*rewrite(model.rows["output"]), *self._kept["yjac"]]),
-            "push_output": push_output,
+            "push_output": tape.program(self._product(outputs, len(model.rows["output"]), moving)),
         }
-        if not self._stiff:
+        if self._tableau is None:
+            programs["push"] = tape.program(self._product(jac, model.sizes["x"], moving))
             return programs
         along = {tape.leaf("x", k): tape.leaf("v", k) for k in range(model.sizes["x"])}
-        programs["bend"] = self._products(tangents(model.reader, model.rows["rhs"], along), "bend")
+        bend = self._entries(tangents(model.reader, model.rows["rhs"], along), "bend")
+        sway = self._entries(model.trend_nodes(), "sway")
+        nodes, factors = self._solver_nodes()
         programs["curve"] = tape.program(self._kept["bend"])
-        programs["sway"] = self._products(model.trend_nodes(), "sway")
-        nodes, programs["substitute"] = self._solver_nodes()
         programs["factor"] = tape.program([*nodes, *self._kept["sway"]])
+        programs["substitute"] = self._solution(factors)
+        for name, seeded in (("push_step", True), ("push_state", False)):
+            programs[name] = tape.program(self._step(self._tableau, jac, bend, sway, factors, seeded))
         return programs
 
-    def _products(self, rows: Sequence[int], kept: str) -> Program:
-        """The product of the derivatives of some rows with a direction; the derivatives are kept under a name."""
+    def _step(
+        self, tableau: Tableau, jac: Entries, bend: Entries, sway: Entries, factors: SparseFactors, seeded: bool
+    ) -> list[int]:
+        """A direction at the end of a step of the method from that at its start, see ``rosenbrock`` for the stages."""
+        tape, n_x = self._tape, self._equations.sizes["x"]
+        moving = self._moving(seeded)
+        start = [moving["din", k] for k in range(n_x)]
+        inverse = tape.mul(tableau.gamma, tape.leaf("step", 0))  # 1/h
+        trend = self._product(sway, n_x, moving)
+        stages: list[list[int]] = []
+        slopes: list[int] = []
+        for s in range(tableau.stages):
+            if tableau.is_new(s):
+                at = self._sums(start, tableau.a[s], stages)
+                there = moving | {("din", k): node for k, node in enumerate(at)}
+                slopes = self._product(jac, n_x, there, f"jac{s}")
+            turned = self._product(bend, n_x, moving, f"bend{s}")
+            length = tape.div(tableau.gammas[s], inverse)
+            right = [tape.add(tape.add(slopes[i], turned[i]), tape.mul(length, trend[i])) for i in range(n_x)]
+            past = self._sums([tape.constant(0.0)] * n_x, tableau.c[s], stages)
+            right = [tape.add(node, tape.mul(inverse, past[i])) for i, node in enumerate(right)]
+            stages.append(substitute(tape, factors, right))
+        return self._sums(start, tableau.m, stages)
+
+    def _sums(self, start: Sequence[int], shares: Sequence[float], stages: Sequence[Sequence[int]]) -> list[int]:
+        """A vector plus shares of the stages."""
+        tape, total = self._tape, list(start)
+        for share, stage in zip(shares, stages, strict=True):
+            total = [tape.add(a, tape.mul(share, b)) for a, b in zip(total, stage, strict=True)]
+        return total
+
+    def _moving(self, seeded: bool) -> dict[tuple[str, int], int]:
+        """A direction: derivatives of the states and, if parameters move, of the parameters."""
+        names = [("din", k) for k in range(self._equations.sizes["x"])]
+        names += [("seed", q) for q in range(len(self._parameters))] if seeded else []
+        return {name: self._tape.leaf(*name) for name in names}
+
+    def _entries(self, rows: Sequence[int], kept: str) -> Entries:
+        """The derivatives of some rows by states and parameters; what is not fixed is kept under a name."""
         model, tape = self._equations, self._tape
-        one = tape.constant(1.0)
         columns = [("din", k, tape.leaf("x", k)) for k in range(model.sizes["x"])]
         columns += [("seed", q, tape.leaf("theta", p)) for q, p in enumerate(self._parameters)]
-        pushed = [tape.constant(0.0) for _ in rows]
+        entries: Entries = {}
         for vector, position, leaf in columns:
-            derivatives = self._hoister.rewrite(tangents(model.reader, rows, {leaf: one}))
+            derivatives = self._hoister.rewrite(tangents(model.reader, rows, {leaf: tape.constant(1.0)}))
             for i, node in enumerate(derivatives):
-                entry = self._stored(node, self._kept[kept], kept)
-                pushed[i] = tape.add(pushed[i], tape.mul(entry, tape.leaf(vector, position)))
-        return tape.program(pushed)
+                if not tape.is_zero(node):
+                    entries[i, vector, position] = self._stored(node, self._kept[kept], kept)
+        return entries
+
+    def _product(
+        self, entries: Entries, count: int, moving: Mapping[tuple[str, int], int], vector: str | None = None
+    ) -> list[int]:
+        """A matrix of so many rows times a direction; ``vector`` is where what is kept of it is read."""
+        tape, product = self._tape, [self._tape.constant(0.0)] * count
+        for (i, name, position), entry in entries.items():
+            if (name, position) not in moving:
+                continue
+            operation = tape.operations[entry]
+            if vector is not None and operation.kind == "leaf" and operation.value[0] in self._kept:
+                entry = tape.leaf(vector, operation.value[1])
+            product[i] = tape.add(product[i], tape.mul(entry, moving[name, position]))
+        return product

@@ -16,6 +16,7 @@ from bondgraph.simulate.model import Model
 from bondgraph.simulate.program.lane_model import lane_text
 from bondgraph.simulate.program.lane_tangent import TangentText, tangent_text
 from bondgraph.simulate.program.lane_text import LANES
+from bondgraph.simulate.rosenbrock import TABLEAUS
 
 #: ``prepare(w, n)``
 Prepare = Callable[[FloatArray, int], None]
@@ -115,10 +116,10 @@ class TangentLanes:
 
 
 @functools.lru_cache(maxsize=64)
-def load_tangents(model: Model, parameters: tuple[int, ...], stiff: bool) -> TangentLanes:
-    """The tangent functions of a model, explicit or stiff, for derivatives by the parameters at these positions."""
-    layout = tangent_text(model.program, parameters, stiff)
-    title = f"{'Stiff' if stiff else 'Explicit'} tangents of the generated module {model.name!r}"
+def load_tangents(model: Model, parameters: tuple[int, ...], method: str) -> TangentLanes:
+    """The tangent functions of a model with a method, for derivatives by the parameters at these positions."""
+    layout = tangent_text(model.program, parameters, TABLEAUS.get(method))
+    title = f"Tangents of {method} steps of the generated module {model.name!r}"
     source = "\n\n".join([HEADER.format(title=title) + _LANE, layout.source]) + "\n" + _TANGENT_CALLBACKS
     module = load_compiled(source)
     return TangentLanes(

@@ -1,7 +1,7 @@
 """Tangents of Rosenbrock steps for all lanes, in the part of Python that numba compiles. Rows as in ``lane_kernel``.
 
-``dw`` holds for each direction its vectors, each of all lanes: at the state (0), of the trend (1), of the slopes (2),
-and of the stages (3 ...). A stage U solves W U = R with W = 1/(gamma h) I - J, so its tangent solves W dU = dR + dJ U.
+``dw`` holds each direction, of all lanes. In every step the stages come first: of each the Jacobian of its slopes and
+what its solution makes of the Jacobian at the start are kept. Then one direction after another passes the whole step.
 """
 
 from __future__ import annotations
@@ -12,9 +12,15 @@ from bondgraph.simulate.arrays import FloatArray
 
 if TYPE_CHECKING:
     from bondgraph.simulate.program.lane_names import (
+        BEND,
+        BENDS,
         DIN,
         DOUT,
+        JAC,
+        JACS,
         LANES,
+        N_BEND,
+        N_JAC,
         N_X,
         ROWS,
         SLOPE,
@@ -23,13 +29,12 @@ if TYPE_CHECKING:
         TOTAL,
         TREND,
         X,
-        bend,
         curve,
         factor,
-        push,
+        push_state,
+        push_step,
         slopes,
         substitute,
-        sway,
     )
 
 
@@ -49,7 +54,7 @@ def advance_tangents(
     n: int,
 ) -> None:
     """Advance states and their directions by steps that are each ``grading`` times as long as the one before."""
-    size = w.size // ROWS * N_X
+    size = w.size // ROWS * N_X  # the lanes, as a number that numba does not know: else loops stay scalar
     passed = 0.0
     step = length / substeps
     if grading != 1.0:
@@ -60,22 +65,18 @@ def advance_tangents(
         for i in range(u_left.size):
             inputs[u_left.size + i] = (u_right[i] - u_left[i]) / length
         factor(clock, inputs, w, n)
-        for d in range(seeds.shape[0]):
-            _copy_in(w, dw[d], 0, size)
-            sway(seeds[d], w, n)
-            _copy_out(w, dw[d], size, DOUT * LANES, size)
         for s in range(int(tableau[0])):
             _stage(s, start, passed, length, step, tableau, u_left, u_right, clock, inputs, size, w, n)
             _set_time(start, passed, length, u_left, u_right, clock, inputs)
             curve(clock, inputs, w, n)
-            for d in range(seeds.shape[0]):
-                _push_stage(s, step, tableau, seeds[d], dw[d], size, w, n)
+            _copy(w, JACS + s * N_JAC, JAC, size // N_X * N_JAC)
+            _copy(w, BENDS + s * N_BEND, BEND, size // N_X * N_BEND)
         for s in range(int(tableau[0])):
             share = tableau[2 + s * (4 + 2 * int(tableau[0])) + 2]
             for q in range(size):
                 w[X * LANES + q] += share * w[STAGES * LANES + s * size + q]
-            for d in range(seeds.shape[0]):
-                _add_row(dw[d], share, (3 + s) * size, size)
+        for d in range(seeds.shape[0]):
+            _push(seeds[d], clock, dw[d], size, w, n)
         passed += step
         step *= grading
 
@@ -94,19 +95,24 @@ def _set_time(
         inputs[i] = u_left[i] + passed / length * (u_right[i] - u_left[i])
 
 
-def _copy_in(w: FloatArray, row: FloatArray, first: int, size: int) -> None:
+def _copy(w: FloatArray, target: int, source: int, size: int) -> None:
     for q in range(size):
-        w[DIN * LANES + q] = row[first + q]
+        w[target * LANES + q] = w[source * LANES + q]
 
 
-def _copy_out(w: FloatArray, row: FloatArray, first: int, source: int, size: int) -> None:
+def _push(seed: FloatArray, clock: FloatArray, row: FloatArray, size: int, w: FloatArray, n: int) -> None:
+    """A whole step of one direction."""
     for q in range(size):
-        row[first + q] = w[source + q]
-
-
-def _add_row(row: FloatArray, share: float, source: int, size: int) -> None:
+        w[DIN * LANES + q] = row[q]
+    moves = False
+    for q in range(seed.size):
+        moves = moves or seed[q] != 0.0
+    if moves:
+        push_step(seed, clock, w, n)
+    else:
+        push_state(clock, w, n)
     for q in range(size):
-        row[q] += share * row[source + q]
+        row[q] = w[DOUT * LANES + q]
 
 
 def _stage(
@@ -143,28 +149,3 @@ def _stage(
     substitute(w, n)
     for q in range(size):
         w[STAGES * LANES + s * size + q] = w[TOTAL * LANES + q]
-
-
-def _push_stage(
-    s: int, step: float, tableau: FloatArray, seed: FloatArray, row: FloatArray, size: int, w: FloatArray, n: int
-) -> None:
-    """One stage of one direction."""
-    stages = int(tableau[0])
-    at = 2 + s * (4 + 2 * stages)
-    if tableau[at + 3] != 0.0:
-        _copy_in(w, row, 0, size)
-        for j in range(s):
-            for q in range(size):
-                w[DIN * LANES + q] += tableau[at + 4 + j] * row[(3 + j) * size + q]
-        push(seed, w, n)
-        _copy_out(w, row, 2 * size, DOUT * LANES, size)
-    _copy_in(w, row, 0, size)
-    bend(seed, w, n)
-    for q in range(size):
-        trend = tableau[at + 1] * step * row[size + q]
-        w[TOTAL * LANES + q] = w[DOUT * LANES + q] + row[2 * size + q] + trend
-    for j in range(s):
-        for q in range(size):
-            w[TOTAL * LANES + q] += tableau[at + 4 + stages + j] / step * row[(3 + j) * size + q]
-    substitute(w, n)
-    _copy_out(w, row, (3 + s) * size, TOTAL * LANES, size)
