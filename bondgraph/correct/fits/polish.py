@@ -5,9 +5,9 @@ again, one of them may be off by a hundred. Where parameters stand in for each o
 and what is left is then that error: along the ridge of a vehicle's clutch the information was a hundred times too
 large, a search ended twenty standard deviations and 55 nats short, and said that a step promised 0.3.
 
-Exact derivatives cost as much as a dozen values of the likelihood. So several steps are taken with the same ones, each
-with the gradient that they make with the innovations where it starts (simplified Newton steps: Deuflhard 2004, Newton
-Methods for Nonlinear Problems, 2.1.2), and they are formed anew where these gain no more.
+Exact derivatives cost as much as half a dozen values of the likelihood. So several steps are taken with the same ones,
+each with the gradient that they make with the innovations where it starts (simplified Newton steps: Deuflhard 2004,
+Newton Methods for Nonlinear Problems, 2.1.2), and they are formed anew where these gain no more.
 
 Such a ridge is curved, and narrow: a step along it leaves it, though it promises 19 nats, and a shorter one gains next
 to nothing. Where steps stall, longer ones are followed by others back onto the ridge before it is said what they gained

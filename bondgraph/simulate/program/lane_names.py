@@ -23,14 +23,10 @@ DOUT: int
 JAC: int
 N_JAC: int
 JACS: int
-BEND: int
-N_BEND: int
-BENDS: int
 
-#: ``rates(clock, inputs, w, n)``, and the same for ``slopes``, ``curve`` and ``factor``
+#: ``rates(clock, inputs, w, n)``, and the same for ``slopes`` and ``factor``
 rates: Callable[[FloatArray, FloatArray, FloatArray, int], None]
 slopes: Callable[[FloatArray, FloatArray, FloatArray, int], None]
-curve: Callable[[FloatArray, FloatArray, FloatArray, int], None]
 factor: Callable[[FloatArray, FloatArray, FloatArray, int], None]
 
 #: The step of the method at hand: ``_rk4_step`` or ``_rosenbrock_step``.
@@ -43,5 +39,6 @@ push: Callable[[FloatArray, FloatArray, int], None]
 push_step: Callable[[FloatArray, FloatArray, FloatArray, int], None]
 push_state: Callable[[FloatArray, FloatArray, int], None]
 
-#: ``substitute(w, n)``
+#: ``substitute(w, n)`` and ``curve(w, n)``
 substitute: Callable[[FloatArray, int], None]
+curve: Callable[[FloatArray, int], None]

@@ -8,8 +8,9 @@ For chosen parameters the equations are printed with their Jacobians J = df/dx a
 are called: what is expensive (functions, tables, loops) is computed once for all directions. In the step of a stiff
 method J itself moves with the state at which the step starts, and so does the trend df/dt:
 
-    factor(clock, inputs, w, n)     the trend, its derivatives, and the factors of W = 1/(gamma h) I - J
-    curve(clock, inputs, w, n)      d(J U)/dx and d(J U)/dtheta at the start of the step, for a stage U
+    factor(clock, inputs, w, n)     all that belongs to the start of the step: dx/dt, J, df/dtheta, the second
+                                    derivatives, the trend with its own, and the factors of W = 1/(gamma h) I - J
+    curve(w, n)                     d(J U)/dx and d(J U)/dtheta there, for every stage U
 
 A stage solves W U = R, so its tangent solves W dU = dR + dJ U. With the matrices of all stages kept, the whole step of
 a direction is straight-line arithmetic:
@@ -72,12 +73,17 @@ def tangent_text(equations: ModelProgram, parameters: Sequence[int], tableau: Ta
     return _TangentWriter(equations, parameters, tableau).tangent_text()
 
 
+#: What is kept from the start of a stiff step, in this order; the entries of J and df/dtheta come last.
+_AT_START = ("trend", "factors", "sway", "hess", "slope")
+
+
 class _TangentWriter(Writer):
     def __init__(self, equations: ModelProgram, parameters: Sequence[int], tableau: Tableau | None) -> None:
         super().__init__(equations, tableau is not None)
         self._parameters = list(parameters)
         self._tableau = tableau
-        self._kept: dict[str, dict[int, int]] = {"jac": {}, "yjac": {}, "bend": {}, "sway": {}}
+        self._kept: dict[str, dict[int, int]] = {"jac": {}, "yjac": {}, "hess": {}, "sway": {}}
+        self._n_bend = 0
 
     def tangent_text(self) -> TangentText:
         programs = self._tangent_programs()
@@ -94,9 +100,9 @@ class _TangentWriter(Writer):
         ]
         if self._stiff:
             parts += [
-                self._function("factor", timed, programs["factor"], places, ["trend", "factors", "sway"]),
+                self._function("factor", timed, programs["factor"], places, [*_AT_START, "jac"]),
                 self._function("substitute", "w, n", programs["substitute"], places, ["total"]),
-                self._function("curve", timed, programs["curve"], places, ["bend"]),
+                self._function("curve", "w, n", programs["curve"], places, ["bends"]),
                 self._function("push_step", f"seed, {stepped}", programs["push_step"], places, ["dout"]),
                 self._function("push_state", stepped, programs["push_state"], places, ["dout"]),
             ]
@@ -116,17 +122,17 @@ class _TangentWriter(Writer):
         return {
             **{name: Place(rows[name]) for name in ("theta", "hoisted", "x", "din", "factors", *self._kept)},
             **{f"jac{s}": Place(rows["jacs"] + s * len(self._kept["jac"])) for s in stages},
-            **{f"bend{s}": Place(rows["bends"] + s * len(self._kept["bend"])) for s in stages},
+            **{f"bend{s}": Place(rows["bends"] + s * self._n_bend) for s in stages},
             "seed": Place(0, "seed"), "t": Place(0, "clock"), "step": Place(1, "clock"), "u": Place(0, "inputs"),
-            "du": Place(n_u, "inputs"), "right": Place(rows["total"]), "v": Place(rows["total"]),
+            "du": Place(n_u, "inputs"), "right": Place(rows["total"]), "stages": Place(rows["stages"]),
         }  # fmt: skip
 
     def _own_rows(self) -> str:
         """Numbers of the rows that only tangents have."""
-        names = ["din", "dout", *(("jac", "jacs", "bend", "bends") if self._stiff else ())]
+        names = ["din", "dout", *(("jac", "jacs") if self._stiff else ())]
         lines = [f"{name.upper()} = {self._rows[name]}" for name in names]
         if self._stiff:
-            lines += [f"N_{name.upper()} = {len(self._kept[name])}" for name in ("jac", "bend")]
+            lines.append(f"N_JAC = {len(self._kept['jac'])}")
         return "\n".join(lines)
 
     def _lay_out(self) -> None:
@@ -135,7 +141,7 @@ class _TangentWriter(Writer):
         stages = self._tableau.stages if self._tableau else 0
         stiff = {
             "factors": self._n_factors if self._stiff else 0, "stages": stages * n_x,
-            "jacs": stages * kept["jac"], "bends": stages * kept["bend"],
+            "jacs": stages * kept["jac"], "bends": stages * self._n_bend,
         }  # fmt: skip
         for name, size in {
             "theta": self._equations.sizes["theta"], "x": n_x, "stage": n_x, "slope": n_x, "total": n_x, "trend": n_x,
@@ -147,7 +153,8 @@ class _TangentWriter(Writer):
     def _sizes(self) -> dict[str, int]:
         n_x = self._equations.sizes["x"]
         sizes = {"slope": n_x, "y": len(self._equations.rows["output"]), "trend": n_x}
-        return {**sizes, "factors": self._n_factors} if self._stiff else sizes
+        kept = {name: len(self._kept[name]) for name in ("sway", "hess")}
+        return {**sizes, **kept, "factors": self._n_factors} if self._stiff else sizes
 
     def _tangent_programs(self) -> dict[str, Program]:
         model, tape, rewrite = self._equations, self._tape, self._hoister.rewrite
@@ -161,16 +168,47 @@ class _TangentWriter(Writer):
         if self._tableau is None:
             programs["push"] = tape.program(self._product(jac, model.sizes["x"], moving))
             return programs
-        along = {tape.leaf("x", k): tape.leaf("v", k) for k in range(model.sizes["x"])}
-        bend = self._entries(tangents(model.reader, model.rows["rhs"], along), "bend")
         sway = self._entries(model.trend_nodes(), "sway")
+        bend, bends = self._bends(self._tableau.stages)
         nodes, factors = self._solver_nodes()
-        programs["curve"] = tape.program(self._kept["bend"])
-        programs["factor"] = tape.program([*nodes, *self._kept["sway"]])
+        programs["curve"] = tape.program(bends)
+        at_start = [*nodes, *self._kept["sway"], *self._kept["hess"], *rewrite(model.rows["rhs"]), *self._kept["jac"]]
+        programs["factor"] = tape.program(at_start)
         programs["substitute"] = self._solution(factors)
         for name, seeded in (("push_step", True), ("push_state", False)):
             programs[name] = tape.program(self._step(self._tableau, jac, bend, sway, factors, seeded))
         return programs
+
+    def _bends(self, stages: int) -> tuple[Entries, list[int]]:
+        """The derivatives of J U, for one stage as they are read, and nodes of those of all stages U."""
+        tape = self._tape
+        second = self._second_derivatives()
+        rows = dict.fromkeys((i, vector, position) for i, _, vector, position in second)
+        self._n_bend = len(rows)
+        nodes = []
+        for s in range(stages):
+            sums = dict.fromkeys(rows, tape.constant(0.0))
+            for (i, j, vector, position), node in second.items():
+                stage = tape.leaf("stages", s * self._equations.sizes["x"] + j)
+                sums[i, vector, position] = tape.add(sums[i, vector, position], tape.mul(node, stage))
+            nodes += list(sums.values())
+        return {row: tape.leaf("bend", k) for k, row in enumerate(rows)}, nodes
+
+    def _second_derivatives(self) -> dict[tuple[int, int, str, int], int]:
+        """The derivatives of the entries (i, j) of J by states and parameters; those by two states are formed once."""
+        tape, reader = self._tape, self._equations.reader
+        jacobian = self._equations.jacobian_nodes("rhs", "x")
+        found: dict[tuple[int, int, str, int], int] = {}
+        for vector, position, leaf in self._columns():
+            first = [place for place in jacobian if vector != "din" or place[1] <= position]
+            derivatives = tangents(reader, [jacobian[place] for place in first], {leaf: tape.constant(1.0)})
+            for (i, j), node in zip(first, self._hoister.rewrite(derivatives), strict=True):
+                if not tape.is_zero(node):
+                    kept = self._stored(node, self._kept["hess"], "hess")
+                    found[i, j, vector, position] = kept
+                    if vector == "din":
+                        found[i, position, vector, j] = kept
+        return found
 
     def _step(
         self, tableau: Tableau, jac: Entries, bend: Entries, sway: Entries, factors: SparseFactors, seeded: bool
@@ -209,13 +247,17 @@ class _TangentWriter(Writer):
         names += [("seed", q) for q in range(len(self._parameters))] if seeded else []
         return {name: self._tape.leaf(*name) for name in names}
 
+    def _columns(self) -> list[tuple[str, int, int]]:
+        """What derivatives are formed by: the vector and position of a direction, and the node."""
+        tape = self._tape
+        columns = [("din", k, tape.leaf("x", k)) for k in range(self._equations.sizes["x"])]
+        return columns + [("seed", q, tape.leaf("theta", p)) for q, p in enumerate(self._parameters)]
+
     def _entries(self, rows: Sequence[int], kept: str) -> Entries:
         """The derivatives of some rows by states and parameters; what is not fixed is kept under a name."""
         model, tape = self._equations, self._tape
-        columns = [("din", k, tape.leaf("x", k)) for k in range(model.sizes["x"])]
-        columns += [("seed", q, tape.leaf("theta", p)) for q, p in enumerate(self._parameters)]
         entries: Entries = {}
-        for vector, position, leaf in columns:
+        for vector, position, leaf in self._columns():
             derivatives = self._hoister.rewrite(tangents(model.reader, rows, {leaf: tape.constant(1.0)}))
             for i, node in enumerate(derivatives):
                 if not tape.is_zero(node):
@@ -231,7 +273,7 @@ class _TangentWriter(Writer):
             if (name, position) not in moving:
                 continue
             operation = tape.operations[entry]
-            if vector is not None and operation.kind == "leaf" and operation.value[0] in self._kept:
+            if vector is not None and operation.kind == "leaf" and operation.value[0] in ("jac", "bend"):
                 entry = tape.leaf(vector, operation.value[1])
             product[i] = tape.add(product[i], tape.mul(entry, moving[name, position]))
         return product

@@ -1,7 +1,7 @@
 """Tangents of Rosenbrock steps for all lanes, in the part of Python that numba compiles. Rows as in ``lane_kernel``.
 
-``dw`` holds each direction, of all lanes. In every step the stages come first: of each the Jacobian of its slopes and
-what its solution makes of the Jacobian at the start are kept. Then one direction after another passes the whole step.
+``dw`` holds each direction, of all lanes. In every step the stages come first: of each the Jacobian of its slopes is
+kept, and what its solution makes of the second derivatives. Then one direction after another passes the whole step.
 """
 
 from __future__ import annotations
@@ -12,14 +12,11 @@ from bondgraph.simulate.arrays import FloatArray
 
 if TYPE_CHECKING:
     from bondgraph.simulate.program.lane_names import (
-        BEND,
-        BENDS,
         DIN,
         DOUT,
         JAC,
         JACS,
         LANES,
-        N_BEND,
         N_JAC,
         N_X,
         ROWS,
@@ -67,10 +64,8 @@ def advance_tangents(
         factor(clock, inputs, w, n)
         for s in range(int(tableau[0])):
             _stage(s, start, passed, length, step, tableau, u_left, u_right, clock, inputs, size, w, n)
-            _set_time(start, passed, length, u_left, u_right, clock, inputs)
-            curve(clock, inputs, w, n)
             _copy(w, JACS + s * N_JAC, JAC, size // N_X * N_JAC)
-            _copy(w, BENDS + s * N_BEND, BEND, size // N_X * N_BEND)
+        curve(w, n)
         for s in range(int(tableau[0])):
             share = tableau[2 + s * (4 + 2 * int(tableau[0])) + 2]
             for q in range(size):
@@ -130,10 +125,10 @@ def _stage(
     w: FloatArray,
     n: int,
 ) -> None:
-    """One stage of all lanes; its solution is in STAGES and TOTAL, and the Jacobian of its slopes is kept."""
+    """One stage of all lanes; its solution goes to STAGES. The slopes of the first are those of the start."""
     stages = int(tableau[0])
     row = 2 + s * (4 + 2 * stages)  # alpha, gamma, m, whether slopes are new, a (stages), c (stages)
-    if tableau[row + 3] != 0.0:
+    if s > 0 and tableau[row + 3] != 0.0:
         for q in range(size):
             w[STAGE * LANES + q] = w[X * LANES + q]
         for j in range(s):
