@@ -29,7 +29,7 @@ from bondgraph.filter.ukf import Member
 from bondgraph.simulate.program.lanes import load_tangents
 
 #: What one expansion counts, in evaluations: measured on the vehicle with ten free parameters, and one to compare.
-_EVALUATIONS = 7
+_EVALUATIONS = 5
 
 #: Relative difference up to which two values of a likelihood are the same.
 _SAME = 1e-7
