@@ -78,6 +78,34 @@ def test_what_does_as_well_in_its_place_is_not_told_apart_whatever_scores_said(
     assert rivals([there, same], strange, ground) == [there, same]  # they have nothing in common
 
 
+def test_what_was_refitted_and_ended_somewhat_behind_is_asked_once_more(monkeypatch: pytest.MonkeyPatch) -> None:
+    _, _, ground = drags()
+    where = places(built(), ground.train, ground.base.runs(ground.train), ground.base.theta)
+    drum = [one for one in where if one.label == "drum"]
+    found, _ = candidates(built(), [effects.quadratic_loss, squared_loss], drum)
+    scored = score_candidates(linearisation(ground.base, ground.train), found)
+    there, same = (refit_alone(Trial(one, 0.0), [0.2], ground) for one in found)
+
+    def behind(nats: float, told: float) -> Trial:
+        """As if its search had ended early."""
+        known = same.evidence
+        assert known is not None
+        less = replace(known, delta_nll=known.delta_nll - nats, bic_gain=known.bic_gain - nats)
+        return replace(same, evidence=less, instead=(there.candidate.label, told))
+
+    again = rivals([there, behind(6.0, 9.0)], scored, ground)[1]
+    assert again.gain == pytest.approx(same.gain, abs=0.1)  # it promised to be better, and was searched once more
+    monkeypatch.setattr("bondgraph.correct.refits.rivals._MORE", 3.0)  # what promises less is not worth a refit
+    done = rivals([there, behind(6.0, 9.0)], scored, ground)  # what was told before its refit counts no more
+    assert done[1].instead is not None and abs(done[1].instead[1]) < 1.5
+    (other,) = alternatives(there, done, scored.scores, ground.level)
+    assert other.indistinguishable and "in its place it would do as well" in other.why
+    done = rivals([there, behind(60.0, 0.0)], scored, ground)  # no search ends so far behind
+    assert done[1].instead is None
+    (other,) = alternatives(there, done, scored.scores, ground.level)
+    assert not other.indistinguishable and "60.0 nats less" in other.why
+
+
 def late(function: EffectFunction, size: float) -> MatchedLog:
     """The winch with a loss of its drum from a time on."""
     calm = drawn(0.0)

@@ -210,13 +210,13 @@ def _why_not(
         lost = (1.0 - alike**2) * chosen.gain
         if trial.score_gain > 0.0 and lost < CLOSE:
             return True, f"its response is the same to these sensors (correlation {alike:.4f}, {lost:.1f} nats less)"
-        if trial.instead is not None and trial.instead[0] == chosen.candidate.label and trial.instead[1] < CLOSE:
-            return True, f"in its place it would do as well ({trial.instead[1]:.1f} nats less)"
     short = chosen.gain - trial.gain
     if trial.evidence is not None and short <= -CLOSE:
         return False, f"it gains {-short:.1f} nats more, but p = {trial.p_value:.2g} is above {level:g}"
     if trial.evidence is not None and abs(short) < CLOSE:
         return True, f"its likelihood is within {abs(short):.1f} nats, which these data do not tell apart"
+    if trial.instead is not None and trial.instead[0] == chosen.candidate.label and trial.instead[1] < CLOSE:
+        return True, f"in its place it would do as well ({trial.instead[1]:.1f} nats less)"
     return False, f"{_said(trial)} {short:.1f} nats less than {chosen.candidate.label}"
 
 

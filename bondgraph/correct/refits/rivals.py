@@ -3,7 +3,9 @@
 Scores at the fit without any effect single out what is refitted, and tell too little of its neighbours: drag of a
 vehicle's body had 4 nats, on its front axle 27, where both gain 61; of a law that acts in part of the data its place
 and kind are hardly told at all. At the refit they are (:mod:`.exchange`). What promises to be better is refitted from
-there, what promises to be as good belongs to the group that the data do not tell apart.
+there, what promises to be as good belongs to the group that the data do not tell apart. That is asked also of what was
+refitted and ended somewhat behind, for only the foremost are searched until nothing is left: friction in a front axle
+ended 5.7 nats behind that in the rear one, was promised 2.6 there, and was 3.4 behind when searched from there.
 """
 
 from __future__ import annotations
@@ -43,7 +45,7 @@ def rivals(trials: Sequence[Trial], scored: Scored, ground: Ground) -> list[Tria
     ground
         What the refits start from.
     """
-    done = list(trials)
+    done = [_untold(one) for one in trials]
     best = choose(done, ground.level)
     if best is None or best.fit is None:
         return done
@@ -52,6 +54,11 @@ def rivals(trials: Sequence[Trial], scored: Scored, ground: Ground) -> list[Tria
     if refitted and better is not None:
         _compare(done, better, scored, ground, 0)
     return done
+
+
+def _untold(trial: Trial) -> Trial:
+    """A trial without what was told before its refit."""
+    return trial if trial.evidence is None or trial.instead is None else replace(trial, instead=None)
 
 
 def _compare(done: list[Trial], best: Trial, scored: Scored, ground: Ground, most: int) -> bool:
@@ -100,11 +107,15 @@ def _ends(done: Sequence[Trial], best: Trial) -> list[Trial]:
 
 
 def _others(done: Sequence[Trial], best: Trial, scored: Scored) -> list[int]:
-    """The candidates that act when the best does, and were neither refitted, alone or with others, nor compared yet."""
+    """The candidates that act when the best does, were not compared yet, and were not refitted, alone or with others.
+
+    Nor those that were, if they ended within some nats behind.
+    """
     known = set[str]()
     for one in done:
         compared = one.instead is not None and one.instead[0] == best.candidate.label
-        if one.gate == best.gate and (one.evidence is not None or compared):
+        ended = one.evidence is not None and not CLOSE <= best.gain - one.gain < _NEAR
+        if one.gate == best.gate and (ended or compared):
             known |= {one.candidate.label, *(one.stands_for if one.fit is not None else ())}
     return [
         j
