@@ -9,6 +9,7 @@ import time
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
+from multiprocessing import get_context
 from pathlib import Path
 
 import numpy as np
@@ -346,6 +347,33 @@ def test_a_process_that_dies_is_replaced_and_its_task_tried_once_more(tmp_path: 
         with pytest.raises(ProcessDiedError, match="died twice"):
             hopeless.result()
         assert after.result() == 3
+
+
+def _note_and_wait(mark: Path) -> None:
+    mark.write_text(str(os.getpid()), encoding="utf-8")
+    time.sleep(250.0)
+
+
+def _hold(mark: Path) -> None:
+    with RenewedProcesses(1) as executor:
+        executor.submit(_note_and_wait, mark).result()
+
+
+@pytest.mark.usefixtures("deadline")
+def test_processes_end_with_the_one_that_began_them(tmp_path: Path) -> None:
+    mark = tmp_path / "worker"
+    holder = get_context("spawn").Process(target=_hold, args=(mark,))
+    holder.start()
+    while not mark.exists() or not mark.read_text(encoding="utf-8"):
+        time.sleep(0.1)
+    worker = int(mark.read_text(encoding="utf-8"))
+    os.kill(worker, 0)  # it lives
+    holder.kill()
+    holder.join()
+    with pytest.raises(ProcessLookupError):
+        while True:  # until the deadline
+            os.kill(worker, 0)
+            time.sleep(0.1)
 
 
 def test_a_case_whose_process_dies_is_an_outcome_and_the_study_goes_on(

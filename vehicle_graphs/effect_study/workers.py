@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import os
 import threading
 from collections.abc import Callable, Iterator
 from concurrent.futures import Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
-from multiprocessing import get_context
+from multiprocessing import get_context, parent_process
 from typing import Any, ParamSpec, TypeVar
 
 _P = ParamSpec("_P")
@@ -25,7 +26,8 @@ class RenewedProcesses(Executor):
     """So many processes, each replaced after so many tasks.
 
     A process that ends by itself, as when the system is out of memory, is replaced too, and its task is tried once
-    more; if that ends likewise, the task's future raises :class:`ProcessDiedError` and the others go on.
+    more; if that ends likewise, the task's future raises :class:`ProcessDiedError` and the others go on. If this
+    process is killed, the others end with it.
 
     A pool of :class:`~concurrent.futures.ProcessPoolExecutor` that replaces its processes (``max_tasks_per_child``) may
     end up with none of them and wait for ever (CPython issue 115634; seen with Python 3.11). So here every thread has a
@@ -87,12 +89,24 @@ class RenewedProcesses(Executor):
                 if hasattr(own, "pool"):
                     own.pool.shutdown()
                     self._pools.remove(own.pool)
-                own.pool = ProcessPoolExecutor(1, mp_context=get_context("spawn"))
+                own.pool = ProcessPoolExecutor(1, mp_context=get_context("spawn"), initializer=_end_with_parent)
                 self._pools.append(own.pool)
             own.left = self._renewed
         own.left -= 1
         pool: ProcessPoolExecutor = own.pool
         return pool
+
+
+def _end_with_parent() -> None:
+    """End this process when the one that began it is gone; it would go on with its task, and then wait for ever."""
+    parent = parent_process()
+    assert parent is not None  # this is a process of a pool
+
+    def wait() -> None:
+        parent.join()
+        os._exit(1)
+
+    threading.Thread(target=wait, name="parent", daemon=True).start()
 
 
 @contextmanager
