@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -10,7 +11,7 @@ import pytest
 from bondgraph.correct.models.build import build
 from bondgraph.correct.models.candidates import candidates, places
 from bondgraph.correct.refits.decide import CLOSE, alternatives, choose
-from bondgraph.correct.refits.exchange import exchanges
+from bondgraph.correct.refits.exchange import Exchange, exchanges
 from bondgraph.correct.refits.gated_refits import refit_in_part
 from bondgraph.correct.refits.refit import Ground, refit_alone
 from bondgraph.correct.refits.rivals import rivals
@@ -157,6 +158,26 @@ def test_a_refit_in_part_tells_what_another_would_gain_in_that_part(part: tuple[
     assert others and all(one.why.startswith(f"acting {gate}, ") for one in others)
     group = {best.candidate.label, *(f"{one.name} at {one.junction}" for one in others if one.indistinguishable)}
     assert "quadratic_loss at drum" in group and "viscous_loss at drum" not in group  # the motor turns with the drum
+
+
+def test_its_law_at_another_place_is_refitted_though_it_seems_to_lose_some_nats_in_that_part(
+    part: tuple[Ground, Scored], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    ground, scored = part
+    order = [one.label for one in scored.candidates]
+    gate = Gate("from", "run", SWITCH)
+    motor = Trial(scored.candidates[order.index("cubic_loss at motor")], 0.0, (0.0002,), gate=gate)
+    (there,) = refit_in_part(motor, ground, 100, 0.0)
+    for loss, also in ((5.0, {"cubic_loss at drum"}), (20.0, set())):
+
+        def told(*asked: Any, nats: float = loss) -> list[Exchange | None]:
+            """As if an expansion said that everything lost so much."""
+            return [None if one is None else replace(one, loss=nats) for one in exchanges(*asked)]
+
+        monkeypatch.setattr("bondgraph.correct.refits.rivals.exchanges", told)
+        refitted = [one for one in rivals([there], scored, ground) if one.evidence is not None]
+        assert {one.candidate.label for one in refitted} == {"cubic_loss at motor"} | also
+        assert all(one.gain == pytest.approx(there.gain, abs=CLOSE) for one in refitted)
 
 
 def test_each_place_has_one_that_acts_in_part_before_another_has_two(part: tuple[Ground, Scored]) -> None:

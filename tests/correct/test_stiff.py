@@ -23,7 +23,7 @@ from bondgraph.correct.refits.decide import alternatives, choose
 from bondgraph.correct.refits.exchange import exchanges
 from bondgraph.correct.refits.gated_refits import also_throughout
 from bondgraph.correct.refits.refit import Ground, alike, refit_alone
-from bondgraph.correct.refits.stiff_picks import simpler_law, varied
+from bondgraph.correct.refits.stiff_picks import picked_quiet, simpler_law, varied
 from bondgraph.correct.refits.stiff_refits import refit_quiet, refit_stiff
 from bondgraph.correct.refits.storages import search_storage
 from bondgraph.correct.refits.trials import Trial
@@ -203,7 +203,8 @@ def test_what_is_found_has_to_hold_in_free_simulation_where_what_tells_of_it_sta
     assert doubted.evidence is not None and doubted.evidence.p_robust > turn.chosen.evidence.p_robust
 
 
-def test_a_search_begins_from_one_smooth_and_one_switching_law_of_those_much_alike() -> None:
+def four_laws(gain: np.ndarray) -> tuple[list[Trial], Scores, Ground]:
+    """Laws at the drum of the winch of which the first and the last could not be smoothed, with scores as given."""
     log, base = drawn(0.3), fitted(0.3)
     where = [one for one in places(built(), [log], base.runs([log]), base.theta) if one.label == "drum"]
     laws = [effects.stribeck_loss, effects.quadratic_loss, effects.viscous_loss, effects.coulomb_loss]
@@ -212,15 +213,29 @@ def test_a_search_begins_from_one_smooth_and_one_switching_law_of_those_much_ali
     found = sorted(found, key=lambda one: names.index(one.effect.name))
     for k in (0, 3):  # as if these could not be smoothed
         found[k] = replace(found[k], effect=replace(found[k].effect, amplitudes=(0.1,)))
-    gain, alike = np.array([120.0, 110.0, 100.0, 20.0]), np.full((4, 4), 0.95) + 0.05 * np.eye(4)
+    alike = np.full((4, 4), 0.95) + 0.05 * np.eye(4)
     scored = Scores(np.ones(4), tuple(np.ones((4, 1))), gain, alike, np.zeros((1, 4)), np.full(4, 1e-6))
     trials = [Trial(one, float(g), (1.0,)) for one, g in zip(found, gain, strict=True)]
-    ground = Ground(built(), base, (log,), 4, 0.01, 10.0)
+    return trials, scored, Ground(built(), base, (log,), 4, 0.01, 10.0)
+
+
+def test_a_search_begins_from_one_smooth_and_one_switching_law_of_those_much_alike() -> None:
+    trials, scored, ground = four_laws(np.array([120.0, 110.0, 100.0, 20.0]))
     assert varied(trials, scored, ground) == [[1], [3]]  # one of one coefficient each, the best first
     apart = replace(scored, correlation=np.eye(4))
     assert varied(trials, apart, ground) == [[0], [1], [2], [3]]  # what switches is underrated, and goes along
     far = [replace(trials[3], score_gain=2.0)]
     assert [3] not in varied([*trials[:3], *far], replace(apart, gain=np.array([120.0, 110.0, 100.0, 6.0])), ground)
+
+
+def test_with_little_process_noise_the_best_law_that_switches_is_searched_beside_the_best() -> None:
+    trials, scored, ground = four_laws(np.array([30.0, 195.0, 190.0, 120.0]))
+    assert picked_quiet(trials, scored, ground) == [[1], [2], [3]]
+    assert picked_quiet(trials, replace(scored, gain=np.array([30.0, 195.0, 120.0, 120.0])), ground) == [[1], [3]]
+    assert picked_quiet(trials, replace(scored, gain=np.array([30.0, 195.0, 120.0, 60.0])), ground) == [[1]]  # too far
+    assert picked_quiet(trials, replace(scored, gain=np.array([195.0, 30.0, 30.0, 120.0])), ground) == [[0]]
+    done = [trials[0], replace(trials[1], fit=ground.base), *trials[2:]]
+    assert picked_quiet(done, scored, ground) == [[2], [3]]  # what was refitted is not searched again
 
 
 def test_of_those_that_promise_much_the_ones_ahead_in_their_heats_go_on() -> None:

@@ -33,9 +33,8 @@ from bondgraph.correct.refits.refit import (
     coefficients,
     inside,
     note,
-    worth_quiet,
 )
-from bondgraph.correct.refits.stiff_picks import attainable, simpler_law, varied
+from bondgraph.correct.refits.stiff_picks import attainable, picked_quiet, simpler_law, varied
 from bondgraph.correct.refits.trials import Trial
 from bondgraph.correct.scores.quiet import Quiet, quiet_starts
 from bondgraph.correct.scores.scoring import Scored
@@ -51,8 +50,6 @@ _Task = TypeVar("_Task")
 
 #: At most so many candidates are searched from anywhere else than the end of the best of them.
 _MOST = 4
-#: So many of those that are best with little process noise are searched.
-_MOST_QUIET = 2
 #: Heats end where a further step promises less than so many nats; after them few steps are left.
 _ROUGH, _ROUGH_ITERATIONS = 2.0, 30
 _TOLERANCE, _MOST_ITERATIONS = 0.05, 12
@@ -140,14 +137,9 @@ def refit_quiet(trials: Sequence[Trial], scored: Scored, quiet: Quiet, ground: G
     quiet
         Scores of the same candidates on the quiet fit.
     """
-    done, found = list(trials), quiet.scored.scores
-    groups = [
-        group
-        for group in alike(done, found, worth_quiet(found, ground.need))
-        if all(done[j].fit is None for j in group)
-    ]
+    done = list(trials)
     before = choose(done, ground.level)
-    entrants = [_quiet_entrant(done, group, quiet, ground) for group in groups[:_MOST_QUIET]]
+    entrants = [_quiet_entrant(done, group, quiet, ground) for group in picked_quiet(done, quiet.scored.scores, ground)]
     _refit(entrants, done, ground, report, -0.5 * ground.need)
     if choose(done, ground.level) is not before:
         _exchange(done, scored, ground)
