@@ -114,9 +114,7 @@ def planned_again(problem: EstimationProblem, point: FloatArray) -> FilterModel:
         problem.filter_model,
         problem.logs,
         batch.theta[:, 0],
-        noise_std=batch.noise_std[:, 0],
-        process_std=batch.process_std[:, 0],
-        x0=[x0[:, 0] for x0 in batch.x0],
+        **batch.values(0),
     )
 
 

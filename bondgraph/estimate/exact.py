@@ -179,15 +179,20 @@ def _expand(problem: EstimationProblem, filter_model: FilterModel, point: FloatA
 
     def slopes(array: FloatArray) -> FloatArray:
         n = point.size
-        return np.asarray((array[:, 1 : n + 1] - array[:, n + 1 :]) / (2.0 * step))
+        return np.asarray((array[..., 1 : n + 1] - array[..., n + 1 :]) / (2.0 * step))
 
-    still = np.zeros((filter_model.start_std.size, point.size))
+    def turned(array: FloatArray) -> FloatArray | None:
+        moved = slopes(array)
+        return moved if moved.any() else None
+
+    stds = (batch.initial_std, batch.process_std, batch.noise_std)
+    correlations = (batch.initial_correlation, batch.process_correlation, batch.noise_correlation)
     members = [
-        Member(batch.theta[:, 0], x0[:, 0], filter_model.start_std, batch.process_std[:, 0], batch.noise_std[:, 0])
-        for x0 in batch.x0
+        Member(batch.theta[:, 0], x0[:, 0], *(array[..., 0] for array in (*stds, *correlations))) for x0 in batch.x0
     ]
-    noise, process = np.nan_to_num(slopes(batch.noise_std)), slopes(batch.process_std)
-    directions = [Directions(slopes(batch.theta), slopes(x0), still, process, noise) for x0 in batch.x0]
+    levels = [np.nan_to_num(slopes(std)) for std in stds]
+    pairs = [turned(array) for array in correlations]
+    directions = [Directions(slopes(batch.theta), slopes(x0), *levels, *pairs) for x0 in batch.x0]
     found = innovation_tangents(filter_model, problem.logs, members, directions, threads)
     priors = problem._prior_terms(around)
     d_priors = slopes(priors)

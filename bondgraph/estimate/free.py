@@ -2,31 +2,45 @@
 
 A name is that of a model parameter, or ``std(output)`` for the standard deviation of a measured output,
 ``process(state)`` for that of the noise that drives a state, ``x0(state)`` for an initial state shared by all logs, or
-``x0(state, log)`` for that of one log.
+``x0(state, log)`` for that of one log. ``x0_std(state)`` is the uncertainty of an initial state; ``corr(output,
+output)``, ``process_corr(state, state)`` and ``x0_corr(state, state)`` are correlations of two noises.
 """
 
 from __future__ import annotations
 
 import math
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Literal
 
 import numpy as np
 
+from bondgraph.data.log import MatchedLog
 from bondgraph.errors import EstimationError, suggest
+from bondgraph.estimate.noise_bounds import process_bounds, sensor_bounds
 from bondgraph.estimate.objective import FloatArray
 from bondgraph.filter.filter_model import FilterModel
 
-Kind = Literal["parameter", "std", "process", "x0"]
+Kind = Literal["parameter", "std", "process", "x0", "x0_std", "corr", "process_corr", "x0_corr"]
 Scale = Literal["linear", "log"]
 
-_CALL = re.compile(r"^(std|process|x0)\((.+)\)$")
+_CALL = re.compile(r"^(std|process_corr|process|x0_std|x0_corr|x0|corr)\((.+)\)$")
+
+#: Which names each kind takes, and the word for them.
+_NAMED: dict[Kind, tuple[str, str]] = {
+    "parameter": ("parameter", "parameter"), "std": ("output", "output"), "process": ("state", "state"),
+    "x0": ("state", "state"), "x0_std": ("state", "state"), "corr": ("output", "output"),
+    "process_corr": ("state", "state"), "x0_corr": ("state", "state"),
+}  # fmt: skip
+
+#: Correlations are searched up to here: beyond, two noises are one, and their covariance has no inverse.
+_CORRELATED = 0.999
 
 #: Bounds that span more than this factor, all above zero, are searched on a logarithmic scale.
 _WIDE = 20.0
-#: Noise levels are searched within this factor of their declared value.
+#: Noise levels are searched within this factor of their declared value where no log bounds them.
 _NOISE_SPAN = 100.0
 #: Initial states are searched within this many of the filter's initial standard deviations.
 _INITIAL_SPAN = 6.0
@@ -34,11 +48,15 @@ _INITIAL_SPAN = 6.0
 
 @dataclass(frozen=True)
 class Target:
-    """What a name stands for: a kind, the parameter, output or state, and the log if it is for one only."""
+    """What a name stands for: a kind, the parameter, output or state, and the log if it is for one only.
+
+    ``other`` is the second of two that are correlated.
+    """
 
     kind: Kind
     name: str
     log: str | None = None
+    other: str | None = None
 
 
 def parse_target(name: str) -> Target:
@@ -47,7 +65,7 @@ def parse_target(name: str) -> Target:
     Examples
     --------
     >>> parse_target("std(speed)"), parse_target("x0(speed, run7)").log
-    (Target(kind='std', name='speed', log=None), 'run7')
+    (Target(kind='std', name='speed', log=None, other=None), 'run7')
     """
     match = _CALL.match(name.strip())
     if match is None:
@@ -56,7 +74,10 @@ def parse_target(name: str) -> Target:
     if kind == "x0":
         state, _, log = inner.partition(",")
         return Target("x0", state.strip(), log.strip() or None)
-    return Target("std" if kind == "std" else "process", inner.strip())
+    if kind.endswith("corr"):
+        first, _, second = inner.partition(",")
+        return Target(kind, first.strip(), None, second.strip())  # type: ignore[arg-type]
+    return Target(kind, inner.strip())  # type: ignore[arg-type]
 
 
 @dataclass(frozen=True)
@@ -136,18 +157,23 @@ class FreeParameter:
         return values
 
 
-def declared_free(name: str, filter_model: FilterModel, start: float | None = None) -> FreeParameter:
-    """A free parameter with the bounds that the model declares.
+def declared_free(
+    name: str, filter_model: FilterModel, start: float | None = None, logs: Sequence[MatchedLog] = ()
+) -> FreeParameter:
+    """A free parameter with the bounds that the model declares, a noise level with those that logs show.
 
     Parameters
     ----------
     name
         See the module's first lines.
     filter_model
-        Declares bounds and values of parameters, noise levels and initial uncertainties; noise levels are searched
-        within a factor of 100, initial states within six standard deviations.
+        Declares bounds and values of parameters, noise levels and initial uncertainties; initial states are searched
+        within six standard deviations.
     start
         Where to start instead of the declared value.
+    logs
+        Matched logs, whose range bounds noise levels, see :mod:`bondgraph.estimate.noise_bounds`; without them a level
+        is searched within a factor of 100.
 
     Raises
     ------
@@ -168,15 +194,50 @@ def declared_free(name: str, filter_model: FilterModel, start: float | None = No
         return _declared_parameter(name, filter_model, start)
     if target.kind == "x0":
         return _declared_initial(name, target, filter_model, start)
-    group = filter_model.measurement_noise if target.kind == "std" else filter_model.process_noise
-    level = group.get(target.name, 0.0) if start is None else start
-    if level <= 0.0:
+    if target.other is not None:
+        return _declared_correlation(name, target, filter_model, start)
+    return _declared_level(name, target, filter_model, start, logs)
+
+
+def _declared_level(
+    name: str, target: Target, filter_model: FilterModel, start: float | None, logs: Sequence[MatchedLog]
+) -> FreeParameter:
+    groups = {
+        "std": filter_model.measurement_noise, "process": filter_model.process_noise,
+        "x0_std": filter_model.initial_std,
+    }  # fmt: skip
+    level = groups[target.kind].get(target.name, 0.0) if start is None else start
+    shown = _shown_bounds(target, filter_model, logs)
+    if level <= 0.0 and shown is None:
         raise EstimationError(
-            f"free parameter {name!r}: the filter model declares no such noise"
+            f"free parameter {name!r}: the filter model declares no such noise, and no log bounds it"
             " - declare its level, or give a FreeParameter with bounds",
             where=(name,),
         )
-    return FreeParameter(name, level / _NOISE_SPAN, level * _NOISE_SPAN, level, scale="log")
+    lower, upper = shown or (level / _NOISE_SPAN, level * _NOISE_SPAN)
+    level = level if level > 0.0 else math.sqrt(lower * upper)
+    return FreeParameter(name, min(lower, level), max(upper, level), level, scale="log")
+
+
+def _shown_bounds(
+    target: Target, filter_model: FilterModel, logs: Sequence[MatchedLog]
+) -> tuple[float, float] | None:
+    model = filter_model.model
+    if not logs or target.kind == "x0_std":
+        return None
+    if target.kind == "std":
+        return sensor_bounds(logs, model.index("output", target.name))
+    return process_bounds(model, logs, model.theta(), model.index("state", target.name))
+
+
+def _declared_correlation(name: str, target: Target, filter_model: FilterModel, start: float | None) -> FreeParameter:
+    declared = {
+        "corr": filter_model.measurement_correlation, "process_corr": filter_model.process_correlation,
+        "x0_corr": filter_model.initial_correlation,
+    }[target.kind]  # fmt: skip
+    pairs = ((target.name, target.other or ""), (target.other or "", target.name))
+    value = next((declared[pair] for pair in pairs if pair in declared), 0.0) if start is None else start
+    return FreeParameter(name, -_CORRELATED, _CORRELATED, value)
 
 
 def _declared_parameter(name: str, filter_model: FilterModel, start: float | None) -> FreeParameter:
@@ -215,16 +276,14 @@ def require_known(target: Target, name: str, filter_model: FilterModel) -> None:
         With the closest name there is.
     """
     model = filter_model.model
-    known = {
-        "parameter": model.names("parameter"),
-        "std": model.names("output"),
-        "process": model.names("state"),
-        "x0": model.names("state"),
-    }[target.kind]
-    if target.name not in known:
-        word = {"parameter": "parameter", "std": "output", "process": "state", "x0": "state"}[target.kind]
-        raise EstimationError(
-            f"free parameter {name!r}: {model.name} has no {word} {target.name!r}{suggest(target.name, known)}"
-            f" - it has {', '.join(known)}",
-            where=(name,),
-        )
+    kind, word = _NAMED[target.kind]
+    known = model.names(kind)
+    for part in (target.name, *(() if target.other is None else (target.other,))):
+        if part not in known:
+            raise EstimationError(
+                f"free parameter {name!r}: {model.name} has no {word} {part!r}{suggest(part, known)}"
+                f" - it has {', '.join(known)}",
+                where=(name,),
+            )
+    if target.name == target.other:
+        raise EstimationError(f"free parameter {name!r}: names {target.name!r} twice - name two", where=(name,))

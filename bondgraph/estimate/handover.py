@@ -94,7 +94,7 @@ def excerpt(problem: EstimationProblem, evaluations: int) -> EstimationProblem:
     >>> log = MatchedLog("swing", time, np.zeros((1, 40_001)), 0.5 * np.cos(3.1 * time)[np.newaxis])
     >>> problem = pose(swing, log, ["length"])
     >>> excerpt(problem, 300) is problem, len(excerpt(problem, 6000).logs[0])
-    (True, 20001)
+    (True, 10001)
     """
     share = _WORK / (filtering_work(problem) * evaluations)
     if share >= 1.0:

@@ -20,19 +20,38 @@ from bondgraph.estimate.initial import Initial, initial_states
 from bondgraph.estimate.objective import Below, BoolArray, FloatArray, Terms
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.likelihood import innovations, likelihood, negative_log_likelihood
+from bondgraph.filter.members import MemberValues
 
 
 @dataclass(frozen=True)
 class Batch:
     """Numbers of several members: theta (n_theta, members), noise_std (n_y, members), process_std (n_s, members).
 
-    ``x0`` has one array (n_x, members) per log.
+    ``x0`` has one array (n_x, members) per log; ``initial_std`` (n_s, members), and correlations of the sensors
+    (n_y, n_y, members), of process noise and of initial states (n_s, n_s, members).
     """
 
     theta: FloatArray
     noise_std: FloatArray
     process_std: FloatArray
     x0: tuple[FloatArray, ...]
+    initial_std: FloatArray
+    noise_correlation: FloatArray
+    process_correlation: FloatArray
+    initial_correlation: FloatArray
+
+    def values(self, member: int | None = None) -> MemberValues:
+        """What a filter is given beside theta: of all members, or of one."""
+        own: slice | int = slice(None) if member is None else member
+        return {
+            "noise_std": self.noise_std[..., own],
+            "process_std": self.process_std[..., own],
+            "x0": [x0[..., own] for x0 in self.x0],
+            "initial_std": self.initial_std[..., own],
+            "noise_correlation": self.noise_correlation[..., own],
+            "process_correlation": self.process_correlation[..., own],
+            "initial_correlation": self.initial_correlation[..., own],
+        }
 
 
 class LikelihoodFunction(Protocol):
@@ -73,9 +92,7 @@ class FilterLikelihood:
             batch.theta,
             threads=self.threads,
             compiled=self.compiled,
-            noise_std=batch.noise_std,
-            process_std=batch.process_std,
-            x0=list(batch.x0),
+            **batch.values(),
         )
         return values
 
@@ -90,9 +107,7 @@ class FilterLikelihood:
             ceilings=ceilings,
             threads=self.threads,
             compiled=self.compiled,
-            noise_std=batch.noise_std,
-            process_std=batch.process_std,
-            x0=list(batch.x0),
+            **batch.values(),
         )
         return Below(found.nll, found.abandoned, found.share)
 
@@ -104,9 +119,7 @@ class FilterLikelihood:
             batch.theta,
             threads=self.threads,
             compiled=self.compiled,
-            noise_std=batch.noise_std,
-            process_std=batch.process_std,
-            x0=list(batch.x0),
+            **batch.values(),
         )
         members = batch.theta.shape[1]
         return Terms(
@@ -146,6 +159,7 @@ class EstimationProblem:
 
     def __post_init__(self) -> None:
         _check_logs(self)
+        object.__setattr__(self, "filter_model", _with_driven(self.filter_model, self.free))
         names: set[str] = set()
         for parameter in self.free:
             require_known(parameter.target, parameter.name, self.filter_model)
@@ -198,25 +212,34 @@ class EstimationProblem:
         members, model = points.shape[1], self.filter_model.model
 
         def spread(vector: FloatArray) -> FloatArray:
-            return np.repeat(vector[:, np.newaxis], members, axis=1)
+            return np.repeat(vector[..., np.newaxis], members, axis=-1)
 
         theta, x0 = spread(model.theta()), tuple(spread(start) for start in self.initial_states)
-        noise_std, process_std = spread(self.filter_model.noise_std), spread(self.filter_model.process_std)
+        own = self.filter_model
+        levels = {
+            "std": spread(own.noise_std), "process": spread(own.process_std), "x0_std": spread(own.start_std),
+        }  # fmt: skip
+        pairs = {
+            "corr": spread(own.noise_correlations), "process_corr": spread(own.process_correlations),
+            "x0_corr": spread(own.start_correlations),
+        }  # fmt: skip
         # Initial states of one log come after those shared by all, so that the more specific one counts.
         order = sorted(range(len(self.free)), key=lambda k: self.free[k].target.log is not None)
         values = self.values(points)
         for target, row in ((self.free[k].target, values[k]) for k in order):
             if target.kind == "parameter":
                 theta[model.index("parameter", target.name)] = row
-            elif target.kind == "std":
-                noise_std[model.index("output", target.name)] = row
-            elif target.kind == "process":
-                process_std[model.index("state", target.name)] = row
+            elif target.kind in levels:
+                levels[target.kind][model.index("output" if target.kind == "std" else "state", target.name)] = row
+            elif target.other is not None:
+                kind = "output" if target.kind == "corr" else "state"
+                i, j = model.index(kind, target.name), model.index(kind, target.other)
+                pairs[target.kind][i, j] = pairs[target.kind][j, i] = row
             else:
                 for log, start in zip(self.logs, x0, strict=True):
                     if target.log in (None, log.name):
                         start[model.index("state", target.name)] = row
-        return Batch(theta, noise_std, process_std, x0)
+        return Batch(theta, levels["std"], levels["process"], x0, levels["x0_std"], *pairs.values())
 
     def nll(self, points: FloatArray) -> FloatArray:
         """Negative log-likelihood plus priors at coordinates (n, members), shape (members,)."""
@@ -300,7 +323,7 @@ def pose(
     chosen = tuple(
         item
         if isinstance(item, FreeParameter)
-        else declared_free(item, filter_model, _start(item, filter_model, listed, starts))
+        else declared_free(item, filter_model, _start(item, filter_model, listed, starts), listed)
         for item in free
     )
     return EstimationProblem(filter_model, listed, chosen, initial, likelihood or FilterLikelihood())
@@ -316,6 +339,14 @@ def _start(
     row = states.index(target.name)
     values = [float(x0[row]) for log, x0 in zip(logs, starts, strict=True) if target.log in (None, log.name)]
     return sum(values) / len(values) if values else None
+
+
+def _with_driven(filter_model: FilterModel, free: Sequence[FreeParameter]) -> FilterModel:
+    """The filter model that knows of every state whose noise is free, so that noise has its nodes in the logs."""
+    states = filter_model.model.names("state")
+    found = {p.target.name: 0.0 for p in free if p.target.kind == "process" and p.target.name in states}
+    missing = {name: level for name, level in found.items() if name not in filter_model.process_noise}
+    return replace(filter_model, process_noise={**filter_model.process_noise, **missing}) if missing else filter_model
 
 
 def _check_logs(problem: EstimationProblem) -> None:

@@ -15,6 +15,7 @@ from bondgraph.filter.filter_run import FilterRun
 from bondgraph.filter.kernel_record import Record
 from bondgraph.filter.kernel_types import Verdicts
 from bondgraph.filter.members import MemberBatch
+from bondgraph.filter.node_record import NodeRecord
 from bondgraph.filter.samples import Samples
 from bondgraph.filter.ukf import reference_run
 from bondgraph.simulate.arrays import BoolArray, FloatArray
@@ -30,6 +31,7 @@ class BatchRun:
     """
 
     samples: Samples
+    batch: MemberBatch
     verdicts: Verdicts
     record: Record
     refined: BoolArray
@@ -46,7 +48,7 @@ class BatchRun:
         arrays = {name: np.ascontiguousarray(getattr(record, name)[..., m]) for name in names}
         for array in arrays.values():
             array[..., last + 1 :] = np.nan
-        return FilterRun(
+        run = FilterRun(
             filter_model=filter_model,
             log_name=self.samples.name,
             time=self.samples.time,
@@ -56,6 +58,7 @@ class BatchRun:
             ended_at=float(self.samples.time[max(last, 0)]),
             **arrays,
         )
+        return NodeRecord(run, self.samples, self.batch.member(m).process_cov).at_samples()
 
 
 def run_batches(
@@ -110,7 +113,7 @@ def _all_in_kernel(
     filter_model: FilterModel, logs: Sequence[Samples], batches: Sequence[MemberBatch], depth: int, threads: int | None
 ) -> tuple[BatchRun, ...]:
     runs = tuple(
-        empty_run(filter_model, samples, batch.size, depth) for samples, batch in zip(logs, batches, strict=True)
+        empty_run(filter_model, samples, batch, depth) for samples, batch in zip(logs, batches, strict=True)
     )
     compiled_filter = CompiledFilter.of(filter_model)
     rows = [(log_rows(run.samples), whole_log(run.samples)) for run in runs]
@@ -129,9 +132,10 @@ def _all_in_kernel(
     return runs
 
 
-def empty_run(filter_model: FilterModel, samples: Samples, members: int, depth: int) -> BatchRun:
+def empty_run(filter_model: FilterModel, samples: Samples, batch: MemberBatch, depth: int) -> BatchRun:
     """Room for what members give on a log."""
     n_s, n_y, n = len(filter_model.state_names), len(filter_model.model.outputs), samples.time.size
+    members = batch.size
     integers = (np.zeros(members, dtype=np.int64) for _ in range(3))
     verdicts = Verdicts(np.full(members, np.inf), *integers)
 
@@ -150,12 +154,12 @@ def empty_run(filter_model: FilterModel, samples: Samples, members: int, depth: 
         output_mean=kept(2, n_y),
         output_cov=kept(2, n_y, n_y),
     )
-    return BatchRun(samples, verdicts, record, np.zeros(members, dtype=np.bool_))
+    return BatchRun(samples, batch, verdicts, record, np.zeros(members, dtype=np.bool_))
 
 
 def _in_numpy(filter_model: FilterModel, samples: Samples, batch: MemberBatch, depth: int) -> BatchRun:
     """The numpy filter member by member, in the form the kernel gives."""
-    run = empty_run(filter_model, samples, batch.size, depth)
+    run = empty_run(filter_model, samples, batch, depth)
     for m in range(batch.size):
         one = reference_run(filter_model, samples, batch.member(m))
         note_verdict(run.verdicts, m, one)

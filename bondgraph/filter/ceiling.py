@@ -93,7 +93,7 @@ def run_below(
         rest = bounds[index] + sum((bound[0] for bound in bounds[index + 1 :]), np.zeros(ceilings.size))
         starts = _starts(samples.time.size)
         limits = room - rest[starts][:, members]
-        run = empty_run(filter_model, samples, batch.size, depth=0)
+        run = empty_run(filter_model, samples, batch, depth=0)
         run.verdicts.outcome[:] = _ABANDONED
         run.verdicts.last[:] = -1
         _filter_members(filter_log, filter_model, run, batch, members, starts, limits, threads)
@@ -145,10 +145,19 @@ def _left_to_measure(samples: Samples) -> FloatArray:
 
 def _least_terms(filter_model: FilterModel, batch: MemberBatch) -> FloatArray:
     """The least that one measured value adds to the negative log-likelihood, by channel and member, (n_y, members)."""
-    with np.errstate(divide="ignore"):
-        terms = 0.5 * math.log(2.0 * math.pi) + np.log(np.abs(batch.noise_std))
+    variances = _conditional_variances(batch)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        terms = 0.5 * math.log(2.0 * math.pi) + 0.5 * np.log(variances)
     bounded = np.isfinite(terms) & _keeps_sign(filter_model.points)
     return np.where(bounded, terms, _NO_BOUND)
+
+
+def _conditional_variances(batch: MemberBatch) -> FloatArray:
+    """Variance (n_y, members) of each sensor's noise given that of all others; NaN for those that are not used."""
+    inverse = np.linalg.inv(np.moveaxis(batch.noise_correlation, 2, 0))
+    conditional = 1.0 / np.einsum("mii->im", inverse)
+    found: FloatArray = batch.noise_std**2 * conditional
+    return found
 
 
 def _keeps_sign(points: MerweScaled) -> bool:
@@ -172,7 +181,7 @@ def _in_kernel(
 ) -> Verdicts:
     """Part after part, with only those members side by side that go on."""
     n_s, verdicts, workers = len(filter_model.state_names), _no_verdicts(batch.size), thread_count(threads)
-    record = empty_run(filter_model, samples, 0, depth=0).record
+    record = empty_run(filter_model, samples, batch.chosen(np.zeros(0, dtype=np.int64)), depth=0).record
     compiled, log = CompiledFilter.of(filter_model), log_rows(samples)
     members, own = np.arange(batch.size), batch
     mean, lower = np.zeros((n_s, batch.size)), np.zeros((n_s, n_s, batch.size))

@@ -18,11 +18,12 @@ from typing import Unpack
 import numpy as np
 
 from bondgraph.filter.filter_model import FilterModel
-from bondgraph.filter.filter_run import FilterRun
 from bondgraph.filter.members import MemberValues
-from bondgraph.filter.planning import filtered_logs, plan_along, plan_cost
-from bondgraph.filter.samples import MeasuredLog, Samples
-from bondgraph.simulate.arrays import FloatArray, IntArray
+from bondgraph.filter.noise_choice import noise_steps_along
+from bondgraph.filter.planning import FilteredLog, filtered_logs, plan_along, plan_cost
+from bondgraph.filter.rates import fastest_rates
+from bondgraph.filter.samples import MeasuredLog
+from bondgraph.simulate.arrays import FloatArray
 
 #: With the classical Runge-Kutta method, step times rate stays below this: stable with a margin for other parameters.
 STEP_TIMES_RATE = 1.5
@@ -41,9 +42,6 @@ _PLANNED = ("ros3p",)
 #: Stiff steps between two samples where there is no plan. They are equal: one that is long and starts where a law is
 #: saturated jumps over the zone in which it is not.
 _STIFF_SUBSTEPS = 32
-
-#: Points along each log at which rates are looked at.
-_POINTS = 40
 
 
 def choose_method(filter_model: FilterModel, logs: Sequence[MeasuredLog], *, compiled: bool = True) -> FilterModel:
@@ -139,11 +137,10 @@ def _content(filter_model: FilterModel, logs: Sequence[MeasuredLog]) -> str:
 
 @functools.lru_cache(maxsize=64)
 def _chosen(question: _Question) -> FilterModel:
-    filter_model = question.filter_model
+    filter_model, filtered = _with_noise_steps(question)
     stiff = _first_run(filter_model)
-    filtered = filtered_logs(stiff, question.logs, question.compiled)
     needed = max(
-        rate * float(np.median(np.diff(log.samples.time))) / STEP_TIMES_RATE if log.samples.time.size > 1 else 0.0
+        rate * float(np.median(np.diff(log.run.time))) / STEP_TIMES_RATE if log.run.time.size > 1 else 0.0
         for log in filtered
         for rate in fastest_rates(log.run, log.samples, None)
     )
@@ -156,26 +153,14 @@ def _chosen(question: _Question) -> FilterModel:
     return explicit if explicit is not None and dearer else planned
 
 
-def looked_at(samples: Samples) -> IntArray:
-    """The samples at which rates are looked at: starts of intervals."""
-    return np.unique(np.linspace(0, max(samples.time.size - 2, 0), _POINTS).astype(np.int64))
-
-
-def fastest_rates(filtered: FilterRun, samples: Samples, theta: FloatArray | None) -> FloatArray:
-    """Largest magnitude of an eigenvalue of the Jacobian at evenly chosen samples of a filtered log, 1/s.
-
-    Infinite where the filter or the Jacobian is not finite.
-    """
-    filter_model = filtered.filter_model
-    model = filter_model.model
-    n_x = len(model.states)
-    chosen = looked_at(samples)
-    parameters = samples.theta(filter_model, np.array(model.theta() if theta is None else theta, dtype=np.float64))
-    states = filtered.filtered_mean[:, chosen]
-    known = np.repeat(parameters[:, np.newaxis], chosen.size, axis=1)
-    known[filter_model.appended_index] = states[n_x:]
-    slopes = np.moveaxis(model.jacobian_x(samples.time[chosen], states[:n_x], samples.u[:, chosen], known), -1, 0)
-    usable = np.isfinite(states).all(axis=0) & np.isfinite(slopes).all(axis=(1, 2))
-    rates = np.full(chosen.size, np.inf)
-    rates[usable] = np.max(np.abs(np.linalg.eigvals(slopes[usable])), axis=1, initial=0.0)
-    return rates
+def _with_noise_steps(question: _Question) -> tuple[FilterModel, tuple[FilteredLog, ...]]:
+    """The filter with as many panels of process noise as its logs need, and its first run over them."""
+    coarse = replace(question.filter_model, noise_steps=0)
+    filtered = filtered_logs(_first_run(coarse), question.logs, question.compiled)
+    if coarse.noise_panels[0] == "sampled":
+        return question.filter_model, filtered
+    steps, grading = noise_steps_along(filtered)
+    chosen = replace(coarse, noise_steps=steps, noise_grading=grading)
+    if steps > 0:
+        filtered = filtered_logs(_first_run(chosen), question.logs, question.compiled)
+    return chosen, filtered

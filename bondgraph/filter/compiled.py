@@ -19,6 +19,7 @@ from bondgraph.filter.kernel_types import Log, Members, Part, Rules, Verdicts, W
 from bondgraph.filter.members import MemberBatch
 from bondgraph.filter.samples import Samples
 from bondgraph.filter.sigma_points import PIVOT_FLOOR
+from bondgraph.filter.ukf import scaled
 from bondgraph.simulate.arrays import FloatArray
 from bondgraph.simulate.compile import load_kernel
 from bondgraph.simulate.program.lane_text import LANES
@@ -110,7 +111,7 @@ class CompiledFilter:
             kernel.Equations(self.lanes.prepare, self.lanes.advance, self.lanes.measure),
             log,
             filter_rules(self.filter_model, self.lanes),
-            Members(batch.theta, batch.x0, batch.initial_std, batch.process_std, batch.noise_std),
+            kernel_members(batch),
             first,
             end,
             part,
@@ -145,7 +146,20 @@ def log_rows(samples: Samples) -> Log:
         return np.array(array.T, order="C", dtype=np.float64)
 
     u, u_left, u_right, y = map(rows, (samples.u, samples.u_left, samples.u_right, samples.y))
-    return Log(np.array(samples.time, dtype=np.float64), u, u_left, u_right, y, samples.substeps, samples.grading)
+    time = np.array(samples.time, dtype=np.float64)
+    own = (samples.substeps, samples.grading, samples.noise_start, samples.noise_end)
+    return Log(time, u, u_left, u_right, y, *map(np.ascontiguousarray, own))
+
+
+def kernel_members(batch: MemberBatch) -> Members:
+    """Members as the kernel reads them."""
+    return Members(
+        batch.theta,
+        batch.x0,
+        np.ascontiguousarray(batch.initial_lower()),
+        scaled(batch.process_correlation, batch.process_std),
+        scaled(batch.noise_correlation, np.nan_to_num(batch.noise_std)),
+    )
 
 
 def whole_log(samples: Samples) -> Part:

@@ -14,10 +14,11 @@ from typing import Unpack
 import numpy as np
 import numpy.typing as npt
 
-from bondgraph.filter.choice import choose_method, fastest_rates, looked_at
+from bondgraph.filter.choice import choose_method
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.filter_run import FilterRun
 from bondgraph.filter.members import MemberValues, per_log
+from bondgraph.filter.rates import fastest_rates, looked_at
 from bondgraph.filter.runs import member_runs, run
 from bondgraph.filter.samples import MeasuredLog, Samples
 from bondgraph.simulate.arrays import FloatArray
@@ -25,6 +26,9 @@ from bondgraph.simulate.model import Model
 
 #: Step times rate up to which the classical Runge-Kutta method is stable on the negative real axis.
 STABLE = 2.78
+
+#: How many of the longest steps of a log are looked at.
+LONGEST = 25
 
 #: A shift of the likelihood that does not matter, in nats.
 NEGLIGIBLE = 0.1
@@ -124,13 +128,17 @@ def jacobian(model: Model, t: float, x: FloatArray, u: FloatArray, theta: FloatA
 
 
 def step_times_rate(filtered: FilterRun, log: MeasuredLog, theta: npt.ArrayLike | None) -> float:
-    """Largest product of step and rate along one filtered log, at evenly chosen samples; infinite if it diverged."""
+    """Largest product of step and rate along one filtered log; infinite if it diverged.
+
+    Looked at are evenly chosen steps and the longest ones: an unevenly sampled log diverges where it is sampled least.
+    """
     samples = Samples.of(filtered.filter_model, log)
     if samples.time.size < 2:
         return 0.0
     parameters = None if theta is None else np.array(theta, dtype=np.float64)
-    rates = fastest_rates(filtered, samples, parameters)
-    return float(np.max(rates * _longest_steps(samples)[looked_at(samples)]))
+    steps = _longest_steps(samples)
+    chosen = np.union1d(looked_at(samples), np.argsort(-steps, kind="stable")[:LONGEST])
+    return float(np.max(fastest_rates(filtered, samples, parameters, chosen) * steps[chosen]))
 
 
 def explicit_substeps(filtered: FilterRun, log: MeasuredLog, theta: npt.ArrayLike | None, product: float) -> float:
@@ -139,12 +147,12 @@ def explicit_substeps(filtered: FilterRun, log: MeasuredLog, theta: npt.ArrayLik
     if samples.time.size < 2:
         return 1.0
     parameters = None if theta is None else np.array(theta, dtype=np.float64)
-    interval = float(np.median(np.diff(samples.time)))
+    interval = float(np.median(np.diff(log.time)))
     return float(np.max(fastest_rates(filtered, samples, parameters))) * interval / product
 
 
 def _longest_steps(samples: Samples) -> FloatArray:
-    """Longest integration step of each interval, (n-1,), s."""
+    """Longest integration step between nodes, (m-1,), s."""
     ratio = np.maximum(samples.grading, 1.0 / samples.grading)
     # the longest of steps in geometric progression, as a share of their sum
     share = np.divide(

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from bondgraph.errors import FilterError, suggest
-from bondgraph.filter.plan import StepPlan
+from bondgraph.filter.plan import NoisePanels, StepPlan
 from bondgraph.filter.sigma_points import MerweScaled
 from bondgraph.simulate.arrays import FloatArray, IntArray
 from bondgraph.simulate.model import Model
@@ -19,6 +19,14 @@ from bondgraph.simulate.task import refuse_modes
 
 #: Integration methods; see :mod:`bondgraph.simulate.stiff` for the stiff ones.
 METHODS = ("rk4", *TABLEAUS, "auto")
+
+#: How process noise enters between two samples.
+NOISE_SCHEMES = ("continuous", "sampled")
+
+#: Correlations by pairs of names.
+Correlations = Mapping[tuple[str, str], float]
+
+_CORRELATIONS = ("process_correlation", "measurement_correlation", "initial_correlation")
 
 
 @dataclass(frozen=True)
@@ -32,8 +40,8 @@ class FilterModel:
     model
         The model.
     process_noise
-        Standard deviation per sqrt(s) of the noise that drives each state: over a time step dt its variance is
-        std^2 dt, added once at the end of the step. States not named have none.
+        Standard deviation per sqrt(s) of the white noise that drives each state, in its unit. States not named have
+        none.
     measurement_noise
         Standard deviation of each measured output, in its unit. Outputs not named are not used.
     initial_std
@@ -54,11 +62,22 @@ class FilterModel:
     plan
         Steps of every interval of some logs in place of ``substeps`` and ``grading``, for the method it was made for,
         see :func:`bondgraph.filter.planning.plan_steps`.
+    noise_scheme
+        ``"continuous"``: process noise drives the states between samples, and the model carries it on, see
+        :mod:`bondgraph.filter.noise_nodes`. ``"sampled"``: its variance over an interval dt is std^2 dt, added as a
+        whole at the end, which is filterpy's scheme.
+    noise_steps, noise_grading
+        Panels of the continuous scheme in an interval of median length, and the length of each over that of the one
+        before. Method ``"auto"`` chooses both.
+    process_correlation, measurement_correlation, initial_correlation
+        Correlations of the noises of two states, of two outputs, and of two initial states: ``{("a", "b"): 0.3}``.
+        Pairs not named are independent.
 
     Raises
     ------
     FilterError
-        If a name is unknown, a number is negative or not finite, or no output is measured.
+        If a name is unknown, a number is negative or not finite, no output is measured, the model has no state, or
+        correlations contradict each other.
 
     Examples
     --------
@@ -82,13 +101,20 @@ class FilterModel:
     kappa: float = 0.0
     appended: Mapping[str, float] = field(default_factory=dict)
     plan: StepPlan | None = None
+    noise_scheme: str = "continuous"
+    noise_steps: int = 1
+    noise_grading: float = 1.0
+    process_correlation: Correlations = field(default_factory=dict)
+    measurement_correlation: Correlations = field(default_factory=dict)
+    initial_correlation: Correlations = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        for name in ("process_noise", "measurement_noise", "initial_std", "appended"):
+        for name in ("process_noise", "measurement_noise", "initial_std", "appended", *_CORRELATIONS):
             object.__setattr__(self, name, dict(getattr(self, name)))
         refuse_modes(self.model)
         self._check_names()
         self._check_values()
+        self._check_correlations()
         MerweScaled(len(self.state_names), self.alpha, self.beta, self.kappa)  # raises for a bad spread
 
     @functools.cached_property
@@ -107,10 +133,28 @@ class FilterModel:
         planned = self.plan is not None and self.plan.method == self.method
         return max(1, round(self.plan.mean_substeps)) if planned and self.plan is not None else self.substeps
 
+    @property
+    def is_driven(self) -> bool:
+        """Whether noise drives the model between samples: some state has a level, or an appended parameter walks."""
+        return bool(self.process_noise) or any(std > 0.0 for std in self.appended.values())
+
+    @property
+    def noise_panels(self) -> NoisePanels:
+        """Scheme, panels and grading with which process noise enters; those of a model without any are all alike."""
+        if self.noise_scheme == "sampled" or not self.is_driven:
+            return ("sampled", 0, 1.0)
+        return (self.noise_scheme, self.noise_steps, self.noise_grading if self.noise_steps > 1 else 1.0)
+
     def with_halved_steps(self) -> FilterModel:
-        """The same filter with every integration step cut in two; the lengths stay graded along the interval."""
-        plan = None if self.plan is None else self.plan.halved()
-        return replace(self, substeps=2 * self.substeps, grading=math.sqrt(self.grading), plan=plan)
+        """The same filter with every step cut in two, of the integration and of the process noise.
+
+        Lengths stay graded along the interval.
+        """
+        return replace(
+            self, substeps=2 * self.substeps, grading=math.sqrt(self.grading),
+            plan=None if self.plan is None else self.plan.halved(),
+            noise_steps=max(1, 2 * self.noise_steps), noise_grading=math.sqrt(self.noise_grading),
+        )  # fmt: skip
 
     @functools.cached_property
     def points(self) -> MerweScaled:
@@ -127,6 +171,21 @@ class FilterModel:
         """Standard deviation per sqrt(s) of each state of the filter, shape (n,)."""
         known = {**self.process_noise, **self.appended}
         return np.array([known.get(name, 0.0) for name in self.state_names], dtype=np.float64)
+
+    @functools.cached_property
+    def process_correlations(self) -> FloatArray:
+        """Correlation matrix of the noises that drive the states of the filter, shape (n, n)."""
+        return correlation_matrix(self.state_names, self.process_correlation)
+
+    @functools.cached_property
+    def noise_correlations(self) -> FloatArray:
+        """Correlation matrix of the noises of the outputs, shape (n_y, n_y)."""
+        return correlation_matrix(self.model.names("output"), self.measurement_correlation)
+
+    @functools.cached_property
+    def start_correlations(self) -> FloatArray:
+        """Correlation matrix of the states of the filter at the first sample, shape (n, n)."""
+        return correlation_matrix(self.state_names, self.initial_correlation)
 
     @functools.cached_property
     def noise_std(self) -> FloatArray:
@@ -148,6 +207,12 @@ class FilterModel:
         self._require_known("process_noise", self.process_noise, states)
         self._require_known("measurement_noise", self.measurement_noise, self.model.names("output"))
         self._require_known("initial_std", self.initial_std, self.state_names)
+        if not states:
+            raise FilterError(
+                f"{self.model.name}: the model has no state, so there is nothing to filter - its outputs follow from "
+                "its inputs alone; compare them with `bondgraph simulate`, or declare a storage",
+                where=(self.model.name,),
+            )
         twice = [name for name in self.appended if name in states]
         if twice:
             raise FilterError(
@@ -179,6 +244,17 @@ class FilterModel:
                         f" - give a finite standard deviation {'above zero' if positive else 'of zero or more'}",
                         where=(self.model.name, group, name),
                     )
+        if self.noise_scheme not in NOISE_SCHEMES:
+            raise FilterError(
+                f"{self.model.name}: noise_scheme {self.noise_scheme!r} is not known - use {', '.join(NOISE_SCHEMES)}",
+                where=(self.model.name, "noise_scheme"),
+            )
+        if self.noise_steps < 0 or not 0.1 <= self.noise_grading <= 10.0:
+            raise FilterError(
+                f"{self.model.name}: noise_steps={self.noise_steps}, noise_grading={self.noise_grading!r}"
+                " - give a whole number from 0 and a ratio from 0.1 to 10",
+                where=(self.model.name, "noise_steps"),
+            )
         if self.method not in METHODS:
             raise FilterError(
                 f"{self.model.name}: filter method {self.method!r} is not known - use {', '.join(METHODS)}",
@@ -194,3 +270,42 @@ class FilterModel:
                 f"{self.model.name}: substeps={self.substeps} - at least one step is needed between two samples",
                 where=(self.model.name, "substeps"),
             )
+
+    def _check_correlations(self) -> None:
+        known = {
+            "process_correlation": self.state_names,
+            "measurement_correlation": tuple(self.measurement_noise),
+            "initial_correlation": self.state_names,
+        }
+        for group, names in known.items():
+            given: Correlations = getattr(self, group)
+            for pair, value in given.items():
+                self._require_known(group, dict.fromkeys(pair, 0.0), names)
+                if len(set(pair)) != 2 or not -1.0 < value < 1.0:
+                    raise FilterError(
+                        f"{self.model.name}: {group} of {pair!r} is {value!r}"
+                        " - name two different quantities and a number between -1 and 1",
+                        where=(self.model.name, group, *pair),
+                    )
+            if given and np.linalg.eigvalsh(correlation_matrix(names, given))[0] <= 0.0:
+                raise FilterError(
+                    f"{self.model.name}: {group} {given} cannot hold together: the matrix of correlations has no"
+                    " positive eigenvalues throughout - make some of them smaller",
+                    where=(self.model.name, group),
+                )
+
+
+def correlation_matrix(names: Sequence[str], pairs: Correlations) -> FloatArray:
+    """The symmetric matrix with ones on its diagonal, shape (n, n).
+
+    Examples
+    --------
+    >>> correlation_matrix(("a", "b"), {("b", "a"): 0.5})
+    array([[1. , 0.5],
+           [0.5, 1. ]])
+    """
+    matrix = np.eye(len(names))
+    for (first, second), value in pairs.items():
+        i, j = names.index(first), names.index(second)
+        matrix[i, j] = matrix[j, i] = value
+    return matrix

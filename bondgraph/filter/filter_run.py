@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -10,6 +11,9 @@ from bondgraph.errors import FilterError, suggest
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.simulate.arrays import FloatArray, IntArray
 from bondgraph.simulate.outcome import Outcome, describe_end
+
+if TYPE_CHECKING:
+    from bondgraph.filter.node_record import NodeRecord
 
 
 @dataclass(frozen=True)
@@ -23,7 +27,7 @@ class FilterRun:
     ``whitened`` and ``log_scales`` (n_y, n) as in :class:`bondgraph.filter.belief.Update`.
 
     The prior is the belief at the first sample, which is updated without a prediction. After a failure everything is
-    NaN, and ``ended_at`` is the last time that was finished.
+    NaN, and ``ended_at`` is the last time that was finished. ``nodes`` has the same on the nodes of the process noise.
     """
 
     filter_model: FilterModel
@@ -42,6 +46,7 @@ class FilterRun:
     floored_pivots: int
     outcome: Outcome
     ended_at: float
+    nodes: NodeRecord | None = field(default=None, repr=False)
 
     @property
     def innovation(self) -> FloatArray:

@@ -46,8 +46,8 @@ def filterpy_filter(filter_model: FilterModel, theta: npt.ArrayLike | None = Non
     ukf = kalman.UnscentedKalmanFilter(n_s, n_y, dt=0.0, hx=_measure, fx=_move, points=points)
     parameters = np.array(filter_model.model.theta() if theta is None else theta, dtype=np.float64)
     ukf.x = filter_model.start_mean(parameters, filter_model.model.x0())
-    ukf.P = np.diag(filter_model.start_std**2)
-    ukf.R = np.diag(np.nan_to_num(filter_model.noise_std) ** 2)
+    member = Member.of(filter_model, parameters)
+    ukf.P, ukf.R = member.initial_lower @ member.initial_lower.T, member.noise_cov
     return ukf
 
 
@@ -68,7 +68,7 @@ def filterpy_run(
     member = batch.member(0)
     ukf = filterpy_filter(filter_model, member.theta)
     ukf.x = filter_model.start_mean(member.theta, member.x0)
-    ukf.P = np.diag(member.initial_std**2)
+    ukf.P = member.initial_lower @ member.initial_lower.T
     ukf.sigmas_f = ukf.points_fn.sigma_points(ukf.x, ukf.P)
     n = samples.time.size
     means, covs = np.empty((ukf.x.size, n)), np.empty((ukf.x.size, ukf.x.size, n))
@@ -76,11 +76,12 @@ def filterpy_run(
     for k in range(n):
         if k > 0:
             interval = float(samples.time[k] - samples.time[k - 1])
-            ukf.Q = np.diag(member.process_std**2 * interval)
+            ukf.P = ukf.P + member.process_cov * samples.noise_start[k - 1]
+            ukf.Q = member.process_cov * samples.noise_end[k - 1]
             ukf.predict(dt=interval, move=transition(filter_model, samples, k, member.theta))
         nll -= _update(ukf, filter_model, samples, k, member)
         means[:, k], covs[..., k] = ukf.x, ukf.P
-    return FilterpyRun(means, covs, nll)
+    return FilterpyRun(means[:, samples.sample], covs[..., samples.sample], nll)
 
 
 def _update(ukf: Any, filter_model: FilterModel, samples: Samples, k: int, member: Member) -> float:
@@ -90,7 +91,7 @@ def _update(ukf: Any, filter_model: FilterModel, samples: Samples, k: int, membe
         ukf.update(None)
         return 0.0
     measure = measurement(filter_model, samples, k, member.theta)
-    noise_cov = np.diag(member.noise_std[measured] ** 2)
+    noise_cov = member.noise_cov[np.ix_(measured, measured)]
     ukf.update(samples.y[measured, k], R=noise_cov, measure=lambda points: measure(points)[measured])
     return float(ukf.log_likelihood)
 

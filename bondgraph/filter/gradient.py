@@ -37,7 +37,8 @@ _WORTH_A_THREAD = 4
 class Directions:
     """How the numbers of a member move in each of D directions.
 
-    theta (n_theta, D), x0 (n_x, D), initial_std and process_std (n_s, D), noise_std (n_y, D).
+    theta (n_theta, D), x0 (n_x, D), initial_std and process_std (n_s, D), noise_std (n_y, D); correlations of initial
+    states and process noise (n_s, n_s, D) and of the sensors (n_y, n_y, D), None where they stay.
     """
 
     theta: FloatArray
@@ -45,6 +46,9 @@ class Directions:
     initial_std: FloatArray
     process_std: FloatArray
     noise_std: FloatArray
+    initial_correlation: FloatArray | None = None
+    process_correlation: FloatArray | None = None
+    noise_correlation: FloatArray | None = None
 
 
 @dataclass(frozen=True)
@@ -105,7 +109,7 @@ def innovation_tangents(
     >>> swing = FilterModel(model, {"rate": 0.1}, {"deflection": 0.05}, {"angle": 0.1, "rate": 0.1}, substeps=2)
     >>> time = np.arange(40) * 0.05
     >>> log = MatchedLog("swing", time, np.zeros((1, 40)), 0.5 * np.cos(3.1 * time)[np.newaxis])
-    >>> member = Member(model.theta(), model.x0(), swing.start_std, swing.process_std, swing.noise_std)
+    >>> member = Member.of(swing)
     >>> length = Directions(np.eye(3)[:, :1], *(np.zeros((size, 1)) for size in (2, 2, 2, 1)))
     >>> (found,) = innovation_tangents(swing, [log], [member], [length])
     >>> found.d_values.shape, found.gradient.shape
@@ -133,7 +137,8 @@ def innovation_tangents(
         if code != 0:
             for array in found:
                 array[...] = np.nan
-        return InnovationTangents(samples[index].name, *found, OUTCOMES[code])
+        at_samples = (array[:, samples[index].sample] for array in found)
+        return InnovationTangents(samples[index].name, *at_samples, OUTCOMES[code])
 
     workers = thread_count(threads)
     count = directions[0].theta.shape[1] if directions else 0
@@ -156,7 +161,8 @@ def _groups(count: int, most: int) -> list[slice]:
 
 
 def _some(directions: Directions, own: slice) -> Directions:
-    return Directions(*(getattr(directions, field.name)[:, own] for field in fields(directions)))
+    moves = (getattr(directions, field.name) for field in fields(directions))
+    return Directions(*(None if move is None else move[..., own] for move in moves))
 
 
 def _side_by_side(parts: Sequence[InnovationTangents]) -> InnovationTangents:
@@ -193,10 +199,38 @@ def _prior(
     for name in samples.theta_overrides:
         seeds[filter_model.model.index("parameter", name)] = 0.0
     vectors = (
-        samples.theta(filter_model, member.theta), member.x0, member.initial_std, member.process_std, member.noise_std,
-        seeds[moving].T, directions.x0, directions.initial_std, directions.process_std, directions.noise_std,
+        samples.theta(filter_model, member.theta), member.x0, member.initial_lower, member.process_cov,
+        member.noise_cov, seeds[moving].T, directions.x0, _moved_lower(member, directions),
+        _moved(member.process_correlation, member.process_std, directions.process_correlation, directions.process_std),
+        _moved(member.noise_correlation, np.nan_to_num(member.noise_std), directions.noise_correlation,
+               directions.noise_std),
     )  # fmt: skip
     return Prior(*(np.array(vector, dtype=np.float64, order="C") for vector in vectors))
+
+
+def _moved(
+    correlation: FloatArray, std: FloatArray, d_correlation: FloatArray | None, d_std: FloatArray
+) -> FloatArray:
+    """Derivatives (k, k, D) of a covariance by those of its correlations (k, k, D) and standard deviations (k, D)."""
+    product = std[:, np.newaxis, np.newaxis] * d_std[np.newaxis]
+    moved: FloatArray = correlation[..., np.newaxis] * (product + np.swapaxes(product, 0, 1))
+    return moved if d_correlation is None else moved + d_correlation * np.outer(std, std)[..., np.newaxis]
+
+
+def _moved_lower(member: Member, directions: Directions) -> FloatArray:
+    """Derivatives (n_s, n_s, D) of the factor of the initial covariance.
+
+    Reference: Sarkka (2013), Bayesian Filtering and Smoothing, appendix A.3, for that of a Cholesky factor.
+    """
+    factor = np.linalg.cholesky(member.initial_correlation)
+    moved: FloatArray = factor[..., np.newaxis] * directions.initial_std[:, np.newaxis]
+    if directions.initial_correlation is None:
+        return moved
+    inverse = np.linalg.inv(factor)
+    inner = np.einsum("ij,jkd,lk->ild", inverse, directions.initial_correlation, inverse)
+    half = np.tril(np.ones(factor.shape), -1) + 0.5 * np.eye(factor.shape[0])
+    d_factor = np.einsum("ij,jkd->ikd", factor, half[..., np.newaxis] * inner)
+    return moved + member.initial_std[:, np.newaxis, np.newaxis] * d_factor
 
 
 def _found(filter_model: FilterModel, samples: Samples, scratch: Scratch) -> Found:

@@ -25,7 +25,14 @@ def filter_with_tangents(
     for k in range(log.time.size):
         n_s = work.mean.size
         if k > 0:
+            if log.noise_start[k - 1] > 0.0:
+                _spread(work)
+                _drive(prior, log.noise_start[k - 1], work)
+                code = _factor(work.lower, work.d_lower, n_s, 0, rules.pivot_floor, work.d_pivot)
+                if code > 0:
+                    return code
             _predict(equations, log, rules, prior, k, work)
+            _drive(prior, log.noise_end[k - 1], work)
             code = _factor(work.lower, work.d_lower, n_s, 0, rules.pivot_floor, work.d_pivot)
             if code > 0:
                 return code
@@ -53,13 +60,35 @@ def _start(equations: TangentEquations, rules: TangentRules, prior: Prior, work:
         for d in range(work.d_mean.shape[1]):
             work.d_mean[i, d] = prior.d_x0[i, d]
         for j in range(work.mean.size):
-            work.lower[i, j] = prior.initial_std[i] if i == j else 0.0
+            work.lower[i, j] = prior.initial_lower[i, j]
             for d in range(work.d_mean.shape[1]):
-                work.d_lower[i, j, d] = prior.d_initial_std[i, d] if i == j else 0.0
+                work.d_lower[i, j, d] = prior.d_initial_lower[i, j, d]
     for i in range(prior.theta.size):
         for lane in range(rules.lanes):
             work.buffer[(rules.theta + i) * rules.lanes + lane] = prior.theta[i]
     equations.prepare(work.buffer, rules.lanes)
+
+
+def _spread(work: Scratch) -> None:
+    """Lower triangle of the covariance from its factor, in place."""
+    n_s = work.mean.size
+    for i in range(n_s):
+        for j in range(i + 1):
+            _cov_of_factor(i, j, 0, work)
+    for i in range(n_s):
+        for j in range(i + 1):
+            work.lower[i, j] = work.joint[i, j]
+            for d in range(work.d_mean.shape[1]):
+                work.d_lower[i, j, d] = work.d_joint[i, j, d]
+
+
+def _drive(prior: Prior, seconds: float, work: Scratch) -> None:
+    """Add the process noise of some seconds to the lower triangle of the covariance."""
+    for i in range(work.mean.size):
+        for j in range(i + 1):
+            work.lower[i, j] += prior.process_cov[i, j] * seconds
+            for d in range(work.d_mean.shape[1]):
+                work.d_lower[i, j, d] += prior.d_process_cov[i, j, d] * seconds
 
 
 def _draw(rules: TangentRules, work: Scratch) -> None:
@@ -91,7 +120,7 @@ def _load(rules: TangentRules, first: int, work: Scratch) -> int:
 
 
 def _predict(equations: TangentEquations, log: Log, rules: TangentRules, prior: Prior, k: int, work: Scratch) -> None:
-    """Mean and covariance over the interval that ends at sample ``k``, into ``mean`` and ``lower``."""
+    """Mean and covariance over the step that ends at node ``k``, into ``mean`` and ``lower``, without its noise."""
     _draw(rules, work)
     n_s, directions = work.d_mean.shape
     interval = log.time[k] - log.time[k - 1]
@@ -125,10 +154,6 @@ def _predict(equations: TangentEquations, log: Log, rules: TangentRules, prior: 
     _moments(
         rules, work.points, work.d_points, work.mean, work.d_mean, work.lower, work.d_lower, work.shift, work.d_shift
     )
-    for i in range(n_s):
-        work.lower[i, i] += prior.process_std[i] ** 2 * interval
-        for d in range(directions):
-            work.d_lower[i, i, d] += 2.0 * prior.process_std[i] * prior.d_process_std[i, d] * interval
 
 
 def _expect(equations: TangentEquations, log: Log, rules: TangentRules, prior: Prior, k: int, work: Scratch) -> None:
@@ -166,10 +191,10 @@ def _expect(equations: TangentEquations, log: Log, rules: TangentRules, prior: P
         work.d_shift,
     )
     for a in range(n_y):
-        if not math.isnan(prior.noise_std[a]):
-            work.output_cov[a, a] += prior.noise_std[a] ** 2
+        for b in range(a + 1):
+            work.output_cov[a, b] += prior.noise_cov[a, b]
             for d in range(directions):
-                work.d_output_cov[a, a, d] += 2.0 * prior.noise_std[a] * prior.d_noise_std[a, d]
+                work.d_output_cov[a, b, d] += prior.d_noise_cov[a, b, d]
 
 
 def _join(rules: TangentRules, measured: int, work: Scratch) -> None:

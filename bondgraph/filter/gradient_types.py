@@ -34,21 +34,21 @@ class TangentRules(NamedTuple):
 
 
 class Prior(NamedTuple):
-    """Numbers of the member, each with its derivatives: theta, x0, initial_std, process_std, noise_std.
+    """Numbers of the member as in :class:`bondgraph.filter.kernel_types.Members`, each with its derivatives.
 
-    ``seeds`` (D, parameters) are the derivatives of those parameters that move.
+    ``seeds`` (D, parameters) are the derivatives of those parameters that move; D is the last axis of the others.
     """
 
     theta: FloatArray
     x0: FloatArray
-    initial_std: FloatArray
-    process_std: FloatArray
-    noise_std: FloatArray
+    initial_lower: FloatArray
+    process_cov: FloatArray
+    noise_cov: FloatArray
     seeds: FloatArray
     d_x0: FloatArray
-    d_initial_std: FloatArray
-    d_process_std: FloatArray
-    d_noise_std: FloatArray
+    d_initial_lower: FloatArray
+    d_process_cov: FloatArray
+    d_noise_cov: FloatArray
 
 
 class Found(NamedTuple):

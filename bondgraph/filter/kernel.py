@@ -10,7 +10,7 @@ result. Nothing is allocated: each thread brings its own :class:`Work`.
 A member that fails is an outcome. Its lane goes on with the numbers of one that has not failed, so that no lane works
 on what is not finite, which could hold up the others.
 
-Letters: n samples, n_x states of the model, n_s states of the filter (with appended parameters), n_y outputs, n_u
+Letters: n nodes (samples, and nodes of the process noise between them), n_x states of the model, n_s states of the filter (with appended parameters), n_y outputs, n_u
 inputs, L lanes. Points are rows: point 0 is the centre, 1 ... n_s lie above it and n_s + 1 ... 2 n_s below.
 """
 
@@ -19,7 +19,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from bondgraph.filter.kernel_algebra import _condition, _draw, _expect, _factor, _join, _moments
+from bondgraph.filter.kernel_algebra import _condition, _draw, _drive, _expect, _factor, _join, _moments, _spread
 from bondgraph.filter.kernel_channels import _find_measured
 from bondgraph.filter.kernel_record import (
     Record,
@@ -121,10 +121,8 @@ def _start(equations: Equations, rules: Rules, members: Members, first: int, end
             own = i < rules.n_x
             work.mean[i, lane] = members.x0[i, m] if own else members.theta[rules.appended[i - rules.n_x], m]
             for j in range(work.mean.shape[0]):
-                work.cov[i, j, lane] = 0.0
-                work.lower[i, j, lane] = 0.0
-            work.cov[i, i, lane] = members.initial_std[i, m] ** 2
-            work.lower[i, i, lane] = members.initial_std[i, m]
+                work.lower[i, j, lane] = members.initial_lower[i, j, m]
+    _spread(work)
     _load_parameters(equations, rules, members, work)
 
 
@@ -182,8 +180,12 @@ def _copy_lane(work: Work, lane: int, source: int) -> None:
 def _predict(
     equations: Equations, log: Log, rules: Rules, members: Members, record: Record, k: int, first: int, work: Work
 ) -> None:
-    """Belief over the interval that ends at sample ``k``."""
-    n_s, lanes = work.mean.shape
+    """Belief over the step that ends at node ``k``."""
+    n_s = work.mean.shape[0]
+    if log.noise_start[k - 1] > 0.0:
+        _spread(work)
+        _drive(members, log.noise_start[k - 1], work)
+        _factor(work.lower, n_s, 0, rules.pivot_floor, work)
     _draw(rules, work)
     chunk = 0
     while chunk < _chunks(rules, work):
@@ -206,13 +208,7 @@ def _predict(
     if record.depth > 1:
         _keep_cross_cov(rules, record, k, first, work)
     _moments(rules, work.points, work.mean, work.cov, work.shift)
-    interval = log.time[k] - log.time[k - 1]
-    for i in range(n_s):
-        for lane in range(lanes):
-            work.cov[i, i, lane] += members.process_std[i, work.who[lane]] ** 2 * interval
-        for j in range(i + 1):
-            for lane in range(lanes):
-                work.lower[i, j, lane] = work.cov[i, j, lane]
+    _drive(members, log.noise_end[k - 1], work)
     _factor(work.lower, n_s, 0, rules.pivot_floor, work)
 
 

@@ -22,6 +22,32 @@ def _draw(rules: Rules, work: Work) -> None:
                 work.points[1 + n_s + j, i, lane] = work.mean[i, lane] - step
 
 
+def _spread(work: Work) -> None:
+    """Covariance of the belief from its factor."""
+    n_s, lanes = work.mean.shape
+    for i in range(n_s):
+        for j in range(i + 1):
+            for lane in range(lanes):
+                work.cov[i, j, lane] = 0.0
+            for c in range(j + 1):
+                for lane in range(lanes):
+                    work.cov[i, j, lane] += work.lower[i, c, lane] * work.lower[j, c, lane]
+            for lane in range(lanes):
+                work.cov[j, i, lane] = work.cov[i, j, lane]
+
+
+def _drive(members: Members, seconds: float, work: Work) -> None:
+    """Add the process noise of some seconds to the covariance, whose lower triangle then waits to be factored."""
+    n_s, lanes = work.mean.shape
+    for i in range(n_s):
+        for j in range(i + 1):
+            for lane in range(lanes):
+                work.cov[i, j, lane] += members.process_cov[i, j, work.who[lane]] * seconds
+                work.lower[i, j, lane] = work.cov[i, j, lane]
+            for lane in range(lanes):
+                work.cov[j, i, lane] = work.cov[i, j, lane]
+
+
 def _moments(rules: Rules, points: FloatArray, mean: FloatArray, cov: FloatArray, shift: FloatArray) -> None:
     """Mean and covariance (lower and upper triangle) of points; the points become deviations from the first."""
     rows, lanes = mean.shape
@@ -57,10 +83,9 @@ def _expect(rules: Rules, members: Members, work: Work) -> None:
     n_y, lanes = work.output_mean.shape
     _moments(rules, work.outputs, work.output_mean, work.output_cov, work.shift)
     for a in range(n_y):
-        for lane in range(lanes):
-            std = members.noise_std[a, work.who[lane]]
-            if not math.isnan(std):
-                work.output_cov[a, a, lane] += std**2
+        for b in range(n_y):
+            for lane in range(lanes):
+                work.output_cov[a, b, lane] += members.noise_cov[a, b, work.who[lane]]
 
 
 def _join(rules: Rules, measured: int, work: Work) -> None:

@@ -8,7 +8,10 @@ from bondgraph.simulate.arrays import FloatArray, IntArray
 
 
 class Log(NamedTuple):
-    """A log: time (n,); u (n, n_u); u_left, u_right (n-1, n_u); y (n, n_y); substeps and their grading (n-1,)."""
+    """A log on its nodes: time (n,); u (n, n_u); u_left, u_right (n-1, n_u); y (n, n_y); the rest (n-1,).
+
+    Integration steps between nodes and their grading; seconds of process noise that enter before and after.
+    """
 
     time: FloatArray
     u: FloatArray
@@ -17,6 +20,8 @@ class Log(NamedTuple):
     y: FloatArray
     substeps: IntArray
     grading: FloatArray
+    noise_start: FloatArray
+    noise_end: FloatArray
 
 
 class Rules(NamedTuple):
@@ -41,13 +46,16 @@ class Rules(NamedTuple):
 
 
 class Members(NamedTuple):
-    """Numbers of each member in a column: theta, x0 (n_x), initial_std and process_std (n_s), noise_std (n_y)."""
+    """Numbers of each member, the last axis: theta, x0 (n_x), and covariances.
+
+    ``initial_lower`` (n_s, n_s) is a lower factor, ``process_cov`` (n_s, n_s) per second, ``noise_cov`` (n_y, n_y).
+    """
 
     theta: FloatArray
     x0: FloatArray
-    initial_std: FloatArray
-    process_std: FloatArray
-    noise_std: FloatArray
+    initial_lower: FloatArray
+    process_cov: FloatArray
+    noise_cov: FloatArray
 
 
 class Part(NamedTuple):

@@ -138,6 +138,8 @@ def likelihood(
         own: MemberValues = {
             "noise_std": batches[0].noise_std[:, m],
             "process_std": batches[0].process_std[:, m],
+            "noise_correlation": batches[0].noise_correlation[..., m],
+            "process_correlation": batches[0].process_correlation[..., m],
             "x0": [batch.x0[:, m] for batch in batches],
             "initial_std": [batch.initial_std[:, m] for batch in batches],
         }
@@ -187,8 +189,9 @@ def _outcomes(runs: Sequence[BatchRun]) -> tuple[Outcome, ...]:
 
 def _whitened(run: BatchRun) -> WhitenedInnovations:
     failed = run.verdicts.outcome != 0
-    values, log_scales = run.record.whitened, run.record.log_scales
+    sample = run.samples.sample
+    values, log_scales = run.record.whitened[:, sample], run.record.log_scales[:, sample]
     values[..., failed] = np.nan
     log_scales[..., failed] = np.nan
     outcomes = _outcomes((run,))
-    return WhitenedInnovations(run.samples.name, values, log_scales, ~np.isnan(run.samples.y), outcomes)
+    return WhitenedInnovations(run.samples.name, values, log_scales, ~np.isnan(run.samples.y[:, sample]), outcomes)

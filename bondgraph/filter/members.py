@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import TypedDict
 
 import numpy as np
@@ -21,24 +21,31 @@ class MemberValues(TypedDict, total=False):
 
     Each is one vector for all members, or has one column per member: ``noise_std`` (n_y, members), ``process_std`` and
     ``initial_std`` (n_s, members), ``x0`` (n_x, members). ``x0`` and ``initial_std`` may be a list with one such array
-    per log, or None in it for the declared values.
+    per log, or None in it for the declared values. ``noise_correlation`` (n_y, n_y, members), ``process_correlation``
+    and ``initial_correlation`` (n_s, n_s, members), or one matrix for all.
     """
 
     noise_std: npt.ArrayLike | None
     process_std: npt.ArrayLike | None
     initial_std: npt.ArrayLike | list[npt.ArrayLike | None] | None
     x0: npt.ArrayLike | list[npt.ArrayLike | None] | None
+    noise_correlation: npt.ArrayLike | None
+    process_correlation: npt.ArrayLike | None
+    initial_correlation: npt.ArrayLike | None
 
 
 @dataclass(frozen=True)
 class MemberBatch:
-    """Members of one log: theta (n_theta, members), x0 (n_x, ...), initial_std, process_std (n_s, ...), noise_std."""
+    """Members of one log, the last axis: the numbers of a :class:`bondgraph.filter.ukf.Member` of each."""
 
     theta: FloatArray
     x0: FloatArray
     initial_std: FloatArray
     process_std: FloatArray
     noise_std: FloatArray
+    initial_correlation: FloatArray
+    process_correlation: FloatArray
+    noise_correlation: FloatArray
 
     @property
     def size(self) -> int:
@@ -47,14 +54,26 @@ class MemberBatch:
 
     def chosen(self, members: npt.NDArray[np.intp]) -> MemberBatch:
         """Some of the members."""
-        arrays = (self.theta, self.x0, self.initial_std, self.process_std, self.noise_std)
-        return MemberBatch(*(np.ascontiguousarray(array[:, members]) for array in arrays))
+        return MemberBatch(*(np.ascontiguousarray(getattr(self, own.name)[..., members]) for own in fields(self)))
 
     def member(self, m: int) -> Member:
         """The numbers of one member."""
-        return Member(
-            self.theta[:, m], self.x0[:, m], self.initial_std[:, m], self.process_std[:, m], self.noise_std[:, m]
-        )
+        return Member(*(getattr(self, own.name)[..., m] for own in fields(self)))
+
+    def initial_lower(self) -> FloatArray:
+        """Lower factors of the initial covariances, (n_s, n_s, members)."""
+        factors = np.array([_cholesky(matrix) for matrix in np.moveaxis(self.initial_correlation, 2, 0)])
+        factors = factors.reshape(self.size, *self.initial_correlation.shape[:2])
+        lower: FloatArray = np.moveaxis(factors, 0, 2) * self.initial_std[:, np.newaxis]
+        return lower
+
+
+def _cholesky(matrix: FloatArray) -> FloatArray:
+    """Lower factor; NaN, with which a member diverges, where correlations contradict each other."""
+    try:
+        return np.linalg.cholesky(matrix)
+    except np.linalg.LinAlgError:
+        return np.full(matrix.shape, np.nan)
 
 
 def member_batches(
@@ -79,6 +98,25 @@ def member_batches(
     parameters = columns("theta", theta, model.theta())
     noise = columns("noise_std", noise_std, filter_model.noise_std)
     process = columns("process_std", process_std, filter_model.process_std)
+    if np.any(process) and not filter_model.is_driven:
+        raise FilterError(
+            f"{filter_model.model.name}: process_std drives states, but process_noise names none - name those that may "
+            "be driven, with a level of zero if need be",
+            where=(filter_model.model.name, "process_std"),
+        )
+
+    def matrices(name: str, declared: FloatArray) -> FloatArray:
+        given: npt.ArrayLike | None = values.get(name)  # type: ignore[assignment]
+        array = declared if given is None else np.asarray(given, dtype=np.float64)
+        if array.shape[:2] != declared.shape or array.shape[2:] not in ((), (members,)):
+            raise FilterError(f"{name} has shape {array.shape}, not {(*declared.shape, members)}", where=(name,))
+        return np.array(np.broadcast_to(array.reshape(*declared.shape, -1), (*declared.shape, members)))
+
+    correlations = (
+        matrices("initial_correlation", filter_model.start_correlations),
+        matrices("process_correlation", filter_model.process_correlations),
+        matrices("noise_correlation", filter_model.noise_correlations),
+    )
     return tuple(
         MemberBatch(
             samples.theta(filter_model, parameters),
@@ -86,6 +124,7 @@ def member_batches(
             columns("initial_std", initial_std[i], filter_model.start_std),
             process,
             noise,
+            *correlations,
         )
         for i, samples in enumerate(logs)
     )

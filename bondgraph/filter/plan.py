@@ -1,4 +1,4 @@
-"""Integration steps of every interval of a log, decided once: many where the model bends, few where it is smooth."""
+"""Integration steps between the nodes of a log, decided once: many where the model bends, few where it is smooth."""
 
 from __future__ import annotations
 
@@ -11,9 +11,19 @@ import numpy as np
 from bondgraph.simulate.arrays import FloatArray, IntArray
 
 
+#: Scheme, panels and grading of the process noise, see :class:`bondgraph.filter.filter_model.FilterModel`.
+NoisePanels = tuple[str, int, float]
+
+#: Of a model that nothing drives between samples.
+NO_PANELS: NoisePanels = ("sampled", 0, 1.0)
+
+
 @dataclass(frozen=True)
 class IntervalSteps:
-    """Steps of each interval (n-1,), and how much longer each step is than the one before (n-1,)."""
+    """Steps between nodes (m-1,), and how much longer each step is than the one before (m-1,).
+
+    Nodes are the samples of a log and, between them, those of the process noise.
+    """
 
     substeps: IntArray
     grading: FloatArray
@@ -27,7 +37,8 @@ class IntervalSteps:
 class StepPlan:
     """Steps for logs, by :func:`log_key`, for one integration method; plans are equal when their digests are.
 
-    A log that is not in the plan is integrated with the uniform steps of the filter model.
+    A log that is not in the plan is integrated with the uniform steps of the filter model. ``panels`` tell which nodes
+    the process noise had when the steps were planned.
 
     Examples
     --------
@@ -40,22 +51,23 @@ class StepPlan:
     method: str
     digest: str
     logs: Mapping[str, IntervalSteps] = field(repr=False, compare=False)
+    panels: NoisePanels = NO_PANELS
 
     @classmethod
-    def of(cls, method: str, logs: Mapping[str, IntervalSteps]) -> StepPlan:
+    def of(cls, method: str, logs: Mapping[str, IntervalSteps], panels: NoisePanels = NO_PANELS) -> StepPlan:
         """The plan of these logs."""
-        digest = hashlib.sha256(method.encode())
+        digest = hashlib.sha256(repr((method, panels)).encode())
         for key, steps in sorted(logs.items()):
             digest.update(key.encode() + steps.substeps.tobytes() + steps.grading.tobytes())
-        return cls(method, digest.hexdigest()[:16], dict(logs))
+        return cls(method, digest.hexdigest()[:16], dict(logs), panels)
 
     def halved(self) -> StepPlan:
         """Every step cut in two."""
-        return StepPlan.of(self.method, {key: steps.halved() for key, steps in self.logs.items()})
+        return StepPlan.of(self.method, {key: steps.halved() for key, steps in self.logs.items()}, self.panels)
 
     @property
     def mean_substeps(self) -> float:
-        """Steps per interval on average."""
+        """Steps between nodes on average."""
         counts = [steps.substeps for steps in self.logs.values() if steps.substeps.size]
         return float(np.mean(np.concatenate(counts))) if counts else 0.0
 
@@ -66,3 +78,57 @@ def log_key(time: FloatArray, u: FloatArray, y: FloatArray, theta_overrides: Map
     for array in (time, u, y):
         digest.update(np.ascontiguousarray(array, dtype=np.float64).tobytes())
     return digest.hexdigest()[:24]
+
+
+def cut_steps(substeps: IntArray, grading: FloatArray, share: FloatArray) -> IntArray:
+    """Steps of a first part of intervals, as many as keep its own first step as short as that of the whole.
+
+    Sigma points that are drawn anew relax as after a sample, so every part begins with short steps.
+
+    Parameters
+    ----------
+    substeps, grading
+        Of the whole, shape (m,).
+    share
+        Length of the part over that of the whole, shape (m,).
+
+    Examples
+    --------
+    >>> cut_steps(np.array([8, 12]), np.array([1.0, 1.35]), np.array([0.5, 0.5])).tolist()
+    [4, 10]
+    """
+    even = grading == 1.0
+    ratio = np.where(even, 2.0, grading)
+    graded = np.log1p(share * (ratio ** substeps.astype(np.float64) - 1.0)) / np.log(ratio)
+    count = np.where(even, share * substeps, graded)
+    # a share that is whole up to rounding takes no step more
+    steps: IntArray = np.maximum(1, np.ceil(count - 1e-9)).astype(np.int64)
+    return steps
+
+
+def transferred(steps: IntervalSteps, planned: FloatArray, nodes: FloatArray) -> IntervalSteps:
+    """Steps planned between some nodes, for other nodes of the same log.
+
+    A part of what was planned takes the steps that :func:`cut_steps` gives, one that spans several takes theirs.
+
+    Parameters
+    ----------
+    steps
+        Between the nodes ``planned``.
+    planned, nodes
+        Times, shape (m,) and (k,), s; both begin and end with the log.
+
+    Examples
+    --------
+    >>> whole = IntervalSteps(np.array([4, 6]), np.ones(2))
+    >>> transferred(whole, np.array([0.0, 1.0, 2.0]), np.array([0.0, 0.5, 1.0, 2.0])).substeps.tolist()
+    [2, 2, 6]
+    """
+    middle = 0.5 * (nodes[1:] + nodes[:-1])
+    own = np.clip(np.searchsorted(planned, middle) - 1, 0, steps.substeps.size - 1)
+    share = np.minimum(np.diff(nodes) / np.diff(planned)[own], 1.0)
+    gathered = np.concatenate([[0.0], np.cumsum(steps.substeps)])
+    spanned = np.diff(np.interp(nodes, planned, gathered))
+    inside = np.diff(nodes) <= np.diff(planned)[own] * (1.0 + 1e-9)
+    count = np.where(inside, cut_steps(steps.substeps[own], steps.grading[own], share), np.ceil(spanned - 1e-9))
+    return IntervalSteps(count.astype(np.int64), np.where(inside, steps.grading[own], 1.0))

@@ -1,4 +1,4 @@
-"""Plan integration steps along logs: as many in each interval as its sigma points need, at one set of parameters.
+"""Plan integration steps along logs: as many from node to node as the sigma points need, at one set of parameters.
 
 A model with clutches, stops and saturating laws is smooth almost everywhere and bends in a few places. A fixed number
 of steps that is fine for these is many times too fine for the rest, and steps chosen anew at every evaluation would
@@ -23,7 +23,7 @@ from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.filter_run import FilterRun
 from bondgraph.filter.members import MemberBatch, MemberValues, member_batches
 from bondgraph.filter.plan import IntervalSteps, StepPlan
-from bondgraph.filter.samples import MeasuredLog, Samples, interval_substeps
+from bondgraph.filter.samples import MeasuredLog, Samples, noise_nodes
 from bondgraph.filter.sigma_points import MerweScaled, lower_factor
 from bondgraph.filter.ukf import transition
 from bondgraph.simulate.arrays import FloatArray, IntArray
@@ -127,7 +127,7 @@ def plan_along(
     for method in methods:
         model = replace(filter_model, method=method, plan=None)
         steps = {log.samples.key: _plan_log(model, log, tolerance, compiled) for log in filtered}
-        plans[method] = StepPlan.of(method, steps)
+        plans[method] = StepPlan.of(method, steps, model.noise_panels)
     best = min(methods, key=lambda method: plan_cost(filter_model.model, plans[method]))
     return replace(filter_model, method=best, plan=plans[best])
 
@@ -154,14 +154,14 @@ class _Moments(NamedTuple):
 
 def _plan_log(filter_model: FilterModel, log: FilteredLog, tolerance: float, compiled: bool) -> IntervalSteps:
     """Steps of one log."""
-    time = log.samples.time
-    multiples = interval_substeps(time, 1)
+    nodes = noise_nodes(filter_model.noise_panels, log.run.time)
+    multiples = np.maximum(1, np.ceil(nodes.share)).astype(np.int64)
     count = multiples.size
     best, grading = np.full(count, _MOST), np.ones(count)
     start = _sigma_points(filter_model, log)
     usable = np.isfinite(start).all(axis=(1, 2))
     floor = _FLOOR * np.max(np.abs(np.nan_to_num(log.run.filtered_mean)), axis=1, initial=0.0)
-    noise = (log.batch.process_std[:, 0] ** 2)[np.newaxis] * np.diff(time)[:, np.newaxis] + floor**2
+    noise = (log.batch.process_std[:, 0] ** 2)[np.newaxis] * nodes.end[:, np.newaxis] + floor**2
     move = _mover(filter_model, log, compiled)
     for first, ratio in _SEQUENCES:
         steps, pending = first, np.flatnonzero(usable & (best > first))
@@ -178,8 +178,9 @@ def _plan_log(filter_model: FilterModel, log: FilteredLog, tolerance: float, com
 
 
 def _sigma_points(filter_model: FilterModel, log: FilteredLog) -> FloatArray:
-    """Sigma points at the start of each interval, (n-1, n_s, points)."""
-    mean, cov = log.run.filtered_mean, log.run.filtered_cov
+    """Sigma points at the start of each step from node to node, (m-1, n_s, points)."""
+    assert log.run.nodes is not None
+    mean, cov = log.run.nodes.run.filtered_mean, np.moveaxis(log.run.nodes.driven_cov(), 0, -1)
     points = filter_model.points
     drawn = [points.draw(mean[:, k], lower_factor(cov[:, :, k]).lower) for k in range(mean.shape[1] - 1)]
     return np.array(drawn).reshape(len(drawn), mean.shape[0], 2 * mean.shape[0] + 1)

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
 
 from bondgraph.errors import FilterError, suggest
 from bondgraph.filter.filter_model import FilterModel
-from bondgraph.filter.plan import IntervalSteps, log_key
+from bondgraph.filter.noise_nodes import NoiseNodes, continuous_nodes, sampled_nodes
+from bondgraph.filter.plan import IntervalSteps, NoisePanels, cut_steps, log_key, transferred
 from bondgraph.simulate.arrays import FloatArray, IntArray
 from bondgraph.simulate.inputs import InputSegment, hold_flags, rate_rows
 
@@ -41,12 +42,14 @@ class MeasuredLog(Protocol):
 
 @dataclass(frozen=True)
 class Samples:
-    """A log checked against a filter model.
+    """A log checked against a filter model, on its nodes: its samples and, between them, those of the process noise.
 
-    ``time`` (n,), ``u`` (n_u, n), ``y`` (n_y, n); ``u_left`` and ``u_right`` (n_u, n-1) are the inputs at the two ends
-    of each interval and ``substeps`` (n-1,) its integration steps. An input that is the rate of another is constant
-    over each interval; ``u`` has the mean of both sides of a sample.
-    ``grading`` (n-1,) is the length of each of these over the one before, ``key`` tells logs apart by content.
+    ``time`` (m,), ``u`` (n_u, m), ``y`` (n_y, m), NaN at nodes that are no sample; ``sample`` (n,) are the positions of
+    the samples. ``u_left`` and ``u_right`` (n_u, m-1) are the inputs at the two ends of each step from node to node.
+    An input that is the rate of another is constant over each interval of the log; ``u`` has the mean of both sides of
+    a sample. ``substeps`` (m-1,) are integration steps, ``grading`` (m-1,) the length of each over the one before;
+    ``noise_start`` and ``noise_end`` (m-1,) the seconds of process noise that enter before and after. ``key`` tells
+    logs apart by content.
     """
 
     name: str
@@ -57,6 +60,9 @@ class Samples:
     y: FloatArray
     substeps: IntArray
     grading: FloatArray
+    noise_start: FloatArray
+    noise_end: FloatArray
+    sample: IntArray
     theta_overrides: Mapping[str, float]
     key: str
 
@@ -71,6 +77,7 @@ class Samples:
             whose noise is not declared, or a parameter known for the log does not exist.
         """
         _check(filter_model, log)
+        nodes = noise_nodes(filter_model.noise_panels, log.time)
         hold = hold_flags(filter_model.model)[:, np.newaxis]
         left = log.u[:, :-1]
         right = np.where(hold, left, log.u[:, 1:])
@@ -78,12 +85,19 @@ class Samples:
         for row in rate_rows(filter_model.model):
             inputs[row, 1:-1] = 0.5 * (log.u[row, :-2] + log.u[row, 1:-1])
         key = log_key(log.time, log.u, log.y, log.theta_overrides)
-        steps = _steps(filter_model, log.time, key)
-        arrays = (log.time, inputs, left, right, log.y, steps.substeps, steps.grading)
-        return cls(log.name, *arrays, dict(log.theta_overrides), key)
+        steps = _steps(filter_model, log.time, nodes, key)
+        return cls(
+            log.name, nodes.time, *_between(nodes, log.time, inputs, left, right), _at_samples(nodes, log.y),
+            steps.substeps, steps.grading, nodes.start, nodes.end, nodes.sample, dict(log.theta_overrides), key,
+        )  # fmt: skip
+
+    @classmethod
+    def whole(cls, filter_model: FilterModel, log: MeasuredLog) -> Samples:
+        """A log on its samples alone, without nodes between them."""
+        return cls.of(replace(filter_model, noise_scheme="sampled"), log)
 
     def segment(self, k: int) -> InputSegment:
-        """Inputs of the interval that ends at sample ``k``."""
+        """Inputs of the step that ends at node ``k``."""
         start, end = float(self.time[k - 1]), float(self.time[k])
         return InputSegment(start, end, self.u_left[:, k - 1], self.u_right[:, k - 1])
 
@@ -95,13 +109,56 @@ class Samples:
         return known
 
 
-def _steps(filter_model: FilterModel, time: FloatArray, key: str) -> IntervalSteps:
+def noise_nodes(panels: NoisePanels, time: FloatArray) -> NoiseNodes:
+    """The nodes at which process noise enters along a log with these times (n,)."""
+    scheme, steps, grading = panels
+    return sampled_nodes(time) if scheme == "sampled" else continuous_nodes(time, steps, grading)
+
+
+def _between(
+    nodes: NoiseNodes, time: FloatArray, inputs: FloatArray, left: FloatArray, right: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Inputs (n_u, m) at the nodes, and (n_u, m-1) at both ends of the steps between them."""
+    if nodes.time.size == time.size:
+        return inputs, left, right
+    lengths = np.diff(time)[nodes.interval]
+    begin = (nodes.time[:-1] - time[nodes.interval]) / lengths
+    end = np.append(begin[1:], 1.0)
+    end[nodes.sample[1:] - 1] = 1.0
+    slope = (right - left)[:, nodes.interval]
+    u_left, u_right = (left[:, nodes.interval] + share * slope for share in (begin, end))
+    last = nodes.sample[1:] - 1
+    u_right[:, last] = right
+    every = np.concatenate([u_left, u_right[:, -1:]], axis=1)
+    every[:, nodes.sample] = inputs
+    return every, u_left, u_right
+
+
+def _at_samples(nodes: NoiseNodes, y: FloatArray) -> FloatArray:
+    """Measurements (n_y, m) on the nodes."""
+    if nodes.time.size == y.shape[1]:
+        return y
+    every = np.full((y.shape[0], nodes.time.size), np.nan)
+    every[:, nodes.sample] = y
+    return every
+
+
+def _steps(filter_model: FilterModel, time: FloatArray, nodes: NoiseNodes, key: str) -> IntervalSteps:
     """The steps planned for the log with this key, else uniform ones."""
     plan = filter_model.plan
     if plan is not None and plan.method == filter_model.method and key in plan.logs:
-        return plan.logs[key]
-    substeps = interval_substeps(time, filter_model.substeps)
-    return IntervalSteps(substeps, np.full(substeps.size, filter_model.grading if filter_model.is_stiff else 1.0))
+        planned = plan.logs[key]
+        if plan.panels == filter_model.noise_panels:
+            return planned
+        return transferred(planned, noise_nodes(plan.panels, time).time, nodes.time)
+    grading = np.full(nodes.share.size, filter_model.grading if filter_model.is_stiff else 1.0)
+    whole = np.full(nodes.share.size, filter_model.substeps, dtype=np.int64)
+    parts = cut_steps(whole, grading, np.minimum(nodes.share, 1.0))
+    # a step longer than a median interval takes more, and no steps grow beyond those of one
+    long = nodes.share > 1.0
+    return IntervalSteps(
+        np.where(long, np.ceil(whole * nodes.share - 1e-9).astype(np.int64), parts), np.where(long, 1.0, grading)
+    )
 
 
 def interval_substeps(time: FloatArray, substeps: int) -> IntArray:

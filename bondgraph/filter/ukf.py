@@ -1,12 +1,14 @@
 """The unscented Kalman filter over a log, in plain numpy: the readable form of what ``kernel.py`` compiles.
 
 The prior is the belief at the time of the first sample: that sample is used without a prediction. Before every later
-sample comes a prediction over the interval. Sigma points are drawn from the belief after the process noise was added,
-and again from the belief after the measurement (filterpy >= 2.0.0 does the same).
+sample comes a prediction from node to node, see :mod:`bondgraph.filter.noise_nodes`. Sigma points are drawn from the
+belief after the process noise was added, and again from the belief after the measurement (filterpy >= 2.0.0 does the
+same).
 """
 
 from __future__ import annotations
 
+import functools
 from dataclasses import dataclass
 
 import numpy as np
@@ -25,7 +27,8 @@ from bondgraph.simulate.stiff import ModelEquations, Rosenbrock
 class Member:
     """One set of numbers to filter with.
 
-    theta (n_theta,), x0 (n_x,), initial_std and process_std (n_s,), noise_std (n_y,).
+    theta (n_theta,), x0 (n_x,), initial_std and process_std (n_s,), noise_std (n_y,), NaN where an output is not used;
+    correlations of initial state and process noise (n_s, n_s) and of the sensors (n_y, n_y).
     """
 
     theta: FloatArray
@@ -33,10 +36,59 @@ class Member:
     initial_std: FloatArray
     process_std: FloatArray
     noise_std: FloatArray
+    initial_correlation: FloatArray
+    process_correlation: FloatArray
+    noise_correlation: FloatArray
+
+    @classmethod
+    def of(cls, filter_model: FilterModel, theta: FloatArray | None = None, x0: FloatArray | None = None) -> Member:
+        """The numbers that a filter model declares; theta (n_theta,) and x0 (n_x,) may be others.
+
+        Examples
+        --------
+        >>> from bondgraph.simulate.example import pendulum
+        >>> Member.of(FilterModel(pendulum(), {"rate": 0.1}, {"deflection": 0.02}, {"angle": 0.1})).process_cov.tolist()
+        [[0.0, 0.0], [0.0, 0.010000000000000002]]
+        """
+        model = filter_model.model
+        return cls(
+            model.theta() if theta is None else theta, model.x0() if x0 is None else x0,
+            filter_model.start_std, filter_model.process_std, filter_model.noise_std,
+            filter_model.start_correlations, filter_model.process_correlations, filter_model.noise_correlations,
+        )  # fmt: skip
+
+    @functools.cached_property
+    def process_cov(self) -> FloatArray:
+        """Covariance per second of the process noise, (n_s, n_s)."""
+        return scaled(self.process_correlation, self.process_std)
+
+    @functools.cached_property
+    def noise_cov(self) -> FloatArray:
+        """Covariance of the sensors' noise, (n_y, n_y); zero for outputs that are not used."""
+        return scaled(self.noise_correlation, np.nan_to_num(self.noise_std))
+
+    @functools.cached_property
+    def initial_lower(self) -> FloatArray:
+        """Lower factor of the covariance of the initial state, (n_s, n_s)."""
+        lower: FloatArray = self.initial_std[:, np.newaxis] * np.linalg.cholesky(self.initial_correlation)
+        return lower
+
+
+def scaled(correlation: FloatArray, std: FloatArray) -> FloatArray:
+    """Covariance (k, k, *batch) of a correlation and standard deviations (k, *batch).
+
+    Examples
+    --------
+    >>> scaled(np.array([[1.0, 0.5], [0.5, 1.0]]), np.array([1.0, 4.0]))
+    array([[ 1.,  2.],
+           [ 2., 16.]])
+    """
+    cov: FloatArray = correlation * (std[:, np.newaxis] * std[np.newaxis])
+    return cov
 
 
 def transition(filter_model: FilterModel, samples: Samples, k: int, theta: FloatArray) -> PointFunction:
-    """Moves points of the filter's state over the interval that ends at sample ``k``; appended parameters stay."""
+    """Moves points of the filter's state over the step that ends at node ``k``; appended parameters stay."""
     model = filter_model.model
     n_x = len(model.states)
     substeps = int(samples.substeps[k - 1])
@@ -69,7 +121,7 @@ def measurement(filter_model: FilterModel, samples: Samples, k: int, theta: Floa
 def reference_run(
     filter_model: FilterModel, samples: Samples, member: Member, highest: FloatArray | None = None
 ) -> FilterRun:
-    """Filter one log with one set of numbers, in numpy.
+    """Filter one log with one set of numbers, in numpy; the record holds every node.
 
     Parameters
     ----------
@@ -84,24 +136,23 @@ def reference_run(
 
 def _run(filter_model: FilterModel, samples: Samples, member: Member, highest: FloatArray) -> FilterRun:
     start = filter_model.start_mean(member.theta, member.x0)
-    belief = Belief.of(start, np.diag(member.initial_std**2))
+    belief = Belief(start, member.initial_lower @ member.initial_lower.T, member.initial_lower)
     record = Recorder(filter_model, samples)
-    noise_cov = np.diag(np.nan_to_num(member.noise_std) ** 2)
     gathered = 0.0
     for k in range(samples.time.size):
         if gathered > highest[k]:
             return record.finish(Outcome.ABANDONED)
         if k > 0:
-            interval = samples.time[k] - samples.time[k - 1]
-            process_cov = np.diag(member.process_std**2 * interval)
+            if samples.noise_start[k - 1] > 0.0:
+                belief = Belief.of(belief.mean, belief.cov + member.process_cov * samples.noise_start[k - 1])
             move = transition(filter_model, samples, k, member.theta)
-            prediction = predict(belief, move, process_cov, filter_model.points)
+            prediction = predict(belief, move, member.process_cov * samples.noise_end[k - 1], filter_model.points)
         else:
             prediction = Prediction(belief, np.full(belief.cov.shape, np.nan), 0, Outcome.OK)
         if prediction.outcome is not Outcome.OK:
             return record.finish(prediction.outcome)
         measure = measurement(filter_model, samples, k, member.theta)
-        updated = update(prediction.belief, samples.y[:, k], measure, noise_cov, filter_model.points)
+        updated = update(prediction.belief, samples.y[:, k], measure, member.noise_cov, filter_model.points)
         if updated.outcome is not Outcome.OK:
             return record.finish(updated.outcome)
         record.add(k, prediction, updated)

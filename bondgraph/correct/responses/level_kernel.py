@@ -21,12 +21,13 @@ from bondgraph.simulate.arrays import FloatArray
 class Filter(NamedTuple):
     """The filter along a log, samples first, see :class:`bondgraph.correct.responses.response.LinearLog`.
 
-    ``slope`` (n, n_y, n_x) with zero rows for what was not measured, ``seen`` (n, n_y) one for what was and zero,
+    ``gathered`` (n - 1, drivers, n_x, n_x) is the covariance that noise of intensity one in each driven state leaves
+    over an interval; ``slope`` (n, n_y, n_x) with zero rows for what was not measured, ``seen`` (n, n_y) one for what was and zero,
     ``innovation`` and ``whitened`` (n, n_y).
     """
 
     transition: FloatArray
-    intervals: FloatArray
+    gathered: FloatArray
     slope: FloatArray
     seen: FloatArray
     gain: FloatArray
@@ -40,10 +41,10 @@ def carried(
 ) -> None:
     """Fill derivatives (n, n_y, levels) of whitened innovations and of log scales.
 
-    process (n_x, levels) and noise (n_y, levels) are those of the variances per second that drive the states, and of
+    process (drivers, levels) and noise (n_y, levels) are those of the variances per second that drive the states, and of
     the variances of the sensors.
     """
-    size, outputs, levels = process.shape[0], noise.shape[0], process.shape[1]
+    size, outputs, levels = filtered.slope.shape[2], noise.shape[0], process.shape[1]
     moved, turned = np.zeros((size, 1, levels)), np.zeros((size, 1, levels))
     spread, half = np.zeros((size, size, levels)), np.zeros((size, size, levels))
     shown, left = np.zeros((outputs, size, levels)), np.zeros((size, outputs, levels))
@@ -51,7 +52,7 @@ def carried(
     expected, weight = np.zeros((outputs, 1, levels)), np.zeros(outputs)
     for k in range(filtered.slope.shape[0]):
         if k:
-            _predict(filtered.transition[k - 1], filtered.intervals[k - 1], process, moved, turned, spread, half)
+            _predict(filtered.transition[k - 1], filtered.gathered[k - 1], process, moved, turned, spread, half)
         slope, gain, whitener = filtered.slope[k], filtered.gain[k], filtered.whitener[k]
         _before(slope, spread, shown)
         _behind(shown, slope, change)
@@ -74,7 +75,7 @@ def carried(
 
 def _predict(
     transition: FloatArray,
-    interval: float,
+    gathered: FloatArray,
     process: FloatArray,
     moved: FloatArray,
     turned: FloatArray,
@@ -86,9 +87,12 @@ def _predict(
     _before(transition, turned, moved)
     _before(transition, spread, half)
     _behind(half, transition, spread)
-    for i in range(process.shape[0]):
-        for level in range(process.shape[1]):
-            spread[i, i, level] += interval * process[i, level]
+    for d in range(process.shape[0]):
+        for i in range(spread.shape[0]):
+            for j in range(spread.shape[0]):
+                if gathered[d, i, j] != 0.0:
+                    for level in range(process.shape[1]):
+                        spread[i, j, level] += gathered[d, i, j] * process[d, level]
 
 
 def _update(gain: FloatArray, shown: FloatArray, left: FloatArray, spread: FloatArray) -> None:

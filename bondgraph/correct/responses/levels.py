@@ -20,6 +20,7 @@ from bondgraph.correct.responses import level_kernel
 from bondgraph.correct.responses.response import LinearLog
 from bondgraph.data.log import FloatArray
 from bondgraph.filter.filter_run import FilterRun
+from bondgraph.simulate.arrays import IntArray
 from bondgraph.simulate.compile import load_kernel
 
 
@@ -40,14 +41,24 @@ def respond_to_levels(linear: LinearLog, run: FilterRun, changes: LevelChanges) 
     count, outputs, _ = linear.slope.shape
     levels = changes.process.shape[0]
     seen = np.isfinite(run.y).T.astype(np.float64)
+    drivers = np.flatnonzero(changes.process.any(axis=0))
     filtered = level_kernel.Filter(
-        np.ascontiguousarray(linear.transition), linear.path.intervals, linear.slope * seen[:, :, np.newaxis], seen,
+        np.ascontiguousarray(linear.transition), _gathered(run, drivers), linear.slope * seen[:, :, np.newaxis], seen,
         np.ascontiguousarray(linear.gain), np.ascontiguousarray(linear.whitener),
         np.nan_to_num(run.innovation).T.copy(), np.nan_to_num(run.whitened).T.copy(),
     )  # fmt: skip
     slopes_z, slopes_s = np.zeros((count, outputs, levels)), np.zeros((count, outputs, levels))
-    process, noise = np.ascontiguousarray(changes.process.T), np.ascontiguousarray(changes.measurement.T)
+    process, noise = np.ascontiguousarray(changes.process.T[drivers]), np.ascontiguousarray(changes.measurement.T)
     load_kernel(level_kernel).carried(filtered, process, noise, slopes_z, slopes_s)
     rows = (np.moveaxis(found, 1, 0).reshape(-1, levels) for found in (slopes_z, slopes_s))
     first, second = rows
     return np.ascontiguousarray(first), np.ascontiguousarray(second)
+
+
+def _gathered(run: FilterRun, drivers: IntArray) -> FloatArray:
+    """Covariance (n - 1, drivers, n_x, n_x) that noise of intensity one in each driven state leaves over intervals."""
+    assert run.nodes is not None
+    size = len(run.filter_model.model.states)
+    rows = [run.nodes.noise_gathered(int(state))[:, :size, :size] for state in drivers]
+    empty = np.zeros((0, run.time.size - 1, size, size))
+    return np.ascontiguousarray(np.nan_to_num(np.swapaxes(np.array(rows) if rows else empty, 0, 1)))

@@ -127,7 +127,7 @@ def linearise(run: FilterRun, log: MatchedLog, theta: FloatArray, kicked: Kicks 
         Of a stiff model: what :func:`kicked_along` gave for a run next to this one; None: it is asked anew.
     """
     filter_model = run.filter_model
-    model, samples = filter_model.model, Samples.of(filter_model, log)
+    model, samples = filter_model.model, Samples.whole(filter_model, log)
     own = samples.theta(filter_model, theta)
     spread = np.sqrt(np.maximum(np.einsum("iik->ik", run.predicted_cov), 0.0))
     step = np.maximum(spread, _FINEST * np.maximum(np.abs(run.predicted_mean).max(axis=1, keepdims=True), 1e-3))
@@ -155,7 +155,7 @@ def _smooth(
 
 def kicked_along(run: FilterRun, log: MatchedLog, theta: FloatArray) -> Kicks:
     """What kicks of the states of a stiff model leave, along the run of its filter over a log with theta (n_theta,)."""
-    samples = Samples.of(run.filter_model, log)
+    samples = Samples.whole(run.filter_model, log)
     return kicks(run.filter_model, samples, run.filtered_mean[:, :-1], samples.theta(run.filter_model, theta))
 
 
@@ -188,7 +188,7 @@ def open_loop(path: Path, filter_model: FilterModel, noise_std: FloatArray) -> L
     whitener = np.broadcast_to(np.diag(np.nan_to_num(1.0 / noise_std)), (count, outputs, outputs))
     gain, whitened = np.zeros((count, size, outputs)), np.zeros((outputs, count))
     if filter_model.is_stiff and has_numba():
-        samples = Samples.of(filter_model, path.log)
+        samples = Samples.whole(filter_model, path.log)
         found = kicks(filter_model, samples, path.before[:, :-1], path.theta, (0.0, *NODES))
         transition, (early, late) = found.moved[:, 0], _by_nodes(found.moved[:, 1:], path.intervals)
         path = _between_samples(path, samples, found.reached[:, 1:])

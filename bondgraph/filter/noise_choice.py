@@ -1,0 +1,121 @@
+"""How finely process noise must enter between two samples: chosen by what a coarser way would change.
+
+Along a filtered log the model is linearised at some samples. There the covariance that the noise gathers over an
+interval is known exactly (Van Loan 1978, Computing integrals involving the matrix exponential, IEEE Trans. Automatic
+Control 23(3)), and that of each sequence of panels follows from the same linear model. The fewest panels serve that
+miss it by no more than a share of the uncertainty which the filter has there anyway.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from scipy.linalg import expm
+
+from bondgraph.filter.filter_model import FilterModel
+from bondgraph.filter.noise_nodes import continuous_nodes
+from bondgraph.filter.planning import TOLERANCE, FilteredLog, filtered_logs
+from bondgraph.filter.rates import jacobians, looked_at
+from bondgraph.filter.samples import MeasuredLog
+from bondgraph.simulate.arrays import FloatArray
+
+#: Panels and gradings that are tried, from few to many: even ones for what swings, shorter towards the end for what
+#: forgets fast.
+SEQUENCES = ((0, 1.0), (1, 1.0), *itertools.product((2, 3, 4, 6, 8, 12, 16), (1.0, 0.5)))
+
+
+def with_noise_steps(filter_model: FilterModel, logs: Sequence[MeasuredLog], *, compiled: bool = True) -> FilterModel:
+    """The filter model with as many panels of process noise as its logs need, at the declared numbers.
+
+    Parameters
+    ----------
+    filter_model
+        With a method that is decided; one that nothing drives, or of the sampled scheme, is returned as it is.
+    logs
+        Logs along which the model is linearised.
+    compiled
+        Use the compiled model.
+
+    Examples
+    --------
+    >>> from bondgraph.data.log import MatchedLog
+    >>> from bondgraph.simulate.example import pendulum
+    >>> swing = FilterModel(pendulum(), {"rate": 0.1}, {"deflection": 0.05}, {"angle": 0.1, "rate": 0.1})
+    >>> time = np.arange(40) * 0.05
+    >>> log = MatchedLog("swing", time, np.zeros((1, 40)), 0.5 * np.cos(3.1 * time)[np.newaxis])
+    >>> with_noise_steps(swing, [log], compiled=False).noise_steps
+    0
+    """
+    if filter_model.noise_panels[0] == "sampled":
+        return filter_model
+    steps, grading = noise_steps_along(filtered_logs(filter_model, logs, compiled))
+    return replace(filter_model, noise_steps=steps, noise_grading=grading)
+
+
+def noise_steps_along(filtered: Sequence[FilteredLog]) -> tuple[int, float]:
+    """Panels and their grading for runs that are there already; the finest sequence where none is enough."""
+    places = [place for log in filtered for place in _places(log)]
+    return next((own for own in SEQUENCES if all(_enough(own, *place) for place in places)), SEQUENCES[-1])
+
+
+def _places(log: FilteredLog) -> list[tuple[FloatArray, float, FloatArray, FloatArray]]:
+    """Jacobian, median interval, noise per second, and predicted standard deviations at some samples of a log."""
+    if log.run.time.size < 2:
+        return []
+    assert log.run.nodes is not None
+    sample = log.samples.sample
+    chosen = np.unique(np.searchsorted(sample, looked_at(log.samples)))
+    chosen = chosen[chosen < log.run.time.size - 1]
+    slopes = jacobians(log.run, log.samples, log.batch.theta[:, 0], sample[chosen])
+    n_x = slopes.shape[1]
+    interval = float(np.median(np.diff(log.run.time)))
+    noise = log.run.nodes.process_cov[:n_x, :n_x]
+    std = np.sqrt(np.einsum("iik->ki", log.run.predicted_cov[:n_x, :n_x, chosen + 1]))
+    usable = np.isfinite(slopes).all(axis=(1, 2)) & np.isfinite(std).all(axis=1)
+    return [(slopes[k], interval, noise, std[k]) for k in np.flatnonzero(usable)]
+
+
+def _enough(sequence: tuple[int, float], slope: FloatArray, interval: float, noise: FloatArray, std: FloatArray) -> bool:
+    """Whether panels gather the noise of an interval as exactly as steps are planned."""
+    nodes = continuous_nodes(np.array([0.0, interval]), *sequence)
+    with np.errstate(all="ignore"):
+        moves = expm(slope * np.diff(nodes.time)[:, np.newaxis, np.newaxis])
+        gathered = np.zeros(noise.shape)
+        for move, start, end in zip(moves, nodes.start, nodes.end, strict=True):
+            gathered = move @ (gathered + start * noise) @ move.T + end * noise
+        missed = np.abs(gathered - gathered_noise(slope, noise, interval))
+        return not bool(np.any(missed > TOLERANCE * np.outer(std, std)))
+
+
+def gathered_noise(slope: FloatArray, noise: FloatArray, interval: float) -> FloatArray:
+    """Covariance that noise of some intensity leaves in a linear model over an interval (Van Loan 1978).
+
+    Parameters
+    ----------
+    slope
+        Jacobian of the rates (n, n), 1/s.
+    noise
+        Covariance per second, (n, n).
+    interval
+        Length, s.
+
+    Examples
+    --------
+    >>> gathered_noise(np.array([[-6.0]]), np.array([[1.0]]), 5.0).round(6)
+    array([[0.083333]])
+    """
+    size = slope.shape[0]
+    # doubled from a short interval on, since the block form overflows for fast rates
+    doublings = max(0, int(np.ceil(np.log2(max(np.linalg.norm(slope, 1) * interval, 1e-300)))))
+    part = interval / 2.0**doublings
+    block = np.block([[-slope, noise], [np.zeros((size, size)), slope.T]]) * part
+    found = expm(block)
+    move = found[size:, size:].T
+    gathered = move @ found[:size, size:]
+    for _ in range(doublings):
+        gathered = gathered + move @ gathered @ move.T
+        move = move @ move
+    return 0.5 * (gathered + gathered.T)

@@ -1,0 +1,150 @@
+"""Times inside the intervals of a log at which process noise enters, so that the model carries it on.
+
+Noise that drives the states in continuous time leaves over an interval of length h
+
+    Q = integral over s from 0 to h of  Phi(h, s) S Phi(h, s)' ds,        Phi the transition from s to h, S = std^2,
+
+and not S h: a state with a rate of 6/s forgets within a quarter of a second what has driven it. The integral is taken
+by Simpson's rule on panels: at its nodes the covariance takes in its share of S, and the sigma points, drawn anew,
+carry it to the next node. Whatever moves the points moves the noise, so that value and gradient stay those of one
+recursion. Panels become shorter towards the end of the interval where fast states ask for it: from h/2, h/4, ... on
+any rate is resolved with as many panels as there are doublings between it and the sampling.
+
+References: Sarkka (2007), On unscented Kalman filtering for state estimation of continuous-time nonlinear systems, IEEE
+Trans. Automatic Control 52(9), for the moments between samples; Davis and Rabinowitz (1984), Methods of Numerical
+Integration, 2.2, for the rule and its error.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from bondgraph.simulate.arrays import FloatArray, IntArray
+
+#: Weights of Simpson's rule at the nodes of a panel, as shares of its length.
+_SIMPSON = (1.0 / 6.0, 4.0 / 6.0, 1.0 / 6.0)
+#: The trapezoidal rule, which needs no node inside.
+_TRAPEZOID = (0.5, 0.5)
+
+
+@dataclass(frozen=True)
+class NoiseNodes:
+    """Nodes of a log: the times of its samples and those between them.
+
+    ``time`` (m,) in s; ``sample`` (n,) are the positions of the log's samples in it; ``interval`` (m-1,) is the
+    interval of the log in which each step from node to node lies, and ``share`` (m-1,) the step's part of one median
+    interval. Noise enters for ``start`` (m-1,) seconds before and for ``end`` (m-1,) seconds after each step.
+    """
+
+    time: FloatArray
+    sample: IntArray
+    interval: IntArray
+    share: FloatArray
+    start: FloatArray
+    end: FloatArray
+
+
+def sampled_nodes(time: FloatArray) -> NoiseNodes:
+    """No nodes inside: the noise of an interval enters as a whole at its end, as in filterpy.
+
+    Examples
+    --------
+    >>> sampled_nodes(np.array([0.0, 0.1, 0.3])).end.round(12).tolist()
+    [0.1, 0.2]
+    """
+    lengths = np.diff(time)
+    count = np.arange(lengths.size)
+    multiples = np.maximum(1.0, np.rint(lengths / _median(time)))
+    return NoiseNodes(time, np.arange(time.size), count, multiples, np.zeros(lengths.size), lengths)
+
+
+def continuous_nodes(time: FloatArray, steps: int, grading: float) -> NoiseNodes:
+    """Nodes of Simpson's rule in every interval of a log.
+
+    Parameters
+    ----------
+    time
+        Times of the samples, shape (n,), s.
+    steps
+        Panels in an interval of median length; 0: the trapezoidal rule, without a node inside. A longer interval is
+        cut where samples would be missing, in pieces that double away from its end.
+    grading
+        Length of a panel over that of the one before.
+
+    Examples
+    --------
+    >>> nodes = continuous_nodes(np.array([0.0, 1.0, 2.0]), 1, 1.0)
+    >>> nodes.time.tolist(), nodes.sample.tolist(), nodes.end.round(3).tolist()
+    ([0.0, 0.5, 1.0, 1.5, 2.0], [0, 2, 4], [0.667, 0.167, 0.667, 0.167])
+    >>> continuous_nodes(np.array([0.0, 1.0, 2.0, 7.0]), 0, 1.0).time.tolist()
+    [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0]
+    """
+    median = _median(time)
+    offsets, shares, starts, ends, counts = [], [], [], [], []
+    known: dict[int, tuple[FloatArray, FloatArray, FloatArray]] = {}
+    for length in np.diff(time):
+        multiple = max(1, round(length / median))
+        if multiple not in known:
+            known[multiple] = _interval(multiple, steps, grading)
+        own, start, end = known[multiple]
+        offsets.append(own[1:] * length)
+        shares.append(np.diff(own) * multiple)
+        starts.append(start * length)
+        ends.append(end * length)
+        counts.append(own.size - 1)
+    sample = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
+    interval = np.repeat(np.arange(len(counts)), counts).astype(np.int64)
+    nodes = np.concatenate([time[:1], time[interval] + np.concatenate([np.zeros(0), *offsets])])
+    nodes[sample] = time
+    empty = np.zeros(0)
+    rows = (np.concatenate([empty, *parts]) for parts in (shares, starts, ends))
+    return NoiseNodes(nodes, sample, interval, *rows)
+
+
+def _interval(multiple: int, steps: int, grading: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Nodes of an interval as shares of it, and noise before and after each step as shares of its length.
+
+    What two panels leave at the node between them enters once, after the first.
+    """
+    edges, start, end = [0.0], [], []
+    for piece in _pieces(multiple):
+        panels = steps * piece if grading == 1.0 and steps > 1 else max(steps, 1 if piece > 1 else 0)
+        for length in _panels(panels, grading) * piece / multiple:
+            weights = _SIMPSON if panels else _TRAPEZOID
+            hops = len(weights) - 1
+            edges += [edges[-1] + length / hops * (hop + 1) for hop in range(hops)]
+            start += [weights[0] * length] + [0.0] * (hops - 1)
+            end += [weight * length for weight in weights[1:]]
+    for node in range(1, len(start)):
+        end[node - 1] += start[node]
+        start[node] = 0.0
+    return np.array(edges), np.array(start), np.array(end)
+
+
+def _pieces(multiple: int) -> list[int]:
+    """Lengths of the pieces of an interval of so many medians: 1, 1, 2, 4, ... from its end.
+
+    Examples
+    --------
+    >>> _pieces(1), _pieces(2), _pieces(13)
+    ([1], [1, 1], [5, 4, 2, 1, 1])
+    """
+    pieces, left, size = [1], multiple - 1, 1
+    while left > 0:
+        pieces.append(min(size, left))
+        left -= pieces[-1]
+        size *= 2
+    return pieces[::-1]
+
+
+def _panels(count: int, grading: float) -> FloatArray:
+    """Lengths of the panels of a piece, which sum to one."""
+    lengths = grading ** np.arange(max(count, 1), dtype=np.float64)
+    return lengths / lengths.sum()
+
+
+def _median(time: FloatArray) -> float:
+    """Length of the median interval; one where there is none."""
+    return float(np.median(np.diff(time))) if time.size > 1 else 1.0
