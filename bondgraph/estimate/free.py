@@ -29,7 +29,7 @@ Scale = Literal["linear", "log"]
 _CALL = re.compile(r"^(std|process_corr|process|x0_std|x0_corr|x0|corr)\((.+)\)$")
 
 #: Which names each kind takes, and the word for them.
-_NAMED: dict[Kind, tuple[str, str]] = {
+_NAMED: dict[Kind, tuple[Literal["state", "parameter", "output"], str]] = {
     "parameter": ("parameter", "parameter"), "std": ("output", "output"), "process": ("state", "state"),
     "x0": ("state", "state"), "x0_std": ("state", "state"), "corr": ("output", "output"),
     "process_corr": ("state", "state"), "x0_corr": ("state", "state"),
@@ -219,9 +219,7 @@ def _declared_level(
     return FreeParameter(name, min(lower, level), max(upper, level), level, scale="log")
 
 
-def _shown_bounds(
-    target: Target, filter_model: FilterModel, logs: Sequence[MatchedLog]
-) -> tuple[float, float] | None:
+def _shown_bounds(target: Target, filter_model: FilterModel, logs: Sequence[MatchedLog]) -> tuple[float, float] | None:
     model = filter_model.model
     if not logs or target.kind == "x0_std":
         return None

@@ -38,6 +38,9 @@ _ITERATIONS, _PATIENCE, _GAIN = 20, 6, 1.0
 #: Kinds of free parameters that are levels of noise.
 _LEVELS = ("std", "process")
 
+#: Starts of noise levels scatter within this factor of the first.
+_SCATTER = 100.0
+
 
 def swarm_search(
     problem: EstimationProblem, given: SwarmSettings | None, alone: bool
@@ -131,12 +134,18 @@ def swarm_starts(problem: EstimationProblem, points: FloatArray, values: FloatAr
 
 
 def spread_starts(problem: EstimationProblem, count: int, seed: int) -> FloatArray:
-    """The declared start and a Latin hypercube over the bounds, shape (n, count)."""
+    """The declared start and a Latin hypercube over the bounds, shape (n, count).
+
+    Levels of noise scatter within a factor of 100: their bounds span all that a log can tell, and a search finds them
+    from anywhere near.
+    """
     rng = np.random.default_rng([seed, 1])
     others = max(count - 1, 1)
     strata = np.array([rng.permutation(others) for _ in problem.free])
     shares = (strata + rng.random(strata.shape)) / others
-    spread = problem.lower[:, np.newaxis] + (problem.upper - problem.lower)[:, np.newaxis] * shares
+    near = np.where(problem.noise_levels, np.log(_SCATTER), np.inf)
+    lower, upper = np.maximum(problem.lower, problem.start - near), np.minimum(problem.upper, problem.start + near)
+    spread = lower[:, np.newaxis] + (upper - lower)[:, np.newaxis] * shares
     return np.concatenate([problem.start[:, np.newaxis], spread], axis=1)[:, :count]
 
 

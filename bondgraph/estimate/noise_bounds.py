@@ -9,6 +9,7 @@ bits), below which nobody could tell a level from none.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -42,7 +43,9 @@ def sensor_bounds(logs: Sequence[MatchedLog], output: int) -> tuple[float, float
     return (RESOLUTION * span, span) if span > 0.0 else None
 
 
-def process_bounds(model: Model, logs: Sequence[MatchedLog], theta: FloatArray, state: int) -> tuple[float, float] | None:
+def process_bounds(
+    model: Model, logs: Sequence[MatchedLog], theta: FloatArray, state: int
+) -> tuple[float, float] | None:
     """Least and largest intensity of the noise that drives a state, per sqrt(s); None where no channel shows it.
 
     Parameters
@@ -54,12 +57,9 @@ def process_bounds(model: Model, logs: Sequence[MatchedLog], theta: FloatArray, 
     state
         Index of the state.
     """
-    pushes = [push for log in logs if (push := _largest_push(model, logs, log, theta, state)) is not None]
-    if not pushes:
-        return None
-    push, interval = max(pushes)
-    largest = push / np.sqrt(interval)
-    return float(RESOLUTION * largest), float(largest)
+    found = [_largest_push(model, logs, log, theta, state) for log in logs]
+    levels = [push / math.sqrt(interval) for push, interval in filter(None, found)]
+    return (RESOLUTION * max(levels), max(levels)) if levels else None
 
 
 def _largest_push(

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Protocol, runtime_checkable
+from typing import Literal, Protocol, runtime_checkable
 
 import numpy as np
 
@@ -232,7 +232,7 @@ class EstimationProblem:
             elif target.kind in levels:
                 levels[target.kind][model.index("output" if target.kind == "std" else "state", target.name)] = row
             elif target.other is not None:
-                kind = "output" if target.kind == "corr" else "state"
+                kind: Literal["output", "state"] = "output" if target.kind == "corr" else "state"
                 i, j = model.index(kind, target.name), model.index(kind, target.other)
                 pairs[target.kind][i, j] = pairs[target.kind][j, i] = row
             else:

@@ -159,10 +159,20 @@ class Estimate:
         process = {
             name: self.values[free["process", name]] for name in model.names("state") if ("process", name) in free
         }
+        start = {name: self.values[free["x0_std", name]] for name in model.names("state") if ("x0_std", name) in free}
+
+        def pairs(kind: str) -> dict[tuple[str, str], float]:
+            targets = [(p.target, p.name) for p in self.problem.free if p.target.kind == kind]
+            return {(target.name, target.other or ""): self.values[name] for target, name in targets}
+
         return replace(
             declared,
             measurement_noise={**declared.measurement_noise, **noise},
             process_noise={**declared.process_noise, **process},
+            initial_std={**declared.initial_std, **start},
+            measurement_correlation={**declared.measurement_correlation, **pairs("corr")},
+            process_correlation={**declared.process_correlation, **pairs("process_corr")},
+            initial_correlation={**declared.initial_correlation, **pairs("x0_corr")},
         )
 
     def profile(self, name: str, level: float = 0.95) -> tuple[float, float]:

@@ -11,11 +11,10 @@ import numpy.typing as npt
 
 from bondgraph.filter.compiled import CompiledFilter, in_threads, log_rows, thread_count, whole_log
 from bondgraph.filter.filter_model import FilterModel
-from bondgraph.filter.filter_run import FilterRun
+from bondgraph.filter.filter_run import FilterRun, NodeRecord
 from bondgraph.filter.kernel_record import Record
 from bondgraph.filter.kernel_types import Verdicts
 from bondgraph.filter.members import MemberBatch
-from bondgraph.filter.node_record import NodeRecord
 from bondgraph.filter.samples import Samples
 from bondgraph.filter.ukf import reference_run
 from bondgraph.simulate.arrays import BoolArray, FloatArray
@@ -56,7 +55,7 @@ class BatchRun:
             floored_pivots=int(self.verdicts.floored[m]),
             outcome=self.outcome(m),
             ended_at=float(self.samples.time[max(last, 0)]),
-            **arrays,
+            **arrays,  # type: ignore[arg-type]
         )
         return NodeRecord(run, self.samples, self.batch.member(m).process_cov).at_samples()
 
@@ -112,9 +111,7 @@ def _all_in_numpy(
 def _all_in_kernel(
     filter_model: FilterModel, logs: Sequence[Samples], batches: Sequence[MemberBatch], depth: int, threads: int | None
 ) -> tuple[BatchRun, ...]:
-    runs = tuple(
-        empty_run(filter_model, samples, batch, depth) for samples, batch in zip(logs, batches, strict=True)
-    )
+    runs = tuple(empty_run(filter_model, samples, batch, depth) for samples, batch in zip(logs, batches, strict=True))
     compiled_filter = CompiledFilter.of(filter_model)
     rows = [(log_rows(run.samples), whole_log(run.samples)) for run in runs]
     workers = thread_count(threads)

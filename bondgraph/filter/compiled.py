@@ -147,8 +147,8 @@ def log_rows(samples: Samples) -> Log:
 
     u, u_left, u_right, y = map(rows, (samples.u, samples.u_left, samples.u_right, samples.y))
     time = np.array(samples.time, dtype=np.float64)
-    own = (samples.substeps, samples.grading, samples.noise_start, samples.noise_end)
-    return Log(time, u, u_left, u_right, y, *map(np.ascontiguousarray, own))
+    start, end = np.ascontiguousarray(samples.noise_start), np.ascontiguousarray(samples.noise_end)
+    return Log(time, u, u_left, u_right, y, samples.substeps, samples.grading, start, end)
 
 
 def kernel_members(batch: MemberBatch) -> Members:

@@ -1,12 +1,13 @@
 """Logs as a filter model believes they come about: the truth for tests of filters and estimators.
 
-Between samples the model runs undisturbed; at each sample the process noise of the step just made is added, then the
-outputs are measured with their noise. An estimator that is right about its model must recover the parameters of such
-logs, and a filter must be consistent on them.
+Process noise drives the model between samples, at four times as many nodes as the filter has (of the sampled scheme: at
+each sample, for the interval that it ends); at each sample the outputs are measured with their noise. An estimator that
+is right about its model must recover the parameters of such logs, and a filter must be consistent on them.
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,6 +15,8 @@ import numpy as np
 from bondgraph.data.log import MatchedLog
 from bondgraph.errors import FilterError
 from bondgraph.filter.filter_model import FilterModel
+from bondgraph.filter.samples import inputs_between, noise_nodes
+from bondgraph.filter.ukf import Member
 from bondgraph.simulate.arrays import FloatArray
 from bondgraph.simulate.batch import simulate_batch
 
@@ -78,18 +81,26 @@ def draw_logs(
     steps = substeps or 4 * filter_model.substeps
     size, samples, n_x = start.size, len(pattern), len(model.states)
     states = np.empty((size, samples, count))
-    states[:, 0] = start[:, np.newaxis] + filter_model.start_std[:, np.newaxis] * rng.standard_normal((size, count))
+    states[:, 0] = start[:, np.newaxis] + Member.of(filter_model).initial_lower @ rng.standard_normal((size, count))
     members = np.repeat(known[:, np.newaxis], count, axis=1)
-    for k in range(1, samples):
-        members[filter_model.appended_index] = states[n_x:, k - 1]
+    root = filter_model.process_std[:, np.newaxis] * np.linalg.cholesky(filter_model.process_correlations)
+    scheme, panels, grading = filter_model.noise_panels
+    nodes = noise_nodes((scheme, 4 * max(panels, 1), grading), pattern.time)
+    left, right = inputs_between(model, nodes, pattern.time, pattern.u)
+    now = states[:, 0]
+    for k, (start, end, share) in enumerate(zip(nodes.start, nodes.end, nodes.share, strict=True)):
+        if start > 0.0:
+            now = now + np.sqrt(start) * (root @ rng.standard_normal((size, count)))
+        members[filter_model.appended_index] = now[n_x:]
+        times = nodes.time[k : k + 2]
         step = simulate_batch(
-            model, pattern.time[k - 1 : k + 1], pattern.u[:, k - 1 : k + 1], members, states[:n_x, k - 1],
-            substeps=steps, compiled=compiled,
+            model, times, np.stack([left[:, k], right[:, k]], axis=1), members, now[:n_x],
+            substeps=max(1, math.ceil(steps * min(share, 1.0))), compiled=compiled,
         )  # fmt: skip
-        _check(step.x[:, 1], pattern, k)
-        spread = filter_model.process_std * np.sqrt(pattern.time[k] - pattern.time[k - 1])
-        states[:n_x, k], states[n_x:, k] = step.x[:, 1], states[n_x:, k - 1]
-        states[:, k] += spread[:, np.newaxis] * rng.standard_normal((size, count))
+        _check(step.x[:, 1], pattern, times)
+        now = np.vstack([step.x[:, 1], now[n_x:]])
+        now = now + np.sqrt(end) * (root @ rng.standard_normal((size, count)))
+        states[:, nodes.sample == k + 1] = now[:, np.newaxis]
     y = _measured(filter_model, pattern, members, states, rng)
     logs = tuple(
         MatchedLog(f"{pattern.name}_{i + 1}", pattern.time, pattern.u, y[:, :, i], dict(pattern.theta_overrides))
@@ -109,15 +120,17 @@ def _measured(
         member[appended] = states[n_x:, :, i]
         columns.append(filter_model.model.output(pattern.time, states[:n_x, :, i], pattern.u, member))
     clean = np.stack(columns, axis=-1)
-    noise = filter_model.noise_std[:, np.newaxis, np.newaxis] * rng.standard_normal(clean.shape)
+    drawn = rng.standard_normal(clean.shape)
+    sensors = np.einsum("ab,bkl->akl", np.linalg.cholesky(filter_model.noise_correlations), drawn)
+    noise = filter_model.noise_std[:, np.newaxis, np.newaxis] * sensors
     measured: FloatArray = np.where(np.isnan(pattern.y)[:, :, np.newaxis], np.nan, clean + noise)
     return measured
 
 
-def _check(x: FloatArray, pattern: MatchedLog, k: int) -> None:
+def _check(x: FloatArray, pattern: MatchedLog, times: FloatArray) -> None:
     if not np.isfinite(x).all():
         raise FilterError(
-            f"{pattern.name}: the model diverges between {pattern.time[k - 1]:.6g} s and {pattern.time[k]:.6g} s"
+            f"{pattern.name}: the model diverges between {times[0]:.6g} s and {times[1]:.6g} s"
             " - use more substeps, or check parameters, start and inputs",
             where=(pattern.name,),
         )

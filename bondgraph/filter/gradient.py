@@ -11,6 +11,7 @@ import itertools
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, fields, replace
+from typing import Any
 
 import numpy as np
 
@@ -137,8 +138,8 @@ def innovation_tangents(
         if code != 0:
             for array in found:
                 array[...] = np.nan
-        at_samples = (array[:, samples[index].sample] for array in found)
-        return InnovationTangents(samples[index].name, *at_samples, OUTCOMES[code])
+        values, scales, d_values, d_scales = (array[:, samples[index].sample] for array in found)
+        return InnovationTangents(samples[index].name, values, scales, d_values, d_scales, OUTCOMES[code])
 
     workers = thread_count(threads)
     count = directions[0].theta.shape[1] if directions else 0
@@ -161,8 +162,9 @@ def _groups(count: int, most: int) -> list[slice]:
 
 
 def _some(directions: Directions, own: slice) -> Directions:
-    moves = (getattr(directions, field.name) for field in fields(directions))
-    return Directions(*(None if move is None else move[..., own] for move in moves))
+    moves: dict[str, Any] = {field.name: getattr(directions, field.name) for field in fields(directions)}
+    chosen: dict[str, Any] = {name: None if move is None else move[..., own] for name, move in moves.items()}
+    return Directions(**chosen)
 
 
 def _side_by_side(parts: Sequence[InnovationTangents]) -> InnovationTangents:
@@ -208,13 +210,13 @@ def _prior(
     return Prior(*(np.array(vector, dtype=np.float64, order="C") for vector in vectors))
 
 
-def _moved(
-    correlation: FloatArray, std: FloatArray, d_correlation: FloatArray | None, d_std: FloatArray
-) -> FloatArray:
+def _moved(correlation: FloatArray, std: FloatArray, d_correlation: FloatArray | None, d_std: FloatArray) -> FloatArray:
     """Derivatives (k, k, D) of a covariance by those of its correlations (k, k, D) and standard deviations (k, D)."""
     product = std[:, np.newaxis, np.newaxis] * d_std[np.newaxis]
     moved: FloatArray = correlation[..., np.newaxis] * (product + np.swapaxes(product, 0, 1))
-    return moved if d_correlation is None else moved + d_correlation * np.outer(std, std)[..., np.newaxis]
+    if d_correlation is not None:
+        moved += d_correlation * np.outer(std, std)[..., np.newaxis]
+    return moved
 
 
 def _moved_lower(member: Member, directions: Directions) -> FloatArray:
@@ -230,7 +232,8 @@ def _moved_lower(member: Member, directions: Directions) -> FloatArray:
     inner = np.einsum("ij,jkd,lk->ild", inverse, directions.initial_correlation, inverse)
     half = np.tril(np.ones(factor.shape), -1) + 0.5 * np.eye(factor.shape[0])
     d_factor = np.einsum("ij,jkd->ikd", factor, half[..., np.newaxis] * inner)
-    return moved + member.initial_std[:, np.newaxis, np.newaxis] * d_factor
+    moved += member.initial_std[:, np.newaxis, np.newaxis] * d_factor
+    return moved
 
 
 def _found(filter_model: FilterModel, samples: Samples, scratch: Scratch) -> Found:

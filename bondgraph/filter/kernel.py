@@ -10,8 +10,9 @@ result. Nothing is allocated: each thread brings its own :class:`Work`.
 A member that fails is an outcome. Its lane goes on with the numbers of one that has not failed, so that no lane works
 on what is not finite, which could hold up the others.
 
-Letters: n nodes (samples, and nodes of the process noise between them), n_x states of the model, n_s states of the filter (with appended parameters), n_y outputs, n_u
-inputs, L lanes. Points are rows: point 0 is the centre, 1 ... n_s lie above it and n_s + 1 ... 2 n_s below.
+Letters: n nodes (samples, and nodes of the process noise between them), n_x states of the model, n_s states of the
+filter (with appended parameters), n_y outputs, n_u inputs, L lanes. Points are rows: point 0 is the centre, 1 ... n_s
+lie above it and n_s + 1 ... 2 n_s below.
 """
 
 from __future__ import annotations

@@ -71,7 +71,7 @@ class MemberBatch:
 def _cholesky(matrix: FloatArray) -> FloatArray:
     """Lower factor; NaN, with which a member diverges, where correlations contradict each other."""
     try:
-        return np.linalg.cholesky(matrix)
+        return np.asarray(np.linalg.cholesky(matrix), dtype=np.float64)
     except np.linalg.LinAlgError:
         return np.full(matrix.shape, np.nan)
 

@@ -9,6 +9,7 @@ miss it by no more than a share of the uncertainty which the filter has there an
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -62,7 +63,7 @@ def noise_steps_along(filtered: Sequence[FilteredLog]) -> tuple[int, float]:
 
 
 def _places(log: FilteredLog) -> list[tuple[FloatArray, float, FloatArray, FloatArray]]:
-    """Jacobian, median interval, noise per second, and predicted standard deviations at some samples of a log."""
+    """Jacobian, median interval, noise per second, and covariance after the measurement at some samples of a log."""
     if log.run.time.size < 2:
         return []
     assert log.run.nodes is not None
@@ -73,20 +74,28 @@ def _places(log: FilteredLog) -> list[tuple[FloatArray, float, FloatArray, Float
     n_x = slopes.shape[1]
     interval = float(np.median(np.diff(log.run.time)))
     noise = log.run.nodes.process_cov[:n_x, :n_x]
-    std = np.sqrt(np.einsum("iik->ki", log.run.predicted_cov[:n_x, :n_x, chosen + 1]))
-    usable = np.isfinite(slopes).all(axis=(1, 2)) & np.isfinite(std).all(axis=1)
-    return [(slopes[k], interval, noise, std[k]) for k in np.flatnonzero(usable)]
+    known = np.moveaxis(log.run.filtered_cov[:n_x, :n_x, chosen], -1, 0)
+    usable = np.isfinite(slopes).all(axis=(1, 2)) & np.isfinite(known).all(axis=(1, 2))
+    return [(slopes[k], interval, noise, known[k]) for k in np.flatnonzero(usable)]
 
 
-def _enough(sequence: tuple[int, float], slope: FloatArray, interval: float, noise: FloatArray, std: FloatArray) -> bool:
-    """Whether panels gather the noise of an interval as exactly as steps are planned."""
+def _enough(
+    sequence: tuple[int, float], slope: FloatArray, interval: float, noise: FloatArray, known: FloatArray
+) -> bool:
+    """Whether panels gather the noise of an interval as exactly as steps are planned.
+
+    The uncertainty at its end is that of the linear model, since a run with too few panels misses it.
+    """
     nodes = continuous_nodes(np.array([0.0, interval]), *sequence)
     with np.errstate(all="ignore"):
         moves = expm(slope * np.diff(nodes.time)[:, np.newaxis, np.newaxis])
         gathered = np.zeros(noise.shape)
         for move, start, end in zip(moves, nodes.start, nodes.end, strict=True):
             gathered = move @ (gathered + start * noise) @ move.T + end * noise
-        missed = np.abs(gathered - gathered_noise(slope, noise, interval))
+        exact = gathered_noise(slope, noise, interval)
+        whole = expm(slope * interval)
+        std = np.sqrt(np.maximum(np.diag(whole @ known @ whole.T + exact), 0.0))
+        missed = np.abs(gathered - exact)
         return not bool(np.any(missed > TOLERANCE * np.outer(std, std)))
 
 
@@ -109,7 +118,8 @@ def gathered_noise(slope: FloatArray, noise: FloatArray, interval: float) -> Flo
     """
     size = slope.shape[0]
     # doubled from a short interval on, since the block form overflows for fast rates
-    doublings = max(0, int(np.ceil(np.log2(max(np.linalg.norm(slope, 1) * interval, 1e-300)))))
+    norm = float(np.linalg.norm(slope, 1)) * interval
+    doublings = max(0, math.ceil(math.log2(max(norm, 1e-300))))
     part = interval / 2.0**doublings
     block = np.block([[-slope, noise], [np.zeros((size, size)), slope.T]]) * part
     found = expm(block)
@@ -118,4 +128,5 @@ def gathered_noise(slope: FloatArray, noise: FloatArray, interval: float) -> Flo
     for _ in range(doublings):
         gathered = gathered + move @ gathered @ move.T
         move = move @ move
-    return 0.5 * (gathered + gathered.T)
+    symmetric: FloatArray = 0.5 * (gathered + gathered.T)
+    return symmetric

@@ -142,7 +142,8 @@ def _pieces(multiple: int) -> list[int]:
 def _panels(count: int, grading: float) -> FloatArray:
     """Lengths of the panels of a piece, which sum to one."""
     lengths = grading ** np.arange(max(count, 1), dtype=np.float64)
-    return lengths / lengths.sum()
+    shares: FloatArray = lengths / lengths.sum()
+    return shares
 
 
 def _median(time: FloatArray) -> float:

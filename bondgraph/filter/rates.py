@@ -32,7 +32,7 @@ def fastest_rates(
 
 
 def jacobians(filtered: FilterRun, samples: Samples, theta: FloatArray | None, chosen: IntArray) -> FloatArray:
-    """Derivatives (chosen, n_x, n_x) of the rates by the states at some nodes of a filtered log; NaN where it failed."""
+    """Derivatives (chosen, n_x, n_x) of the rates by the states at nodes of a filtered log; NaN where it failed."""
     filter_model = filtered.filter_model
     model = filter_model.model
     n_x = len(model.states)

@@ -14,6 +14,7 @@ from bondgraph.filter.noise_nodes import NoiseNodes, continuous_nodes, sampled_n
 from bondgraph.filter.plan import IntervalSteps, NoisePanels, cut_steps, log_key, transferred
 from bondgraph.simulate.arrays import FloatArray, IntArray
 from bondgraph.simulate.inputs import InputSegment, hold_flags, rate_rows
+from bondgraph.simulate.model import Model
 
 
 class MeasuredLog(Protocol):
@@ -78,16 +79,12 @@ class Samples:
         """
         _check(filter_model, log)
         nodes = noise_nodes(filter_model.noise_panels, log.time)
-        hold = hold_flags(filter_model.model)[:, np.newaxis]
-        left = log.u[:, :-1]
-        right = np.where(hold, left, log.u[:, 1:])
-        inputs = log.u.copy()
-        for row in rate_rows(filter_model.model):
-            inputs[row, 1:-1] = 0.5 * (log.u[row, :-2] + log.u[row, 1:-1])
+        left, right = inputs_between(filter_model.model, nodes, log.time, log.u)
         key = log_key(log.time, log.u, log.y, log.theta_overrides)
         steps = _steps(filter_model, log.time, nodes, key)
         return cls(
-            log.name, nodes.time, *_between(nodes, log.time, inputs, left, right), _at_samples(nodes, log.y),
+            log.name, nodes.time, _inputs(filter_model.model, nodes, log.u, left), left, right,
+            _at_samples(nodes, log.y),
             steps.substeps, steps.grading, nodes.start, nodes.end, nodes.sample, dict(log.theta_overrides), key,
         )  # fmt: skip
 
@@ -115,23 +112,32 @@ def noise_nodes(panels: NoisePanels, time: FloatArray) -> NoiseNodes:
     return sampled_nodes(time) if scheme == "sampled" else continuous_nodes(time, steps, grading)
 
 
-def _between(
-    nodes: NoiseNodes, time: FloatArray, inputs: FloatArray, left: FloatArray, right: FloatArray
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Inputs (n_u, m) at the nodes, and (n_u, m-1) at both ends of the steps between them."""
+def inputs_between(model: Model, nodes: NoiseNodes, time: FloatArray, u: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Inputs (n_u, m-1) at both ends of the steps from node to node, of samples at times (n,) with inputs (n_u, n)."""
+    hold = hold_flags(model)[:, np.newaxis]
+    left = u[:, :-1]
+    right = np.where(hold, left, u[:, 1:])
     if nodes.time.size == time.size:
-        return inputs, left, right
+        return left, right
     lengths = np.diff(time)[nodes.interval]
     begin = (nodes.time[:-1] - time[nodes.interval]) / lengths
-    end = np.append(begin[1:], 1.0)
-    end[nodes.sample[1:] - 1] = 1.0
-    slope = (right - left)[:, nodes.interval]
-    u_left, u_right = (left[:, nodes.interval] + share * slope for share in (begin, end))
     last = nodes.sample[1:] - 1
+    end = np.append(begin[1:], 1.0)
+    end[last] = 1.0
+    bend = (right - left)[:, nodes.interval]
+    u_left, u_right = (left[:, nodes.interval] + share * bend for share in (begin, end))
     u_right[:, last] = right
-    every = np.concatenate([u_left, u_right[:, -1:]], axis=1)
+    return u_left, u_right
+
+
+def _inputs(model: Model, nodes: NoiseNodes, u: FloatArray, left: FloatArray) -> FloatArray:
+    """Inputs (n_u, m) at the nodes; of one that is the rate of another the mean of both sides of a sample."""
+    inputs = u.copy()
+    for row in rate_rows(model):
+        inputs[row, 1:-1] = 0.5 * (u[row, :-2] + u[row, 1:-1])
+    every = np.concatenate([left, inputs[:, -1:]], axis=1)
     every[:, nodes.sample] = inputs
-    return every, u_left, u_right
+    return every
 
 
 def _at_samples(nodes: NoiseNodes, y: FloatArray) -> FloatArray:

@@ -41,8 +41,10 @@ def declared_problem(
         If a name is unknown or has no bounds.
     """
     setup = filter_setup(model, driven, logs, process_noise)
-    named = free_parameters(setup, [name for name in free if parse_target(name).kind == "parameter"])
-    others = [declared_free(name, setup.filter_model) for name in free if parse_target(name).kind != "parameter"]
+    wanted = [name for name in free if parse_target(name).kind == "parameter"]
+    named = free_parameters(setup, wanted) if wanted or not free else ()
+    levels = [name for name in free if parse_target(name).kind != "parameter"]
+    others = [declared_free(name, setup.filter_model, logs=logs) for name in levels]
     given = {parameter.name for parameter in others}
     noise = [parameter for parameter in setup.noise if parameter.name not in given]
     declared = setup.filter_model

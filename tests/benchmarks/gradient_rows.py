@@ -45,7 +45,7 @@ def _gradient(model: FilterModel, case: Case, rounds: int) -> dict[str, float]:
     }
     sizes = {**{name: array.size for name, array in still.items()}, "x0": len(model.model.states)}
     directions = Directions(seeds, **{name: np.zeros((size, len(positions))) for name, size in sizes.items()})
-    member = Member(theta, case.x0, model.start_std, model.process_std, model.noise_std)
+    member = Member.of(model, theta, case.x0)
     moved = _moved(theta, seeds, STEPS[0])
     sixteen = np.repeat(theta[:, None], 16, axis=1)
     samples = case.log.time.size

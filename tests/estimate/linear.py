@@ -89,7 +89,8 @@ class ExactLikelihood:
                 step = log.time[k] - log.time[k - 1]
                 decay = np.exp(-drag / (mass + load) * step)
                 mean = decay * mean + (1.0 - decay) * gain / drag * log.u[0, k - 1]
-                variance = decay**2 * variance + batch.process_std[0] ** 2 * step
+                rate = drag / (mass + load)
+                variance = decay**2 * variance + batch.process_std[0] ** 2 * (1.0 - decay**2) / (2.0 * rate)
             for row, slope in enumerate((1.0, 30.0)):
                 if not np.isnan(log.y[row, k]):
                     spread = slope**2 * variance + batch.noise_std[row] ** 2
@@ -114,10 +115,11 @@ def simulated(
     force = 6.0 * np.sign(np.sin(1.3 * time + seed)) + 2.0
     speed = np.empty(samples)
     speed[0] = x0 + 0.1 * rng.normal()
-    decay = np.exp(-numbers["drag"] / (numbers["mass"] + numbers["load"]) * 0.1)
+    rate = numbers["drag"] / (numbers["mass"] + numbers["load"])
+    decay = np.exp(-rate * 0.1)
     for k in range(1, samples):
         pushed = decay * speed[k - 1] + (1.0 - decay) * numbers["gain"] / numbers["drag"] * force[k - 1]
-        speed[k] = pushed + numbers["process"] * np.sqrt(0.1) * rng.normal()
+        speed[k] = pushed + numbers["process"] * np.sqrt((1.0 - decay**2) / (2.0 * rate)) * rng.normal()
     noise = rng.normal(size=(2, samples))
     y = np.array([speed + numbers["speed"] * noise[0], 30.0 * speed + numbers["speed_rpm"] * noise[1]])
     y[1, 1::2] = np.nan  # the second sensor is half as fast

@@ -75,16 +75,25 @@ def simulated_log(filter_model: FilterModel, time: FloatArray, seed: int, name: 
     state = filter_model.start_mean(theta, model.x0()) + filter_model.start_std * rng.standard_normal(
         filter_model.start_std.size
     )
-    y = np.empty_like(nothing.y)
-    for k in range(time.size):
+    y, row = np.empty_like(nothing.y), 0
+    root = np.linalg.cholesky(filter_model.process_correlations)
+
+    def kick(seconds: float) -> FloatArray:
+        noise: FloatArray = filter_model.process_std * (root @ rng.standard_normal(state.size))
+        return noise * np.sqrt(seconds)
+
+    for k in range(samples.time.size):
         if k > 0:
             move = transition(filter_model, samples, k, theta)
-            noise = filter_model.process_std * np.sqrt(time[k] - time[k - 1]) * rng.standard_normal(state.size)
-            state = move(state[:, np.newaxis])[:, 0] + noise
-        known = theta.copy()
-        known[filter_model.appended_index] = state[n_x:]
-        y[:, k] = model.output(float(time[k]), state[:n_x], u[:, k], known)
-    y += filter_model.noise_std[:, np.newaxis] * rng.standard_normal(y.shape)
+            state = state + kick(samples.noise_start[k - 1])
+            state = move(state[:, np.newaxis])[:, 0] + kick(samples.noise_end[k - 1])
+        if k in samples.sample:
+            known = theta.copy()
+            known[filter_model.appended_index] = state[n_x:]
+            y[:, row] = model.output(float(samples.time[k]), state[:n_x], u[:, row], known)
+            row += 1
+    sensors = np.linalg.cholesky(filter_model.noise_correlations)
+    y += filter_model.noise_std[:, np.newaxis] * (sensors @ rng.standard_normal(y.shape))
     return PlainLog(name, time, u, y)
 
 

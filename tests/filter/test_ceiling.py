@@ -119,7 +119,7 @@ def test_where_there_is_no_bound_nobody_is_given_up() -> None:
 @BOTH
 def test_members_that_diverge_are_no_members_given_up(compiled: bool) -> None:
     """The second one grows beyond all numbers with one step per sample, and not with two."""
-    model = FilterModel(decay(), {"level": 0.1}, {"reading": 0.1}, {"level": 0.1}, substeps=1)
+    model = FilterModel(decay(), {"level": 0.1}, {"reading": 0.1}, {"level": 0.1}, noise_scheme="sampled", substeps=1)
     time = np.arange(400) * 0.5
     y = np.where(time < time[-5], np.nan, 0.0)[None]
     logs = [PlainLog("a", time, np.zeros((2, 400)), y), PlainLog("b", time[:40], np.zeros((2, 40)), y[:, :40] * 0.0)]

@@ -14,8 +14,8 @@ from tests.simulate.samples import decay, sample
 
 
 def test_it_falls_with_the_fourth_power_of_the_step() -> None:
-    model = circuit_filter(substeps=2)
-    log = simulated_log(circuit_filter(substeps=32), np.arange(60) * 0.1, seed=1)
+    model = circuit_filter(substeps=2, noise_scheme="sampled")
+    log = simulated_log(circuit_filter(substeps=32, noise_scheme="sampled"), np.arange(60) * 0.1, seed=1)
     errors = [discretisation_error(replace(model, substeps=steps), log).nats for steps in (2, 4, 8)]
     ratios = np.array(errors[:-1]) / np.array(errors[1:])
     assert np.all(np.abs(np.log2(ratios) - 4.0) < 0.6), ratios
@@ -23,13 +23,15 @@ def test_it_falls_with_the_fourth_power_of_the_step() -> None:
 
 def test_step_times_rate_is_that_of_the_eigenvalues() -> None:
     """The circuit's eigenvalues are a complex pair of magnitude 1/sqrt(L C)."""
-    model = circuit_filter(substeps=5)
+    model = circuit_filter(substeps=5, noise_scheme="sampled")
     log = simulated_log(model, np.arange(40) * 0.1, seed=2)
     assert discretisation_error(model, log).step_times_rate == pytest.approx(0.02 / np.sqrt(0.1 * 0.05), rel=1e-6)
 
 
 def test_a_step_beyond_stability_is_said() -> None:
-    model = FilterModel(decay(rate=40.0), {"level": 1.0}, {"reading": 0.1}, {"level": 0.1}, substeps=1)
+    model = FilterModel(
+        decay(rate=40.0), {"level": 1.0}, {"reading": 0.1}, {"level": 0.1}, noise_scheme="sampled", substeps=1
+    )
     time = np.arange(60) * 0.1
     coarse = discretisation_error(model, PlainLog("fast", time, np.zeros((2, 60)), 0.1 * np.sin(time)[None]))
     assert coarse.step_times_rate == pytest.approx(4.0, rel=1e-6)

@@ -19,7 +19,7 @@ FIELDS = ("theta", "x0", "initial_std", "process_std", "noise_std")
 
 
 def member_of(model: FilterModel) -> Member:
-    return Member(model.model.theta(), model.model.x0(), model.start_std, model.process_std, model.noise_std)
+    return Member.of(model)
 
 
 def random_directions(model: FilterModel, count: int, seed: int) -> Directions:

@@ -62,7 +62,14 @@ def test_stiff_methods_agree_with_fine_explicit_steps(method: str) -> None:
 def test_a_stiff_model_is_bounded_at_any_step(method: str, alpha: float) -> None:
     """Step times rate of 1e4, at which explicit steps diverge at once."""
     model = FilterModel(
-        decay(rate=1e5), {"level": 0.1}, {"reading": 0.05}, {"level": 1.0}, method=method, substeps=1, alpha=alpha
+        decay(rate=1e5),
+        {"level": 0.1},
+        {"reading": 0.05},
+        {"level": 1.0},
+        noise_scheme="sampled",
+        method=method,
+        substeps=1,
+        alpha=alpha,
     )
     time = np.arange(50) * 0.1
     log = PlainLog("stiff", time, np.stack([1e5 * np.sin(time), 0.0 * time]), np.sin(time)[None])
@@ -75,7 +82,7 @@ def test_a_stiff_model_is_bounded_at_any_step(method: str, alpha: float) -> None
 @pytest.mark.parametrize("compiled", [True, False])
 def test_a_diverging_member_is_tried_with_twice_the_steps(compiled: bool) -> None:
     """A step of 4.5 time constants is unstable, half of it is not; unmeasured, the state runs away."""
-    model = FilterModel(decay(), {"level": 0.1}, {"reading": 0.1}, {"level": 0.1}, substeps=1)
+    model = FilterModel(decay(), {"level": 0.1}, {"reading": 0.1}, {"level": 0.1}, noise_scheme="sampled", substeps=1)
     time = np.arange(900) * 1.0
     log = PlainLog("a", time, np.zeros((2, 900)), np.where(time < 1.0, 1.0, np.nan)[None])
     rates = np.array([[1.0, 4.5, 40.0]])

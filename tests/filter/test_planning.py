@@ -75,6 +75,7 @@ def stopped(**settings: object) -> tuple[FilterModel, PlainLog]:
     time = np.arange(120) * 0.02
     pattern = MatchedLog("hits", time, 20.0 * np.sin(4.0 * time)[None], np.zeros((1, time.size)))
     noise = {"process_noise": {"v": 0.05}, "measurement_noise": {"place": 0.01}, "initial_std": {"x": 0.01, "v": 0.02}}
+    settings = {"noise_scheme": "sampled", **settings}
     filter_model = FilterModel(model, **noise, **settings)  # type: ignore[arg-type]
     log = draw_logs(filter_model, pattern, 1, seed=4, substeps=100).logs[0]
     return filter_model, PlainLog(log.name, log.time, log.u, log.y)
@@ -137,14 +138,14 @@ def test_a_plan_belongs_to_its_method_and_logs() -> None:
 
 
 def test_derivatives_follow_the_plan() -> None:
-    model = pendulum_filter(method="ros3p", substeps=1)
+    model = pendulum_filter(method="ros3p", substeps=1, noise_scheme="sampled")
     time = np.arange(40) * 0.05
     log = PlainLog("swing", time, np.zeros((1, 40)), 0.5 * np.cos(3.1 * time)[None])
     steps = IntervalSteps(np.arange(39) % 4 + 1, 1.0 + np.arange(39) % 3)
     plan = StepPlan.of("ros3p", {log_key(log.time, log.u, log.y, log.theta_overrides): steps})
     planned, theta = replace(model, plan=plan), model.model.theta()
     directions = Directions(np.eye(3)[:, :2], *(np.zeros((size, 2)) for size in (2, 2, 2, 1)))
-    member = Member(theta, model.model.x0(), model.start_std, model.process_std, model.noise_std)
+    member = Member.of(model, theta)
     (found,) = innovation_tangents(planned, [log], [member], [directions])
     h = 1e-5
     moved = theta[:, None] + h * np.concatenate([np.eye(3)[:, :2], -np.eye(3)[:, :2]], axis=1)
@@ -157,7 +158,7 @@ def test_certification_halves_planned_steps_and_counts_those_of_runge_kutta_by_t
     time = np.arange(60) * 0.1
     log = PlainLog("fast", time, np.stack([400.0 * np.sin(time), 0.0 * time]), np.sin(time)[None])
     noise = {"process_noise": {"level": 0.1}, "measurement_noise": {"reading": 0.1}, "initial_std": {"level": 0.1}}
-    model = FilterModel(decay(rate=400.0), **noise, method="ros3p", substeps=4)  # type: ignore[arg-type]
+    model = FilterModel(decay(rate=400.0), **noise, method="ros3p", substeps=4, noise_scheme="sampled")  # type: ignore[arg-type]
     planned = plan_steps(model, [log], methods=("ros3p",))
     filtered = run(planned, log)
     assert explicit_substeps(filtered, log, None, 1.0) == pytest.approx(40.0)

@@ -54,7 +54,7 @@ def dense_posterior(model: FilterModel, log: PlainLog) -> tuple[np.ndarray, np.n
 
 @pytest.mark.parametrize("compiled", [False, True])
 def test_on_a_linear_model_it_is_the_exact_posterior(compiled: bool) -> None:
-    model = circuit_filter()
+    model = circuit_filter(noise_scheme="sampled")
     log = simulated_log(model, uneven_times(30, 0.05, seed=2), seed=2)
     log.y[0, 5:9] = np.nan
     log.y[:, 20] = np.nan

@@ -43,7 +43,7 @@ def with_missing(log: PlainLog, seed: int) -> PlainLog:
 @BOTH
 @pytest.mark.parametrize("alpha", ALPHAS)
 def test_on_a_linear_model_it_is_the_kalman_filter(alpha: float, compiled: bool) -> None:
-    model = circuit_filter(alpha=alpha)
+    model = circuit_filter(alpha=alpha, noise_scheme="sampled")
     log = with_missing(simulated_log(model, uneven_times(60, 0.05, seed=1), seed=1), seed=2)
     exact = kalman_run(model, log, interval_substeps(log.time, model.substeps))
     ours = run(model, log, compiled=compiled).raise_if_failed()

@@ -19,6 +19,7 @@ from bondgraph.estimate.free import FreeParameter, declared_free
 from bondgraph.estimate.initial import directly_measured, initial_states
 from bondgraph.filter.discretisation import step_times_rate
 from bondgraph.filter.filter_model import FilterModel
+from bondgraph.filter.noise_choice import with_noise_steps
 from bondgraph.filter.runs import run
 from bondgraph.simulate.model import Model
 from bondgraph.simulate.simulate import simulate
@@ -38,8 +39,8 @@ _SEARCH_GRADING = 1.35
 _STIFF_METHOD = "ros3p"
 #: Samples of each log at which its rates are looked at first.
 _RATES = 25
-#: Process noise starts at this share of a state's size per sqrt(s), and may fall or rise by the factors below.
-_PROCESS_START, _PROCESS_LOW, _PROCESS_HIGH = 1e-3, 3e-2, 1e3
+#: Process noise starts at this share of a state's size per sqrt(s).
+_PROCESS_START = 1e-3
 #: A measured state starts at its first measurement, which the filter then takes once more: with so many standard
 #: deviations of its sensor as uncertainty it counts as one sample. With one of them an outlier of 7.4 at the start of a
 #: position cost 49 nats, which a bias of its sensor made good.
@@ -97,11 +98,9 @@ def filter_setup(
     }
     start_std = _start_std(model, logs, noise, sizes)
     filter_model = resolved(FilterModel(model, process, noise, start_std, substeps=1, alpha=1.0), logs)
-    free = [declared_free(f"std({name})", filter_model) for name in noise]
-    free += [
-        FreeParameter(f"process({name})", level * _PROCESS_LOW, level * _PROCESS_HIGH, level, scale="log")
-        for name, level in process.items()
-    ]
+    filter_model = with_noise_steps(filter_model, logs)
+    free = [declared_free(f"std({name})", filter_model, logs=logs) for name in noise]
+    free += [declared_free(f"process({name})", filter_model, logs=logs) for name in process]
     return FilterSetup(filter_model, tuple(free), sizes)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from bondgraph.declare.domains import ROTATION, TRANSLATION
 from bondgraph.declare.graph import BondGraph
 from bondgraph.derive.causality import CausalGraph, assign_causality
 from bondgraph.derive.derivation import check_closed, derive
@@ -11,6 +12,7 @@ from bondgraph.derive.dimensions import check_dimensions
 from bondgraph.derive.equations import ImplicitLoop, StateEquations
 from bondgraph.generate.module import render
 from bondgraph.simulate.model import Model
+from bondgraph.units import dimension
 
 
 @dataclass(frozen=True)
@@ -25,8 +27,19 @@ class BuiltModel:
 
     @property
     def driven(self) -> tuple[str, ...]:
-        """States that process noise drives: flows and momenta, on which unknown efforts act."""
-        return tuple(s.symbol.name for s in self.equations.states if s.variable in ("flow", "momentum"))
+        """States that process noise drives by default.
+
+        Unknown efforts act on flows and momenta. A displacement in mechanics follows from flows and nothing drives it
+        alone; in other domains (charge, volume, heat) it has its own leaks and sources. Where that leaves none, all.
+        """
+        mechanical = {name for d in (TRANSLATION, ROTATION) for name in (d.displacement_unit, d.effort_unit)}
+        units = {dimension(name) for name in mechanical}
+        chosen = tuple(
+            state.symbol.name
+            for state in self.equations.states
+            if state.variable in ("flow", "momentum") or dimension(state.unit) not in units
+        )
+        return chosen or tuple(state.symbol.name for state in self.equations.states)
 
     @property
     def implicit_loops(self) -> int:

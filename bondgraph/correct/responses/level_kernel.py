@@ -22,8 +22,8 @@ class Filter(NamedTuple):
     """The filter along a log, samples first, see :class:`bondgraph.correct.responses.response.LinearLog`.
 
     ``gathered`` (n - 1, drivers, n_x, n_x) is the covariance that noise of intensity one in each driven state leaves
-    over an interval; ``slope`` (n, n_y, n_x) with zero rows for what was not measured, ``seen`` (n, n_y) one for what was and zero,
-    ``innovation`` and ``whitened`` (n, n_y).
+    over an interval; ``slope`` (n, n_y, n_x) with zero rows for what was not measured, ``seen`` (n, n_y) one for what
+    was, else zero; ``innovation`` and ``whitened`` (n, n_y).
     """
 
     transition: FloatArray
@@ -41,7 +41,7 @@ def carried(
 ) -> None:
     """Fill derivatives (n, n_y, levels) of whitened innovations and of log scales.
 
-    process (drivers, levels) and noise (n_y, levels) are those of the variances per second that drive the states, and of
+    process (drivers, levels) and noise (n_y, levels) are those of the variances per second that drive states, and of
     the variances of the sensors.
     """
     size, outputs, levels = filtered.slope.shape[2], noise.shape[0], process.shape[1]
