@@ -34,7 +34,7 @@ def lag_problem(seed: int = 0, free: list | None = None, samples: int = 60) -> E
         simulated("run2", seed + 100, TRUTH, samples, x0=1.0, load=1.5),
         simulated("run3", seed + 200, TRUTH, samples, x0=-1.0),
     ]
-    return pose(lag(), logs, free or FREE, likelihood=ExactLikelihood())
+    return pose(lag(), logs, free or FREE)
 
 
 def truth_of(problem: EstimationProblem) -> np.ndarray:
@@ -103,7 +103,7 @@ def test_a_pair_that_only_acts_together_is_named() -> None:
     # Mass, drag and gain only act as ratios.
     fit = estimate(lag_problem(1, ["mass", "drag", "gain", "std(speed)"], samples=40), ONE)
     alone = replace(lag_problem(1).logs[0], theta_overrides={})
-    ratios = estimate(pose(lag(), alone, ["mass", "drag", "gain", "std(speed)"], likelihood=ExactLikelihood()), ONE)
+    ratios = estimate(pose(lag(), alone, ["mass", "drag", "gain", "std(speed)"]), ONE)
     assert ratios.not_identifiable == (("mass", "drag", "gain"),)
     assert ratios.ci95["mass"] == (0.5, 8.0)
     assert np.isfinite(ratios.std["std(speed)"])

@@ -74,11 +74,11 @@ def answers(claims: list[Claim], folder: Path) -> list[Row]:
 def table(rows: list[Row]) -> Table:
     """The lines under their cases."""
     shown = Table(title="Published results and the toolkit's")
-    shown.add_column("case, source", min_width=40, max_width=44)
+    shown.add_column("case, source", max_width=44)
     shown.add_column("quantity", max_width=30)
     for column in ("values", "expected", "got", "difference", "tolerance"):
         shown.add_column(column, justify="right", no_wrap=True)
-    shown.add_column("where in the toolkit", no_wrap=True)
+    shown.add_column("where in the toolkit", overflow="fold")
     shown.add_column("verdict", max_width=34)
     case = ""
     for row in rows:
