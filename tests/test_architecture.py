@@ -103,7 +103,7 @@ def test_every_module_has_a_place() -> None:
 
 def test_tests_mirror_the_rooms() -> None:
     folders = {path.name for path in (ROOT / "tests").iterdir() if path.is_dir() and path.name != "__pycache__"}
-    assert folders <= {*ROOMS, "vehicle_graphs", "benchmarks"}
+    assert folders <= {*ROOMS, "vehicle_graphs", "benchmarks", "verification"}
 
 
 @pytest.mark.parametrize("path", [pytest.param(path, id=_name(path)) for path in _modules() if path.parent != PACKAGE])

@@ -1,4 +1,7 @@
-"""A linear model with an exact likelihood, for tests of the estimation that need many evaluations."""
+"""A linear model with an exact likelihood in continuous time, by which that of the toolkit is checked.
+
+Tests of searches that need many evaluations take it in place of the toolkit's; tests of what an estimate says do not.
+"""
 
 from __future__ import annotations
 
@@ -89,8 +92,7 @@ class ExactLikelihood:
                 step = log.time[k] - log.time[k - 1]
                 decay = np.exp(-drag / (mass + load) * step)
                 mean = decay * mean + (1.0 - decay) * gain / drag * log.u[0, k - 1]
-                rate = drag / (mass + load)
-                variance = decay**2 * variance + batch.process_std[0] ** 2 * (1.0 - decay**2) / (2.0 * rate)
+                variance = decay**2 * variance + batch.process_std[0] ** 2 * carried(drag / (mass + load), step)
             for row, slope in enumerate((1.0, 30.0)):
                 if not np.isnan(log.y[row, k]):
                     spread = slope**2 * variance + batch.noise_std[row] ** 2
@@ -99,6 +101,11 @@ class ExactLikelihood:
                     weight = slope * variance / spread
                     mean, variance = mean + weight * innovation, (1.0 - weight * slope) * variance
         return z.reshape(-1, mean.size), s.reshape(-1, mean.size)
+
+
+def carried(rate: np.ndarray | float, step: float) -> np.ndarray | float:
+    """Variance that white noise of unit intensity leaves over a step, in a state that forgets at a rate."""
+    return -np.expm1(-2.0 * rate * step) / (2.0 * rate)
 
 
 def mean_size(x0: np.ndarray) -> int:
@@ -116,10 +123,10 @@ def simulated(
     speed = np.empty(samples)
     speed[0] = x0 + 0.1 * rng.normal()
     rate = numbers["drag"] / (numbers["mass"] + numbers["load"])
-    decay = np.exp(-rate * 0.1)
+    decay, driven = np.exp(-rate * 0.1), numbers["process"] * np.sqrt(carried(rate, 0.1))
     for k in range(1, samples):
         pushed = decay * speed[k - 1] + (1.0 - decay) * numbers["gain"] / numbers["drag"] * force[k - 1]
-        speed[k] = pushed + numbers["process"] * np.sqrt((1.0 - decay**2) / (2.0 * rate)) * rng.normal()
+        speed[k] = pushed + driven * rng.normal()
     noise = rng.normal(size=(2, samples))
     y = np.array([speed + numbers["speed"] * noise[0], 30.0 * speed + numbers["speed_rpm"] * noise[1]])
     y[1, 1::2] = np.nan  # the second sensor is half as fast

@@ -1,4 +1,4 @@
-"""Estimates: closed forms, recovery within stated intervals, published values, resumption and what is reported."""
+"""Estimates: closed forms, recovery within stated intervals, resumption and what is reported."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def lag_problem(seed: int = 0, free: list | None = None, samples: int = 60) -> E
         simulated("run2", seed + 100, TRUTH, samples, x0=1.0, load=1.5),
         simulated("run3", seed + 200, TRUTH, samples, x0=-1.0),
     ]
-    return pose(lag(), logs, free or FREE, likelihood=ExactLikelihood())
+    return pose(lag(), logs, free or FREE)
 
 
 def truth_of(problem: EstimationProblem) -> np.ndarray:
@@ -103,7 +103,7 @@ def test_a_pair_that_only_acts_together_is_named() -> None:
     # Mass, drag and gain only act as ratios.
     fit = estimate(lag_problem(1, ["mass", "drag", "gain", "std(speed)"], samples=40), ONE)
     alone = replace(lag_problem(1).logs[0], theta_overrides={})
-    ratios = estimate(pose(lag(), alone, ["mass", "drag", "gain", "std(speed)"], likelihood=ExactLikelihood()), ONE)
+    ratios = estimate(pose(lag(), alone, ["mass", "drag", "gain", "std(speed)"]), ONE)
     assert ratios.not_identifiable == (("mass", "drag", "gain"),)
     assert ratios.ci95["mass"] == (0.5, 8.0)
     assert np.isfinite(ratios.std["std(speed)"])
@@ -243,42 +243,6 @@ def test_starts_are_spread_or_taken_from_the_swarm() -> None:
     starts = distinct_starts(problem, state.personal_best, state.personal_best_nll, 3)
     np.testing.assert_array_equal(starts[:, 0], state.swarm_best)
     assert starts.shape == (4, 3)
-
-
-class LocalLevel(ExactLikelihood):
-    """Random walk plus noise with a diffuse start: the first value only sets the level."""
-
-    def _one(self, filter_model: object, log: MatchedLog, batch: object, x0: np.ndarray) -> tuple:
-        y = log.y[0]
-        mean, variance = np.full(x0.shape[1], y[0]), batch.noise_std[0] ** 2
-        z, s = np.zeros((2, y.size, mean.size)), np.zeros((2, y.size, mean.size))
-        for k in range(1, y.size):
-            spread = (variance := variance + batch.process_std[0] ** 2) + batch.noise_std[0] ** 2
-            z[0, k], s[0, k] = (y[k] - mean) / np.sqrt(spread), 0.5 * np.log(spread)
-            mean = mean + variance / spread * (y[k] - mean)
-            variance = variance * (1.0 - variance / spread)
-        return z.reshape(-1, mean.size), s.reshape(-1, mean.size)
-
-
-def test_variances_of_the_nile_are_reproduced(shared_data: Path) -> None:
-    folder = shared_data / "published"
-    cases = json.loads((folder / "cases.json").read_text())["cases"]
-    case = next(case for case in cases if case["id"] == "nile_local_level")
-    volume = np.genfromtxt(folder / "nile.csv", names=True)["volume"]
-    log = MatchedLog(
-        "nile", np.arange(float(volume.size)), np.zeros((1, volume.size)), np.array([volume, volume * np.nan])
-    )
-    free = [
-        FreeParameter("std(speed)", 1.0, 1000.0, 10.0, scale="log"),
-        FreeParameter("process(v)", 1.0, 1000.0, 500.0, scale="log"),
-    ]
-    exact = replace(ONE, gradient=GaussNewtonSettings(tolerance=1e-13))
-    fit = estimate(pose(lag(), log, free, likelihood=LocalLevel()), exact)
-    loglik, noise, level = (float(value) for value in case["extra"]["statsmodels"][:3])
-    assert fit.values["std(speed)"] ** 2 == pytest.approx(noise, rel=1e-4)
-    assert fit.values["process(v)"] ** 2 == pytest.approx(level, rel=1e-4)
-    # The diffuse likelihood of the reference leaves out the constant of the first value.
-    assert 0.5 * np.log(2.0 * np.pi) - fit.nll == pytest.approx(loglik, abs=1e-6)
 
 
 def test_the_compiled_filter_recovers_a_pendulum_from_several_logs() -> None:

@@ -1,10 +1,8 @@
-"""The gradient search: closed forms, certified regressions, bounds, noise levels, curvature and failures."""
+"""The gradient search: closed forms, bounds, noise levels, curvature and failures."""
 
 from __future__ import annotations
 
-import json
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -174,56 +172,6 @@ def test_iteration_limit_is_an_outcome() -> None:
     problem = Regression(lambda x: np.array([1e3 * (x[1] - x[0] ** 2), 1.0 - x[0]]), [-5.0] * 2, [25.0] * 2)
     state = gauss_newton(problem, np.array([-3.0, 9.0]), replace(EXACT, iterations=2))
     assert state.outcomes == (SearchOutcome.ITERATION_LIMIT,) and state.iteration == 2
-
-
-# Certified regressions: NIST Statistical Reference Datasets, nonlinear regression.
-
-NAMES = [
-    *("Bennett5", "BoxBOD", "Chwirut1", "Chwirut2", "DanWood", "ENSO", "Eckerle4", "Gauss1", "Gauss2", "Gauss3"),
-    *("Hahn1", "Kirby2", "Lanczos1", "Lanczos2", "Lanczos3", "MGH09", "MGH10", "MGH17", "Misra1a", "Misra1b"),
-    *("Misra1c", "Misra1d", "Nelson", "Rat42", "Rat43", "Roszman1", "Thurber"),
-]
-#: A line of this model is not in the file of cases; it is in NIST's.
-ENSO = (
-    "y = b1 + b2*cos(2*pi*x/12) + b3*sin(2*pi*x/12) + b5*cos(2*pi*x/b4) + b6*sin(2*pi*x/b4)"
-    " + b8*cos(2*pi*x/b7) + b9*sin(2*pi*x/b7)"
-)
-FUNCTIONS = {name: getattr(np, name) for name in ("exp", "log", "cos", "sin", "arctan", "pi")}
-
-
-def nist(case: dict, folder: Path) -> Regression:
-    """Residuals over the certified noise level, in a box ten times as wide as starts and answer span."""
-    formula = ENSO if case["name"] == "ENSO" else " ".join(case["model"]).replace("+  e", "").replace("+ e", "")
-    left, right = (
-        compile(side.strip(), "", "eval") for side in formula.translate(str.maketrans("[]", "()")).split("=")
-    )
-    table = np.genfromtxt(folder / case["data"], delimiter=",", names=True)
-    data = {name: table[name][:, None] for name in table.dtype.names}
-
-    def residuals(points: np.ndarray) -> np.ndarray:
-        names = FUNCTIONS | data | {f"b{k + 1}": row for k, row in enumerate(points)}
-        return (eval(left, names) - eval(right, names)) / case["resid_sd"]
-
-    known = np.array([case["certified"], case["start1"], case["start2"]])
-    widest = 3.0 * np.abs(known).max(axis=0)
-    lower = np.where((known > 0).all(axis=0), 0.1 * known.min(axis=0), -widest)
-    upper = np.where((known < 0).all(axis=0), 0.1 * known.max(axis=0), widest)
-    return Regression(residuals, lower, upper)
-
-
-@pytest.mark.parametrize("name", NAMES)
-def test_certified_regressions_are_reproduced(shared_data: Path, name: str) -> None:
-    folder = shared_data / "published"
-    cases = json.loads((folder / "cases.json").read_text())["cases"]
-    inputs = next(case for case in cases if case["id"] == "nist_strd_nonlinear")["inputs"]
-    case = next(case for case in inputs if case["name"] == name)
-    starts = np.array([case["start1"], case["start2"]]).T
-    state = gauss_newton(nist(case, folder), starts, EXACT)
-    # From the first start of MGH17 every descent ends in another minimum; together with the second it is found.
-    reached = [state.best] if name == "MGH17" else [0, 1]
-    for column in reached:
-        assert state.outcomes[column] is SearchOutcome.CONVERGED
-        np.testing.assert_allclose(state.points[:, column], case["certified"], rtol=1e-6)
 
 
 def test_a_start_that_gains_next_to_nothing_stalls() -> None:

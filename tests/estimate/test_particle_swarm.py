@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import json
-from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -29,56 +26,21 @@ from bondgraph.estimate.particle_swarm import (
 from bondgraph.estimate.problem import EstimationProblem, FilterLikelihood, pose
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.simulate.example import pendulum
-
-FINE = SwarmSettings(members=60, iterations=400, patience=60, tolerance=1e-13)
-
-
-class Function:
-    """An analytic function over a box as an objective."""
-
-    def __init__(self, function: Callable, lower: list[float], upper: list[float]) -> None:
-        self.function, self.lower, self.upper = function, np.array(lower, float), np.array(upper, float)
-
-    def nll(self, points: np.ndarray) -> np.ndarray:
-        return self.function(points)
-
-
-def rastrigin(x: np.ndarray) -> np.ndarray:
-    return 10.0 * len(x) + (x**2 - 10.0 * np.cos(2.0 * np.pi * x)).sum(axis=0)
-
-
-def rosenbrock(x: np.ndarray) -> np.ndarray:
-    return (100.0 * (x[1:] - x[:-1] ** 2) ** 2 + (1.0 - x[:-1]) ** 2).sum(axis=0)
-
-
-def ackley(x: np.ndarray) -> np.ndarray:
-    smooth = -20.0 * np.exp(-0.2 * np.sqrt((x**2).mean(axis=0)))
-    return smooth - np.exp(np.cos(2.0 * np.pi * x).mean(axis=0)) + 20.0 + np.e
-
-
-def branin(x: np.ndarray) -> np.ndarray:
-    bend = x[1] - 5.1 / (4.0 * np.pi**2) * x[0] ** 2 + 5.0 / np.pi * x[0] - 6.0
-    return bend**2 + 10.0 * (1.0 - 1.0 / (8.0 * np.pi)) * np.cos(x[0]) + 10.0
-
-
-def six_hump_camel(x: np.ndarray) -> np.ndarray:
-    a, b = x
-    return (4.0 - 2.1 * a**2 + a**4 / 3.0) * a**2 + a * b + (4.0 * b**2 - 4.0) * b**2
-
-
-def hartmann3(x: np.ndarray) -> np.ndarray:
-    steep = np.array([[3, 10, 30], [0.1, 10, 35], [3, 10, 30], [0.1, 10, 35]])
-    centre = 1e-4 * np.array([[3689, 1170, 2673], [4699, 4387, 7470], [1091, 8732, 5547], [381.5, 5743, 8828]])
-    distance = (steep[:, :, None] * (x[None] - centre[:, :, None]) ** 2).sum(axis=1)
-    return -(np.array([1.0, 1.2, 3.0, 3.2])[:, None] * np.exp(-distance)).sum(axis=0)
-
-
-def styblinski_tang(x: np.ndarray) -> np.ndarray:
-    return (x**4 - 16.0 * x**2 + 5.0 * x).sum(axis=0) / 2.0
-
+from tests.verification.optima import (
+    FINE,
+    Function,
+    ackley,
+    branin,
+    hartmann3,
+    rastrigin,
+    rosenbrock,
+    six_hump_camel,
+    sphere,
+    styblinski_tang,
+)
 
 PROBLEMS = {
-    "sphere": (Function(lambda x: (x**2).sum(axis=0), [-100] * 5, [100] * 5), 0.0),
+    "sphere": (Function(sphere, [-100] * 5, [100] * 5), 0.0),
     "rosenbrock": (Function(rosenbrock, [-30] * 2, [30] * 2), 0.0),
     "rastrigin": (Function(rastrigin, [-5.12] * 3, [5.12] * 3), 0.0),
     "ackley": (Function(ackley, [-32.768] * 4, [32.768] * 4), 0.0),
@@ -96,13 +58,6 @@ def test_known_optima_are_found(name: str) -> None:
     state, outcome = particle_swarm(problem, start, seed=3, settings=FINE)
     assert state.swarm_best_nll == pytest.approx(optimum, abs=1e-6)
     assert outcome in (SearchOutcome.STALLED, SearchOutcome.ITERATION_LIMIT)
-
-
-def test_published_optima_are_those_used_here(shared_data: Path) -> None:
-    cases = json.loads((shared_data / "published" / "cases.json").read_text())["cases"]
-    expected = next(case for case in cases if case["id"] == "global_optimisation_functions")["expected"]
-    for name in ("sphere", "rosenbrock", "rastrigin", "ackley", "branin", "six-hump camel", "hartmann3"):
-        assert PROBLEMS[name][1] == pytest.approx(expected[name], abs=1e-12)
 
 
 def test_a_seed_gives_one_search_and_another_seed_another() -> None:

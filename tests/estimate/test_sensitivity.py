@@ -22,7 +22,7 @@ ONE = Settings(method="gradient", starts=1)
 
 
 def test_every_noise_level_is_known_from_its_own_output() -> None:
-    table = sensitivity(pose(lag(), LOGS, ["mass", "std(speed)", "std(speed_rpm)"], likelihood=ExactLikelihood()))
+    table = sensitivity(pose(lag(), LOGS, ["mass", "std(speed)", "std(speed_rpm)"]))
     assert table.outputs == ("speed", "speed_rpm")
     np.testing.assert_allclose(table.share.sum(axis=0), 1.0)
     assert table.share[0, 1] > 0.6 and table.share[1, 2] > 0.6
@@ -31,13 +31,13 @@ def test_every_noise_level_is_known_from_its_own_output() -> None:
 
 def test_an_output_that_is_not_measured_says_nothing() -> None:
     logs = [replace(log, y=np.where(np.arange(2)[:, None] == 1, np.nan, log.y)) for log in LOGS]
-    table = sensitivity(pose(lag(), logs, ["mass", "drag"], likelihood=ExactLikelihood()))
+    table = sensitivity(pose(lag(), logs, ["mass", "drag"]))
     assert table.outputs == ("speed",)
     np.testing.assert_allclose(table.share, 1.0)
 
 
 def test_predicted_uncertainty_is_that_of_the_estimate() -> None:
-    problem = pose(lag(), LOGS, ["mass", "drag", "std(speed)"], likelihood=ExactLikelihood())
+    problem = pose(lag(), LOGS, ["mass", "drag", "std(speed)"])
     fit = estimate(problem, ONE)
     table = sensitivity(problem, fit.point)
     np.testing.assert_allclose(table.std_joint, list(fit.std.values()), rtol=0.25)
@@ -46,7 +46,7 @@ def test_predicted_uncertainty_is_that_of_the_estimate() -> None:
 
 def test_priors_and_silent_parameters_stand_in_the_table() -> None:
     known = FreeParameter("gain", 0.2, 5.0, 1.0, prior_mean=1.0, prior_std=0.05)
-    table = sensitivity(pose(lag(), LOGS, ["mass", known, "colour"], likelihood=ExactLikelihood()))
+    table = sensitivity(pose(lag(), LOGS, ["mass", known, "colour"]))
     assert table.outputs[-1] == "prior"
     assert table.share[-1, 0] == 0.0 and table.share[-1, 1] > 0.0
     assert table.not_identifiable == (("colour",),)

@@ -100,6 +100,31 @@ def test_groups_do_not_depend_on_the_basis_of_weak_directions(seed: int, noise: 
     assert weak_groups(information * (1.0 + noise * rng.normal())) == ((0, 3), (2, 5), (4,))
 
 
+@pytest.mark.parametrize("share", [0.07, 0.02])
+def test_a_small_share_of_what_is_not_told_at_all_leaves_a_coordinate_unknown(share: float) -> None:
+    # Two compartments of which one is measured: the rate a21 moves by 7 % along the line that the data do not tell. It
+    # was taken as known, its standard deviation that of the other directions alone.
+    direction = np.array([-1.0, 1.0, share, 0.0]) / np.sqrt(2.0 + share**2)
+    rows = np.random.default_rng(0).normal(size=(60, 4))
+    rows -= np.outer(rows @ direction, direction)
+    information = 1e10 * rows.T @ rows
+    assert weak_groups(information) == ((0, 1, 2),)
+    # Where the line is told to within the bounds, though not the pair on it, a share of it is known.
+    assert weak_groups(information + 3.0 * np.outer(direction, direction)) == ((0, 1),)
+
+
+def test_nearly_collinear_parameters_keep_the_digits_of_their_deviations() -> None:
+    # As in Bennett5 of NIST; by eigenvalues, which are right to the rounding of the largest, they were 2e-5 off.
+    rng = np.random.default_rng(0)
+    rows = rng.normal(size=(150, 1)) + 1e-4 * rng.normal(size=(150, 3))
+    rows = 1e5 * rows * np.array([1.0, 10.0, 100.0])
+    inverse = np.linalg.inv(np.linalg.qr(rows)[1])
+    wide = Quadratic(np.eye(3), reach=1.0)
+    known = uncertainty(wide, np.zeros(3), Expansion(np.zeros(3), rows.T @ rows, 0), curvature=False)
+    expected = np.sqrt((inverse**2).sum(axis=1))
+    np.testing.assert_allclose(np.sqrt(np.diag(known.covariance)), expected, rtol=1e-6)
+
+
 def test_weak_coordinates_get_no_variance_and_the_others_keep_theirs() -> None:
     rows = np.random.default_rng(0).normal(size=(20, 3))
     rows[:, 1] = rows[:, 0]

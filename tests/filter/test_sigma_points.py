@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import json
-from pathlib import Path
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -71,29 +68,6 @@ def test_covariance_stays_semi_definite_where_the_usual_weights_do_not() -> None
     drawn = points.draw(np.zeros(3), np.eye(3))
     moments = points.moments(np.vstack([drawn.sum(axis=0) ** 2, drawn.sum(axis=0) ** 2]))
     assert np.linalg.eigvalsh(moments.cov)[0] >= -1e-12 * np.linalg.eigvalsh(moments.cov)[1]
-
-
-def test_polar_to_cartesian_of_julier_and_uhlmann(shared_data: Path) -> None:
-    case = _case(shared_data, "julier_polar_to_cartesian")
-    points = MerweScaled(2, alpha=1.0, beta=0.0, kappa=1.0)
-    drawn = points.draw(np.array(case["inputs"]["m"]), lower_factor(np.array(case["inputs"]["P"])).lower)
-    moments = points.moments(np.array([drawn[0] * np.cos(drawn[1]), drawn[0] * np.sin(drawn[1])]))
-    np.testing.assert_allclose(moments.mean, case["expected"]["mean"], atol=case["tol"]["ukf_mean_abs"])
-
-
-def test_moments_of_the_published_set(shared_data: Path) -> None:
-    case = _case(shared_data, "filterpy_simplex_points_moments")
-    mean, cov = np.array(case["inputs"]["mean"], dtype=float), np.array(case["inputs"]["cov"])
-    points = MerweScaled(4, alpha=0.5, beta=2.0, kappa=-1.0)
-    moments = points.moments(points.draw(mean, lower_factor(cov).lower))
-    np.testing.assert_allclose(moments.mean, mean, atol=case["tol"]["abs"])
-    np.testing.assert_allclose(moments.cov, cov, atol=case["tol"]["abs"])
-    assert points.mean_weights.sum() == pytest.approx(1.0, abs=case["tol"]["abs"])
-
-
-def _case(shared_data: Path, name: str) -> dict:
-    cases = json.loads((shared_data / "published" / "cases.json").read_text(encoding="utf-8"))["cases"]
-    return next(case for case in cases if case["id"] == name)
 
 
 @pytest.mark.parametrize("n", [1, 4, 9])

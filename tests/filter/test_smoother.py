@@ -1,20 +1,15 @@
-"""The smoother against the exact posterior of a linear model, and published results."""
+"""The smoother against the exact posterior of a linear model."""
 
 from __future__ import annotations
-
-import json
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 from bondgraph.errors import FilterError
-from bondgraph.filter.belief import Belief, Prediction, predict, update
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.runs import run
 from bondgraph.filter.samples import interval_substeps
-from bondgraph.filter.sigma_points import MerweScaled
-from bondgraph.filter.smoother import smooth, smooth_step
+from bondgraph.filter.smoother import smooth
 from tests.filter.kalman import runge_kutta_map
 from tests.filter.logs import PlainLog, circuit_filter, driveline_filter, simulated_log, uneven_times
 from tests.simulate.samples import decay
@@ -86,62 +81,3 @@ def test_a_failed_run_cannot_be_smoothed() -> None:
     failed = run(model, simulated_log(model, np.arange(5) * 0.05, seed=1), x0=[np.inf, 0.0])
     with pytest.raises(FilterError, match="simulated: the state grew without bound"):
         smooth(failed)
-
-
-def test_pendulum_of_sarkka_and_svensson(shared_data: Path) -> None:
-    case = _case(shared_data, "sarkka_pendulum_rmse")
-    inputs = case["inputs"]
-    table = np.genfromtxt(shared_data / "published" / case["data"], delimiter=",", names=True)
-    dt, g = inputs["dt"], inputs["g"]
-    mean, _ = _smoothed(
-        inputs, MerweScaled(2, **inputs["ukf"]), lambda x: np.array([x[0] + dt * x[1], x[1] - g * dt * np.sin(x[0])]),
-        lambda x: np.sin(x[:1]), [np.array(inputs["Q"])] * table.size, table["y"],
-    )  # fmt: skip
-    rmse = np.sqrt(np.mean((mean[1:, 0] - table["x1"]) ** 2))
-    assert rmse == pytest.approx(case["expected"]["URTS"], abs=case["tol"]["abs"])
-
-
-def test_constant_velocity_of_hipparchus(shared_data: Path) -> None:
-    case = _case(shared_data, "hipparchus_cv_rts")
-    inputs = case["inputs"]
-    table = np.genfromtxt(shared_data / "published" / case["data"], delimiter=",", names=True)
-    steps = np.diff(table["t"])
-    noise = [0.1 * np.array([[dt**3 / 3, dt**2 / 2], [dt**2 / 2, dt]]) for dt in steps]
-    (dt,) = set(steps.round(9))
-    mean, cov = _smoothed(
-        inputs, MerweScaled(2, inputs["alpha"], inputs["beta"], inputs["kappa"]),
-        lambda x: np.array([x[0] + dt * x[1], x[1]]), lambda x: x[:1], noise, table["z"][1:],
-    )  # fmt: skip
-    expected = np.column_stack([table["x0"], table["x1"]])
-    np.testing.assert_allclose(mean, expected, atol=10 * case["tol"]["abs"])
-    for row, column in ((0, 0), (0, 1), (1, 1)):
-        np.testing.assert_allclose(cov[:, row, column], table[f"P{row}{column}"], atol=10 * case["tol"]["abs"])
-
-
-def _smoothed(inputs, points, transition, measurement, noise, measured):
-    """Smoothed means and covariances, the initial state first: predict, update for each measurement, then backwards."""
-    beliefs = [Belief.of(np.array(inputs["m0"], dtype=float), np.array(inputs["P0"], dtype=float))]
-    predictions: list[Prediction] = []
-    for y, process_cov in zip(measured, noise, strict=True):
-        predictions.append(predict(beliefs[-1], transition, process_cov, points))
-        after = update(predictions[-1].belief, np.array([y]), measurement, np.array([[inputs["R"]]]), points)
-        beliefs.append(after.belief)
-    means, covs = [beliefs[-1].mean], [beliefs[-1].cov]
-    for belief, prediction in zip(beliefs[-2::-1], predictions[::-1], strict=True):
-        mean, cov = smooth_step(
-            belief.mean,
-            belief.cov,
-            prediction.cross_cov,
-            prediction.belief.mean,
-            prediction.belief.cov,
-            means[0],
-            covs[0],
-        )
-        means.insert(0, mean)
-        covs.insert(0, cov)
-    return np.array(means), np.array(covs)
-
-
-def _case(shared_data: Path, name: str) -> dict:
-    cases = json.loads((shared_data / "published" / "cases.json").read_text(encoding="utf-8"))["cases"]
-    return next(case for case in cases if case["id"] == name)

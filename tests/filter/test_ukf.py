@@ -1,20 +1,16 @@
-"""The filter against a Kalman filter, against filterpy, against itself in its other form, and published results."""
+"""The filter against a Kalman filter, against filterpy, and against itself in its other form."""
 
 from __future__ import annotations
 
-import json
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-from bondgraph.filter.belief import Belief, predict, update
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.filterpy_bridge import filterpy_run
 from bondgraph.filter.runs import run
 from bondgraph.filter.samples import interval_substeps
-from bondgraph.filter.sigma_points import MerweScaled
 from bondgraph.simulate.model import Model
 from tests.filter.kalman import kalman_run
 from tests.filter.logs import (
@@ -26,7 +22,6 @@ from tests.filter.logs import (
     simulated_log,
     uneven_times,
 )
-from tests.module_text import STACK
 from tests.simulate.samples import decay, text_of
 
 ALPHAS = (1e-3, 1e-2, 0.1, 1.0)
@@ -122,99 +117,6 @@ def test_the_prior_is_at_the_first_sample(compiled: bool) -> None:
     np.testing.assert_allclose(one.filtered_mean[:, 0], [2.0 * gain, 0.0], atol=1e-12)
     np.testing.assert_allclose(one.filtered_cov[..., 0], np.diag([1.0 - gain, 0.25]), atol=1e-12)
     np.testing.assert_array_equal(one.predicted_mean[:, 0], [0.0, 0.0])
-
-
-@BOTH
-def test_steady_state_of_a_random_walk(shared_data: Path, compiled: bool) -> None:
-    case = _case(shared_data, "scalar_random_walk_riccati")
-    model = FilterModel(
-        decay(rate=0.0),
-        {"level": np.sqrt(case["inputs"]["Q"])},
-        {"reading": np.sqrt(case["inputs"]["R"])},
-        {"level": 1.0},
-    )
-    walk = run(model, PlainLog("walk", np.arange(400.0), np.zeros((2, 400)), np.zeros((1, 400))), compiled=compiled)
-    assert walk.predicted_cov[0, 0, -1] == pytest.approx(case["expected"]["P_predicted"], abs=case["tol"]["abs"])
-    assert walk.filtered_cov[0, 0, -1] == pytest.approx(case["expected"]["P_filtered"], abs=case["tol"]["abs"])
-
-
-@BOTH
-def test_redrawn_points_give_the_kalman_filter_of_filterpy_issue_172(shared_data: Path, compiled: bool) -> None:
-    case, inputs = (
-        _case(shared_data, "filterpy_172_ukf_equals_kf"),
-        _case(shared_data, "filterpy_172_ukf_equals_kf")["inputs"],
-    )
-    z, x, p = np.loadtxt(shared_data / "published" / case["data"], delimiter=",", skiprows=1).T
-    spread = {name: inputs[name] for name in ("alpha", "beta", "kappa")}
-    model = FilterModel(decay(rate=0.0, initial=0.0), {"level": 1.0}, {"reading": 1.0}, {"level": 1.0}, **spread)
-    # the published run predicts before its first measurement: a first sample without one
-    y = np.concatenate([[np.nan], z])[np.newaxis]
-    ours = run(model, PlainLog("172", np.arange(z.size + 1.0), np.zeros((2, z.size + 1)), y), compiled=compiled)
-    np.testing.assert_allclose(ours.filtered_mean[0, 1:], x, atol=case["tol"]["abs"])
-    np.testing.assert_allclose(ours.filtered_cov[0, 0, 1:], p, atol=case["tol"]["abs"])
-
-
-BALLISTIC = (
-    """
-import numpy as np
-NAME = "ballistic"
-FORMAT = "bondgraph-module/1"
-STATES = (("x", "m", 0.0, ""), ("vx", "m/s", 0.0, ""), ("y", "m", 0.0, ""), ("vy", "m/s", 0.0, ""))
-INPUTS = ()
-PARAMETERS = (("g", "m/s^2", 9.81, None, None, ""),)
-OUTPUTS = (("seen_x", "m", ""), ("seen_y", "m", ""))
-def rhs(t, x, u, theta):
-    return _stack(x, (x[1], 0.0, x[3], -theta[0]))
-def output(t, x, u, theta):
-    return _stack(x, (x[0], x[2]))
-"""
-    + STACK
-)
-
-
-@BOTH
-def test_cannonball_without_process_noise(shared_data: Path, compiled: bool) -> None:
-    case = _case(shared_data, "hipparchus_cannonball_zero_process_noise")
-    table = np.genfromtxt(shared_data / "published" / case["data"], delimiter=",", names=True)
-    start = 100.0 * np.sqrt(0.5)
-    noise = {"seen_x": 30.0, "seen_y": 30.0}
-    initial = {"x": 30.0, "vx": np.sqrt(1e-3), "y": 30.0, "vy": np.sqrt(1e-3)}
-    model = FilterModel(Model.from_text(BALLISTIC), {}, noise, initial, alpha=1.0)
-    n = table.size + 1
-    y = np.hstack([np.full((2, 1), np.nan), [table["zx"], table["zy"]]])
-    log = PlainLog("cannonball", 0.1 * np.arange(n), np.zeros((0, n)), y)
-    ours = run(model, log, x0=[0.0, start, 0.0, start], compiled=compiled)
-    for row, name in enumerate(("x", "vx", "y", "vy")):
-        np.testing.assert_allclose(ours.filtered_mean[row, 1:], table[name], atol=case["tol"]["abs"])
-        for column in range(row, 4):
-            np.testing.assert_allclose(
-                ours.filtered_cov[row, column, 1:], table[f"P{row}{column}"], atol=case["tol"]["abs"]
-            )
-
-
-def test_pendulum_of_sarkka_and_svensson(shared_data: Path) -> None:
-    case = _case(shared_data, "sarkka_pendulum_rmse")
-    inputs = case["inputs"]
-    table = np.genfromtxt(shared_data / "published" / case["data"], delimiter=",", names=True)
-    dt, g = inputs["dt"], inputs["g"]
-    points = MerweScaled(2, **inputs["ukf"])
-    belief = Belief.of(np.array(inputs["m0"], dtype=float), np.array(inputs["P0"], dtype=float))
-    means, log_likelihood = [], 0.0
-    for y in table["y"]:
-        belief = predict(
-            belief, lambda x: np.array([x[0] + dt * x[1], x[1] - g * dt * np.sin(x[0])]), np.array(inputs["Q"]), points
-        ).belief
-        updated = update(belief, np.array([y]), lambda x: np.sin(x[:1]), np.array([[inputs["R"]]]), points)
-        belief, log_likelihood = updated.belief, log_likelihood + updated.log_likelihood
-        means.append(belief.mean[0])
-    rmse = np.sqrt(np.mean((np.array(means) - table["x1"]) ** 2))
-    assert rmse == pytest.approx(case["expected"]["UKF"], abs=case["tol"]["abs"])
-    assert log_likelihood == pytest.approx(case["extra"]["loglik_ukf_ours"], abs=1e-9)
-
-
-def _case(shared_data: Path, name: str) -> dict:
-    cases = json.loads((shared_data / "published" / "cases.json").read_text(encoding="utf-8"))["cases"]
-    return next(case for case in cases if case["id"] == name)
 
 
 @BOTH
