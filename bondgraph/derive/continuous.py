@@ -39,7 +39,7 @@ class ContinuousDerivation(Computed):
         self.compute([*rates, *used, *every])
         self._check_determined()
         outputs = [
-            OutputEquation(symbol(output.name), law.build(self.values), output.unit, output.meaning)
+            OutputEquation(symbol(output.name), law.build(self.values), output.unit, output.meaning, output.shown_unit)
             for output, law in measured
         ]
         outputs += self._bond_outputs() if bonds else []
@@ -117,7 +117,8 @@ class ContinuousDerivation(Computed):
         outputs = []
         for named in self.causal.graph.signals:
             name = f"signal({named.name})" if named.name in taken else named.name
-            outputs.append(OutputEquation(symbol(name), self.values["s", named.name], named.unit, named.meaning))
+            value = self.values["s", named.name]
+            outputs.append(OutputEquation(symbol(name), value, named.unit, named.meaning, named.shown_unit))
         return outputs
 
     def _input_rates(self, results: Sequence[Expr]) -> list[Input]:

@@ -5,12 +5,25 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, TypeVar
+from typing import Any, ClassVar, Protocol, TypeVar
 
 from bondgraph.errors import ModelError
 from bondgraph.simulate.loader import require_function
+from bondgraph.units import dimension
 
 _Info = TypeVar("_Info")
+
+
+class _Row(Protocol):
+    """A quantity of a module."""
+
+    __dataclass_fields__: ClassVar[dict[str, Any]]
+    name: str
+    unit: str
+    shown_unit: str
+
+
+_Shown = TypeVar("_Shown", bound=_Row)
 
 
 @dataclass(frozen=True)
@@ -51,6 +64,28 @@ def rows(names: Mapping[str, Any], table: str, kind: type[_Info], source: str) -
             f"{source}: a row of {table} does not have the columns ({fields}) - regenerate the module",
             where=(source, table),
         ) from None
+
+
+def shown_rows(names: Mapping[str, Any], table: str, kind: type[_Shown], source: str) -> tuple[_Shown, ...]:
+    """The rows of a table of quantities, with the units in which they are shown where those are not their own.
+
+    Raises
+    ------
+    ModelError
+        If a row has other columns, or a unit in which it is shown does not fit its own.
+    """
+    shown = {name: unit for of, name, unit in names.get("SHOWN_UNITS", ()) if of == table}
+    found = tuple(
+        dataclasses.replace(row, shown_unit=shown.get(row.name, "")) for row in rows(names, table, kind, source)
+    )
+    for row in found:
+        if row.shown_unit and dimension(row.shown_unit) != dimension(row.unit):
+            raise ModelError(
+                f"{source}: {row.name} is in [{row.unit}] and cannot be shown in [{row.shown_unit}] - "
+                "regenerate the module",
+                where=(source, row.name),
+            )
+    return found
 
 
 def events_of(names: Mapping[str, Any], source: str) -> dict[str, Any]:
