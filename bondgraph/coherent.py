@@ -5,13 +5,12 @@ from __future__ import annotations
 import functools
 import math
 from collections.abc import Mapping
-from typing import Any, TypeVar
+from typing import Any, TypeVar, cast
 
 import pint
 
 from bondgraph.errors import DeclarationError
 from bondgraph.units import dimension, dimension_text, parse_unit, product_text, registry, unit_text
-
 
 #: Units with a name of their own that stand for a named unit of the same dimension: kN for N, psi for Pa, hp for W.
 _NAMED = ("N", "Pa", "J", "W", "V", "C", "ohm", "S", "F", "H", "Wb", "T")
@@ -75,8 +74,8 @@ def _shortest(factor: float) -> float:
 
 def _coherent_text(parsed: pint.Unit) -> str:
     """The coherent SI unit of the same dimension, written with the named units of which the unit consists."""
-    powers: dict[str, float] = {}
-    for name, power in parsed._units.items():
+    powers: dict[str, Any] = {}
+    for name, power in registry().Quantity(1.0, parsed).unit_items():
         for symbol, own in _coherent_parts(name).items():
             powers[symbol] = powers.get(symbol, 0) + own * power
     ordered = sorted(((symbol, power) for symbol, power in powers.items() if power), key=lambda p: _ORDER.index(p[0]))
@@ -84,13 +83,13 @@ def _coherent_text(parsed: pint.Unit) -> str:
 
 
 @functools.cache
-def _coherent_parts(name: str) -> Mapping[str, float]:
+def _coherent_parts(name: str) -> Mapping[str, Any]:
     """Powers of SI units that make up one unit of the registry."""
     for symbol in _NAMED:
         if dimension(name) == dimension(symbol):
             return {symbol: 1}
-    bases = registry().Quantity(1.0, name).to_base_units().units
-    return {f"{registry().Unit(base):~}": power for base, power in bases._units.items()}
+    bases: list[tuple[str, Any]] = registry().Quantity(1.0, name).to_base_units().unit_items()
+    return {f"{registry().Unit(base):~}": power for base, power in bases}
 
 
 _Numbers = TypeVar("_Numbers", bound=Any)
@@ -116,7 +115,8 @@ class Displayed:
 
     def coherent(self, value: _Numbers) -> _Numbers:
         """A value given in the unit in which the quantity is shown, in coherent SI."""
-        return value * coherent(self.shown_unit)[1] if self.shown_unit else value
+        found: _Numbers = value * coherent(self.shown_unit)[1] if self.shown_unit else value
+        return found
 
 
 def displayed(value: _Numbers, unit: str) -> _Numbers:
@@ -134,8 +134,8 @@ def displayed(value: _Numbers, unit: str) -> _Numbers:
         for digits in (15, 16):
             short = float(f"{value / factor:.{digits}g}")
             if short * factor == value:
-                return short
-    return value / factor
+                return cast(_Numbers, short)
+    return cast(_Numbers, value / factor)
 
 
 def in_si(value: Any, unit: str = "") -> Any:

@@ -2,8 +2,9 @@
 
 Inside the toolkit every number is in coherent SI. Other units appear where a unit string is written next to a declared
 value or in the header of a log: the number is converted there, once, and the declared unit is kept as the unit in which
-the quantity is shown and read (:class:`bondgraph.coherent.Displayed`). Angles are dimensionless, as in the SI, but an angular speed is not
-taken for a number of events per time: where one is needed and the other written, a factor of 2 pi is at stake.
+the quantity is shown and read (:class:`bondgraph.coherent.Displayed`). Angles are dimensionless, as in the SI, but an
+angular speed is not taken for a number of events per time: where one is needed and the other written, a factor of 2 pi
+is at stake.
 """
 
 from __future__ import annotations
@@ -75,7 +76,7 @@ def parse_unit(unit: str) -> pint.Unit:
     >>> parse_unit("N m / A").is_compatible_with("V s"), parse_unit("Nm s/rad") == parse_unit("N m s / rad")
     (True, True)
     """
-    if meant := _meant(unit):
+    if meant := meant_unit(unit):
         raise DeclarationError(f"unit {unit!r} is not one; did you mean {meant!r}?", where=(unit,))
     try:
         return registry().Unit(_spelled(unit))
@@ -87,8 +88,14 @@ def parse_unit(unit: str) -> pint.Unit:
         ) from None
 
 
-def _meant(unit: str) -> str:
-    """The unit that is meant by a spelling that the registry would take for another; empty for all others."""
+def meant_unit(unit: str) -> str:
+    """The unit that is meant by a spelling that the registry would take for another; empty for all others.
+
+    Examples
+    --------
+    >>> meant_unit("U/min"), meant_unit("Grad"), meant_unit("rpm")
+    ('rpm', 'deg', '')
+    """
     return next((meant for pattern, meant in _MEANT if pattern.fullmatch(unit.strip())), "")
 
 
@@ -168,6 +175,20 @@ def is_bare_rate(unit: str) -> bool:
     (True, True, False, False)
     """
     return dimension(unit) == dimension("1/s") and "radian" not in _bases(unit)
+
+
+def angular_spelling(unit: str) -> str:
+    """What to write instead of a bare number per time where an angular speed is meant.
+
+    Examples
+    --------
+    >>> angular_spelling("1/min"), angular_spelling("1/s")
+    ("'rpm' for revolutions, or 'rad/min'", "'turn/s' for revolutions, or 'rad/s'")
+    """
+    known = {"min": ("rpm", "rad/min"), "s": ("turn/s", "rad/s")}
+    per = "min" if conversion(unit, "1/s")[0] == conversion("1/min", "1/s")[0] else "s"
+    turns, radians = known[per]
+    return f"{turns!r} for revolutions, or {radians!r}"
 
 
 def _bases(unit: str) -> str:

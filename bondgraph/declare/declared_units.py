@@ -37,7 +37,7 @@ class DeclaredUnit:
     def number(self, value: Any) -> float:
         """A declared number, or a pint quantity, in coherent SI."""
         if is_quantity(value):
-            return _located(self.where, lambda: in_si(value, self.unit))
+            return float(_located(self.where, lambda: in_si(value, self.unit)))
         return float(value) * self.factor if self.factor != 1.0 else float(value)
 
 
@@ -96,7 +96,7 @@ def initial_value(value: Any, where: str) -> float:
     >>> initial_value(registry().Quantity(36.0, "km/h"), "car: mass")
     10.0
     """
-    return _located(where, lambda: in_si(value)) if is_quantity(value) else float(value)
+    return float(_located(where, lambda: in_si(value)) if is_quantity(value) else value)
 
 
 def _located(where: str, read: Callable[[], _Read]) -> _Read:

@@ -63,8 +63,8 @@ class QuantityBuilder(GraphStore):
         >>> from bondgraph.declare.graph import BondGraph
         >>> g = BondGraph("sled")
         >>> mass = g.parameter("mass", 80.0, "lb", "sled with driver", (60.0, 120.0))
-        >>> g.parameters[0].value, g.parameters[0].unit, g.parameters[0].display_unit
-        (36.2873896, 'kg', 'lb')
+        >>> round(g.parameters[0].value, 6), g.parameters[0].unit, g.parameters[0].display_unit
+        (36.28739, 'kg', 'lb')
         """
         own = self._unit(unit, name, value)
         limits = None

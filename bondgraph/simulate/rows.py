@@ -5,25 +5,16 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, ClassVar, Protocol, TypeVar
+from typing import Any, TypeVar
 
+from bondgraph.coherent import Displayed
 from bondgraph.errors import ModelError
 from bondgraph.simulate.loader import require_function
 from bondgraph.units import dimension
 
 _Info = TypeVar("_Info")
 
-
-class _Row(Protocol):
-    """A quantity of a module."""
-
-    __dataclass_fields__: ClassVar[dict[str, Any]]
-    name: str
-    unit: str
-    shown_unit: str
-
-
-_Shown = TypeVar("_Shown", bound=_Row)
+_Shown = TypeVar("_Shown", bound=Displayed)
 
 
 @dataclass(frozen=True)
@@ -75,17 +66,17 @@ def shown_rows(names: Mapping[str, Any], table: str, kind: type[_Shown], source:
         If a row has other columns, or a unit in which it is shown does not fit its own.
     """
     shown = {name: unit for of, name, unit in names.get("SHOWN_UNITS", ()) if of == table}
-    found = tuple(
-        dataclasses.replace(row, shown_unit=shown.get(row.name, "")) for row in rows(names, table, kind, source)
-    )
-    for row in found:
-        if row.shown_unit and dimension(row.shown_unit) != dimension(row.unit):
+    found: list[_Shown] = []
+    for row in rows(names, table, kind, source):
+        info: Any = row  # a dataclass with a name
+        found.append(dataclasses.replace(info, shown_unit=shown.get(info.name, "")))
+        unit = shown.get(info.name, "")
+        if unit and dimension(unit) != dimension(info.unit):
             raise ModelError(
-                f"{source}: {row.name} is in [{row.unit}] and cannot be shown in [{row.shown_unit}] - "
-                "regenerate the module",
-                where=(source, row.name),
+                f"{source}: {info.name} is in [{info.unit}] and cannot be shown in [{unit}] - regenerate the module",
+                where=(source, info.name),
             )
-    return found
+    return tuple(found)
 
 
 def events_of(names: Mapping[str, Any], source: str) -> dict[str, Any]:
