@@ -88,7 +88,7 @@ def _coherent_parts(name: str) -> Mapping[str, Any]:
     for symbol in _NAMED:
         if dimension(name) == dimension(symbol):
             return {symbol: 1}
-    bases: list[tuple[str, Any]] = registry().Quantity(1.0, name).to_base_units().unit_items()
+    bases = list(registry().Quantity(1.0, name).to_base_units().unit_items())
     return {f"{registry().Unit(base):~}": power for base, power in bases}
 
 

@@ -153,6 +153,10 @@ def dimension_text(exponents: Dimension) -> str:
     return " ".join(parts) or "1"
 
 
+#: What to write where an angular speed is meant.
+ANGULAR_UNITS = "'rpm' or 'turn/s' for revolutions, 'rad/s' for radians"
+
+
 @functools.cache
 def is_angular_rate(unit: str) -> bool:
     """Whether a unit is one of angular speed: rad/s, rpm, deg/s, turn/s.
@@ -175,20 +179,6 @@ def is_bare_rate(unit: str) -> bool:
     (True, True, False, False)
     """
     return dimension(unit) == dimension("1/s") and "radian" not in _bases(unit)
-
-
-def angular_spelling(unit: str) -> str:
-    """What to write instead of a bare number per time where an angular speed is meant.
-
-    Examples
-    --------
-    >>> angular_spelling("1/min"), angular_spelling("1/s")
-    ("'rpm' for revolutions, or 'rad/min'", "'turn/s' for revolutions, or 'rad/s'")
-    """
-    known = {"min": ("rpm", "rad/min"), "s": ("turn/s", "rad/s")}
-    per = "min" if conversion(unit, "1/s")[0] == conversion("1/min", "1/s")[0] else "s"
-    turns, radians = known[per]
-    return f"{turns!r} for revolutions, or {radians!r}"
 
 
 def _bases(unit: str) -> str:

@@ -99,12 +99,12 @@ def convert_unit(name: str, unit: str, to: str, source: str) -> tuple[float, flo
 
 
 def _require_angle(name: str, unit: str, to: str, source: str) -> None:
-    # The SI calls both 1/s, so a units library turns 50 Hz into 50 rad/s and 3000 1/min into 50 without a word; a factor
-    # of 2 pi is at stake.
+    # The SI calls both 1/s, so a units library turns 50 Hz into 50 rad/s and 3000 1/min into 50 without a word; a
+    # factor of 2 pi is at stake.
     if units.is_bare_rate(unit) and units.is_angular_rate(to):
         raise DataError(
-            f"{source}: column {name!r} has unit {unit!r} but the model needs an angular speed, {to!r}"
-            f" - write {units.angular_spelling(unit)}",
+            f"{source}: column {name!r} has unit {unit!r}, which counts cycles or radians, but the model "
+            f"needs {to!r} - write {units.ANGULAR_UNITS}",
             where=(source, name),
         )
     if units.is_angular_rate(unit) and units.is_bare_rate(to):

@@ -37,7 +37,7 @@ def fitted_runs(fit: Estimate, *, compiled: bool = True) -> tuple[FilterRun, ...
 
 
 def innovation_summary(runs: tuple[FilterRun, ...]) -> dict[str, dict[str, Any]]:
-    """Per measured output ``unit``, ``rmse``, ``nis_mean``, ``nis_band`` and ``whiteness_p`` over all logs, for ``result.json``.
+    """What ``result.json`` says of each measured output over all logs.
 
     Parameters
     ----------
@@ -47,7 +47,7 @@ def innovation_summary(runs: tuple[FilterRun, ...]) -> dict[str, dict[str, Any]]
     Returns
     -------
     dict
-        ``rmse`` in the unit in which the output is shown; numbers that do not exist are None.
+        ``unit``, ``rmse``, ``nis_mean``, ``nis_band`` and ``whiteness_p`` by output; ``rmse`` in the unit in which the output is shown; numbers that do not exist are None.
     """
     good = [one for one in runs if math.isfinite(one.nll)]
     if not good:

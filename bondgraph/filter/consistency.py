@@ -30,7 +30,8 @@ class ChannelConsistency:
     """One channel: measured values, rms of its innovations, mean NIS with its band, and p-value of whiteness.
 
     ``rmse`` is in ``unit``, that in which the channel is shown. The NIS is in the band with the probability asked for
-    if the filter is consistent; a ``whiteness_p`` near zero means that an innovation can be foretold from those before it.
+    if the filter is consistent; a ``whiteness_p`` near zero means that an innovation can be foretold from those before
+    it.
     """
 
     name: str

@@ -123,7 +123,7 @@ def test_numbers_of_a_coded_signal_are_codes_or_values() -> None:
 REFUSED = {
     "unknown code": (base(), {"gear": ("text", ["H", "", "X", "", "L"])}, r"has 'X' \(row 4\).*the model knows H, L"),
     "dimension": (base(), {"torque": ("N", [0.0] * 5)}, "has unit 'N' .* but the model needs 'N m'"),
-    "cycles": (base(), {"engine_speed": ("Hz", [1.0] * 5)}, "counts cycles .* write revolutions as 'rpm'"),
+    "cycles": (base(), {"engine_speed": ("Hz", [1.0] * 5)}, "counts cycles or radians, .* write 'rpm'"),
     "text": (base(), {"speed": ("1", ["a", "b", "c", "d", "e"])}, r"holds codes such as 'a' \(row 2\)"),
     "empty parameter": (base(), {"mass": ("kg", [float("nan")] * 5)}, "sets parameter 'mass' but is empty"),
 }
