@@ -47,7 +47,8 @@ def innovation_summary(runs: tuple[FilterRun, ...]) -> dict[str, dict[str, Any]]
     Returns
     -------
     dict
-        ``unit``, ``rmse``, ``nis_mean``, ``nis_band`` and ``whiteness_p`` by output; ``rmse`` in the unit in which the output is shown; numbers that do not exist are None.
+        ``unit``, ``rmse``, ``nis_mean``, ``nis_band`` and ``whiteness_p`` by output; ``rmse`` in the unit in which
+        the output is shown; numbers that do not exist are None.
     """
     good = [one for one in runs if math.isfinite(one.nll)]
     if not good:

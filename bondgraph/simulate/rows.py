@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
-from bondgraph.coherent import Displayed
+from bondgraph.coherent import Displayed, coherent
 from bondgraph.errors import ModelError
 from bondgraph.simulate.loader import require_function
 from bondgraph.units import dimension
@@ -71,7 +71,7 @@ def shown_rows(names: Mapping[str, Any], table: str, kind: type[_Shown], source:
         info: Any = row  # a dataclass with a name
         found.append(dataclasses.replace(info, shown_unit=shown.get(info.name, "")))
         unit = shown.get(info.name, "")
-        if unit and dimension(unit) != dimension(info.unit):
+        if unit and (dimension(unit) != dimension(info.unit) or coherent(info.unit)[1] != 1.0):
             raise ModelError(
                 f"{source}: {info.name} is in [{info.unit}] and cannot be shown in [{unit}] - regenerate the module",
                 where=(source, info.name),
