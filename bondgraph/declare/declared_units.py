@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
 import pint
 
 from bondgraph.coherent import coherent, in_si, is_quantity
+from bondgraph.declare.domains import Domain
 from bondgraph.declare.quantities import Table
 from bondgraph.errors import DeclarationError
-from bondgraph.units import unit_text
+from bondgraph.units import dimension, unit_text
 
 _Read = TypeVar("_Read")
 
@@ -87,8 +88,20 @@ def coherent_table(table: Table, where: str) -> Table:
     )
 
 
-def initial_value(value: Any, where: str) -> float:
-    """The start value of a storage: a number in coherent SI, or a pint quantity.
+def storage_units(kind: str, domain: Domain | None) -> tuple[str, ...]:
+    """Units that the start value of a storage may have: those of its variables, none where the domain is not known."""
+    if domain is None:
+        return ()
+    return (domain.flow_unit, domain.momentum_unit) if kind == "I" else (domain.effort_unit, domain.displacement_unit)
+
+
+def initial_value(value: Any, where: str, units: Sequence[str] = ()) -> float:
+    """The start value of a storage: a number in coherent SI, or a pint quantity that fits one of its ``units``.
+
+    Raises
+    ------
+    DeclarationError
+        If it fits none of them.
 
     Examples
     --------
@@ -96,7 +109,11 @@ def initial_value(value: Any, where: str) -> float:
     >>> initial_value(registry().Quantity(36.0, "km/h"), "car: mass")
     10.0
     """
-    return float(_located(where, lambda: in_si(value)) if is_quantity(value) else value)
+    if not is_quantity(value):
+        return float(value)
+    if units and dimension(unit_text(value.units)) not in [dimension(unit) for unit in units]:
+        raise DeclarationError(f"{where}: initial {value:~} must be in {' or '.join(map(repr, units))}", where=(where,))
+    return float(_located(where, lambda: in_si(value)))
 
 
 def _located(where: str, read: Callable[[], _Read]) -> _Read:

@@ -7,7 +7,7 @@ from typing import Any
 
 from sympy import Expr
 
-from bondgraph.declare.declared_units import initial_value
+from bondgraph.declare.declared_units import initial_value, storage_units
 from bondgraph.declare.domains import Domain
 from bondgraph.declare.elements import ENERGY_VARIABLE, LAW_GIVES, Node, numbered
 from bondgraph.declare.expressions import normalise
@@ -125,10 +125,9 @@ class ElementBuilder(GraphStore):
             laws.append((stored, apply_law(inverse, power)))
         if residual is not None:
             laws.append(("residual", apply_law(residual, power, own)))
-        return self._one_port(
-            Node(name, kind, laws=tuple(laws), initial=(initial_value(initial, f"{self.name}: {name}"),), state=state),
-            at,
-        )
+        domain = at.domain if isinstance(at, Handle) else None
+        start = initial_value(initial, f"{self.name}: {name}", storage_units(kind, domain))
+        return self._one_port(Node(name, kind, laws=tuple(laws), initial=(start,), state=state), at)
 
     def transformer(self, name: str, modulus: Any, source: At, target: At) -> Handle:
         """A TF of modulus m between two nodes: effort_in = m effort_out, flow_out = m flow_in."""

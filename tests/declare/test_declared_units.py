@@ -144,6 +144,29 @@ def test_values_and_bounds_are_told_in_the_declared_unit():
         g.require(a - b, "it fits")
 
 
+def test_a_start_value_is_one_of_the_storage():
+    g = BondGraph("g")
+    body = g.one_junction("body", TRANSLATION)
+    with pytest.raises(DeclarationError, match=r"g: mass: initial 5.0 kg must be in 'm/s' or 'N s'"):
+        g.inertance("mass", 2.0, at=body, initial=ureg.Quantity(5.0, "kg"))
+    spring = g.compliance("spring", 2.0, at=body, initial=ureg.Quantity(5.0, "mm"))
+    assert g.nodes[spring.name].initial == (0.005,)
+
+
+def test_a_part_is_bound_to_numbers_in_its_declared_units_and_to_expressions_in_si():
+    part = BondGraph("part")
+    body = part.one_junction("body", TRANSLATION)
+    part.inertance("mass", part.parameter("m", 80.0, "lb"), at=body)
+    g = BondGraph("g")
+    own = g.parameter("own", 40.0, "kg")
+    for name, value in (("number", 100.0), ("quantity", ureg.Quantity(45.359237, "kg")), ("expression", own)):
+        g.include(name, part, bind={"m": value})
+    laws = {name: str(g.flatten().nodes[f"{name}.mass"].law("flow")) for name in ("number", "quantity", "expression")}
+    assert laws["expression"] == "momentum/own"
+    assert laws["number"] == laws["quantity"] and "0.0220462" in laws["number"]
+    assert graph_from_json(graph_to_json(g)) == g
+
+
 def test_quantities_built_by_hand_and_domains_are_coherent_si():
     g = BondGraph("g")
     with pytest.raises(DeclarationError, match="unit 'lb' is not coherent SI"):

@@ -261,3 +261,41 @@ def test_estimates_and_reports_are_the_same_in_si(tmp_path: Path, capsys: pytest
         assert (one["unit"], other["unit"]) == ("rpm", "rad/s")
         assert one["rmse"] * per == pytest.approx(other["rmse"], rel=1e-3)
         assert one["nis_mean"] == pytest.approx(other["nis_mean"], rel=1e-3)
+
+
+@pytest.mark.slow
+def test_a_closed_loop_finds_the_same_and_shows_it_in_declared_units(tmp_path: Path):
+    """A drag that is not declared: errors, parameters, coefficients and the corrected graph agree in SI."""
+    rng = np.random.default_rng(1)
+    time = np.arange(0.0, 8.0, 0.02)
+    torque = 4 * np.sin(2 * time) + 2 * np.sin(5.1 * time)
+    speed, rows = 0.0, []
+    for t, drive in zip(time, torque, strict=True):
+        rows.append(f"{t},{drive},{(speed + 0.02 * rng.standard_normal()) * 30 / math.pi}\n")
+        for _ in range(20):
+            speed += 0.001 * (drive - 0.3 * speed - 0.8 * math.tanh(speed / 0.3)) / 0.02
+    (tmp_path / "log.csv").write_text("time [s],torque [N m],omega [rpm]\n" + "".join(rows), encoding="utf-8")
+    options = ["--process-noise", "none", "--max-effects", "1", "--free", "b", "--no-faults"]
+    found = {}
+    for name, units in (("si", SI), ("odd", ODD)):
+        write_graph(driven(units), tmp_path / f"{name}.json")
+        command = ["close-loop", str(tmp_path / f"{name}.json"), "--data", str(tmp_path / "log.csv")]
+        assert main([*command, *options, "--out", str(tmp_path / name)]) == 0
+        found[name] = json.loads((tmp_path / name / "result.json").read_text(encoding="utf-8"))
+    si, odd = found["si"], found["odd"]
+    assert si["verdict"] == odd["verdict"] == "effect found"
+    assert [one["name"] for one in si["effects"]] == [one["name"] for one in odd["effects"]]
+    for state in ("nominal", "corrected"):
+        for name, one in odd[state]["parameters"].items():
+            known, factor = si[state]["parameters"][name], coherent(one["unit"])[1]
+            assert one["value"] * factor == pytest.approx(known["value"], rel=1e-4)
+            assert np.array(one["bounds"]) * factor == pytest.approx(np.array(known["bounds"]))
+        for data in ("train", "holdout"):
+            one, known = (result[state][data]["channels"]["omega"] for result in (odd, si))
+            assert (one["unit"], known["unit"]) == ("rpm", "rad/s")
+            for key in ("innovation_rmse", "simulation_rmse", "noise_std"):
+                assert one[key] * coherent("rpm")[1] == pytest.approx(known[key], rel=1e-3)
+    declared = json.loads((tmp_path / "odd" / "corrected_graph.json").read_text(encoding="utf-8"))["graph"]
+    drag = next(one for one in declared["parameters"] if one["name"] == "b")
+    assert drag["unit"] == "N mm s/rad"
+    assert drag["value"] == pytest.approx(odd["corrected"]["parameters"]["b"]["value"], rel=1e-9)
