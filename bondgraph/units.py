@@ -47,8 +47,9 @@ _POWER = re.compile(r"\b(m|s|kg|A|K)(\d)\b")
 #: Spellings that the registry does not know, or takes for something else: ``Grad`` is its gigaradian, ``U`` its unit of
 #: enzymes; and what is meant by them.
 _MEANT = (
-    (re.compile(r"(U|Umdr\.?)(\s*/\s*(min|Min)|\s*min\s*\^?-1)?|Umin|UPM|upm|U\.p\.m\.|RPM|r\.p\.m\.?"), "rpm"),
+    (re.compile(r"(U|Umdr\.?)(\s*/\s*(min|Min)|\s*min\s*\^?-1)|Umin|UPM|upm|U\.p\.m\.|RPM|r\.p\.m\.?"), "rpm"),
     (re.compile(r"(U|Umdr\.?)\s*/\s*s"), "turn/s"),
+    (re.compile(r"U|Umdr\.?"), "turn"),
     (re.compile(r"Grad\s*/\s*(s|sec)"), "deg/s"),
     (re.compile(r"Grad"), "deg"),
 )

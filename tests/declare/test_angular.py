@@ -125,6 +125,7 @@ def test_rates_that_are_no_speeds_stay_per_second():
         ("U/min", "rpm"),
         ("Umin", "rpm"),
         ("UPM", "rpm"),
+        ("U", "turn"),
         ("RPM", "rpm"),
         ("U/s", "turn/s"),
         ("Grad", "deg"),
