@@ -18,7 +18,6 @@ _NAMED = ("N", "Pa", "J", "W", "V", "C", "ohm", "S", "F", "H", "Wb", "T")
 _ORDER = (*_NAMED, "kg", "A", "K", "mol", "cd", "m", "rad", "s")
 
 
-@functools.cache
 def coherent(unit: str, value: float = 20.0) -> tuple[str, float]:
     """The coherent SI unit of a declared unit, and the factor into it; a unit that is coherent is given back itself.
 
@@ -44,17 +43,30 @@ def coherent(unit: str, value: float = 20.0) -> tuple[str, float]:
     bondgraph.errors.DeclarationError: unit 'degC' has an offset - write kelvins, 293.15 K for 20 degC, or 'delta_degC'
     for a difference of temperatures
     """
-    parsed = parse_unit(unit)
-    zero, one, two = (_in_base(number, parsed, unit) for number in (0.0, 1.0, 2.0))
-    if abs(two - 2.0 * one + zero) > 1e-9 * abs(two):
-        raise DeclarationError(f"unit {unit!r} is a logarithm - write the ratio or the level itself", where=(unit,))
-    if zero != 0.0:
+    try:
+        return _coherent(unit)
+    except _OffsetError:
+        parsed = parse_unit(unit)
         si = f"{_in_base(value, parsed, unit):.10g} {_coherent_text(parsed)}"
         raise DeclarationError(
             f"unit {unit!r} has an offset - write kelvins, {si} for {value:g} {unit}, or 'delta_{unit}' "
             "for a difference of temperatures",
             where=(unit,),
-        )
+        ) from None
+
+
+class _OffsetError(Exception):
+    """A unit whose zero is not that of the SI."""
+
+
+@functools.cache
+def _coherent(unit: str) -> tuple[str, float]:
+    parsed = parse_unit(unit)
+    zero, one, two = (_in_base(number, parsed, unit) for number in (0.0, 1.0, 2.0))
+    if abs(two - 2.0 * one + zero) > 1e-9 * abs(two):
+        raise DeclarationError(f"unit {unit!r} is a logarithm - write the ratio or the level itself", where=(unit,))
+    if zero != 0.0:
+        raise _OffsetError
     factor = _shortest(one)
     return (unit, 1.0) if factor == 1.0 else (_coherent_text(parsed), factor)
 

@@ -84,14 +84,18 @@ class QuantityBuilder(GraphStore):
         y: Sequence[float] = (),
         meaning: str = "",
     ) -> type[TableFunction]:
-        """Declare a tabulated function (one row of ``values`` per ``x`` where ``y`` is given); call it in laws."""
+        """Declare a tabulated function (one row of ``values`` per ``x`` where ``y`` is given); call it in laws.
+
+        Points and values are numbers in the units given, or pint quantities that fit them.
+        """
         units = (argument_unit,) if isinstance(argument_unit, str) else tuple(argument_unit)
         while units and not units[-1]:
             units = units[:-1]
-        rows = tuple(tuple(map(float, row)) for row in values) if len(y) else tuple(map(float, values))
-        table = Table(name, tuple(map(float, x)), rows, tuple(map(float, y)), unit, units, meaning)
+        rows = tuple(map(tuple, values)) if len(y) else tuple(values)
+        given = Table(name, tuple(x), rows, tuple(y), unit, units, meaning)
+        table = coherent_table(given, f"{self.name}: table {name}")
         check_table(table, self.name)
-        self._declare(coherent_table(table, f"{self.name}: table {name}"))
+        self._declare(table)
         return table_function(name, 2 if len(y) else 1)
 
     def integral(self, name: str, of: Any, unit: str, meaning: str = "", *, initial: Any = 0.0) -> Symbol:

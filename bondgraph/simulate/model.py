@@ -90,7 +90,8 @@ class OutputInfo(Displayed):
 class Model:
     """State equations of one generated module: ``dx/dt = rhs(t, x, u, theta)``, ``y = output(t, x, u, theta)``.
 
-    Build one with :meth:`from_file` or :meth:`from_text`. Two models are equal when their texts are.
+    Build one with :meth:`from_file` or :meth:`from_text`. Two models are equal when their texts are. All numbers are in
+    the ``unit`` of their quantity, coherent SI in what is generated; what is shown is in its ``display_unit``.
 
     Examples
     --------

@@ -111,6 +111,8 @@ def test_values_may_be_pint_quantities():
     assert m.value == pytest.approx(36.2873896) and m.bounds == pytest.approx((27.2155422, 50.0))
     assert m.display_unit == "kg"
     assert (p.value, p.unit, p.display_unit) == (2e5, "Pa", "bar")
+    g.table("torque", ureg.Quantity([0.0, 3000.0], "rpm"), [ureg.Quantity(1.0, "kN m"), 2.0], "N m", "rad/s")
+    assert g.tables[0].x == pytest.approx((0.0, 314.159265)) and g.tables[0].values == pytest.approx((1000.0, 2.0))
     assert t.value == 293.15 and g.inputs[0].default == 2000.0
     with pytest.raises(DeclarationError, match=r"g: k: 80.0 lb is kg, not kg s\^-2 as 'N/m' is"):
         g.parameter("k", ureg.Quantity(80.0, "lb"), "N/m")
