@@ -1,8 +1,9 @@
 """Angular speeds: a bare number per time is refused where one is computed, since turns and radians look alike there.
 
 The SI writes both as 1/s, so dimensions cannot tell 3000 1/min of a shaft from 3000 rad/min. An expression counts as an
-angular speed where it is the flow of a rotation, or of a quantity declared in rad/s, rpm or deg/s, times pure numbers;
-a factor of pi or a decimal number may be the conversion itself, and nothing is said of such a product.
+angular speed where it is the flow of a rotation, or a quantity declared in rad/s, rpm or deg/s, times whole numbers or
+their ratios. A factor of pi, a decimal number, or a parameter without dimension (the pulses of a counter per radian)
+may be the conversion itself, and nothing is said of such a product.
 """
 
 from __future__ import annotations
@@ -113,7 +114,7 @@ class _AngularSpeeds:
                 raise self._refusal(where, unit, about)
 
     def _kind(self, value: Any, own: Mapping[Symbol, str]) -> str:
-        """``angular``, ``bare``, ``pure`` (a number or ratio), or nothing where neither can be said."""
+        """``angular``, ``bare``, ``pure`` (a number that converts nothing), or nothing where neither can be said."""
         if isinstance(value, Symbol):
             return own.get(value) or self._of_symbol(value)
         if isinstance(value, TableFunction):
@@ -182,9 +183,7 @@ def _kind_of_unit(unit: str) -> str:
         return ""
     if is_angular_rate(unit):
         return _ANGULAR
-    if is_bare_rate(unit):
-        return _BARE
-    return _PURE if dimension(unit) == DIMENSIONLESS else ""
+    return _BARE if is_bare_rate(unit) else ""
 
 
 def _kind_of_flow(domains: Sequence[Domain | None], port: int) -> str:

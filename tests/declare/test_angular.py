@@ -104,6 +104,7 @@ def test_a_frequency_that_is_converted_by_hand_is_taken():
     rotor(driven("Hz", 2 * pi))
     rotor(driven("1/min", 6.283185307179586))
     rotor(lambda g, shaft: g.measure("n", shaft.flow / (2 * pi), "Hz"))
+    rotor(lambda g, shaft: g.measure("pulses", g.parameter("pulses_per_radian", 57.3, "1") * shaft.flow, "1/s"))
 
 
 def test_rates_that_are_no_speeds_stay_per_second():
