@@ -1,14 +1,17 @@
 """Units: one registry (pint), conversion to SI, and dimensions as exponent vectors.
 
-Inside the toolkit every number is in SI; other units appear only where a unit string is written next to a declared
-value or in the header of a log. Angles are dimensionless, as in the SI.
+Inside the toolkit every number is in coherent SI. Other units appear where a unit string is written next to a declared
+value or in the header of a log: the number is converted there, once, and the declared unit is kept as the unit in which
+the quantity is shown and read (:class:`bondgraph.coherent.Displayed`). Angles are dimensionless, as in the SI, but an
+angular speed is not taken for a number of events per time: where one is needed and the other written, a factor of 2 pi
+is at stake.
 """
 
 from __future__ import annotations
 
 import functools
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from fractions import Fraction
 from typing import Any
 
@@ -29,6 +32,7 @@ DIMENSIONLESS: Dimension = (Fraction(0),) * len(_BASE)
 def registry() -> pint.UnitRegistry[Any]:
     """The unit registry of the toolkit (built once, on first use)."""
     units: pint.UnitRegistry[Any] = pint.UnitRegistry(autoconvert_offset_to_baseunit=True)
+    units.define("@alias turn = rev")
     return units
 
 
@@ -39,6 +43,16 @@ _WORDS = {
 }  # fmt: skip
 _WORD = re.compile(rf"\b({'|'.join(_WORDS)})\b")
 _POWER = re.compile(r"\b(m|s|kg|A|K)(\d)\b")
+
+#: Spellings that the registry does not know, or takes for something else: ``Grad`` is its gigaradian, ``U`` its unit of
+#: enzymes; and what is meant by them.
+_MEANT = (
+    (re.compile(r"(U|Umdr\.?)(\s*/\s*(min|Min)|\s*min\s*\^?-1)|Umin|UPM|upm|U\.p\.m\.|RPM|r\.p\.m\.?"), "rpm"),
+    (re.compile(r"(U|Umdr\.?)\s*/\s*s"), "turn/s"),
+    (re.compile(r"U|Umdr\.?"), "turn"),
+    (re.compile(r"Grad\s*/\s*(s|sec)"), "deg/s"),
+    (re.compile(r"Grad"), "deg"),
+)
 
 
 def _spelled(unit: str) -> str:
@@ -63,6 +77,8 @@ def parse_unit(unit: str) -> pint.Unit:
     >>> parse_unit("N m / A").is_compatible_with("V s"), parse_unit("Nm s/rad") == parse_unit("N m s / rad")
     (True, True)
     """
+    if meant := meant_unit(unit):
+        raise DeclarationError(f"unit {unit!r} is not one; did you mean {meant!r}?", where=(unit,))
     try:
         return registry().Unit(_spelled(unit))
     except Exception as error:  # pint raises many kinds: undefined unit, tokenizer and syntax errors
@@ -71,6 +87,17 @@ def parse_unit(unit: str) -> pint.Unit:
             "write SI units such as 'N m', 'rad/s', 'kg m^2' or '1'",
             where=(unit,),
         ) from None
+
+
+def meant_unit(unit: str) -> str:
+    """The unit that is meant by a spelling that the registry would take for another; empty for all others.
+
+    Examples
+    --------
+    >>> meant_unit("U/min"), meant_unit("Grad"), meant_unit("rpm")
+    ('rpm', 'deg', '')
+    """
+    return next((meant for pattern, meant in _MEANT if pattern.fullmatch(unit.strip())), "")
 
 
 @functools.cache
@@ -125,3 +152,74 @@ def dimension_text(exponents: Dimension) -> str:
         if power != 0
     ]
     return " ".join(parts) or "1"
+
+
+#: What to write where an angular speed is meant.
+ANGULAR_UNITS = "'rpm' or 'turn/s' for revolutions, 'rad/s' for radians"
+
+
+@functools.cache
+def is_angular_rate(unit: str) -> bool:
+    """Whether a unit is one of angular speed: rad/s, rpm, deg/s, turn/s.
+
+    Examples
+    --------
+    >>> is_angular_rate("rpm"), is_angular_rate("1/min"), is_angular_rate("rad/s^2")
+    (True, False, False)
+    """
+    return dimension(unit) == dimension("1/s") and "radian" in _bases(unit)
+
+
+@functools.cache
+def is_bare_rate(unit: str) -> bool:
+    """Whether a unit is a bare number per time, from which nobody can tell turns from radians: 1/s, 1/min, Hz.
+
+    Examples
+    --------
+    >>> is_bare_rate("1/min"), is_bare_rate("Hz"), is_bare_rate("rpm"), is_bare_rate("")
+    (True, True, False, False)
+    """
+    return dimension(unit) == dimension("1/s") and "radian" not in _bases(unit)
+
+
+def _bases(unit: str) -> str:
+    return str(registry().Quantity(1.0, parse_unit(unit)).to_base_units().units)
+
+
+def unit_text(unit: Any) -> str:
+    """A pint unit, of whatever registry, as a unit string of the toolkit.
+
+    Examples
+    --------
+    >>> unit_text(registry().Unit("lb ft/s^2")), unit_text(registry().Unit("deg/s"))
+    ('lb ft/s^2', 'deg/s')
+    """
+    terms = [(_symbol(unit, name), power) for name, power in unit._REGISTRY.Quantity(1.0, unit).unit_items()]
+    return product_text(terms)
+
+
+def _symbol(unit: Any, name: str) -> str:
+    """The symbol of a unit where it reads as that unit, else its name."""
+    short = f"{unit._REGISTRY.Unit(name):~}"
+    try:
+        return short if parse_unit(short) == parse_unit(name) else name
+    except DeclarationError:
+        return name
+
+
+def product_text(terms: Iterable[tuple[str, float]]) -> str:
+    """Units and their powers as a unit string.
+
+    Examples
+    --------
+    >>> product_text([("J", 1), ("kg", -1), ("K", -1)]), product_text([("s", -1)]), product_text([("kg", 1), ("m", 2)])
+    ('J/(kg K)', '1/s', 'kg m^2')
+    """
+    listed = [(symbol, power) for symbol, power in terms if power]
+    above = " ".join(_factor(symbol, power) for symbol, power in listed if power > 0) or "1"
+    below = [_factor(symbol, -power) for symbol, power in listed if power < 0]
+    return above if not below else f"{above}/({' '.join(below)})" if len(below) > 1 else f"{above}/{below[0]}"
+
+
+def _factor(symbol: str, power: float) -> str:
+    return symbol if power == 1 else f"{symbol}^{power:g}"

@@ -117,8 +117,12 @@ def _add_simulate(commands: Any) -> None:
     )
     c.add_argument("--until", type=float, metavar="T", help="end in s (default: the end of the inputs)")
     c.add_argument("--step", type=_positive, metavar="DT", help="interval of the answer in s")
-    c.add_argument("--set", action="append", default=[], metavar="NAME=VALUE", help="parameter, or constant input")
-    c.add_argument("--initial", action="append", default=[], metavar="STATE=VALUE", help="start value, or a JSON file")
+    c.add_argument(
+        "--set", action="append", default=[], metavar="NAME=VALUE", help="parameter, or constant input, in its unit"
+    )
+    c.add_argument(
+        "--initial", action="append", default=[], metavar="STATE=VALUE", help="start value in its unit, or a JSON file"
+    )
     c.add_argument("--rtol", type=_positive, default=1e-9, help="relative tolerance (default: 1e-9)")
     c.add_argument("--atol", type=_positive, help="absolute tolerance (default: relative to each state's size)")
     c.add_argument("--all", action="store_true", help="write the effort and flow of every bond too")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import json
 import sys
+from collections.abc import Mapping
 from pathlib import Path
 
 from bondgraph.cli.values import assignments, finite, initial, names
@@ -15,6 +16,7 @@ from bondgraph.data.read import read_log
 from bondgraph.data.write import csv_text, write_log
 from bondgraph.declare.editing import with_values
 from bondgraph.declare.files import load_graph
+from bondgraph.declare.graph import BondGraph
 from bondgraph.errors import OptionError
 from bondgraph.estimate.estimate import Settings
 from bondgraph.estimate.estimate import estimate as run_estimate
@@ -115,13 +117,21 @@ def _model_and_logs(options: argparse.Namespace) -> tuple[Model, tuple[str, ...]
         model = Model.from_file(options.model)
         driven = model.names("state")
     else:
-        built = build(with_values(load_graph(options.model), values))
+        built = build(_with_shown_values(load_graph(options.model), values))
         model, driven = built.model, built.driven
     mapping = read_mapping(options.map)
     logs = [match(read_log(path), model, mapping) for path in options.data]
     for line in grouped_notes(logs):
         print(line, file=sys.stderr)
     return model, driven, logs
+
+
+def _with_shown_values(graph: BondGraph, values: Mapping[str, float]) -> BondGraph:
+    """The graph with parameters given in their declared units."""
+    declared = {one.name: one for one in graph.flatten().parameters}
+    return with_values(
+        graph, {name: declared[name].coherent(v) if name in declared else v for name, v in values.items()}
+    )
 
 
 def _provenance(options: argparse.Namespace, duration: float) -> Provenance:

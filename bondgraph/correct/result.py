@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import Any
 
-from bondgraph.correct.fits.assess import Assessment
+from bondgraph.correct.fits.assess import Assessment, ChannelError
 from bondgraph.correct.fits.fit import Fit
 from bondgraph.correct.loop import Added, ClosedLoop
 from bondgraph.correct.refits.trials import Trial
 from bondgraph.estimate.certify import NEGLIGIBLE_SHIFT, Check
+from bondgraph.estimate.result import quantity_of, unit_of
+from bondgraph.simulate.model import OutputInfo
 
 
 def result_json(closed: ClosedLoop) -> dict[str, Any]:
@@ -140,33 +143,36 @@ def _state(fitted: Fit, checked: Check, train: Assessment, holdout: Assessment) 
 
 def _parameters(fitted: Fit) -> dict[str, Any]:
     ends = intervals(fitted)
-    units = {info.name: info.unit for info in fitted.problem.filter_model.model.parameters}
     described = {}
     for parameter in fitted.problem.free:
         value = fitted.values[parameter.name]
         span = parameter.upper - parameter.lower
+        shown = quantity_of(fitted.problem, parameter).shown
         described[parameter.name] = {
-            "value": value,
-            "unit": units.get(parameter.name, ""),
-            "ci95": list(ends[parameter.name]),
-            "bounds": [parameter.lower, parameter.upper],
+            "value": shown(value),
+            "unit": unit_of(fitted.problem, parameter),
+            "ci95": [shown(end) for end in ends[parameter.name]],
+            "bounds": [shown(parameter.lower), shown(parameter.upper)],
             "at_bound": bool(min(value - parameter.lower, parameter.upper - value) <= 1e-6 * span),
         }
     return described
 
 
 def _assessment(assessment: Assessment) -> dict[str, Any]:
-    def channels(errors: Any) -> dict[str, Any]:
+    infos = {info.name: info for log in assessment.logs[:1] for info in log.simulated.model.outputs}
+
+    def channel(info: OutputInfo, error: ChannelError) -> dict[str, Any]:
         return {
-            name: {
-                "innovation_rmse": number(error.innovation_rmse),
-                "simulation_rmse": number(error.simulation_rmse),
-                "noise_std": number(error.noise_std),
-                "innovation_ci95": [number(end) for end in error.innovation_ci95],
-                "simulation_ci95": [number(end) for end in error.simulation_ci95],
-            }
-            for name, error in errors.items()
+            "unit": info.display_unit,
+            "innovation_rmse": number(info.shown(error.innovation_rmse)),
+            "simulation_rmse": number(info.shown(error.simulation_rmse)),
+            "noise_std": number(info.shown(error.noise_std)),
+            "innovation_ci95": [number(info.shown(end)) for end in error.innovation_ci95],
+            "simulation_ci95": [number(info.shown(end)) for end in error.simulation_ci95],
         }
+
+    def channels(errors: Mapping[str, ChannelError]) -> dict[str, Any]:
+        return {name: channel(infos[name], error) for name, error in errors.items()}
 
     return {
         "nll": number(assessment.nll),
@@ -178,7 +184,7 @@ def _assessment(assessment: Assessment) -> dict[str, Any]:
 def _effect(added: Added, corrected: Fit) -> dict[str, Any]:
     effect, place = added.trial.candidate.effect, added.trial.candidate.place
     ends = intervals(corrected)
-    units = {info.name: info.unit for info in corrected.problem.filter_model.model.parameters}
+    infos = {info.name: info for info in corrected.problem.filter_model.model.parameters}
     fault = {"channel": effect.channel, "kind": effect.kind} if effect.channel else {}
     gate = added.trial.gate
     acts = {} if gate is None else {"acts": gate.when, "log": gate.log, "time": gate.time}
@@ -191,7 +197,11 @@ def _effect(added: Added, corrected: Fit) -> dict[str, Any]:
         **fault,
         **acts,
         "coefficients": {
-            name: {"value": corrected.values[name], "unit": units[name], "ci95": list(ends[name])}
+            name: {
+                "value": infos[name].shown(corrected.values[name]),
+                "unit": infos[name].display_unit,
+                "ci95": [infos[name].shown(end) for end in ends[name]],
+            }
             for name in added.coefficients
         },
         "evidence": evidence_json(added.trial),

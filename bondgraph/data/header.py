@@ -63,7 +63,12 @@ def require_unit(name: str, unit: str, source: str) -> None:
     try:
         units.parse_unit(unit)
     except DeclarationError:
-        hint = suggest(unit, _COMMON) or " - it is not a unit; write one such as 'rpm', 'km/h', 'N m' or '1'"
+        meant = units.meant_unit(unit)
+        hint = (
+            f"; did you mean {meant!r}?"
+            if meant
+            else suggest(unit, _COMMON) or " - it is not a unit; write one such as 'rpm', 'km/h', 'N m' or '1'"
+        )
         raise DataError(f"{source}: column {name!r} has unit {unit!r} (row 1){hint}", where=(source, name)) from None
 
 
@@ -94,10 +99,17 @@ def convert_unit(name: str, unit: str, to: str, source: str) -> tuple[float, flo
 
 
 def _require_angle(name: str, unit: str, to: str, source: str) -> None:
-    # The SI calls both 1/s, so a units library turns 50 Hz into 50 rad/s without a word; a factor of 2 pi is at stake.
-    if "hertz" in str(units.parse_unit(unit)) and "radian" in str(units.parse_unit(to)):
+    # The SI calls both 1/s, so a units library turns 50 Hz into 50 rad/s and 3000 1/min into 50 without a word; a
+    # factor of 2 pi is at stake.
+    if units.is_bare_rate(unit) and units.is_angular_rate(to):
         raise DataError(
-            f"{source}: column {name!r} counts cycles ({unit!r}) but the model needs {to!r}"
-            " - write revolutions as 'rpm' or 'turn/s'",
+            f"{source}: column {name!r} has unit {unit!r}, which counts cycles or radians, but the model "
+            f"needs {to!r} - write {units.ANGULAR_UNITS}",
+            where=(source, name),
+        )
+    if units.is_angular_rate(unit) and units.is_bare_rate(to):
+        raise DataError(
+            f"{source}: column {name!r} has unit {unit!r}, an angular speed, but the model needs {to!r}"
+            " - declare the quantity in 'rad/s' if it is an angular speed, or write the column in a unit per time",
             where=(source, name),
         )

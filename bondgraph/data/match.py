@@ -13,6 +13,7 @@ from typing import Protocol
 
 import numpy as np
 
+from bondgraph.coherent import Displayed
 from bondgraph.data.checks import Finding, check_log
 from bondgraph.data.header import TEXT_UNIT, convert_unit
 from bondgraph.data.log import FIRST_ROW, FloatArray, Log, LogChannel, MatchedLog
@@ -247,9 +248,7 @@ def _inputs(log: Log, channels: Mapping[str, LogChannel], model: Signals, notes:
 def _input(log: Log, channels: Mapping[str, LogChannel], quantity: InputQuantity, notes: list[str]) -> FloatArray:
     channel = channels.get(quantity.name)
     if channel is None or channel.missing.all():
-        notes.append(
-            f"input {quantity.name!r} is not in the log; its default {quantity.default:g} {quantity.unit} is used"
-        )
+        notes.append(f"input {quantity.name!r} is not in the log; its default {_shown(quantity)} is used")
         return np.full(len(log), quantity.default)
     letters = dict(quantity.letters or ())
     values = _coded(log, channel, letters) if letters else _converted(log, channel, quantity)
@@ -259,6 +258,13 @@ def _input(log: Log, channels: Mapping[str, LogChannel], quantity: InputQuantity
         notes.append(f"input {quantity.name!r} is {way} over {int(missing.sum())} of {len(log)} samples")
         values = _filled(log.time, values, held=way == "held")
     return values
+
+
+def _shown(quantity: InputQuantity) -> str:
+    """The default of an input in the unit in which it was declared."""
+    if isinstance(quantity, Displayed):
+        return f"{quantity.shown(quantity.default):g} {quantity.display_unit}"
+    return f"{quantity.default:g} {quantity.unit}"
 
 
 def _filled(time: FloatArray, values: FloatArray, held: bool) -> FloatArray:

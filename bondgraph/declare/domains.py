@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from bondgraph.coherent import coherent
 from bondgraph.errors import DeclarationError, suggest
 from bondgraph.units import DIMENSIONLESS, dimension
 
@@ -40,6 +41,13 @@ class Domain:
     pseudo: bool = False
 
     def __post_init__(self) -> None:
+        for unit in (self.effort_unit, self.flow_unit, self.displacement_unit, self.momentum_unit):
+            if unit and coherent(unit)[1] != 1.0:
+                raise DeclarationError(
+                    f"domain {self.name}: unit {unit!r} is not coherent SI, in which laws are computed - write "
+                    f"{coherent(unit)[0]!r}",
+                    where=(self.name,),
+                )
         power = tuple(a + b for a, b in zip(dimension(self.effort_unit), dimension(self.flow_unit), strict=True))
         if power != dimension("W") and not self.pseudo:
             raise DeclarationError(

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 from sympy import Expr
 
+from bondgraph.declare.declared_units import DeclaredUnit
 from bondgraph.declare.elements import Bond, Node
 from bondgraph.declare.expressions import signal
 from bondgraph.declare.graph import BondGraph, Handle
@@ -111,8 +113,10 @@ def share_effort(graph: BondGraph, element: str, share: Expr) -> None:
     graph.effort_source(f"share_of_{element}", -share * signal("effort", element), at=junction)
 
 
-def with_values(graph: BondGraph, values: Mapping[str, float]) -> BondGraph:
-    """The same graph with other parameter values; parameters of parts are named ``part.parameter``.
+def with_values(graph: BondGraph, values: Mapping[str, Any]) -> BondGraph:
+    """The same graph with other parameter values, in coherent SI or as pint quantities.
+
+    Parameters of parts are named ``part.parameter``.
 
     Raises
     ------
@@ -127,7 +131,7 @@ def with_values(graph: BondGraph, values: Mapping[str, float]) -> BondGraph:
     0.03
     """
     twin = copy(graph)
-    inner: dict[str, dict[str, float]] = {}
+    inner: dict[str, dict[str, Any]] = {}
     for name, value in values.items():
         part, dot, rest = name.partition(".")
         if dot and part in twin._subgraphs:
@@ -142,7 +146,9 @@ def with_values(graph: BondGraph, values: Mapping[str, float]) -> BondGraph:
         if not isinstance(declared, Parameter):
             known = [parameter.name for parameter in graph.flatten().parameters]
             raise DeclarationError(f"{graph.name}: no parameter {name!r}{suggest(name, known)}", where=(name,))
-        changed = dataclasses.replace(declared, value=float(value))
+        changed = dataclasses.replace(
+            declared, value=DeclaredUnit(declared.unit, "", 1.0, declared.unit, f"{graph.name}: {name}").number(value)
+        )
         check_quantity(changed, graph.name)
         twin._quantities[name] = changed
     for part, own in inner.items():

@@ -7,6 +7,7 @@ from typing import Any
 
 from sympy import Expr
 
+from bondgraph.declare.declared_units import initial_value, storage_units
 from bondgraph.declare.domains import Domain
 from bondgraph.declare.elements import ENERGY_VARIABLE, LAW_GIVES, Node, numbered
 from bondgraph.declare.expressions import normalise
@@ -71,7 +72,7 @@ class ElementBuilder(GraphStore):
         displacement: Law | None = None,
         residual: Callable[..., Any] | Expr | None = None,
         at: At | None = None,
-        initial: float = 0.0,
+        initial: Any = 0.0,
         state: str = "",
     ) -> Handle:
         """A spring or capacitor: ``effort`` as a function of the displacement, or the stiffness of a linear one.
@@ -90,7 +91,7 @@ class ElementBuilder(GraphStore):
         momentum: Law | None = None,
         residual: Callable[..., Any] | Expr | None = None,
         at: At | None = None,
-        initial: float = 0.0,
+        initial: Any = 0.0,
         state: str = "",
     ) -> Handle:
         """A mass, inertia or inductance: its value, or for a nonlinear one the function flow(momentum).
@@ -111,7 +112,7 @@ class ElementBuilder(GraphStore):
         inverse: Law | None,
         residual: Law | None,
         at: At | None,
-        initial: float,
+        initial: Any,
         state: str,
     ) -> Handle:
         gives, stored = LAW_GIVES[kind], ENERGY_VARIABLE[kind]
@@ -124,7 +125,9 @@ class ElementBuilder(GraphStore):
             laws.append((stored, apply_law(inverse, power)))
         if residual is not None:
             laws.append(("residual", apply_law(residual, power, own)))
-        return self._one_port(Node(name, kind, laws=tuple(laws), initial=(float(initial),), state=state), at)
+        domain = at.domain if isinstance(at, Handle) else None
+        start = initial_value(initial, f"{self.name}: {name}", storage_units(kind, domain))
+        return self._one_port(Node(name, kind, laws=tuple(laws), initial=(start,), state=state), at)
 
     def transformer(self, name: str, modulus: Any, source: At, target: At) -> Handle:
         """A TF of modulus m between two nodes: effort_in = m effort_out, flow_out = m flow_in."""
@@ -152,7 +155,7 @@ class ElementBuilder(GraphStore):
         energy: Any | None = None,
         form: str = "effort",
         at: Sequence[At] = (),
-        initial: Sequence[float] = (),
+        initial: Sequence[Any] = (),
         state: str | Sequence[str] = "",
     ) -> Handle:
         """A multiport C, I or R, its port k bonded to the k-th junction of ``at``.
@@ -172,7 +175,8 @@ class ElementBuilder(GraphStore):
             names = numbered(gives, len(laws or ())) if ports > 1 else (gives,)
             pairs = tuple((given, apply_law(law, *own)) for given, law in zip(names, laws or (), strict=True))
         stem = state if isinstance(state, str) else " ".join(state)
-        node = Node(name, kind, laws=pairs, ports=ports, initial=tuple(map(float, initial)), state=stem)
+        starts = tuple(initial_value(one, f"{self.name}: {name}") for one in initial)
+        node = Node(name, kind, laws=pairs, ports=ports, initial=starts, state=stem)
         return self._multiport(node, at)
 
     def element(self, name: str, kind: ElementType, at: Sequence[At] = ()) -> Handle:

@@ -19,6 +19,7 @@ from sympy.core.relational import Relational
 from sympy.logic.boolalg import BooleanFunction
 from sympy.printing.str import StrPrinter
 
+from bondgraph.coherent import in_si, is_quantity
 from bondgraph.declare.functions import TableFunction, clip, maximum, minimum, number, switch
 from bondgraph.declare.quantities import symbol
 from bondgraph.errors import DeclarationError, suggest
@@ -145,11 +146,15 @@ def tables_in(expression: Expr) -> tuple[str, ...]:
 def normalise(expression: Any) -> Expr:
     """A sympy expression in the vocabulary of the toolkit: numbers exact or floats, Min/Max as nested pairs.
 
+    A pint quantity counts as its number in coherent SI.
+
     Examples
     --------
     >>> normalise(sympy.Max(sympy.Symbol("x", real=True), 0))
     maximum(0, x)
     """
+    if is_quantity(expression):
+        expression = in_si(expression)
     result = number(expression) if isinstance(expression, int | float) else sympy.sympify(expression)
     if result.has(sympy.Min, sympy.Max, sympy.Heaviside):
         order = sympy.default_sort_key

@@ -13,6 +13,7 @@ from typing import Any, Self
 from bondgraph.declare.composition import flatten
 from bondgraph.declare.element_builder import ElementBuilder
 from bondgraph.declare.handles import At, ElementType, Handle, Law, SubGraph, apply_law, callable_law
+from bondgraph.declare.quantities import Input, Parameter
 from bondgraph.declare.quantity_builder import QuantityBuilder
 from bondgraph.declare.validation import validate
 from bondgraph.errors import DeclarationError, suggest
@@ -64,7 +65,8 @@ class BondGraph(QuantityBuilder, ElementBuilder):
     ) -> SubGraph[Self]:
         """Use a graph as a part; outer bonds reach it as ``"name.port"``.
 
-        ``bind`` replaces inputs and parameters of the part by expressions of this graph. Inner names get the part's
+        ``bind`` replaces inputs and parameters of the part by expressions of this graph, which are in coherent SI; a
+        mere number is in the unit in which the part declares what it replaces. Inner names get the part's
         name and a dot in front; with ``shared`` those of quantities stay as they are, and parts that declare the same
         quantity (the tyre radius, the throttle) share it.
         """
@@ -76,12 +78,14 @@ class BondGraph(QuantityBuilder, ElementBuilder):
                     f"{self.name}: port {name}.{port}: {graph.name} has no node {inner!r}{suggest(inner, graph.nodes)}",
                     where=(f"{name}.{port}",),
                 )
-        bound = {key: self._checked(value, (), f"{name}.{key}") for key, value in (bind or {}).items()}
-        replaceable = [*(q.name for q in graph.inputs), *(q.name for q in graph.parameters)]
+        replaceable: list[Input | Parameter] = [*graph.inputs, *graph.parameters]
+        declared = {one.name: one for one in replaceable}
+        given = {key: _in_si(value, declared.get(key)) for key, value in (bind or {}).items()}
+        bound = {key: self._checked(value, (), f"{name}.{key}") for key, value in given.items()}
         for key in bound:
-            if key not in replaceable:
+            if key not in declared:
                 raise DeclarationError(
-                    f"{self.name}: {name}: {graph.name} has no input or parameter {key!r}{suggest(key, replaceable)}",
+                    f"{self.name}: {name}: {graph.name} has no input or parameter {key!r}{suggest(key, declared)}",
                     where=(f"{name}.{key}",),
                 )
         part = SubGraph(name, graph, tuple((ports or {}).items()), tuple(bound.items()), shared)
@@ -118,3 +122,8 @@ class BondGraph(QuantityBuilder, ElementBuilder):
     def flatten(self) -> Self:
         """The same machine without parts: inner names get the part's name and a dot in front."""
         return flatten(self)
+
+
+def _in_si(value: Any, declared: Input | Parameter | None) -> Any:
+    """A number that is bound in the place of a declared quantity, in coherent SI; expressions are that already."""
+    return value if declared is None or not isinstance(value, int | float) else declared.coherent(value)

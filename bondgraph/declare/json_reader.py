@@ -13,7 +13,7 @@ from bondgraph.declare.elements import KINDS, LAW_GIVES, Node, allowed_laws, num
 from bondgraph.declare.expressions import parse, signal, signal_name
 from bondgraph.declare.functions import table_function
 from bondgraph.declare.graph import BondGraph
-from bondgraph.declare.quantities import Integral, NamedSignal, symbol
+from bondgraph.declare.quantities import symbol
 from bondgraph.declare.records import check_keys, count, items, mapping, number, numbers, text
 from bondgraph.errors import DeclarationError, suggest
 
@@ -132,7 +132,7 @@ class _Reader:
         for record in self._records("integrals"):
             expression = parse(record["of"], self.names, record["name"])
             start = number(record.get("initial", 0.0), record["name"])
-            self.graph._declare(Integral(record["name"], expression, *_unit_and_meaning(record), start))
+            self.graph._declare_integral(record["name"], expression, *_unit_and_meaning(record), start)
 
     def _signal(self, record: Mapping[str, Any]) -> None:
         name = record["name"]
@@ -141,7 +141,7 @@ class _Reader:
         check_keys(record, allowed, f"{self.where}: signal {name}", required=(law,))
         expression = parse(record[law], self.names, name)
         guess = parse(record.get("guess", "0"), self.names, f"{name}: guess") if law == "residual" else None
-        self.graph._declare(NamedSignal(name, expression, *_unit_and_meaning(record), guess))
+        self.graph._declare_signal(name, expression, *_unit_and_meaning(record), guess)
 
     def _input(self, record: Mapping[str, Any]) -> None:
         name, held = record["name"], record.get("interpolation", "linear")

@@ -7,6 +7,7 @@ from typing import Any
 
 import networkx as nx
 
+from bondgraph.coherent import displayed
 from bondgraph.declare.domains import DOMAINS
 from bondgraph.declare.elements import Node
 from bondgraph.declare.expressions import signal_name, to_text
@@ -66,8 +67,8 @@ def _head(graph: BondGraph) -> dict[str, Any]:
     head["tables"] = {table.name: _table_record(table) for table in graph.tables}
     head["signals"] = [_signal_record(signal) for signal in graph.signals]
     head["integrals"] = [
-        _without_empty({"name": i.name, "of": to_text(i.of), "unit": i.unit, "meaning": i.meaning})
-        | ({"initial": i.initial} if i.initial else {})
+        _without_empty({"name": i.name, "of": to_text(i.of), "unit": i.display_unit, "meaning": i.meaning})
+        | ({"initial": i.shown(i.initial)} if i.initial else {})
         for i in graph.integrals
     ]
     head["requirements"] = [{"positive": to_text(r.positive), "reason": r.reason} for r in graph.requirements]
@@ -76,33 +77,44 @@ def _head(graph: BondGraph) -> dict[str, Any]:
 
 
 def _input_record(quantity: Input) -> dict[str, Any]:
-    record = _without_empty({"name": quantity.name, "unit": quantity.unit, "meaning": quantity.meaning})
+    record = _without_empty({"name": quantity.name, "unit": quantity.display_unit, "meaning": quantity.meaning})
     if quantity.default:
-        record["default"] = quantity.default
+        record["default"] = quantity.shown(quantity.default)
     if quantity.letters:
-        record["letters"] = dict(quantity.letters)
+        record["letters"] = {letter: quantity.shown(value) for letter, value in quantity.letters}
     elif quantity.is_held:
         record["interpolation"] = "hold"
     return record
 
 
 def _parameter_record(quantity: Parameter) -> dict[str, Any]:
-    record: dict[str, Any] = {"name": quantity.name, "value": quantity.value}
-    record |= _without_empty({"unit": quantity.unit, "meaning": quantity.meaning})
-    return record | ({"bounds": list(quantity.bounds)} if quantity.bounds else {})
+    record: dict[str, Any] = {"name": quantity.name, "value": quantity.shown(quantity.value)}
+    record |= _without_empty({"unit": quantity.display_unit, "meaning": quantity.meaning})
+    return record | ({"bounds": [quantity.shown(bound) for bound in quantity.bounds]} if quantity.bounds else {})
 
 
 def _signal_record(named: NamedSignal) -> dict[str, Any]:
     law = {"is": to_text(named.expression)}
     if named.guess is not None:
         law = {"residual": to_text(named.expression), "guess": to_text(named.guess)}
-    return {"name": named.name} | law | _without_empty({"unit": named.unit, "meaning": named.meaning})
+    return {"name": named.name} | law | _without_empty({"unit": named.display_unit, "meaning": named.meaning})
 
 
 def _table_record(table: Table) -> dict[str, Any]:
-    values = [list(row) for row in table.values] if table.y else list(table.values)  # type: ignore[arg-type]
-    record = {"x": list(table.x), "y": list(table.y), "values": values, "unit": table.unit, "meaning": table.meaning}
-    return _without_empty(record | {"argument_units": list(table.argument_units)})
+    own = table.shown
+    values: list[Any] = [list(map(own, row)) for row in table.values] if table.y else list(map(own, table.values))  # type: ignore[arg-type]
+    x, y = (
+        [displayed(one, unit) for one in points]
+        for points, unit in zip((table.x, table.y), _arguments(table), strict=True)
+    )
+    record = {"x": x, "y": y, "values": values, "unit": table.display_unit, "meaning": table.meaning}
+    return _without_empty(record | {"argument_units": list(table.shown_argument_units or table.argument_units)})
+
+
+def _arguments(table: Table) -> tuple[str, str]:
+    """Units in which the arguments of a table are written, empty where those are its own."""
+    first, second, *_ = (*table.shown_argument_units, "", "")
+    return first, second
 
 
 def _output_record(output: Output) -> dict[str, Any]:
@@ -111,7 +123,9 @@ def _output_record(output: Output) -> dict[str, Any]:
         described: dict[str, Any] = {"variable": f"{read.variable}{read.port or ''}", "at": read.node}
     else:
         described = {"is": to_text(output.expression)}
-    return {"name": output.name} | described | {"unit": output.unit} | _without_empty({"meaning": output.meaning})
+    return (
+        {"name": output.name} | described | {"unit": output.display_unit} | _without_empty({"meaning": output.meaning})
+    )
 
 
 def _node_record(node: Node) -> dict[str, Any]:

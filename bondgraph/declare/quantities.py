@@ -1,4 +1,7 @@
-"""Declared quantities: inputs, parameters, tables. One declaration holds everything that is known about each."""
+"""Declared quantities: inputs, parameters, tables. One declaration holds everything that is known about each.
+
+Numbers and ``unit`` are in coherent SI; ``shown_unit`` is the declared unit where that is another.
+"""
 
 from __future__ import annotations
 
@@ -7,6 +10,8 @@ from dataclasses import dataclass
 from typing import Literal
 
 from sympy import Expr, Symbol
+
+from bondgraph.coherent import Displayed
 
 Interpolation = Literal["linear", "hold"]
 
@@ -24,7 +29,7 @@ def symbol(name: str) -> Symbol:
 
 
 @dataclass(frozen=True)
-class Input:
+class Input(Displayed):
     """A signal that comes from outside and is known: throttle, voltage, grade.
 
     ``letters`` maps the codes of a text signal (a gear lever) to values; such an input is always held between samples.
@@ -39,6 +44,7 @@ class Input:
     interpolation: Interpolation = "linear"
     letters: tuple[tuple[str, float], ...] = ()
     rate_of: str = ""
+    shown_unit: str = ""
 
     @property
     def symbol(self) -> Symbol:
@@ -58,12 +64,13 @@ class Input:
         >>> Input("speed", "m/s").rate("d_speed").unit
         '(m/s)/s'
         """
-        unit = f"({self.unit})/s" if self.unit not in ("", "1") else ("1/s" if self.unit else "")
-        return Input(name, unit, f"rate of {self.name} (a storage depends on it)", rate_of=self.name)
+        meaning = f"rate of {self.name} (a storage depends on it)"
+        shown = _per_second(self.shown_unit)
+        return Input(name, _per_second(self.unit), meaning, rate_of=self.name, shown_unit=shown)
 
 
 @dataclass(frozen=True)
-class Parameter:
+class Parameter(Displayed):
     """A constant with its unit; with ``bounds`` it may be estimated, without it is known and stays fixed."""
 
     name: str
@@ -71,6 +78,7 @@ class Parameter:
     unit: str
     meaning: str = ""
     bounds: tuple[float, float] | None = None
+    shown_unit: str = ""
 
     @property
     def symbol(self) -> Symbol:
@@ -79,7 +87,7 @@ class Parameter:
 
 
 @dataclass(frozen=True)
-class Table:
+class Table(Displayed):
     """A tabulated function of one or two arguments, C1-smooth between its points and held at its ends.
 
     ``values`` is flat for one argument, one row per ``x`` for two. Between the points the interpolant is the monotone
@@ -93,10 +101,12 @@ class Table:
     unit: str = ""
     argument_units: tuple[str, ...] = ()
     meaning: str = ""
+    shown_unit: str = ""
+    shown_argument_units: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
-class Integral:
+class Integral(Displayed):
     """An extra state whose rate is an expression: the angle of a shaft, a distance travelled."""
 
     name: str
@@ -104,10 +114,11 @@ class Integral:
     unit: str = ""
     meaning: str = ""
     initial: float = 0.0
+    shown_unit: str = ""
 
 
 @dataclass(frozen=True)
-class NamedSignal:
+class NamedSignal(Displayed):
     """An expression with a name; it carries no power.
 
     With a ``guess`` the signal is implicit: it is the value of its own symbol at which the expression vanishes, and
@@ -119,6 +130,7 @@ class NamedSignal:
     unit: str = ""
     meaning: str = ""
     guess: Expr | None = None
+    shown_unit: str = ""
 
 
 @dataclass(frozen=True)
@@ -130,10 +142,15 @@ class Requirement:
 
 
 @dataclass(frozen=True)
-class Output:
+class Output(Displayed):
     """A measured quantity."""
 
     name: str
     expression: Expr
     unit: str = ""
     meaning: str = ""
+    shown_unit: str = ""
+
+
+def _per_second(unit: str) -> str:
+    return "" if not unit else "1/s" if unit == "1" else f"({unit})/s"

@@ -5,12 +5,23 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from sympy import Symbol
+from sympy import Expr, Symbol
 
+from bondgraph.declare.declared_units import DeclaredUnit, coherent_table, declared_unit
 from bondgraph.declare.expressions import signal
 from bondgraph.declare.functions import TableFunction, table_function
 from bondgraph.declare.handles import At, Handle, callable_law
-from bondgraph.declare.quantities import Input, Integral, NamedSignal, Output, Parameter, Requirement, Table, symbol
+from bondgraph.declare.quantities import (
+    Input,
+    Integral,
+    Interpolation,
+    NamedSignal,
+    Output,
+    Parameter,
+    Requirement,
+    Table,
+    symbol,
+)
 from bondgraph.declare.quantity_checks import check_quantity, check_table
 from bondgraph.declare.requirements import check_requirement
 from bondgraph.declare.store import GraphStore
@@ -18,7 +29,11 @@ from bondgraph.errors import DeclarationError, suggest
 
 
 class QuantityBuilder(GraphStore):
-    """The part of the builder that declares quantities; each method returns the symbol to use in laws."""
+    """The part of the builder that declares quantities; each method returns the symbol to use in laws.
+
+    Numbers are given in the unit of the declaration, or as pint quantities, and are coherent SI from there on; so is
+    every law. The declared unit is the one in which results are shown.
+    """
 
     def input(
         self,
@@ -26,23 +41,37 @@ class QuantityBuilder(GraphStore):
         unit: str,
         meaning: str = "",
         *,
-        default: float = 0.0,
+        default: Any = 0.0,
         hold: bool = False,
         letters: Mapping[str, float] | None = None,
     ) -> Symbol:
         """Declare a known signal from outside; ``letters`` are the codes of a text signal and their values."""
-        codes = tuple((letter, float(value)) for letter, value in (letters or {}).items())
-        return self._declare(Input(name, unit, meaning, float(default), "hold" if hold or codes else "linear", codes))
+        own = self._unit(unit, name, default)
+        codes = tuple((letter, own.number(value)) for letter, value in (letters or {}).items())
+        between: Interpolation = "hold" if hold or codes else "linear"
+        return self._declare(Input(name, own.unit, meaning, own.number(default), between, codes, shown_unit=own.shown))
 
     def parameter(
-        self, name: str, value: float, unit: str, meaning: str = "", bounds: tuple[float, float] | None = None
+        self, name: str, value: Any, unit: str | None = None, meaning: str = "", bounds: tuple[Any, Any] | None = None
     ) -> Symbol:
-        """Declare a constant; with ``bounds`` it may be estimated between them."""
+        """Declare a constant; with ``bounds`` it may be estimated between them.
+
+        Value and bounds are numbers in ``unit``, or pint quantities; the unit of a quantity need not be repeated.
+
+        Examples
+        --------
+        >>> from bondgraph.declare.graph import BondGraph
+        >>> g = BondGraph("sled")
+        >>> mass = g.parameter("mass", 80.0, "lb", "sled with driver", (60.0, 120.0))
+        >>> round(g.parameters[0].value, 6), g.parameters[0].unit, g.parameters[0].display_unit
+        (36.28739, 'kg', 'lb')
+        """
+        own = self._unit(unit, name, value)
         limits = None
         if bounds is not None:
             lower, upper = bounds
-            limits = (float(lower), float(upper))
-        return self._declare(Parameter(name, float(value), unit, meaning, limits))
+            limits = (own.number(lower), own.number(upper))
+        return self._declare(Parameter(name, own.number(value), own.unit, meaning, limits, own.shown))
 
     def table(
         self,
@@ -55,20 +84,25 @@ class QuantityBuilder(GraphStore):
         y: Sequence[float] = (),
         meaning: str = "",
     ) -> type[TableFunction]:
-        """Declare a tabulated function (one row of ``values`` per ``x`` where ``y`` is given); call it in laws."""
+        """Declare a tabulated function (one row of ``values`` per ``x`` where ``y`` is given); call it in laws.
+
+        Points and values are numbers in the units given, or pint quantities that fit them.
+        """
         units = (argument_unit,) if isinstance(argument_unit, str) else tuple(argument_unit)
         while units and not units[-1]:
             units = units[:-1]
-        rows = tuple(tuple(map(float, row)) for row in values) if len(y) else tuple(map(float, values))
-        table = Table(name, tuple(map(float, x)), rows, tuple(map(float, y)), unit, units, meaning)
+        rows = tuple(map(tuple, values)) if len(y) else tuple(values)
+        given = Table(name, tuple(x), rows, tuple(y), unit, units, meaning)
+        table = coherent_table(given, f"{self.name}: table {name}")
         check_table(table, self.name)
         self._declare(table)
         return table_function(name, 2 if len(y) else 1)
 
-    def integral(self, name: str, of: Any, unit: str, meaning: str = "", *, initial: float = 0.0) -> Symbol:
+    def integral(self, name: str, of: Any, unit: str, meaning: str = "", *, initial: Any = 0.0) -> Symbol:
         """Declare an extra state whose rate is ``of``: the angle of a shaft, a distance, a controller's memory.
 
-        A rate that depends on the state itself is given as a function of it.
+        A rate that depends on the state itself is given as a function of it. The rate is in coherent SI, as all laws
+        are; ``unit`` is that of ``initial`` and of what is shown.
 
         Examples
         --------
@@ -80,11 +114,11 @@ class QuantityBuilder(GraphStore):
         """
         own = symbol(name)
         expression = self._checked(of(own) if callable_law(of) else of, (), name, also=own)
-        return self._declare(Integral(name, expression, unit, meaning, float(initial)))
+        return self._declare_integral(name, expression, unit, meaning, initial)
 
     def signal(self, name: str, expression: Any, unit: str, meaning: str = "") -> Symbol:
         """Name an expression of flows, efforts, displacements, momenta, inputs and parameters."""
-        return self._declare(NamedSignal(name, self._checked(expression, (), name), unit, meaning))
+        return self._declare_signal(name, self._checked(expression, (), name), unit, meaning)
 
     def implicit_signal(self, name: str, residual: Any, unit: str, meaning: str = "", *, guess: Any = 0.0) -> Symbol:
         """Name the value at which ``residual``, a function of it, vanishes; Newton's method starts at ``guess``.
@@ -105,7 +139,7 @@ class QuantityBuilder(GraphStore):
         expression = self._checked(residual(own) if callable_law(residual) else residual, (), name, also=own)
         if own not in expression.free_symbols:
             raise DeclarationError(f"{self.name}: {name}: the residual does not contain {name} - use signal()", (name,))
-        return self._declare(NamedSignal(name, expression, unit, meaning, self._checked(guess, (), f"{name}: guess")))
+        return self._declare_signal(name, expression, unit, meaning, self._checked(guess, (), f"{name}: guess"))
 
     def require(self, positive: Any, reason: str) -> None:
         """Declare that an expression of parameters must be positive, with the physical reason.
@@ -131,7 +165,8 @@ class QuantityBuilder(GraphStore):
         """Declare a measured quantity as an expression."""
         if name in self._outputs:
             raise DeclarationError(f"{self.name}: output {name} is declared twice - use another name", (name,))
-        output = Output(name, self._checked(expression, (), name), unit, meaning)
+        own = self._unit(unit, name)
+        output = Output(name, self._checked(expression, (), name), own.unit, meaning, own.shown)
         check_quantity(output, self.name)
         self._outputs[name] = output
 
@@ -150,6 +185,19 @@ class QuantityBuilder(GraphStore):
     def measure_momentum(self, name: str, at: At, meaning: str = "", unit: str | None = None) -> None:
         """Declare that the momentum of an inertance is measured; the unit is its domain's."""
         self._measure_variable(name, "momentum", at, meaning, unit)
+
+    def _unit(self, unit: str | None, name: str, value: Any = 20.0) -> DeclaredUnit:
+        return declared_unit(unit, f"{self.name}: {name}", value)
+
+    def _declare_integral(self, name: str, of: Expr, unit: str, meaning: str, initial: Any) -> Symbol:
+        own = self._unit(unit, name, initial)
+        return self._declare(Integral(name, of, own.unit, meaning, own.number(initial), own.shown))
+
+    def _declare_signal(
+        self, name: str, expression: Expr, unit: str, meaning: str, guess: Expr | None = None
+    ) -> Symbol:
+        own = self._unit(unit, name)
+        return self._declare(NamedSignal(name, expression, own.unit, meaning, guess, own.shown))
 
     def _measure_variable(
         self, name: str, variable: str, at: At, meaning: str, unit: str | None, port: int = 0

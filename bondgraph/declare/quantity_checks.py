@@ -7,9 +7,9 @@ import math
 import re
 from typing import Any
 
+from bondgraph.coherent import coherent
 from bondgraph.declare.quantities import Input, Integral, NamedSignal, Output, Parameter, Table
 from bondgraph.errors import DeclarationError
-from bondgraph.units import parse_unit
 
 _NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*(\.[A-Za-z0-9_]+)*\Z")
 _RESERVED = re.compile(r"(t|pi|(effort|flow|displacement|momentum)\d*)\Z")
@@ -39,9 +39,8 @@ def check_quantity(quantity: Quantity, graph: str) -> None:
             f"{where}: this name is reserved for time, pi and the elements' own variables - use another", where=(name,)
         )
     try:
-        parse_unit(quantity.unit)
-        for unit in getattr(quantity, "argument_units", ()):
-            parse_unit(unit)
+        for unit in (quantity.unit, *getattr(quantity, "argument_units", ())):
+            _check_coherent(unit)
     except DeclarationError as error:
         raise DeclarationError(f"{where}: {error.message}", where=(name,)) from None
     for label in ("value", "default", "initial"):
@@ -52,16 +51,23 @@ def check_quantity(quantity: Quantity, graph: str) -> None:
         _check_bounds(quantity, where)
 
 
+def _check_coherent(unit: str) -> None:
+    own, _ = coherent(unit)
+    if own != unit:
+        raise DeclarationError(f"unit {unit!r} is not coherent SI - give numbers in {own!r} and shown_unit={unit!r}")
+
+
 def _check_bounds(parameter: Parameter, where: str) -> None:
     assert parameter.bounds is not None
-    lower, upper = parameter.bounds
+    lower, upper = (parameter.shown(bound) for bound in parameter.bounds)
     if not (math.isfinite(lower) and math.isfinite(upper) and lower < upper):
         raise DeclarationError(
             f"{where}: bounds ({lower}, {upper}) must be two finite numbers, the lower first", where=(parameter.name,)
         )
-    if not lower <= parameter.value <= upper:
+    value = parameter.shown(parameter.value)
+    if not lower <= value <= upper:
         raise DeclarationError(
-            f"{where}: value {parameter.value} {parameter.unit} lies outside its bounds ({lower}, {upper}) - "
+            f"{where}: value {value} {parameter.display_unit} lies outside its bounds ({lower}, {upper}) - "
             "correct the value or widen the bounds",
             where=(parameter.name,),
         )

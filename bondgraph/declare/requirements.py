@@ -39,7 +39,10 @@ def check_requirement(
     found = _value(requirement.positive, given)
     if found > 0:
         return
-    known = ", ".join(f"{name} = {value:.6g} {declared[name].unit}".rstrip() for name, value in given.items())
+    known = ", ".join(
+        f"{name} = {declared[name].shown(value):.6g} {declared[name].display_unit}".rstrip()
+        for name, value in given.items()
+    )
     what = to_text(requirement.positive)
     if len(used) == 1 and what == str(used[0]):
         is_what = ""

@@ -6,6 +6,7 @@ from typing import Any
 
 import networkx as nx
 
+from bondgraph.declare.angular import check_angular_speeds
 from bondgraph.declare.both_forms import check_both_forms
 from bondgraph.declare.domains import Domain
 from bondgraph.declare.elements import SOURCES, STORAGES, TWO_PORTS, Node, a_kind
@@ -30,6 +31,7 @@ def validate(graph: GraphStore) -> None:
     _check_signals(graph)
     _check_state_names(graph)
     check_law_units(graph, domains)
+    check_angular_speeds(graph, domains)
     check_requirements(graph.requirements, graph.parameters, graph.name)
 
 

@@ -7,6 +7,7 @@ storages (whose rates form linear loops) are solved, each on its own, never the 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 from sympy import Expr
@@ -16,7 +17,7 @@ from bondgraph.declare.quantities import Input, symbol
 from bondgraph.derive.causality import bond_labels
 from bondgraph.derive.computed import Computed
 from bondgraph.derive.definitions import Key, Residual
-from bondgraph.derive.equations import Assignment, Mode, OutputEquation, StateEquations
+from bondgraph.derive.equations import Assignment, Mode, OutputEquation, State, StateEquations
 from bondgraph.derive.loops import LoopSolver
 from bondgraph.derive.order import components
 
@@ -39,7 +40,7 @@ class ContinuousDerivation(Computed):
         self.compute([*rates, *used, *every])
         self._check_determined()
         outputs = [
-            OutputEquation(symbol(output.name), law.build(self.values), output.unit, output.meaning)
+            OutputEquation(symbol(output.name), law.build(self.values), output.unit, output.meaning, output.shown_unit)
             for output, law in measured
         ]
         outputs += self._bond_outputs() if bonds else []
@@ -52,7 +53,7 @@ class ContinuousDerivation(Computed):
             name=graph.name,
             doc=graph.doc,
             source=graph.source,
-            states=tuple(variables.states),
+            states=_as_measured(variables.states, outputs),
             inputs=(*graph.inputs, *rates_used, *noted.inputs()),
             parameters=graph.parameters,
             tables=graph.tables,
@@ -117,7 +118,8 @@ class ContinuousDerivation(Computed):
         outputs = []
         for named in self.causal.graph.signals:
             name = f"signal({named.name})" if named.name in taken else named.name
-            outputs.append(OutputEquation(symbol(name), self.values["s", named.name], named.unit, named.meaning))
+            value = self.values["s", named.name]
+            outputs.append(OutputEquation(symbol(name), value, named.unit, named.meaning, named.shown_unit))
         return outputs
 
     def _input_rates(self, results: Sequence[Expr]) -> list[Input]:
@@ -138,3 +140,11 @@ class ContinuousDerivation(Computed):
             if rate is not None and rate in used and rate.name not in self.causal.graph.quantities:
                 found.append(declared.rate(rate.name))
         return found
+
+
+def _as_measured(states: Sequence[State], outputs: Sequence[OutputEquation]) -> tuple[State, ...]:
+    """The states; one that is measured under its own name is shown in the unit of that measurement."""
+    measured = {output.symbol: output.shown_unit for output in outputs if output.expression == output.symbol}
+    return tuple(
+        replace(state, shown_unit=measured[state.symbol]) if measured.get(state.symbol) else state for state in states
+    )

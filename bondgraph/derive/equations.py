@@ -11,6 +11,7 @@ from typing import Literal
 
 from sympy import Expr, Symbol
 
+from bondgraph.coherent import Displayed
 from bondgraph.declare.quantities import Input, Parameter, Table
 
 StateVariable = Literal["flow", "momentum", "displacement", "effort", "integral"]
@@ -45,7 +46,7 @@ class ImplicitLoop:
 
 
 @dataclass(frozen=True)
-class State:
+class State(Displayed):
     """One state: the symbol it has in the equations, its unit, start value and the storage it belongs to."""
 
     symbol: Symbol
@@ -54,16 +55,18 @@ class State:
     meaning: str
     element: str
     variable: StateVariable
+    shown_unit: str = ""
 
 
 @dataclass(frozen=True)
-class OutputEquation:
+class OutputEquation(Displayed):
     """A measured quantity as an expression of states, inputs, parameters and assigned symbols."""
 
     symbol: Symbol
     expression: Expr
     unit: str
     meaning: str
+    shown_unit: str = ""
 
 
 @dataclass(frozen=True)

@@ -204,7 +204,9 @@ class BondVariables:
         for quantity in self.graph.integrals:
             meaning = quantity.meaning or "integral"
             rate = symbol(quantity.name)
-            self.states.append(State(rate, quantity.unit, quantity.initial, meaning, "", "integral"))
+            self.states.append(
+                State(rate, quantity.unit, quantity.initial, meaning, "", "integral", quantity.shown_unit)
+            )
 
     def _state(self, port: Port) -> State:
         node, domain = port.node, self.bond_domain(port.bond)

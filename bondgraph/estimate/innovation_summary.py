@@ -37,7 +37,7 @@ def fitted_runs(fit: Estimate, *, compiled: bool = True) -> tuple[FilterRun, ...
 
 
 def innovation_summary(runs: tuple[FilterRun, ...]) -> dict[str, dict[str, Any]]:
-    """Per measured output ``rmse``, ``nis_mean``, ``nis_band`` and ``whiteness_p`` over all logs, for ``result.json``.
+    """What ``result.json`` says of each measured output over all logs.
 
     Parameters
     ----------
@@ -47,7 +47,8 @@ def innovation_summary(runs: tuple[FilterRun, ...]) -> dict[str, dict[str, Any]]
     Returns
     -------
     dict
-        ``rmse`` in the unit of the output; numbers that do not exist are None.
+        ``unit``, ``rmse``, ``nis_mean``, ``nis_band`` and ``whiteness_p`` by output; ``rmse`` in the unit in which
+        the output is shown; numbers that do not exist are None.
     """
     good = [one for one in runs if math.isfinite(one.nll)]
     if not good:
@@ -62,7 +63,8 @@ def innovation_summary(runs: tuple[FilterRun, ...]) -> dict[str, dict[str, Any]]
         if count:
             white = whiteness_p(joined[row])
             summary[info.name] = {
-                "rmse": float(np.sqrt(np.nanmean(errors[row] ** 2))),
+                "unit": info.display_unit,
+                "rmse": info.shown(float(np.sqrt(np.nanmean(errors[row] ** 2)))),
                 "nis_mean": float(np.nanmean(joined[row] ** 2)),
                 "nis_band": list(nis_band(count, count)),
                 "whiteness_p": white if math.isfinite(white) else None,

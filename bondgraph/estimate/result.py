@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from bondgraph.coherent import Displayed
 from bondgraph.errors import EstimationError, suggest
 from bondgraph.estimate.certify import NEGLIGIBLE_SHIFT, Certification
 from bondgraph.estimate.continuation import Stage
@@ -215,8 +216,19 @@ class Estimate:
             lower, upper = value - _Z95 * std, value + _Z95 * std
         return max(lower, parameter.lower), min(upper, parameter.upper)
 
+    def _parameter_dict(self, parameter: FreeParameter) -> dict[str, Any]:
+        info = quantity_of(self.problem, parameter)
+        return {
+            "value": info.shown(self.values[parameter.name]),
+            "unit": unit_of(self.problem, parameter),
+            "std": _number(info.shown(self.std[parameter.name])),
+            "ci95": [info.shown(end) for end in self.ci95[parameter.name]],
+            "bounds": [info.shown(parameter.lower), info.shown(parameter.upper)],
+            "at_bound": parameter.name in self.at_bound,
+        }
+
     def to_dict(self, innovations: Mapping[str, Mapping[str, Any]] | None = None) -> dict[str, Any]:
-        """The estimate as ``result.json`` holds it; numbers that do not exist are null.
+        """The estimate as ``result.json`` holds it, in declared units; numbers that do not exist are null.
 
         Parameters
         ----------
@@ -224,17 +236,8 @@ class Estimate:
             Per output ``rmse``, ``nis_mean``, ``nis_band`` and ``whiteness_p`` of the filter at the estimate.
         """
         names = self.problem.names
-        parameters = {
-            parameter.name: {
-                "value": self.values[parameter.name],
-                "unit": unit_of(self.problem, parameter),
-                "std": _number(self.std[parameter.name]),
-                "ci95": list(self.ci95[parameter.name]),
-                "bounds": [parameter.lower, parameter.upper],
-                "at_bound": parameter.name in self.at_bound,
-            }
-            for parameter in self.problem.free
-        }
+        shown = {parameter.name: quantity_of(self.problem, parameter).shown for parameter in self.problem.free}
+        parameters = {parameter.name: self._parameter_dict(parameter) for parameter in self.problem.free}
         return {
             "parameters": parameters,
             "nll": _number(self.nll),
@@ -252,14 +255,23 @@ class Estimate:
             "uncertainty": self.uncertainty_outcome.value,
             "roughness": _number(self.roughness),
             "smooth": self.is_smooth,
-            "optima": [{"values": dict(o.values), "nll": o.nll, "starts": o.starts} for o in self.optima],
+            "optima": [{"values": _shown(o.values, shown), "nll": o.nll, "starts": o.starts} for o in self.optima],
             "discretisation": self.certification.to_dict(),
             "continuation": [
-                {"scale": s.scale, "nll": _number(s.nll), "evaluations": s.evaluations, "values": dict(s.values)}
+                {
+                    "scale": s.scale,
+                    "nll": _number(s.nll),
+                    "evaluations": s.evaluations,
+                    "values": _shown(s.values, shown),
+                }
                 for s in self.way
             ],
             "logs": [log.name for log in self.problem.logs],
         }
+
+
+def _shown(values: Mapping[str, float], shown: Mapping[str, Callable[[float], float]]) -> dict[str, float]:
+    return {name: shown[name](value) for name, value in values.items()}
 
 
 def describe(problem: EstimationProblem, found: Found, jacobian: Expand, seconds: Callable[[], float]) -> Estimate:
@@ -298,15 +310,20 @@ def describe(problem: EstimationProblem, found: Found, jacobian: Expand, seconds
     )
 
 
-def unit_of(problem: EstimationProblem, parameter: FreeParameter) -> str:
-    """Unit of a free parameter."""
+def quantity_of(problem: EstimationProblem, parameter: FreeParameter) -> Displayed:
+    """The parameter, output or state of the model to which a free parameter belongs, in whose unit it is shown."""
     model, target = problem.filter_model.model, parameter.target
     if target.kind == "parameter":
-        return model.parameters[model.index("parameter", target.name)].unit
+        return model.parameters[model.index("parameter", target.name)]
     if target.kind == "std":
-        return model.outputs[model.index("output", target.name)].unit
-    unit = model.states[model.index("state", target.name)].unit
-    if target.kind == "x0":
+        return model.outputs[model.index("output", target.name)]
+    return model.states[model.index("state", target.name)]
+
+
+def unit_of(problem: EstimationProblem, parameter: FreeParameter) -> str:
+    """Unit in which a free parameter is shown."""
+    unit = quantity_of(problem, parameter).display_unit
+    if parameter.target.kind != "process":
         return unit
     return f"({unit})/s^0.5" if unit != "1" else "1/s^0.5"
 

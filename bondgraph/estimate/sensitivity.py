@@ -13,9 +13,11 @@ from typing import Any
 
 import numpy as np
 
+from bondgraph.coherent import Displayed
 from bondgraph.errors import EstimationError
 from bondgraph.estimate.objective import Expand, FloatArray, central_differences, fitted_expansion
 from bondgraph.estimate.problem import EstimationProblem
+from bondgraph.estimate.result import quantity_of, unit_of
 from bondgraph.estimate.uncertainty import uncertainty
 
 
@@ -37,6 +39,8 @@ class Sensitivity:
         Shape (n, n).
     not_identifiable
         Groups of names that these data cannot tell apart.
+    quantities, units
+        The quantity in whose unit each free parameter is shown, and that unit.
     """
 
     names: tuple[str, ...]
@@ -46,17 +50,20 @@ class Sensitivity:
     std_joint: FloatArray
     correlation: FloatArray
     not_identifiable: tuple[tuple[str, ...], ...]
+    quantities: tuple[Displayed, ...]
+    units: tuple[str, ...]
 
     def to_dict(self) -> dict[str, Any]:
-        """The table as JSON holds it; numbers that do not exist are null."""
+        """The table as JSON holds it, in declared units; numbers that do not exist are null."""
 
         def number(value: float) -> float | None:
             return float(value) if np.isfinite(value) else None
 
         rows: Mapping[str, Any] = {
             name: {
-                "std_alone": number(self.std_alone[k]),
-                "std_joint": number(self.std_joint[k]),
+                "unit": self.units[k],
+                "std_alone": number(self.quantities[k].shown(float(self.std_alone[k]))),
+                "std_joint": number(self.quantities[k].shown(float(self.std_joint[k]))),
                 "share": {output: number(self.share[j, k]) for j, output in enumerate(self.outputs)},
                 "correlation": {other: number(self.correlation[k, i]) for i, other in enumerate(self.names)},
             }
@@ -108,6 +115,8 @@ def sensitivity(
             std_joint=slopes * joint,
             correlation=known.covariance / np.outer(joint, joint),
             not_identifiable=tuple(tuple(problem.names[k] for k in group) for group in known.groups),
+            quantities=tuple(quantity_of(problem, parameter) for parameter in problem.free),
+            units=tuple(unit_of(problem, parameter) for parameter in problem.free),
         )
 
 

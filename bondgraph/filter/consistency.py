@@ -29,8 +29,9 @@ _MAX_LAGS = 20
 class ChannelConsistency:
     """One channel: measured values, rms of its innovations, mean NIS with its band, and p-value of whiteness.
 
-    ``rmse`` is in the unit of the channel. The NIS is in the band with the probability asked for if the filter is
-    consistent; a ``whiteness_p`` near zero means that an innovation can be foretold from those before it.
+    ``rmse`` is in ``unit``, that in which the channel is shown. The NIS is in the band with the probability asked for
+    if the filter is consistent; a ``whiteness_p`` near zero means that an innovation can be foretold from those before
+    it.
     """
 
     name: str
@@ -106,7 +107,7 @@ def consistency(run: FilterRun, confidence: float = 0.95) -> Consistency:
             nis = float(np.nanmean(normalised[row] ** 2))
             band = nis_band(count, count, confidence)
             white = whiteness_p(normalised[row])
-            channels.append(ChannelConsistency(info.name, info.unit, count, rmse, nis, band, white))
+            channels.append(ChannelConsistency(info.name, info.display_unit, count, info.shown(rmse), nis, band, white))
     values = int(run.measured_channels.sum())
     joint = float(np.sum(run.whitened**2) / values) if values else np.nan
     return Consistency(tuple(channels), joint, nis_band(values, values, confidence))

@@ -43,7 +43,7 @@ class FilterModel:
         Standard deviation per sqrt(s) of the white noise that drives each state, in its unit. States not named have
         none.
     measurement_noise
-        Standard deviation of each measured output, in its unit. Outputs not named are not used.
+        Standard deviation of each measured output, in coherent SI. Outputs not named are not used.
     initial_std
         Standard deviation of each initial state (and appended parameter); those not named are known exactly.
     substeps

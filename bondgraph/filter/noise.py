@@ -21,7 +21,7 @@ class Noise:
     Parameters
     ----------
     measurement
-        Standard deviation of each output, in its unit.
+        Standard deviation of each output, in coherent SI.
     process
         Standard deviation per sqrt(s) of what drives each state; states not named run undisturbed.
     initial

@@ -28,8 +28,21 @@ def preamble(equations: StateEquations) -> str:
             _table("PARAMETERS", _parameter_rows(equations)),
             "# name, unit, meaning",
             _table("OUTPUTS", _output_rows(equations)),
+            *_shown_units(equations),
         ]
     )
+
+
+def _shown_units(equations: StateEquations) -> list[str]:
+    """The declared units of quantities that were not declared in coherent SI; nothing where all were."""
+    states, outputs = (
+        [(one.symbol.name, one.shown_unit) for one in of] for of in (equations.states, equations.outputs)
+    )
+    inputs, parameters = ([(one.name, one.shown_unit) for one in of] for of in (equations.inputs, equations.parameters))
+    listed = {"STATES": states, "INPUTS": inputs, "PARAMETERS": parameters, "OUTPUTS": outputs}
+    rows = [(string(of), string(name), string(unit)) for of, pairs in listed.items() for name, unit in pairs if unit]
+    comment = "# of, name, unit in which numbers are shown and read (all numbers here are in the units above)"
+    return [comment, _table("SHOWN_UNITS", rows)] if rows else []
 
 
 def _docstring(equations: StateEquations) -> str:

@@ -25,7 +25,7 @@ from bondgraph.report.series import (
     Prediction,
     StateBand,
 )
-from bondgraph.simulate.model import Model
+from bondgraph.simulate.model import Model, OutputInfo, ParameterInfo, StateInfo
 from bondgraph.simulate.trajectory import Trajectory
 
 LIBRARIES = ("numpy", "scipy", "sympy", "numba")
@@ -38,14 +38,14 @@ class Runs:
     filtered: FilterRun | None = None
     simulated: Trajectory | None = None
 
-    def prediction(self, row: int) -> Prediction:
-        """The predictions of one output; the first sample was not predicted but given by the prior."""
+    def prediction(self, row: int, output: OutputInfo) -> Prediction:
+        """The predictions of one output as it is shown; the first sample was not predicted but given by the prior."""
         one_step = None if self.filtered is None else self.filtered.output_mean[row].copy()
         if one_step is not None:
             one_step[0] = np.nan
         return Prediction(
-            one_step,
-            None if self.simulated is None else self.simulated.y[row],
+            None if one_step is None else output.shown(one_step),
+            None if self.simulated is None else output.shown(self.simulated.y[row]),
         )
 
 
@@ -79,8 +79,9 @@ def channel_series(
     known = noise_std or {}
     return tuple(
         ChannelSeries(
-            log.name, output.name, output.unit, log.time, log.y[row], before.prediction(row),
-            None if after is None else after.prediction(row), known.get(output.name, float("nan")), held_out,
+            log.name, output.name, output.display_unit, log.time, output.shown(log.y[row]),
+            before.prediction(row, output), None if after is None else after.prediction(row, output),
+            output.shown(known.get(output.name, float("nan"))), held_out,
         )
         for row, output in enumerate(model.outputs)
         if np.isfinite(log.y[row]).any()
@@ -103,12 +104,15 @@ def state_bands(run: FilterRun, smoothed: FilterRun | None = None) -> tuple[Stat
     model = run.filter_model.model
     direct = directly_measured(model, model.u0(), model.theta())
     measures = {state: (run.y[row] - offset) / slope for row, (state, slope, offset) in direct.items()}
-    units = {info.name: info.unit for info in model.states} | {info.name: info.unit for info in model.parameters}
-    shown = smoothed or run
+    quantities: list[StateInfo | ParameterInfo] = [*model.states, *model.parameters]
+    infos = {info.name: info for info in quantities}
+    known = smoothed or run
     bands = []
     for index, name in enumerate(run.filter_model.state_names):
         measured = measures.get(index, np.full(run.time.size, np.nan))
-        bands.append(StateBand(name, units[name], run.time, shown.mean(name), shown.std(name), measured))
+        info = infos[name]
+        values = (info.shown(part) for part in (known.mean(name), known.std(name), measured))
+        bands.append(StateBand(name, info.display_unit, run.time, *values))
     return tuple(bands)
 
 
@@ -135,9 +139,12 @@ def output_bands(run: FilterRun, smoothed: FilterRun, u: FloatArray) -> tuple[St
     y = model.output(0.0, points, u[:, np.newaxis], model.theta())
     infos = [model.outputs[row] for row in rows]
     return tuple(
-        StateBand(f"{info.name} (measured)", info.unit, run.time, y[row].mean(axis=0), y[row].std(axis=0), run.y[row])
+        StateBand(
+            f"{info.name} (measured)", info.display_unit, run.time,
+            *(info.shown(part) for part in (y[row].mean(axis=0), y[row].std(axis=0), run.y[row])),
+        )
         for row, info in zip(rows, infos, strict=True)
-    )
+    )  # fmt: skip
 
 
 def parameter_changes(
@@ -150,12 +157,17 @@ def parameter_changes(
     """The estimated parameters of a model, in its order; what is not a parameter (noise levels, states) is left out."""
     return tuple(
         ParameterChange(
-            info.name, info.unit, before.get(info.name, info.value), after[info.name],
-            ci95.get(info.name, (float("nan"), float("nan"))), info.name in at_bound, info.meaning,
+            info.name, info.display_unit, info.shown(before.get(info.name, info.value)), info.shown(after[info.name]),
+            _shown_interval(info, ci95), info.name in at_bound, info.meaning,
         )
         for info in model.parameters
         if info.name in after
     )  # fmt: skip
+
+
+def _shown_interval(info: ParameterInfo, ci95: Mapping[str, tuple[float, float]]) -> tuple[float, float]:
+    lower, upper = ci95.get(info.name, (float("nan"), float("nan")))
+    return info.shown(lower), info.shown(upper)
 
 
 def found_effect(
@@ -167,10 +179,10 @@ def found_effect(
     evidence: Sequence[tuple[str, str]] = (),
 ) -> FoundEffect:
     """An added effect with its coefficients as the corrected ``model`` and its estimate give them."""
-    units = {info.name: info.unit for info in model.parameters}
+    infos = [model.parameters[model.index("parameter", name)] for name in effect.coefficients]
     coefficients = tuple(
-        Coefficient(name, values[name], units[name], ci95.get(name, (float("nan"), float("nan"))))
-        for name in effect.coefficients
+        Coefficient(info.name, info.shown(values[info.name]), info.display_unit, _shown_interval(info, ci95))
+        for info in infos
     )
     return FoundEffect(effect.name, effect.element, place.label, effect.law, coefficients, tuple(evidence))
 

@@ -20,7 +20,7 @@ from bondgraph.report.closed_loop import write_json
 from bondgraph.report.collect import output_bands, state_bands
 from bondgraph.report.numbers import shown
 from bondgraph.report.plots import state_figure
-from bondgraph.simulate.model import Model
+from bondgraph.simulate.model import Model, ParameterInfo, StateInfo
 
 
 def filter_logs(
@@ -75,17 +75,25 @@ def _smoothed(record: FilterRun) -> FilterRun:
 
 
 def _states_log(record: FilterRun) -> Log:
-    units = {info.name: info.unit for info in record.filter_model.model.states}
+    model = record.filter_model.model
+    quantities: list[StateInfo | ParameterInfo] = [*model.parameters, *model.states]
+    infos = {info.name: info for info in quantities}
     channels: dict[str, LogChannel] = {}
     for name in record.filter_model.state_names:
-        unit = units.get(name) or "1"
+        info = infos[name]
         for label, values in ((name, record.mean(name)), (f"{name}_std", record.std(name))):
-            channels[label] = LogChannel(label, unit, values)
+            channels[label] = LogChannel(label, info.display_unit or "1", info.shown(values))
     return Log(record.log_name, record.time, channels)
 
 
 def _channels(found: Consistency) -> dict[str, Any]:
     return {
-        c.name: {"rmse": c.rmse, "nis_mean": c.nis_mean, "nis_band": list(c.nis_band), "whiteness_p": c.whiteness_p}
+        c.name: {
+            "unit": c.unit,
+            "rmse": c.rmse,
+            "nis_mean": c.nis_mean,
+            "nis_band": list(c.nis_band),
+            "whiteness_p": c.whiteness_p,
+        }
         for c in found.channels
     }

@@ -11,6 +11,7 @@ import sympy
 from matplotlib.figure import Figure
 from sympy import QQ, Expr
 
+from bondgraph.coherent import Displayed
 from bondgraph.declare.graph import BondGraph
 from bondgraph.derive.causality import assign_causality
 from bondgraph.derive.derivation import check_closed, derive
@@ -54,7 +55,8 @@ def linear_answer(
     graph
         The declared graph.
     at
-        Values of states, inputs and parameters by name; the rest are initial and default values.
+        Values of states, inputs and parameters by name, in their declared units; the rest are initial and default
+        values.
     steady
         Look for an equilibrium first, from these states.
     moving
@@ -69,10 +71,10 @@ def linear_answer(
     """
     equations = derive(assign_causality(graph))
     check_closed(equations)
-    groups = {
-        "state": [state.symbol.name for state in equations.states],
-        "input": [given.name for given in equations.inputs],
-        "parameter": [given.name for given in equations.parameters],
+    groups: dict[str, dict[str, Displayed]] = {
+        "state": {state.symbol.name: state for state in equations.states},
+        "input": {given.name: given for given in equations.inputs},
+        "parameter": {given.name: given for given in equations.parameters},
     }
     every = [name for names in groups.values() for name in names]
     for name in at:
@@ -82,7 +84,9 @@ def linear_answer(
                 f"{', '.join(every)}",
                 where=("--at", name),
             )
-    x, u, theta = ({name: at[name] for name in names if name in at} for names in groups.values())
+    x, u, theta = (
+        {name: one.coherent(at[name]) for name, one in group.items() if name in at} for group in groups.values()
+    )
     found = equilibrium(equations, u, theta, x, moving) if steady else None
     if found is not None and not found.found:
         raise DerivationError(f"{graph.name}: {found.outcome.value}", where=(graph.name,))
@@ -92,7 +96,7 @@ def linear_answer(
 
 
 def linear_json(answer: LinearAnswer) -> dict[str, Any]:
-    """The answer as one JSON object: names, operating point, matrices (rows of numbers), modes."""
+    """The answer as one JSON object, in coherent SI: names, operating point, matrices (rows of numbers), modes."""
     model = answer.model
     return {
         "name": answer.equations.name,
@@ -120,17 +124,17 @@ def linear_json(answer: LinearAnswer) -> dict[str, Any]:
 
 
 def linear_text(answer: LinearAnswer) -> str:
-    """The answer for reading: operating point, modes, and the matrices with their names."""
+    """The answer for reading: operating point in declared units, modes, and the matrices (coherent SI) with names."""
     model = answer.model
     first_line = answer.equations.doc.strip().partition("\n")[0]
     lines = [f"{answer.equations.name}: {first_line}".removesuffix(": "), ""]
     if answer.steady is not None:
         lines += [f"equilibrium: {answer.steady.outcome.value}", ""]
     lines.append("operating point")
-    for name, unit, value, rate in zip(model.states, model.units.states, model.x, model.rates, strict=True):
-        lines.append(f"  {name:24} {value:>12.6g} {unit:10} rate {rate:.4g}")
-    for name, unit, value in zip(model.inputs, model.units.inputs, model.u, strict=True):
-        lines.append(f"  {name:24} {value:>12.6g} {unit:10} input")
+    for name, one, x, rate in zip(model.states, answer.equations.states, model.x, model.rates, strict=True):
+        lines.append(f"  {name:24} {one.shown(x):>12.6g} {one.display_unit:10} rate {one.shown(rate):.4g}")
+    for name, given, u in zip(model.inputs, answer.equations.inputs, model.u, strict=True):
+        lines.append(f"  {name:24} {given.shown(u):>12.6g} {given.display_unit:10} input")
     lines += ["", mode_table(modes(model))]
     if len(model.states) > _ON_A_PAGE:
         return "\n".join([*lines, "", f"matrices of {len(model.states)} states do not fit here: use --json"])

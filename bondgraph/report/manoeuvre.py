@@ -65,7 +65,7 @@ def _quantities(trajectory: Trajectory) -> dict[str, tuple[str, FloatArray]]:
     model = trajectory.model
     infos: list[StateInfo | OutputInfo | InputInfo] = [*model.inputs, *model.outputs, *model.states]
     rows = (*trajectory.u, *trajectory.y, *trajectory.x)
-    return {info.name: (info.unit, row) for info, row in zip(infos, rows, strict=True)}
+    return {info.name: (info.display_unit, info.shown(row)) for info, row in zip(infos, rows, strict=True)}
 
 
 def _curves(axes: Axes, time: FloatArray, panel: Panel, known: dict[str, tuple[str, FloatArray]]) -> None:
@@ -82,7 +82,8 @@ def _inputs(axes: Axes, trajectory: Trajectory, rows: Sequence[int]) -> None:
     for row, colour in zip(rows, LINES, strict=False):
         info = trajectory.model.inputs[row]
         steps = "steps-post" if info.interpolation == "hold" else "default"
-        axes.plot(trajectory.time, trajectory.u[row], color=colour, label=f"{info.name} [{info.unit}]", drawstyle=steps)
+        label, values = f"{info.name} [{info.display_unit}]", info.shown(trajectory.u[row])
+        axes.plot(trajectory.time, values, color=colour, label=label, drawstyle=steps)
     axes.set_ylabel("inputs")
     _legend(axes)
 

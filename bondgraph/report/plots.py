@@ -293,9 +293,10 @@ def _quantities(trajectory: Trajectory, names: Sequence[str]) -> list[tuple[str,
     found: dict[str, tuple[str, FloatArray]] = {}
     infos: list[StateInfo | OutputInfo | InputInfo] = [*model.states, *model.outputs, *model.inputs]
     for info, row in zip(infos, (*trajectory.x, *trajectory.y, *trajectory.u), strict=True):
-        known = any(unit == info.unit and np.array_equal(row, old, equal_nan=True) for unit, old in found.values())
+        own, shown = info.display_unit, info.shown(row)
+        known = any(unit == own and np.array_equal(shown, old, equal_nan=True) for unit, old in found.values())
         if info.name in names or not known:
-            found.setdefault(info.name, (info.unit, row))
+            found.setdefault(info.name, (own, shown))
     return [(name, *found[name]) for name in (names or found)]
 
 

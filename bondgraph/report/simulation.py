@@ -19,7 +19,7 @@ from bondgraph.errors import OptionError, suggest
 from bondgraph.generate.module import render
 from bondgraph.report.energy import energy_states, inertia_value
 from bondgraph.simulate.inputs import InputSignal
-from bondgraph.simulate.model import Model
+from bondgraph.simulate.model import Model, OutputInfo, StateInfo
 from bondgraph.simulate.scenario import Scenario
 from bondgraph.simulate.simulate import simulate
 from bondgraph.simulate.trajectory import Trajectory
@@ -32,6 +32,7 @@ _POINTS = 1000
 class SimulationOptions:
     """What a simulation may be told: end and step of time in s, values by name, tolerances, every bond's variables.
 
+    Values and initial states are in the declared units of what they belong to.
     A ``scenario`` gives inputs, start and end; values and initial states given beside it come before its own. With
     ``signals`` the named signals are outputs too. Not ``smooth``: switches, friction and impacts have modes, and events
     are located.
@@ -87,15 +88,16 @@ def simulate_graph(graph: BondGraph, inputs: Log | None, options: SimulationOpti
 
 
 def _values(model: Model, values: Mapping[str, float | str]) -> tuple[dict[str, float], dict[str, float]]:
-    """Given values as those of parameters and those of inputs."""
+    """Values given as they are shown, as those of parameters and those of inputs, in coherent SI."""
     theta: dict[str, float] = {}
     constants: dict[str, float] = {}
     parameters, inputs = model.names("parameter"), model.names("input")
     for name, value in values.items():
         if name in parameters and not isinstance(value, str):
-            theta[name] = value
+            theta[name] = model.parameters[parameters.index(name)].coherent(value)
         elif name in inputs:
-            constants[name] = model.input_value(name, value) if isinstance(value, str) else value
+            info = model.inputs[inputs.index(name)]
+            constants[name] = model.input_value(name, value) if isinstance(value, str) else info.coherent(value)
         else:
             known = (*parameters, *inputs)
             raise OptionError(
@@ -120,7 +122,7 @@ def _initial(
             state, inertia = energies[name]
             found[state] = value / inertia_value(inertia, parameters)
         elif name in model.names("state"):
-            found[name] = value
+            found[name] = model.states[model.index("state", name)].coherent(value)
         else:
             known = model.names("state")
             raise OptionError(
@@ -173,14 +175,13 @@ def _scenario_inputs(
 
 
 def trajectory_log(trajectory: Trajectory) -> Log:
-    """A trajectory as a log: states, then outputs that are not states already, then modes."""
+    """A trajectory as a log in declared units: states, then outputs that are not states already, then modes."""
     model = trajectory.model
     channels: dict[str, LogChannel] = {}
-    named = [(state.name, state.unit) for state in model.states]
-    named += [(output.name, output.unit) for output in model.outputs]
-    for (name, unit), values in zip(named, (*trajectory.x, *trajectory.y), strict=True):
-        if name not in channels:
-            channels[name] = LogChannel(name, unit or "1", values)
+    infos: list[StateInfo | OutputInfo] = [*model.states, *model.outputs]
+    for info, values in zip(infos, (*trajectory.x, *trajectory.y), strict=True):
+        if info.name not in channels:
+            channels[info.name] = LogChannel(info.name, info.display_unit or "1", info.shown(values))
     for mode in model.modes:
         channels.setdefault(mode.input, LogChannel(mode.input, "1", trajectory.input(mode.input)))
     return Log(model.name, trajectory.time, channels)

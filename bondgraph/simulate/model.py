@@ -17,10 +17,11 @@ from typing import TYPE_CHECKING, Any, Literal, get_args
 import numpy as np
 import numpy.typing as npt
 
+from bondgraph.coherent import Displayed
 from bondgraph.errors import ModelError, suggest
 from bondgraph.simulate.arrays import FloatArray
 from bondgraph.simulate.loader import parse_module, require_function, run_module
-from bondgraph.simulate.rows import EventInfo, ModeInfo, events_of, rows
+from bondgraph.simulate.rows import EventInfo, ModeInfo, events_of, shown_rows
 
 if TYPE_CHECKING:
     from bondgraph.simulate.compile import CompiledModel
@@ -30,17 +31,18 @@ Kind = Literal["state", "input", "parameter", "output"]
 
 
 @dataclass(frozen=True)
-class StateInfo:
+class StateInfo(Displayed):
     """One state: its unit and value at the start."""
 
     name: str
     unit: str
     initial: float
     meaning: str
+    shown_unit: str = ""
 
 
 @dataclass(frozen=True)
-class InputInfo:
+class InputInfo(Displayed):
     """One input: its default, how it runs between samples, and its letters if it is a code.
 
     ``interpolation`` is ``linear``, ``hold``, or ``rate of NAME`` for the slope of another input, held between samples.
@@ -52,6 +54,7 @@ class InputInfo:
     interpolation: str
     letters: Mapping[str, float] | None
     meaning: str
+    shown_unit: str = ""
 
     @property
     def rate_of(self) -> str:
@@ -61,7 +64,7 @@ class InputInfo:
 
 
 @dataclass(frozen=True)
-class ParameterInfo:
+class ParameterInfo(Displayed):
     """One parameter: its value and its bounds; without bounds it was measured and stays fixed."""
 
     name: str
@@ -70,22 +73,25 @@ class ParameterInfo:
     lower: float | None
     upper: float | None
     meaning: str
+    shown_unit: str = ""
 
 
 @dataclass(frozen=True)
-class OutputInfo:
+class OutputInfo(Displayed):
     """One measured quantity."""
 
     name: str
     unit: str
     meaning: str
+    shown_unit: str = ""
 
 
 @dataclass(frozen=True)
 class Model:
     """State equations of one generated module: ``dx/dt = rhs(t, x, u, theta)``, ``y = output(t, x, u, theta)``.
 
-    Build one with :meth:`from_file` or :meth:`from_text`. Two models are equal when their texts are.
+    Build one with :meth:`from_file` or :meth:`from_text`. Two models are equal when their texts are. All numbers are in
+    the ``unit`` of their quantity, coherent SI in what is generated; what is shown is in its ``display_unit``.
 
     Examples
     --------
@@ -125,10 +131,10 @@ class Model:
             name=str(names["NAME"]),
             text=text,
             doc=str(names.get("__doc__") or ""),
-            states=rows(names, "STATES", StateInfo, source),
-            inputs=rows(names, "INPUTS", InputInfo, source),
-            parameters=rows(names, "PARAMETERS", ParameterInfo, source),
-            outputs=rows(names, "OUTPUTS", OutputInfo, source),
+            states=shown_rows(names, "STATES", StateInfo, source),
+            inputs=shown_rows(names, "INPUTS", InputInfo, source),
+            parameters=shown_rows(names, "PARAMETERS", ParameterInfo, source),
+            outputs=shown_rows(names, "OUTPUTS", OutputInfo, source),
             _rhs=require_function(names, "rhs", source),
             _output=require_function(names, "output", source),
             **events_of(names, source),

@@ -7,10 +7,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
+from bondgraph.coherent import Displayed, coherent
 from bondgraph.errors import ModelError
 from bondgraph.simulate.loader import require_function
+from bondgraph.units import dimension
 
 _Info = TypeVar("_Info")
+
+_Shown = TypeVar("_Shown", bound=Displayed)
 
 
 @dataclass(frozen=True)
@@ -51,6 +55,28 @@ def rows(names: Mapping[str, Any], table: str, kind: type[_Info], source: str) -
             f"{source}: a row of {table} does not have the columns ({fields}) - regenerate the module",
             where=(source, table),
         ) from None
+
+
+def shown_rows(names: Mapping[str, Any], table: str, kind: type[_Shown], source: str) -> tuple[_Shown, ...]:
+    """The rows of a table of quantities, with the units in which they are shown where those are not their own.
+
+    Raises
+    ------
+    ModelError
+        If a row has other columns, or a unit in which it is shown does not fit its own.
+    """
+    shown = {name: unit for of, name, unit in names.get("SHOWN_UNITS", ()) if of == table}
+    found: list[_Shown] = []
+    for row in rows(names, table, kind, source):
+        info: Any = row  # a dataclass with a name
+        found.append(dataclasses.replace(info, shown_unit=shown.get(info.name, "")))
+        unit = shown.get(info.name, "")
+        if unit and (dimension(unit) != dimension(info.unit) or coherent(info.unit)[1] != 1.0):
+            raise ModelError(
+                f"{source}: {info.name} is in [{info.unit}] and cannot be shown in [{unit}] - regenerate the module",
+                where=(source, info.name),
+            )
+    return tuple(found)
 
 
 def events_of(names: Mapping[str, Any], source: str) -> dict[str, Any]:

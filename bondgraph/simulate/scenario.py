@@ -48,9 +48,9 @@ class Scenario:
     duration
         End of time in s; it starts at zero.
     inputs
-        Courses of inputs by name; any other input keeps its default.
+        Courses of inputs by name, in the units in which they are declared; any other input keeps its default.
     initial
-        Start values of states by name; any other state has that of the model.
+        Start values of states by name, in their declared units; any other state has that of the model.
 
     Raises
     ------
@@ -104,7 +104,8 @@ class Scenario:
 
     def start(self, model: Model) -> dict[str, float]:
         """Start values of the states that the model has."""
-        return {name: float(value) for name, value in self.initial.items() if name in model.names("state")}
+        states = {info.name: info for info in model.states}
+        return {name: states[name].coherent(float(value)) for name, value in self.initial.items() if name in states}
 
 
 def _corners(course: Course) -> list[tuple[float, float | str]]:
@@ -112,7 +113,9 @@ def _corners(course: Course) -> list[tuple[float, float | str]]:
 
 
 def _number(model: Model, name: str, value: float | str) -> float:
-    return model.input_value(name, value) if isinstance(value, str) else float(value)
+    if isinstance(value, str):
+        return model.input_value(name, value)
+    return model.inputs[model.index("input", name)].coherent(float(value))
 
 
 def _course(grid: FloatArray, corners: Sequence[tuple[float, float]], model: Model, name: str) -> FloatArray:

@@ -13,6 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from bondgraph.data.checks import check_log
+from bondgraph.data.header import convert_unit
 from bondgraph.data.log import Log, LogChannel
 from bondgraph.data.match import match, read_mapping
 from bondgraph.data.select import decimate, split, window
@@ -123,7 +124,7 @@ def test_numbers_of_a_coded_signal_are_codes_or_values() -> None:
 REFUSED = {
     "unknown code": (base(), {"gear": ("text", ["H", "", "X", "", "L"])}, r"has 'X' \(row 4\).*the model knows H, L"),
     "dimension": (base(), {"torque": ("N", [0.0] * 5)}, "has unit 'N' .* but the model needs 'N m'"),
-    "cycles": (base(), {"engine_speed": ("Hz", [1.0] * 5)}, "counts cycles .* write revolutions as 'rpm'"),
+    "cycles": (base(), {"engine_speed": ("Hz", [1.0] * 5)}, "counts cycles or radians, .* write 'rpm'"),
     "text": (base(), {"speed": ("1", ["a", "b", "c", "d", "e"])}, r"holds codes such as 'a' \(row 2\)"),
     "empty parameter": (base(), {"mass": ("kg", [float("nan")] * 5)}, "sets parameter 'mass' but is empty"),
 }
@@ -258,3 +259,19 @@ def test_decimation_keeps_samples_as_they_are_and_no_signal_vanishes(step: int, 
         kept = int((~thin.channel(name).missing).sum())
         # jitter may put two neighbours into one interval and none into the next, but never empties a signal
         assert kept >= 400 // max(step, 2) // 2
+
+
+@pytest.mark.parametrize("unit", ["1/min", "1/s", "Hz"])
+def test_a_bare_number_per_time_is_no_angular_speed(unit):
+    """3000 1/min were read as 50 rad/s."""
+    with pytest.raises(DataError, match=r"which counts cycles or radians, .* write 'rpm' .* 'rad/s'"):
+        convert_unit("n", unit, "rad/s", "run7")
+    with pytest.raises(DataError, match="an angular speed, but the model needs"):
+        convert_unit("n", "rpm", unit, "run7")
+    assert convert_unit("rate", unit, "1/s", "run7")[1] == 0.0
+
+
+@pytest.mark.parametrize(("unit", "meant"), [("U/min", "rpm"), ("Grad", "deg"), ("UPM", "rpm"), ("Grad/s", "deg/s")])
+def test_other_spellings_of_speeds_and_angles_are_told(unit, meant):
+    with pytest.raises(DataError, match=f"run7: column 'n' has unit '{unit}' .row 1.; did you mean '{meant}'"):
+        convert_unit("n", unit, "rad/s", "run7")

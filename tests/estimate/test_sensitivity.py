@@ -74,7 +74,7 @@ def test_innovations_at_the_estimate_are_consistent_and_fit_the_report() -> None
     summary = innovation_summary(runs)
     assert list(summary) == ["speed", "speed_rpm"]
     for channel in summary.values():
-        assert set(channel) == {"rmse", "nis_mean", "nis_band", "whiteness_p"}
+        assert set(channel) == {"rmse", "nis_mean", "nis_band", "whiteness_p", "unit"}
         low, high = channel["nis_band"]
         assert 0.8 * low < channel["nis_mean"] < 1.2 * high
     assert fit.filter_model.measurement_noise["speed"] == fit.values["std(speed)"]

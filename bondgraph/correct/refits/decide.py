@@ -161,7 +161,7 @@ def detectable(vanishing: Sequence[Candidate], found: Scores, need: float) -> tu
         name = one.effect.coefficients[0]
         info = one.model.parameters[one.model.index("parameter", name)]
         size = reach / math.sqrt(told) if told > 0.0 else math.inf
-        listed.append(Detectable(one.effect.name, one.place.label, name, size, info.unit))
+        listed.append(Detectable(one.effect.name, one.place.label, name, info.shown(size), info.display_unit))
     return tuple(listed)
 
 
