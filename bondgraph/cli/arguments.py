@@ -8,7 +8,13 @@ from typing import Any
 
 import bondgraph
 
-GRAPH_HELP = "graph file (motor.json), or module:function (vehicle_graphs.baja:launch)"
+GRAPH_HELP = (
+    "graph of a Python file (sled.py, or sled.py:name where it declares several) or module "
+    "(vehicle_graphs.baja:launch), or graph file (motor.json); the name is that of a BondGraph or of a function that "
+    "returns one"
+)
+#: Folder of the generated modules.
+FOLDER = "generated"
 MODEL_HELP = GRAPH_HELP + ", or generated module (generated/driveline.py)"
 
 
@@ -67,15 +73,20 @@ def _add_graph_commands(commands: Any) -> None:
 
     c = _command(
         commands, "generate", "write the generated modules of the declared graphs, or check them",
-        "  bondgraph generate              write all\n  bondgraph generate driveline    write one\n"
+        "  bondgraph generate              write all that vehicle_graphs declares\n"
+        "  bondgraph generate driveline    write one of them\n"
+        "  bondgraph generate sled.py      write that of a file of one's own\n"
         "  bondgraph generate --check      exit status 1 and a diff where a module has drifted from its graph",
     )  # fmt: skip
     c.add_argument(
-        "names", nargs="*", metavar="NAME", help="graphs by name, or module:function (default: all declared)"
+        "names",
+        nargs="*",
+        metavar="NAME",
+        help="declared graphs by name, any as FILE.py, FILE.py:name or module:name (default: all declared)",
     )
     c.add_argument("--check", action="store_true", help="compare only, write nothing")
     _add_exact(c)
-    c.add_argument("--folder", default="generated", help="folder of the modules (default: generated)")
+    c.add_argument("--folder", default=FOLDER, help=f"folder of the modules (default: {FOLDER})")
     c.add_argument(
         "--graphs", default="vehicle_graphs", help="package that declares GENERATED (default: vehicle_graphs)"
     )

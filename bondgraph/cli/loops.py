@@ -20,7 +20,8 @@ from bondgraph.data.match import read_mapping
 from bondgraph.declare.effect import effect_functions
 from bondgraph.declare.files import load_graph
 from bondgraph.declare.graph import BondGraph
-from bondgraph.errors import OptionError
+from bondgraph.declare.loading import load_module
+from bondgraph.errors import DeclarationError, OptionError
 from bondgraph.report.closed_loop import compare_with_truth, summary, write_closed_loop
 from bondgraph.report.collect import versions
 from bondgraph.report.html import Provenance
@@ -106,8 +107,6 @@ def _names(logs: Sequence[object]) -> tuple[str, ...]:
 
 def _module(name: str) -> ModuleType:
     try:
-        return importlib.import_module(name)
-    except ModuleNotFoundError as error:
-        if error.name and name.startswith(error.name):
-            raise OptionError(f"--effects {name}: there is no such module", where=("--effects", name)) from None
-        raise
+        return load_module(name)
+    except DeclarationError as error:
+        raise OptionError(f"--effects {error.message}", where=("--effects", name)) from None

@@ -15,6 +15,7 @@ from bondgraph.data.read import read_log
 from bondgraph.data.write import csv_text, write_log
 from bondgraph.declare.editing import with_values
 from bondgraph.declare.files import load_graph
+from bondgraph.declare.loading import is_model_file
 from bondgraph.errors import OptionError
 from bondgraph.estimate.estimate import Settings
 from bondgraph.estimate.estimate import estimate as run_estimate
@@ -72,7 +73,7 @@ def simulate(options: argparse.Namespace) -> int:
 def filter(options: argparse.Namespace) -> int:
     """Filter logs and write states with bands, innovations and consistency."""
     model, driven, logs = _model_and_logs(options)
-    noise = declared_noise(options.model, model.name)
+    noise = None if is_model_file(options.model) else declared_noise(options.model, model.name)
     print(filter_logs(model, driven, logs, Path(options.out), options.smooth, options.start, noise))
     return 0
 
@@ -109,9 +110,9 @@ def _model_and_logs(options: argparse.Namespace) -> tuple[Model, tuple[str, ...]
     """The model of a graph or of a generated module, the states that noise may drive, and the matched logs."""
     given = assignments(getattr(options, "set", ()), "--set")
     values = {name: value for name, value in given.items() if isinstance(value, float)}
-    if len(values) < len(given) or (values and options.model.endswith(".py")):
+    if len(values) < len(given) or (values and is_model_file(options.model)):
         raise OptionError("--set gives numbers to the parameters of a declared graph", where=("--set",))
-    if options.model.endswith(".py"):
+    if is_model_file(options.model):
         model = Model.from_file(options.model)
         driven = model.names("state")
     else:

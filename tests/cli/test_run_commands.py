@@ -140,4 +140,4 @@ def test_a_log_cannot_be_trained_on_and_held_out(
 
 def test_unknown_effects_module(motor_file: Path, run_file: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["close-loop", str(motor_file), "--data", str(run_file), "--effects", "no_such_effects"]) == 2
-    assert "there is no such module" in capsys.readouterr().err
+    assert "--effects no_such_effects: there is no module 'no_such_effects'" in capsys.readouterr().err

@@ -142,9 +142,9 @@ def test_a_graph_function_is_loaded_by_name():
     ("reference", "text"),
     [
         ("nowhere.json", "no such file"),
-        ("nowhere", "no such file - give a graph file, or module:function"),
+        ("nowhere", "no such file - give a graph file (motor.json, sled.py, sled.py:name), or module:name"),
         ("bondgraph.nowhere:x", "there is no module 'bondgraph.nowhere'"),
-        ("tests.declare.test_files:everythin", "has no function 'everythin'; did you mean 'everything'?"),
+        ("tests.declare.test_files:everythin", "has no function or graph 'everythin'; did you mean 'everything'?"),
         ("os:getcwd", "gives a str, not a BondGraph"),
     ],
 )
