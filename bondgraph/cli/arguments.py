@@ -71,6 +71,10 @@ def _add_graph_commands(commands: Any) -> None:
     c.add_argument("graph", metavar="GRAPH", help=GRAPH_HELP)
     c.add_argument("-o", "--out", metavar="FILE", help="picture to write: .svg, .png or .pdf (default: NAME.svg)")
 
+    _add_generate(commands)
+
+
+def _add_generate(commands: Any) -> None:
     c = _command(
         commands, "generate", "write the generated modules of the declared graphs, or check them",
         "  bondgraph generate              write all that vehicle_graphs declares\n"

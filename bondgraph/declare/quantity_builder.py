@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from sympy import Symbol
+from sympy import Expr, Symbol
 
 from bondgraph.declare.expressions import signal
 from bondgraph.declare.functions import TableFunction, table_function
-from bondgraph.declare.handles import At, Handle, callable_law
+from bondgraph.declare.handles import At, Handle
+from bondgraph.declare.laws import apply_law
 from bondgraph.declare.quantities import Input, Integral, NamedSignal, Output, Parameter, Requirement, Table, symbol
 from bondgraph.declare.quantity_checks import check_quantity, check_table
 from bondgraph.declare.requirements import check_requirement
@@ -59,8 +60,15 @@ class QuantityBuilder(GraphStore):
         units = (argument_unit,) if isinstance(argument_unit, str) else tuple(argument_unit)
         while units and not units[-1]:
             units = units[:-1]
-        rows = tuple(tuple(map(float, row)) for row in values) if len(y) else tuple(map(float, values))
-        table = Table(name, tuple(map(float, x)), rows, tuple(map(float, y)), unit, units, meaning)
+        try:
+            rows = tuple(tuple(map(float, row)) for row in values) if len(y) else tuple(map(float, values))
+            table = Table(name, tuple(map(float, x)), rows, tuple(map(float, y)), unit, units, meaning)
+        except (TypeError, ValueError) as error:
+            raise DeclarationError(
+                f"{self.name}: table {name}: its points and values must be numbers, not symbols or texts ({error}) - "
+                "multiply the table by a parameter where it is used",
+                where=(name,),
+            ) from None
         check_table(table, self.name)
         self._declare(table)
         return table_function(name, 2 if len(y) else 1)
@@ -79,7 +87,7 @@ class QuantityBuilder(GraphStore):
         smoothed
         """
         own = symbol(name)
-        expression = self._checked(of(own) if callable_law(of) else of, (), name, also=own)
+        expression = self._checked(self._given(name, of, own), (), name, also=own)
         return self._declare(Integral(name, expression, unit, meaning, float(initial)))
 
     def signal(self, name: str, expression: Any, unit: str, meaning: str = "") -> Symbol:
@@ -102,7 +110,7 @@ class QuantityBuilder(GraphStore):
         E
         """
         own = symbol(name)
-        expression = self._checked(residual(own) if callable_law(residual) else residual, (), name, also=own)
+        expression = self._checked(self._given(name, residual, own), (), name, also=own)
         if own not in expression.free_symbols:
             raise DeclarationError(f"{self.name}: {name}: the residual does not contain {name} - use signal()", (name,))
         return self._declare(NamedSignal(name, expression, unit, meaning, self._checked(guess, (), f"{name}: guess")))
@@ -150,6 +158,10 @@ class QuantityBuilder(GraphStore):
     def measure_momentum(self, name: str, at: At, meaning: str = "", unit: str | None = None) -> None:
         """Declare that the momentum of an inertance is measured; the unit is its domain's."""
         self._measure_variable(name, "momentum", at, meaning, unit)
+
+    def _given(self, name: str, value: Any, own: Symbol) -> Expr:
+        """An expression, or what a function makes of the quantity's own symbol."""
+        return apply_law(value, own, where=f"{self.name}: {name}")
 
     def _measure_variable(
         self, name: str, variable: str, at: At, meaning: str, unit: str | None, port: int = 0
