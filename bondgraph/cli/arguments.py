@@ -148,7 +148,6 @@ def _add_run_commands(commands: Any) -> None:
         "  bondgraph filter vehicle_graphs.driveline:driveline --data run.csv --smooth --out filtered",
     )  # fmt: skip
     _add_data(c)
-    c.add_argument("--set", action="append", default=[], metavar="NAME=VALUE", help="parameter of a declared graph")
     c.add_argument("--smooth", action="store_true", help="states given the whole log instead of the past only")
     c.add_argument("--out", default="filtered", metavar="DIR", help="folder to write (default: filtered)")
 
@@ -201,6 +200,7 @@ def _add_loop_commands(commands: Any) -> None:
     c.add_argument(
         "--map", action="append", default=[], metavar="COLUMN=NAME", help="other names, or a JSON file of them"
     )
+    _add_set(c)
     c.add_argument("--out", default="loop", metavar="DIR", help="folder to write (default: loop)")
     c.add_argument(
         "--seed", type=int, default=0, help="noted in the report; nothing here is drawn at random (default: 0)"
@@ -228,10 +228,18 @@ def _add_data(command: argparse.ArgumentParser) -> None:
     command.add_argument(
         "--map", action="append", default=[], metavar="COLUMN=NAME", help="other names, or a JSON file of them"
     )
+    _add_set(command)
     command.add_argument(
         "--start", default="measured", choices=("measured", "settled", "model"),
         help="states at the start of a log: measured ones as measured and the others as declared (default), or where "
         "they come to rest while the measured ones are held, or all as declared",
+    )  # fmt: skip
+
+
+def _add_set(command: argparse.ArgumentParser) -> None:
+    command.add_argument(
+        "--set", action="append", default=[], metavar="NAME=VALUE",
+        help="value of an input where the logs have no column of it, or of a parameter of a declared graph",
     )  # fmt: skip
 
 

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from types import ModuleType
 
-from bondgraph.cli.values import names
+from bondgraph.cli.values import names, set_values
 from bondgraph.correct.fits.journal import Journal
 from bondgraph.correct.loop import ClosedLoop, LoopSettings
 from bondgraph.correct.loop import close_loop as run_loop
@@ -31,9 +31,9 @@ from bondgraph.report.progress import WorkProgress
 
 def close_loop(options: argparse.Namespace) -> int:
     """Find what a declared graph lacks, from measured logs."""
-    graph = load_graph(options.graph)
+    graph, given = set_values(load_graph(options.graph), options.set)
     logs = training_and_held_out(
-        build(graph).model, options.data, options.holdout, read_mapping(options.map), options.rate
+        build(graph).model, options.data, options.holdout, read_mapping(options.map), options.rate, given
     )
     for line in logs.said:
         print(line, file=sys.stderr)

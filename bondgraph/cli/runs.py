@@ -7,13 +7,12 @@ import json
 import sys
 from pathlib import Path
 
-from bondgraph.cli.values import assignments, finite, initial, names
+from bondgraph.cli.values import assignments, finite, initial, names, set_values
 from bondgraph.correct.models.build import build
 from bondgraph.data.log import MatchedLog
 from bondgraph.data.match import match, read_mapping
 from bondgraph.data.read import read_log
 from bondgraph.data.write import csv_text, write_log
-from bondgraph.declare.editing import with_values
 from bondgraph.declare.files import load_graph
 from bondgraph.declare.loading import is_model_file
 from bondgraph.errors import OptionError
@@ -31,7 +30,7 @@ from bondgraph.report.manoeuvre import manoeuvre_figure
 from bondgraph.report.plots import launch_figure
 from bondgraph.report.progress import WorkProgress
 from bondgraph.report.scenarios import declared_noise, declared_panels, declared_scenario
-from bondgraph.report.simulation import SimulationOptions, simulate_graph, trajectory_log
+from bondgraph.report.simulation import SimulationOptions, input_notes, simulate_graph, trajectory_log
 from bondgraph.report.tables import parameter_table, text_of
 from bondgraph.simulate.model import Model
 
@@ -56,6 +55,9 @@ def simulate(options: argparse.Namespace) -> int:
     if scenario and scenario.left_out(trajectory.model):
         names = ", ".join(scenario.left_out(trajectory.model))
         print(f"left out, since {graph.name} does not have them: {names}", file=sys.stderr)
+    if scenario is None:
+        for line in input_notes(trajectory.model, inputs, chosen.values or {}):
+            print(line, file=sys.stderr)
     log = trajectory_log(trajectory)
     if options.plot:
         title = f"{graph.name}: {scenario.meaning}" if scenario else graph.name
@@ -108,18 +110,16 @@ def sensitivity(options: argparse.Namespace) -> int:
 
 def _model_and_logs(options: argparse.Namespace) -> tuple[Model, tuple[str, ...], list[MatchedLog]]:
     """The model of a graph or of a generated module, the states that noise may drive, and the matched logs."""
-    given = assignments(getattr(options, "set", ()), "--set")
-    values = {name: value for name, value in given.items() if isinstance(value, float)}
-    if len(values) < len(given) or (values and is_model_file(options.model)):
-        raise OptionError("--set gives numbers to the parameters of a declared graph", where=("--set",))
+    given: dict[str, float | str]
     if is_model_file(options.model):
-        model = Model.from_file(options.model)
+        model, given = Model.from_file(options.model), assignments(options.set, "--set")
         driven = model.names("state")
     else:
-        built = build(with_values(load_graph(options.model), values))
+        graph, given = set_values(load_graph(options.model), options.set)
+        built = build(graph)
         model, driven = built.model, built.driven
     mapping = read_mapping(options.map)
-    logs = [match(read_log(path), model, mapping) for path in options.data]
+    logs = [match(read_log(path), model, mapping, given) for path in options.data]
     for line in grouped_notes(logs):
         print(line, file=sys.stderr)
     return model, driven, logs

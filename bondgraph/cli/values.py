@@ -8,6 +8,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from bondgraph.declare.editing import with_values
+from bondgraph.declare.graph import BondGraph
 from bondgraph.errors import OptionError
 
 
@@ -40,6 +42,25 @@ def assignments(pairs: Sequence[str], option: str) -> dict[str, float | str]:
         except ValueError:
             found[name] = text
     return found
+
+
+def set_values(graph: BondGraph, pairs: Sequence[str]) -> tuple[BondGraph, dict[str, float | str]]:
+    """A graph with the values of ``--set`` for its parameters, and those for its inputs.
+
+    Raises
+    ------
+    OptionError
+        If a parameter is given a text.
+    DeclarationError
+        If there is no such parameter.
+    """
+    given = assignments(pairs, "--set")
+    inputs = {one.name for one in graph.flatten().inputs}
+    values = {name: value for name, value in given.items() if name not in inputs and isinstance(value, float)}
+    for name, value in given.items():
+        if name not in inputs and name not in values:
+            raise OptionError(f"--set {name}={value}: the value must be a number", where=("--set", name))
+    return with_values(graph, values), {name: value for name, value in given.items() if name in inputs}
 
 
 def initial(given: Sequence[str]) -> dict[str, float]:

@@ -77,7 +77,7 @@ def _head(graph: BondGraph) -> dict[str, Any]:
 
 def _input_record(quantity: Input) -> dict[str, Any]:
     record = _without_empty({"name": quantity.name, "unit": quantity.unit, "meaning": quantity.meaning})
-    if quantity.default:
+    if quantity.has_default:
         record["default"] = quantity.default
     if quantity.letters:
         record["letters"] = dict(quantity.letters)

@@ -11,7 +11,17 @@ from bondgraph.declare.expressions import signal
 from bondgraph.declare.functions import TableFunction, table_function
 from bondgraph.declare.handles import At, Handle
 from bondgraph.declare.laws import apply_law
-from bondgraph.declare.quantities import Input, Integral, NamedSignal, Output, Parameter, Requirement, Table, symbol
+from bondgraph.declare.quantities import (
+    Input,
+    Integral,
+    Interpolation,
+    NamedSignal,
+    Output,
+    Parameter,
+    Requirement,
+    Table,
+    symbol,
+)
 from bondgraph.declare.quantity_checks import check_quantity, check_table
 from bondgraph.declare.requirements import check_requirement
 from bondgraph.declare.store import GraphStore
@@ -27,13 +37,19 @@ class QuantityBuilder(GraphStore):
         unit: str,
         meaning: str = "",
         *,
-        default: float = 0.0,
+        default: float | None = None,
         hold: bool = False,
         letters: Mapping[str, float] | None = None,
     ) -> Symbol:
-        """Declare a known signal from outside; ``letters`` are the codes of a text signal and their values."""
+        """Declare a known signal from outside; ``letters`` are the codes of a text signal and their values.
+
+        A log must hold it, or the command that reads the log must give it, unless a ``default`` is declared.
+        """
         codes = tuple((letter, float(value)) for letter, value in (letters or {}).items())
-        return self._declare(Input(name, unit, meaning, float(default), "hold" if hold or codes else "linear", codes))
+        value = float(default or 0.0)
+        between: Interpolation = "hold" if hold or codes else "linear"
+        zero = default is not None and value == 0.0
+        return self._declare(Input(name, unit, meaning, value, between, codes, zero_default=zero))
 
     def parameter(
         self, name: str, value: float, unit: str, meaning: str = "", bounds: tuple[float, float] | None = None

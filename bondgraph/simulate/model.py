@@ -20,7 +20,7 @@ import numpy.typing as npt
 from bondgraph.errors import ModelError, suggest
 from bondgraph.simulate.arrays import FloatArray
 from bondgraph.simulate.loader import parse_module, require_function, run_module
-from bondgraph.simulate.rows import EventInfo, ModeInfo, events_of, rows
+from bondgraph.simulate.rows import EventInfo, ModeInfo, events_of, input_rows, rows
 
 if TYPE_CHECKING:
     from bondgraph.simulate.compile import CompiledModel
@@ -44,6 +44,7 @@ class InputInfo:
     """One input: its default, how it runs between samples, and its letters if it is a code.
 
     ``interpolation`` is ``linear``, ``hold``, or ``rate of NAME`` for the slope of another input, held between samples.
+    ``zero_default`` tells a default of zero that is declared from none at all.
     """
 
     name: str
@@ -52,6 +53,12 @@ class InputInfo:
     interpolation: str
     letters: Mapping[str, float] | None
     meaning: str
+    zero_default: bool = False
+
+    @property
+    def has_default(self) -> bool:
+        """Whether a default is declared; what has none must be given."""
+        return self.default != 0.0 or self.zero_default
 
     @property
     def rate_of(self) -> str:
@@ -126,7 +133,7 @@ class Model:
             text=text,
             doc=str(names.get("__doc__") or ""),
             states=rows(names, "STATES", StateInfo, source),
-            inputs=rows(names, "INPUTS", InputInfo, source),
+            inputs=input_rows(names, InputInfo, source),
             parameters=rows(names, "PARAMETERS", ParameterInfo, source),
             outputs=rows(names, "OUTPUTS", OutputInfo, source),
             _rhs=require_function(names, "rhs", source),

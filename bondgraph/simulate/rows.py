@@ -35,6 +35,10 @@ class EventInfo:
     meaning: str
 
 
+#: Columns of an input in a module.
+_INPUT_COLUMNS = 6
+
+
 def rows(names: Mapping[str, Any], table: str, kind: type[_Info], source: str) -> tuple[_Info, ...]:
     """The rows of one table of a module.
 
@@ -51,6 +55,13 @@ def rows(names: Mapping[str, Any], table: str, kind: type[_Info], source: str) -
             f"{source}: a row of {table} does not have the columns ({fields}) - regenerate the module",
             where=(source, table),
         ) from None
+
+
+def input_rows(names: Mapping[str, Any], kind: type[_Info], source: str) -> tuple[_Info, ...]:
+    """The inputs of a module; those listed as such have a declared default of zero."""
+    zeros = names.get("ZERO_DEFAULTS", ())
+    marked = [(*row, row[0] in zeros) if len(row) == _INPUT_COLUMNS else row for row in names["INPUTS"]]
+    return rows({"INPUTS": marked}, "INPUTS", kind, source)
 
 
 def events_of(names: Mapping[str, Any], source: str) -> dict[str, Any]:

@@ -291,3 +291,13 @@ def test_no_entry_of_a_file_can_raise_anything_but_a_readable_error():
                 graph_from_json(data).validate()
             except BondGraphError as error:
                 assert str(error)
+
+
+def test_a_declared_default_of_zero_is_kept_apart_from_none():
+    g = BondGraph("g")
+    for name, default in (("none", None), ("zero", 0.0), ("one", 1.0)):
+        g.input(name, "V", default=default)
+    written = graph_to_json(g)["graph"]["inputs"]
+    assert [record.get("default") for record in written] == [None, 0.0, 1.0]
+    again = graph_from_json(graph_to_json(g), "g.json")
+    assert again == g and [one.has_default for one in again.inputs] == [False, True, True]
