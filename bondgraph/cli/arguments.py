@@ -148,6 +148,7 @@ def _add_run_commands(commands: Any) -> None:
         "  bondgraph filter vehicle_graphs.driveline:driveline --data run.csv --smooth --out filtered",
     )  # fmt: skip
     _add_data(c)
+    _add_strict(c)
     c.add_argument("--smooth", action="store_true", help="states given the whole log instead of the past only")
     c.add_argument("--out", default="filtered", metavar="DIR", help="folder to write (default: filtered)")
 
@@ -174,6 +175,7 @@ def _add_run_commands(commands: Any) -> None:
         help="lead the gradient searches through filters with more process noise, where the start is so far away that "
         "the likelihood is rugged (default: none)",
     )  # fmt: skip
+    _add_strict(c)
     c.add_argument("--seed", type=int, default=0, help="seed of the swarm (default: 0)")
     c.add_argument("--out", default="estimate", metavar="DIR", help="folder to write (default: estimate)")
     c.add_argument("--resume", action="store_true", help="go on from the checkpoint in --out")
@@ -240,6 +242,14 @@ def _add_set(command: argparse.ArgumentParser) -> None:
     command.add_argument(
         "--set", action="append", default=[], metavar="NAME=VALUE",
         help="value of an input where the logs have no column of it, or of a parameter of a declared graph",
+    )  # fmt: skip
+
+
+def _add_strict(command: argparse.ArgumentParser) -> None:
+    command.add_argument(
+        "--strict", action="store_true",
+        help="exit status 1 where the model does not explain the logs: its innovations are coloured, or larger than "
+        "the filter expects",
     )  # fmt: skip
 
 

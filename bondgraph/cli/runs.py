@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import math
 import sys
 from pathlib import Path
 
@@ -27,6 +28,7 @@ from bondgraph.report.filtering import filter_logs
 from bondgraph.report.html import Provenance
 from bondgraph.report.logs import grouped_notes
 from bondgraph.report.manoeuvre import manoeuvre_figure
+from bondgraph.report.misfits import misfit_sentences
 from bondgraph.report.plots import launch_figure
 from bondgraph.report.progress import WorkProgress
 from bondgraph.report.scenarios import declared_noise, declared_panels, declared_scenario
@@ -76,8 +78,10 @@ def filter(options: argparse.Namespace) -> int:
     """Filter logs and write states with bands, innovations and consistency."""
     model, driven, logs = _model_and_logs(options)
     noise = None if is_model_file(options.model) else declared_noise(options.model, model.name)
-    print(filter_logs(model, driven, logs, Path(options.out), options.smooth, options.start, noise))
-    return 0
+    made = _provenance(options, math.nan)
+    found = filter_logs(model, driven, logs, Path(options.out), options.smooth, options.start, noise, made)
+    print(found.text)
+    return 1 if options.strict and found.misfits else 0
 
 
 def estimate(options: argparse.Namespace) -> int:
@@ -96,8 +100,8 @@ def estimate(options: argparse.Namespace) -> int:
     print(f"integrated by {found.certification}")
     if not found.is_smooth:
         print(rough_note(found))
-    print(f"report: {folder / 'report.html'}")
-    return 0 if found.outcome.succeeded else 1
+    print(*misfit_sentences(found.misfits, folder / "report.html"), f"report: {folder / 'report.html'}", sep="\n")
+    return 1 if not found.outcome.succeeded or (options.strict and found.misfits) else 0
 
 
 def sensitivity(options: argparse.Namespace) -> int:
@@ -127,4 +131,4 @@ def _model_and_logs(options: argparse.Namespace) -> tuple[Model, tuple[str, ...]
 
 def _provenance(options: argparse.Namespace, duration: float) -> Provenance:
     training = tuple(Path(path).name for path in options.data)
-    return Provenance(options.command_line, options.seed, versions(), training, (), duration)
+    return Provenance(options.command_line, getattr(options, "seed", None), versions(), training, (), duration)

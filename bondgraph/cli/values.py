@@ -59,7 +59,11 @@ def set_values(graph: BondGraph, pairs: Sequence[str]) -> tuple[BondGraph, dict[
     values = {name: value for name, value in given.items() if name not in inputs and isinstance(value, float)}
     for name, value in given.items():
         if name not in inputs and name not in values:
-            raise OptionError(f"--set {name}={value}: the value must be a number", where=("--set", name))
+            raise OptionError(
+                f"--set {name}={value}: --set gives numbers to the parameters of a declared graph, and numbers or "
+                "letters to its inputs",
+                where=("--set", name),
+            )
     return with_values(graph, values), {name: value for name, value in given.items() if name in inputs}
 
 

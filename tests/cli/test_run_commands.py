@@ -201,3 +201,37 @@ def test_simulate_refuses_a_table_without_an_input_and_tells_what_rests(
     assert "input 'u_a' has no value; 0 V is taken - give it with --set u_a=VALUE" in capsys.readouterr().err
     assert main([*command, "--until", "1", "--set", "u_a=1"]) == 0
     assert "u_a" not in capsys.readouterr().err
+
+
+@pytest.fixture
+def wrong_file(run_file: Path, tmp_path: Path) -> Path:
+    """The same run of a motor whose speed swings more than its model can say."""
+    path = tmp_path / "wrong.csv"
+    header, *rows = run_file.read_text(encoding="utf-8").splitlines()
+    values = [[float(word) for word in row.split(",")] for row in rows]
+    more = "".join(f"{t},{u},{speed * (1.0 + 0.2 * np.sin(6.0 * t))}\n" for t, u, speed in values)
+    path.write_text(f"{header}\n{more}", encoding="utf-8")
+    return path
+
+
+@pytest.mark.parametrize("command", ["filter", "estimate"])
+def test_a_log_that_the_model_does_not_explain_is_told(
+    command: str, motor_file: Path, wrong_file: Path, run_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Before, a whiteness of p = 1e-237 stood in result.json alone."""
+    out = tmp_path / "out"
+    options = ["--set", "b=0.12"] if command == "filter" else ["--free", "b", "--method", "gradient"]
+    options += [] if command == "filter" else ["--process-noise", "none"]
+    words = [command, str(motor_file), *options, "--out", str(out)]
+    assert main([*words, "--data", str(wrong_file)]) == 0
+    said = capsys.readouterr().out
+    assert "omega: one-step error" in said and "times its noise" in said
+    assert f"the model does not explain this log - look at {out / 'report.html'}" in said and "close-loop" in said
+    assert "the model does not explain this log" in (out / "report.html").read_text(encoding="utf-8")
+    result = json.loads((out / "result.json").read_text(encoding="utf-8"))
+    (found,) = (result if command == "estimate" else result["wrong"])["misfits"]
+    assert found["channel"] == "omega" and found["coloured"] and found["whiteness_p"] < 1e-20
+    assert main([*words, "--strict", "--data", str(wrong_file)]) == 1
+    capsys.readouterr()
+    assert main([*words, "--strict", "--data", str(run_file)]) == 0
+    assert "does not explain" not in capsys.readouterr().out + (out / "report.html").read_text(encoding="utf-8")
