@@ -100,7 +100,8 @@ def estimate(options: argparse.Namespace) -> int:
     print(f"integrated by {found.certification}")
     if not found.is_smooth:
         print(rough_note(found))
-    print(*misfit_sentences(found.misfits, folder / "report.html"), f"report: {folder / 'report.html'}", sep="\n")
+    report = folder / "report.html"
+    print(*misfit_sentences(found.misfits, report), *data.suspected, f"report: {report}", sep="\n")
     return 1 if not found.outcome.succeeded or (options.strict and found.misfits) else 0
 
 

@@ -18,6 +18,7 @@ from bondgraph.data.lacking import lacking_input, require_inputs
 from bondgraph.data.log import FIRST_ROW, FloatArray, Log, LogChannel, MatchedLog
 from bondgraph.data.rates import slopes
 from bondgraph.data.signals import InputQuantity, Quantity, Signals, names_of
+from bondgraph.data.suspicions import time_gaps
 from bondgraph.errors import DataError, OptionError, suggest
 
 
@@ -56,6 +57,7 @@ def match(
     channels, renamed = _rename(log, model, mapping or {})
     _require_outputs(log, model, channels)
     notes = [finding.message for finding in check_log(log) if _matters(finding, renamed[finding.channel], model)]
+    notes += time_gaps(log.time)
     u = _inputs(log, channels, model, given or {}, notes)
     y = np.array([_output(log, channels, quantity, notes) for quantity in model.outputs]).reshape(-1, len(log))
     overrides = {

@@ -17,8 +17,10 @@ from bondgraph.estimate.result import Estimate
 from bondgraph.report.closed_loop import write_json
 from bondgraph.report.collect import Runs, channel_series, parameter_changes
 from bondgraph.report.html import Provenance, ReportData, write_report
+from bondgraph.report.logs import grouped_notes
 from bondgraph.report.misfits import misfit_sentences
 from bondgraph.report.series import ChannelSeries, channel_errors
+from bondgraph.report.suspicions import sampling_suspicions, unit_suspicions
 from bondgraph.simulate.model import Model
 from bondgraph.simulate.simulate import simulate
 from bondgraph.simulate.trajectory import Trajectory
@@ -88,9 +90,23 @@ def estimate_report(estimate: Estimate, made: Provenance) -> ReportData:
         series=tuple(series),
         parameters=parameter_changes(model, declared, estimate.values, estimate.ci95, estimate.at_bound),
         trace=estimate.trace,
-        notes=tuple(_notes(estimate)),
+        suspected=tuple(_suspicions(estimate)),
+        notes=(*_notes(estimate), *grouped_notes(estimate.problem.logs)),
         made=made,
     )
+
+
+def _suspicions(estimate: Estimate) -> list[str]:
+    """What is suspected of the units, times and sampling of the logs, at the declared values of the model."""
+    model, initial = estimate.filter_model.model, estimate.problem.initial
+    return [
+        f"{log.name}: {one}"
+        for log in estimate.problem.logs
+        for one in (
+            *sampling_suspicions(model, log, initial),
+            *(unit_suspicions(estimate.filter_model, log, initial) if estimate.misfits or estimate.at_bound else ()),
+        )
+    ]
 
 
 def _notes(estimate: Estimate) -> list[str]:

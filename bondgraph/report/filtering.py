@@ -20,10 +20,12 @@ from bondgraph.filter.smoother import smooth
 from bondgraph.report.closed_loop import write_json
 from bondgraph.report.collect import Runs, channel_series, output_bands, state_bands
 from bondgraph.report.html import Provenance, ReportData, write_report
+from bondgraph.report.logs import grouped_notes
 from bondgraph.report.misfits import band_text, misfit_sentences
 from bondgraph.report.numbers import shown
 from bondgraph.report.plots import state_figure
 from bondgraph.report.series import ChannelSeries, channel_errors
+from bondgraph.report.suspicions import sampling_suspicions, unit_suspicions
 from bondgraph.simulate.model import Model
 
 
@@ -55,6 +57,7 @@ def filter_logs(
     lines, result = [], {}
     series: list[ChannelSeries] = []
     found_misfits: list[Misfit] = []
+    suspected: list[str] = []
     for log in logs:
         start = initial_states(model, [log], model.theta(), initial)[0]
         record = run(filter_model, log, x0=start).raise_if_failed()
@@ -67,6 +70,8 @@ def filter_logs(
         misfit = misfits([record], level=LEVEL / len(logs))
         result[log.name] |= {"channels": _channels(found), "misfits": [one.to_dict() for one in misfit]}
         found_misfits += misfit
+        suspected += [f"{log.name}: {one}" for one in sampling_suspicions(model, log, initial)]
+        suspected += [f"{log.name}: {one}" for one in unit_suspicions(filter_model, log, initial)] if misfit else []
         series += channel_series(model, log, Runs(record), noise_std=filter_model.measurement_noise)
         lines.append(
             f"{log.name}: NLL {shown(record.nll, 6)}, NIS "
@@ -79,26 +84,18 @@ def filter_logs(
         ]
     write_json(folder / "result.json", result)
     sentences = misfit_sentences(found_misfits, folder / "report.html")
-    write_report(_report(model, sentences, lines, series, made), folder / "report.html")
-    return Filtered("\n".join([*lines, *sentences, f"written: {folder}"]), tuple(found_misfits))
-
-
-def _report(
-    model: Model,
-    sentences: Sequence[str],
-    lines: Sequence[str],
-    series: Sequence[ChannelSeries],
-    made: Provenance | None,
-) -> ReportData:
-    return ReportData(
+    data = ReportData(
         title=model.name,
-        verdict="not explained" if sentences else "filtered",
+        verdict="not explained" if found_misfits else "filtered",
         explanation=" ".join(sentences) or "No channel contradicts the model.",
         errors=channel_errors(series),
         series=tuple(series),
-        notes=tuple(lines),
+        suspected=tuple(suspected),
+        notes=(*lines, *grouped_notes(logs)),
         made=made,
     )
+    write_report(data, folder / "report.html")
+    return Filtered("\n".join([*lines, *sentences, *suspected, f"written: {folder}"]), tuple(found_misfits))
 
 
 def _smoothed(record: FilterRun) -> FilterRun:

@@ -8,6 +8,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from bondgraph.cli import main
@@ -91,3 +92,37 @@ def test_python_dash_m_is_the_command() -> None:
     for module in ("bondgraph", "bondgraph.cli"):
         run = subprocess.run([sys.executable, "-m", module, "--version"], capture_output=True, text=True, check=True)
         assert run.stdout.startswith("bondgraph ")
+
+
+@pytest.fixture
+def push(folder: Path) -> np.ndarray:
+    """Times, forces and noisy speeds of the sled, pushed to and fro."""
+    time = 0.1 * np.arange(300)
+    force = 100.0 + 80.0 * np.sign(np.sin(0.7 * time))
+    table = "".join(f"{t},{f}\n" for t, f in zip(time, force, strict=True))
+    (folder / "inputs.csv").write_text("time [s],force [N]\n" + table)
+    assert main(["simulate", "sled.py", "--inputs", "inputs.csv", "--out", "clean.csv"]) == 0
+    speed = np.loadtxt(folder / "clean.csv", delimiter=",", skiprows=1)[:, -1]
+    return np.c_[time, force, speed + 0.05 * np.random.default_rng(0).standard_normal(time.size)]
+
+
+@pytest.mark.parametrize(
+    ("scales", "said"),
+    [
+        ((1.0, 3.6), r"output 'speed': measured values are 3\.[56]\d* times the modelled ones, .* km/h read as m/s"),
+        ((1000.0, 1.0), r"times are 100 s apart, but the model follows the log as if they were 100 ms"),
+        ((1.0, 1.0), ""),
+    ],
+)
+def test_a_log_in_other_units_is_pointed_out(
+    folder: Path, push: np.ndarray, scales: tuple[float, float], said: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    table = push * np.array([scales[0], 1.0, scales[1]])
+    table[:, 0] = np.round(table[:, 0], 3)
+    rows = "".join(",".join(map(repr, map(float, row))) + "\n" for row in table)
+    (folder / "run.csv").write_text("time [s],force [N],speed [m/s]\n" + rows)
+    assert main(["filter", "sled.py", "--data", "run.csv", "--out", "filtered"]) == 0
+    printed, report = capsys.readouterr().out, (folder / "filtered" / "report.html").read_text()
+    suspected = bool(said)
+    assert bool(re.search(r"which suggests|the model follows the log as if", printed)) == suspected
+    assert ("Check the log:" in report) == suspected and re.search(said, printed)
