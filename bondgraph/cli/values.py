@@ -64,7 +64,8 @@ def set_values(graph: BondGraph, pairs: Sequence[str]) -> tuple[BondGraph, dict[
                 "letters to its inputs",
                 where=("--set", name),
             )
-    return with_values(graph, values), {name: value for name, value in given.items() if name in inputs}
+    changed = with_values(graph, values) if values else graph
+    return changed, {name: value for name, value in given.items() if name in inputs}
 
 
 def initial(given: Sequence[str]) -> dict[str, float]:

@@ -229,7 +229,8 @@ class Estimate:
         Parameters
         ----------
         innovations
-            Per output ``rmse``, ``nis_mean``, ``nis_band`` and ``whiteness_p`` of the filter at the estimate.
+            Per output ``rmse``, ``nis_mean``, ``nis_band`` and ``whiteness_p`` of the filter at the estimate; without
+            them the filter is not run, and no misfits are listed.
         """
         names = self.problem.names
         parameters = {
@@ -250,7 +251,7 @@ class Estimate:
             "abandoned": self.abandoned,
             "seconds": round(self.seconds, 3),
             "innovations": {name: dict(values) for name, values in (innovations or {}).items()},
-            "misfits": [misfit.to_dict() for misfit in self.misfits],
+            "misfits": [] if innovations is None else [misfit.to_dict() for misfit in self.misfits],
             "correlation": {
                 name: {other: _number(float(self.correlation[i, j])) for j, other in enumerate(names)}
                 for i, name in enumerate(names)

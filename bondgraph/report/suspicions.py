@@ -16,6 +16,7 @@ from bondgraph.data.suspicions import (
     scale_suspicion,
     time_suspicion,
 )
+from bondgraph.errors import BondGraphError
 from bondgraph.estimate.initial import Initial, initial_states
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.simulate.model import Model
@@ -41,11 +42,12 @@ def unit_suspicions(filter_model: FilterModel, log: MatchedLog, initial: Initial
     """
     model = filter_model.model
     found = []
+    as_read = _answers(filter_model, log, initial)
     for row, info in enumerate(model.outputs):
         if np.isfinite(log.y[row]).any():
 
             def answer(factor: float, row: int = row) -> FloatArray | None:
-                modelled = _answers(filter_model, _scaled(log, row, factor), initial)
+                modelled = as_read if factor == 1.0 else _answers(filter_model, _scaled(log, row, factor), initial)
                 return None if modelled is None else modelled[row]
 
             found.append(scale_suspicion(info.name, info.unit, log.y[row], answer))
@@ -78,11 +80,14 @@ def _answers(filter_model: FilterModel, log: MatchedLog, initial: Initial) -> Fl
     """Outputs of the free simulation of a log from its own start, shape (n_y, n); None where it fails."""
     model = filter_model.model
     theta = _theta(model, log)
-    start = initial_states(model, [log], theta, initial)[0]
-    run = simulate(
-        model, log.time, log.u, theta, start,
-        method=filter_model.method, substeps=filter_model.substeps, compiled=True,
-    )  # fmt: skip
+    try:
+        start = initial_states(model, [log], theta, initial)[0]
+        run = simulate(
+            model, log.time, log.u, theta, start,
+            method=filter_model.method, substeps=filter_model.substeps, compiled=True,
+        )  # fmt: skip
+    except BondGraphError:  # no equilibrium or step from a start in another unit: this hypothesis says nothing
+        return None
     return run.y if run.outcome is Outcome.OK else None
 
 
