@@ -135,7 +135,7 @@ def joined_innovations(runs: Sequence[FilterRun]) -> tuple[ChannelInnovations, .
 
 
 def misfits(
-    runs: Sequence[FilterRun], noise: Mapping[str, float] | None = None, level: float = LEVEL
+    runs: Sequence[FilterRun], noise: Mapping[str, float] | None = None, level: float = LEVEL, *, guessed: bool = False
 ) -> tuple[Misfit, ...]:
     """Channels that a model does not explain, over the logs of some runs together.
 
@@ -148,6 +148,8 @@ def misfits(
         that widens it to the misfit would hide the misfit otherwise.
     level
         Chance that a model that is right is reported.
+    guessed
+        Whether the filter's noises were guessed from second differences of the same logs.
 
     Examples
     --------
@@ -164,7 +166,7 @@ def misfits(
     good = [one for one in runs if one.outcome is Outcome.OK]
     declared = good[0].filter_model.measurement_noise if good else {}
     logs = tuple(one.log_name for one in good)
-    return channel_misfits(joined_innovations(good), logs, {**declared, **(noise or {})}, level)
+    return channel_misfits(joined_innovations(good), logs, {**declared, **(noise or {})}, level, guessed=guessed)
 
 
 def nis_band(values: int, samples: int, confidence: float = 0.95) -> tuple[float, float]:

@@ -3,7 +3,7 @@
 Innovations of a model that explains a log are white and as large as the filter expects. Both are tested for every
 measured channel, and a misfit is reported where either hypothesis is rejected. The chance that a model which is right,
 noises included, is reported at all is at most ``LEVEL``, divided among all tests (Bonferroni). Innovations smaller than
-expected are no misfit: the noises are then declared or guessed too large.
+expected are no misfit: the noises are then declared or guessed too large, which may colour them as well.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import gammaincc
+from scipy.special import fdtrc, gammainc, gammaincc
 
 from bondgraph.filter.whiteness import whiteness_p
 from bondgraph.simulate.arrays import FloatArray
@@ -23,6 +23,10 @@ LEVEL = 1e-3
 #: The portmanteau statistic has a heavier tail than the chi-square that gives its p-value: of white series of 20 to
 #: 1000 values, p-values below p come up in at most 0.14 p^0.37 of the cases (a million series each, p down to 1e-6).
 _TAIL, _TAIL_POWER = 0.14, 0.37
+#: A variance from the median of n second differences scatters like the mean of so many times n squares.
+_GUESSED = 0.2
+#: One-step error over noise that a gain of one gives, and a tenth for the noise that is not known exactly.
+_GAIN = 1.1 * math.sqrt(2.0)
 #: Smaller p-values are not told apart.
 _SMALLEST_P = 1e-100
 
@@ -101,23 +105,43 @@ class Misfit:
 
 
 def channel_misfits(
-    channels: Sequence[ChannelInnovations], logs: tuple[str, ...], noise: Mapping[str, float], level: float = LEVEL
+    channels: Sequence[ChannelInnovations],
+    logs: tuple[str, ...],
+    noise: Mapping[str, float],
+    level: float = LEVEL,
+    *,
+    guessed: bool = False,
 ) -> tuple[Misfit, ...]:
-    """Channels whose innovations say that the model does not explain them; ``level`` is that of all tests together."""
+    """Channels whose innovations say that the model does not explain them; ``level`` is that of all tests together.
+
+    Noises ``guessed`` from second differences of the same logs are known less well than the mean of all squares.
+    """
     each = level / (2 * len(channels)) if channels else level
-    tested = [_tested(channel, logs, float(noise.get(channel.name, math.nan)), each) for channel in channels]
+    tested = [_tested(channel, logs, float(noise.get(channel.name, math.nan)), each, guessed) for channel in channels]
     return tuple(one for one in tested if one.is_coloured or one.is_large)
 
 
-def _tested(innovations: ChannelInnovations, logs: tuple[str, ...], noise: float, level: float) -> Misfit:
-    """What two tests, each of this level, say of the innovations of a channel."""
+def _tested(
+    innovations: ChannelInnovations, logs: tuple[str, ...], noise: float, level: float, guessed: bool
+) -> Misfit:
+    """What two tests, each of this level, say of the innovations of a channel.
+
+    Colour counts only where innovations are not smaller than expected: too much process noise colours them too, by a
+    gain that is too large, and never more than to sqrt(2) times the noise, the error of who believes each measurement.
+    """
     squares = float(np.nansum(innovations.normalised**2))
     count = innovations.count
-    large_p = float(gammaincc(0.5 * count, 0.5 * squares))
+    if guessed:
+        large_p = float(fdtrc(count, max(_GUESSED * count, 1.0), squares / count))
+    else:
+        large_p = float(gammaincc(0.5 * count, 0.5 * squares))
+    is_small = float(gammainc(0.5 * count, 0.5 * squares)) < level
+    could_be_gain = is_small and not innovations.rmse > _GAIN * noise
+    smallest = min(level, (level / _TAIL) ** (1.0 / _TAIL_POWER))
     white_p = whiteness_p(innovations.normalised)
     return Misfit(
         innovations.name, innovations.unit, logs, innovations.rmse, noise, squares / count, large_p, white_p,
-        is_coloured=white_p < min(level, (level / _TAIL) ** (1.0 / _TAIL_POWER)), is_large=large_p < level,
+        is_coloured=not could_be_gain and white_p < smallest, is_large=large_p < level,
     )  # fmt: skip
 
 

@@ -67,7 +67,7 @@ def filter_logs(
         state_figure(bands, log.name).savefig(folder / f"{log.name}_states.png", dpi=150)
         found = consistency(record)
         result[log.name] = {"nll": record.nll, "nis_mean": found.nis_mean, "nis_band": list(found.nis_band)}
-        misfit = misfits([record], level=LEVEL / len(logs))
+        misfit = misfits([record], level=LEVEL / len(logs), guessed=noise is None)
         result[log.name] |= {"channels": _channels(found), "misfits": [one.to_dict() for one in misfit]}
         found_misfits += misfit
         suspected += [f"{log.name}: {one}" for one in sampling_suspicions(model, log, initial)]
