@@ -41,6 +41,10 @@ class DeclarationError(BondGraphError):
     """A graph is declared wrongly: unknown name, bad unit, impossible bond."""
 
 
+class LawError(DeclarationError):
+    """A law is no expression: its function fails on symbols, or gives something else."""
+
+
 class CausalityError(BondGraphError):
     """No consistent assignment of causal strokes exists."""
 

@@ -1,6 +1,6 @@
 # Generated from vehicle_graphs/driveline.py -- do not edit.
 # Regenerate with:  bondgraph generate vehicle_graphs.driveline:driveline
-# Generator: bondgraph 0.1.0, sympy 1.14.0.  Equations: c55654ba08e32105
+# Generator: bondgraph 0.1.0, sympy 1.14.0.  Equations: 682eaa708fee6d1c
 """A driveline on a test bench: engine torque through a slipping belt and an elastic half-shaft to a vehicle.
 
 States x:
@@ -51,6 +51,8 @@ INPUTS = (
     ("engine_torque", "N m", 0.0, "linear", None, "torque of the engine, from its map"),
     ("grade", "1", 0.0, "linear", None, "sine of the road's inclination, uphill positive"),
 )
+# inputs that are zero where a log lacks them; the others with a default of 0.0 must be given
+ZERO_DEFAULTS = ("grade",)
 # name, unit, value, lower and upper bound (None: known, stays fixed), meaning
 PARAMETERS = (
     ("J_primary", "kg m^2", 0.08, None, None, "engine and primary sheave, from drawings"),

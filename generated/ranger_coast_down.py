@@ -1,6 +1,6 @@
 # Generated from vehicle_graphs/ranger.py -- do not edit.
 # Regenerate with:  bondgraph generate vehicle_graphs.ranger:coast_down
-# Generator: bondgraph 0.1.0, sympy 1.14.0.  Equations: 5dc1280f43e0d83e
+# Generator: bondgraph 0.1.0, sympy 1.14.0.  Equations: 1663db97c1524828
 """Ranger-class vehicle coasting in neutral: axles, tyres, body and ground, nothing of engine and CVT.
 
 States x:
@@ -73,6 +73,8 @@ INPUTS = (
     ("inclination_rate", "rad/s", 0.0, "linear", None, "rate at which the inclination of the ground changes"),
     ("brake", "1", 0.0, "linear", None, "brake pedal, 0 to 1"),
 )
+# inputs that are zero where a log lacks them; the others with a default of 0.0 must be given
+ZERO_DEFAULTS = ("inclination_rate", "brake")
 # name, unit, value, lower and upper bound (None: known, stays fixed), meaning
 PARAMETERS = (
     ("th_off", "rad", 0.0, -0.1, 0.1, "offset of the measured pitch"),

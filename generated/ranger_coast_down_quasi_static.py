@@ -1,6 +1,6 @@
 # Generated from vehicle_graphs/ranger.py -- do not edit.
 # Regenerate with:  bondgraph generate vehicle_graphs.ranger:coast_down_quasi_static
-# Generator: bondgraph 0.1.0, sympy 1.14.0.  Equations: e6fb339eea3e9fc3
+# Generator: bondgraph 0.1.0, sympy 1.14.0.  Equations: 02923fd6087b79fa
 """Ranger-class vehicle coasting in neutral on a suspension that follows at once.
 
 States x:
@@ -62,6 +62,8 @@ INPUTS = (
     ("inclination_rate", "rad/s", 0.0, "linear", None, "rate at which the inclination of the ground changes"),
     ("brake", "1", 0.0, "linear", None, "brake pedal, 0 to 1"),
 )
+# inputs that are zero where a log lacks them; the others with a default of 0.0 must be given
+ZERO_DEFAULTS = ("inclination_rate", "brake")
 # name, unit, value, lower and upper bound (None: known, stays fixed), meaning
 PARAMETERS = (
     ("th_off", "rad", 0.0, -0.1, 0.1, "offset of the measured pitch"),

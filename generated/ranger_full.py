@@ -1,6 +1,6 @@
 # Generated from vehicle_graphs/ranger.py -- do not edit.
 # Regenerate with:  bondgraph generate vehicle_graphs.ranger:full
-# Generator: bondgraph 0.1.0, sympy 1.14.0.  Equations: c1c1008de5bfda1d
+# Generator: bondgraph 0.1.0, sympy 1.14.0.  Equations: 5ce6e8d202c940fc
 """Ranger-class vehicle with rubber-belt CVT, rear drive: the whole vehicle.
 
 States x:
@@ -120,6 +120,8 @@ INPUTS = (
     ("throttle", "1", 0.0, "linear", None, "throttle pedal, 0 to 1"),
     ("gear", "1", 10.0, "hold", {"H": 10.0, "L": 22.0, "R": -20.0, "N": 0.0}, "gear lever"),
 )
+# inputs that are zero where a log lacks them; the others with a default of 0.0 must be given
+ZERO_DEFAULTS = ("inclination_rate", "brake")
 # name, unit, value, lower and upper bound (None: known, stays fixed), meaning
 PARAMETERS = (
     ("th_off", "rad", 0.0, -0.1, 0.1, "offset of the measured pitch"),

@@ -97,7 +97,8 @@ def test_the_visible_top_level_is_the_agreed_one() -> None:
 
 def test_every_module_has_a_place() -> None:
     found = {path.name for path in PACKAGE.iterdir() if path.name != "__pycache__"}
-    assert found == {"__init__.py", "py.typed", "errors.py", "units.py", "coherent.py", *ROOMS}
+    top = {"__init__.py", "__main__.py", "py.typed", "errors.py", "units.py", "coherent.py"}
+    assert found == {*top, *ROOMS}
     for path in _modules():
         assert (path.parent / "__init__.py").is_file(), f"{_name(path)} is in a folder without __init__.py"
 

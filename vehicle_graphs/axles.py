@@ -32,7 +32,7 @@ def axle(end: End) -> BondGraph:
     ['hub', 'inertia', 'brake_discs', 'rolling']
     """
     g = BondGraph(f"{end}_axle", doc=__doc__)
-    brake = g.input("brake", "1", "brake pedal, 0 to 1")
+    brake = g.input("brake", "1", "brake pedal, 0 to 1", default=0.0)
     load = g.input("load", "N", "force of the tyres on the ground")
     inertia, state = _INERTIA[end]
     largest, torque = _BRAKE[end]

@@ -105,7 +105,7 @@ def quasi_static_chassis() -> BondGraph:
 
 
 def _frame(g: BondGraph) -> _Frame:
-    slope = g.input("slope", "rad", "inclination of the ground, uphill positive")
+    slope = g.input("slope", "rad", "inclination of the ground, uphill positive", default=0.0)
     m = g.parameter("m", 1200.0, "kg", "vehicle 1040 kg with a payload of 160 kg")
     g.require(m, "a body without positive mass does not obey a force")
     gravity = g.parameter("g", 9.81, "m/s^2", "gravity")

@@ -16,7 +16,7 @@ def driveline() -> BondGraph:
     """The declared driveline: what the drawing shows, no effect beyond it."""
     g = BondGraph("driveline", doc=__doc__, source="vehicle_graphs/driveline.py")
     torque = g.input("engine_torque", "N m", "torque of the engine, from its map")
-    grade = g.input("grade", "1", "sine of the road's inclination, uphill positive")
+    grade = g.input("grade", "1", "sine of the road's inclination, uphill positive", default=0.0)
 
     J_primary = g.parameter("J_primary", 0.08, "kg m^2", "engine and primary sheave, from drawings")
     c_engine = g.parameter("c_engine", 0.02, "N m s", "drag of the engine", (0.002, 0.2))

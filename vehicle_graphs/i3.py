@@ -57,7 +57,7 @@ def start() -> BondGraph:
     """
     g = BondGraph("i3", doc=__doc__, source="vehicle_graphs/i3.py")
     torque = g.input("motor_torque", "N m", "torque of the electric motor, negative when it recuperates")
-    g.input("sin_grade", "1", "sine of the road's inclination from the map, uphill positive")
+    g.input("sin_grade", "1", "sine of the road's inclination from the map, uphill positive", default=0.0)
     g.input("ambient", "K", "temperature outside", default=REFERENCE_TEMPERATURE)
     g.input("pedal", "1", "accelerator, 0 released", default=1.0)
 

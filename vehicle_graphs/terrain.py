@@ -19,7 +19,7 @@ def terrain() -> BondGraph:
     """
     g = BondGraph("terrain", doc=__doc__)
     speed = g.input("speed", "m/s", "forward velocity")
-    rate = g.input("inclination_rate", "rad/s", "rate at which the inclination of the ground changes")
+    rate = g.input("inclination_rate", "rad/s", "rate at which the inclination of the ground changes", default=0.0)
     slope = g.integral("inclination", rate, "rad", "inclination of the ground, uphill positive")
     g.integral("height", speed * sin(slope), "m", "height of the vehicle")
     return g

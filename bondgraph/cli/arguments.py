@@ -8,7 +8,13 @@ from typing import Any
 
 import bondgraph
 
-GRAPH_HELP = "graph file (motor.json), or module:function (vehicle_graphs.baja:launch)"
+GRAPH_HELP = (
+    "graph of a Python file (sled.py, or sled.py:name where it declares several) or module "
+    "(vehicle_graphs.baja:launch), or graph file (motor.json); the name is that of a BondGraph or of a function that "
+    "returns one"
+)
+#: Folder of the generated modules.
+FOLDER = "generated"
 MODEL_HELP = GRAPH_HELP + ", or generated module (generated/driveline.py)"
 
 
@@ -65,17 +71,26 @@ def _add_graph_commands(commands: Any) -> None:
     c.add_argument("graph", metavar="GRAPH", help=GRAPH_HELP)
     c.add_argument("-o", "--out", metavar="FILE", help="picture to write: .svg, .png or .pdf (default: NAME.svg)")
 
+    _add_generate(commands)
+
+
+def _add_generate(commands: Any) -> None:
     c = _command(
         commands, "generate", "write the generated modules of the declared graphs, or check them",
-        "  bondgraph generate              write all\n  bondgraph generate driveline    write one\n"
+        "  bondgraph generate              write all that vehicle_graphs declares\n"
+        "  bondgraph generate driveline    write one of them\n"
+        "  bondgraph generate sled.py      write that of a file of one's own\n"
         "  bondgraph generate --check      exit status 1 and a diff where a module has drifted from its graph",
     )  # fmt: skip
     c.add_argument(
-        "names", nargs="*", metavar="NAME", help="graphs by name, or module:function (default: all declared)"
+        "names",
+        nargs="*",
+        metavar="NAME",
+        help="declared graphs by name, any as FILE.py, FILE.py:name or module:name (default: all declared)",
     )
     c.add_argument("--check", action="store_true", help="compare only, write nothing")
     _add_exact(c)
-    c.add_argument("--folder", default="generated", help="folder of the modules (default: generated)")
+    c.add_argument("--folder", default=FOLDER, help=f"folder of the modules (default: {FOLDER})")
     c.add_argument(
         "--graphs", default="vehicle_graphs", help="package that declares GENERATED (default: vehicle_graphs)"
     )
@@ -137,7 +152,7 @@ def _add_run_commands(commands: Any) -> None:
         "  bondgraph filter vehicle_graphs.driveline:driveline --data run.csv --smooth --out filtered",
     )  # fmt: skip
     _add_data(c)
-    c.add_argument("--set", action="append", default=[], metavar="NAME=VALUE", help="parameter of a declared graph")
+    _add_strict(c)
     c.add_argument("--smooth", action="store_true", help="states given the whole log instead of the past only")
     c.add_argument("--out", default="filtered", metavar="DIR", help="folder to write (default: filtered)")
 
@@ -164,6 +179,7 @@ def _add_run_commands(commands: Any) -> None:
         help="lead the gradient searches through filters with more process noise, where the start is so far away that "
         "the likelihood is rugged (default: none)",
     )  # fmt: skip
+    _add_strict(c)
     c.add_argument("--seed", type=int, default=0, help="seed of the swarm (default: 0)")
     c.add_argument("--out", default="estimate", metavar="DIR", help="folder to write (default: estimate)")
     c.add_argument("--resume", action="store_true", help="go on from the checkpoint in --out")
@@ -190,6 +206,7 @@ def _add_loop_commands(commands: Any) -> None:
     c.add_argument(
         "--map", action="append", default=[], metavar="COLUMN=NAME", help="other names, or a JSON file of them"
     )
+    _add_set(c)
     c.add_argument("--out", default="loop", metavar="DIR", help="folder to write (default: loop)")
     c.add_argument(
         "--seed", type=int, default=0, help="noted in the report; nothing here is drawn at random (default: 0)"
@@ -217,10 +234,26 @@ def _add_data(command: argparse.ArgumentParser) -> None:
     command.add_argument(
         "--map", action="append", default=[], metavar="COLUMN=NAME", help="other names, or a JSON file of them"
     )
+    _add_set(command)
     command.add_argument(
         "--start", default="measured", choices=("measured", "settled", "model"),
         help="states at the start of a log: measured ones as measured and the others as declared (default), or where "
         "they come to rest while the measured ones are held, or all as declared",
+    )  # fmt: skip
+
+
+def _add_set(command: argparse.ArgumentParser) -> None:
+    command.add_argument(
+        "--set", action="append", default=[], metavar="NAME=VALUE",
+        help="value of an input where the logs have no column of it, or of a parameter of a declared graph",
+    )  # fmt: skip
+
+
+def _add_strict(command: argparse.ArgumentParser) -> None:
+    command.add_argument(
+        "--strict", action="store_true",
+        help="exit status 1 where the model does not explain the logs: its innovations are coloured, or larger than "
+        "the filter expects",
     )  # fmt: skip
 
 

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import argparse
-import importlib
 import json
 import shlex
 from collections.abc import Sequence
 from pathlib import Path
 
+from bondgraph.cli.arguments import FOLDER
 from bondgraph.cli.values import finite, read_json
 from bondgraph.declare.files import load_graph
+from bondgraph.declare.loading import is_code_reference, load_module
 from bondgraph.derive.causality import assign_causality
 from bondgraph.derive.derivation import Derivation, check_closed
 from bondgraph.derive.dimensions import check_dimensions
@@ -61,11 +62,10 @@ def draw(options: argparse.Namespace) -> int:
 
 def generate(options: argparse.Namespace) -> int:
     """Write the generated modules, or compare them with their graphs."""
-    declared: tuple[str, ...] = tuple(getattr(importlib.import_module(options.graphs), "GENERATED", ()))
     if options.exact and not options.names:
         raise OptionError("generate --exact needs the NAMEs of the graphs it is meant for", where=("--exact",))
-    modules = render_all(_named(declared, options.names) if options.names else declared, smooth=not options.exact)
     folder = Path(options.folder)
+    modules = _modules(options)
     complete = not options.names
     if options.check:
         differences = check(folder, modules, complete)
@@ -79,8 +79,28 @@ def generate(options: argparse.Namespace) -> int:
     return 0
 
 
+def _modules(options: argparse.Namespace) -> dict[str, str]:
+    """Texts of the modules that are asked for; the header of one that is given by reference names its folder too."""
+    direct = [name for name in options.names if _is_reference(name)]
+    declared = _declared(options) if len(direct) < len(options.names) or not options.names else ()
+    references = _named(declared, options.names) if options.names else list(declared)
+    folder = Path(options.folder).as_posix()
+    elsewhere = () if folder == FOLDER else ("--folder", folder)
+    return render_all(references, smooth=not options.exact, options=dict.fromkeys(direct, elsewhere))
+
+
+def _declared(options: argparse.Namespace) -> tuple[str, ...]:
+    """References of the graphs that a package declares."""
+    return tuple(getattr(load_module(options.graphs), "GENERATED", ()))
+
+
+def _is_reference(name: str) -> bool:
+    return is_code_reference(name) or name.endswith(".json")
+
+
 def _command(options: argparse.Namespace) -> str:
-    return shlex.join(["bondgraph", "generate", *options.names, *(["--exact"] if options.exact else [])])
+    folder = [] if options.folder == FOLDER else ["--folder", options.folder]
+    return shlex.join(["bondgraph", "generate", *options.names, *(["--exact"] if options.exact else []), *folder])
 
 
 def _named(declared: Sequence[str], names: Sequence[str]) -> list[str]:
@@ -88,14 +108,14 @@ def _named(declared: Sequence[str], names: Sequence[str]) -> list[str]:
     by_name = {load_graph(reference).name: reference for reference in declared}
     found = []
     for name in names:
-        if ":" in name or name.endswith(".json"):
+        if _is_reference(name):
             found.append(name)
         elif name in by_name:
             found.append(by_name[name])
         else:
             raise OptionError(
                 f"generate {name}: no graph of this name{suggest(name, by_name)} - the declared ones are "
-                f"{', '.join(by_name)}; any other is given as module:function",
+                f"{', '.join(by_name)}; any other is given as FILE.py, FILE.py:name or module:name",
                 where=(name,),
             )
     return found

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from types import ModuleType
 
-from bondgraph.cli.values import names
+from bondgraph.cli.values import names, set_values
 from bondgraph.correct.fits.journal import Journal
 from bondgraph.correct.loop import ClosedLoop, LoopSettings
 from bondgraph.correct.loop import close_loop as run_loop
@@ -20,7 +20,8 @@ from bondgraph.data.match import read_mapping
 from bondgraph.declare.effect import effect_functions
 from bondgraph.declare.files import load_graph
 from bondgraph.declare.graph import BondGraph
-from bondgraph.errors import OptionError
+from bondgraph.declare.loading import load_module
+from bondgraph.errors import DeclarationError, OptionError
 from bondgraph.report.closed_loop import compare_with_truth, summary, write_closed_loop
 from bondgraph.report.collect import versions
 from bondgraph.report.html import Provenance
@@ -30,9 +31,9 @@ from bondgraph.report.progress import WorkProgress
 
 def close_loop(options: argparse.Namespace) -> int:
     """Find what a declared graph lacks, from measured logs."""
-    graph = load_graph(options.graph)
+    graph, given = set_values(load_graph(options.graph), options.set)
     logs = training_and_held_out(
-        build(graph).model, options.data, options.holdout, read_mapping(options.map), options.rate
+        build(graph).model, options.data, options.holdout, read_mapping(options.map), options.rate, given
     )
     for line in logs.said:
         print(line, file=sys.stderr)
@@ -106,8 +107,6 @@ def _names(logs: Sequence[object]) -> tuple[str, ...]:
 
 def _module(name: str) -> ModuleType:
     try:
-        return importlib.import_module(name)
-    except ModuleNotFoundError as error:
-        if error.name and name.startswith(error.name):
-            raise OptionError(f"--effects {name}: there is no such module", where=("--effects", name)) from None
-        raise
+        return load_module(name)
+    except DeclarationError as error:
+        raise OptionError(f"--effects {error.message}", where=("--effects", name)) from None

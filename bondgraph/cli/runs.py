@@ -4,19 +4,18 @@ from __future__ import annotations
 
 import argparse
 import json
+import math
 import sys
-from collections.abc import Mapping
 from pathlib import Path
 
-from bondgraph.cli.values import assignments, finite, initial, names
+from bondgraph.cli.values import assignments, finite, initial, names, set_values
 from bondgraph.correct.models.build import build
 from bondgraph.data.log import MatchedLog
 from bondgraph.data.match import match, read_mapping
 from bondgraph.data.read import read_log
 from bondgraph.data.write import csv_text, write_log
-from bondgraph.declare.editing import with_values
 from bondgraph.declare.files import load_graph
-from bondgraph.declare.graph import BondGraph
+from bondgraph.declare.loading import is_model_file
 from bondgraph.errors import OptionError
 from bondgraph.estimate.estimate import Settings
 from bondgraph.estimate.estimate import estimate as run_estimate
@@ -29,10 +28,11 @@ from bondgraph.report.filtering import filter_logs
 from bondgraph.report.html import Provenance
 from bondgraph.report.logs import grouped_notes
 from bondgraph.report.manoeuvre import manoeuvre_figure
+from bondgraph.report.misfits import misfit_sentences
 from bondgraph.report.plots import launch_figure
 from bondgraph.report.progress import WorkProgress
 from bondgraph.report.scenarios import declared_noise, declared_panels, declared_scenario
-from bondgraph.report.simulation import SimulationOptions, simulate_graph, trajectory_log
+from bondgraph.report.simulation import SimulationOptions, input_notes, simulate_graph, trajectory_log
 from bondgraph.report.tables import parameter_table, text_of
 from bondgraph.simulate.model import Model
 
@@ -57,6 +57,9 @@ def simulate(options: argparse.Namespace) -> int:
     if scenario and scenario.left_out(trajectory.model):
         names = ", ".join(scenario.left_out(trajectory.model))
         print(f"left out, since {graph.name} does not have them: {names}", file=sys.stderr)
+    if scenario is None:
+        for line in input_notes(trajectory.model, inputs, chosen.values or {}):
+            print(line, file=sys.stderr)
     log = trajectory_log(trajectory)
     if options.plot:
         title = f"{graph.name}: {scenario.meaning}" if scenario else graph.name
@@ -74,9 +77,11 @@ def simulate(options: argparse.Namespace) -> int:
 def filter(options: argparse.Namespace) -> int:
     """Filter logs and write states with bands, innovations and consistency."""
     model, driven, logs = _model_and_logs(options)
-    noise = declared_noise(options.model, model.name)
-    print(filter_logs(model, driven, logs, Path(options.out), options.smooth, options.start, noise))
-    return 0
+    noise = None if is_model_file(options.model) else declared_noise(options.model, model.name)
+    made = _provenance(options, math.nan)
+    found = filter_logs(model, driven, logs, Path(options.out), options.smooth, options.start, noise, made)
+    print(found.text)
+    return 1 if options.strict and found.misfits else 0
 
 
 def estimate(options: argparse.Namespace) -> int:
@@ -95,8 +100,9 @@ def estimate(options: argparse.Namespace) -> int:
     print(f"integrated by {found.certification}")
     if not found.is_smooth:
         print(rough_note(found))
-    print(f"report: {folder / 'report.html'}")
-    return 0 if found.outcome.succeeded else 1
+    report = folder / "report.html"
+    print(*misfit_sentences(found.misfits, report), *data.suspected, f"report: {report}", sep="\n")
+    return 1 if not found.outcome.succeeded or (options.strict and found.misfits) else 0
 
 
 def sensitivity(options: argparse.Namespace) -> int:
@@ -109,31 +115,21 @@ def sensitivity(options: argparse.Namespace) -> int:
 
 def _model_and_logs(options: argparse.Namespace) -> tuple[Model, tuple[str, ...], list[MatchedLog]]:
     """The model of a graph or of a generated module, the states that noise may drive, and the matched logs."""
-    given = assignments(getattr(options, "set", ()), "--set")
-    values = {name: value for name, value in given.items() if isinstance(value, float)}
-    if len(values) < len(given) or (values and options.model.endswith(".py")):
-        raise OptionError("--set gives numbers to the parameters of a declared graph", where=("--set",))
-    if options.model.endswith(".py"):
-        model = Model.from_file(options.model)
+    given: dict[str, float | str]
+    if is_model_file(options.model):
+        model, given = Model.from_file(options.model), assignments(options.set, "--set")
         driven = model.names("state")
     else:
-        built = build(_with_shown_values(load_graph(options.model), values))
+        graph, given = set_values(load_graph(options.model), options.set)
+        built = build(graph)
         model, driven = built.model, built.driven
     mapping = read_mapping(options.map)
-    logs = [match(read_log(path), model, mapping) for path in options.data]
+    logs = [match(read_log(path), model, mapping, given) for path in options.data]
     for line in grouped_notes(logs):
         print(line, file=sys.stderr)
     return model, driven, logs
 
 
-def _with_shown_values(graph: BondGraph, values: Mapping[str, float]) -> BondGraph:
-    """The graph with parameters given in their declared units."""
-    declared = {one.name: one for one in graph.flatten().parameters}
-    return with_values(
-        graph, {name: declared[name].coherent(v) if name in declared else v for name, v in values.items()}
-    )
-
-
 def _provenance(options: argparse.Namespace, duration: float) -> Provenance:
     training = tuple(Path(path).name for path in options.data)
-    return Provenance(options.command_line, options.seed, versions(), training, (), duration)
+    return Provenance(options.command_line, getattr(options, "seed", None), versions(), training, (), duration)

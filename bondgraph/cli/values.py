@@ -8,6 +8,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from bondgraph.declare.editing import with_values
+from bondgraph.declare.graph import BondGraph
 from bondgraph.errors import OptionError
 
 
@@ -40,6 +42,32 @@ def assignments(pairs: Sequence[str], option: str) -> dict[str, float | str]:
         except ValueError:
             found[name] = text
     return found
+
+
+def set_values(graph: BondGraph, pairs: Sequence[str]) -> tuple[BondGraph, dict[str, float | str]]:
+    """A graph with the values of ``--set`` for its parameters, and those for its inputs.
+
+    Raises
+    ------
+    OptionError
+        If a parameter is given a text.
+    DeclarationError
+        If there is no such parameter.
+    """
+    given = assignments(pairs, "--set")
+    inputs = {one.name for one in graph.flatten().inputs}
+    values = {name: value for name, value in given.items() if name not in inputs and isinstance(value, float)}
+    for name, value in given.items():
+        if name not in inputs and name not in values:
+            raise OptionError(
+                f"--set {name}={value}: --set gives numbers to the parameters of a declared graph, and numbers or "
+                "letters to its inputs",
+                where=("--set", name),
+            )
+    declared = {one.name: one for one in graph.flatten().parameters}
+    own = {name: declared[name].coherent(v) if name in declared else v for name, v in values.items()}
+    changed = with_values(graph, own) if own else graph
+    return changed, {name: value for name, value in given.items() if name in inputs}
 
 
 def initial(given: Sequence[str]) -> dict[str, float]:

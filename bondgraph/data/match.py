@@ -7,73 +7,28 @@ dropped or invented in silence: what the model does not use and what the log doe
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Protocol
 
 import numpy as np
 
 from bondgraph.coherent import Displayed
 from bondgraph.data.checks import Finding, check_log
 from bondgraph.data.header import TEXT_UNIT, convert_unit
+from bondgraph.data.lacking import lacking_input, require_inputs
 from bondgraph.data.log import FIRST_ROW, FloatArray, Log, LogChannel, MatchedLog
 from bondgraph.data.rates import slopes
+from bondgraph.data.signals import InputQuantity, Quantity, Signals, names_of
+from bondgraph.data.suspicions import time_gaps
 from bondgraph.errors import DataError, OptionError, suggest
 
 
-class Quantity(Protocol):
-    """Name and unit of anything a model declares."""
-
-    @property
-    def name(self) -> str:
-        """Name as declared."""
-
-    @property
-    def unit(self) -> str:
-        """SI unit as declared."""
-
-
-class InputQuantity(Quantity, Protocol):
-    """An input: its default and how it runs between samples."""
-
-    @property
-    def default(self) -> float:
-        """Value where no log gives one."""
-
-    @property
-    def interpolation(self) -> str:
-        """How it runs between samples: ``linear``, ``hold``, or held as the rate of another."""
-
-    @property
-    def rate_of(self) -> str:
-        """The input, earlier in the list, whose slope this one is; empty for all others."""
-
-    @property
-    def letters(self) -> Mapping[str, float] | Sequence[tuple[str, float]] | None:
-        """Values of codes, if any."""
-
-
-class Signals(Protocol):
-    """What matching needs to know of a model."""
-
-    @property
-    def name(self) -> str:
-        """Name of the model."""
-
-    @property
-    def inputs(self) -> Sequence[InputQuantity]:
-        """Inputs in the order of ``u``."""
-
-    @property
-    def parameters(self) -> Sequence[Quantity]:
-        """Parameters in the order of ``theta``."""
-
-    @property
-    def outputs(self) -> Sequence[Quantity]:
-        """Outputs in the order of ``y``."""
-
-
-def match(log: Log, model: Signals, mapping: Mapping[str, str] | None = None) -> MatchedLog:
+def match(
+    log: Log,
+    model: Signals,
+    mapping: Mapping[str, str] | None = None,
+    given: Mapping[str, float | str] | None = None,
+) -> MatchedLog:
     """A log in the order and units of a model.
 
     Parameters
@@ -84,6 +39,8 @@ def match(log: Log, model: Signals, mapping: Mapping[str, str] | None = None) ->
         Anything with ``inputs``, ``outputs`` and ``parameters``, such as a ``Model``.
     mapping
         Name of the column -> name in the model, where they differ (``read_mapping``).
+    given
+        Values (or letters) of inputs that the log lacks, by name in the model.
 
     Returns
     -------
@@ -95,31 +52,38 @@ def match(log: Log, model: Signals, mapping: Mapping[str, str] | None = None) ->
     ------
     DataError
         If a unit has another dimension than the model's, a code is unknown, a column called like a parameter varies,
-        the mapping names what does not exist, or the log measures no output of the model.
+        the mapping names what does not exist, the log measures no output of the model, or it lacks an input that is
+        neither given nor has a default.
     """
     channels, renamed = _rename(log, model, mapping or {})
     _require_outputs(log, model, channels)
     notes = [finding.message for finding in check_log(log) if _matters(finding, renamed[finding.channel], model)]
-    u = _inputs(log, channels, model, notes)
+    notes += time_gaps(log.time)
+    u = _inputs(log, channels, model, given or {}, notes)
     y = np.array([_output(log, channels, quantity, notes) for quantity in model.outputs]).reshape(-1, len(log))
     overrides = {
         quantity.name: _known_value(log, channels[quantity.name], quantity)
         for quantity in model.parameters
         if quantity.name in channels
     }
-    unmatched = tuple(old for old, new in renamed.items() if new not in _names(model))
+    unmatched = tuple(old for old, new in renamed.items() if new not in names_of(model))
     if unmatched:
         notes.append("columns the model does not use: " + ", ".join(unmatched))
     return MatchedLog(log.name, log.time, u, y, overrides, unmatched, tuple(notes))
 
 
-def match_inputs(log: Log, model: Signals, mapping: Mapping[str, str] | None = None) -> FloatArray:
-    """The inputs of a model as a log has them, shape (n_u, n); inputs that it lacks have their defaults.
+def match_inputs(
+    log: Log,
+    model: Signals,
+    mapping: Mapping[str, str] | None = None,
+    given: Mapping[str, float | str] | None = None,
+) -> FloatArray:
+    """The inputs of a model as a log has them, shape (n_u, n); what it lacks is as ``given``, or has its default.
 
     Raises
     ------
     DataError
-        If a column is no input of the model, or its unit has another dimension.
+        If a column is no input of the model, its unit has another dimension, or an input has no value.
     """
     channels, renamed = _rename(log, model, mapping or {})
     known = [quantity.name for quantity in model.inputs]
@@ -130,7 +94,7 @@ def match_inputs(log: Log, model: Signals, mapping: Mapping[str, str] | None = N
                 f" - its inputs are {', '.join(known) or 'none'}",
                 where=(log.name, old),
             )
-    return _inputs(log, channels, model, [])
+    return _inputs(log, channels, model, given or {}, [])
 
 
 def read_mapping(options: Iterable[str]) -> dict[str, str]:
@@ -179,22 +143,18 @@ def _mapping_file(path: Path) -> dict[str, str]:
     return content
 
 
-def _names(model: Signals) -> list[str]:
-    return [quantity.name for group in (model.inputs, model.outputs, model.parameters) for quantity in group]
-
-
 def _matters(finding: Finding, name: str, model: Signals) -> bool:
     """Whether a finding is worth saying of the quantity: a pedal may rest at its stop, a known value is constant."""
     if name in (quantity.name for quantity in model.inputs):
         return finding.kind != "saturation"
     if name in (quantity.name for quantity in model.parameters):
         return finding.kind != "constant"
-    return name in _names(model)
+    return name in names_of(model)
 
 
 def _rename(log: Log, model: Signals, mapping: Mapping[str, str]) -> tuple[dict[str, LogChannel], dict[str, str]]:
     """Channels by their names in the model, and new names by old names."""
-    known = _names(model)
+    known = names_of(model)
     for column, name in mapping.items():
         if name not in known:
             raise DataError(
@@ -232,8 +192,15 @@ def _require_outputs(log: Log, model: Signals, channels: Mapping[str, LogChannel
         )
 
 
-def _inputs(log: Log, channels: Mapping[str, LogChannel], model: Signals, notes: list[str]) -> FloatArray:
-    """All inputs, shape (n_u, n); what the log lacks is a slope of what it holds, or has its default."""
+def _inputs(
+    log: Log,
+    channels: Mapping[str, LogChannel],
+    model: Signals,
+    given: Mapping[str, float | str],
+    notes: list[str],
+) -> FloatArray:
+    """All inputs, shape (n_u, n); what the log lacks is a slope of what it holds, is given, or has its default."""
+    require_inputs(log, model, channels, given)
     rows: dict[str, FloatArray] = {}
     for quantity in model.inputs:
         channel = channels.get(quantity.name)
@@ -241,15 +208,24 @@ def _inputs(log: Log, channels: Mapping[str, LogChannel], model: Signals, notes:
             rows[quantity.name] = slopes(log.time, rows[quantity.rate_of])
             notes.append(f"input {quantity.name!r} is taken from the slope of {quantity.rate_of!r}")
         else:
-            rows[quantity.name] = _input(log, channels, quantity, notes)
+            rows[quantity.name] = _input(log, channels, quantity, given.get(quantity.name), notes)
     return np.array(list(rows.values())).reshape(-1, len(log))
 
 
-def _input(log: Log, channels: Mapping[str, LogChannel], quantity: InputQuantity, notes: list[str]) -> FloatArray:
+def _input(
+    log: Log,
+    channels: Mapping[str, LogChannel],
+    quantity: InputQuantity,
+    given: float | str | None,
+    notes: list[str],
+) -> FloatArray:
     channel = channels.get(quantity.name)
     if channel is None or channel.missing.all():
-        notes.append(f"input {quantity.name!r} is not in the log; its default {_shown(quantity)} is used")
-        return np.full(len(log), quantity.default)
+        value, note = lacking_input(quantity, given)
+        notes.append(note)
+        return np.full(len(log), value)
+    if given is not None:
+        notes.append(f"input {quantity.name!r} is in the log; the value {given} given for it is not used")
     letters = dict(quantity.letters or ())
     values = _coded(log, channel, letters) if letters else _converted(log, channel, quantity)
     missing = np.isnan(values)

@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from sympy import Expr
+from sympy import Expr, Symbol
 
 from bondgraph.declare.declared_units import initial_value, storage_units
 from bondgraph.declare.domains import Domain
 from bondgraph.declare.elements import ENERGY_VARIABLE, LAW_GIVES, Node, numbered
-from bondgraph.declare.expressions import normalise
-from bondgraph.declare.handles import At, ElementType, Handle, Law, apply_law, callable_law
+from bondgraph.declare.handles import At, ElementType, Handle, Law
+from bondgraph.declare.laws import apply_law, as_expression, callable_law
 from bondgraph.declare.quantities import symbol
 from bondgraph.declare.store import GraphStore
 
@@ -29,11 +29,13 @@ class ElementBuilder(GraphStore):
 
     def effort_source(self, name: str, effort: Any, at: At | None = None) -> Handle:
         """A source that imposes an effort, constant, from an input, or modulated by signals."""
-        return self._one_port(Node(name, "Se", laws=(("effort", normalise(effort)),)), at, from_element=True)
+        return self._one_port(
+            Node(name, "Se", laws=(("effort", self._expression(name, effort)),)), at, from_element=True
+        )
 
     def flow_source(self, name: str, flow: Any, at: At | None = None) -> Handle:
         """A source that imposes a flow, constant, from an input, or modulated by signals."""
-        return self._one_port(Node(name, "Sf", laws=(("flow", normalise(flow)),)), at, from_element=True)
+        return self._one_port(Node(name, "Sf", laws=(("flow", self._expression(name, flow)),)), at, from_element=True)
 
     def resistance(
         self,
@@ -53,15 +55,17 @@ class ElementBuilder(GraphStore):
         own_effort, own_flow = symbol("effort"), symbol("flow")
         laws: list[tuple[str, Expr]] = []
         if effort is not None and not callable_law(effort):
-            laws = [("effort", normalise(effort) * own_flow), ("flow", own_effort / normalise(effort))]
+            coefficient = self._expression(name, effort)
+            laws = [("effort", coefficient * own_flow), ("flow", own_effort / coefficient)]
         elif effort is not None:
-            laws.append(("effort", apply_law(effort, own_flow)))
+            laws.append(("effort", self._law(name, effort, own_flow)))
         if flow is not None and callable_law(flow):
-            laws.append(("flow", apply_law(flow, own_effort)))
+            laws.append(("flow", self._law(name, flow, own_effort)))
         elif flow is not None:
-            laws = [("effort", own_flow / normalise(flow)), ("flow", normalise(flow) * own_effort)]
+            conductance = self._expression(name, flow)
+            laws = [("effort", own_flow / conductance), ("flow", conductance * own_effort)]
         if residual is not None:
-            laws.append(("residual", apply_law(residual, own_effort, own_flow)))
+            laws.append(("residual", self._law(name, residual, own_effort, own_flow)))
         return self._one_port(Node(name, "R", laws=tuple(laws), initial=(float(guess),) if guess else ()), at)
 
     def compliance(
@@ -101,7 +105,7 @@ class ElementBuilder(GraphStore):
         """
         law = flow if flow is not None else inertia
         if law is not None and not callable_law(law) and flow is None:
-            law = symbol("momentum") / normalise(law)
+            law = symbol("momentum") / self._expression(name, law)
         return self._storage("I", name, law, momentum, residual, at, initial, state)
 
     def _storage(
@@ -120,11 +124,11 @@ class ElementBuilder(GraphStore):
         laws: list[tuple[str, Expr]] = []
         if law is not None:
             is_stiffness = kind == "C" and not callable_law(law)
-            laws.append((gives, normalise(law) * own if is_stiffness else apply_law(law, own)))
+            laws.append((gives, self._expression(name, law) * own if is_stiffness else self._law(name, law, own)))
         if inverse is not None:
-            laws.append((stored, apply_law(inverse, power)))
+            laws.append((stored, self._law(name, inverse, power)))
         if residual is not None:
-            laws.append(("residual", apply_law(residual, power, own)))
+            laws.append(("residual", self._law(name, residual, power, own)))
         domain = at.domain if isinstance(at, Handle) else None
         start = initial_value(initial, f"{self.name}: {name}", storage_units(kind, domain))
         return self._one_port(Node(name, kind, laws=tuple(laws), initial=(start,), state=state), at)
@@ -141,7 +145,7 @@ class ElementBuilder(GraphStore):
     modulated_gyrator = gyrator
 
     def _two_port(self, kind: str, name: str, modulus: Any, source: At, target: At) -> Handle:
-        handle = self.add_node(Node(name, kind, laws=(("modulus", normalise(modulus)),)))
+        handle = self.add_node(Node(name, kind, laws=(("modulus", self._expression(name, modulus)),)))
         self.bond(source, handle)
         self.bond(handle, target)
         return handle
@@ -170,10 +174,10 @@ class ElementBuilder(GraphStore):
         own = [symbol(name) for stem in stems for name in (numbered(stem, ports) if ports > 1 else (stem,))]
         gives = LAW_GIVES.get(kind, form)
         if energy is not None:
-            pairs: tuple[tuple[str, Expr], ...] = (("energy", apply_law(energy, *own)),)
+            pairs: tuple[tuple[str, Expr], ...] = (("energy", self._law(name, energy, *own)),)
         else:
             names = numbered(gives, len(laws or ())) if ports > 1 else (gives,)
-            pairs = tuple((given, apply_law(law, *own)) for given, law in zip(names, laws or (), strict=True))
+            pairs = tuple((given, self._law(name, law, *own)) for given, law in zip(names, laws or (), strict=True))
         stem = state if isinstance(state, str) else " ".join(state)
         starts = tuple(initial_value(one, f"{self.name}: {name}") for one in initial)
         node = Node(name, kind, laws=pairs, ports=ports, initial=starts, state=stem)
@@ -181,7 +185,15 @@ class ElementBuilder(GraphStore):
 
     def element(self, name: str, kind: ElementType, at: Sequence[At] = ()) -> Handle:
         """An element of one's own kind, its port k bonded to the k-th junction of ``at``."""
-        return self._multiport(Node(name, "X", laws=kind.laws(), ports=kind.ports), at)
+        return self._multiport(Node(name, "X", laws=kind.laws(f"{self.name}: {name}"), ports=kind.ports), at)
+
+    def _expression(self, name: str, value: Any) -> Expr:
+        """The expression that somebody gave to an element."""
+        return as_expression(value, f"{self.name}: {name}")
+
+    def _law(self, name: str, law: Any, *own: Symbol) -> Expr:
+        """The law of an element as an expression of its own variables."""
+        return apply_law(law, *own, where=f"{self.name}: {name}")
 
     def _multiport(self, node: Node, at: Sequence[At]) -> Handle:
         handle = self.add_node(node)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Generic, TypeAlias, TypeVar
 
@@ -11,8 +11,11 @@ import sympy
 from sympy import Expr, Symbol
 
 from bondgraph.declare.domains import Domain
-from bondgraph.declare.expressions import normalise, signal
+from bondgraph.declare.expressions import signal
+from bondgraph.declare.laws import apply_law, as_expression, call_law, callable_law
 from bondgraph.errors import DeclarationError
+
+__all__ = ["At", "ElementType", "Handle", "Law", "SubGraph", "apply_law", "callable_law"]
 
 _Graph = TypeVar("_Graph")
 
@@ -108,29 +111,37 @@ class ElementType:
         """Number of ports."""
         return len(next(iter(self.forms)))
 
-    def laws(self) -> tuple[tuple[str, Expr], ...]:
-        """The laws of all forms as pairs of what is given (``1.flow1``: by the first form, at port 1) and how."""
+    def laws(self, where: str = "element") -> tuple[tuple[str, Expr], ...]:
+        """The laws of all forms as pairs of what is given (``1.flow1``: by the first form, at port 1) and how.
+
+        ``where`` is the graph and the element, for messages.
+        """
         pairs: list[tuple[str, Expr]] = []
         for number, (gives, law) in enumerate(self.forms.items(), start=1):
             if not set(gives) <= {"effort", "flow"}:
-                raise DeclarationError(f"form {gives}: a port gives its 'effort' or its 'flow'", where=tuple(gives))
+                raise DeclarationError(
+                    f"{where}: form {gives}: a port gives its 'effort' or its 'flow'", where=tuple(gives)
+                )
             taken = [
                 Symbol(f"{'flow' if given == 'effort' else 'effort'}{port}", real=True)
                 for port, given in enumerate(gives, start=1)
             ]
-            values = tuple(law(*taken))
+            values = _values(law, taken, gives, where)
             if len(values) != len(gives):
-                raise DeclarationError(f"form {gives}: the law returns {len(values)} value(s) for {len(gives)} port(s)")
+                raise DeclarationError(
+                    f"{where}: form {gives}: the law returns {len(values)} value(s) for {len(gives)} port(s) - return "
+                    "one for each, in their order",
+                    where=(where.rpartition(": ")[2],),
+                )
             names = [f"{number}.{given}{port}" for port, given in enumerate(gives, start=1)]
-            pairs += zip(names, map(normalise, values), strict=True)
+            pairs += zip(names, (as_expression(value, where, law) for value in values), strict=True)
         return tuple(pairs)
 
 
-def callable_law(law: Any) -> bool:
-    """Whether a law is given as a function (and not as the coefficient of a linear one)."""
-    return callable(law) and not isinstance(law, sympy.Basic)
-
-
-def apply_law(law: Any, *own: Symbol) -> Expr:
-    """A law as an expression of the element's own variables."""
-    return normalise(law(*own) if callable_law(law) else law)
+def _values(law: Callable[..., Any], taken: Sequence[Symbol], gives: tuple[str, ...], where: str) -> tuple[Any, ...]:
+    """What the law of a form returns, one value per port."""
+    values = call_law(law, taken, where)
+    if not isinstance(values, list | tuple | sympy.Tuple):
+        as_expression(values, where, law)
+        values = (values,)
+    return tuple(values)

@@ -151,7 +151,7 @@ class _Reader:
         self.graph.input(
             name,
             *_unit_and_meaning(record),
-            default=number(record.get("default", 0.0), name),
+            default=None if record.get("default") is None else number(record["default"], name),
             hold=held == "hold",
             letters={letter: number(value, f"{name}: letter {letter}") for letter, value in letters.items()},
         )

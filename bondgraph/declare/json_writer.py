@@ -78,7 +78,7 @@ def _head(graph: BondGraph) -> dict[str, Any]:
 
 def _input_record(quantity: Input) -> dict[str, Any]:
     record = _without_empty({"name": quantity.name, "unit": quantity.display_unit, "meaning": quantity.meaning})
-    if quantity.default:
+    if quantity.has_default:
         record["default"] = quantity.shown(quantity.default)
     if quantity.letters:
         record["letters"] = {letter: quantity.shown(value) for letter, value in quantity.letters}

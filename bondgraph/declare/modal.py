@@ -15,8 +15,8 @@ from typing import Any
 from sympy import Expr, exp
 
 from bondgraph.declare.elements import Node
-from bondgraph.declare.expressions import normalise
-from bondgraph.declare.handles import At, Handle, Law, apply_law
+from bondgraph.declare.handles import At, Handle, Law
+from bondgraph.declare.laws import apply_law, as_expression
 from bondgraph.declare.quantities import symbol
 from bondgraph.declare.store import GraphStore
 from bondgraph.declare.switching import contact, dry_friction
@@ -54,9 +54,12 @@ def friction(
     >>> friction(g, "floor", g.parameter("F_c", 3.0, "N"), width=g.parameter("v_s", 1e-3, "m/s"), at=v).kind
     'R'
     """
-    laws = [("capacity", apply_law(capacity, symbol("flow"))), ("width", normalise(width))]
+    laws = [
+        ("capacity", apply_law(capacity, symbol("flow"), where=f"{g.name}: {name}")),
+        ("width", as_expression(width, f"{g.name}: {name}")),
+    ]
     if static is not None:
-        laws.insert(1, ("static", normalise(static)))
+        laws.insert(1, ("static", as_expression(static, f"{g.name}: {name}")))
     return _bonded(g, Node(name, "R", laws=tuple(laws)), at)
 
 
@@ -124,7 +127,9 @@ def impact(
     'R'
     """
     laws = {"gap": gap, "restitution": restitution, "stiffness": stiffness, "damping": damping, "width": width}
-    return _bonded(g, Node(name, "R", laws=tuple((key, normalise(law)) for key, law in laws.items())), at)
+    return _bonded(
+        g, Node(name, "R", laws=tuple((key, as_expression(law, f"{g.name}: {name}")) for key, law in laws.items())), at
+    )
 
 
 def _bonded(g: GraphStore, node: Node, at: At | None) -> Handle:

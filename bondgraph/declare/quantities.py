@@ -32,6 +32,7 @@ def symbol(name: str) -> Symbol:
 class Input(Displayed):
     """A signal that comes from outside and is known: throttle, voltage, grade.
 
+    A log may lack it only where a ``default`` is declared; ``zero_default`` tells one of zero from none at all.
     ``letters`` maps the codes of a text signal (a gear lever) to values; such an input is always held between samples.
     ``rate_of`` names the input whose slope over time this one is; derivation adds those that equations need, and
     :func:`bondgraph.declare.editing.with_input_rates` those that they may come to need.
@@ -45,11 +46,17 @@ class Input(Displayed):
     letters: tuple[tuple[str, float], ...] = ()
     rate_of: str = ""
     shown_unit: str = ""
+    zero_default: bool = False
 
     @property
     def symbol(self) -> Symbol:
         """Symbol by which laws use the input."""
         return symbol(self.name)
+
+    @property
+    def has_default(self) -> bool:
+        """Whether a default is declared."""
+        return self.default != 0.0 or self.zero_default
 
     @property
     def is_held(self) -> bool:

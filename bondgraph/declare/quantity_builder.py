@@ -10,7 +10,8 @@ from sympy import Expr, Symbol
 from bondgraph.declare.declared_units import DeclaredUnit, coherent_table, declared_unit
 from bondgraph.declare.expressions import signal
 from bondgraph.declare.functions import TableFunction, table_function
-from bondgraph.declare.handles import At, Handle, callable_law
+from bondgraph.declare.handles import At, Handle
+from bondgraph.declare.laws import apply_law
 from bondgraph.declare.quantities import (
     Input,
     Integral,
@@ -41,15 +42,21 @@ class QuantityBuilder(GraphStore):
         unit: str,
         meaning: str = "",
         *,
-        default: Any = 0.0,
+        default: Any = None,
         hold: bool = False,
         letters: Mapping[str, float] | None = None,
     ) -> Symbol:
-        """Declare a known signal from outside; ``letters`` are the codes of a text signal and their values."""
-        own = self._unit(unit, name, default)
+        """Declare a known signal from outside; ``letters`` are the codes of a text signal and their values.
+
+        A log must hold it, or the command that reads the log must give it, unless a ``default`` is declared.
+        """
+        own = self._unit(unit, name, 0.0 if default is None else default)
         codes = tuple((letter, own.number(value)) for letter, value in (letters or {}).items())
+        value = 0.0 if default is None else own.number(default)
         between: Interpolation = "hold" if hold or codes else "linear"
-        return self._declare(Input(name, own.unit, meaning, own.number(default), between, codes, shown_unit=own.shown))
+        zero = default is not None and value == 0.0
+        declared = Input(name, own.unit, meaning, value, between, codes, shown_unit=own.shown, zero_default=zero)
+        return self._declare(declared)
 
     def parameter(
         self, name: str, value: Any, unit: str | None = None, meaning: str = "", bounds: tuple[Any, Any] | None = None
@@ -92,8 +99,15 @@ class QuantityBuilder(GraphStore):
         while units and not units[-1]:
             units = units[:-1]
         rows = tuple(map(tuple, values)) if len(y) else tuple(values)
-        given = Table(name, tuple(x), rows, tuple(y), unit, units, meaning)
-        table = coherent_table(given, f"{self.name}: table {name}")
+        try:
+            given = Table(name, tuple(x), rows, tuple(y), unit, units, meaning)
+            table = coherent_table(given, f"{self.name}: table {name}")
+        except (TypeError, ValueError) as error:
+            raise DeclarationError(
+                f"{self.name}: table {name}: its points and values must be numbers, not symbols or texts ({error}) - "
+                "multiply the table by a parameter where it is used",
+                where=(name,),
+            ) from None
         check_table(table, self.name)
         self._declare(table)
         return table_function(name, 2 if len(y) else 1)
@@ -113,7 +127,7 @@ class QuantityBuilder(GraphStore):
         smoothed
         """
         own = symbol(name)
-        expression = self._checked(of(own) if callable_law(of) else of, (), name, also=own)
+        expression = self._checked(self._given(name, of, own), (), name, also=own)
         return self._declare_integral(name, expression, unit, meaning, initial)
 
     def signal(self, name: str, expression: Any, unit: str, meaning: str = "") -> Symbol:
@@ -136,7 +150,7 @@ class QuantityBuilder(GraphStore):
         E
         """
         own = symbol(name)
-        expression = self._checked(residual(own) if callable_law(residual) else residual, (), name, also=own)
+        expression = self._checked(self._given(name, residual, own), (), name, also=own)
         if own not in expression.free_symbols:
             raise DeclarationError(f"{self.name}: {name}: the residual does not contain {name} - use signal()", (name,))
         return self._declare_signal(name, expression, unit, meaning, self._checked(guess, (), f"{name}: guess"))
@@ -198,6 +212,10 @@ class QuantityBuilder(GraphStore):
     ) -> Symbol:
         own = self._unit(unit, name)
         return self._declare(NamedSignal(name, expression, own.unit, meaning, guess, own.shown))
+
+    def _given(self, name: str, value: Any, own: Symbol) -> Expr:
+        """An expression, or what a function makes of the quantity's own symbol."""
+        return apply_law(value, own, where=f"{self.name}: {name}")
 
     def _measure_variable(
         self, name: str, variable: str, at: At, meaning: str, unit: str | None, port: int = 0

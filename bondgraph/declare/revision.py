@@ -16,7 +16,8 @@ from bondgraph.declare.editing import copy
 from bondgraph.declare.elements import own_variables
 from bondgraph.declare.expressions import is_local, signal_name
 from bondgraph.declare.graph import BondGraph
-from bondgraph.declare.handles import SubGraph, callable_law
+from bondgraph.declare.handles import SubGraph
+from bondgraph.declare.laws import apply_law
 from bondgraph.declare.quantities import NamedSignal, symbol
 from bondgraph.errors import DeclarationError, suggest
 
@@ -48,7 +49,7 @@ def revise_law(graph: BondGraph, node: str, given: str, law: object) -> None:
 def _with_law(graph: BondGraph, node: str, laws: Mapping[str, Expr], given: str, law: object) -> dict[str, Expr]:
     if given not in laws:
         raise DeclarationError(f"{graph.name}: {node} has no law for its {given} that could be revised", where=(node,))
-    revised = law(laws[given]) if callable_law(law) else law  # type: ignore[operator]
+    revised = apply_law(law, laws[given], where=f"{graph.name}: {node}")
     return {**laws, given: revised}
 
 
@@ -193,7 +194,7 @@ def revise_output(graph: BondGraph, name: str, expression: object) -> None:
     if name not in graph._outputs:
         raise DeclarationError(f"{graph.name}: no output {name!r}{suggest(name, graph._outputs)}", where=(name,))
     old = graph._outputs[name]
-    revised = expression(old.expression) if callable_law(expression) else expression  # type: ignore[operator]
+    revised = apply_law(expression, old.expression, where=f"{graph.name}: {name}")
     graph._outputs[name] = dataclasses.replace(old, expression=graph._checked(revised, (), name))
 
 

@@ -10,9 +10,10 @@ import sympy
 from sympy import Expr, Symbol
 
 from bondgraph.declare.elements import Bond, Node, check_node, foreign_locals, own_variables
-from bondgraph.declare.expressions import is_local, normalise, signal_name
+from bondgraph.declare.expressions import is_local, signal_name
 from bondgraph.declare.functions import TableFunction
 from bondgraph.declare.handles import At, Handle, SubGraph
+from bondgraph.declare.laws import as_expression
 from bondgraph.declare.quantities import Input, Integral, NamedSignal, Output, Parameter, Requirement, Table, symbol
 from bondgraph.declare.quantity_checks import check_quantity
 from bondgraph.errors import DeclarationError, suggest
@@ -176,7 +177,7 @@ class GraphStore:
 
     def _checked(self, expression: Any, own: tuple[str, ...], where: str, also: Symbol | None = None) -> Expr:
         """The normalised expression, if it uses only declared names, signals and the element's own variables."""
-        result = normalise(expression)
+        result = as_expression(expression, f"{self.name}: {where}")
         self._check_value(result, where)
         symbols = sorted(result.free_symbols, key=lambda s: str(s.name))
         foreign = foreign_locals([s for s in symbols if is_local(s)], own)

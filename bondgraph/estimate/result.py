@@ -19,7 +19,11 @@ from bondgraph.estimate.objective import Expand, FloatArray, SearchOutcome, Trac
 from bondgraph.estimate.problem import Batch, EstimationProblem
 from bondgraph.estimate.profile import profile_interval
 from bondgraph.estimate.uncertainty import Uncertainty, UncertaintyOutcome, uncertainty
+from bondgraph.filter.consistency import misfits
 from bondgraph.filter.filter_model import FilterModel
+from bondgraph.filter.filter_run import FilterRun
+from bondgraph.filter.misfit import Misfit
+from bondgraph.filter.runs import run
 
 #: 97.5 % point of the standard normal distribution.
 _Z95 = 1.959963984540054
@@ -176,6 +180,20 @@ class Estimate:
             initial_correlation={**declared.initial_correlation, **pairs("x0_corr")},
         )
 
+    @cached_property
+    def runs(self) -> tuple[FilterRun, ...]:
+        """The filter's record of each log at the estimate."""
+        logs = zip(self.problem.logs, self.x0, strict=True)
+        return tuple(run(self.filter_model, log, self.theta, x0=x0) for log, x0 in logs)
+
+    @cached_property
+    def misfits(self) -> tuple[Misfit, ...]:
+        """Channels that the estimated model does not explain; empty where it explains the logs.
+
+        Errors are set against the noises from which the search started: those declared, or seen in the logs.
+        """
+        return misfits(self.runs, self.problem.filter_model.measurement_noise)
+
     def profile(self, name: str, level: float = 0.95) -> tuple[float, float]:
         """Interval of one value by its profile likelihood; takes some tens of evaluations per free parameter.
 
@@ -233,7 +251,8 @@ class Estimate:
         Parameters
         ----------
         innovations
-            Per output ``rmse``, ``nis_mean``, ``nis_band`` and ``whiteness_p`` of the filter at the estimate.
+            Per output ``rmse``, ``nis_mean``, ``nis_band`` and ``whiteness_p`` of the filter at the estimate; without
+            them the filter is not run, and no misfits are listed.
         """
         names = self.problem.names
         shown = {parameter.name: quantity_of(self.problem, parameter).shown for parameter in self.problem.free}
@@ -245,6 +264,7 @@ class Estimate:
             "abandoned": self.abandoned,
             "seconds": round(self.seconds, 3),
             "innovations": {name: dict(values) for name, values in (innovations or {}).items()},
+            "misfits": [] if innovations is None else [misfit.to_dict() for misfit in self.misfits],
             "correlation": {
                 name: {other: _number(float(self.correlation[i, j])) for j, other in enumerate(names)}
                 for i, name in enumerate(names)

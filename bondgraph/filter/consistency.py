@@ -12,17 +12,25 @@ Ljung and Box (1978), On a measure of lack of fit in time series models, Biometr
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import gammaincc, gammaincinv
+from scipy.special import gammaincinv
 
 from bondgraph.errors import FilterError
-from bondgraph.filter.filter_run import FilterRun
-from bondgraph.simulate.arrays import FloatArray
+from bondgraph.filter.filter_run import FilterRun, normalised_innovations
+from bondgraph.filter.misfit import LEVEL, ChannelInnovations, Misfit, channel_misfits
+from bondgraph.filter.whiteness import ljung_box, whiteness_p
+from bondgraph.simulate.outcome import Outcome
 
-#: Autocorrelations at most this many lags apart enter the whiteness test.
-_MAX_LAGS = 20
+__all__ = [
+    "ChannelConsistency", "Consistency", "consistency", "joined_innovations", "ljung_box", "misfits", "nis_band",
+    "normalised_innovations", "whiteness_p",
+]  # fmt: skip
+
+#: Missing samples put between logs, so that no autocorrelation reaches from one into the next.
+_APART = 50
 
 
 @dataclass(frozen=True)
@@ -113,11 +121,53 @@ def consistency(run: FilterRun, confidence: float = 0.95) -> Consistency:
     return Consistency(tuple(channels), joint, nis_band(values, values, confidence))
 
 
-def normalised_innovations(run: FilterRun) -> FloatArray:
-    """Innovations over their own standard deviations, shape (n_y, n), NaN where nothing was measured."""
-    variance = np.einsum("iik->ik", run.output_cov)
-    normalised: FloatArray = np.where(np.isnan(run.y), np.nan, run.innovation / np.sqrt(variance))
-    return normalised
+def joined_innovations(runs: Sequence[FilterRun]) -> tuple[ChannelInnovations, ...]:
+    """Innovations of the channels that were measured in some runs of one model, over all their logs."""
+    if not runs:
+        return ()
+    gap = np.full((len(runs[0].filter_model.model.outputs), _APART), np.nan)
+    normalised = np.concatenate([part for one in runs for part in (normalised_innovations(one), gap)], axis=1)
+    errors = np.concatenate([part for one in runs for part in (one.innovation, gap)], axis=1)
+    joined = [
+        ChannelInnovations(info.name, info.unit, normalised[row], errors[row])
+        for row, info in enumerate(runs[0].filter_model.model.outputs)
+    ]
+    return tuple(channel for channel in joined if channel.count)
+
+
+def misfits(
+    runs: Sequence[FilterRun], noise: Mapping[str, float] | None = None, level: float = LEVEL, *, guessed: bool = False
+) -> tuple[Misfit, ...]:
+    """Channels that a model does not explain, over the logs of some runs together.
+
+    Parameters
+    ----------
+    runs
+        Of one filter model; those that failed are left out.
+    noise
+        Standard deviation of a sensor's noise by output, where it is known better than the filter says; an estimate
+        that widens it to the misfit would hide the misfit otherwise.
+    level
+        Chance that a model that is right is reported.
+    guessed
+        Whether the filter's noises were guessed from second differences of the same logs.
+
+    Examples
+    --------
+    >>> from bondgraph.data.log import MatchedLog
+    >>> from bondgraph.filter.filter_model import FilterModel
+    >>> from bondgraph.filter.runs import run
+    >>> from bondgraph.simulate.example import pendulum
+    >>> swing = FilterModel(pendulum(), {}, {"deflection": 0.05}, {"angle": 0.1, "rate": 0.1}, substeps=2)
+    >>> time = np.arange(200) * 0.05
+    >>> log = MatchedLog("swing", time, np.zeros((1, 200)), 0.5 * np.cos(2.5 * time)[np.newaxis])
+    >>> [(one.channel, one.is_coloured, one.is_large) for one in misfits([run(swing, log, compiled=False)])]
+    [('deflection', True, True)]
+    """
+    good = [one for one in runs if one.outcome is Outcome.OK]
+    declared = good[0].filter_model.measurement_noise if good else {}
+    logs = tuple(one.log_name for one in good)
+    return channel_misfits(joined_innovations(good), logs, {**declared, **(noise or {})}, level, guessed=guessed)
 
 
 def nis_band(values: int, samples: int, confidence: float = 0.95) -> tuple[float, float]:
@@ -133,54 +183,3 @@ def nis_band(values: int, samples: int, confidence: float = 0.95) -> tuple[float
     tail = 0.5 * (1.0 - confidence)
     low, high = (2.0 * float(gammaincinv(0.5 * values, share)) / samples for share in (tail, 1.0 - tail))
     return (low, high)
-
-
-def whiteness_p(series: FloatArray) -> float:
-    """p-value of the hypothesis that a series (n,) is white; NaN where it is too short to tell.
-
-    Examples
-    --------
-    >>> noise = np.random.default_rng(0).standard_normal(400)
-    >>> whiteness_p(noise) > 0.05, whiteness_p(np.cumsum(noise)) < 1e-6
-    (True, True)
-    """
-    statistic, freedom = ljung_box(series)
-    return float(gammaincc(0.5 * freedom, 0.5 * statistic)) if freedom else float("nan")
-
-
-def ljung_box(series: FloatArray) -> tuple[float, int]:
-    """Portmanteau statistic of a series (n,) and its degrees of freedom; none where it is too short or constant.
-
-    Missing values (NaN) keep their place, so lags count samples and only pairs of measured values enter; lags at which
-    fewer than half of the values have a partner (those between the samples of a slow sensor) are left out. Statistics
-    of independent series add up, and so do their degrees of freedom.
-
-    Examples
-    --------
-    >>> slow = np.full(1000, np.nan)
-    >>> slow[::5] = np.random.default_rng(0).standard_normal(200)
-    >>> statistic, freedom = ljung_box(slow)
-    >>> bool(statistic < 40), freedom
-    (True, 20)
-    """
-    present = ~np.isnan(series)
-    count = int(present.sum())
-    lags = min(_MAX_LAGS, count // 5)
-    if lags < 1:
-        return 0.0, 0
-    centred = np.where(present, series - np.mean(series[present]), 0.0)
-    power = float(centred @ centred)
-    if power == 0.0:
-        return 0.0, 0
-    measured = present.astype(np.float64)
-    statistic, freedom = 0.0, 0
-    for lag in range(1, series.size):
-        pairs = float(measured[lag:] @ measured[:-lag])
-        if pairs >= 0.5 * count:
-            # of a white series the squared correlation is pairs / (count (count + 2)) in the mean
-            correlation = float(centred[lag:] @ centred[:-lag]) / power
-            statistic += correlation**2 * count * (count + 2.0) / pairs
-            freedom += 1
-        if freedom == lags:
-            break
-    return statistic, freedom

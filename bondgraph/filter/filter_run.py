@@ -13,6 +13,7 @@ import numpy as np
 
 from bondgraph.errors import FilterError, suggest
 from bondgraph.filter.filter_model import FilterModel
+from bondgraph.filter.misfit import ChannelInnovations, Misfit, channel_misfits
 from bondgraph.filter.samples import Samples
 from bondgraph.simulate.arrays import FloatArray, IntArray
 from bondgraph.simulate.outcome import Outcome, describe_end
@@ -80,6 +81,21 @@ class FilterRun:
     def nll(self) -> float:
         """Negative log-likelihood of the log; infinite after a failure."""
         return float(-self.log_likelihood.sum()) if self.outcome is Outcome.OK else np.inf
+
+    @property
+    def misfits(self) -> tuple[Misfit, ...]:
+        """Channels that the model does not explain in this log; empty where it does.
+
+        Raises
+        ------
+        FilterError
+            If the filter did not reach the end of the log.
+        """
+        self.raise_if_failed()
+        rows = zip(self.filter_model.model.outputs, normalised_innovations(self), self.innovation, strict=True)
+        channels = [ChannelInnovations(info.name, info.unit, values, errors) for info, values, errors in rows]
+        measured = [channel for channel in channels if channel.count]
+        return channel_misfits(measured, (self.log_name,), self.filter_model.measurement_noise)
 
     def mean(self, name: str) -> FloatArray:
         """Filtered mean of one state or appended parameter, shape (n,)."""
@@ -210,3 +226,10 @@ def solved(cov: FloatArray, cross: FloatArray) -> FloatArray:
     found = scale[:, :, np.newaxis] * found
     found[~usable] = np.nan
     return found
+
+
+def normalised_innovations(run: FilterRun) -> FloatArray:
+    """Innovations over their own standard deviations, shape (n_y, n), NaN where nothing was measured."""
+    variance = np.einsum("iik->ik", run.output_cov)
+    normalised: FloatArray = np.where(np.isnan(run.y), np.nan, run.innovation / np.sqrt(variance))
+    return normalised

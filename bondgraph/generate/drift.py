@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import difflib
 import re
+import shlex
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -70,15 +71,19 @@ def exact_name(name: str) -> str:
     return f"{name}_exact"
 
 
-def render_all(references: Iterable[str], *, smooth: bool = True) -> dict[str, str]:
+def render_all(
+    references: Iterable[str], *, smooth: bool = True, options: Mapping[str, Sequence[str]] | None = None
+) -> dict[str, str]:
     """Texts of several graphs by the names of their modules.
 
     Parameters
     ----------
     references
-        ``module:function`` or the path of a graph file, as for every command.
+        ``FILE.py``, ``FILE.py:name``, ``module:name`` or the path of a graph file, as for every command.
     smooth
         Derive switches, friction and impacts smooth; else with modes, in modules called ``<name>_exact``.
+    options
+        Further options of the command that regenerates a module, by the reference of its graph.
 
     Raises
     ------
@@ -101,7 +106,14 @@ def render_all(references: Iterable[str], *, smooth: bool = True) -> dict[str, s
                 f"{reference}: another graph is called {graph.name!r} too - give one of them another name",
                 where=(reference, graph.name),
             )
-        command = f"bondgraph generate {reference}" + ("" if smooth else " --exact")
+        words = (
+            "bondgraph",
+            "generate",
+            reference,
+            *(() if smooth else ("--exact",)),
+            *(options or {}).get(reference, ()),
+        )
+        command = shlex.join(words)
         modules[graph.name if smooth else exact_name(graph.name)] = render_graph(graph, command, smooth=smooth)
     return modules
 

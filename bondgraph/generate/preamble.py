@@ -24,6 +24,7 @@ def preamble(equations: StateEquations) -> str:
             _table("STATES", _state_rows(equations)),
             '# name, unit, default, between samples ("linear" or "hold"), letters of a text signal, meaning',
             _table("INPUTS", _input_rows(equations)),
+            *_zero_defaults(equations),
             "# name, unit, value, lower and upper bound (None: known, stays fixed), meaning",
             _table("PARAMETERS", _parameter_rows(equations)),
             "# name, unit, meaning",
@@ -88,6 +89,14 @@ def _input_rows(equations: StateEquations) -> Iterable[Sequence[str]]:
             f"{{{', '.join(letters)}}}" if letters else "None",
             string(item.meaning),
         )
+
+
+def _zero_defaults(equations: StateEquations) -> Iterable[str]:
+    """The inputs whose default of zero is declared; what they do not name, and what is zero above, has none."""
+    names = [string(item.name) for item in equations.inputs if item.zero_default]
+    if names:
+        yield "# inputs that are zero where a log lacks them; the others with a default of 0.0 must be given"
+        yield f"ZERO_DEFAULTS = ({', '.join(names)}{',' * (len(names) == 1)})"
 
 
 def _parameter_rows(equations: StateEquations) -> Iterable[Sequence[str]]:

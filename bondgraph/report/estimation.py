@@ -11,13 +11,16 @@ from bondgraph.correct.loop import free_parameters
 from bondgraph.data.log import MatchedLog
 from bondgraph.estimate.free import declared_free, parse_target
 from bondgraph.estimate.initial import Initial
-from bondgraph.estimate.innovation_summary import fitted_runs, innovation_summary
+from bondgraph.estimate.innovation_summary import innovation_summary
 from bondgraph.estimate.problem import EstimationProblem
 from bondgraph.estimate.result import Estimate
 from bondgraph.report.closed_loop import write_json
 from bondgraph.report.collect import Runs, channel_series, parameter_changes
 from bondgraph.report.html import Provenance, ReportData, write_report
+from bondgraph.report.logs import grouped_notes
+from bondgraph.report.misfits import misfit_sentences
 from bondgraph.report.series import ChannelSeries, channel_errors
+from bondgraph.report.suspicions import sampling_suspicions, unit_suspicions
 from bondgraph.simulate.model import Model
 from bondgraph.simulate.simulate import simulate
 from bondgraph.simulate.trajectory import Trajectory
@@ -65,8 +68,7 @@ def write_estimate(estimate: Estimate, folder: Path, made: Provenance) -> Report
         Command, seed, data files.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    runs = fitted_runs(estimate)
-    write_json(folder / "result.json", estimate.to_dict(innovation_summary(runs)))
+    write_json(folder / "result.json", estimate.to_dict(innovation_summary(estimate.runs)))
     data = estimate_report(estimate, made)
     write_report(data, folder / "report.html")
     return data
@@ -77,28 +79,43 @@ def estimate_report(estimate: Estimate, made: Provenance) -> ReportData:
     model = estimate.filter_model.model
     declared = {info.name: info.value for info in model.parameters}
     series: list[ChannelSeries] = []
-    for log, x0, run in zip(estimate.problem.logs, estimate.x0, fitted_runs(estimate), strict=True):
+    for log, x0, run in zip(estimate.problem.logs, estimate.x0, estimate.runs, strict=True):
         before = _free_run(estimate, log, x0, declared)
         after = _free_run(estimate, log, x0, dict(estimate.values))
         noise = dict(zip(model.names("output"), estimate.filter_model.noise_std, strict=True))
         series += channel_series(model, log, Runs(None, before), Runs(run, after), noise)
     return ReportData(
         title=model.name,
-        verdict="estimated",
-        explanation=estimate.outcome.value,
+        verdict="estimated, but not explained" if estimate.misfits else "estimated",
+        explanation=" ".join(misfit_sentences(estimate.misfits)) or estimate.outcome.value,
         errors=channel_errors(series),
         series=tuple(series),
         parameters=parameter_changes(model, declared, estimate.values, estimate.ci95, estimate.at_bound),
         trace=estimate.trace,
-        notes=tuple(_notes(estimate)),
+        suspected=tuple(_suspicions(estimate)),
+        notes=(*_notes(estimate), *grouped_notes(estimate.problem.logs)),
         made=made,
     )
+
+
+def _suspicions(estimate: Estimate) -> list[str]:
+    """What is suspected of the units, times and sampling of the logs, at the declared values of the model."""
+    model, initial = estimate.filter_model.model, estimate.problem.initial
+    return [
+        f"{log.name}: {one}"
+        for log in estimate.problem.logs
+        for one in (
+            *sampling_suspicions(model, log, initial),
+            *(unit_suspicions(estimate.filter_model, log, initial) if estimate.misfits or estimate.at_bound else ()),
+        )
+    ]
 
 
 def _notes(estimate: Estimate) -> list[str]:
     """How far the estimate can be trusted: steps, other optima, bounds, what the data do not tell."""
     certification = estimate.certification
     notes = [
+        f"The search: {estimate.outcome.value}.",
         f"Negative log-likelihood {estimate.nll:.4f} after {estimate.evaluations} evaluations.",
         f"Integrated by {certification.method} with {certification.substeps} steps between samples: "
         f"{certification.verdict}.",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -11,16 +11,30 @@ from bondgraph.correct.fits.setup import filter_setup
 from bondgraph.data.log import Log, LogChannel, MatchedLog
 from bondgraph.data.write import write_log
 from bondgraph.estimate.initial import Initial, initial_states
-from bondgraph.filter.consistency import Consistency, consistency
+from bondgraph.filter.consistency import Consistency, consistency, misfits
 from bondgraph.filter.filter_run import FilterRun
+from bondgraph.filter.misfit import LEVEL, Misfit
 from bondgraph.filter.noise import Noise
 from bondgraph.filter.runs import run
 from bondgraph.filter.smoother import smooth
 from bondgraph.report.closed_loop import write_json
-from bondgraph.report.collect import output_bands, state_bands
+from bondgraph.report.collect import Runs, channel_series, output_bands, state_bands
+from bondgraph.report.html import Provenance, ReportData, write_report
+from bondgraph.report.logs import grouped_notes
+from bondgraph.report.misfits import band_text, misfit_sentences
 from bondgraph.report.numbers import shown
 from bondgraph.report.plots import state_figure
+from bondgraph.report.series import ChannelSeries, channel_errors
+from bondgraph.report.suspicions import sampling_suspicions, unit_suspicions
 from bondgraph.simulate.model import Model, ParameterInfo, StateInfo
+
+
+@dataclass(frozen=True)
+class Filtered:
+    """What filtering some logs gave: a summary for the terminal, and the channels that the model does not explain."""
+
+    text: str
+    misfits: tuple[Misfit, ...]
 
 
 def filter_logs(
@@ -31,20 +45,19 @@ def filter_logs(
     smoothed: bool = False,
     initial: Initial = "measured",
     noise: Noise | None = None,
-) -> str:
+    made: Provenance | None = None,
+) -> Filtered:
     """Filter logs with a model at its declared parameters and write states, innovations and consistency.
 
     Noises are the declared ones, or else taken from the logs as for an estimation. Writes ``NAME_states.csv`` and
-    ``NAME_states.png`` per log and one ``result.json``.
-
-    Returns
-    -------
-    str
-        A summary for the terminal.
+    ``NAME_states.png`` per log, one ``result.json`` and one ``report.html``.
     """
     filter_model = noise.filter_model(model) if noise else filter_setup(model, driven, logs).filter_model
     folder.mkdir(parents=True, exist_ok=True)
     lines, result = [], {}
+    series: list[ChannelSeries] = []
+    found_misfits: list[Misfit] = []
+    suspected: list[str] = []
     for log in logs:
         start = initial_states(model, [log], model.theta(), initial)[0]
         record = run(filter_model, log, x0=start).raise_if_failed()
@@ -54,10 +67,15 @@ def filter_logs(
         state_figure(bands, log.name).savefig(folder / f"{log.name}_states.png", dpi=150)
         found = consistency(record)
         result[log.name] = {"nll": record.nll, "nis_mean": found.nis_mean, "nis_band": list(found.nis_band)}
-        result[log.name] |= {"channels": _channels(found)}
+        misfit = misfits([record], level=LEVEL / len(logs), guessed=noise is None)
+        result[log.name] |= {"channels": _channels(found), "misfits": [one.to_dict() for one in misfit]}
+        found_misfits += misfit
+        suspected += [f"{log.name}: {one}" for one in sampling_suspicions(model, log, initial)]
+        suspected += [f"{log.name}: {one}" for one in unit_suspicions(filter_model, log, initial)] if misfit else []
+        series += channel_series(model, log, Runs(record), noise_std=filter_model.measurement_noise)
         lines.append(
-            f"{log.name}: NLL {shown(record.nll, 6)}, NIS {shown(found.nis_mean)} in band "
-            f"{shown(found.nis_band[0])} to {shown(found.nis_band[1])}"
+            f"{log.name}: NLL {shown(record.nll, 6)}, NIS "
+            + band_text(found.nis_mean, found.nis_band, [*map(shown, (found.nis_mean, *found.nis_band))])
         )
         lines += [
             f"  {c.name}: innovation rms {shown(c.rmse)} {c.unit}, NIS {shown(c.nis_mean)}, "
@@ -65,7 +83,19 @@ def filter_logs(
             for c in found.channels
         ]
     write_json(folder / "result.json", result)
-    return "\n".join([*lines, f"written: {folder}"])
+    sentences = misfit_sentences(found_misfits, folder / "report.html")
+    data = ReportData(
+        title=model.name,
+        verdict="not explained" if found_misfits else "filtered",
+        explanation=" ".join(sentences) or "No channel contradicts the model.",
+        errors=channel_errors(series),
+        series=tuple(series),
+        suspected=tuple(suspected),
+        notes=(*lines, *grouped_notes(logs)),
+        made=made,
+    )
+    write_report(data, folder / "report.html")
+    return Filtered("\n".join([*lines, *sentences, *suspected, f"written: {folder}"]), tuple(found_misfits))
 
 
 def _smoothed(record: FilterRun) -> FilterRun:

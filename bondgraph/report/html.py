@@ -87,6 +87,8 @@ class ReportData:
         Every decision with its reason.
     structure
         What these sensors can tell apart at all.
+    suspected
+        What looks wrong with the units, times or sampling of the logs.
     notes
         What else a reader must know: caveats, what cannot be concluded.
     made
@@ -109,6 +111,7 @@ class ReportData:
     power: tuple[Power, ...] = ()
     history: tuple[Step, ...] = ()
     structure: tuple[str, ...] = ()
+    suspected: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
     made: Provenance | None = None
 

@@ -33,8 +33,11 @@ def training_and_held_out(
     holdout: Sequence[Path | str],
     mapping: Mapping[str, str],
     rate: float | None = None,
+    given: Mapping[str, float | str] | None = None,
 ) -> Splits:
     """Read and match logs; without held-out logs the last quarter of each training log is held out, and this is said.
+
+    ``given`` are values of inputs that the logs lack.
 
     Raises
     ------
@@ -51,7 +54,7 @@ def training_and_held_out(
         )
 
     def read(path: Path | str) -> MatchedLog:
-        log = match(read_log(path), model, mapping)
+        log = match(read_log(path), model, mapping, given)
         return log if rate is None else decimate(log, rate)
 
     training, held_out = [read(path) for path in data], [read(path) for path in holdout]

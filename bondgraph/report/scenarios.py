@@ -1,11 +1,11 @@
-"""Scenarios, panels and noises declared beside a graph, found by the reference ``module:function`` of the graph."""
+"""Scenarios, panels and noises declared beside a graph, found by the reference of the graph."""
 
 from __future__ import annotations
 
-import importlib
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from bondgraph.declare.loading import is_code_reference, load_module
 from bondgraph.errors import OptionError, suggest
 from bondgraph.filter.noise import Noise
 from bondgraph.simulate.scenario import Panel, Scenario
@@ -56,5 +56,4 @@ def declared_noise(reference: str, model: str) -> Noise | None:
 
 
 def _declared(reference: str, name: str, otherwise: Any) -> Any:
-    module, colon, _ = reference.partition(":")
-    return getattr(importlib.import_module(module), name, otherwise) if colon else otherwise
+    return getattr(load_module(reference), name, otherwise) if is_code_reference(reference) else otherwise

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Container, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -145,7 +145,7 @@ def _inputs(
         times = np.array([0.0, options.until])
         values = np.repeat(model.u0()[:, np.newaxis], 2, axis=1)
     else:
-        times, values = inputs.time, match_inputs(inputs, model)
+        times, values = inputs.time, match_inputs(inputs, model, given=constants)
     for name, value in constants.items():
         values[model.index("input", name)] = value
     end = float(times[-1]) if options.until is None else options.until
@@ -172,6 +172,20 @@ def _scenario_inputs(
         values[model.index("input", name)] = value
     times = shorter.times() if options.step is None else shorter.times(options.step)
     return times, InputSignal.of_table(model, signal.time, values, constants)
+
+
+def input_notes(model: Model, inputs: Log | None, given: Container[str]) -> list[str]:
+    """Sentences on the inputs that nobody gave a value: what the table lacks, or without a table what rests at zero."""
+    modes = {mode.input for mode in model.modes}
+    columns = () if inputs is None else inputs.channels
+    lacking = [one for one in model.inputs if not (one.name in given or one.name in columns or one.name in modes)]
+    return [
+        f"input {one.name!r} has no value; 0 {one.unit} is taken - give it with --set {one.name}=VALUE"
+        if not one.has_default
+        else f"input {one.name!r} is not in the table; {one.default:g} {one.unit} is taken from the declaration"
+        for one in lacking
+        if not one.rate_of and (inputs is not None or not one.has_default)
+    ]
 
 
 def trajectory_log(trajectory: Trajectory) -> Log:

@@ -21,7 +21,7 @@ from bondgraph.coherent import Displayed
 from bondgraph.errors import ModelError, suggest
 from bondgraph.simulate.arrays import FloatArray
 from bondgraph.simulate.loader import parse_module, require_function, run_module
-from bondgraph.simulate.rows import EventInfo, ModeInfo, events_of, shown_rows
+from bondgraph.simulate.rows import EventInfo, ModeInfo, events_of, input_rows, shown_rows
 
 if TYPE_CHECKING:
     from bondgraph.simulate.compile import CompiledModel
@@ -46,6 +46,7 @@ class InputInfo(Displayed):
     """One input: its default, how it runs between samples, and its letters if it is a code.
 
     ``interpolation`` is ``linear``, ``hold``, or ``rate of NAME`` for the slope of another input, held between samples.
+    ``zero_default`` tells a default of zero that is declared from none at all.
     """
 
     name: str
@@ -55,6 +56,12 @@ class InputInfo(Displayed):
     letters: Mapping[str, float] | None
     meaning: str
     shown_unit: str = ""
+    zero_default: bool = False
+
+    @property
+    def has_default(self) -> bool:
+        """Whether a default is declared; what has none must be given."""
+        return self.default != 0.0 or self.zero_default
 
     @property
     def rate_of(self) -> str:
@@ -132,7 +139,7 @@ class Model:
             text=text,
             doc=str(names.get("__doc__") or ""),
             states=shown_rows(names, "STATES", StateInfo, source),
-            inputs=shown_rows(names, "INPUTS", InputInfo, source),
+            inputs=input_rows(names, InputInfo, source),
             parameters=shown_rows(names, "PARAMETERS", ParameterInfo, source),
             outputs=shown_rows(names, "OUTPUTS", OutputInfo, source),
             _rhs=require_function(names, "rhs", source),

@@ -79,6 +79,13 @@ def shown_rows(names: Mapping[str, Any], table: str, kind: type[_Shown], source:
     return tuple(found)
 
 
+def input_rows(names: Mapping[str, Any], kind: type[_Shown], source: str) -> tuple[_Shown, ...]:
+    """The inputs of a module; those listed in ``ZERO_DEFAULTS`` have a declared default of zero."""
+    zeros = names.get("ZERO_DEFAULTS", ())
+    found: list[Any] = list(shown_rows(names, "INPUTS", kind, source))
+    return tuple(dataclasses.replace(info, zero_default=info.name in zeros) for info in found)
+
+
 def events_of(names: Mapping[str, Any], source: str) -> dict[str, Any]:
     """Modes, zero functions and jumps of a module that has them, by the fields of a model.
 

@@ -23,7 +23,7 @@ def clutch_file(tmp_path: Path) -> Path:
 
 
 def test_simulate_tells_events_and_writes_modes(clutch_file: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["simulate", str(clutch_file), "--until", "2", "--step", "0.5", "--exact"]) == 0
+    assert main(["simulate", str(clutch_file), "--until", "2", "--step", "0.5", "--exact", "--set", "torque=0"]) == 0
     told = capsys.readouterr()
     assert told.err == "1 event\n  t = 0.714285714286 s: plates locks\n"
     rows = list(csv.DictReader(io.StringIO(told.out)))
@@ -32,7 +32,7 @@ def test_simulate_tells_events_and_writes_modes(clutch_file: Path, capsys: pytes
 
 
 def test_without_the_flag_the_same_graph_is_smooth(clutch_file: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["simulate", str(clutch_file), "--until", "2", "--step", "0.5"]) == 0
+    assert main(["simulate", str(clutch_file), "--until", "2", "--step", "0.5", "--set", "torque=0"]) == 0
     told = capsys.readouterr()
     assert told.err == "" and "mode_plates" not in told.out
 

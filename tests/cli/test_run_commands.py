@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -140,4 +141,97 @@ def test_a_log_cannot_be_trained_on_and_held_out(
 
 def test_unknown_effects_module(motor_file: Path, run_file: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["close-loop", str(motor_file), "--data", str(run_file), "--effects", "no_such_effects"]) == 2
-    assert "there is no such module" in capsys.readouterr().err
+    assert "--effects no_such_effects: there is no module 'no_such_effects'" in capsys.readouterr().err
+
+
+@pytest.fixture
+def silent_file(run_file: Path, tmp_path: Path) -> Path:
+    """The same run without its voltage."""
+    path = tmp_path / "silent.csv"
+    rows = [row.split(",") for row in run_file.read_text(encoding="utf-8").splitlines()]
+    path.write_text("".join(f"{row[0]},{row[2]}\n" for row in rows), encoding="utf-8")
+    return path
+
+
+@pytest.mark.parametrize("command", ["filter", "estimate", "sensitivity", "close-loop"])
+def test_a_log_without_an_input_is_refused(
+    command: str, motor_file: Path, silent_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Before, the motor was filtered as if its voltage were zero."""
+    out = tmp_path / "out"
+    folder = [] if command == "sensitivity" else ["--out", str(out)]
+    assert main([command, str(motor_file), "--data", str(silent_file), *folder]) == 2
+    said = capsys.readouterr().err
+    assert "no values for the input 'u_a' [V] of dc_motor" in said and "--set u_a=0" in said
+    assert not out.exists()
+
+
+def test_a_generated_module_knows_which_inputs_a_log_must_hold(
+    motor_file: Path, silent_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["generate", str(motor_file), "--folder", str(tmp_path / "models")]) == 0
+    command = ["filter", str(tmp_path / "models" / "dc_motor.py"), "--data", str(silent_file)]
+    assert main([*command, "--out", str(tmp_path / "out")]) == 2
+    assert "no values for the input 'u_a' [V]" in capsys.readouterr().err
+    assert main([*command, "--set", "u_a=12", "--out", str(tmp_path / "out")]) == 0
+    assert "input 'u_a' is not in the log; 12 V is taken as given" in capsys.readouterr().err
+
+
+def test_a_declared_default_is_taken_and_told(
+    motor: dict[str, Any], silent_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    motor["graph"]["inputs"][0]["default"] = 0.0
+    path = tmp_path / "coasting.json"
+    path.write_text(json.dumps(motor), encoding="utf-8")
+    assert main(["filter", str(path), "--data", str(silent_file), "--out", str(tmp_path / "out")]) == 0
+    assert "input 'u_a' is not in the log; 0 V is taken from the declaration" in capsys.readouterr().err
+
+
+def test_simulate_refuses_a_table_without_an_input_and_tells_what_rests(
+    motor_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    table = tmp_path / "table.csv"
+    table.write_text("time [s]\n0\n1\n", encoding="utf-8")
+    command = ["simulate", str(motor_file), "--out", str(tmp_path / "run.csv")]
+    assert main([*command, "--inputs", str(table)]) == 2
+    assert "no values for the input 'u_a' [V] of dc_motor" in capsys.readouterr().err
+    assert main([*command, "--inputs", str(table), "--set", "u_a=1"]) == 0
+    capsys.readouterr()
+    assert main([*command, "--until", "1"]) == 0
+    assert "input 'u_a' has no value; 0 V is taken - give it with --set u_a=VALUE" in capsys.readouterr().err
+    assert main([*command, "--until", "1", "--set", "u_a=1"]) == 0
+    assert "u_a" not in capsys.readouterr().err
+
+
+@pytest.fixture
+def wrong_file(run_file: Path, tmp_path: Path) -> Path:
+    """The same run of a motor whose speed swings more than its model can say."""
+    path = tmp_path / "wrong.csv"
+    header, *rows = run_file.read_text(encoding="utf-8").splitlines()
+    values = [[float(word) for word in row.split(",")] for row in rows]
+    more = "".join(f"{t},{u},{speed * (1.0 + 0.2 * np.sin(6.0 * t))}\n" for t, u, speed in values)
+    path.write_text(f"{header}\n{more}", encoding="utf-8")
+    return path
+
+
+@pytest.mark.parametrize("command", ["filter", "estimate"])
+def test_a_log_that_the_model_does_not_explain_is_told(
+    command: str, motor_file: Path, wrong_file: Path, run_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Before, a whiteness of p = 1e-237 stood in result.json alone."""
+    out = tmp_path / "out"
+    options = ["--set", "b=0.12"] if command == "filter" else ["--free", "b", "--method", "gradient"]
+    options += [] if command == "filter" else ["--process-noise", "none"]
+    words = [command, str(motor_file), *options, "--out", str(out)]
+    assert main([*words, "--data", str(wrong_file)]) == 0
+    said = capsys.readouterr().out
+    assert "omega: one-step error" in said and "times its noise" in said
+    assert f"the model does not explain this log - look at {out / 'report.html'}" in said and "close-loop" in said
+    assert "the model does not explain this log" in (out / "report.html").read_text(encoding="utf-8")
+    result = json.loads((out / "result.json").read_text(encoding="utf-8"))
+    (found,) = (result if command == "estimate" else result["wrong"])["misfits"]
+    assert found["channel"] == "omega" and found["coloured"] and found["whiteness_p"] < 1e-20
+    assert main([*words, "--strict", "--data", str(wrong_file)]) == 1
+    capsys.readouterr()
+    assert main([*words, "--strict", "--data", str(run_file)]) == 0
+    assert "does not explain" not in capsys.readouterr().out + (out / "report.html").read_text(encoding="utf-8")

@@ -150,6 +150,11 @@ def misnamed(g: BondGraph, at: Place) -> Effect | None:
     return Effect("misnamed", f"push_{at.name}", "", (f"loads_{at.name}",))
 
 
+def numeric(g: BondGraph, at: Place) -> Effect | None:
+    g.resistance(f"drag_{at.name}", lambda v: g.parameter(f"load_{at.name}", 0.0, "") * np.tanh(v), at=at.junction)
+    return Effect("numeric", f"drag_{at.name}", "", (f"load_{at.name}",))
+
+
 def unbounded(g: BondGraph, at: Place) -> Effect | None:
     if at.bond is not None:
         return None
@@ -171,6 +176,8 @@ def test_an_effect_function_that_fails_is_named(where: list[Place]) -> None:
         candidates(built(), [broken], where)
     with pytest.raises(OptionError, match=r"names the coefficient 'loads_drum' .*; did you mean 'load_drum'\?"):
         candidates(built(), [misnamed], where)
+    with pytest.raises(OptionError, match=r"effect function numeric failed at drum: LawError: .* use sympy's tanh"):
+        candidates(built(), [numeric], where)
 
 
 def test_an_effect_that_cannot_be_tested_is_refused_with_the_reason(where: list[Place]) -> None:

@@ -33,12 +33,16 @@ class Signal(Named):
     letters: Mapping[str, float] | None = None
     rate_of: str = ""
 
+    @property
+    def has_default(self) -> bool:
+        return self.default != 0.0 or self.unit == "A"
+
 
 @dataclass(frozen=True)
 class Car:
     name: str = "car"
     inputs: tuple[Signal, ...] = (
-        Signal("torque", "N m", 0.0),
+        Signal("torque", "N m"),
         Signal("gear", "1", 10.0, "hold", {"H": 10.0, "L": 22.0}),
         Signal("grade", "1", 0.05),
     )
@@ -78,14 +82,55 @@ def test_inputs_run_between_samples_as_they_declare() -> None:
     np.testing.assert_allclose(matched.u[0], [0.0, 100.0, 200.0, 200.0, 200.0])
     np.testing.assert_array_equal(matched.u[1], [10.0, 10.0, 22.0, 22.0, 22.0])
     np.testing.assert_array_equal(matched.u[2], np.full(5, 0.05))
-    assert "input 'grade' is not in the log; its default 0.05 1 is used" in matched.notes
+    assert "input 'grade' is not in the log; 0.05 1 is taken from the declaration" in matched.notes
     assert "input 'torque' is interpolated over 3 of 5 samples" in matched.notes
     assert "input 'gear' is held over 2 of 5 samples" in matched.notes
 
 
 def test_a_held_input_has_its_first_value_before_the_first_sample() -> None:
-    matched = match(log_of(gear=("text", ["", "", "L", "", "H"]), speed=("m/s", [1.0] * 5)), Car())
+    log = log_of(gear=("text", ["", "", "L", "", "H"]), speed=("m/s", [1.0] * 5))
+    matched = match(log, Car(), given={"torque": 0.0})
     np.testing.assert_array_equal(matched.u[1], [22.0, 22.0, 22.0, 22.0, 10.0])
+
+
+def test_an_input_without_values_is_refused_unless_it_is_given() -> None:
+    """Before, the torque was taken as 0 N m and the log was filtered as a coast-down."""
+    speed = ("m/s", [1.0] * 5)
+    silent = (log_of(speed=speed), log_of(speed=speed, torque=("N m", [float("nan")] * 5)))
+    for log in silent:
+        with pytest.raises(DataError, match=r"^run7: no values for the input 'torque' \[N m\] of car.* --set torque=0"):
+            match(log, Car())
+        matched = match(log, Car(), given={"torque": 40.0})
+        np.testing.assert_array_equal(matched.u[0], np.full(5, 40.0))
+        assert "input 'torque' is not in the log; 40 N m is taken as given" in matched.notes
+
+
+def test_the_column_that_may_hold_a_missing_input_is_suggested() -> None:
+    with pytest.raises(DataError, match=r"did you mean 'torqe'\? - map a column with --map column=torque"):
+        match(log_of(torqe=("N m", [1.0] * 5), speed=("m/s", [1.0] * 5)), Car())
+
+
+def test_a_given_value_does_not_hide_a_column() -> None:
+    matched = match(base(), Car(), given={"torque": 40.0})
+    assert matched.u[0, 2] == pytest.approx(200.0)
+    assert "input 'torque' is in the log; the value 40.0 given for it is not used" in matched.notes
+
+
+def test_given_letters_and_names_are_checked() -> None:
+    log = log_of(speed=("m/s", [1.0] * 5))
+    assert match(log, Car(), given={"torque": 0.0, "gear": "L"}).u[1].tolist() == [22.0] * 5
+    with pytest.raises(OptionError, match="--set gear=X: the value must be a number or one of H, L"):
+        match(log, Car(), given={"torque": 0.0, "gear": "X"})
+    with pytest.raises(OptionError, match="--set torqe: car has no input of this name; did you mean 'torque'"):
+        match(log, Car(), given={"torqe": 0.0})
+
+
+def test_every_missing_input_is_named_once() -> None:
+    two = replace(Car(), inputs=(Signal("a", "N"), Signal("b", "V"), Signal("c", "A")))
+    with pytest.raises(
+        DataError, match=r"no values for the inputs 'a' \[N\], 'b' \[V\] of car - .* --set a=0 --set b=0"
+    ):
+        match(log_of(speed=("m/s", [1.0] * 5)), two)
 
 
 def test_columns_that_the_model_does_not_use_are_listed() -> None:
@@ -102,7 +147,7 @@ def test_a_constant_column_called_like_a_parameter_is_known_for_this_log() -> No
 
 
 def test_other_names_are_mapped_and_collisions_refused() -> None:
-    log = log_of(rev=("rpm", [60.0] * 5))
+    log = log_of(rev=("rpm", [60.0] * 5), torque=("N m", [0.0] * 5))
     assert match(log, Car(), {"rev": "engine_speed"}).y[0] == pytest.approx(2.0 * np.pi)
     both = log_of(rev=("rpm", [60.0] * 5), engine_speed=("rpm", [60.0] * 5))
     with pytest.raises(DataError, match="columns 'rev' and 'engine_speed' both give 'engine_speed'"):

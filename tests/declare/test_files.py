@@ -142,9 +142,9 @@ def test_a_graph_function_is_loaded_by_name():
     ("reference", "text"),
     [
         ("nowhere.json", "no such file"),
-        ("nowhere", "no such file - give a graph file, or module:function"),
+        ("nowhere", "no such file - give a graph file (motor.json, sled.py, sled.py:name), or module:name"),
         ("bondgraph.nowhere:x", "there is no module 'bondgraph.nowhere'"),
-        ("tests.declare.test_files:everythin", "has no function 'everythin'; did you mean 'everything'?"),
+        ("tests.declare.test_files:everythin", "has no function or graph 'everythin'; did you mean 'everything'?"),
         ("os:getcwd", "gives a str, not a BondGraph"),
     ],
 )
@@ -291,3 +291,13 @@ def test_no_entry_of_a_file_can_raise_anything_but_a_readable_error():
                 graph_from_json(data).validate()
             except BondGraphError as error:
                 assert str(error)
+
+
+def test_a_declared_default_of_zero_is_kept_apart_from_none():
+    g = BondGraph("g")
+    for name, default in (("none", None), ("zero", 0.0), ("one", 1.0)):
+        g.input(name, "V", default=default)
+    written = graph_to_json(g)["graph"]["inputs"]
+    assert [record.get("default") for record in written] == [None, 0.0, 1.0]
+    again = graph_from_json(graph_to_json(g), "g.json")
+    assert again == g and [one.has_default for one in again.inputs] == [False, True, True]

@@ -18,10 +18,13 @@ import pytest
 import sympy
 from scipy.optimize import brentq
 
+from bondgraph.declare.domains import TRANSLATION
 from bondgraph.declare.functions import table_function
+from bondgraph.declare.graph import BondGraph
 from bondgraph.declare.quantities import Input, Parameter, Table, symbol
 from bondgraph.derive.equations import Assignment, ImplicitLoop, OutputEquation, State, StateEquations
 from bondgraph.errors import GenerationError
+from bondgraph.generate.drift import render_graph
 from bondgraph.generate.module import render
 from bondgraph.simulate.model import Model
 
@@ -349,3 +352,16 @@ def test_two_loops_of_one_name_are_refused(equations: Equations) -> None:
 
     with pytest.raises(GenerationError, match="small: two loops are called 'l'"):
         render(equations(assignments=(loop("b"), loop("c"))))
+
+
+def test_a_module_says_which_defaults_of_zero_are_declared() -> None:
+    g = BondGraph("cart")
+    body = g.one_junction("body", TRANSLATION)
+    push, wind = g.input("push", "N"), g.input("wind", "N", default=0.0)
+    g.inertance("mass", g.parameter("m", 2.0, "kg"), at=body)
+    g.effort_source("forces", push + wind, at=body)
+    text = render_graph(g)
+    assert 'ZERO_DEFAULTS = ("wind",)' in text
+    assert [one.has_default for one in Model.from_text(text).inputs] == [False, True]
+    older = "\n".join(line for line in text.splitlines() if not line.startswith("ZERO_DEFAULTS"))
+    assert [one.has_default for one in Model.from_text(older).inputs] == [False, False]

@@ -25,6 +25,7 @@ from bondgraph.errors import (
     DerivationError,
     DimensionError,
     EstimationError,
+    LawError,
     OptionError,
     suggest,
 )
@@ -247,9 +248,9 @@ def _effect(function: EffectFunction, graph: BondGraph, place: Place) -> Effect 
     """What an effect function added; its own mistakes are told as such."""
     try:
         effect = function(graph, place)
-    except BondGraphError:
-        raise
     except Exception as error:
+        if isinstance(error, BondGraphError) and not isinstance(error, LawError):
+            raise  # it does not fit there; a law that fails fits nowhere
         raise OptionError(
             f"effect function {function.__name__} failed at {place.label}: {type(error).__name__}: {error} - mend "
             "it, or let it return None where it makes no sense",

@@ -1,0 +1,65 @@
+"""Is a series white? The portmanteau test of its autocorrelations.
+
+Reference: Ljung and Box (1978), On a measure of lack of fit in time series models, Biometrika 65(2).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.special import gammaincc
+
+from bondgraph.simulate.arrays import FloatArray
+
+#: Autocorrelations at most this many lags apart enter the whiteness test.
+_MAX_LAGS = 20
+
+
+def whiteness_p(series: FloatArray) -> float:
+    """p-value of the hypothesis that a series (n,) is white; NaN where it is too short to tell.
+
+    Examples
+    --------
+    >>> noise = np.random.default_rng(0).standard_normal(400)
+    >>> whiteness_p(noise) > 0.05, whiteness_p(np.cumsum(noise)) < 1e-6
+    (True, True)
+    """
+    statistic, freedom = ljung_box(series)
+    return float(gammaincc(0.5 * freedom, 0.5 * statistic)) if freedom else float("nan")
+
+
+def ljung_box(series: FloatArray) -> tuple[float, int]:
+    """Portmanteau statistic of a series (n,) and its degrees of freedom; none where it is too short or constant.
+
+    Missing values (NaN) keep their place, so lags count samples and only pairs of measured values enter; lags at which
+    fewer than half of the values have a partner (those between the samples of a slow sensor) are left out. Statistics
+    of independent series add up, and so do their degrees of freedom.
+
+    Examples
+    --------
+    >>> slow = np.full(1000, np.nan)
+    >>> slow[::5] = np.random.default_rng(0).standard_normal(200)
+    >>> statistic, freedom = ljung_box(slow)
+    >>> bool(statistic < 40), freedom
+    (True, 20)
+    """
+    present = ~np.isnan(series)
+    count = int(present.sum())
+    lags = min(_MAX_LAGS, count // 5)
+    if lags < 1:
+        return 0.0, 0
+    centred = np.where(present, series - np.mean(series[present]), 0.0)
+    power = float(centred @ centred)
+    if power == 0.0:
+        return 0.0, 0
+    measured = present.astype(np.float64)
+    statistic, freedom = 0.0, 0
+    for lag in range(1, series.size):
+        pairs = float(measured[lag:] @ measured[:-lag])
+        if pairs >= 0.5 * count:
+            # of a white series the squared correlation is pairs / (count (count + 2)) in the mean
+            correlation = float(centred[lag:] @ centred[:-lag]) / power
+            statistic += correlation**2 * count * (count + 2.0) / pairs
+            freedom += 1
+        if freedom == lags:
+            break
+    return statistic, freedom

@@ -1,0 +1,40 @@
+"""What a report and a terminal say where a model does not explain its logs."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from bondgraph.filter.misfit import Misfit
+
+
+def misfit_sentences(misfits: Sequence[Misfit], report: Path | None = None) -> list[str]:
+    """One sentence per channel that is not explained: the error against the noise, and what to do next.
+
+    Examples
+    --------
+    >>> found = Misfit("speed", "m/s", ("run1",), 0.41, 0.05, 67.0, 0.0, 0.0, is_coloured=True, is_large=False)
+    >>> print(*misfit_sentences([found], Path("fit/report.html")))
+    run1: speed: one-step error 0.41 m/s is 8.2 times its noise 0.05 m/s, and its innovations are coloured (p < 1e-100):
+    the model does not explain this log - look at fit/report.html, free more parameters (bondgraph estimate), or let
+    bondgraph close-loop find what is missing
+    """
+    look = f"look at {report}, " if report is not None else ""
+    todo = f"{look}free more parameters (bondgraph estimate), or let bondgraph close-loop find what is missing"
+    return [f"{misfit} - {todo}" for misfit in misfits]
+
+
+def band_text(mean: float, band: tuple[float, float], shown: Sequence[str]) -> str:
+    """Where the mean of a NIS lies against its band; ``shown`` are the three numbers as text.
+
+    Examples
+    --------
+    >>> band_text(0.1, (0.9, 1.1), ["0.1", "0.9", "1.1"])
+    '0.1 below its band 0.9 to 1.1 (the noises are taken too large)'
+    """
+    value, low, high = shown
+    if mean < band[0]:
+        return f"{value} below its band {low} to {high} (the noises are taken too large)"
+    if mean > band[1]:
+        return f"{value} above its band {low} to {high} (errors are larger than the filter expects)"
+    return f"{value} in band {low} to {high}"
