@@ -36,6 +36,7 @@ from bondgraph.estimate.gauss_newton import (
 from bondgraph.estimate.objective import BoolArray, Expansion, Objective, SearchOutcome
 from bondgraph.estimate.problem import EstimationProblem
 from bondgraph.estimate.steps import newton_decrement
+from bondgraph.estimate.symmetric import scaled_eigen
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.filter_run import FilterRun
 from bondgraph.filter.runs import run
@@ -189,13 +190,10 @@ def restricted(expansion: Expansion, kept: BoolArray) -> Expansion:
 
 def standard_deviations(expansion: Expansion) -> FloatArray:
     """Standard deviations from the Fisher information, shape (n,); infinite where there is none."""
-    own = np.diag(expansion.information)
-    scale = 1.0 / np.sqrt(np.maximum(own, np.finfo(float).tiny))
-    scaled = scale[:, np.newaxis] * expansion.information * scale
-    values, vectors = np.linalg.eigh(scaled)
-    kept = values > 1e-12 * max(float(values.max(initial=0.0)), np.finfo(float).tiny)
-    inverse = (vectors[:, kept] / values[kept]) @ vectors[:, kept].T
-    std: FloatArray = np.where(own > 0.0, scale * np.sqrt(np.maximum(np.diag(inverse), 0.0)), np.inf)
+    found = scaled_eigen(expansion.information)
+    inverse = found.inverse(found.values > 1e-12 * max(found.largest, np.finfo(float).tiny))
+    known = found.scale > 0.0
+    std: FloatArray = np.where(known, found.scale * np.sqrt(np.maximum(np.diag(inverse), 0.0)), np.inf)
     return std
 
 

@@ -10,13 +10,13 @@ best of them says which others would do as well in its place (:mod:`.exchange`);
 
 from __future__ import annotations
 
-import contextlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import TypeVar
 
 import numpy as np
 
+from bondgraph.correct.failures import FAILURES, reason
 from bondgraph.correct.fits.excerpts import excerpt
 from bondgraph.correct.fits.fit import WITHIN_REACH, Fit, Report, fit
 from bondgraph.correct.fits.noise_starts import quiet_start
@@ -39,7 +39,6 @@ from bondgraph.correct.refits.trials import Trial
 from bondgraph.correct.scores.quiet import Quiet, quiet_starts
 from bondgraph.correct.scores.scoring import Scored
 from bondgraph.data.log import FloatArray
-from bondgraph.errors import EstimationError, FilterError
 from bondgraph.estimate.exact import compile_exact
 from bondgraph.estimate.free import FreeParameter
 from bondgraph.estimate.problem import EstimationProblem
@@ -115,7 +114,7 @@ def refit_stiff(
         if (done[group[0]].score_gain > ground.need or done[group[0]].candidate.effect.amplitudes)
         and attainable(done[group[0]].score_gain, done[group[0]].candidate.effect) >= ahead
     ]
-    _refit([_entrant(done, group, scored, ground) for group in groups[: min(_MOST, most)]], done, ground, report)
+    _refit(_entrants(groups[: min(_MOST, most)], done, scored, ground), done, ground, report)
     _exchange(done, scored, ground)
     _elsewhere(done, scored, ground, report)
     refitted = [j for j, trial in enumerate(done) if trial.fit is not None]
@@ -123,7 +122,7 @@ def refit_stiff(
         leader = min(refitted, key=lambda j: _nll(done[j]))
         simpler = simpler_law(leader, done, scored.scores, ground)
         if simpler is not None:
-            _refit([_entrant(done, [simpler], scored, ground)], done, ground, report)
+            _refit(_entrants([[simpler]], done, scored, ground), done, ground, report)
     return done
 
 
@@ -139,7 +138,11 @@ def refit_quiet(trials: Sequence[Trial], scored: Scored, quiet: Quiet, ground: G
     """
     done = list(trials)
     before = choose(done, ground.level)
-    entrants = [_quiet_entrant(done, group, quiet, ground) for group in picked_quiet(done, quiet.scored.scores, ground)]
+    entrants = _each(
+        lambda group: _quiet_entrant(done, group, quiet, ground),
+        picked_quiet(done, quiet.scored.scores, ground),
+        lambda group, why: _fail(group[0], why, done),
+    )
     _refit(entrants, done, ground, report, -0.5 * ground.need)
     if choose(done, ground.level) is not before:
         _exchange(done, scored, ground)
@@ -186,22 +189,57 @@ def _refit(
     """
     if not entrants:
         return
-    for one in entrants:  # compiled before threads start
-        CompiledFilter.of(one.filter_model)
+    entrants = _compiled(entrants, done)  # before threads start
     report("refit the best candidates", 0, len(entrants))
     near = [one for one in entrants if one.beginning is None]
-    ahead = _ahead([one for one in entrants if one.beginning is not None], ground)
+    ahead = _ahead([one for one in entrants if one.beginning is not None], done, ground)
     report("refit the best candidates", len(entrants) - len(near) - len(ahead), len(entrants))
     for due in (ahead[:1], [*((one, -np.inf) for one in near), *ahead[1:]]):
         best = choose(done, ground.level)
         lead = ground.base if best is None or best.fit is None else best.fit
         least = _on_beginnings(lead) + ground.need + _UNFINISHED
-        for one, fitted in _whole([one for one, reached in due if reached < least], ground, lead.nll, reach):
+        for one, fitted in _whole([one for one, reached in due if reached < least], done, ground, lead.nll, reach):
             note(done, one.group, fitted, one.built, ground)
     report("refit the best candidates", len(entrants), len(entrants))
 
 
-def _ahead(entrants: Sequence[_Entrant], ground: Ground) -> list[tuple[_Entrant, float]]:
+def _compiled(entrants: Sequence[_Entrant], done: list[Trial]) -> list[_Entrant]:
+    """Those whose filter could be compiled."""
+
+    def compiled(one: _Entrant) -> _Entrant:
+        CompiledFilter.of(one.filter_model)
+        return one
+
+    return _each(compiled, entrants, lambda one, why: _fail(one.group[0], why, done))
+
+
+def _each(
+    action: Callable[[_Task], _Entrant], tasks: Sequence[_Task], failed: Callable[[_Task, str], None]
+) -> list[_Entrant]:
+    """What an action makes of some tasks, without those for which it fails, of which ``failed`` is told why."""
+    kept = []
+    for task in tasks:
+        try:
+            kept.append(action(task))
+        except FAILURES as error:
+            failed(task, reason(error))
+    return kept
+
+
+def _entrants(groups: Sequence[list[int]], done: list[Trial], scored: Scored, ground: Ground) -> list[_Entrant]:
+    """The first of each group of alike candidates, to be refitted."""
+    return _each(
+        lambda group: _entrant(done, group, scored, ground), groups, lambda group, why: _fail(group[0], why, done)
+    )
+
+
+def _fail(index: int, why: str, done: list[Trial]) -> None:
+    """Note that a candidate could not be refitted."""
+    if done[index].fit is None:
+        done[index] = replace(done[index], failed=why)
+
+
+def _ahead(entrants: Sequence[_Entrant], done: list[Trial], ground: Ground) -> list[tuple[_Entrant, float]]:
     """Those that go on to the whole logs from where their heat ended, with what they reached there, the best first."""
     if not entrants:
         return []
@@ -214,7 +252,7 @@ def _ahead(entrants: Sequence[_Entrant], ground: Ground) -> list[tuple[_Entrant,
             first=one.beginning,
         )  # fmt: skip
 
-    found = _abreast(heat, range(len(entrants)))
+    found = _abreast(heat, range(len(entrants)), lambda k, why: _fail(entrants[k].group[0], why, done))
     best = min(np.inf if one is None else one.nll for one in found)
     problem = replace(ground.base.problem, logs=parts[0].logs)
     gained = float(problem.nll(ground.base.point[:, np.newaxis])[0]) - best
@@ -228,8 +266,8 @@ def _ahead(entrants: Sequence[_Entrant], ground: Ground) -> list[tuple[_Entrant,
 
 def _again(entrants: Sequence[_Entrant], best: Fit, done: list[Trial], ground: Ground) -> None:
     """Refits from the given starts, noted in the trials where they are better than what is there."""
-    entrants = _not_behind(entrants, best, ground)
-    for one, fitted in _whole(entrants, ground, best.nll):
+    entrants = _not_behind(entrants, best, done, ground)
+    for one, fitted in _whole(entrants, done, ground, best.nll):
         if fitted.nll < _nll(done[one.group[0]]):
             note(done, one.group, fitted, one.built, ground)
 
@@ -260,7 +298,11 @@ def _exchange(done: list[Trial], scored: Scored, ground: Ground) -> None:
             ):
                 due.append((one, group))
         due = sorted(due, key=lambda pair: pair[0].loss)[:ABREAST]
-        entrants = [replace(_entrant(done, group, scored, ground), starts=one.starts) for one, group in due]
+        entrants = _each(
+            lambda pair: replace(_entrant(done, pair[1], scored, ground), starts=pair[0].starts),
+            due,
+            lambda pair, why: _fail(pair[1][0], why, done),
+        )
         _again(entrants, lead, done, ground)
         tried |= {group[0] for _, group in due}
         if not due:
@@ -283,16 +325,15 @@ def _elsewhere(done: list[Trial], scored: Scored, ground: Ground, report: Report
         and done[group[0]].candidate.function is best.candidate.function
         and done[group[0]].score_gain >= _SAME_LAW * best.score_gain
     ]
-    _refit([_entrant(done, group, scored, ground) for group in groups[:ABREAST]], done, ground, report)
+    _refit(_entrants(groups[:ABREAST], done, scored, ground), done, ground, report)
 
 
-def _not_behind(entrants: Sequence[_Entrant], best: Fit, ground: Ground) -> list[_Entrant]:
+def _not_behind(entrants: Sequence[_Entrant], best: Fit, done: list[Trial], ground: Ground) -> list[_Entrant]:
     """Those that are not clearly behind the best fit on the beginnings of the logs, from where they ended there.
 
     What explains these clearly worse is told apart.
     """
-    for one in entrants:
-        CompiledFilter.of(one.filter_model)
+    entrants = _compiled(entrants, done)
     part = excerpt(best.problem)
     if part is None:
         return list(entrants)
@@ -303,9 +344,12 @@ def _not_behind(entrants: Sequence[_Entrant], best: Fit, ground: Ground) -> list
             one.filter_model, part.logs, one.free, _ROUGH_ITERATIONS, _ROUGH, one.starts, reached, ground.journal
         )
 
+    def failed(one: _Entrant, why: str) -> None:
+        _fail(one.group[0], why, done)
+
     return [
         replace(one, starts=(heated.point, *one.starts))
-        for one, heated in zip(entrants, _abreast(heat, entrants), strict=True)
+        for one, heated in zip(entrants, _abreast(heat, entrants, failed), strict=True)
         if heated is not None and heated.nll < reached + ground.need + _UNFINISHED
     ]
 
@@ -317,11 +361,18 @@ def _on_beginnings(best: Fit) -> float:
 
 
 def _whole(
-    entrants: Sequence[_Entrant], ground: Ground, beat: float, reach: float = WITHIN_REACH
+    entrants: Sequence[_Entrant], done: list[Trial], ground: Ground, beat: float, reach: float = WITHIN_REACH
 ) -> list[tuple[_Entrant, Fit]]:
     """Fits to the whole logs, given up where they will clearly not be better than ``beat``; not those that diverge."""
-    for one in entrants:
+
+    def compiled(one: _Entrant) -> _Entrant:
         compile_exact(EstimationProblem(one.filter_model, ground.train, one.free))
+        return one
+
+    def failed(one: _Entrant, why: str) -> None:
+        _fail(one.group[0], why, done)
+
+    entrants = _each(compiled, entrants, failed)
 
     def whole(one: _Entrant) -> Fit:
         return fit(
@@ -329,7 +380,7 @@ def _whole(
             reach=reach,
         )  # fmt: skip
 
-    found = _abreast(whole, entrants)
+    found = _abreast(whole, entrants, failed)
     return [(one, fitted) for one, fitted in zip(entrants, found, strict=True) if fitted is not None]
 
 
@@ -343,15 +394,22 @@ def _part(one: _Entrant, ground: Ground) -> EstimationProblem:
     return excerpt(problem) or problem
 
 
-def _abreast(action: Callable[[_Task], Fit], tasks: Sequence[_Task]) -> list[Fit | None]:
-    """Fits side by side; None for one whose model diverges."""
+def _abreast(
+    action: Callable[[_Task], Fit], tasks: Sequence[_Task], failed: Callable[[_Task, str], None]
+) -> list[Fit | None]:
+    """Fits side by side; None for one that could not be made, of which ``failed`` is told why."""
     found: list[Fit | None] = [None] * len(tasks)
+    why: dict[int, str] = {}
 
     def work(k: int) -> None:
-        with contextlib.suppress(EstimationError, FilterError):
+        try:
             found[k] = action(tasks[k])
+        except FAILURES as error:
+            why[k] = reason(error)
 
     in_threads(ABREAST, work, range(len(tasks)))
+    for k in sorted(why):
+        failed(tasks[k], why[k])
     return found
 
 
