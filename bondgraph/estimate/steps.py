@@ -18,7 +18,7 @@ def newton_decrement(objective: Objective, point: FloatArray, expansion: Expansi
     # A coordinate that does nothing has a gradient of rounding errors; against its bounds that counts as nothing.
     information = expansion.information[np.ix_(free, free)] + np.diag(_floor(objective)[free])
     found = scaled_eigen(information)
-    shares = found.vectors.T @ np.where(found.scale > 0.0, found.scale * gradient, 0.0)
+    shares = found.vectors.T @ (found.scale * np.where(found.scale > 0.0, gradient, 0.0))
     # Directions of which the data say nothing but rounding promise nothing.
     told = found.values > 1e-14 * max(found.largest, 1e-300)
     return 0.5 * float(np.sum(shares[told] ** 2 / found.values[told]))

@@ -54,6 +54,7 @@ class BatchRun:
             floored_pivots=int(self.verdicts.floored[m]),
             outcome=self.outcome(m),
             ended_at=float(self.samples.time[max(last, 0)]),
+            cause="",
             **arrays,
         )
 

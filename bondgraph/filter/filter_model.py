@@ -87,6 +87,12 @@ class FilterModel:
         for name in ("process_noise", "measurement_noise", "initial_std", "appended"):
             object.__setattr__(self, name, dict(getattr(self, name)))
         refuse_modes(self.model)
+        if not self.state_names:
+            raise FilterError(
+                f"{self.model.name}: the model has no states, so there is nothing to filter or to estimate along a log"
+                " - use evaluate or simulate, or declare a storage (an inertance, a compliance, an integral)",
+                where=(self.model.name,),
+            )
         self._check_names()
         self._check_values()
         MerweScaled(len(self.state_names), self.alpha, self.beta, self.kappa)  # raises for a bad spread

@@ -14,6 +14,7 @@ from bondgraph.correct.fits.journal import Journal, Noted, fit_key
 from bondgraph.correct.fits.linear_steps import (
     Reached,
     expansion_along,
+    filter_runs,
     is_linearised,
     linear_expansion,
     linear_search,
@@ -258,7 +259,6 @@ def _search(
     reach: float,
 ) -> tuple[Fit, FloatArray]:
     """The fit, and the difference steps of its expansion."""
-    filter_model = problem.filter_model
     if is_linearised(problem):
         return _linear_search(problem, iterations, tolerance, starts, beat, first, reach)
     settings = GaussNewtonSettings(iterations=iterations, tolerance=tolerance)
@@ -266,11 +266,7 @@ def _search(
     differences = _Expansions()
     state = initial_starts(problem, start, settings)
     if not np.isfinite(state.values[0]):
-        raise EstimationError(
-            f"{filter_model.model.name}: the model diverges at its declared parameters on "
-            f"{', '.join(log.name for log in problem.logs)} with {filter_model.substeps} substeps between samples - "
-            "check units, initial states and declared values"
-        )
+        raise EstimationError(_diverged(problem, start[:, 0]))
     idle = 0
     while not starts_ended(state, settings) and idle < 2:
         before = float(state.values[0])
@@ -281,6 +277,18 @@ def _search(
             break
     ended = SearchOutcome.CONVERGED if idle == 2 else SearchOutcome.ITERATION_LIMIT
     return _fit(problem, finish_starts(state, ended), differences, evaluations)
+
+
+def _diverged(problem: EstimationProblem, point: FloatArray) -> str:
+    """Why a model has no likelihood at a point (n,): a law without a value, or an integration that runs away."""
+    name = problem.filter_model.model.name
+    ended = next((one for one in filter_runs(problem, point) if one.cause), None)
+    if ended is not None:
+        return f"{name}, {ended.log_name}: {ended.cause}"
+    return (
+        f"{name}: the model diverges at its declared parameters on {', '.join(log.name for log in problem.logs)} with "
+        f"{problem.filter_model.substeps} substeps between samples - check units, initial states and declared values"
+    )
 
 
 def _linear_search(
