@@ -17,8 +17,6 @@ from typing import Literal
 
 import numpy as np
 
-from bondgraph.correct.failures import FAILURES
-from bondgraph.correct.failures import reason as reason_of
 from bondgraph.correct.fits.assess import Assessment, assess
 from bondgraph.correct.fits.fit import BLOCKS, Fit, Report, fit, no_report
 from bondgraph.correct.fits.journal import Journal
@@ -27,6 +25,8 @@ from bondgraph.correct.fits.rates import rated, with_followed_rates
 from bondgraph.correct.fits.setup import FilterSetup, filter_setup
 from bondgraph.correct.fits.whiteness import Whiteness, whiteness
 from bondgraph.correct.models.build import BuiltModel, build
+from bondgraph.correct.models.failures import FAILURES
+from bondgraph.correct.models.failures import reason as reason_of
 from bondgraph.correct.models.faults import SENSOR_FAULTS
 from bondgraph.correct.places.structure import Structure, structure
 from bondgraph.correct.places.unexplained import Unexplained

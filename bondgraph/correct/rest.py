@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from bondgraph.correct.failures import FAILURES, attempted, reason
 from bondgraph.correct.models.candidates import candidates, places
+from bondgraph.correct.models.failures import FAILURES, attempted, reason
 from bondgraph.correct.places.located import locate
 from bondgraph.correct.places.probes import Probe, Signal, probes, signals
 from bondgraph.correct.places.unexplained import (

@@ -13,7 +13,6 @@ from bondgraph.simulate.arrays import FloatArray
 from bondgraph.simulate.loader import parse_module, run_module
 from bondgraph.simulate.model import Model
 
-
 #: Products of numbers below this do not overflow.
 _LARGE = float(np.sqrt(np.finfo(float).max))
 

@@ -14,11 +14,11 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from bondgraph.correct.failures import FAILURES, reason
 from bondgraph.correct.fits.fit import WITHIN_REACH, Fit, Report, fit
 from bondgraph.correct.fits.journal import Journal
 from bondgraph.correct.models.build import BuiltModel, build
 from bondgraph.correct.models.candidates import Candidate, Variant, superset
+from bondgraph.correct.models.failures import FAILURES, reason
 from bondgraph.correct.refits.decide import judge
 from bondgraph.correct.refits.trials import Trial
 from bondgraph.correct.scores.quiet import Quiet, lowered_starts, quiet_starts

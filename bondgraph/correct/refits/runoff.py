@@ -11,8 +11,8 @@ import contextlib
 from collections.abc import Sequence
 from dataclasses import replace
 
-from bondgraph.correct.failures import FAILURES
 from bondgraph.correct.fits.fit import Fit
+from bondgraph.correct.models.failures import FAILURES
 from bondgraph.correct.refits.decide import choose
 from bondgraph.correct.refits.refit import Ground, refit_alone
 from bondgraph.correct.refits.trials import Trial

@@ -19,7 +19,7 @@ from bondgraph.correct.fits.setup import filter_setup
 from bondgraph.correct.models.build import BuiltModel, build
 from bondgraph.correct.refits.decide import judge
 from bondgraph.correct.refits.refit import Ground, at_optimum, coefficients
-from bondgraph.correct.refits.stiff_refits import NEARBY, declared_point
+from bondgraph.correct.refits.stiff_entrants import NEARBY, declared_point
 from bondgraph.correct.refits.trials import Trial
 from bondgraph.correct.scores.quiet import Quiet, quiet_starts
 from bondgraph.data.log import FloatArray

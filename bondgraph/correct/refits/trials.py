@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
-from bondgraph.correct.failures import attempted
 from bondgraph.correct.fits.fit import Fit
 from bondgraph.correct.models.build import BuiltModel
 from bondgraph.correct.models.candidates import Candidate
+from bondgraph.correct.models.failures import attempted
 from bondgraph.correct.scores.gates import Gate
 
 

@@ -8,10 +8,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from bondgraph.correct.failures import attempted
 from bondgraph.correct.fits.fit import Fit
 from bondgraph.correct.fits.times import Times, term_times
 from bondgraph.correct.models.candidates import Candidate, Variant
+from bondgraph.correct.models.failures import attempted
 from bondgraph.correct.responses.recursion import respond_into
 from bondgraph.correct.responses.response import Change, LinearLog, Path, linearise, model_change, together, unchanged
 from bondgraph.correct.scores.score import LEFT, Projected, Scores, project, scores, solve
