@@ -10,6 +10,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from bondgraph.errors import FilterError, suggest
+from bondgraph.filter.follows import Follow
 from bondgraph.filter.plan import StepPlan
 from bondgraph.filter.sigma_points import MerweScaled
 from bondgraph.simulate.arrays import FloatArray, IntArray
@@ -54,6 +55,9 @@ class FilterModel:
     plan
         Steps of every interval of some logs in place of ``substeps`` and ``grading``, for the method it was made for,
         see :func:`bondgraph.filter.planning.plan_steps`.
+    follows
+        States that start where others stand, where a problem takes starts from measurements, see
+        :class:`bondgraph.filter.follows.Follow`; names that the model does not have mean nothing.
 
     Raises
     ------
@@ -82,6 +86,7 @@ class FilterModel:
     kappa: float = 0.0
     appended: Mapping[str, float] = field(default_factory=dict)
     plan: StepPlan | None = None
+    follows: Mapping[str, Follow] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         for name in ("process_noise", "measurement_noise", "initial_std", "appended"):

@@ -17,6 +17,7 @@ from bondgraph.correct.fits.linear_steps import filter_runs, is_linearised, line
 from bondgraph.correct.fits.noise_starts import quiet_start
 from bondgraph.correct.fits.setup import filter_setup
 from bondgraph.correct.models.build import BuiltModel, build
+from bondgraph.correct.models.followers import followers
 from bondgraph.correct.refits.decide import judge
 from bondgraph.correct.refits.refit import Ground, at_optimum, coefficients
 from bondgraph.correct.refits.stiff_entrants import NEARBY, declared_point
@@ -28,6 +29,7 @@ from bondgraph.estimate.objective import Expansion
 from bondgraph.estimate.problem import EstimationProblem
 from bondgraph.estimate.steps import newton_decrement
 from bondgraph.filter.filter_run import FilterRun
+from bondgraph.filter.follows import Follow
 
 #: Candidates are compared to this many nats; the chosen one is then estimated to the end.
 _TOLERANCE, _MOST_ITERATIONS = 0.05, 25
@@ -165,9 +167,18 @@ def _problem(trial: Trial, ground: Ground, extended: BuiltModel) -> EstimationPr
         model=extended.model,
         initial_std={**own.filter_model.initial_std, **_estimated_starts(ground.base)},
         substeps=max(min(own.filter_model.substeps, most), base.substeps) if alike else most,
+        follows={**base.follows, **_followers(ground, extended)},
     )
     free = (*at_optimum(ground.base), *coefficients(trial.candidate, filter_model))
     return EstimationProblem(filter_model, ground.train, free)
+
+
+def _followers(ground: Ground, extended: BuiltModel) -> dict[str, Follow]:
+    """Where the states of a candidate start, by where the first log begins, at the size in the middle of its bounds."""
+    base, log = ground.base, ground.train[0]
+    first = base.runs(ground.train)[0].filtered_mean[: len(ground.built.model.states), 0]
+    values = dict(zip(base.problem.filter_model.model.names("parameter"), map(float, base.theta), strict=True))
+    return followers(ground.built, extended, first, log.u[:, 0], values | dict(log.theta_overrides))
 
 
 def _sizes(
