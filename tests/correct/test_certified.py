@@ -13,11 +13,14 @@ from bondgraph.correct.fits.setup import filter_setup
 from bondgraph.correct.loop import LoopSettings, close_loop, free_parameters
 from bondgraph.correct.models.build import build
 from bondgraph.correct.models.candidates import candidates, places
+from bondgraph.correct.progress import Progress
+from bondgraph.correct.progress import certified as in_certified_steps
 from bondgraph.correct.refits import certified
 from bondgraph.correct.refits.certified import certify, doubts, refined, resolving, step_gain
 from bondgraph.correct.refits.refit import Ground, refit_alone
 from bondgraph.correct.refits.resolved import resolved
 from bondgraph.correct.refits.trials import Trial
+from bondgraph.correct.round import RoundSettings
 from bondgraph.declare.editing import with_values
 from bondgraph.estimate.certify import NEGLIGIBLE_SHIFT, check
 from bondgraph.filter.discretisation import NEGLIGIBLE
@@ -135,6 +138,22 @@ def test_a_candidate_that_gained_by_making_up_for_steps_loses_it() -> None:
     assert abs(sure.gain) < 3.0 and sure.evidence is not None and not sure.evidence.accepted(0.01)
     assert f"instead of {found.gain:.1f}" in sure.remark
     assert resolved(sure, replace(ground, base=refined(rough)[0])) is sure
+
+
+def test_a_decision_that_refinement_would_change_is_withdrawn() -> None:
+    rough, own = coarse_fan(), fan.built()
+    log = rough.problem.logs[0]
+    where = [one for one in places(own, [log], rough.runs([log]), rough.theta) if one.label == "motor"]
+    (loss,), _ = candidates(own, [effects.quadratic_loss], where)
+    chosen = refit_alone(Trial(loss, 0.0), [1e-6], Ground(own, rough, (log,), 24, 0.01, 10.0))
+    assert chosen.fit is not None and chosen.built is not None and chosen.gain > 5.0
+    before = Progress(fan.fan(), chosen.built, chosen.fit, (log,), (chosen,))
+    after = in_certified_steps(before, 1, RoundSettings())
+    assert after.added == () and after.fit.problem.filter_model.substeps > 2
+    (said,) = after.history
+    assert said.action == "withdrawn" and said.what == "quadratic_loss at motor"
+    assert said.why.startswith(f"with {after.fit.problem.filter_model.substeps} integration steps between samples it")
+    assert after.check is not None and after.check.shift <= NEGLIGIBLE_SHIFT
 
 
 @pytest.mark.slow
