@@ -2,8 +2,9 @@
 
 graph + training logs -> fit -> scores of all candidates -> refits of the few best -> decision -> corrected graph -> fit
 
-After every addition the effects that are already there are tested again (backward elimination), and whether the new
-one is the same throughout the data. At the end a function without a law is tried at every place: it says what stays
+Integration steps are certified before anything is scored, and for every model that follows. After every addition the
+effects that are already there are tested again (backward elimination), and whether the new one is the same throughout
+the data. At the end a function without a law is tried at every place: it says what stays
 unexplained, and withdraws a named effect that it makes needless. Held-out logs are assessed before and after and
 decide nothing.
 """
@@ -24,11 +25,13 @@ from bondgraph.correct.fits.rates import rated, with_followed_rates
 from bondgraph.correct.fits.setup import FilterSetup, filter_setup
 from bondgraph.correct.fits.whiteness import Whiteness, whiteness
 from bondgraph.correct.models.build import BuiltModel, build
+from bondgraph.correct.models.failures import FAILURES
+from bondgraph.correct.models.failures import reason as reason_of
 from bondgraph.correct.models.faults import SENSOR_FAULTS
 from bondgraph.correct.places.structure import Structure, structure
 from bondgraph.correct.places.unexplained import Unexplained
 from bondgraph.correct.progress import Decision, Progress, advance
-from bondgraph.correct.refits.certified import Certifications, doubts
+from bondgraph.correct.refits.certified import doubts, refined
 from bondgraph.correct.refits.trials import Detectable, Trial
 from bondgraph.correct.rest import Rest, settle
 from bondgraph.correct.round import Round, RoundSettings, one_round
@@ -36,9 +39,9 @@ from bondgraph.data.log import MatchedLog
 from bondgraph.declare.editing import handle, with_values, without_input_rates
 from bondgraph.declare.effect import EffectFunction, Place, Scale
 from bondgraph.declare.graph import BondGraph
-from bondgraph.errors import DataError, EstimationError, OptionError
+from bondgraph.errors import BondGraphError, DataError, EstimationError, OptionError
 from bondgraph.estimate.certify import Check
-from bondgraph.estimate.free import FreeParameter, declared_free
+from bondgraph.estimate.free import FreeParameter, declared_free, parse_target
 
 #: Measurements per free parameter below which nothing can be concluded.
 _MEASUREMENTS_EACH = 20
@@ -165,7 +168,7 @@ def close_loop(
         before = build(given).model
         train, holdout = rated(train, before, built.model), rated(holdout, before, built.model)
     setup = filter_setup(built.model, built.driven, train, settings.process_noise)
-    free = (*free_parameters(setup, settings.free), *setup.noise)
+    free = _all_free(setup, settings.free)
     _check_enough(graph, train, len(free))
     told = structure(built, _everywhere(built, train), train, setup.sizes)
     report("fit the declared model", 0, 1)
@@ -173,29 +176,45 @@ def close_loop(
         setup.filter_model, train, free, _MOST_ITERATIONS, _TOLERANCE, noisy_starts(free), journal=settings.journal,
         first=quiet_start(free, np.array([one.coordinate(one.start) for one in free])),
     )  # fmt: skip
+    nominal, check = refined(nominal, settings.journal)  # before anything is scored
     report("fit the declared model", 1, 1)
     every = (*functions, *(SENSOR_FAULTS if settings.faults else ()))
     own = RoundSettings(settings.level, settings.refits, report, settings.journal)
-    state = Progress(graph, built, nominal, tuple(train))
+    start = Progress(graph, built, nominal, tuple(train), check=check)
+    state, rounds, reason = _rounds(start, every, own, settings.max_effects)
+    rest = settle(state, rounds, own, settings.tables)
+    return _result(built, start, rest, rounds, holdout, told, reason, settings, report)
+
+
+def _rounds(
+    state: Progress, functions: Sequence[EffectFunction], own: RoundSettings, most: int
+) -> tuple[Progress, list[Round], str]:
+    """Add what is found until nothing passes: the state, the rounds, and why they ended.
+
+    What fails in the first round is told; later ones have results that are worth keeping.
+    """
     rounds: list[Round] = []
-    reason = f"the limit of {settings.max_effects} effects was reached"
-    with Certifications() as checks:
-        checks.begin(nominal)
-        while len(state.added) < settings.max_effects and len(rounds) < 2 * settings.max_effects + 1:
-            turn = one_round(state.built, state.fit, state.train, every, own, state.present)
+    while len(state.added) < most and len(rounds) < 2 * most + 1:
+        try:
+            turn = one_round(state.built, state.fit, state.train, functions, own, state.present)
             rounds.append(turn)
             if turn.chosen is None:
-                reason = "no further candidate passes the tests" if state.added else "no candidate passes the tests"
-                break
+                return state, rounds, f"no {'further ' if state.added else ''}candidate passes the tests"
             state = advance(state, turn, own)
-            checks.begin(state.fit)
-        rest = settle(state, rounds, own, settings.tables)
-        return _result(built, nominal, rest, rounds, holdout, told, reason, settings, report, checks)
+        except FAILURES as error:
+            number = len(rounds) + (not rounds or rounds[-1].base is not state.fit)
+            if not rounds:
+                if isinstance(error, BondGraphError):
+                    raise
+                why = f"{state.built.graph.name}: no candidate could be tried: {reason_of(error)}"
+                raise EstimationError(f"{why} - check units, initial states and declared values") from error
+            return state, rounds, f"round {number} could not be finished: {reason_of(error)}"
+    return state, rounds, f"the limit of {most} effects was reached"
 
 
 def _result(
     built: BuiltModel,
-    nominal: Fit,
+    start: Progress,
     rest: Rest,
     rounds: Sequence[Round],
     holdout: Sequence[MatchedLog],
@@ -203,24 +222,22 @@ def _result(
     reason: str,
     settings: LoopSettings,
     report: Report,
-    checks: Certifications,
 ) -> ClosedLoop:
-    state, train = rest.state, nominal.problem.logs
-    report("certify", 0, 1)
-    unchanged = state.fit is nominal
-    nominal, first = checks.refined(nominal, settings.journal)
-    current, last = (nominal, first) if unchanged else checks.refined(state.fit, settings.journal)
-    report("certify", 1, 1)
+    state, nominal, first = rest.state, start.fit, start.check
+    current, last = state.fit, state.check
+    assert first is not None and last is not None  # every fit of the way is certified
+    train = nominal.problem.logs
     residual = whiteness(current, state.train)
     corrected_built = build(with_values(state.built.graph, _model_values(current)))
     report("assess", 0, 1)
     added = tuple(Added(trial, trial.candidate.effect.parameters) for trial in state.added)
     history = (*state.history, Decision(len(rounds), "stopped", "", reason))
+    cautions = (*_cautions(nominal, rounds), *_doubts(nominal, current, first, last), *rest.cautions)
     result = ClosedLoop(
         *_verdict(added, rest.unexplained, residual, settings.level, reason), nominal, current,
         assess(nominal, train), assess(nominal, holdout), assess(current, state.train), assess(current, holdout),
         built, corrected_built, added, tuple(rounds), told, first, last, residual, rest.unexplained,
-        history, (*_cautions(nominal, rounds), *_doubts(nominal, current, first, last)),
+        history, cautions,
     )  # fmt: skip
     report("assess", 1, 1)
     return result
@@ -315,6 +332,13 @@ def free_parameters(setup: FilterSetup, names: Sequence[str]) -> tuple[FreeParam
             f"{model.name}: no parameter declares bounds, so nothing is free - declare bounds, or name some with --free"
         )
     return tuple(declared_free(name, setup.filter_model) for name in chosen)
+
+
+def _all_free(setup: FilterSetup, names: Sequence[str]) -> tuple[FreeParameter, ...]:
+    """The named parameters, and all noise levels, which are free whether they are named or not."""
+    noise = {one.target for one in setup.noise}
+    named = [name for name in names if parse_target(name) not in noise]
+    return (*free_parameters(setup, named), *setup.noise)
 
 
 def _model_values(fitted: Fit) -> dict[str, float]:

@@ -11,7 +11,8 @@ from bondgraph.correct.fits.fit import Fit, fit
 from bondgraph.correct.fits.starts import with_starts
 from bondgraph.correct.models.build import BuiltModel, build
 from bondgraph.correct.models.candidates import candidates
-from bondgraph.correct.refits.decide import robust_p_value
+from bondgraph.correct.refits.certified import refined
+from bondgraph.correct.refits.decide import judge, robust_p_value
 from bondgraph.correct.refits.refit import Ground, at_optimum, refit_alone
 from bondgraph.correct.refits.trials import Trial
 from bondgraph.correct.round import Round, RoundSettings
@@ -19,6 +20,7 @@ from bondgraph.correct.scores.gates import Constancy, Gate, When, constancy, gat
 from bondgraph.data.log import MatchedLog
 from bondgraph.declare.graph import BondGraph
 from bondgraph.errors import EstimationError
+from bondgraph.estimate.certify import Check
 from bondgraph.estimate.objective import SearchOutcome
 
 #: An effect that was added before stays only if it is less likely by chance than this once others are there.
@@ -39,7 +41,7 @@ class Decision:
 class Progress:
     """The declared graph, the model so far with its fit, the training logs, what was added, and all decisions.
 
-    The logs know the switching times of gated effects.
+    The logs know the switching times of gated effects. ``check`` says what halved steps would change at the fit.
     ``banned`` are effects that were dropped, by function and place: they are not offered again.
     """
 
@@ -50,6 +52,7 @@ class Progress:
     added: tuple[Trial, ...] = ()
     history: tuple[Decision, ...] = ()
     banned: frozenset[tuple[str, str]] = frozenset()
+    check: Check | None = None
 
     @property
     def present(self) -> set[tuple[str, str]]:
@@ -76,9 +79,31 @@ def advance(state: Progress, turn: Round, settings: RoundSettings) -> Progress:
     history = [Decision(number, "added", chosen.candidate.label, why)]
     chosen, train = _in_time(state, turn, chosen, number, history, settings)
     state = _estimated(replace(state, train=train), chosen, settings)
-    state = replace(state, history=(*state.history, *history))
+    state = certified(replace(state, history=(*state.history, *history)), number, settings)
     settings.report("add the effect and estimate again", 1, 1)
     return _without_needless(state, number, settings)
+
+
+def certified(state: Progress, number: int, settings: RoundSettings) -> Progress:
+    """The state with steps so short that its fit depends on them no more.
+
+    Where that takes shorter ones, what was added last is judged again with these, and withdrawn if it fails then.
+    """
+    fitted, check = refined(state.fit, settings.journal)
+    finer = replace(state, fit=fitted, check=check)
+    if fitted is state.fit or not state.added or state.added[-1].evidence is None:
+        return finer
+    last, evidence = state.added[-1], state.added[-1].evidence
+    steps = fitted.problem.filter_model.substeps
+    bare = without(finer, len(state.added) - 1, "withdrawn", f"judged with {steps} integration steps", number, settings)
+    sure = judge(bare.fit, fitted, last.candidate.effect, evidence.tried, last.gate is not None)
+    sure = replace(sure, p_robust=max(sure.p_robust, evidence.p_robust))
+    if not sure.accepted(settings.level):
+        why = (
+            f"with {steps} integration steps between samples it gains {sure.delta_nll:.1f} nats, p = {sure.p_value:.2g}"
+        )
+        return replace(bare, history=(*finer.history, Decision(number, "withdrawn", last.candidate.label, why)))
+    return replace(finer, added=(*finer.added[:-1], replace(last, evidence=sure)))
 
 
 def _rounds(state: Progress) -> int:
@@ -140,14 +165,16 @@ def _sides(found: Constancy, stiff: bool) -> tuple[When, ...]:
 
 
 def _gated_refit(chosen: Trial, gate: Gate, ground: Ground) -> list[Trial]:
+    fitted = chosen.fit
     function = gated(chosen.candidate.function, gate, ground.train)
     made, _ = candidates(ground.built, [function], [chosen.candidate.place])
-    if not made or chosen.fit is None:
+    if not made or fitted is None:
         return []
     train = with_gate(ground.train, made[0].effect, gate)
-    start = [chosen.fit.values[name] for name in chosen.candidate.effect.coefficients]
+    start = [fitted.values[name] for name in chosen.candidate.effect.coefficients]
     trial = replace(chosen, candidate=made[0], gate=gate, stands_for=())
-    return [refit_alone(trial, start, replace(ground, train=train))]
+    tried = trial.attempted(lambda: refit_alone(trial, start, replace(ground, train=train)))
+    return [] if tried.failed else [tried]
 
 
 def _without_needless(state: Progress, number: int, settings: RoundSettings) -> Progress:
@@ -188,8 +215,8 @@ def without(state: Progress, index: int, action: str, why: str, number: int, set
         replace(log, theta_overrides={n: v for n, v in log.theta_overrides.items() if n in known})
         for log in state.train
     )
-    fitted = fit(filter_model, train, free, journal=settings.journal)
+    fitted, check = refined(fit(filter_model, train, free, journal=settings.journal), settings.journal)
     return replace(
-        state, built=built, fit=fitted, train=train, added=kept, banned=state.banned | {_key(gone)},
+        state, built=built, fit=fitted, check=check, train=train, added=kept, banned=state.banned | {_key(gone)},
         history=(*state.history, Decision(number, action, gone.candidate.label, why)),
     )  # fmt: skip

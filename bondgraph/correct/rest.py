@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from bondgraph.correct.models.candidates import candidates, places
+from bondgraph.correct.models.failures import FAILURES, attempted, reason
 from bondgraph.correct.places.located import locate
 from bondgraph.correct.places.probes import Probe, Signal, probes, signals
 from bondgraph.correct.places.unexplained import (
@@ -20,6 +21,7 @@ from bondgraph.correct.places.unexplained import (
     unexplained,
 )
 from bondgraph.correct.progress import Decision, Progress, without
+from bondgraph.correct.refits.certified import refined
 from bondgraph.correct.refits.refit import Ground, refit_alone
 from bondgraph.correct.refits.trials import Trial
 from bondgraph.correct.round import Round, RoundSettings
@@ -31,36 +33,57 @@ _SUSPECTS = 8
 
 @dataclass(frozen=True)
 class Rest:
-    """Where a loop ends: its state, and what stays unexplained."""
+    """Where a loop ends: its state, what stays unexplained, and what of that could not be looked for."""
 
     state: Progress
     unexplained: tuple[Unexplained, ...]
+    cautions: tuple[str, ...] = ()
 
 
 def settle(state: Progress, rounds: Sequence[Round], settings: RoundSettings, tables: bool) -> Rest:
     """Try functions without a law on the final model; withdraw what they make needless; add a table if asked for."""
     settings.report("look for what stays unexplained", 0, 1)
-    number = len(rounds)
-    known = rounds[-1].linear if rounds and rounds[-1].base is state.fit else linearisation(state.fit, state.train)
-    found, linear, tried = _look(state, known, settings.level)
-    while found is not None and state.added:
-        spare = [
-            k
-            for k, trial in enumerate(state.added)
-            if not trial.candidate.effect.channel
-            and needless(linear, tried, found, trial.candidate.effect.coefficients)
-        ]
-        if not spare:
-            break
-        why = f"needless beside an unknown {found.variable} at {found.place.label} as a function of {found.signal}"
-        state = without(state, spare[-1], "withdrawn", why, number, settings)
-        found, linear, tried = _look(state, linearisation(state.fit, state.train), settings.level)
+    found, state, cautions = _searched(state, rounds, settings)
     settings.report("look for what stays unexplained", 1, 1)
     if found is None:
-        return Rest(state, ())
+        return Rest(state, (), cautions)
     if tables:
-        state = _with_table(state, found, number, settings)
-    return Rest(state, (found,))
+        state, said = _attempted(lambda: _with_table(state, found, len(rounds), settings), state, "add a table of it")
+        cautions = (*cautions, *said)
+    return Rest(state, (found,), cautions)
+
+
+def _searched(
+    state: Progress, rounds: Sequence[Round], settings: RoundSettings
+) -> tuple[Unexplained | None, Progress, tuple[str, ...]]:
+    """What stays unexplained, the state without effects that it makes needless, and what could not be done.
+
+    Nothing of it is worth the result of the rounds: a search that fails ends here, with its reason.
+    """
+    found: Unexplained | None = None
+    try:
+        known = rounds[-1].linear if rounds and rounds[-1].base is state.fit else linearisation(state.fit, state.train)
+        found, linear, tried = _look(state, known, settings.level)
+        while found is not None and state.added:
+            spare = [
+                k
+                for k, trial in enumerate(state.added)
+                if not trial.candidate.effect.channel
+                and needless(linear, tried, found, trial.candidate.effect.coefficients)
+            ]
+            if not spare:
+                break
+            why = f"needless beside an unknown {found.variable} at {found.place.label} as a function of {found.signal}"
+            state = without(state, spare[-1], "withdrawn", why, len(rounds), settings)
+            found, linear, tried = _look(state, linearisation(state.fit, state.train), settings.level)
+    except FAILURES as error:
+        return found, state, (f"what stays unexplained could not be looked for to the end: {reason(error)}",)
+    return found, state, ()
+
+
+def _attempted(action: Callable[[], Progress], state: Progress, what: str) -> tuple[Progress, tuple[str, ...]]:
+    """What an action makes of the state, or the state as it is and why that failed."""
+    return attempted(lambda: (action(), ()), lambda why: (state, (f"could not {what}: {why}",)))
 
 
 def _look(
@@ -94,7 +117,8 @@ def _with_table(state: Progress, found: Unexplained, number: int, settings: Roun
     if trial.fit is None or trial.built is None:
         return state
     why = f"asked for: {found.variable} as a function of {found.signal}, {found.knots.size} points"
+    fitted, check = refined(trial.fit, settings.journal)
     return replace(
-        state, built=trial.built, fit=trial.fit, added=(*state.added, trial),
+        state, built=trial.built, fit=fitted, check=check, added=(*state.added, trial),
         history=(*state.history, Decision(number, "added", trial.candidate.label, why)),
     )  # fmt: skip

@@ -6,6 +6,7 @@ but not in size where an effect is large.
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
@@ -18,6 +19,7 @@ from bondgraph.correct.fits.whiteness import is_white
 from bondgraph.correct.models.absent import absent_when_zero
 from bondgraph.correct.models.build import BuiltModel
 from bondgraph.correct.models.candidates import Candidate, Refused, candidates, places
+from bondgraph.correct.models.failures import attempted
 from bondgraph.correct.places.located import LocatedAt, locate
 from bondgraph.correct.places.probes import Probe, Signal, probes, signals
 from bondgraph.correct.refits.beneath import also_elsewhere, beneath_noise
@@ -25,6 +27,7 @@ from bondgraph.correct.refits.confirm import confirmed
 from bondgraph.correct.refits.decide import alternatives, choose, detectable, hurdle
 from bondgraph.correct.refits.gated_refits import also_throughout, gated_trials
 from bondgraph.correct.refits.refit import Ground, refit_best, worth_quiet
+from bondgraph.correct.refits.resolved import resolved
 from bondgraph.correct.refits.rivals import rivals
 from bondgraph.correct.refits.runoff import runoff
 from bondgraph.correct.refits.simpler import also_simpler
@@ -148,13 +151,27 @@ def _chosen(trials: Sequence[Trial], ground: Ground) -> tuple[list[Trial], Trial
         index = next(k for k, trial in enumerate(done) if trial is best)
         if index in looked:
             break
-        sure = confirmed(best, ground)
+        sure = _second_look(best, ground)
         for k, trial in enumerate(done):
             if trial.candidate.label in sure.stands_for:
                 done[k] = replace(trial, evidence=sure.evidence)
         done[index] = sure
         looked.add(index)
     return done, best
+
+
+def _second_look(best: Trial, ground: Ground) -> Trial:
+    """The trial after a second look at its steps and its noise; where that fails it is not chosen."""
+    assert best.evidence is not None  # it would be chosen
+    doubted = replace(best, evidence=replace(best.evidence, p_robust=1.0))
+    return attempted(lambda: _looked_at(best, ground), lambda why: replace(doubted, failed=why))
+
+
+def _looked_at(best: Trial, ground: Ground) -> Trial:
+    """The trial with steps that resolve it, and if it still passes, after the costlier look."""
+    sure = resolved(best, ground)
+    passes = sure.evidence is not None and sure.evidence.accepted(ground.level)
+    return confirmed(sure, ground) if passes else sure
 
 
 def _with_advice(
@@ -171,7 +188,8 @@ def _with_advice(
         second = order[others[k].name, others[k].junction]
         pair = [(scored.candidates[j], scored.variants[j]) for j in (first, second)]
         known = float(scored.scores.correlation[first, second])
-        done[k] = replace(others[k], separate=str(separation(built, base, pair[0], pair[1], known)))
+        told = functools.partial(separation, built, base, pair[0], pair[1], known)
+        done[k] = replace(others[k], separate=attempted(lambda told=told: str(told()), lambda why: ""))  # type: ignore[misc]
     return done
 
 
@@ -179,9 +197,12 @@ def _trials(scored: Scored, tried: int) -> list[Trial]:
     result = scored.scores
     corrected = np.minimum(1.0, result.p_value * tried)
     return [
-        Trial(one, float(result.gain[j]), tuple(map(float, result.steps[j])), score_p=float(corrected[j]))
+        Trial(
+            one, float(result.gain[j]), tuple(map(float, result.steps[j])), score_p=float(corrected[j]),
+            failed=scored.failed.get(j, ""),
+        )
         for j, one in enumerate(scored.candidates)
-    ]
+    ]  # fmt: skip
 
 
 def _looks(stateful: Sequence[Candidate], ground: Ground, settings: RoundSettings, named: bool) -> dict[str, Look]:
@@ -195,7 +216,8 @@ def _looks(stateful: Sequence[Candidate], ground: Ground, settings: RoundSetting
     found: dict[str, Look] = {}
 
     def work(k: int) -> None:
-        found[due[k].label] = look(Trial(due[k], 0.0), ground)
+        trial = Trial(due[k], 0.0)
+        found[due[k].label] = attempted(lambda: look(trial, ground), lambda why: Look.failed(trial, why))
 
     settings.report("look at storages", 0, len(due))
     in_threads(ABREAST, work, range(len(due)))
@@ -208,7 +230,7 @@ def _refitted_first(looks: Mapping[str, Look], trials: Sequence[Trial], ground: 
     best = max(looks.values(), key=lambda one: one.trial.score_gain, default=None)
     if best is None or best.trial.score_gain <= max((one.score_gain for one in trials), default=0.0):
         return None
-    return refit_storage(best, ground, np.inf)
+    return best.trial.attempted(lambda: refit_storage(best, ground, np.inf))
 
 
 def _with_storages(
@@ -253,10 +275,15 @@ def _with_storages(
         elif stiff:
             seen = looks.get(one.label)
             asked = seen is not None and seen.trial.score_gain >= worth
-            done.append(trial if seen is None else refit_storage(seen, ground, beat) if asked else seen.trial)
+            done.append(trial if seen is None else _refitted_storage(seen, ground, beat) if asked else seen.trial)
             continue
-        done.append(try_storage(trial, ground, beat, None if silent is None else (silent, known.get(one.label))))
+        own = None if silent is None else (silent, known.get(one.label))
+        done.append(trial.attempted(functools.partial(try_storage, trial, ground, beat, own)))
     return done
+
+
+def _refitted_storage(seen: Look, ground: Ground, beat: float) -> Trial:
+    return seen.trial.attempted(lambda: refit_storage(seen, ground, beat))
 
 
 def _nothing_to_try(built: BuiltModel, where: Sequence[Place], refused: Sequence[Refused]) -> str:

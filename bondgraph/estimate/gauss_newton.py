@@ -147,6 +147,9 @@ def step_starts(
     searching: list[_Search] = []
     for index, expansion in zip(moving, expansions, strict=True):
         point = state.points[:, index]
+        if not expansion.is_finite:
+            outcomes[index] = SearchOutcome.NO_DERIVATIVES
+            continue
         steps[:, index] = _difference_steps(objective, expansion, settings)
         if newton_decrement(objective, point, expansion) < settings.tolerance:
             outcomes[index] = SearchOutcome.CONVERGED

@@ -80,6 +80,11 @@ def _from_measurements(model: Model, log: MatchedLog, theta: FloatArray) -> tupl
     return x0, held
 
 
+def measured_at_start(model: Model, log: MatchedLog, theta: FloatArray) -> frozenset[int]:
+    """Positions of the states that start at a measurement."""
+    return frozenset(map(int, np.flatnonzero(_from_measurements(model, log, theta)[1])))
+
+
 def settled(model: Model, x0: FloatArray, u: FloatArray, theta: FloatArray, held: BoolArray) -> FloatArray:
     """Where the states that are not ``held`` (n_x,) come to rest while the others keep their values; shape (n_x,).
 

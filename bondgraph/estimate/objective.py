@@ -50,6 +50,10 @@ class SearchOutcome(enum.Enum):
     )
     JOINED = "ended: a better start is or has been here"
     GIVEN_UP = "given up: too far behind a better start"
+    NO_DERIVATIVES = (
+        "stopped: the derivatives of the likelihood are not finite here"
+        " - use more substeps, smooth the kinks of the model, or narrow the bounds"
+    )
     NO_FINITE_POINT = "failed: the model diverges at every point tried - narrow the bounds or use more substeps"
 
     @property
@@ -153,6 +157,11 @@ class Expansion:
     information: FloatArray
     evaluations: int
     terms: Terms | None = None
+
+    @property
+    def is_finite(self) -> bool:
+        """Whether gradient and information are numbers that a step can be made of."""
+        return bool(np.isfinite(self.gradient).all() and np.isfinite(self.information).all())
 
     @property
     def sum(self) -> float:

@@ -16,9 +16,10 @@ import numpy as np
 from bondgraph.data.log import MatchedLog
 from bondgraph.errors import EstimationError, suggest
 from bondgraph.estimate.free import FreeParameter, declared_free, parse_target, require_known
-from bondgraph.estimate.initial import Initial, initial_states
+from bondgraph.estimate.initial import Initial, initial_states, measured_at_start
 from bondgraph.estimate.objective import Below, BoolArray, FloatArray, Terms
 from bondgraph.filter.filter_model import FilterModel
+from bondgraph.filter.follows import with_followers
 from bondgraph.filter.likelihood import innovations, likelihood, negative_log_likelihood
 from bondgraph.filter.members import MemberValues
 
@@ -200,7 +201,19 @@ class EstimationProblem:
             parameter.target.name: parameter.start for parameter in self.free if parameter.target.kind == "parameter"
         }
         model = self.filter_model.model
-        return initial_states(model, self.logs, model.theta(**starts), self.initial)
+        theta = model.theta(**starts)
+        found = initial_states(model, self.logs, theta, self.initial)
+        follows = self.filter_model.follows
+        if not follows or self.initial != "measured":
+            return found
+        names = model.names("state")
+        return [
+            with_followers(model, x0, log.u[:, 0], {
+                name: follow for name, follow in follows.items()
+                if name in names and names.index(name) not in measured_at_start(model, log, theta)
+            })
+            for x0, log in zip(found, self.logs, strict=True)
+        ]  # fmt: skip
 
     def values(self, points: FloatArray) -> FloatArray:
         """Values of the free parameters at coordinates (n, *batch), in the units of the model."""

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from bondgraph.estimate.objective import BoolArray, Expansion, FloatArray, Objective, Terms, over_terms
+from bondgraph.estimate.symmetric import informed, scaled_eigen
 
 
 def newton_decrement(objective: Objective, point: FloatArray, expansion: Expansion) -> float:
@@ -16,12 +17,11 @@ def newton_decrement(objective: Objective, point: FloatArray, expansion: Expansi
     gradient = expansion.gradient[free]
     # A coordinate that does nothing has a gradient of rounding errors; against its bounds that counts as nothing.
     information = expansion.information[np.ix_(free, free)] + np.diag(_floor(objective)[free])
-    scale = np.sqrt(np.diag(information))
-    values, vectors = np.linalg.eigh(information / np.outer(scale, scale))
-    shares = vectors.T @ (gradient / scale)
+    found = scaled_eigen(information)
+    shares = found.vectors.T @ (found.scale * np.where(found.scale > 0.0, gradient, 0.0))
     # Directions of which the data say nothing but rounding promise nothing.
-    told = values > 1e-14 * max(float(values.max(initial=0.0)), 1e-300)
-    return 0.5 * float(np.sum(shares[told] ** 2 / values[told]))
+    told = found.values > 1e-14 * max(found.largest, 1e-300)
+    return 0.5 * float(np.sum(shares[told] ** 2 / found.values[told]))
 
 
 def damped_step(objective: Objective, point: FloatArray, expansion: Expansion, damping: float) -> FloatArray:
@@ -88,9 +88,13 @@ def _noise_level_steps(steps: FloatArray, rates: FloatArray) -> FloatArray:
 
 
 def _solve(matrix: FloatArray, right: FloatArray, scale: FloatArray) -> FloatArray:
-    root = np.sqrt(scale)
-    scaled: FloatArray = np.linalg.lstsq(matrix / np.outer(root, root), right / root, rcond=1e-15)[0]
-    return scaled / root
+    """The step in scaled coordinates; those without finite derivatives stay."""
+    told = informed(matrix) & np.isfinite(right)
+    solution = np.zeros(right.size)
+    root = np.sqrt(scale[told])
+    within = matrix[np.ix_(told, told)] / np.outer(root, root)
+    solution[told] = np.linalg.lstsq(within, right[told] / root, rcond=1e-15)[0] / root
+    return solution
 
 
 def _held(objective: Objective, point: FloatArray, gradient: FloatArray) -> BoolArray:

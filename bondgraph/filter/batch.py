@@ -40,14 +40,19 @@ class BatchRun:
         return OUTCOMES[self.verdicts.outcome[m]]
 
     def filter_run(self, filter_model: FilterModel, m: int) -> FilterRun:
-        """The full record of member ``m``; needs depth 2."""
+        """The full record of member ``m`` on the samples of the log; needs depth 2."""
+        run = self.node_run(filter_model, m)
+        return NodeRecord(run, self.samples, self.batch.member(m).process_cov).at_samples()
+
+    def node_run(self, filter_model: FilterModel, m: int) -> FilterRun:
+        """The full record of member ``m`` on the nodes of the process noise; needs depth 2."""
         record = self.record
         last = int(self.verdicts.last[m])
         names = Record._fields[1:]
         arrays = {name: np.ascontiguousarray(getattr(record, name)[..., m]) for name in names}
         for array in arrays.values():
             array[..., last + 1 :] = np.nan
-        run = FilterRun(
+        return FilterRun(
             filter_model=filter_model,
             log_name=self.samples.name,
             time=self.samples.time,
@@ -55,9 +60,9 @@ class BatchRun:
             floored_pivots=int(self.verdicts.floored[m]),
             outcome=self.outcome(m),
             ended_at=float(self.samples.time[max(last, 0)]),
+            cause="",
             **arrays,  # type: ignore[arg-type]
         )
-        return NodeRecord(run, self.samples, self.batch.member(m).process_cov).at_samples()
 
 
 def run_batches(

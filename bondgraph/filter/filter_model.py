@@ -10,6 +10,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from bondgraph.errors import FilterError, suggest
+from bondgraph.filter.follows import Follow
 from bondgraph.filter.plan import NoisePanels, StepPlan
 from bondgraph.filter.sigma_points import MerweScaled
 from bondgraph.simulate.arrays import FloatArray, IntArray
@@ -72,6 +73,9 @@ class FilterModel:
     process_correlation, measurement_correlation, initial_correlation
         Correlations of the noises of two states, of two outputs, and of two initial states: ``{("a", "b"): 0.3}``.
         Pairs not named are independent.
+    follows
+        States that start where others stand, where a problem takes starts from measurements, see
+        :class:`bondgraph.filter.follows.Follow`; names that the model does not have mean nothing.
 
     Raises
     ------
@@ -107,11 +111,18 @@ class FilterModel:
     process_correlation: Correlations = field(default_factory=dict)
     measurement_correlation: Correlations = field(default_factory=dict)
     initial_correlation: Correlations = field(default_factory=dict)
+    follows: Mapping[str, Follow] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         for name in ("process_noise", "measurement_noise", "initial_std", "appended", *_CORRELATIONS):
             object.__setattr__(self, name, dict(getattr(self, name)))
         refuse_modes(self.model)
+        if not self.state_names:
+            raise FilterError(
+                f"{self.model.name}: the model has no states, so there is nothing to filter or to estimate along a log"
+                " - use evaluate or simulate, or declare a storage (an inertance, a compliance, an integral)",
+                where=(self.model.name,),
+            )
         self._check_names()
         self._check_values()
         self._check_correlations()
@@ -207,12 +218,6 @@ class FilterModel:
         self._require_known("process_noise", self.process_noise, states)
         self._require_known("measurement_noise", self.measurement_noise, self.model.names("output"))
         self._require_known("initial_std", self.initial_std, self.state_names)
-        if not states:
-            raise FilterError(
-                f"{self.model.name}: the model has no state, so there is nothing to filter - its outputs follow from "
-                "its inputs alone; compare them with `bondgraph simulate`, or declare a storage",
-                where=(self.model.name,),
-            )
         twice = [name for name in self.appended if name in states]
         if twice:
             raise FilterError(

@@ -33,7 +33,8 @@ class FilterRun:
     ``whitened`` and ``log_scales`` (n_y, n) as in :class:`bondgraph.filter.belief.Update`.
 
     The prior is the belief at the first sample, which is updated without a prediction. After a failure everything is
-    NaN, and ``ended_at`` is the last time that was finished. ``nodes`` has the same on the nodes of the process noise.
+    NaN, ``ended_at`` is the last time that was finished, and ``cause`` says more of it, where more is known. ``nodes``
+    has the same on the nodes of the process noise.
     """
 
     filter_model: FilterModel
@@ -52,6 +53,7 @@ class FilterRun:
     floored_pivots: int
     outcome: Outcome
     ended_at: float
+    cause: str = ""
     nodes: NodeRecord | None = field(default=None, repr=False)
 
     @property
@@ -117,7 +119,8 @@ class FilterRun:
             If it did not, saying when it ended and why.
         """
         if self.outcome is not Outcome.OK:
-            raise FilterError(f"{self.log_name}: {describe_end(self.outcome, self.ended_at)}", where=(self.log_name,))
+            why = self.cause or describe_end(self.outcome, self.ended_at)
+            raise FilterError(f"{self.log_name}: {why}", where=(self.log_name,))
         return self
 
     def _row(self, name: str) -> int:

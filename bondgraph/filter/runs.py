@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Unpack
 
 import numpy as np
@@ -10,12 +11,14 @@ import numpy.typing as npt
 
 from bondgraph.errors import FilterError
 from bondgraph.filter.batch import BatchRun, run_batches
+from bondgraph.filter.causes import cause
 from bondgraph.filter.ceiling import run_below
 from bondgraph.filter.choice import choose_method
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.filter_run import FilterRun
 from bondgraph.filter.members import MemberBatch, MemberValues, member_batches
 from bondgraph.filter.samples import MeasuredLog, Samples
+from bondgraph.simulate.outcome import Outcome
 
 
 def run(
@@ -45,10 +48,16 @@ def run(
     >>> run(swing, log, compiled=False).mean("angle").shape
     (40,)
     """
-    used, _, (batch,) = member_runs(filter_model, log, theta, values, depth=2, threads=1, compiled=compiled)
+    used, (members,), (batch,) = member_runs(filter_model, log, theta, values, depth=2, threads=1, compiled=compiled)
     if batch.verdicts.nll.size != 1:
         raise FilterError(f"{log.name}: run takes one member, not {batch.verdicts.nll.size} - use likelihood for many")
-    return batch.filter_run(used, 0)
+    found = batch.filter_run(used, 0)
+    if found.outcome is not Outcome.DIVERGED:
+        return found
+    last = int(batch.verdicts.last[0])
+    nodes = batch.node_run(used, 0)
+    mean, cov = nodes.filtered_mean[:, last], nodes.filtered_cov[:, :, last]
+    return replace(found, cause=cause(used, batch.samples, members.member(0), last, mean, cov))
 
 
 def member_runs(

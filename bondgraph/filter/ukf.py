@@ -211,6 +211,7 @@ class Recorder:
             floored_pivots=self._floored,
             outcome=outcome,
             ended_at=float(samples.time[max(self._last, 0)]),
+            cause="",
             **self.arrays,  # type: ignore[arg-type]
         )
 

@@ -8,13 +8,13 @@ import numpy as np
 import sympy
 
 from bondgraph.correct.loop import Added, ClosedLoop
+from bondgraph.correct.models.failures import FAILURES
 from bondgraph.correct.places.missing import missing_effort
 from bondgraph.correct.places.unexplained import Unexplained
 from bondgraph.correct.result import intervals
 from bondgraph.data.log import FloatArray
 from bondgraph.declare.graph import BondGraph
 from bondgraph.declare.quantities import symbol
-from bondgraph.errors import EstimationError
 from bondgraph.report.series import MissingEffort
 
 _POINTS = 200
@@ -38,7 +38,7 @@ def _unexplained(closed: ClosedLoop, one: Unexplained) -> MissingEffort | None:
         return None
     try:
         found = missing_effort(closed.corrected_built, closed.corrected, logs, one.place)
-    except EstimationError:
+    except FAILURES:
         return None
     unit = f" [{one.signal_unit}]" if one.signal_unit else ""
     return MissingEffort(
@@ -66,7 +66,7 @@ def _picture(closed: ClosedLoop, added: Added) -> MissingEffort | None:
     logs = [log.log for log in closed.nominal_train.logs]
     try:
         found = missing_effort(closed.nominal_built, closed.corrected, logs, candidate.place)
-    except EstimationError:
+    except FAILURES:
         return None
     span = np.linspace(float(np.nanmin(found.flow)), float(np.nanmax(found.flow)), _POINTS)
     name = added.coefficients[0]

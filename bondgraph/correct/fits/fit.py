@@ -14,6 +14,7 @@ from bondgraph.correct.fits.journal import Journal, Noted, fit_key
 from bondgraph.correct.fits.linear_steps import (
     Reached,
     expansion_along,
+    filter_runs,
     is_linearised,
     linear_expansion,
     linear_search,
@@ -36,6 +37,7 @@ from bondgraph.estimate.gauss_newton import (
 from bondgraph.estimate.objective import BoolArray, Expansion, Objective, SearchOutcome
 from bondgraph.estimate.problem import EstimationProblem
 from bondgraph.estimate.steps import newton_decrement
+from bondgraph.estimate.symmetric import scaled_eigen
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.filter_run import FilterRun
 from bondgraph.filter.runs import run
@@ -189,13 +191,10 @@ def restricted(expansion: Expansion, kept: BoolArray) -> Expansion:
 
 def standard_deviations(expansion: Expansion) -> FloatArray:
     """Standard deviations from the Fisher information, shape (n,); infinite where there is none."""
-    own = np.diag(expansion.information)
-    scale = 1.0 / np.sqrt(np.maximum(own, np.finfo(float).tiny))
-    scaled = scale[:, np.newaxis] * expansion.information * scale
-    values, vectors = np.linalg.eigh(scaled)
-    kept = values > 1e-12 * max(float(values.max(initial=0.0)), np.finfo(float).tiny)
-    inverse = (vectors[:, kept] / values[kept]) @ vectors[:, kept].T
-    std: FloatArray = np.where(own > 0.0, scale * np.sqrt(np.maximum(np.diag(inverse), 0.0)), np.inf)
+    found = scaled_eigen(expansion.information)
+    inverse = found.inverse(found.values > 1e-12 * max(found.largest, np.finfo(float).tiny))
+    known = found.scale > 0.0
+    std: FloatArray = np.where(known, found.scale * np.sqrt(np.maximum(np.diag(inverse), 0.0)), np.inf)
     return std
 
 
@@ -260,7 +259,6 @@ def _search(
     reach: float,
 ) -> tuple[Fit, FloatArray]:
     """The fit, and the difference steps of its expansion."""
-    filter_model = problem.filter_model
     if is_linearised(problem):
         return _linear_search(problem, iterations, tolerance, starts, beat, first, reach)
     settings = GaussNewtonSettings(iterations=iterations, tolerance=tolerance)
@@ -268,11 +266,7 @@ def _search(
     differences = _Expansions()
     state = initial_starts(problem, start, settings)
     if not np.isfinite(state.values[0]):
-        raise EstimationError(
-            f"{filter_model.model.name}: the model diverges at its declared parameters on "
-            f"{', '.join(log.name for log in problem.logs)} with {filter_model.substeps} substeps between samples - "
-            "check units, initial states and declared values"
-        )
+        raise EstimationError(_diverged(problem, start[:, 0]))
     idle = 0
     while not starts_ended(state, settings) and idle < 2:
         before = float(state.values[0])
@@ -283,6 +277,18 @@ def _search(
             break
     ended = SearchOutcome.CONVERGED if idle == 2 else SearchOutcome.ITERATION_LIMIT
     return _fit(problem, finish_starts(state, ended), differences, evaluations)
+
+
+def _diverged(problem: EstimationProblem, point: FloatArray) -> str:
+    """Why a model has no likelihood at a point (n,): a law without a value, or an integration that runs away."""
+    name = problem.filter_model.model.name
+    ended = next((one for one in filter_runs(problem, point) if one.cause), None)
+    if ended is not None:
+        return f"{name}, {ended.log_name}: {ended.cause}"
+    return (
+        f"{name}: the model diverges at its declared parameters on {', '.join(log.name for log in problem.logs)} with "
+        f"{problem.filter_model.substeps} substeps between samples - check units, initial states and declared values"
+    )
 
 
 def _linear_search(

@@ -103,7 +103,8 @@ def fit_key(
     """Digest of everything on which a fit depends."""
     content = hashlib.sha256()
     own = filter_model
-    numbers = (own.process_noise, own.measurement_noise, own.initial_std, own.appended, own.alpha)
+    starts = sorted((name, (one.constant, one.slopes)) for name, one in own.follows.items())
+    numbers = (own.process_noise, own.measurement_noise, own.initial_std, own.appended, own.alpha, starts)
     steps = (own.method, own.substeps, own.grading)
     said = (own.model.digest, own.model.text, numbers, steps, tuple(free), tuple(map(_plain, options)))
     content.update(repr(said).encode())

@@ -146,6 +146,9 @@ def linear_search(
     longest = longest_steps(problem)
     idle = vain = 0
     for _ in range(iterations):
+        if not expansion.is_finite:
+            outcome = SearchOutcome.NO_DERIVATIVES
+            break
         promise = newton_decrement(problem, point, expansion)
         if promise < tolerance or idle == 2 or damping > _MOST_DAMPING:
             outcome = SearchOutcome.CONVERGED

@@ -20,10 +20,6 @@ from bondgraph.derive.derivation import Derivation
 from bondgraph.derive.equations import ImplicitLoop, StateEquations
 from bondgraph.errors import (
     BondGraphError,
-    CausalityError,
-    DeclarationError,
-    DerivationError,
-    DimensionError,
     EstimationError,
     LawError,
     OptionError,
@@ -228,7 +224,9 @@ def candidates(
                     continue
                 causal = assign_causality(trial)
                 equations = Derivation(causal).equations()
-            except (DeclarationError, CausalityError, DerivationError, DimensionError) as error:
+            except OptionError:
+                raise
+            except BondGraphError as error:
                 refused.append(Refused(function.__name__, place.label, error.message))
                 continue
             flat = causal.graph

@@ -98,7 +98,12 @@ def _vectors(
         if not all(np.isfinite(matrix).all() for matrix in (a, b, c, d)):
             continue
         for frequency in _FREQUENCIES:
-            whole = (c @ np.linalg.solve(frequency * np.eye(x.size) - a, b) + d)[rows]
+            try:
+                whole = (c @ np.linalg.solve(frequency * np.eye(x.size) - a, b) + d)[rows]
+            except np.linalg.LinAlgError:  # a pole lies on this frequency; others tell as much
+                continue
+            if not np.isfinite(whole).all():
+                continue
             largest = np.abs(whole).max(axis=1, keepdims=True, initial=0.0)
             scaled = np.where(largest > 0.0, whole / np.where(largest > 0.0, largest, 1.0), 0.0)
             found.append(np.concatenate([scaled, np.eye(len(rows))], axis=1))

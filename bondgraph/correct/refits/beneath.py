@@ -7,7 +7,7 @@ shows 5 % too much gained 744 nats by its refit, of which its score had promised
 
 from __future__ import annotations
 
-import contextlib
+import functools
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -25,7 +25,6 @@ from bondgraph.correct.refits.trials import Trial
 from bondgraph.correct.scores.gates import gate_samples
 from bondgraph.correct.scores.quiet import Quiet, is_driven, quiet_fit, quiet_scores
 from bondgraph.correct.scores.scoring import Linearisation, Scored, linearisation, score_candidates
-from bondgraph.errors import EstimationError, FilterError
 
 #: So many lags and late sensors are refitted, and so many candidates that act in part of the data.
 _LAGS, _GATED = 1, 4
@@ -57,8 +56,7 @@ def beneath_noise(
     for k in map(int, np.argsort(-gains)[:_LAGS]):
         index = [trial.candidate.label for trial in done].index(own.scored.candidates[k].label)
         if gains[k] >= worth_quiet(quiet.scored.scores, ground.need) and done[index].fit is None:
-            with contextlib.suppress(EstimationError, FilterError):  # it diverges wherever it was tried
-                done[index] = search_storage(done[index], ground, own, k)
+            done[index] = done[index].attempted(functools.partial(search_storage, done[index], ground, own, k))
     in_part = gated_trials([(quiet.linear, quiet.scored)], ground, report, most=_GATED)
     # the chance of a gated one is that of its score with little noise, which means nothing where noise is real
     return [*done, *(replace(one, score_p=1.0) for one in in_part)], replace(ground, quiet=quiet.fit)

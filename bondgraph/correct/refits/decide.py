@@ -186,7 +186,7 @@ def alternatives(
         close, why = _why_not(chosen, trial, found, order, level)
         why = f"acting {trial.gate}, {why}" if trial.gate else why
         why += f"; {trial.remark}" if trial.remark else ""
-        if close or len(listed) < most:
+        if close or trial.failed or len(listed) < most:
             place = trial.candidate.place.label
             listed.append(Alternative(trial.candidate.effect.name, place, trial.gain, close, why))
         if close and trial.gate is not None:
@@ -199,6 +199,8 @@ def alternatives(
 def _why_not(
     chosen: Trial | None, trial: Trial, found: Scores, order: dict[str, int], level: float
 ) -> tuple[bool, str]:
+    if trial.failed:
+        return False, f"it could not be tried to the end: {trial.failed}"
     if chosen is None:
         if trial.evidence is None:
             return False, f"its score promises {trial.score_gain:.1f} nats, too little to be refitted"

@@ -2,21 +2,20 @@
 
 from __future__ import annotations
 
-import contextlib
+import functools
 from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from bondgraph.correct.fits.fit import Report
-from bondgraph.correct.models.candidates import candidates
+from bondgraph.correct.models.candidates import Candidate, candidates
 from bondgraph.correct.refits.refit import Ground, refit_alone, remoteness
 from bondgraph.correct.refits.stiff_picks import attainable
 from bondgraph.correct.refits.trials import Trial
-from bondgraph.correct.scores.gates import Gated, Peer, best_gated, gated, refined, with_gate
+from bondgraph.correct.scores.gates import Gate, Gated, Peer, best_gated, gated, refined, with_gate
 from bondgraph.correct.scores.scoring import Linearisation, Scored
 from bondgraph.data.log import FloatArray
-from bondgraph.errors import EstimationError, FilterError
 
 #: A gated candidate must promise this many nats more than the best that acts throughout, beyond its number.
 _GATE_MARGIN = 6.0
@@ -52,7 +51,7 @@ def gated_trials(
         for peer in best.peers[:most]:
             for trial in _gated_refit(best, peer, known, ground):
                 kept = made.get(trial.candidate.label)
-                if kept is None or trial.gain > kept.gain:
+                if kept is None or (not trial.failed and (kept.failed or trial.gain > kept.gain)):
                     made[trial.candidate.label] = trial
     return list(made.values())
 
@@ -76,12 +75,13 @@ def refit_in_part(
     made, _ = candidates(ground.built, [function], [trial.candidate.place])
     if not made:
         return []
-    train = with_gate(ground.train, made[0].effect, trial.gate)
-    own = replace(trial, candidate=made[0])
-    try:
-        return [refit_alone(own, trial.step, replace(ground, train=train), tried=tried, worth=worth, points=points)]
-    except (EstimationError, FilterError):  # it diverges wherever its score points
-        return []
+    own, within = replace(trial, candidate=made[0]), ground_in_part(made[0], trial.gate, ground)
+    return [own.attempted(lambda: refit_alone(own, trial.step, within, tried=tried, worth=worth, points=points))]
+
+
+def ground_in_part(made: Candidate, gate: Gate, ground: Ground) -> Ground:
+    """The ground with logs that know when a candidate acts."""
+    return replace(ground, train=with_gate(ground.train, made.effect, gate))
 
 
 def also_throughout(trials: Sequence[Trial], ground: Ground) -> list[Trial]:
@@ -99,6 +99,5 @@ def also_throughout(trials: Sequence[Trial], ground: Ground) -> list[Trial]:
         for j, trial in enumerate(done):
             if trial.candidate.label == part.candidate.label and trial.gate is None and trial.fit is None:
                 values = [part.fit.values[name] for name in part.candidate.effect.coefficients]
-                with contextlib.suppress(EstimationError, FilterError):  # it diverges wherever that points
-                    done[j] = refit_alone(trial, values, ground)
+                done[j] = trial.attempted(functools.partial(refit_alone, trial, values, ground))
     return done

@@ -18,13 +18,13 @@ from bondgraph.correct.fits.fit import WITHIN_REACH, Fit, Report, fit
 from bondgraph.correct.fits.journal import Journal
 from bondgraph.correct.models.build import BuiltModel, build
 from bondgraph.correct.models.candidates import Candidate, Variant, superset
+from bondgraph.correct.models.failures import FAILURES, reason
 from bondgraph.correct.refits.decide import judge
 from bondgraph.correct.refits.trials import Trial
 from bondgraph.correct.scores.quiet import Quiet, lowered_starts, quiet_starts
 from bondgraph.correct.scores.score import CHANCE, SAME, Scores
 from bondgraph.correct.scores.scoring import Scored
 from bondgraph.data.log import FloatArray, MatchedLog
-from bondgraph.errors import EstimationError
 from bondgraph.estimate.free import FreeParameter
 from bondgraph.filter.filter_model import FilterModel
 
@@ -110,7 +110,7 @@ def refit_best(
     if not groups:
         return done
     found = [trials[group[0]].candidate for group in groups]
-    shared = replace(ground.base.problem.filter_model, model=superset(ground.built, found).model)
+    shared = _shared(found, ground)
     leader: tuple[int, Fit] | None = None
     for count, group in enumerate(groups):
         report("refit the best candidates", count, len(groups))
@@ -118,12 +118,13 @@ def refit_best(
         behind = leader is not None and trials[index].score_gain < _BEHIND * (ground.base.nll - leader[1].nll)
         if behind and quiet is None:
             continue
-        own = build(trials[index].candidate.apply(ground.built.graph))
         try:
-            fitted = _refit(index, trials[index], scored, shared, ground, leader, quiet)
-        except EstimationError:  # it diverges wherever its scores point
+            own = build(trials[index].candidate.apply(ground.built.graph))
+            fitted = _refit(index, trials[index], scored, shared or _alone(own, ground), ground, leader, quiet)
+            note(done, group, fitted, own, ground)
+        except FAILURES as error:  # it diverges wherever its scores point
+            done[index] = replace(done[index], failed=reason(error))
             continue
-        note(done, group, fitted, own, ground)
         evidence = done[index].evidence
         accepted = evidence is not None and evidence.accepted(ground.level)
         if accepted and (leader is None or fitted.nll < leader[1].nll):
@@ -132,11 +133,23 @@ def refit_best(
     return done
 
 
+def _shared(found: Sequence[Candidate], ground: Ground) -> FilterModel | None:
+    """The filter of the model that holds all candidates, None where they do not fit beside each other."""
+    try:
+        return _alone(superset(ground.built, found), ground)
+    except FAILURES:
+        return None
+
+
+def _alone(own: BuiltModel, ground: Ground) -> FilterModel:
+    return replace(ground.base.problem.filter_model, model=own.model)
+
+
 def note(done: list[Trial], group: Sequence[int], fitted: Fit, built: BuiltModel, ground: Ground) -> None:
     """Put a refit into the trials: that of the first of a group, whose evidence is that of all of it."""
     index, twins = group[0], tuple(done[j].candidate.label for j in group[1:])
     evidence = judge(ground.base, fitted, done[index].candidate.effect, ground.tried)
-    done[index] = replace(done[index], built=built, fit=fitted, evidence=evidence, stands_for=twins)
+    done[index] = replace(done[index], built=built, fit=fitted, evidence=evidence, stands_for=twins, failed="")
     for other in group[1:]:
         done[other] = replace(done[other], evidence=evidence)
 
@@ -286,4 +299,4 @@ def refit_alone(
         filter_model, ground.train, free, _MOST_ITERATIONS, _TOLERANCE, starts, beat, ground.journal, reach=reach
     )  # fmt: skip
     evidence = judge(ground.base, fitted, trial.candidate.effect, tried or ground.tried, trial.gate is not None)
-    return replace(trial, built=extended, fit=fitted, evidence=evidence)
+    return replace(trial, built=extended, fit=fitted, evidence=evidence, failed="")

@@ -10,7 +10,6 @@ ended 5.7 nats behind that in the rear one, was promised 2.6 there, and was 3.4 
 
 from __future__ import annotations
 
-import contextlib
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
@@ -23,7 +22,6 @@ from bondgraph.correct.refits.refit import Ground, refit_alone, remoteness
 from bondgraph.correct.refits.trials import Trial
 from bondgraph.correct.scores.score import SAME
 from bondgraph.correct.scores.scoring import Scored
-from bondgraph.errors import EstimationError, FilterError
 
 #: Those that promise so many nats more than the best are refitted, and at most so many of them.
 _MORE, _AGAIN = 1.0, 3
@@ -186,6 +184,5 @@ def _again(trial: Trial, one: Exchange, best: Trial, ground: Ground) -> Trial:
     if trial.gate is not None:
         found = refit_in_part(replace(trial, step=tuple(steps)), ground, best.evidence.tried, worth, points)
     else:
-        with contextlib.suppress(EstimationError, FilterError):  # it diverges there
-            found = [refit_alone(trial, steps, ground, worth=worth, points=points)]
-    return next((again for again in found if again.gain > worth), trial)
+        found = [trial.attempted(lambda: refit_alone(trial, steps, ground, worth=worth, points=points))]
+    return next((again for again in found if not again.failed and again.gain > worth), trial)

@@ -12,10 +12,10 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from bondgraph.correct.fits.fit import Fit
+from bondgraph.correct.models.failures import FAILURES
 from bondgraph.correct.refits.decide import choose
 from bondgraph.correct.refits.refit import Ground, refit_alone
 from bondgraph.correct.refits.trials import Trial
-from bondgraph.errors import EstimationError, FilterError
 from bondgraph.filter.compiled import in_threads
 
 #: Nats behind the best within which a search may have been unlucky, and how many are searched again. A loss at a
@@ -54,11 +54,12 @@ def _again(done: list[Trial], due: Sequence[int], best: Fit, ground: Ground, abr
 
     def work(k: int) -> None:
         trial = done[due[k]]
-        with contextlib.suppress(EstimationError, FilterError):  # it diverges there
+        with contextlib.suppress(*FAILURES):  # it diverges there, and stays what it was
             found[due[k]] = refit_alone(trial, _estimates(trial), ground, points=[shared])
 
     in_threads(abreast, work, range(len(due)))
-    for j, again in found.items():
+    for j in (k for k in due if k in found):  # not in the order in which threads ended
+        again = found[j]
         known = done[j].fit
         if again.fit is None or known is None or again.fit.nll >= known.nll:
             continue

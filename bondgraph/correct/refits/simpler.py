@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 from collections.abc import Sequence
 
 import numpy as np
@@ -12,7 +11,6 @@ from bondgraph.correct.models.candidates import Candidate
 from bondgraph.correct.refits.refit import Ground, abrupt, refit_alone
 from bondgraph.correct.refits.runoff import CLOSE
 from bondgraph.correct.refits.trials import Trial
-from bondgraph.errors import EstimationError, FilterError
 
 #: Searches of simpler laws are finished by exact derivatives from this share of what the best gains on: they are few.
 #: Dry friction of a sheave, searched from where a law of three coefficients had gained 693 nats, ended at 587, where
@@ -60,10 +58,8 @@ def _from_there(trial: Trial, end: Trial, ground: Ground, worth: float) -> Trial
         return trial
     level = ended.values[max(own, key=lambda name: _certainty(ended, name))]
     shared = ended.point[: ground.base.point.size]
-    with contextlib.suppress(EstimationError, FilterError):  # it diverges there
-        again = refit_alone(trial, [level], ground, worth=worth, points=[shared])
-        return again if trial.fit is None or again.gain > trial.gain else trial
-    return trial
+    again = trial.attempted(lambda: refit_alone(trial, [level], ground, worth=worth, points=[shared]))
+    return _better(trial, again)
 
 
 def _from_amplitudes(trial: Trial, ground: Ground) -> Trial:
@@ -72,10 +68,13 @@ def _from_amplitudes(trial: Trial, ground: Ground) -> Trial:
     Never given up: what a search of a law that switches still promises is told too low, as its score is.
     """
     amplitudes = abrupt(trial.candidate, np.ones(1))
-    with contextlib.suppress(EstimationError, FilterError):  # it diverges there
-        again = refit_alone(trial, [1.0], ground, shares=amplitudes)
-        return again if trial.fit is None or again.gain > trial.gain else trial
-    return trial
+    again = trial.attempted(lambda: refit_alone(trial, [1.0], ground, shares=amplitudes))
+    return _better(trial, again)
+
+
+def _better(trial: Trial, again: Trial) -> Trial:
+    """The trial, or its new refit if that gains more; what has a refit cares for no search that failed."""
+    return again if trial.fit is None or (not again.failed and again.gain > trial.gain) else trial
 
 
 def _switches(one: Candidate, end: Candidate) -> bool:

@@ -10,41 +10,38 @@ best of them says which others would do as well in its place (:mod:`.exchange`);
 
 from __future__ import annotations
 
-import contextlib
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TypeVar
 
 import numpy as np
 
 from bondgraph.correct.fits.excerpts import excerpt
 from bondgraph.correct.fits.fit import WITHIN_REACH, Fit, Report, fit
-from bondgraph.correct.fits.noise_starts import quiet_start
-from bondgraph.correct.models.build import BuiltModel, build
+from bondgraph.correct.models.failures import FAILURES, reason
 from bondgraph.correct.refits.decide import CLOSE, choose
 from bondgraph.correct.refits.exchange import exchanges
 from bondgraph.correct.refits.refit import (
-    STRIDES,
     Ground,
-    abrupt,
     alike,
-    along,
-    at_optimum,
-    coefficients,
-    inside,
     note,
+)
+from bondgraph.correct.refits.stiff_entrants import (
+    Entrant,
+    compiled_ones,
+    each_made,
+    entrant_of,
+    entrants_of,
+    note_failure,
+    quiet_entrant,
 )
 from bondgraph.correct.refits.stiff_picks import attainable, picked_quiet, simpler_law, varied
 from bondgraph.correct.refits.trials import Trial
-from bondgraph.correct.scores.quiet import Quiet, quiet_starts
+from bondgraph.correct.scores.quiet import Quiet
 from bondgraph.correct.scores.scoring import Scored
-from bondgraph.data.log import FloatArray
-from bondgraph.errors import EstimationError, FilterError
 from bondgraph.estimate.exact import compile_exact
-from bondgraph.estimate.free import FreeParameter
 from bondgraph.estimate.problem import EstimationProblem
-from bondgraph.filter.compiled import CompiledFilter, in_threads
-from bondgraph.filter.filter_model import FilterModel
+from bondgraph.filter.compiled import in_threads
 
 _Task = TypeVar("_Task")
 
@@ -56,13 +53,6 @@ _TOLERANCE, _MOST_ITERATIONS = 0.05, 12
 #: Those that gain this share of the best in their heat go on; but not those that the best fit to the whole logs so far
 #: beats on their beginnings by more than must be gained, and so many nats that a heat may leave to exact derivatives.
 _AHEAD, _UNFINISHED = 0.6, 60.0
-#: What promises less than so many times the least gain that counts is near.
-NEARBY = 10.0
-#: Shares of the step of a score at which those near are tried: the filter of all logs is costly, and scores are right.
-_NEAR_STRIDES = (1.0, 0.1)
-#: Multiples of that step, and by how much (of a logarithm) lower process noise, at which a start is tried.
-_MULTIPLES = (1.0, 4.0, 16.0)
-_QUIETER = 2.0
 #: So many times the best is exchanged for others, as far as they seem to lose less than this share of what it gains; of
 #: what loses much expansions are right to a factor of two only (a winch: 89 nats said, 50 lost), so refits decide.
 _EXCHANGES, _ACCURATE = 3, 0.1
@@ -71,21 +61,6 @@ _EXCHANGES, _ACCURATE = 3, 0.1
 _SAME_LAW = 0.6
 #: Side by side, whatever the machine, so that results do not depend on it.
 ABREAST = 2
-
-
-@dataclass(frozen=True)
-class _Entrant:
-    """A candidate with the model that it added its effect to, what is free there, and where it may start.
-
-    ``beginning`` is where its heat begins (n,); None: it needs none.
-    """
-
-    group: tuple[int, ...]
-    built: BuiltModel
-    filter_model: FilterModel
-    free: tuple[FreeParameter, ...]
-    starts: tuple[FloatArray, ...]
-    beginning: FloatArray | None
 
 
 def refit_stiff(
@@ -115,7 +90,7 @@ def refit_stiff(
         if (done[group[0]].score_gain > ground.need or done[group[0]].candidate.effect.amplitudes)
         and attainable(done[group[0]].score_gain, done[group[0]].candidate.effect) >= ahead
     ]
-    _refit([_entrant(done, group, scored, ground) for group in groups[: min(_MOST, most)]], done, ground, report)
+    _refit(entrants_of(groups[: min(_MOST, most)], done, scored, ground), done, ground, report)
     _exchange(done, scored, ground)
     _elsewhere(done, scored, ground, report)
     refitted = [j for j, trial in enumerate(done) if trial.fit is not None]
@@ -123,7 +98,7 @@ def refit_stiff(
         leader = min(refitted, key=lambda j: _nll(done[j]))
         simpler = simpler_law(leader, done, scored.scores, ground)
         if simpler is not None:
-            _refit([_entrant(done, [simpler], scored, ground)], done, ground, report)
+            _refit(entrants_of([[simpler]], done, scored, ground), done, ground, report)
     return done
 
 
@@ -139,7 +114,11 @@ def refit_quiet(trials: Sequence[Trial], scored: Scored, quiet: Quiet, ground: G
     """
     done = list(trials)
     before = choose(done, ground.level)
-    entrants = [_quiet_entrant(done, group, quiet, ground) for group in picked_quiet(done, quiet.scored.scores, ground)]
+    entrants = each_made(
+        lambda group: quiet_entrant(done, group, quiet, ground),
+        picked_quiet(done, quiet.scored.scores, ground),
+        lambda group, why: note_failure(group[0], why, done),
+    )
     _refit(entrants, done, ground, report, -0.5 * ground.need)
     if choose(done, ground.level) is not before:
         _exchange(done, scored, ground)
@@ -147,38 +126,8 @@ def refit_quiet(trials: Sequence[Trial], scored: Scored, quiet: Quiet, ground: G
     return done
 
 
-def _entrant(trials: Sequence[Trial], group: Sequence[int], scored: Scored, ground: Ground) -> _Entrant:
-    index, base, found = group[0], ground.base, scored.scores
-    candidate = trials[index].candidate
-    built = build(candidate.apply(ground.built.graph))
-    filter_model = replace(base.problem.filter_model, model=built.model)
-    own = coefficients(candidate, filter_model, scored.variants[index])
-    free = (*at_optimum(base), *own)
-    near = trials[index].score_gain <= NEARBY * ground.need
-    shares = (*(_NEAR_STRIDES if near else STRIDES), *abrupt(candidate, found.steps[index]))
-    starts = [along(base, found, index, own, share) for share in shares]
-    if near:
-        return _Entrant(tuple(group), built, filter_model, free, tuple(starts), None)
-    starts += _afresh(base, own, found.steps[index])
-    absent = [parameter.coordinate(parameter.start) for parameter in own]
-    beginning = quiet_start(free, np.concatenate([declared_point(base), absent]))
-    return _Entrant(tuple(group), built, filter_model, free, tuple(starts), beginning)
-
-
-def _quiet_entrant(trials: Sequence[Trial], group: Sequence[int], quiet: Quiet, ground: Ground) -> _Entrant:
-    """A candidate that is searched from where the quiet fit points, and from little process noise."""
-    index, base = group[0], ground.base
-    built = build(trials[index].candidate.apply(ground.built.graph))
-    filter_model = replace(base.problem.filter_model, model=built.model)
-    own = coefficients(trials[index].candidate, filter_model, quiet.scored.variants[index])
-    free = (*at_optimum(base), *own)
-    starts = quiet_starts(base, quiet, index, own)
-    beginning = quiet_start(free, np.concatenate([declared_point(base), [one.coordinate(one.start) for one in own]]))
-    return _Entrant(tuple(group), built, filter_model, free, tuple(starts), beginning)
-
-
 def _refit(
-    entrants: Sequence[_Entrant], done: list[Trial], ground: Ground, report: Report, reach: float = WITHIN_REACH
+    entrants: Sequence[Entrant], done: list[Trial], ground: Ground, report: Report, reach: float = WITHIN_REACH
 ) -> None:
     """Heats, then refits of those that are ahead, noted in the trials; what needs no heat is refitted as it is.
 
@@ -186,22 +135,21 @@ def _refit(
     """
     if not entrants:
         return
-    for one in entrants:  # compiled before threads start
-        CompiledFilter.of(one.filter_model)
+    entrants = compiled_ones(entrants, done)  # before threads start
     report("refit the best candidates", 0, len(entrants))
     near = [one for one in entrants if one.beginning is None]
-    ahead = _ahead([one for one in entrants if one.beginning is not None], ground)
+    ahead = _ahead([one for one in entrants if one.beginning is not None], done, ground)
     report("refit the best candidates", len(entrants) - len(near) - len(ahead), len(entrants))
     for due in (ahead[:1], [*((one, -np.inf) for one in near), *ahead[1:]]):
         best = choose(done, ground.level)
         lead = ground.base if best is None or best.fit is None else best.fit
         least = _on_beginnings(lead) + ground.need + _UNFINISHED
-        for one, fitted in _whole([one for one, reached in due if reached < least], ground, lead.nll, reach):
+        for one, fitted in _whole([one for one, reached in due if reached < least], done, ground, lead.nll, reach):
             note(done, one.group, fitted, one.built, ground)
     report("refit the best candidates", len(entrants), len(entrants))
 
 
-def _ahead(entrants: Sequence[_Entrant], ground: Ground) -> list[tuple[_Entrant, float]]:
+def _ahead(entrants: Sequence[Entrant], done: list[Trial], ground: Ground) -> list[tuple[Entrant, float]]:
     """Those that go on to the whole logs from where their heat ended, with what they reached there, the best first."""
     if not entrants:
         return []
@@ -214,7 +162,7 @@ def _ahead(entrants: Sequence[_Entrant], ground: Ground) -> list[tuple[_Entrant,
             first=one.beginning,
         )  # fmt: skip
 
-    found = _abreast(heat, range(len(entrants)))
+    found = _abreast(heat, range(len(entrants)), lambda k, why: note_failure(entrants[k].group[0], why, done))
     best = min(np.inf if one is None else one.nll for one in found)
     problem = replace(ground.base.problem, logs=parts[0].logs)
     gained = float(problem.nll(ground.base.point[:, np.newaxis])[0]) - best
@@ -226,10 +174,10 @@ def _ahead(entrants: Sequence[_Entrant], ground: Ground) -> list[tuple[_Entrant,
     return sorted(kept, key=lambda pair: pair[1])
 
 
-def _again(entrants: Sequence[_Entrant], best: Fit, done: list[Trial], ground: Ground) -> None:
+def _again(entrants: Sequence[Entrant], best: Fit, done: list[Trial], ground: Ground) -> None:
     """Refits from the given starts, noted in the trials where they are better than what is there."""
-    entrants = _not_behind(entrants, best, ground)
-    for one, fitted in _whole(entrants, ground, best.nll):
+    entrants = _not_behind(entrants, best, done, ground)
+    for one, fitted in _whole(entrants, done, ground, best.nll):
         if fitted.nll < _nll(done[one.group[0]]):
             note(done, one.group, fitted, one.built, ground)
 
@@ -260,7 +208,11 @@ def _exchange(done: list[Trial], scored: Scored, ground: Ground) -> None:
             ):
                 due.append((one, group))
         due = sorted(due, key=lambda pair: pair[0].loss)[:ABREAST]
-        entrants = [replace(_entrant(done, group, scored, ground), starts=one.starts) for one, group in due]
+        entrants = each_made(
+            lambda pair: replace(entrant_of(done, pair[1], scored, ground), starts=pair[0].starts),
+            due,
+            lambda pair, why: note_failure(pair[1][0], why, done),
+        )
         _again(entrants, lead, done, ground)
         tried |= {group[0] for _, group in due}
         if not due:
@@ -283,29 +235,31 @@ def _elsewhere(done: list[Trial], scored: Scored, ground: Ground, report: Report
         and done[group[0]].candidate.function is best.candidate.function
         and done[group[0]].score_gain >= _SAME_LAW * best.score_gain
     ]
-    _refit([_entrant(done, group, scored, ground) for group in groups[:ABREAST]], done, ground, report)
+    _refit(entrants_of(groups[:ABREAST], done, scored, ground), done, ground, report)
 
 
-def _not_behind(entrants: Sequence[_Entrant], best: Fit, ground: Ground) -> list[_Entrant]:
+def _not_behind(entrants: Sequence[Entrant], best: Fit, done: list[Trial], ground: Ground) -> list[Entrant]:
     """Those that are not clearly behind the best fit on the beginnings of the logs, from where they ended there.
 
     What explains these clearly worse is told apart.
     """
-    for one in entrants:
-        CompiledFilter.of(one.filter_model)
+    entrants = compiled_ones(entrants, done)
     part = excerpt(best.problem)
     if part is None:
         return list(entrants)
     reached = _on_beginnings(best)
 
-    def heat(one: _Entrant) -> Fit:
+    def heat(one: Entrant) -> Fit:
         return fit(
             one.filter_model, part.logs, one.free, _ROUGH_ITERATIONS, _ROUGH, one.starts, reached, ground.journal
         )
 
+    def failed(one: Entrant, why: str) -> None:
+        note_failure(one.group[0], why, done)
+
     return [
         replace(one, starts=(heated.point, *one.starts))
-        for one, heated in zip(entrants, _abreast(heat, entrants), strict=True)
+        for one, heated in zip(entrants, _abreast(heat, entrants, failed), strict=True)
         if heated is not None and heated.nll < reached + ground.need + _UNFINISHED
     ]
 
@@ -317,19 +271,26 @@ def _on_beginnings(best: Fit) -> float:
 
 
 def _whole(
-    entrants: Sequence[_Entrant], ground: Ground, beat: float, reach: float = WITHIN_REACH
-) -> list[tuple[_Entrant, Fit]]:
+    entrants: Sequence[Entrant], done: list[Trial], ground: Ground, beat: float, reach: float = WITHIN_REACH
+) -> list[tuple[Entrant, Fit]]:
     """Fits to the whole logs, given up where they will clearly not be better than ``beat``; not those that diverge."""
-    for one in entrants:
-        compile_exact(EstimationProblem(one.filter_model, ground.train, one.free))
 
-    def whole(one: _Entrant) -> Fit:
+    def compiled(one: Entrant) -> Entrant:
+        compile_exact(EstimationProblem(one.filter_model, ground.train, one.free))
+        return one
+
+    def failed(one: Entrant, why: str) -> None:
+        note_failure(one.group[0], why, done)
+
+    entrants = each_made(compiled, entrants, failed)
+
+    def whole(one: Entrant) -> Fit:
         return fit(
             one.filter_model, ground.train, one.free, _MOST_ITERATIONS, _TOLERANCE, one.starts, beat, ground.journal,
             reach=reach,
         )  # fmt: skip
 
-    found = _abreast(whole, entrants)
+    found = _abreast(whole, entrants, failed)
     return [(one, fitted) for one, fitted in zip(entrants, found, strict=True) if fitted is not None]
 
 
@@ -337,50 +298,26 @@ def _nll(trial: Trial) -> float:
     return np.inf if trial.fit is None else trial.fit.nll
 
 
-def _part(one: _Entrant, ground: Ground) -> EstimationProblem:
+def _part(one: Entrant, ground: Ground) -> EstimationProblem:
     """The beginnings of long logs."""
     problem = EstimationProblem(one.filter_model, ground.train, one.free)
     return excerpt(problem) or problem
 
 
-def _abreast(action: Callable[[_Task], Fit], tasks: Sequence[_Task]) -> list[Fit | None]:
-    """Fits side by side; None for one whose model diverges."""
+def _abreast(
+    action: Callable[[_Task], Fit], tasks: Sequence[_Task], failed: Callable[[_Task, str], None]
+) -> list[Fit | None]:
+    """Fits side by side; None for one that could not be made, of which ``failed`` is told why."""
     found: list[Fit | None] = [None] * len(tasks)
+    why: dict[int, str] = {}
 
     def work(k: int) -> None:
-        with contextlib.suppress(EstimationError, FilterError):
+        try:
             found[k] = action(tasks[k])
+        except FAILURES as error:
+            why[k] = reason(error)
 
     in_threads(ABREAST, work, range(len(tasks)))
+    for k in sorted(why):
+        failed(tasks[k], why[k])
     return found
-
-
-def _afresh(base: Fit, own: Sequence[FreeParameter], step: FloatArray) -> list[FloatArray]:
-    """Starts that owe less to the fit without a candidate: its parameters or the declared ones, its noise or little.
-
-    A model that lacks something drives its parameters to bounds and its noise up, and from there a long way leads back.
-    Coefficients are tried at what their score points at and, since a large effect is underrated, at multiples of it.
-    """
-    problem = base.problem
-    kinds = np.array([parameter.target.kind for parameter in problem.free])
-    declared = declared_point(base)
-    quiet = np.where(kinds == "process", np.clip(base.point - _QUIETER, problem.lower, problem.upper), 0.0)
-    found = []
-    for point in (base.point, declared):
-        for levels in (point, np.where(kinds == "process", quiet, point)):
-            for many in _MULTIPLES:
-                reached = [inside(one, many * value) for one, value in zip(own, step, strict=False)]
-                shapes = [parameter.coordinate(parameter.start) for parameter in own[step.size :]]
-                found.append(np.concatenate([levels, reached, shapes]))
-    return found
-
-
-def declared_point(base: Fit) -> FloatArray:
-    """The point of a fit with its parameters as declared."""
-    model = base.problem.filter_model.model
-    point = base.point.copy()
-    for k, parameter in enumerate(base.problem.free):
-        if parameter.target.kind == "parameter":
-            value = model.parameters[model.index("parameter", parameter.target.name)].value
-            point[k] = parameter.coordinate(float(np.clip(value, parameter.lower, parameter.upper)))
-    return point

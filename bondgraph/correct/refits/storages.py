@@ -17,16 +17,19 @@ from bondgraph.correct.fits.linear_steps import filter_runs, is_linearised, line
 from bondgraph.correct.fits.noise_starts import quiet_start
 from bondgraph.correct.fits.setup import filter_setup
 from bondgraph.correct.models.build import BuiltModel, build
+from bondgraph.correct.models.followers import followers
 from bondgraph.correct.refits.decide import judge
 from bondgraph.correct.refits.refit import Ground, at_optimum, coefficients
-from bondgraph.correct.refits.stiff_refits import NEARBY, declared_point
+from bondgraph.correct.refits.stiff_entrants import NEARBY, declared_point
 from bondgraph.correct.refits.trials import Trial
 from bondgraph.correct.scores.quiet import Quiet, quiet_starts
 from bondgraph.data.log import FloatArray
 from bondgraph.estimate.gauss_newton import GaussNewtonSettings
+from bondgraph.estimate.objective import Expansion
 from bondgraph.estimate.problem import EstimationProblem
 from bondgraph.estimate.steps import newton_decrement
 from bondgraph.filter.filter_run import FilterRun
+from bondgraph.filter.follows import Follow
 
 #: Candidates are compared to this many nats; the chosen one is then estimated to the end.
 _TOLERANCE, _MOST_ITERATIONS = 0.05, 25
@@ -37,6 +40,7 @@ _MOST_STEPS = 4
 #: One that loses this many times what an effect must gain, at every size that is tried, is not refitted: towards no
 #: size at all it loses nothing, and those that the data asked for gained at some size with all else as it was.
 _LOSES = 5.0
+_NO_DERIVATIVES = "the derivatives of the likelihood at the best of its sizes are not finite"
 
 
 @dataclass(frozen=True)
@@ -48,8 +52,13 @@ class Look:
     """
 
     trial: Trial
-    problem: EstimationProblem
+    problem: EstimationProblem | None
     start: FloatArray | None
+
+    @classmethod
+    def failed(cls, trial: Trial, why: str) -> Look:
+        """A storage that could not even be looked at."""
+        return cls(replace(trial, failed=why), None, None)
 
 
 def try_storage(trial: Trial, ground: Ground, beat: float, quiet: tuple[Quiet, int | None] | None = None) -> Trial:
@@ -78,7 +87,10 @@ def look(trial: Trial, ground: Ground, quiet: tuple[Quiet, int | None] | None = 
     )
     if not loss < _LOSES * ground.need:
         return Look(trial, problem, None)
-    promise = -loss + _further(problem, starts[:, best], ground.base, runs)
+    further = _further(problem, starts[:, best], ground.base, runs)
+    if not np.isfinite(further):
+        return Look.failed(trial, _NO_DERIVATIVES)
+    promise = further - loss
     trial = replace(trial, score_gain=max(promise, 0.0))
     return Look(trial, problem, starts[:, best] if promise >= 0.5 * ground.need else None)
 
@@ -100,7 +112,7 @@ def search_storage(trial: Trial, ground: Ground, quiet: Quiet, index: int) -> Tr
         first,
     )  # fmt: skip
     evidence = judge(ground.base, fitted, trial.candidate.effect, ground.tried)
-    return replace(trial, built=extended, fit=fitted, evidence=evidence)
+    return replace(trial, built=extended, fit=fitted, evidence=evidence, failed="")
 
 
 def refit_storage(seen: Look, ground: Ground, beat: float) -> Trial:
@@ -109,7 +121,7 @@ def refit_storage(seen: Look, ground: Ground, beat: float) -> Trial:
     Of a stiff model what promises much is searched anew from little process noise, as other candidates are
     (:mod:`.stiff_refits`): from the fit without it a search of a vehicle's elastic shaft ended 630 nats short.
     """
-    if seen.start is None:
+    if seen.start is None or seen.problem is None:
         return seen.trial
     problem, beat, first = seen.problem, min(beat, ground.base.nll - 0.5 * ground.need), None
     if is_linearised(problem) and seen.trial.score_gain > NEARBY * ground.need:
@@ -132,13 +144,17 @@ def _further(
     ``runs`` are those of the filter there, if somebody has them.
 
     That of a stiff model ends where its likelihood jumps by tenths of a nat, and its linearised filter may promise some
-    nats there for ever: those are no gain of the storage's.
+    nats there for ever: those are no gain of the storage's. NaN where derivatives are not finite.
     """
     if not is_linearised(problem):
         steps = GaussNewtonSettings().difference * (problem.upper - problem.lower)
-        return newton_decrement(problem, point, expand(problem, point, steps))
+        return _promise(problem, point, expand(problem, point, steps))
     # what an exact expansion costs is for what is refitted
-    return newton_decrement(problem, point, linear_expansion(problem, point, runs)) - base.linear_promise
+    return _promise(problem, point, linear_expansion(problem, point, runs)) - base.linear_promise
+
+
+def _promise(problem: EstimationProblem, point: FloatArray, expansion: Expansion) -> float:
+    return newton_decrement(problem, point, expansion) if expansion.is_finite else float("nan")
 
 
 def _problem(trial: Trial, ground: Ground, extended: BuiltModel) -> EstimationProblem:
@@ -150,10 +166,19 @@ def _problem(trial: Trial, ground: Ground, extended: BuiltModel) -> EstimationPr
         base,
         model=extended.model,
         initial_std={**own.filter_model.initial_std, **_estimated_starts(ground.base)},
-        substeps=min(own.filter_model.substeps, most) if alike else most,
+        substeps=max(min(own.filter_model.substeps, most), base.substeps) if alike else most,
+        follows={**base.follows, **_followers(ground, extended)},
     )
     free = (*at_optimum(ground.base), *coefficients(trial.candidate, filter_model))
     return EstimationProblem(filter_model, ground.train, free)
+
+
+def _followers(ground: Ground, extended: BuiltModel) -> dict[str, Follow]:
+    """Where the states of a candidate start, by where the first log begins, at the size in the middle of its bounds."""
+    base, log = ground.base, ground.train[0]
+    first = base.runs(ground.train)[0].filtered_mean[: len(ground.built.model.states), 0]
+    values = dict(zip(base.problem.filter_model.model.names("parameter"), map(float, base.theta), strict=True))
+    return followers(ground.built, extended, first, log.u[:, 0], values | dict(log.theta_overrides))
 
 
 def _sizes(

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 
 from bondgraph.correct.fits.fit import Fit
 from bondgraph.correct.models.build import BuiltModel
 from bondgraph.correct.models.candidates import Candidate
+from bondgraph.correct.models.failures import attempted
 from bondgraph.correct.scores.gates import Gate
 
 
@@ -36,7 +38,8 @@ class Trial:
     ``score_p`` is the p-value of the score, corrected for the number of candidates. ``stands_for`` names the candidates
     whose response is the same to rounding, of which this one was refitted. ``gate``: it acts in part of the data only.
     ``instead``: another that was refitted, and how many nats less this one would gain in its place, told there.
-    ``remark``: sizes that were left out, if any.
+    ``remark``: sizes that were left out, if any. ``failed``: why its score, its refit or a second look at that could
+    not be made, if so; it cannot be chosen on what is missing then.
     """
 
     candidate: Candidate
@@ -50,6 +53,7 @@ class Trial:
     gate: Gate | None = None
     instead: tuple[str, float] | None = None
     remark: str = ""
+    failed: str = ""
 
     @property
     def gain(self) -> float:
@@ -60,6 +64,10 @@ class Trial:
     def p_value(self) -> float:
         """The larger of both p-values of the refit, else that of the score; corrected for the number tried."""
         return self.score_p if self.evidence is None else max(self.evidence.p_value, self.evidence.p_robust)
+
+    def attempted(self, action: Callable[[], Trial]) -> Trial:
+        """The trial that an action makes of this one, or this one with the reason why that could not be done."""
+        return attempted(action, lambda why: replace(self, failed=why))
 
 
 @dataclass(frozen=True)

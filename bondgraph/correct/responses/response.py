@@ -24,6 +24,7 @@ import numpy as np
 
 from bondgraph.correct.responses.intervals import NODES, Kicks, filter_transitions, kicks
 from bondgraph.data.log import FloatArray, MatchedLog
+from bondgraph.errors import FilterError
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.filter_run import FilterRun
 from bondgraph.filter.samples import Samples
@@ -256,12 +257,25 @@ def _phi(a: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
 
 
 def _update(run: FilterRun, slope: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Whitening matrices (n, n_y, n_y) and gains (n, n_x, n_y); what was not measured has no part in either."""
+    """Whitening matrices (n, n_y, n_y) and gains (n, n_x, n_y); what was not measured has no part in either.
+
+    Raises
+    ------
+    FilterError
+        If the covariance of the outputs is singular at a sample.
+    """
     seen = np.isfinite(run.y).T
     both = seen[:, :, np.newaxis] & seen[:, np.newaxis]
     size = seen.shape[1]
     cov = np.where(both, np.moveaxis(run.output_cov, -1, 0), 0.0) + np.eye(size) * ~seen[:, :, np.newaxis]
-    whitener = np.linalg.inv(np.linalg.cholesky(cov)) * both
+    try:
+        whitener = np.linalg.inv(np.linalg.cholesky(cov)) * both
+    except np.linalg.LinAlgError as error:
+        raise FilterError(
+            f"{run.log_name}: the covariance of what is expected of the sensors is not positive definite to rounding "
+            "- use larger measurement noise, or smaller initial uncertainty",
+            where=(run.log_name,),
+        ) from error
     known = slope * seen[:, :, np.newaxis]
     cross = np.moveaxis(run.predicted_cov, -1, 0) @ np.swapaxes(known, 1, 2)
     return whitener, cross @ np.swapaxes(whitener, 1, 2) @ whitener
@@ -317,8 +331,8 @@ def own_states(path: Path, changed: Model, theta: FloatArray) -> FloatArray:
     def rates(t: FloatArray, x: FloatArray, u: FloatArray, own: FloatArray) -> FloatArray:
         extra = np.repeat(own[:, np.newaxis], x.shape[1], axis=1)
         with np.errstate(all="ignore"):
-            moving: FloatArray = np.nan_to_num(changed.rhs(t, _joined(changed, rows, x, extra), u, theta)[others])
-        return moving
+            moved: FloatArray = changed.rhs(t, _joined(changed, rows, x, extra), u, theta)[others]
+        return np.where(np.isfinite(moved), moved, 0.0)
 
     levels, slopes = [], []
     for t, x, u in ((path.time[:-1], path.start, path.u_left), (path.time[1:], path.end, path.u_right)):
@@ -337,6 +351,13 @@ def own_states(path: Path, changed: Model, theta: FloatArray) -> FloatArray:
         moved = whole[k] @ moved + driven[k, :, 0]
         found[:, k + 1] = start + moved
     return found
+
+
+def unchanged(path: Path, lanes: int) -> Change:
+    """Changes that change nothing."""
+    states, outputs = path.start.shape[0], len(path.model.outputs)
+    still = np.zeros((states, path.intervals.size, lanes))
+    return Change(still, still, np.zeros((outputs, path.time.size, lanes)))
 
 
 def together(changes: Sequence[Change]) -> Change:

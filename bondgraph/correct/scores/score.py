@@ -29,6 +29,7 @@ from scipy import stats
 from bondgraph.correct.fits.times import Times
 from bondgraph.errors import EstimationError
 from bondgraph.estimate.objective import Expansion, FloatArray
+from bondgraph.estimate.symmetric import scaled_eigen
 
 #: Information left of a candidate, free parameters projected out, below which nothing but rounding is left of it.
 LEFT = 1e-7
@@ -282,12 +283,11 @@ def robust_variance(terms: Expansion, times: Times) -> FloatArray:
 
 
 def solve(matrix: FloatArray, right: FloatArray) -> FloatArray:
-    """Solve a symmetric system in scaled coordinates, directions without information left out."""
+    """Solve a symmetric system in scaled coordinates; coordinates and directions without information get zero."""
     if matrix.size == 0:
         return np.zeros((0, right.shape[1]))
-    scale = 1.0 / np.sqrt(np.maximum(np.diag(matrix), np.finfo(float).tiny))
-    values, vectors = np.linalg.eigh(scale[:, np.newaxis] * matrix * scale)
-    kept = values > max(_SINGULAR * values.max(), 0.0)
-    inverse = (vectors[:, kept] / values[kept]) @ vectors[:, kept].T
-    solution: FloatArray = scale[:, np.newaxis] * (inverse @ (scale[:, np.newaxis] * right))
+    found = scaled_eigen(matrix)
+    inverse = found.inverse(found.values > max(_SINGULAR * found.largest, 0.0))
+    known = np.where((found.scale > 0.0)[:, np.newaxis], right, 0.0)  # else nothing times what is not finite
+    solution: FloatArray = found.scale[:, np.newaxis] * (inverse @ (found.scale[:, np.newaxis] * known))
     return solution

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+import itertools
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from bondgraph.correct.fits.fit import Fit
 from bondgraph.correct.fits.times import Times, term_times
 from bondgraph.correct.models.candidates import Candidate, Variant
+from bondgraph.correct.models.failures import attempted
 from bondgraph.correct.responses.recursion import respond_into
-from bondgraph.correct.responses.response import Change, LinearLog, Path, linearise, model_change, together
+from bondgraph.correct.responses.response import Change, LinearLog, Path, linearise, model_change, together, unchanged
 from bondgraph.correct.scores.score import LEFT, Projected, Scores, project, scores, solve
 from bondgraph.data.log import FloatArray, MatchedLog
 from bondgraph.estimate.free import FreeParameter
@@ -174,6 +176,7 @@ class Scored:
 
     ``columns`` holds one (n_terms, coefficients) per candidate, ``states`` per log the shifts of the filtered states at
     the gates (gates, n_x, candidates) by the first coefficient; ``tests`` is how many variants were tried in all.
+    ``failed`` says of candidates, by their position, why they have no response: they score nothing.
     """
 
     candidates: tuple[Candidate, ...]
@@ -182,6 +185,7 @@ class Scored:
     states: tuple[FloatArray, ...]
     scores: Scores
     tests: int
+    failed: Mapping[int, str] = field(default_factory=dict)
 
 
 def score_candidates(
@@ -197,7 +201,8 @@ def score_candidates(
         empty = np.zeros((linear.free.shape[0], 0))
         return Scored((), (), (), (), scores(linear.expansion(empty), linear.count, np.zeros(0, dtype=bool)), 0)
     sizes = [len(candidate.effect.coefficients) for candidate, _ in every]
-    columns, states = _responses(linear, every, sizes, at)
+    failed: dict[int, str] = {}
+    columns, states = _responses(linear, every, sizes, at, failed)
     result = _scores(linear, columns, [candidate for candidate, _ in every], sizes)
     edges = np.concatenate([[0], np.cumsum(sizes)]).astype(int)
     best: dict[int, int] = {}
@@ -208,7 +213,8 @@ def score_candidates(
     own = tuple(columns[:, edges[j] : edges[j + 1]] for j in chosen)
     picked = _scores(linear, np.concatenate(own, axis=1), found, [sizes[j] for j in chosen])
     kept = tuple(part[..., edges[chosen]] for part in states)
-    return Scored(tuple(found), tuple(every[j][1] for j in chosen), own, kept, picked, len(every))
+    why = {k: failed[j] for k, j in enumerate(chosen) if j in failed}
+    return Scored(tuple(found), tuple(every[j][1] for j in chosen), own, kept, picked, len(every), why)
 
 
 def _responses(
@@ -216,18 +222,34 @@ def _responses(
     every: Sequence[tuple[Candidate, Variant]],
     sizes: Sequence[int],
     at: Sequence[Sequence[int]],
+    failed: dict[int, str],
 ) -> tuple[FloatArray, tuple[FloatArray, ...]]:
-    """Responses to the coefficients of candidates, so many each."""
+    """Responses to the coefficients of candidates, so many each; none, and why in ``failed``, of one that has none."""
     firsts = range(0, len(every), _ABREAST)
+
+    def one(path: Path, k: int) -> Change:
+        def none(why: str) -> Change:
+            failed[k] = why
+            return unchanged(path, sizes[k])
+
+        return attempted(lambda: candidate_change(path, *every[k]), none)
 
     def some(part: int, log: int) -> Change:
         path = linear.logs[log].path
-        own = every[firsts[part] : firsts[part] + _ABREAST]
-        return together([candidate_change(path, candidate, variant) for candidate, variant in own])
+        return together([one(path, k) for k in range(firsts[part], min(firsts[part] + _ABREAST, len(every)))])
 
     for log in linear.logs:
         _ = log.path.declared  # once, before threads ask for it
-    return linear.responses([sum(sizes[first : first + _ABREAST]) for first in firsts], some, at)
+    columns, states = linear.responses([sum(sizes[first : first + _ABREAST]) for first in firsts], some, at)
+    edges = np.cumsum([0, *sizes])
+    for k, (first, end) in enumerate(itertools.pairwise(edges)):
+        if k not in failed and not np.isfinite(columns[:, first:end]).all():
+            failed[k] = "its response grows beyond all numbers"
+        if k in failed:
+            columns[:, first:end] = 0.0
+            for part in states:
+                part[..., first:end] = 0.0
+    return columns, states
 
 
 def _scores(linear: Linearisation, columns: FloatArray, found: Iterable[Candidate], sizes: Sequence[int]) -> Scores:

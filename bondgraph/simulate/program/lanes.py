@@ -118,7 +118,7 @@ class TangentLanes:
 @functools.lru_cache(maxsize=64)
 def load_tangents(model: Model, parameters: tuple[int, ...], method: str) -> TangentLanes:
     """The tangent functions of a model with a method, for derivatives by the parameters at these positions."""
-    layout = tangent_text(model.program, parameters, TABLEAUS.get(method))
+    layout = tangent_text(model.program.anew(), parameters, TABLEAUS.get(method))
     title = f"Tangents of {method} steps of the generated module {model.name!r}"
     source = "\n\n".join([HEADER.format(title=title) + _LANE, layout.source]) + "\n" + _TANGENT_CALLBACKS
     module = load_compiled(source)
@@ -135,7 +135,7 @@ def load_tangents(model: Model, parameters: tuple[int, ...], method: str) -> Tan
 @functools.lru_cache(maxsize=256)
 def load_lanes(model: Model, stiff: bool) -> LaneModel:
     """The lane functions of a model, compiled or from the cache; ``stiff`` for Rosenbrock methods instead of RK4."""
-    text = lane_text(model.program, stiff)
+    text = lane_text(model.program.anew(), stiff)
     title = f"{'Stiff' if stiff else 'Explicit'} lane functions of the generated module {model.name!r}"
     source = "\n\n".join([HEADER.format(title=title) + _LANE, text.source]) + "\n" + _CALLBACKS
     module = load_compiled(source)

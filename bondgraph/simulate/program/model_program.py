@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import threading
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal
@@ -65,6 +66,7 @@ class ModelProgram:
     """
 
     def __init__(self, text: str, name: str, sizes: Mapping[Variables, int]) -> None:
+        self._text, self._name = text, name
         tree = parse_module(text, name)
         namespace = run_module(tree, name)
         self.tree = tree
@@ -76,7 +78,17 @@ class ModelProgram:
         }
         self.solvers: Mapping[str, Callable[..., Any]] = {name: namespace[name] for name in self.reader.solvers}
         self.sizes = sizes
+        self._growing = threading.Lock()  # one tape, of which several threads may ask
         self._jacobians: dict[tuple[Equations, Variables], SparseJacobian] = {}
+
+    def anew(self) -> ModelProgram:
+        """The same equations on a tape of their own.
+
+        What is printed of a tape depends on what it was asked before: operations keep the order in which they were
+        first needed, so that a sum of two products rounds the one or the other. Text that is compiled is printed from a
+        new tape, whatever a process, or another of its threads, did with the model before.
+        """
+        return ModelProgram(self._text, self._name, self.sizes)
 
     def derivative(self, nodes: tuple[int, ...], vector: str, position: int) -> tuple[int, ...]:
         """Derivatives of nodes with respect to one element of a vector."""
@@ -94,18 +106,20 @@ class ModelProgram:
     def jacobian(self, equations: Equations, by: Variables) -> SparseJacobian:
         """Derivatives of ``rhs`` or ``output`` with respect to the states, inputs or parameters."""
         key = (equations, by)
-        if key not in self._jacobians:
-            entries = self.jacobian_nodes(equations, by)
-            places = np.array(list(entries), dtype=np.int64).reshape(-1, 2)
-            shape = (len(self.rows[equations]), self.sizes[by])
-            program = self.tape.program(entries.values())
-            self._jacobians[key] = SparseJacobian(shape, places[:, 0], places[:, 1], program)
-        return self._jacobians[key]
+        with self._growing:
+            if key not in self._jacobians:
+                entries = self.jacobian_nodes(equations, by)
+                places = np.array(list(entries), dtype=np.int64).reshape(-1, 2)
+                shape = (len(self.rows[equations]), self.sizes[by])
+                program = self.tape.program(entries.values())
+                self._jacobians[key] = SparseJacobian(shape, places[:, 0], places[:, 1], program)
+            return self._jacobians[key]
 
     @functools.cached_property
     def trend(self) -> Program:
         """Derivatives of ``rhs`` with respect to time while inputs change at the rates in the vector ``du``."""
-        return self.tape.program(self.trend_nodes())
+        with self._growing:
+            return self.tape.program(self.trend_nodes())
 
     def trend_nodes(self) -> tuple[int, ...]:
         """Nodes of :attr:`trend`."""

@@ -1,0 +1,150 @@
+"""Storages and lags that an effect adds start where the machine stands, not at a declared zero."""
+
+from __future__ import annotations
+
+import functools
+
+import numpy as np
+import pytest
+
+from bondgraph.correct.fits.assess import assess
+from bondgraph.correct.fits.fit import Fit, fit
+from bondgraph.correct.fits.setup import filter_setup
+from bondgraph.correct.loop import free_parameters
+from bondgraph.correct.models.build import BuiltModel, build
+from bondgraph.correct.models.candidates import Candidate, candidates, places
+from bondgraph.correct.models.followers import followers
+from bondgraph.correct.refits.refit import Ground
+from bondgraph.correct.refits.storages import try_storage
+from bondgraph.correct.refits.trials import Trial
+from bondgraph.data.log import MatchedLog
+from bondgraph.declare.domains import ROTATION
+from bondgraph.declare.graph import BondGraph
+from bondgraph.filter.follows import with_followers
+from bondgraph.simulate.simulate import simulate
+from vehicle_graphs import effects
+
+RATIO, J_M, J_F, DRAG, SOFT = 4.0, 4e-4, 0.02, 4e-4, 6.0
+
+
+def rig() -> BondGraph:
+    """A motor and a fan behind a gear, the shaft between them declared as rigid."""
+    g = BondGraph("rig")
+    torque = g.input("torque", "N m")
+    J_motor, J_fan = g.parameter("J_motor", J_M, "kg m^2"), g.parameter("J_fan", J_F, "kg m^2")
+    drag = g.parameter("drag", DRAG, "N m s^2", "air", (1e-4, 2e-3))
+    motor, shaft, wheel = (g.one_junction(name, ROTATION) for name in ("motor", "shaft", "wheel"))
+    g.effort_source("drive", torque, at=motor)
+    g.inertance("rotor", J_motor, at=motor, state="w_motor")
+    g.transformer("gearbox", 1 / g.parameter("ratio", RATIO, ""), motor, shaft)
+    g.bond(shaft, wheel)
+    g.inertance("blades", J_fan, at=wheel, state="w_fan")
+    g.resistance("air", lambda w: drag * w * abs(w), at=wheel)
+    g.measure_flow("speed", motor)
+    return g
+
+
+@functools.cache
+def built() -> BuiltModel:
+    return build(rig())
+
+
+def elastic() -> BuiltModel:
+    found = [one for one in offered() if one.effect.name == "added_compliance"]
+    return build(found[0].apply(rig()))
+
+
+def lagging() -> BuiltModel:
+    return build(next(one for one in offered() if one.effect.name == "actuator_lag").apply(rig()))
+
+
+def offered() -> list[Candidate]:
+    log = running(0)
+    base = fitted(0)
+    where = places(built(), [log], base.runs([log]), base.theta)
+    return candidates(built(), [effects.added_compliance, effects.actuator_lag], where)[0]
+
+
+@functools.cache
+def running(seed: int) -> MatchedLog:
+    """A log of the fan on a soft shaft that begins in motion, at 240 rad/s of the motor under 0.3 N m."""
+    time = 0.02 * np.arange(300)
+    torque = 0.3 + 0.1 * np.repeat(np.random.default_rng(seed).uniform(-1.0, 1.0, 16), 20)[:300]
+    torque[:20] = 0.3
+    g = BondGraph("truth")
+    given = g.input("torque", "N m")
+    motor, fan = g.one_junction("motor", ROTATION), g.one_junction("fan", ROTATION)
+    shaft, twist = g.zero_junction("shaft", ROTATION), g.one_junction("twist", ROTATION)
+    fast = g.one_junction("fast", ROTATION)
+    start = float(np.sqrt(0.3 * RATIO / DRAG))
+    g.effort_source("drive", given, at=motor)
+    g.inertance("rotor", g.parameter("J_m", J_M, "kg m^2"), at=motor, initial=RATIO * start, state="w_motor")
+    g.transformer("gearbox", 1 / g.parameter("n", RATIO, ""), motor, fast)
+    g.bond(fast, shaft)
+    g.bond(shaft, twist)
+    g.bond(shaft, fan)
+    g.compliance("spring", g.parameter("k", SOFT, "N m/rad"), at=twist, initial=0.3 * RATIO / SOFT)
+    g.resistance("damper", g.parameter("d", 0.05, "N m s/rad"), at=twist)
+    g.inertance("blades", g.parameter("J_f", J_F, "kg m^2"), at=fan, initial=start, state="w_fan")
+    drag = g.parameter("drag", DRAG, "N m s^2")
+    g.resistance("air", lambda w: drag * w * abs(w), at=fan)
+    g.measure_flow("speed", motor)
+    run = simulate(build(g).model, time, torque[np.newaxis], rtol=1e-8).raise_if_failed()
+    noise = 0.2 * np.random.default_rng([seed, 1]).standard_normal(run.y.shape)
+    return MatchedLog(f"run{seed}", time, torque[np.newaxis], run.y + noise)
+
+
+@functools.cache
+def fitted(*seeds: int) -> Fit:
+    logs = tuple(map(running, seeds))
+    setup = filter_setup(built().model, built().driven, logs)
+    return fit(setup.filter_model, logs, (*free_parameters(setup, ()), *setup.noise))
+
+
+def test_an_inertia_set_free_starts_at_the_speed_it_was_tied_to_and_a_spring_at_its_load() -> None:
+    after = elastic()
+    new = [name for name in after.model.names("state") if name not in built().model.names("state")]
+    assert len(new) == 2 and built().model.names("state") != after.model.names("state")
+    speed, torque = 219.0, 0.3
+    known = built().model.names("state")
+    x = np.array([speed if name == "w_motor" else speed / RATIO for name in known])
+    starts = followers(built(), after, x, np.array([torque]), {})
+    assert set(starts) == set(new)
+    begun = with_followers(after.model, after.model.x0(**dict(zip(known, x, strict=True))), np.array([torque]), starts)
+    values = dict(zip(after.model.names("state"), begun, strict=True))
+    assert values["w_motor"] == pytest.approx(RATIO * values["w_fan"], rel=1e-6)
+    # under this load the rigid machine neither gains nor loses speed, and the spring carries what the air takes
+    rates = dict(
+        zip(
+            after.model.names("state"),
+            after.model.rhs(0.0, begun, np.array([torque]), after.model.theta()),
+            strict=True,
+        )
+    )
+    assert abs(rates["w_motor"]) < 0.02 * torque / J_M and abs(rates["w_fan"]) < 0.02 * RATIO * torque / J_F
+
+
+def test_a_lag_starts_at_its_command() -> None:
+    after = lagging()
+    (new,) = (name for name in after.model.names("state") if name not in built().model.names("state"))
+    x = np.full(len(built().model.states), 50.0)
+    (follow,) = followers(built(), after, x, np.array([0.3]), {}).values()
+    for torque in (0.3, -0.2, 1.5):
+        assert follow.value({"torque": torque, "w_motor": 10.0, "w_fan": 2.5}) == pytest.approx(torque, abs=1e-6)
+    assert new.startswith("given_")
+
+
+def test_the_free_simulation_of_a_log_that_begins_in_motion_starts_right() -> None:
+    # started at zero the fan first takes all the speed of the motor: 47.97 rad/s where the rigid model has 1.23
+    train, unseen = (running(1), running(2)), running(3)
+    base = fitted(1, 2)
+    candidate = next(one for one in offered() if one.effect.name == "added_compliance")
+    ground = Ground(built(), base, train, 10, 0.01, 5.0)
+    found = try_storage(Trial(candidate, 0.0), ground, np.inf)
+    assert found.fit is not None and found.gain > 50.0
+    problem = found.fit.problem
+    row = problem.filter_model.model.index("state", "w_fan")
+    assert problem.initial_states[0][row] == pytest.approx(float(train[0].y[0, 0]) / RATIO, rel=0.02)
+    after = assess(found.fit, [unseen]).channels["speed"].simulation_rmse
+    assert after < assess(base, [unseen]).channels["speed"].simulation_rmse
+    assert after < 1.0
