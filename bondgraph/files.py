@@ -1,0 +1,108 @@
+"""Files that are written whole or not at all, and names that may become names of files."""
+
+from __future__ import annotations
+
+import os
+import secrets
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from bondgraph.errors import OptionError
+
+#: File systems keep names of 255 bytes; what is written adds endings such as ``_states.csv``.
+_LONGEST_NAME = 200
+
+
+@contextmanager
+def replaced(path: Path) -> Iterator[Path]:
+    """A file beside ``path`` to write to, which takes its place in one step once it is complete.
+
+    Raises
+    ------
+    OSError
+        That names ``path``, where the file cannot be written (a full disk, a folder in its place); what stood there
+        before stays.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     with replaced(Path(folder) / "run.csv") as partial:
+    ...         _ = partial.write_text("time [s]")
+    ...     (Path(folder) / "run.csv").read_text()
+    'time [s]'
+    """
+    # The ending stays last, since libraries choose the format by it.
+    partial = path.with_name(f".{secrets.token_hex(4)}.partial{path.suffix}")
+    try:
+        yield partial
+        os.replace(partial, path)
+    except OSError as error:
+        error.filename, error.filename2 = str(path), None
+        raise
+    finally:
+        partial.unlink(missing_ok=True)
+
+
+def write_bytes(path: Path, content: bytes) -> None:
+    """Write a file in one step."""
+    with replaced(path) as partial:
+        partial.write_bytes(content)
+
+
+def write_text(path: Path, text: str) -> None:
+    r"""Write a file of UTF-8 text, with the ends of lines as they are, in one step."""
+    write_bytes(path, text.encode())
+
+
+def output_folder(path: Path) -> Path:
+    """The folder itself, made where it is missing, before any work is done for it.
+
+    Raises
+    ------
+    OptionError
+        If it is a file, or nothing can be written there.
+    """
+    if path.exists() and not path.is_dir():
+        raise OptionError(f"{path}: is a file, not a folder - name another folder", where=(str(path),))
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+        write_bytes(path / ".writable", b"1")
+        (path / ".writable").unlink()
+    except OSError as error:
+        raise OptionError(
+            f"{path}: nothing can be written to this folder ({error.strerror}) - name another folder",
+            where=(str(path),),
+        ) from None
+    return path
+
+
+def check_name(name: str, refused: Callable[[str], Exception]) -> None:
+    """Refuse a name that could lead a file out of its folder; ``refused`` makes the error from what is wrong.
+
+    Graphs, logs and effects give their names to files that are written.
+
+    Examples
+    --------
+    >>> check_name("run 7", OptionError)
+    >>> check_name("../../x", OptionError)
+    Traceback (most recent call last):
+        ...
+    bondgraph.errors.OptionError: name '../../x' holds '/' - use letters, digits and underscores
+    """
+    todo = "use letters, digits and underscores"
+    wrong = next((letter for letter in name if letter in _SEPARATORS or not letter.isprintable()), None)
+    if wrong is not None:
+        raise refused(f"name {_cut(name)!r} holds {wrong!r} - {todo}")
+    if not name.strip(". "):
+        raise refused(f"name {name!r} has no letters - {todo}")
+    if len(name.encode()) > _LONGEST_NAME:
+        raise refused(f"name {_cut(name)!r} has {len(name)} letters - use at most {_LONGEST_NAME}")
+
+
+_SEPARATORS = {"/", os.sep, os.altsep or os.sep}
+
+
+def _cut(name: str) -> str:
+    return name if len(name) <= 60 else name[:60] + "..."
