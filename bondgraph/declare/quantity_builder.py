@@ -132,6 +132,7 @@ class QuantityBuilder(GraphStore):
         if name in self._outputs:
             raise DeclarationError(f"{self.name}: output {name} is declared twice - use another name", (name,))
         output = Output(name, self._checked(expression, (), name), unit, meaning)
+        self._check_real(output.expression, name)
         check_quantity(output, self.name)
         self._outputs[name] = output
 
