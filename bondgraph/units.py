@@ -82,7 +82,9 @@ def parse_unit(unit: str) -> pint.Unit:
     """
     try:
         _require_short(unit)
-        return registry().Unit(_spelled(unit))
+        found: pint.Unit = registry().Unit(_spelled(unit))
+        _ = found.dimensionality  # worked out when it is first asked for; some units have none
+        return found
     except Exception as error:  # pint raises many kinds: undefined unit, tokenizer and syntax errors
         raise DeclarationError(
             f"unit {unit!r} is not known ({type(error).__name__}) - "

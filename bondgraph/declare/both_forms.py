@@ -66,5 +66,8 @@ def _point(first: Expr, second: Expr, declared: Mapping[Symbol, Expr]) -> dict[S
 
 
 def _real(law: Expr, at: Mapping[Symbol, Expr]) -> Expr | None:
-    value = law.xreplace(dict(at)).evalf(30)
+    try:
+        value = law.xreplace(dict(at)).evalf(30)
+    except TypeError:  # a condition compares what is complex there
+        return None
     return value if value.is_Float and value.is_finite else None

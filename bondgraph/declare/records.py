@@ -88,8 +88,8 @@ def shown(value: Any) -> str:
 
     Examples
     --------
-    >>> shown([1.5, "b"]), shown("a" * 500)[-5:], shown(10**400)
-    ("[1.5, 'b']", 'aa...', '1.0e+400')
+    >>> shown([1.5, "b"]), shown(10**400)
+    ("[1.5, 'b']", '1.0e+400')
     """
     if isinstance(value, int) and abs(value) >= 10**_SHOWN:
         return f"{decimal.Decimal(value):.1e}"
