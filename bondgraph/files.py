@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+import errno
 import os
-import secrets
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -34,7 +34,7 @@ def replaced(path: Path) -> Iterator[Path]:
     'time [s]'
     """
     # The ending stays last, since libraries choose the format by it.
-    partial = path.with_name(f".{secrets.token_hex(4)}.partial{path.suffix}")
+    partial = path.with_name(f".{path.stem}.{os.getpid()}.partial{path.suffix}")
     try:
         yield partial
         os.replace(partial, path)
@@ -76,6 +76,44 @@ def output_folder(path: Path) -> Path:
             where=(str(path),),
         ) from None
     return path
+
+
+def output_file(path: Path) -> Path:
+    """The path itself, if a file can be written there, before any work is done for it.
+
+    Raises
+    ------
+    OptionError
+        If its folder does not exist, or it is a folder itself.
+    """
+    if not path.parent.is_dir():
+        raise OptionError(f"{path}: the folder {path.parent} does not exist - create it first", where=(str(path),))
+    if path.is_dir():
+        raise OptionError(f"{path}: is a folder - name a file in it", where=(str(path),))
+    return path
+
+
+def file_problem(error: OSError) -> OptionError:
+    """What the system says of a file, in the form of all messages.
+
+    Examples
+    --------
+    >>> file_problem(FileNotFoundError(errno.ENOENT, "No such file or directory", "runs/a.csv")).message
+    'runs/a.csv: No such file or directory - check the path'
+    """
+    name = "the answer" if error.filename is None else os.fsdecode(error.filename)
+    return OptionError(f"{name}: {error.strerror or error} - {_TODO.get(error.errno or 0, 'check the path')}", (name,))
+
+
+_TODO = {
+    errno.ENOSPC: "make room, or write to another disk",
+    errno.EDQUOT: "make room, or write to another disk",
+    errno.EFBIG: "make room, or write to another disk",
+    errno.EROFS: "write to another disk",
+    errno.EACCES: "name a place where you may read and write",
+    errno.EPERM: "name a place where you may read and write",
+    errno.EISDIR: "name a file, not a folder",
+}
 
 
 def check_name(name: str, refused: Callable[[str], Exception]) -> None:

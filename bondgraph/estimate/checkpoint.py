@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 import hashlib
 import json
-import os
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -17,6 +16,7 @@ from bondgraph.estimate.gauss_newton import GaussNewtonState
 from bondgraph.estimate.objective import SearchOutcome, TraceRow
 from bondgraph.estimate.particle_swarm import SwarmState
 from bondgraph.estimate.problem import EstimationProblem
+from bondgraph.files import replaced
 
 FILE = "checkpoint.npz"
 
@@ -55,10 +55,8 @@ def save_checkpoint(folder: Path, checkpoint: Checkpoint) -> None:
             else:
                 entry[field.name] = _encoded(value)
     arrays["plain"] = np.array(json.dumps(plain))
-    temporary = folder / f".{FILE}.{os.getpid()}"
-    with temporary.open("wb") as stream:
-        np.savez(stream, **arrays)  # type: ignore[arg-type]
-    temporary.replace(folder / FILE)
+    with replaced(folder / FILE) as partial:
+        np.savez(partial, **arrays)  # type: ignore[arg-type]
 
 
 def load_checkpoint(folder: Path, digest: str) -> Checkpoint | None:

@@ -13,6 +13,7 @@ from pathlib import Path as FilePath
 from typing import TYPE_CHECKING
 
 from bondgraph.errors import DeclarationError, OptionError, suggest
+from bondgraph.files import replaced, write_text
 from bondgraph.report.declared import drawing_of
 from bondgraph.report.diagram.canvas import Line, Picture, Primitive, Rectangle, Text, figure, svg_text
 from bondgraph.report.diagram.drawn import JUNCTIONS, Drawing, DrawnBond, DrawnNode, Kind, Stroke
@@ -94,11 +95,13 @@ def save_drawing(drawing: Drawing, path: FilePath, highlight: frozenset[str] = f
     """
     suffix = path.suffix.lower()
     if suffix == ".svg":
-        path.write_text(draw_svg(drawing, highlight), encoding="utf-8")
+        write_text(path, draw_svg(drawing, highlight))
     elif suffix == ".png":
-        draw_figure(drawing, highlight).savefig(path, dpi=192)
+        with replaced(path) as partial:
+            draw_figure(drawing, highlight).savefig(partial, dpi=192)
     elif suffix == ".pdf":
-        draw_figure(drawing, highlight).savefig(path, metadata={"CreationDate": None})
+        with replaced(path) as partial:
+            draw_figure(drawing, highlight).savefig(partial, metadata={"CreationDate": None})
     else:
         raise OptionError(
             f"{path.name}: a drawing cannot be written as {suffix or 'a file without suffix'} - use .svg, .png or .pdf",

@@ -14,6 +14,7 @@ import matplotlib
 from matplotlib.figure import Figure
 
 from bondgraph.errors import OptionError
+from bondgraph.files import replaced
 
 MEASURED, BEFORE, AFTER, FOUND = "#8b95a1", "#d9772b", "#1f5fa8", "#c2185b"
 LINES = ("#1f5fa8", "#d9772b", "#1b7a43", "#8e44ad", "#b3362b", "#007f8c")
@@ -67,4 +68,5 @@ def save_figure(figure: Figure, path: Path, dpi: int = 150) -> None:
         raise OptionError(f"{path}: no picture format .{ending} - use .png, .svg or .pdf", where=(str(path),))
     if not path.parent.is_dir():
         raise OptionError(f"{path}: the folder {path.parent} does not exist - create it first", where=(str(path),))
-    figure.savefig(path, dpi=dpi)
+    with replaced(path) as partial:
+        figure.savefig(partial, dpi=dpi)

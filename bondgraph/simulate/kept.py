@@ -14,10 +14,14 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
-from numba import njit
-from numba.core.caching import CompileResultCacheImpl, FunctionCache, IndexDataCacheFile, InTreeCacheLocator, NullCache
-from numba.core.ccallback import CFunc
-from numba.core.sigutils import normalize_signature
+import numba
+from numba.core import caching, ccallback, sigutils
+
+# Typed in part only, and not as what stands inside is used here.
+_njit: Any = numba.njit
+_caching: Any = caching
+_ccallback: Any = ccallback
+_sigutils: Any = sigutils
 
 # contract: a*b + c in one rounding. error_model: numpy's rules for division by zero. nogil: threads run side by side.
 _OPTIONS = {"error_model": "numpy", "fastmath": {"contract"}}
@@ -25,12 +29,12 @@ _OPTIONS = {"error_model": "numpy", "fastmath": {"contract"}}
 
 def jit(function: Callable[..., Any]) -> Any:
     """The function compiled when it is called first, once for each kind of arguments."""
-    return _keeping(njit(nogil=True, **_OPTIONS)(function))
+    return _keeping(_njit(nogil=True, **_OPTIONS)(function))
 
 
 def inner(function: Callable[..., Any]) -> Any:
     """The same for a function that only compiled ones call: the wrappers for Python take half of the compile time."""
-    return _keeping(njit(nogil=True, no_cpython_wrapper=True, no_cfunc_wrapper=True, **_OPTIONS)(function))
+    return _keeping(_njit(nogil=True, no_cpython_wrapper=True, no_cfunc_wrapper=True, **_OPTIONS)(function))
 
 
 def callback(signature: str) -> Callable[[Callable[..., Any]], Any]:
@@ -45,7 +49,9 @@ def callback(signature: str) -> Callable[[Callable[..., Any]], Any]:
     """
 
     def compiled(function: Callable[..., Any]) -> Any:
-        made = CFunc(function, normalize_signature(signature), locals={}, options={"nopython": True, **_OPTIONS})
+        made = _ccallback.CFunc(
+            function, _sigutils.normalize_signature(signature), locals={}, options={"nopython": True, **_OPTIONS}
+        )
         made._cache = _cache_of(function)
         made.compile()
         return made
@@ -64,16 +70,16 @@ def _cache_of(function: Callable[..., Any]) -> Any:
     try:
         return _SealedCache(function)
     except (RuntimeError, OSError):  # numba's way to say that no place beside the source can be written
-        return NullCache()
+        return _caching.NullCache()
 
 
-class _BesideTheSource(CompileResultCacheImpl):  # type: ignore[misc]
+class _BesideTheSource(_caching.CompileResultCacheImpl):  # type: ignore[misc]
     """No other place: only the folder of the sources has been checked to be the user's own."""
 
-    _locator_classes = (InTreeCacheLocator,)
+    _locator_classes = (_caching.InTreeCacheLocator,)
 
 
-class _SealedCache(FunctionCache):  # type: ignore[misc]
+class _SealedCache(_caching.FunctionCache):  # type: ignore[misc]
     _impl_class = _BesideTheSource
 
     def __init__(self, function: Callable[..., Any]) -> None:
@@ -88,7 +94,7 @@ class _SealedCache(FunctionCache):  # type: ignore[misc]
             _say_not_kept(self._cache_path, error)
 
 
-class _SealedFiles(IndexDataCacheFile):  # type: ignore[misc]
+class _SealedFiles(_caching.IndexDataCacheFile):  # type: ignore[misc]
     """Files that end in the digest of what stands before; unpickling stops before it."""
 
     @contextlib.contextmanager
