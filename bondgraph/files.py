@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import errno
 import os
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from pathlib import Path
 
 from bondgraph.errors import OptionError
@@ -14,41 +13,31 @@ from bondgraph.errors import OptionError
 _LONGEST_NAME = 200
 
 
-@contextmanager
-def replaced(path: Path) -> Iterator[Path]:
-    """A file beside ``path`` to write to, which takes its place in one step once it is complete.
+def write_bytes(path: Path, content: bytes) -> None:
+    """Write a file beside its place and put it there in one step: a reader finds the old one or the whole new one.
 
     Raises
     ------
     OSError
-        That names ``path``, where the file cannot be written (a full disk, a folder in its place); what stood there
-        before stays.
+        That names ``path``, where it cannot be written (a full disk, a folder in its place); what stood there stays.
 
     Examples
     --------
     >>> import tempfile
     >>> with tempfile.TemporaryDirectory() as folder:
-    ...     with replaced(Path(folder) / "run.csv") as partial:
-    ...         _ = partial.write_text("time [s]")
-    ...     (Path(folder) / "run.csv").read_text()
-    'time [s]'
+    ...     write_bytes(Path(folder) / "run.csv", b"time [s]")
+    ...     [(path.name, path.read_text()) for path in Path(folder).iterdir()]
+    [('run.csv', 'time [s]')]
     """
-    # The ending stays last, since libraries choose the format by it.
-    partial = path.with_name(f".{path.stem}.{os.getpid()}.partial{path.suffix}")
+    partial = path.with_name(f".{path.name}.{os.getpid()}")
     try:
-        yield partial
+        partial.write_bytes(content)
         os.replace(partial, path)
     except OSError as error:
         error.filename, error.filename2 = str(path), None
         raise
     finally:
         partial.unlink(missing_ok=True)
-
-
-def write_bytes(path: Path, content: bytes) -> None:
-    """Write a file in one step."""
-    with replaced(path) as partial:
-        partial.write_bytes(content)
 
 
 def write_text(path: Path, text: str) -> None:

@@ -12,7 +12,7 @@ import numpy as np
 from bondgraph.data.formats import extra
 from bondgraph.data.log import Log, LogChannel
 from bondgraph.errors import DataError
-from bondgraph.files import replaced, write_bytes, write_text
+from bondgraph.files import write_bytes, write_text
 
 
 def write_log(path: str | Path, log: Log) -> Path:
@@ -85,6 +85,7 @@ def _write_parquet(path: Path, log: Log) -> Path:
     for channel in log.channels.values():
         # Missing cells are nulls in the file, so that other programs see them as missing too.
         columns[f"{channel.name} [{channel.unit}]"] = arrow.array(channel.values.tolist(), mask=channel.missing)
-    with replaced(path) as partial:
-        parquet.write_table(arrow.table(columns), partial)
+    content = io.BytesIO()
+    parquet.write_table(arrow.table(columns), content)
+    write_bytes(path, content.getvalue())
     return path
