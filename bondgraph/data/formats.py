@@ -9,6 +9,7 @@ import csv
 import gzip
 import importlib
 import io
+import zlib
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -24,6 +25,24 @@ Table = list[tuple[str, Any]]
 
 #: Times of two sensors closer than this [s] are one sample.
 _SAME_TIME = 1e-9
+#: Bytes of a file, or of what it holds when unpacked, beyond which it is no log that fits into memory.
+_LARGEST = 1 << 30
+
+
+def check_size(size: int, path: Path) -> None:
+    """Refuse what would not fit into memory, before it is read.
+
+    Raises
+    ------
+    DataError
+        With the size.
+    """
+    if size > _LARGEST:
+        raise DataError(
+            f"{path.name}: holds {size / 1e9:.1f} GB, at most {_LARGEST / 1e9:.1f} GB are read - cut the log into "
+            "parts, or take fewer samples",
+            where=(path.name,),
+        )
 
 
 def read_csv(path: Path) -> Table:
@@ -45,11 +64,10 @@ def read_csv(path: Path) -> Table:
 
 def _csv_rows(path: Path) -> list[list[str]]:
     """Header and rows of cells; empty lines at the end do not count."""
-    raw = path.read_bytes()
     try:
-        text = (gzip.decompress(raw) if path.name.lower().endswith(".gz") else raw).decode("utf-8-sig")
+        text = (_unpacked(path) if path.name.lower().endswith(".gz") else path.read_bytes()).decode("utf-8-sig")
         rows = list(csv.reader(io.StringIO(text, newline="")))
-    except (UnicodeDecodeError, gzip.BadGzipFile, EOFError, csv.Error) as error:
+    except (UnicodeDecodeError, gzip.BadGzipFile, zlib.error, EOFError, csv.Error) as error:
         raise DataError(
             f"{path.name}: this is not a readable CSV file ({error}) - save it as UTF-8 text", where=(path.name,)
         ) from None
@@ -60,10 +78,20 @@ def _csv_rows(path: Path) -> list[list[str]]:
     return rows
 
 
+def _unpacked(path: Path) -> bytes:
+    """The content of a gzipped file, no more of it than fits into memory."""
+    with gzip.open(path) as file:
+        content = file.read(_LARGEST + 1)
+    check_size(len(content), path)
+    return content
+
+
 def read_parquet(path: Path) -> Table:
     """Columns of a Parquet file; its column names are the headers."""
     parquet = extra("pyarrow.parquet", path)
     try:
+        shape = parquet.read_metadata(path)
+        check_size(8 * shape.num_rows * shape.num_columns, path)
         table = parquet.read_table(path)
     except (OSError, ValueError) as error:  # pyarrow's errors derive from these
         raise DataError(f"{path.name}: this is not a readable Parquet file ({error})", where=(path.name,)) from None
@@ -89,6 +117,12 @@ def read_mat(path: Path) -> Table:
     missing = [name for name in names if name not in units]
     if missing:
         raise DataError(f"{path.name}: struct 'units' has no field {missing[0]!r}", where=(path.name, missing[0]))
+    for name in names:
+        if isinstance(variables[name], str | dict) or np.ndim(variables[name]) != 1:
+            raise DataError(
+                f"{path.name}: variable {name!r} is no vector - save one value for each time, and nothing else",
+                where=(path.name, name),
+            )
     sizes = {name: len(variables[name]) for name in names}
     for name, size in sizes.items():
         if size != sizes["time"]:
@@ -137,6 +171,7 @@ def _hdf_value(file: Any, dataset: Any) -> Any:
     kind = kind.decode() if isinstance(kind, bytes) else str(kind)
     if dataset.attrs.get("MATLAB_empty"):
         return "" if kind == "char" else np.zeros(0)
+    check_size(dataset.size * dataset.dtype.itemsize, Path(file.filename))
     values = dataset[()]
     if kind == "cell":
         return np.array([_hdf_value(file, file[reference]) for reference in values.ravel()])

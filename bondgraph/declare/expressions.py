@@ -206,6 +206,8 @@ def parse(text: str, names: Mapping[str, Any], where: str) -> Expr:
         problem, todo = str(error), "numbers stay below 1.8e308, tables hold what is long"
     except (RecursionError, MemoryError):
         problem, todo = "it is nested too deeply", "name parts of it as signals"
+    except (ArithmeticError, AttributeError, LookupError, TypeError) as error:  # sympy's, of parts that are not real
+        problem, todo = f"no value: {error}", "check roots and logarithms of negative numbers, or name parts as signals"
     raise DeclarationError(f"{where}: expression {_cut(text)!r} cannot be read ({problem}) - {todo}", where=(where,))
 
 
