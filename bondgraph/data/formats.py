@@ -10,7 +10,7 @@ import gzip
 import importlib
 import io
 import zlib
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -45,6 +45,29 @@ def check_size(size: int, path: Path) -> None:
         )
 
 
+def read_whole(reader: Callable[[Path], Table], path: Path, kind: str) -> Table:
+    """The columns of a file; whatever a library says of a damaged one becomes one message.
+
+    Raises
+    ------
+    DataError
+        If it is too large or cannot be read.
+    """
+    try:
+        check_size(path.stat().st_size, path)
+        return reader(path)
+    except DataError:
+        raise
+    except Exception as error:
+        said = (str(error).strip() or type(error).__name__).splitlines()[0][:200]
+        problem = "".join(letter if letter.isprintable() else "?" for letter in said)
+        raise DataError(
+            f"{path.name}: this is not a readable {kind} file ({problem}) - it is damaged, cut short or of another "
+            "kind; write it again",
+            where=(path.name,),
+        ) from None
+
+
 def read_csv(path: Path) -> Table:
     """Columns of a comma-separated file, gzipped or not, as text."""
     rows = _csv_rows(path)
@@ -71,6 +94,10 @@ def _csv_rows(path: Path) -> list[list[str]]:
         raise DataError(
             f"{path.name}: this is not a readable CSV file ({error}) - save it as UTF-8 text", where=(path.name,)
         ) from None
+    if "\x00" in text:  # which numpy would drop, and so take for nothing measured
+        raise DataError(
+            f"{path.name}: holds zero bytes, so that it is damaged or no text - write it again", where=(path.name,)
+        )
     while rows and not rows[-1]:
         rows.pop()
     if not rows:
@@ -141,7 +168,9 @@ def _mat_v5(path: Path) -> dict[str, Any]:
     for name, value in content.items():
         if name.startswith("__"):
             continue
-        if value.dtype.names:
+        if isinstance(value, str):
+            variables[name] = value
+        elif getattr(value, "dtype", np.dtype(float)).names:
             variables[name] = {title: str(value[title][()]) for title in value.dtype.names}
         else:
             variables[name] = _mat_column(np.atleast_1d(value))

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from bondgraph.data import formats
+from bondgraph.data import apart, formats
 from bondgraph.data.header import TEXT_UNIT, convert_unit, require_unit, split_header
 from bondgraph.data.log import FIRST_ROW, FloatArray, Log, LogChannel, TextArray
 from bondgraph.errors import DataError
@@ -21,8 +21,8 @@ _READERS: dict[str, Callable[[Path], formats.Table]] = {
     ".csv": formats.read_csv,
     ".csv.gz": formats.read_csv,
     ".parquet": formats.read_parquet,
-    ".mat": formats.read_mat,
-    ".mf4": formats.read_mdf,
+    ".mat": apart.read_mat,
+    ".mf4": apart.read_mdf,
 }
 
 #: Letters of a number or a code.
@@ -63,24 +63,9 @@ def read_log(path: str | Path) -> Log:
     suffix = _suffix(path)
     if not path.is_file():
         raise DataError(f"{path}: there is no such file", where=(str(path),))
-    return log_from_table(_table(path, suffix), path.name, path.name.removesuffix(suffix), str(path))
-
-
-def _table(path: Path, suffix: str) -> formats.Table:
-    """The columns of a file; whatever a library says of a damaged one becomes one message."""
-    try:
-        formats.check_size(path.stat().st_size, path)
-        return _READERS[suffix.lower()](path)
-    except DataError:
-        raise
-    except Exception as error:
-        said = (str(error).strip() or type(error).__name__).splitlines()[0][:200]
-        problem = "".join(letter if letter.isprintable() else "?" for letter in said)
-        raise DataError(
-            f"{path.name}: this is not a readable {suffix} file ({problem}) - it is damaged, cut short or of another "
-            "kind; write it again",
-            where=(path.name,),
-        ) from None
+    return log_from_table(
+        formats.read_whole(_READERS[suffix.lower()], path, suffix), path.name, path.name.removesuffix(suffix), str(path)
+    )
 
 
 def log_from_table(table: formats.Table, where: str, name: str, source: str = "") -> Log:

@@ -271,7 +271,7 @@ FOUND = {
     ),
     "conditions in conditions with numbers put in": _bearing(
         effort="Piecewise((r, not tan(1e-9) > 1e9), (m**2, True))",
-        flow="Piecewise((switch(effort, t), Or((9 if (effort < 0) and t > 1 else sinh(-1)) <= 1e-9, m < 1)), (1, True))",
+        flow="Piecewise((switch(effort, t), Or((9 if effort < 0 and t > 1 else sinh(-1)) <= 1e-9, m < 1)), (1, True))",
     ),
     "a name without end": {"graph": {"name": "g", "x" * 5000: 1}, "nodes": [], "bonds": []},
 }

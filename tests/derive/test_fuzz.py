@@ -43,7 +43,7 @@ def test_the_survey_tells_how_each_input_ended() -> None:
         "tests.derive.test_fuzz:_misbehaving", ["fine", "own", "foreign", "sleep", "memory", "die"], 2.0, 4 << 30
     )
     kinds = [problem.partition(":")[0] for _, problem in found.bad]
-    assert found.counts == dict(clean=1, refused=1, foreign=1, hang=1, memory=1, crash=1)
+    assert found.counts == {"clean": 1, "refused": 1, "foreign": 1, "hang": 1, "memory": 1, "crash": 1}
     assert kinds == ["foreign", "hang", "memory", "crash"]
 
 
