@@ -20,8 +20,8 @@ from typing import Any
 
 from bondgraph.errors import BondGraphError
 
-#: Limits for one input. Reading and deriving a small graph takes a tenth of a second.
-SECONDS, MEMORY = 20.0, 6 << 30
+#: Limits for one input. Reading and deriving a small graph takes a tenth of a second, ten on a busy machine.
+SECONDS, MEMORY = 60.0, 6 << 30
 
 
 @dataclass
