@@ -7,7 +7,11 @@ raises these; inside numerics a failure is a value (an ``Outcome``) so that one 
 from __future__ import annotations
 
 import difflib
+import re
 from collections.abc import Iterable
+
+#: A word of a message that is no name of anything: it is cut.
+_ENDLESS = re.compile(r"\S{500,}")
 
 
 class BondGraphError(Exception):
@@ -28,7 +32,7 @@ class BondGraphError(Exception):
     """
 
     def __init__(self, message: str, where: Iterable[str] = ()) -> None:
-        super().__init__(message)
+        super().__init__(_ENDLESS.sub(lambda word: f"{word[0][:100]}...", message))
         self.where: tuple[str, ...] = tuple(where)
 
     @property

@@ -63,6 +63,23 @@ def _spelled(unit: str) -> str:
     return _POWER.sub(r"\1^\2", _WORD.sub(lambda found: f"({_WORDS[found[1]]})", text))
 
 
+#: Letters of a unit, and the size of its exponents, beyond which no quantity has a meaning.
+_LONGEST, _LARGEST_POWER = 100, 100
+_NUMBER = r"[-+]?\s*(?:\d+\.?\d*|\.\d+)"
+_POWER_OF = re.compile(rf"(?:\^|\*\*)\s*(?:\(\s*({_NUMBER})(?:\s*/\s*\d+)?\s*\)|({_NUMBER}))(?!\s*(?:\^|\*\*))")
+
+
+def _require_short(unit: str) -> None:
+    """Refuse what would keep a reader of arithmetic busy for ever: long units, large powers, powers of powers."""
+    if len(unit) > _LONGEST:
+        raise ValueError(f"longer than {_LONGEST} letters")
+    if any(abs(float((power[1] or power[2]).replace(" ", ""))) > _LARGEST_POWER for power in _POWER_OF.finditer(unit)):
+        raise ValueError(f"a power above {_LARGEST_POWER}")
+    rest = _POWER_OF.sub("", unit)
+    if "^" in rest or "**" in rest or re.search(r"\d[eE]\d|\d{4}", unit):
+        raise ValueError("a power that is no number, or a large number")
+
+
 @functools.cache
 def parse_unit(unit: str) -> pint.Unit:
     """The pint unit of a unit string; ``1`` and ``-`` are dimensionless, ``Nm`` is a newton metre, ``m3`` a cubic one.
@@ -80,7 +97,10 @@ def parse_unit(unit: str) -> pint.Unit:
     if meant := meant_unit(unit):
         raise DeclarationError(f"unit {unit!r} is not one; did you mean {meant!r}?", where=(unit,))
     try:
-        return registry().Unit(_spelled(unit))
+        _require_short(unit)
+        found: pint.Unit = registry().Unit(_spelled(unit))
+        _ = found.dimensionality  # worked out when it is first asked for; some units have none
+        return found
     except Exception as error:  # pint raises many kinds: undefined unit, tokenizer and syntax errors
         raise DeclarationError(
             f"unit {unit!r} is not known ({type(error).__name__}) - "
@@ -133,8 +153,15 @@ def conversion(unit: str, to: str) -> tuple[float, float]:
             where=(unit, to),
         )
     source, target = parse_unit(unit), parse_unit(to)
-    zero = float(registry().Quantity(0.0, source).to(target).magnitude)
-    one = float(registry().Quantity(1.0, source).to(target).magnitude)
+    try:
+        zero = float(registry().Quantity(0.0, source).to(target).magnitude)
+        one = float(registry().Quantity(1.0, source).to(target).magnitude)
+    except Exception as error:  # pint refuses products of offset and of logarithmic units in many ways
+        raise DeclarationError(
+            f"unit {unit!r} cannot be converted to {to!r} ({type(error).__name__}) - use units without offset or"
+            " logarithm, such as K",
+            where=(unit, to),
+        ) from None
     return one - zero, zero
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 import importlib
 import json
 import os
@@ -10,9 +11,11 @@ import sys
 from collections.abc import Sequence
 
 from bondgraph.cli.arguments import parser
-from bondgraph.errors import BondGraphError
+from bondgraph.cli.interruption import Asked, interruptible
+from bondgraph.errors import BondGraphError, OptionError
+from bondgraph.files import file_problem
 
-#: Exit statuses: done, the answer is a failure, bad input.
+#: Exit statuses: done, the answer is a failure, bad input; an interrupted command has that of its signal.
 DONE, FAILED, BAD_INPUT = 0, 1, 2
 
 #: Where each command lives; its module is imported when it is called, so that help comes at once.
@@ -39,23 +42,53 @@ def main(arguments: Sequence[str] | None = None) -> int:
     >>> main(["equations", "there_is_no_such_file.json"])
     2
     """
-    given = list(sys.argv[1:] if arguments is None else arguments)
-    options = parser().parse_args(given)
-    options.command_line = shlex.join(["bondgraph", *given])
-    module = importlib.import_module(f"bondgraph.cli.{COMMANDS[options.command]}")
+    with interruptible() as asked:
+        try:
+            given = list(sys.argv[1:] if arguments is None else arguments)
+            options = parser().parse_args(given)
+            options.command_line = shlex.join(["bondgraph", *given])
+            return _run(options, asked)
+        except KeyboardInterrupt:
+            print("bondgraph: interrupted", file=sys.stderr)
+            return asked.status
+
+
+def _run(options: argparse.Namespace, asked: Asked) -> int:
     try:
+        module = importlib.import_module(f"bondgraph.cli.{COMMANDS[options.command]}")
         status: int = getattr(module, options.command.replace("-", "_"))(options)
         sys.stdout.flush()
-        return status
+        return _interrupted(options, asked) if asked.signal else status
     except BondGraphError as error:
-        if getattr(options, "json", False):
-            answer = {"type": type(error).__name__, "message": error.message, "where": list(error.where)}
-            print(json.dumps({"error": answer}))
-        print(f"bondgraph {options.command}: {error.message}", file=sys.stderr)
-        return BAD_INPUT
+        return _refused(options, error)
     except BrokenPipeError:  # whoever reads the answer has seen enough of it
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        _close_output()
         return DONE
+    except OSError as error:
+        if error.filename is None:
+            _close_output()
+        return _refused(options, file_problem(error))
+    except MemoryError:
+        return _refused(options, OptionError("there is not enough memory for this - give fewer or shorter logs"))
     except KeyboardInterrupt:
-        print(f"bondgraph {options.command}: interrupted", file=sys.stderr)
-        return FAILED
+        return _interrupted(options, asked)
+
+
+def _refused(options: argparse.Namespace, error: BondGraphError) -> int:
+    if getattr(options, "json", False):
+        answer = {"type": type(error).__name__, "message": error.message, "where": list(error.where)}
+        print(json.dumps({"error": answer}))
+    print(f"bondgraph {options.command}: {error.message}", file=sys.stderr)
+    return BAD_INPUT
+
+
+def _interrupted(options: argparse.Namespace, asked: Asked) -> int:
+    """Say that a command was stopped, and how to go on where that is possible."""
+    resume = f"; what is finished stands in {options.out} - go on with --resume" if "resume" in options else ""
+    print(f"bondgraph {options.command}: interrupted{resume}", file=sys.stderr)
+    return asked.status
+
+
+def _close_output() -> None:
+    """Take no more of the answer, which would be tried again at the end of the process."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

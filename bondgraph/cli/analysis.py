@@ -9,6 +9,7 @@ from pathlib import Path
 from bondgraph.cli.values import assignments, finite, names
 from bondgraph.declare.files import load_graph
 from bondgraph.errors import OptionError
+from bondgraph.files import output_file
 from bondgraph.report.figures import save_figure
 from bondgraph.report.linear import bode_figure, linear_answer, linear_json, linear_text, transfer_text
 
@@ -20,6 +21,8 @@ def linearise(options: argparse.Namespace) -> int:
         if isinstance(value, str):
             raise OptionError(f"--at {name}={value}: the value must be a number", where=("--at", name))
         at[name] = value
+    if options.bode:
+        output_file(Path(options.bode))
     answer = linear_answer(load_graph(options.graph), at, options.steady, names(options.moving))
     pairs = [(given, measured) for given, measured in options.transfer]
     print(json.dumps(finite(linear_json(answer)), indent=1) if options.json else linear_text(answer))

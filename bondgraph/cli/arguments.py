@@ -130,7 +130,7 @@ def _add_simulate(commands: Any) -> None:
     c.add_argument(
         "--scenario", metavar="NAME", help="manoeuvre declared beside the graph (a name that is none lists them)"
     )
-    c.add_argument("--until", type=float, metavar="T", help="end in s (default: the end of the inputs)")
+    c.add_argument("--until", type=_finite, metavar="T", help="end in s (default: the end of the inputs)")
     c.add_argument("--step", type=_positive, metavar="DT", help="interval of the answer in s")
     c.add_argument(
         "--set", action="append", default=[], metavar="NAME=VALUE", help="parameter, or constant input, in its unit"
@@ -180,7 +180,7 @@ def _add_run_commands(commands: Any) -> None:
         "the likelihood is rugged (default: none)",
     )  # fmt: skip
     _add_strict(c)
-    c.add_argument("--seed", type=int, default=0, help="seed of the swarm (default: 0)")
+    c.add_argument("--seed", type=_seed, default=0, help="seed of the swarm (default: 0)")
     c.add_argument("--out", default="estimate", metavar="DIR", help="folder to write (default: estimate)")
     c.add_argument("--resume", action="store_true", help="go on from the checkpoint in --out")
 
@@ -209,7 +209,7 @@ def _add_loop_commands(commands: Any) -> None:
     _add_set(c)
     c.add_argument("--out", default="loop", metavar="DIR", help="folder to write (default: loop)")
     c.add_argument(
-        "--seed", type=int, default=0, help="noted in the report; nothing here is drawn at random (default: 0)"
+        "--seed", type=_seed, default=0, help="noted in the report; nothing here is drawn at random (default: 0)"
     )
     _add_loop(c)
 
@@ -217,7 +217,7 @@ def _add_loop_commands(commands: Any) -> None:
         commands, "demo", "the whole path: simulate a machine with an undeclared effect, find it, compare",
         "  bondgraph demo\n  bondgraph demo --seed 5 --out demo5",
     )  # fmt: skip
-    c.add_argument("--seed", type=int, default=1, help="picks the effect, the noise and the drives (default: 1)")
+    c.add_argument("--seed", type=_seed, default=1, help="picks the effect, the noise and the drives (default: 1)")
     c.add_argument(
         "--no-effect", action="store_true", help="simulate exactly the declared machine: nothing must be found"
     )
@@ -291,6 +291,20 @@ def _add_exact(command: argparse.ArgumentParser) -> None:
         "--exact", action="store_true",
         help="switches jump, friction locks, impacts rebound, at events (default: their smooth forms)",
     )  # fmt: skip
+
+
+def _seed(text: str) -> int:
+    value = int(text)
+    if not 0 <= value < 2**64:
+        raise argparse.ArgumentTypeError(f"{text} must be a whole number of at least 0 and below 2**64")
+    return value
+
+
+def _finite(text: str) -> float:
+    value = float(text)
+    if not math.isfinite(value):
+        raise argparse.ArgumentTypeError(f"{text} must be a finite number")
+    return value
 
 
 def _count(text: str) -> int:

@@ -19,6 +19,7 @@ from bondgraph.derive.explicit import equations_json, equations_text
 from bondgraph.derive.latex import latex
 from bondgraph.derive.modes import by_value, modes_json, modes_text
 from bondgraph.errors import OptionError, suggest
+from bondgraph.files import output_file
 from bondgraph.generate.drift import check, explain, render_all, write
 from bondgraph.report.drawing import drawing_of, save_drawing
 from bondgraph.report.evaluate import evaluate as evaluate_points
@@ -54,7 +55,7 @@ def evaluate(options: argparse.Namespace) -> int:
 def draw(options: argparse.Namespace) -> int:
     """Draw a graph with its causal strokes."""
     graph = load_graph(options.graph)
-    target = Path(options.out or f"{graph.name}.svg")
+    target = output_file(Path(options.out or f"{graph.name}.svg"))
     save_drawing(drawing_of(assign_causality(graph)), target)
     print(f"drawn: {target}")
     return 0

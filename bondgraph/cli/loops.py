@@ -22,6 +22,7 @@ from bondgraph.declare.files import load_graph
 from bondgraph.declare.graph import BondGraph
 from bondgraph.declare.loading import load_module
 from bondgraph.errors import DeclarationError, OptionError
+from bondgraph.files import output_folder
 from bondgraph.report.closed_loop import compare_with_truth, summary, write_closed_loop
 from bondgraph.report.collect import versions
 from bondgraph.report.html import Provenance
@@ -46,8 +47,7 @@ def close_loop(options: argparse.Namespace) -> int:
 def demo(options: argparse.Namespace) -> int:
     """Simulate a machine with an undeclared effect, close the loop on its logs, then compare with the truth."""
     bench = importlib.import_module(options.module)
-    folder = Path(options.out)
-    folder.mkdir(parents=True, exist_ok=True)
+    folder = output_folder(Path(options.out))
     print(f"seed {options.seed}: simulating drives of a machine with an effect that {bench.GRAPH} does not declare")
     missing = None if options.no_effect else bench.pick(options.seed)
     data, holdout, truth = bench.write_drives(options.seed, folder, missing)
@@ -77,11 +77,7 @@ def _closed(options: argparse.Namespace, graph: BondGraph, logs: Splits) -> tupl
         def report(stage: str, done: int, total: int) -> None:
             work.describe(f"{stage} ({done}/{total})")
 
-        try:
-            closed = run_loop(graph, logs.training, logs.held_out, functions, settings, report)
-        except KeyboardInterrupt:
-            print(f"stopped; the finished fits are in {options.out} - go on with --resume", file=sys.stderr)
-            raise
+        closed = run_loop(graph, logs.training, logs.held_out, functions, settings, report)
     seed = getattr(options, "seed", None)
     made = Provenance(
         options.command_line, seed, versions(), _names(logs.training), _names(logs.held_out), time.monotonic() - started
@@ -91,12 +87,9 @@ def _closed(options: argparse.Namespace, graph: BondGraph, logs: Splits) -> tupl
 
 def _journal(options: argparse.Namespace) -> Journal:
     """The journal of finished fits in the folder of the answer, begun anew unless it is to be gone on from."""
-    journal = Journal(Path(options.out))
-    if options.resume and not journal.exists:
-        raise OptionError(
-            f"--resume: there are no finished fits in {options.out} - start without it, or name the folder with --out",
-            where=("--resume",),
-        )
+    journal = Journal(output_folder(Path(options.out)))
+    if options.resume and not journal.exists:  # it was stopped before the first fit was finished
+        print(f"no finished fits in {options.out}: starting anew", file=sys.stderr)
     journal.start(options.resume)
     return journal
 

@@ -20,6 +20,7 @@ from bondgraph.errors import OptionError
 from bondgraph.estimate.estimate import Settings
 from bondgraph.estimate.estimate import estimate as run_estimate
 from bondgraph.estimate.sensitivity import sensitivity as find_sensitivity
+from bondgraph.files import output_file, output_folder
 from bondgraph.report.collect import versions
 from bondgraph.report.estimation import declared_problem, rough_note, write_estimate
 from bondgraph.report.events import events_text, mark_events
@@ -41,6 +42,9 @@ def simulate(options: argparse.Namespace) -> int:
     """Simulate a graph over a table of inputs."""
     if options.scenario and options.inputs:
         raise OptionError("--scenario and --inputs both give the inputs - leave one out", where=("--scenario",))
+    for file in (options.out, options.plot):
+        if file:
+            output_file(Path(file))
     graph = load_graph(options.graph)
     inputs = read_log(options.inputs) if options.inputs else None
     scenario = declared_scenario(options.graph, options.scenario) if options.scenario else None
@@ -78,8 +82,8 @@ def filter(options: argparse.Namespace) -> int:
     """Filter logs and write states with bands, innovations and consistency."""
     model, driven, logs = _model_and_logs(options)
     noise = None if is_model_file(options.model) else declared_noise(options.model, model.name)
-    made = _provenance(options, math.nan)
-    found = filter_logs(model, driven, logs, Path(options.out), options.smooth, options.start, noise, made)
+    made, folder = _provenance(options, math.nan), output_folder(Path(options.out))
+    found = filter_logs(model, driven, logs, folder, options.smooth, options.start, noise, made)
     print(found.text)
     return 1 if options.strict and found.misfits else 0
 
@@ -88,7 +92,7 @@ def estimate(options: argparse.Namespace) -> int:
     """Estimate parameters from logs."""
     model, driven, logs = _model_and_logs(options)
     problem = declared_problem(model, driven, logs, names(options.free), options.process_noise, options.start)
-    folder = Path(options.out)
+    folder = output_folder(Path(options.out))
     settings = Settings(
         method=options.method, seed=options.seed, certify=options.certify, continuation=options.continuation
     )

@@ -38,9 +38,13 @@ def assignments(pairs: Sequence[str], option: str) -> dict[str, float | str]:
         if not equals or not name or not text:
             raise OptionError(f"{option} {pair}: write it as name=value, such as J=0.05", where=(option, pair))
         try:
-            found[name] = float(text)
+            value = float(text)
         except ValueError:
             found[name] = text
+            continue
+        if not math.isfinite(value):
+            raise OptionError(f"{option} {pair}: the value must be a finite number", where=(option, name))
+        found[name] = value
     return found
 
 
@@ -88,7 +92,9 @@ def read_json(path: str, option: str) -> Any:
         return json.loads(Path(path).read_text(encoding="utf-8"))
     except FileNotFoundError:
         raise OptionError(f"{option} {path}: no such file", where=(option, path)) from None
-    except (json.JSONDecodeError, UnicodeDecodeError) as error:
+    except OSError as error:
+        raise OptionError(f"{option} {path}: cannot be read ({error.strerror})", where=(option, path)) from None
+    except (ValueError, RecursionError) as error:
         raise OptionError(f"{option} {path}: not JSON ({error})", where=(option, path)) from None
 
 

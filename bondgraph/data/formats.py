@@ -9,7 +9,8 @@ import csv
 import gzip
 import importlib
 import io
-from collections.abc import Sequence
+import zlib
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +25,47 @@ Table = list[tuple[str, Any]]
 
 #: Times of two sensors closer than this [s] are one sample.
 _SAME_TIME = 1e-9
+#: Bytes of a file, or of what it holds when unpacked, beyond which it is no log that fits into memory.
+_LARGEST = 1 << 30
+
+
+def check_size(size: int, path: Path) -> None:
+    """Refuse what would not fit into memory, before it is read.
+
+    Raises
+    ------
+    DataError
+        With the size.
+    """
+    if size > _LARGEST:
+        raise DataError(
+            f"{path.name}: holds {size / 1e9:.1f} GB, at most {_LARGEST / 1e9:.1f} GB are read - cut the log into "
+            "parts, or take fewer samples",
+            where=(path.name,),
+        )
+
+
+def read_whole(reader: Callable[[Path], Table], path: Path, kind: str) -> Table:
+    """The columns of a file; whatever a library says of a damaged one becomes one message.
+
+    Raises
+    ------
+    DataError
+        If it is too large or cannot be read.
+    """
+    try:
+        check_size(path.stat().st_size, path)
+        return reader(path)
+    except DataError:
+        raise
+    except Exception as error:
+        said = (str(error).strip() or type(error).__name__).splitlines()[0][:200]
+        problem = "".join(letter if letter.isprintable() else "?" for letter in said)
+        raise DataError(
+            f"{path.name}: this is not a readable {kind} file ({problem}) - it is damaged, cut short or of another "
+            "kind; write it again",
+            where=(path.name,),
+        ) from None
 
 
 def read_csv(path: Path) -> Table:
@@ -45,14 +87,17 @@ def read_csv(path: Path) -> Table:
 
 def _csv_rows(path: Path) -> list[list[str]]:
     """Header and rows of cells; empty lines at the end do not count."""
-    raw = path.read_bytes()
     try:
-        text = (gzip.decompress(raw) if path.name.lower().endswith(".gz") else raw).decode("utf-8-sig")
+        text = (_unpacked(path) if path.name.lower().endswith(".gz") else path.read_bytes()).decode("utf-8-sig")
         rows = list(csv.reader(io.StringIO(text, newline="")))
-    except (UnicodeDecodeError, gzip.BadGzipFile, EOFError, csv.Error) as error:
+    except (UnicodeDecodeError, gzip.BadGzipFile, zlib.error, EOFError, csv.Error) as error:
         raise DataError(
             f"{path.name}: this is not a readable CSV file ({error}) - save it as UTF-8 text", where=(path.name,)
         ) from None
+    if "\x00" in text:  # which numpy would drop, and so take for nothing measured
+        raise DataError(
+            f"{path.name}: holds zero bytes, so that it is damaged or no text - write it again", where=(path.name,)
+        )
     while rows and not rows[-1]:
         rows.pop()
     if not rows:
@@ -60,10 +105,20 @@ def _csv_rows(path: Path) -> list[list[str]]:
     return rows
 
 
+def _unpacked(path: Path) -> bytes:
+    """The content of a gzipped file, no more of it than fits into memory."""
+    with gzip.open(path) as file:
+        content = file.read(_LARGEST + 1)
+    check_size(len(content), path)
+    return content
+
+
 def read_parquet(path: Path) -> Table:
     """Columns of a Parquet file; its column names are the headers."""
     parquet = extra("pyarrow.parquet", path)
     try:
+        shape = parquet.read_metadata(path)
+        check_size(8 * shape.num_rows * shape.num_columns, path)
         table = parquet.read_table(path)
     except (OSError, ValueError) as error:  # pyarrow's errors derive from these
         raise DataError(f"{path.name}: this is not a readable Parquet file ({error})", where=(path.name,)) from None
@@ -89,6 +144,12 @@ def read_mat(path: Path) -> Table:
     missing = [name for name in names if name not in units]
     if missing:
         raise DataError(f"{path.name}: struct 'units' has no field {missing[0]!r}", where=(path.name, missing[0]))
+    for name in names:
+        if isinstance(variables[name], str | dict) or np.ndim(variables[name]) != 1:
+            raise DataError(
+                f"{path.name}: variable {name!r} is no vector - save one value for each time, and nothing else",
+                where=(path.name, name),
+            )
     sizes = {name: len(variables[name]) for name in names}
     for name, size in sizes.items():
         if size != sizes["time"]:
@@ -107,7 +168,9 @@ def _mat_v5(path: Path) -> dict[str, Any]:
     for name, value in content.items():
         if name.startswith("__"):
             continue
-        if value.dtype.names:
+        if isinstance(value, str):
+            variables[name] = value
+        elif getattr(value, "dtype", np.dtype(float)).names:
             variables[name] = {title: str(value[title][()]) for title in value.dtype.names}
         else:
             variables[name] = _mat_column(np.atleast_1d(value))
@@ -137,6 +200,7 @@ def _hdf_value(file: Any, dataset: Any) -> Any:
     kind = kind.decode() if isinstance(kind, bytes) else str(kind)
     if dataset.attrs.get("MATLAB_empty"):
         return "" if kind == "char" else np.zeros(0)
+    check_size(dataset.size * dataset.dtype.itemsize, Path(file.filename))
     values = dataset[()]
     if kind == "cell":
         return np.array([_hdf_value(file, file[reference]) for reference in values.ravel()])

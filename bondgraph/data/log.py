@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from bondgraph.errors import DataError, suggest
+from bondgraph.files import check_name
 
 FloatArray = npt.NDArray[np.float64]
 TextArray = npt.NDArray[np.str_]
@@ -98,6 +99,7 @@ class Log:
     metadata: Mapping[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
+        _require_name(self.name)
         _require_increasing(self.name, self.time)
         for channel in self.channels.values():
             _require_fitting(self.name, channel, self.time.size)
@@ -157,12 +159,19 @@ class MatchedLog:
     unmatched: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
 
+    def __post_init__(self) -> None:
+        _require_name(self.name)
+
     def __len__(self) -> int:
         return int(self.time.size)
 
     def rows(self, chosen: npt.NDArray[np.bool_]) -> MatchedLog:
         """The log at the chosen rows only, shape (n,) of truth values."""
         return replace(self, time=self.time[chosen], u=self.u[:, chosen], y=self.y[:, chosen])
+
+
+def _require_name(name: str) -> None:
+    check_name(name, lambda problem: DataError(f"log: {problem}", where=(name,)))
 
 
 def _require_increasing(name: str, time: FloatArray) -> None:

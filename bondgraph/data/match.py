@@ -133,7 +133,7 @@ def read_mapping(options: Iterable[str]) -> dict[str, str]:
 def _mapping_file(path: Path) -> dict[str, str]:
     try:
         content = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, RecursionError) as error:
         raise OptionError(f"--map {path}: the file cannot be read ({error})", where=("--map", str(path))) from None
     if not isinstance(content, dict) or not all(isinstance(name, str) for name in content.values()):
         raise OptionError(

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from bondgraph.data import formats
+from bondgraph.data import apart, formats
 from bondgraph.data.header import TEXT_UNIT, convert_unit, require_unit, split_header
 from bondgraph.data.log import FIRST_ROW, FloatArray, Log, LogChannel, TextArray
 from bondgraph.errors import DataError
@@ -21,10 +21,12 @@ _READERS: dict[str, Callable[[Path], formats.Table]] = {
     ".csv": formats.read_csv,
     ".csv.gz": formats.read_csv,
     ".parquet": formats.read_parquet,
-    ".mat": formats.read_mat,
-    ".mf4": formats.read_mdf,
+    ".mat": apart.read_mat,
+    ".mf4": apart.read_mdf,
 }
 
+#: Letters of a number or a code.
+_LONGEST_CELL = 200
 #: Cells that mean that nothing was measured.
 _EMPTY = ("", "nan", "na", "n/a", "null", "none")
 
@@ -61,7 +63,9 @@ def read_log(path: str | Path) -> Log:
     suffix = _suffix(path)
     if not path.is_file():
         raise DataError(f"{path}: there is no such file", where=(str(path),))
-    return log_from_table(_READERS[suffix](path), path.name, path.name.removesuffix(suffix), str(path))
+    return log_from_table(
+        formats.read_whole(_READERS[suffix.lower()], path, suffix), path.name, path.name.removesuffix(suffix), str(path)
+    )
 
 
 def log_from_table(table: formats.Table, where: str, name: str, source: str = "") -> Log:
@@ -86,9 +90,9 @@ def log_from_table(table: formats.Table, where: str, name: str, source: str = ""
     for column, unit in headers:
         require_unit(column, unit, where)
     factor, offset = convert_unit("time", headers[0][1], "s", where)
-    time = _numbers("time", _cells(table[0][1]), where) * factor + offset
+    time = _numbers("time", _cells("time", table[0][1], where), where) * factor + offset
     channels = {
-        column: LogChannel(column, unit, _values(column, unit, _cells(cells), where))
+        column: LogChannel(column, unit, _values(column, unit, _cells(column, cells, where), where))
         for (column, unit), (_, cells) in zip(headers[1:], table[1:], strict=True)
     }
     try:
@@ -119,11 +123,18 @@ def _require_headers(headers: list[tuple[str, str]], where: str) -> None:
         seen.add(column)
 
 
-def _cells(column: Sequence[object] | np.ndarray[Any, Any]) -> FloatArray | TextArray:
+def _cells(name: str, column: Sequence[object] | np.ndarray[Any, Any], where: str) -> FloatArray | TextArray:
     """A column as floats where it already is numeric, else as stripped text with "" for missing cells."""
     if isinstance(column, np.ndarray) and column.dtype.kind in "fiub":
         return column.astype(np.float64)
     text = ["" if cell is None else str(cell).strip() for cell in column]
+    longest = max(range(len(text)), key=lambda row: len(text[row]), default=0)
+    if text and len(text[longest]) > _LONGEST_CELL:  # every cell of a column of text takes the room of the longest
+        raise DataError(
+            f"{where}: column {name!r} has a cell of {len(text[longest])} letters (row {longest + FIRST_ROW}) - codes "
+            f"and numbers have at most {_LONGEST_CELL}",
+            where=(where, name),
+        )
     return np.array(["" if cell.lower() in _EMPTY else cell for cell in text], dtype=np.str_)
 
 

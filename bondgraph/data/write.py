@@ -12,6 +12,7 @@ import numpy as np
 from bondgraph.data.formats import extra
 from bondgraph.data.log import Log, LogChannel
 from bondgraph.errors import DataError
+from bondgraph.files import write_bytes, write_text
 
 
 def write_log(path: str | Path, log: Log) -> Path:
@@ -52,9 +53,9 @@ def write_log(path: str | Path, log: Log) -> Path:
         return _write_parquet(path, log)
     if name.endswith(".csv.gz"):
         # Without a time stamp the same log gives the same file.
-        path.write_bytes(gzip.compress(csv_text(log).encode(), mtime=0))
+        write_bytes(path, gzip.compress(csv_text(log).encode(), mtime=0))
     elif name.endswith(".csv"):
-        path.write_text(csv_text(log), encoding="utf-8", newline="")
+        write_text(path, csv_text(log))
     else:
         raise DataError(
             f"{path.name}: this kind of file is not written - use .csv, .csv.gz or .parquet", where=(str(path),)
@@ -84,5 +85,7 @@ def _write_parquet(path: Path, log: Log) -> Path:
     for channel in log.channels.values():
         # Missing cells are nulls in the file, so that other programs see them as missing too.
         columns[f"{channel.name} [{channel.unit}]"] = arrow.array(channel.values.tolist(), mask=channel.missing)
-    parquet.write_table(arrow.table(columns), path)
+    content = io.BytesIO()
+    parquet.write_table(arrow.table(columns), content)
+    write_bytes(path, content.getvalue())
     return path

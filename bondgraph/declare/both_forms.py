@@ -36,7 +36,7 @@ def check_both_forms(node: Node, parameters: Sequence[Parameter], graph: str) ->
     if node.kind not in ("R", "C", "I") or not {gives, stored} <= laws.keys():
         return
     first, second, own = laws[gives], laws[stored], symbol(stored)
-    if second.xreplace({symbol(gives): first}) == own or first.has(TableFunction) or second.has(TableFunction):
+    if _substituted(second, {symbol(gives): first}) == own or first.has(TableFunction) or second.has(TableFunction):
         return
     declared = {quantity.symbol: Float(quantity.value, 30) for quantity in parameters}
     wrong: list[tuple[Expr, Expr, Expr]] = []
@@ -66,5 +66,14 @@ def _point(first: Expr, second: Expr, declared: Mapping[Symbol, Expr]) -> dict[S
 
 
 def _real(law: Expr, at: Mapping[Symbol, Expr]) -> Expr | None:
-    value = law.xreplace(dict(at)).evalf(30)
-    return value if value.is_Float and value.is_finite else None
+    value = _substituted(law, at)
+    number = None if value is None else value.evalf(30)
+    return number if number is not None and number.is_Float and number.is_finite else None
+
+
+def _substituted(law: Expr, values: Mapping[Symbol, Expr]) -> Expr | None:
+    """A law with these values, None where sympy has none: a condition may compare what is complex there."""
+    try:
+        return law.xreplace(dict(values))
+    except (AttributeError, LookupError, TypeError, ValueError):
+        return None

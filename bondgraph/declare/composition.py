@@ -63,6 +63,11 @@ def flatten(graph: _Graph) -> _Graph:
     return flat
 
 
+def depth_of(graph: GraphStore) -> int:
+    """How deep graphs stand inside each other: one where there are no parts."""
+    return 1 + max((depth_of(part.graph) for part in graph.subgraphs), default=0)
+
+
 def _resolve_inside(graph: GraphStore, name: str) -> str:
     part_name, _, inner = name.partition(".")
     for part in graph.subgraphs:

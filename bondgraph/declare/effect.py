@@ -22,6 +22,8 @@ from typing import get_type_hints
 from bondgraph.declare.domains import Domain
 from bondgraph.declare.elements import Bond
 from bondgraph.declare.graph import BondGraph, Handle
+from bondgraph.errors import DeclarationError
+from bondgraph.files import check_name
 
 #: The flow, as a share of its scale, at which smoothed dry friction reaches 76 % of its level.
 SMOOTHING = 0.02
@@ -101,6 +103,9 @@ class Effect:
     reference: str = ""
     channel: str = ""
     kind: str = ""
+
+    def __post_init__(self) -> None:
+        check_name(self.name, lambda problem: DeclarationError(f"effect: {problem}", where=(self.name,)))
 
     @property
     def parameters(self) -> tuple[str, ...]:

@@ -1,4 +1,4 @@
-"""Expressions of laws: safe parsing, signals, and text that parses back to the same expression.
+"""Expressions of laws: safe parsing, and signals.
 
 Nothing is evaluated as Python: the text is parsed to a syntax tree and only arithmetic, comparisons, the functions in
 :data:`FUNCTIONS`, declared names, declared tables and signals are accepted.
@@ -15,12 +15,11 @@ from typing import Any, NamedTuple
 
 import sympy
 from sympy import Expr, Float, Integer, Symbol
-from sympy.core.relational import Relational
-from sympy.logic.boolalg import BooleanFunction
-from sympy.printing.str import StrPrinter
 
 from bondgraph.coherent import in_si, is_quantity
+from bondgraph.declare.expression_text import to_text as to_text
 from bondgraph.declare.functions import TableFunction, clip, maximum, minimum, number, switch
+from bondgraph.declare.limits import NoValueError, bounded, check_law_text, power
 from bondgraph.declare.quantities import symbol
 from bondgraph.errors import DeclarationError, suggest
 
@@ -48,14 +47,10 @@ def _nested(function: Any) -> Callable[..., Expr]:
     return fold
 
 
-#: Numbers are not raised to powers beyond this, which no float could hold.
-_LARGEST_POWER = 1024
-
-
-def _power(base: Expr, exponent: Expr) -> Expr:
-    if base.is_number and exponent.is_number and abs(exponent) > _LARGEST_POWER:
-        raise OverflowError
-    return base**exponent
+def _modulo(a: Expr, b: Expr) -> Expr:
+    if b == 0:
+        raise NoValueError(f"Mod({a}, 0) is not a finite real number")
+    return a - b * sympy.floor(a / b)
 
 
 #: Functions that laws may use, by the names accepted in text.
@@ -67,10 +62,10 @@ FUNCTIONS: dict[str, Callable[..., Expr]] = {
     "sec": lambda x: 1 / sympy.cos(x), "csc": lambda x: 1 / sympy.sin(x), "cot": lambda x: 1 / sympy.tan(x),
     "exp": sympy.exp, "log": sympy.log, "ln": sympy.log, "sqrt": sympy.sqrt, "cbrt": sympy.cbrt,
     "abs": sympy.Abs, "Abs": sympy.Abs, "sign": sympy.sign, "floor": sympy.floor, "ceiling": lambda x: -sympy.floor(-x),
-    "Mod": lambda a, b: a - b * sympy.floor(a / b),
+    "Mod": _modulo,
     "min": _nested(minimum), "Min": _nested(minimum), "minimum": _nested(minimum),
     "max": _nested(maximum), "Max": _nested(maximum), "maximum": _nested(maximum),
-    "clip": clip, "pow": _power, "switch": switch,
+    "clip": clip, "pow": power, "switch": switch,
     "Heaviside": _step,
 }  # fmt: skip
 
@@ -79,10 +74,13 @@ _CONDITIONS: dict[str, Callable[..., Any]] = {
     "And": sympy.And, "Or": sympy.Or, "Not": sympy.Not,
     "Eq": sympy.Eq, "Ne": sympy.Ne, "Lt": sympy.Lt, "Le": sympy.Le, "Gt": sympy.Gt, "Ge": sympy.Ge,
 }  # fmt: skip
+_IN_PARENTHESES = ("& and | join conditions", "put the conditions into parentheses")
+#: Those whose arguments are conditions themselves.
+_JOINS = ("And", "Or", "Not")
 _JOINED: dict[type[ast.operator], Callable[..., Any]] = {ast.BitAnd: sympy.And, ast.BitOr: sympy.Or}
 
 _BINARY: dict[type[ast.operator], Callable[[Expr, Expr], Expr]] = {
-    ast.Pow: _power,
+    ast.Pow: power,
 }
 _COMPARE: dict[type[ast.cmpop], Callable[[Expr, Expr], Any]] = {
     ast.Lt: sympy.Lt, ast.LtE: sympy.Le, ast.Gt: sympy.Gt, ast.GtE: sympy.Ge, ast.Eq: sympy.Eq, ast.NotEq: sympy.Ne,
@@ -198,14 +196,23 @@ def parse(text: str, names: Mapping[str, Any], where: str) -> Expr:
     source = _SIGNAL.sub(hide, text.strip()).replace("^", "**")
     source = re.sub(r"\b[A-Za-z_]\w*\b", _escape_word, source)
     try:
+        check_law_text(source)
         tree = ast.parse(source, mode="eval").body
         return normalise(_Reader(names, signals, where, text).read(tree))
+    except NoValueError as error:
+        raise DeclarationError(
+            f"{where}: the law has no finite real value ({_cut(str(error))}) in {_cut(text)!r} - check divisions by "
+            "zero, roots and logarithms of negative numbers",
+            where=(where,),
+        ) from None
     except (SyntaxError, ValueError) as error:
         problem, todo = str(error.args[0]), "write it as in Python, with * and **"
-    except OverflowError:
-        problem, todo = "a number in it is too large", f"no power of a number may exceed {_LARGEST_POWER}"
+    except OverflowError as error:
+        problem, todo = str(error), "numbers stay below 1.8e308, tables hold what is long"
     except (RecursionError, MemoryError):
         problem, todo = "it is nested too deeply", "name parts of it as signals"
+    except (ArithmeticError, AttributeError, LookupError, TypeError) as error:  # sympy's, of parts that are not real
+        problem, todo = f"no value: {error}", "check roots and logarithms of negative numbers, or name parts as signals"
     raise DeclarationError(f"{where}: expression {_cut(text)!r} cannot be read ({problem}) - {todo}", where=(where,))
 
 
@@ -231,6 +238,24 @@ class _Reader:
         self.names, self.signals, self.where, self.text = names, signals, where, text
 
     def read(self, node: ast.expr) -> Any:
+        """A value or a condition; numbers in it are bounded as soon as they are known."""
+        return bounded(self._read(node))
+
+    def value(self, node: ast.expr) -> Expr:
+        """A value, where a condition makes no sense."""
+        value = self.read(node)
+        if not isinstance(value, Expr):
+            raise self._refusal(f"{value} is a condition, not a value", todo="write Piecewise((value, condition), ...)")
+        return value
+
+    def condition(self, node: ast.expr, joined: tuple[str, str] | None = None) -> Any:
+        """A condition, where a value makes no sense."""
+        value = self.read(node)
+        if isinstance(value, Expr):
+            raise self._refusal(*joined or (f"{value} is a value, not a condition", "compare it, such as flow > 0"))
+        return value
+
+    def _read(self, node: ast.expr) -> Any:
         if isinstance(node, ast.Constant):
             return self._constant(node.value)
         if isinstance(node, ast.Name | ast.Attribute):
@@ -240,18 +265,19 @@ class _Reader:
         if isinstance(node, ast.BinOp) and isinstance(node.op, ast.Add | ast.Sub):
             return sympy.Add(*self._terms(node))
         if isinstance(node, ast.BinOp) and type(node.op) in _BINARY:
-            return _BINARY[type(node.op)](self.read(node.left), self.read(node.right))
+            return _BINARY[type(node.op)](self.value(node.left), self.value(node.right))
         if isinstance(node, ast.BinOp) and type(node.op) in _JOINED:
-            return _JOINED[type(node.op)](self._condition(node.left), self._condition(node.right))
+            return _JOINED[type(node.op)](*(self.condition(side, _IN_PARENTHESES) for side in (node.left, node.right)))
         if isinstance(node, ast.UnaryOp):
             return self._unary(node)
         if isinstance(node, ast.Compare):
             return self._comparison(node)
         if isinstance(node, ast.BoolOp):
             join = sympy.And if isinstance(node.op, ast.And) else sympy.Or
-            return join(*(self.read(value) for value in node.values))
+            return join(*(self.condition(value) for value in node.values))
         if isinstance(node, ast.IfExp):
-            return sympy.Piecewise((self.read(node.body), self.read(node.test)), (self.read(node.orelse), True))
+            test, body, orelse = self.condition(node.test), self.value(node.body), self.value(node.orelse)
+            return sympy.Piecewise((body, test), (orelse, True))
         if isinstance(node, ast.Call):
             return self._call(node)
         raise self._refusal(f"{type(node).__name__} is not arithmetic")
@@ -260,10 +286,10 @@ class _Reader:
         """Terms of a sum; a long one nests to the left, which must not use up the stack."""
         terms: list[Any] = []
         while isinstance(node, ast.BinOp) and isinstance(node.op, ast.Add | ast.Sub):
-            right = self.read(node.right)
+            right = self.value(node.right)
             terms.append(right if isinstance(node.op, ast.Add) else -right)
             node = node.left
-        return [self.read(node), *reversed(terms)]
+        return [self.value(node), *reversed(terms)]
 
     def _factors(self, node: ast.expr) -> list[Any]:
         """Factors of a product, multiplied all at once: one by one, a number would be multiplied into a sum first."""
@@ -273,7 +299,7 @@ class _Reader:
             return [*self._factors(node.left), *(sympy.Pow(factor, -1) for factor in self._factors(node.right))]
         if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub):
             return [Integer(-1), *self._factors(node.operand)]
-        return [self.read(node)]
+        return [self.value(node)]
 
     def _constant(self, value: Any) -> Any:
         if isinstance(value, bool):
@@ -306,23 +332,16 @@ class _Reader:
         )
 
     def _unary(self, node: ast.UnaryOp) -> Any:
-        value = self.read(node.operand)
         if isinstance(node.op, ast.USub):
-            return -value
+            return -self.value(node.operand)
         if isinstance(node.op, ast.UAdd):
-            return value
-        if isinstance(node.op, ast.Invert) and isinstance(value, Expr):
+            return self.value(node.operand)
+        if isinstance(node.op, ast.Invert) and isinstance(self.read(node.operand), Expr):
             raise self._refusal("~ is not arithmetic")
-        return sympy.Not(value)
-
-    def _condition(self, node: ast.expr) -> Any:
-        value = self.read(node)
-        if isinstance(value, Expr):
-            raise self._refusal("& and | join conditions", todo="put the conditions into parentheses")
-        return value
+        return sympy.Not(self.condition(node.operand))
 
     def _comparison(self, node: ast.Compare) -> Any:
-        values = [self.read(node.left), *(self.read(value) for value in node.comparators)]
+        values = [self.value(node.left), *(self.value(value) for value in node.comparators)]
         parts = []
         for operator, left, right in zip(node.ops, values[:-1], values[1:], strict=True):
             if type(operator) not in _COMPARE:
@@ -334,62 +353,24 @@ class _Reader:
         name = self._dotted(node.func)
         if node.keywords:
             raise self._refusal(f"{name} takes no keyword arguments")
-        if name == "Piecewise":
+        if name == "Piecewise" and node.args:
             return sympy.Piecewise(*(self._branch(argument) for argument in node.args))
+        if name == "Piecewise":
+            raise self._refusal("Piecewise takes pairs (value, condition)")
         function = self.names[name] if callable(self.names.get(name)) else {**FUNCTIONS, **_CONDITIONS}.get(name)
         if function is None:
             known = [*FUNCTIONS, *_CONDITIONS, *(known for known, value in self.names.items() if callable(value))]
             raise self._refusal(f"function {name!r} is not known{suggest(name, known)}", todo="declare it as a table")
+        read = self.condition if name in _JOINS else self.value
         try:
-            return function(*(self.read(argument) for argument in node.args))
+            return function(*(read(argument) for argument in node.args))
         except TypeError:
             raise self._refusal(f"{name} does not take {len(node.args)} argument(s)") from None
 
     def _branch(self, node: ast.expr) -> tuple[Any, Any]:
         if not isinstance(node, ast.Tuple) or len(node.elts) != 2:
             raise self._refusal("Piecewise takes pairs (value, condition)")
-        return self.read(node.elts[0]), self.read(node.elts[1])
+        return self.value(node.elts[0]), self.condition(node.elts[1])
 
     def _refusal(self, what: str, todo: str = "use arithmetic, declared names and known functions") -> DeclarationError:
         return DeclarationError(f"{self.where}: {_cut(what)} in {_cut(self.text)!r} - {todo}", where=(self.where,))
-
-
-class TextPrinter(StrPrinter):  # type: ignore[misc]
-    """Text of an expression that :func:`parse` reads back to the same value."""
-
-    def _print_Float(self, expression: Float) -> str:
-        return repr(float(expression))
-
-    def _print_Exp1(self, expression: Expr) -> str:
-        return "exp(1)"
-
-    def _print_Relational(self, expression: Any) -> str:
-        sign = {"Equality": "==", "Unequality": "!="}.get(type(expression).__name__) or expression.rel_op
-        return f"{self._operand(expression.lhs)} {sign} {self._operand(expression.rhs)}"
-
-    def _operand(self, expression: Any) -> str:
-        text = str(self._print(expression))
-        return f"({text})" if isinstance(expression, Relational | BooleanFunction) else text
-
-    def _print_And(self, expression: Any) -> str:
-        return " and ".join(map(self._operand, sorted(expression.args, key=sympy.default_sort_key)))
-
-    def _print_Or(self, expression: Any) -> str:
-        return " or ".join(map(self._operand, sorted(expression.args, key=sympy.default_sort_key)))
-
-    def _print_Not(self, expression: Any) -> str:
-        return f"not {self._operand(expression.args[0])}"
-
-
-_PRINTER = TextPrinter()
-
-
-def to_text(expression: Expr) -> str:
-    """Text of an expression; parsing it gives the expression back.
-
-    Examples
-    --------
-    >>> to_text(symbol("a") / 2 + 0.1)
-    'a/2 + 0.1'
-    """
-    return str(_PRINTER.doprint(expression))

@@ -10,6 +10,7 @@ from bondgraph.declare.json_reader import FORMAT, graph_from_json
 from bondgraph.declare.json_writer import graph_to_json, to_networkx
 from bondgraph.declare.loading import is_code_reference, python_graph
 from bondgraph.errors import DeclarationError
+from bondgraph.files import write_text
 
 __all__ = ["FORMAT", "graph_from_json", "graph_to_json", "load_graph", "read_graph", "to_networkx", "write_graph"]
 
@@ -47,7 +48,9 @@ def read_graph(path: Path | str) -> BondGraph:
         data = json.loads(path.read_text(encoding="utf-8"))
     except FileNotFoundError:
         raise DeclarationError(f"{path}: no such file", where=(str(path),)) from None
-    except (json.JSONDecodeError, UnicodeDecodeError, RecursionError) as error:
+    except OSError as error:
+        raise DeclarationError(f"{path}: cannot be read ({error.strerror})", where=(str(path),)) from None
+    except (ValueError, RecursionError) as error:  # also of a number with thousands of digits
         raise DeclarationError(f"{path}: not JSON ({error}) - see the graph file format", where=(str(path),)) from None
     graph = graph_from_json(data, path.name)
     graph.source = path.name
@@ -56,4 +59,4 @@ def read_graph(path: Path | str) -> BondGraph:
 
 def write_graph(graph: BondGraph, path: Path | str) -> None:
     """Write a graph file; :func:`read_graph` gives an equal graph."""
-    Path(path).write_text(json.dumps(graph_to_json(graph), indent=1) + "\n", encoding="utf-8")
+    write_text(Path(path), json.dumps(graph_to_json(graph), indent=1) + "\n")

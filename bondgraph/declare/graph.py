@@ -10,9 +10,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, Self
 
-from bondgraph.declare.composition import flatten
+from bondgraph.declare.composition import depth_of, flatten
 from bondgraph.declare.element_builder import ElementBuilder
 from bondgraph.declare.handles import At, ElementType, Handle, Law, SubGraph, apply_law, callable_law
+from bondgraph.declare.limits import DEEPEST_PART
 from bondgraph.declare.quantities import Input, Parameter
 from bondgraph.declare.quantity_builder import QuantityBuilder
 from bondgraph.declare.validation import validate
@@ -72,6 +73,12 @@ class BondGraph(QuantityBuilder, ElementBuilder):
         """
         if name in self._nodes or name in self._subgraphs:
             raise DeclarationError(f"{self.name}: {name} is declared twice - use another name", (name,))
+        if depth_of(graph) >= DEEPEST_PART:
+            raise DeclarationError(
+                f"{self.name}: {name}: parts stand more than {DEEPEST_PART} deep inside each other - put fewer parts "
+                "into parts",
+                where=(name,),
+            )
         for port, inner in (ports or {}).items():
             if not graph.has_node(inner):
                 raise DeclarationError(

@@ -13,8 +13,9 @@ from bondgraph.declare.elements import KINDS, LAW_GIVES, Node, allowed_laws, num
 from bondgraph.declare.expressions import parse, signal, signal_name
 from bondgraph.declare.functions import table_function
 from bondgraph.declare.graph import BondGraph
+from bondgraph.declare.limits import MOST_PORTS, check_nesting
 from bondgraph.declare.quantities import symbol
-from bondgraph.declare.records import check_keys, count, items, mapping, number, numbers, text
+from bondgraph.declare.records import check_keys, count, items, mapping, number, numbers, shown, text
 from bondgraph.errors import DeclarationError, suggest
 
 FORMAT = "bondgraph/1"
@@ -54,10 +55,11 @@ def graph_from_json(data: Mapping[str, Any], where: str = "graph") -> BondGraph:
     DeclarationError
         If a key is unknown or missing, a value has the wrong type, or the graph declares something impossible.
     """
+    check_nesting(data, where)
     check_keys(data, _TOP_KEYS, where)
     head = check_keys(data.get("graph", {}), _HEAD_KEYS, f"{where}: graph")
     if head.get("format", FORMAT) != FORMAT:
-        raise DeclarationError(f"{where}: format {head['format']!r} is not {FORMAT!r}", where=("format",))
+        raise DeclarationError(f"{where}: format {shown(head['format'])} is not {FORMAT!r}", where=("format",))
     if data.get("directed") is False or data.get("multigraph") is False:
         raise DeclarationError(f"{where}: must be a directed multigraph", where=("directed", "multigraph"))
     return _Reader(head, items(data, "nodes", where), items(data, "bonds", where), where).graph
@@ -72,7 +74,7 @@ class _Reader:
         for index, record in enumerate(nodes):
             if not isinstance(record, Mapping) or not isinstance(record.get("id"), str):
                 raise DeclarationError(
-                    f"{where}: node {index} {record!r} must be an object with an id", where=("nodes",)
+                    f"{where}: node {index} {shown(record)} must be an object with an id", where=("nodes",)
                 )
         self.parts = [record for record in nodes if record.get("kind") == "graph"]
         for record in self.parts:
@@ -146,7 +148,8 @@ class _Reader:
     def _input(self, record: Mapping[str, Any]) -> None:
         name, held = record["name"], record.get("interpolation", "linear")
         if held not in ("linear", "hold"):
-            raise DeclarationError(f"{self.where}: {name}: interpolation {held!r} - use linear or hold", where=(name,))
+            problem = f"interpolation {shown(held)} - use linear or hold"
+            raise DeclarationError(f"{self.where}: {name}: {problem}", where=(name,))
         letters = mapping(record, "letters", f"{self.where}: {name}")
         self.graph.input(
             name,
@@ -182,10 +185,10 @@ class _Reader:
         here = f"{self.where}: {name}"
         if kind not in KINDS:
             raise DeclarationError(
-                f"{here}: kind {kind!r} is not known{suggest(str(kind), KINDS)} - use one of {' '.join(KINDS)}",
+                f"{here}: kind {shown(kind)} is not known{suggest(str(kind), KINDS)} - use one of {' '.join(KINDS)}",
                 where=(name,),
             )
-        ports = count(record, "ports", here)
+        ports = count(record, "ports", here, MOST_PORTS)
         known = allowed_laws(kind, ports) if kind != "X" else {}
         extra = ("ports", "laws", "residuals", "form", "forms") if kind in ("C", "I", "R", "X") else ()
         check_keys(record, (*known, *_NODE_KEYS, *extra), here)
@@ -267,7 +270,7 @@ def _listed_laws(record: Mapping[str, Any], kind: str, ports: int, where: str) -
     pairs: list[tuple[str, Any]] = []
     for index, form in enumerate(items(record, "forms", where), start=1):
         if not isinstance(form, Mapping):
-            raise DeclarationError(f"{where}: a form must be an object but is {form!r}", where=(where,))
+            raise DeclarationError(f"{where}: a form must be an object but is {shown(form)}", where=(where,))
         pairs += [(f"{index}.{given}", law) for given, law in form.items()]
     stem = LAW_GIVES.get(kind) or record.get("form", "effort")
     if stem not in ("effort", "flow"):

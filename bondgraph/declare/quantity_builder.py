@@ -181,6 +181,7 @@ class QuantityBuilder(GraphStore):
             raise DeclarationError(f"{self.name}: output {name} is declared twice - use another name", (name,))
         own = self._unit(unit, name)
         output = Output(name, self._checked(expression, (), name), own.unit, meaning, own.shown)
+        self._check_real(output.expression, name)
         check_quantity(output, self.name)
         self._outputs[name] = output
 

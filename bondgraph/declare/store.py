@@ -6,7 +6,6 @@ import math
 from collections.abc import Mapping
 from typing import Any, Self
 
-import sympy
 from sympy import Expr, Symbol
 
 from bondgraph.declare.elements import Bond, Node, check_node, foreign_locals, own_variables
@@ -14,9 +13,11 @@ from bondgraph.declare.expressions import is_local, signal_name
 from bondgraph.declare.functions import TableFunction
 from bondgraph.declare.handles import At, Handle, SubGraph
 from bondgraph.declare.laws import as_expression
+from bondgraph.declare.limits import NoValueError, check_numbers, unreal_part
 from bondgraph.declare.quantities import Input, Integral, NamedSignal, Output, Parameter, Requirement, Table, symbol
 from bondgraph.declare.quantity_checks import check_quantity
 from bondgraph.errors import DeclarationError, suggest
+from bondgraph.files import check_name
 
 Quantity = Input | Parameter | Table | Integral | NamedSignal
 
@@ -25,6 +26,7 @@ class GraphStore:
     """Nodes, bonds, quantities, outputs and parts in order of declaration."""
 
     def __init__(self, name: str, doc: str | None = "", source: str = "") -> None:
+        check_name(name, lambda problem: DeclarationError(f"graph: {problem}", where=(name,)))
         self.name = name
         self.doc = (doc or "").strip()
         self.source = source
@@ -126,6 +128,7 @@ class GraphStore:
             raise DeclarationError(f"{self.name}: {node.name}: initial {node.initial} must be finite", (node.name,))
         for given, law in node.laws:
             checked = self._checked(law, own_variables(node, given) or (), node.name)
+            self._check_real(checked, node.name)
             if given == "modulus" and checked == 0:
                 raise DeclarationError(
                     f"{self.name}: {node.name}: a modulus of zero passes no power - remove the {node.kind}",
@@ -170,6 +173,10 @@ class GraphStore:
             raise DeclarationError(
                 f"{self.name}: {quantity.name} is declared twice - use another name", where=(quantity.name,)
             )
+        for law in (getattr(quantity, "of", None), getattr(quantity, "expression", None)):
+            if law is not None:
+                self._check_numbers(law, quantity.name)
+                self._check_real(law, quantity.name)
         self._quantities[quantity.name] = quantity
         return symbol(quantity.name)
 
@@ -210,17 +217,32 @@ class GraphStore:
                 "write Piecewise((value, condition), ...)",
                 where=(where,),
             )
-        if result.has(sympy.I, sympy.nan, sympy.zoo, sympy.oo, -sympy.oo):
-            raise DeclarationError(
-                f"{self.name}: {where}: the law has no finite real value ({result}) - check divisions by zero and "
-                "roots of negative numbers",
-                where=(where,),
-            )
+        self._check_numbers(result, where)
         for used in result.free_symbols:
             if isinstance(self._quantities.get(used.name), Table):
                 raise DeclarationError(
                     f"{self.name}: {where}: {used.name} is a table - write {used.name}(argument)", where=(where,)
                 )
+
+    def _check_numbers(self, law: Expr, where: str) -> None:
+        try:
+            check_numbers(law)
+        except (NoValueError, OverflowError) as error:
+            raise DeclarationError(
+                f"{self.name}: {where}: the law has no finite real value ({error} in {law}) - check divisions by "
+                "zero and roots of negative numbers",
+                where=(where,),
+            ) from None
+
+    def _check_real(self, law: Expr, where: str) -> None:
+        """Refuse a root or logarithm that is not real at the declared parameters."""
+        unreal = unreal_part(law, {quantity.symbol: quantity.value for quantity in self.parameters})
+        if unreal is not None:
+            raise DeclarationError(
+                f"{self.name}: {where}: {unreal} has no real value at the declared parameters - correct its sign or "
+                "their values",
+                where=(where,),
+            )
 
     def _is_inner_quantity(self, name: str) -> bool:
         if any(part.shared and part.graph._has_quantity(name) for part in self.subgraphs):

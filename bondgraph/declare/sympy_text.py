@@ -7,7 +7,7 @@ from typing import Any
 import sympy
 from sympy import Expr
 
-from bondgraph.declare.expressions import TextPrinter
+from bondgraph.declare.expression_text import TextPrinter
 
 
 class _SympyPrinter(TextPrinter):

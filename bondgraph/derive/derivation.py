@@ -7,6 +7,7 @@ from typing import Any
 
 from sympy import Expr
 
+from bondgraph.declare.limits import NoValueError, check_numbers
 from bondgraph.declare.quantities import symbol
 from bondgraph.derive.causality import CausalGraph
 from bondgraph.derive.continuous import ContinuousDerivation
@@ -60,7 +61,10 @@ class Derivation(ContinuousDerivation):
 
 
 def check_closed(equations: StateEquations) -> None:
-    """Raise DerivationError unless the equations use only states, inputs, parameters, ``t`` and assigned symbols."""
+    """Raise DerivationError unless the equations use only states, inputs, parameters, ``t`` and assigned symbols.
+
+    Nor may a number in them be infinite, undefined or complex.
+    """
     known = {symbol("t"), *(s.symbol for s in equations.states), *(i.symbol for i in equations.inputs)}
     known |= {p.symbol for p in equations.parameters}
     for step in equations.assignments:
@@ -84,6 +88,14 @@ def check_closed(equations: StateEquations) -> None:
 
 
 def _check_known(equations: StateEquations, value: Expr, known: set[Any], where: str) -> None:
+    try:
+        check_numbers(value)
+    except (NoValueError, OverflowError) as error:
+        raise DerivationError(
+            f"{equations.name}: the equation of {where} has no finite real value ({error} in {value}) - correct the "
+            "laws that lead to it",
+            where=(where,),
+        ) from None
     foreign = sorted(str(used) for used in value.free_symbols - known)
     if foreign:
         raise DerivationError(

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import dataclasses
 import hashlib
+import io
 import json
-import os
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -17,6 +17,7 @@ from bondgraph.estimate.gauss_newton import GaussNewtonState
 from bondgraph.estimate.objective import SearchOutcome, TraceRow
 from bondgraph.estimate.particle_swarm import SwarmState
 from bondgraph.estimate.problem import EstimationProblem
+from bondgraph.files import write_bytes
 
 FILE = "checkpoint.npz"
 
@@ -55,10 +56,9 @@ def save_checkpoint(folder: Path, checkpoint: Checkpoint) -> None:
             else:
                 entry[field.name] = _encoded(value)
     arrays["plain"] = np.array(json.dumps(plain))
-    temporary = folder / f".{FILE}.{os.getpid()}"
-    with temporary.open("wb") as stream:
-        np.savez(stream, **arrays)  # type: ignore[arg-type]
-    temporary.replace(folder / FILE)
+    content = io.BytesIO()
+    np.savez(content, **arrays)  # type: ignore[arg-type]
+    write_bytes(folder / FILE, content.getvalue())
 
 
 def load_checkpoint(folder: Path, digest: str) -> Checkpoint | None:

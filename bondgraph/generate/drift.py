@@ -20,6 +20,7 @@ from bondgraph.derive.causality import assign_causality
 from bondgraph.derive.derivation import check_closed, derive
 from bondgraph.derive.dimensions import check_dimensions
 from bondgraph.errors import GenerationError
+from bondgraph.files import write_text
 from bondgraph.generate.module import render
 
 #: Files of a folder of modules that are not generated.
@@ -190,7 +191,7 @@ def write(folder: Path, modules: Mapping[str, str], complete: bool = False) -> t
         if difference.kind == "superfluous":
             _remove(path)
         else:
-            path.write_text(modules[path.stem], encoding="utf-8", newline="\n")
+            write_text(path, modules[path.stem])
         touched.append(path)
     return tuple(touched)
 

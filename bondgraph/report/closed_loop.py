@@ -13,6 +13,7 @@ from bondgraph.correct.fits.assess import Assessment, gain_interval
 from bondgraph.correct.loop import ClosedLoop
 from bondgraph.correct.result import intervals, result_json
 from bondgraph.declare.files import write_graph
+from bondgraph.files import write_text
 from bondgraph.report.collect import Runs, added_nodes, channel_series, found_effect, parameter_changes
 from bondgraph.report.drawing import draw_svg, drawing_of
 from bondgraph.report.html import Located, Provenance, ReportData, write_report
@@ -58,18 +59,16 @@ def write_closed_loop(
     data = report_data(closed, result, made, said)
     write_json(folder / "result.json", result)
     write_graph(closed.corrected_graph, folder / "corrected_graph.json")
-    (folder / f"{closed.corrected_graph.name}.py").write_text(closed.corrected_text, encoding="utf-8")
+    write_text(folder / f"{closed.corrected_graph.name}.py", closed.corrected_text)
     assert data.drawing is not None
-    (folder / "corrected_graph.svg").write_text(draw_svg(data.drawing, data.added), encoding="utf-8")
+    write_text(folder / "corrected_graph.svg", draw_svg(data.drawing, data.added))
     write_report(data, folder / "report.html")
     return data
 
 
 def write_json(path: Path, value: Mapping[str, Any]) -> None:
-    """Write JSON through a file beside it, so that a crash never leaves half a result."""
-    partial = path.with_suffix(".partial")
-    partial.write_text(json.dumps(value, indent=1, allow_nan=False) + "\n", encoding="utf-8")
-    partial.replace(path)
+    """Write JSON in one step, so that a crash never leaves half a result."""
+    write_text(path, json.dumps(value, indent=1, allow_nan=False) + "\n")
 
 
 def report_data(

@@ -10,9 +10,10 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Sequence
 from pathlib import Path as FilePath
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from bondgraph.errors import DeclarationError, OptionError, suggest
+from bondgraph.files import write_bytes, write_text
 from bondgraph.report.declared import drawing_of
 from bondgraph.report.diagram.canvas import Line, Picture, Primitive, Rectangle, Text, figure, svg_text
 from bondgraph.report.diagram.drawn import JUNCTIONS, Drawing, DrawnBond, DrawnNode, Kind, Stroke
@@ -94,11 +95,12 @@ def save_drawing(drawing: Drawing, path: FilePath, highlight: frozenset[str] = f
     """
     suffix = path.suffix.lower()
     if suffix == ".svg":
-        path.write_text(draw_svg(drawing, highlight), encoding="utf-8")
-    elif suffix == ".png":
-        draw_figure(drawing, highlight).savefig(path, dpi=192)
-    elif suffix == ".pdf":
-        draw_figure(drawing, highlight).savefig(path, metadata={"CreationDate": None})
+        write_text(path, draw_svg(drawing, highlight))
+    elif suffix in (".png", ".pdf"):
+        from bondgraph.report.figures import picture  # here: matplotlib is loaded only by those who need it
+
+        options: dict[str, Any] = {"dpi": 192} if suffix == ".png" else {"metadata": {"CreationDate": None}}
+        write_bytes(path, picture(draw_figure(drawing, highlight), suffix.lstrip("."), **options))
     else:
         raise OptionError(
             f"{path.name}: a drawing cannot be written as {suffix or 'a file without suffix'} - use .svg, .png or .pdf",

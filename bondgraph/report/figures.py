@@ -5,6 +5,7 @@ Measurements are grey, the declared model orange, the corrected model blue, a fo
 
 from __future__ import annotations
 
+import io
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -14,6 +15,7 @@ import matplotlib
 from matplotlib.figure import Figure
 
 from bondgraph.errors import OptionError
+from bondgraph.files import write_bytes
 
 MEASURED, BEFORE, AFTER, FOUND = "#8b95a1", "#d9772b", "#1f5fa8", "#c2185b"
 LINES = ("#1f5fa8", "#d9772b", "#1b7a43", "#8e44ad", "#b3362b", "#007f8c")
@@ -67,4 +69,11 @@ def save_figure(figure: Figure, path: Path, dpi: int = 150) -> None:
         raise OptionError(f"{path}: no picture format .{ending} - use .png, .svg or .pdf", where=(str(path),))
     if not path.parent.is_dir():
         raise OptionError(f"{path}: the folder {path.parent} does not exist - create it first", where=(str(path),))
-    figure.savefig(path, dpi=dpi)
+    write_bytes(path, picture(figure, ending, dpi=dpi))
+
+
+def picture(figure: Figure, ending: str, **options: Any) -> bytes:
+    """The figure as the content of a file with this ending; a writer that meets a full disk may leave half of it."""
+    content = io.BytesIO()
+    figure.savefig(content, format=ending, **options)
+    return content.getvalue()

@@ -19,6 +19,7 @@ from bondgraph.filter.runs import run
 from bondgraph.filter.smoother import smooth
 from bondgraph.report.closed_loop import write_json
 from bondgraph.report.collect import Runs, channel_series, output_bands, state_bands
+from bondgraph.report.figures import save_figure
 from bondgraph.report.html import Provenance, ReportData, write_report
 from bondgraph.report.logs import grouped_notes
 from bondgraph.report.misfits import band_text, misfit_sentences
@@ -64,7 +65,7 @@ def filter_logs(
         shown_run = _smoothed(record) if smoothed else record
         write_log(folder / f"{log.name}_states.csv", _states_log(shown_run))
         bands = (*state_bands(record, shown_run), *output_bands(record, shown_run, log.u))
-        state_figure(bands, log.name).savefig(folder / f"{log.name}_states.png", dpi=150)
+        save_figure(state_figure(bands, log.name), folder / f"{log.name}_states.png")
         found = consistency(record)
         result[log.name] = {"nll": record.nll, "nis_mean": found.nis_mean, "nis_band": list(found.nis_band)}
         misfit = misfits([record], level=LEVEL / len(logs), guessed=noise is None)

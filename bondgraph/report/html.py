@@ -12,6 +12,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
 from bondgraph.estimate.objective import TraceRow
+from bondgraph.files import write_text
 from bondgraph.report.drawing import Drawing, draw_svg
 from bondgraph.report.numbers import change, shown, with_interval
 from bondgraph.report.plots import (
@@ -151,7 +152,7 @@ def report_html(data: ReportData) -> str:
 
 def write_report(data: ReportData, path: Path) -> None:
     """Write the report to a file."""
-    path.write_text(report_html(data), encoding="utf-8")
+    write_text(path, report_html(data))
 
 
 def without_folders(command: str) -> str:

@@ -9,6 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from bondgraph.errors import OptionError, suggest
+from bondgraph.report.diagram.text import plain
 from bondgraph.report.figures import LINES, figure_style
 from bondgraph.report.series import FloatArray
 from bondgraph.simulate.model import InputInfo, OutputInfo, StateInfo
@@ -53,7 +54,7 @@ def manoeuvre_figure(trajectory: Trajectory, panels: Sequence[Panel], title: str
             _curves(one, trajectory.time, panel, known)
         if moving:
             _inputs(axes[-1], trajectory, moving)
-        figure.suptitle(title or trajectory.model.name, x=0.01, ha="left", fontsize=11.0, fontweight="bold")
+        figure.suptitle(plain(title or trajectory.model.name), x=0.01, ha="left", fontsize=11.0, fontweight="bold")
         axes[-1].set_xlabel("time [s]")
         axes[-1].set_xlim(float(trajectory.time[0]), float(trajectory.time[-1]))
         figure.align_ylabels(list(axes))

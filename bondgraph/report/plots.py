@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from bondgraph.estimate.objective import TraceRow
+from bondgraph.report.diagram.text import plain
 from bondgraph.report.figures import (
     AFTER,
     BAND,
@@ -49,7 +50,7 @@ def prediction_figure(series: Sequence[ChannelSeries]) -> Figure:
                 _dots(axes, one.time, one.measured)
                 for predicted, colour in _before_and_after(one, kind):
                     _line(axes, one.time, predicted, colour)
-                axes.set_ylabel(f"{one.channel}\n[{one.unit}]" if column == 0 else "")
+                axes.set_ylabel(plain(f"{one.channel}\n[{one.unit}]") if column == 0 else "")
             _limit(panels[row][0], one.measured, 0.5)
         _finish(figure, panels, [_TITLES[kind] for kind in columns], measured=True)
     return figure
@@ -67,7 +68,7 @@ def residual_figure(series: Sequence[ChannelSeries]) -> Figure:
                     axes.axhspan(-2 * one.noise_std, 2 * one.noise_std, color=BAND, linewidth=0, zorder=0.5)
                 for predicted, colour in _before_and_after(one, kind):
                     _residual(axes, one, predicted, colour)
-                axes.set_ylabel(f"{one.channel}\n[{one.unit}]" if column == 0 else "")
+                axes.set_ylabel(plain(f"{one.channel}\n[{one.unit}]") if column == 0 else "")
         _finish(figure, panels, [f"measured minus {_TITLES[kind]}" for kind in columns], measured=False)
     return figure
 
@@ -86,8 +87,8 @@ def state_figure(bands: Sequence[StateBand], title: str = "") -> Figure:
             low, high = (band.mean + sign * 1.96 * band.std for sign in (-1.0, 1.0))
             axes.fill_between(band.time[::step], low[::step], high[::step], color=AFTER, alpha=0.18, linewidth=0)
             _line(axes, band.time, band.mean, AFTER)
-            axes.set_ylabel(f"{band.name}\n[{band.unit}]")
-        panels[0].set_title(title)
+            axes.set_ylabel(plain(f"{band.name}\n[{band.unit}]"))
+        panels[0].set_title(plain(title))
         panels[-1].set_xlabel("time [s]")
     return figure
 
@@ -114,7 +115,7 @@ def launch_figure(trajectory: Trajectory, names: Sequence[str] = ()) -> Figure:
             if len(group) == 1:
                 continue
             panel.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), borderaxespad=0.0)
-        axes[0].set_title(trajectory.model.name)
+        axes[0].set_title(plain(trajectory.model.name))
         axes[-1].set_xlabel("time [s]")
         axes[-1].set_xlim(float(trajectory.time[0]), float(trajectory.time[-1]))
     return figure
@@ -145,11 +146,11 @@ def missing_effort_figure(found: MissingEffort) -> Figure:
         )  # fmt: skip
         if found.lower is not None and found.upper is not None:
             axes.fill_between(found.law_x, found.lower, found.upper, color=FOUND, alpha=0.15, linewidth=0)
-        axes.plot(found.law_x, found.law, color=FOUND, linewidth=2.0, label=f"found: {_plain(found.law_text)}")
+        axes.plot(found.law_x, found.law, color=FOUND, linewidth=2.0, label=f"found: {plain(found.law_text)}")
         axes.axhline(0.0, color="#8b95a1", linewidth=0.8)
-        axes.set_title(found.title)
-        axes.set_xlabel(found.x_label)
-        axes.set_ylabel(found.y_label)
+        axes.set_title(plain(found.title))
+        axes.set_xlabel(plain(found.x_label))
+        axes.set_ylabel(plain(found.y_label))
         _limit(axes, np.concatenate((missing, found.law)), 0.1)
         axes.legend(loc="best")
     return figure
@@ -344,11 +345,6 @@ def _limit(axes: Axes, values: FloatArray, margin: float) -> None:
         space = margin * ((high - low) or abs(high) or 1.0)
         shown = axes.get_ylim()
         axes.set_ylim(max(shown[0], low - space), min(shown[1], high + space))
-
-
-def _plain(text: str) -> str:
-    """Text that matplotlib does not take for mathematics."""
-    return text.replace("$", r"\$")
 
 
 def by_log(series: Sequence[ChannelSeries]) -> Mapping[str, Sequence[ChannelSeries]]:

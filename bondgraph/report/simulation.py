@@ -26,6 +26,8 @@ from bondgraph.simulate.trajectory import Trajectory
 
 #: Points written where neither inputs nor a step say how many.
 _POINTS = 1000
+#: Points of an answer beyond which a step is a mistake: an hour at 10 kHz has half as many.
+_MOST_POINTS = 100_000_000
 
 
 @dataclass(frozen=True)
@@ -152,7 +154,7 @@ def _inputs(
     if end <= times[0]:
         raise OptionError(f"--until {end:g} lies before the start at {times[0]:g} s", where=("--until",))
     if options.step is not None:
-        count = max(1, int(np.floor((end - times[0]) / options.step + 1e-9)))
+        count = _steps(end - float(times[0]), options.step)
         wanted = times[0] + options.step * np.arange(count + 1)
     elif inputs is not None and times.size > 2:
         wanted = times[times <= end]
@@ -160,6 +162,16 @@ def _inputs(
         wanted = np.linspace(times[0], end, _POINTS + 1)
     given = {*constants, *(inputs.channels if inputs is not None else ())}
     return wanted, InputSignal.of_table(model, times, values, given)
+
+
+def _steps(duration: float, step: float) -> int:
+    """How many steps fit into a duration."""
+    if duration > step * _MOST_POINTS:
+        raise OptionError(
+            f"--step {step:g}: gives more than {_MOST_POINTS} points in {duration:g} s - take a longer step",
+            where=("--step",),
+        )
+    return max(1, int(np.floor(duration / step + 1e-9)))
 
 
 def _scenario_inputs(
@@ -170,6 +182,8 @@ def _scenario_inputs(
     values = signal.values.copy()
     for name, value in constants.items():
         values[model.index("input", name)] = value
+    if options.step is not None:
+        _steps(shorter.duration, options.step)
     times = shorter.times() if options.step is None else shorter.times(options.step)
     return times, InputSignal.of_table(model, signal.time, values, constants)
 

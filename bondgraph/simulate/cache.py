@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import functools
 import os
+import stat
 import tempfile
 from pathlib import Path
 
 import platformdirs
 
 from bondgraph.errors import OptionError
+from bondgraph.files import write_bytes
 
 #: Environment variable that names another folder.
 CACHE_VARIABLE = "BONDGRAPH_CACHE_DIR"
@@ -23,18 +25,46 @@ def cache_folder() -> Path:
     Raises
     ------
     OptionError
-        If the variable names a folder that cannot be used.
+        If the variable names a folder that cannot be used, or somebody else may write to the folder: what is loaded
+        from it is run.
     """
     chosen = os.environ.get(CACHE_VARIABLE)
     folder = Path(chosen) if chosen else Path(platformdirs.user_cache_dir("bondgraph", appauthor=False)) / "compiled"
     try:
         folder.mkdir(parents=True, exist_ok=True, mode=0o700)
+        (folder / _MACHINE_CODE).mkdir(exist_ok=True, mode=0o700)
         usable = os.access(folder, os.W_OK)
     except OSError:
         usable = False
     if not usable and chosen:
         raise OptionError(f"{CACHE_VARIABLE}={chosen}: the folder cannot be written - name another one")
-    return folder if usable else _temporary_folder()
+    if not usable:
+        return _temporary_folder()
+    for part in (folder, folder / _MACHINE_CODE):
+        _require_own(part)
+    return folder
+
+
+#: The folder that numba makes beside sources.
+_MACHINE_CODE = "__pycache__"
+
+
+def _require_own(folder: Path) -> None:
+    """Refuse a folder that another user owns or may write, where the system knows users."""
+    if os.name != "posix":
+        return
+    found = folder.stat()
+    if found.st_uid != os.geteuid():
+        problem = "belongs to another user"
+    elif found.st_mode & (stat.S_IWGRP | stat.S_IWOTH):
+        problem = "can be written by other users"
+    else:
+        return
+    raise OptionError(
+        f"{folder}: this folder of compiled models {problem}, and what stands there is run - make it yours alone"
+        f" (chmod go-w), or name another one in {CACHE_VARIABLE}",
+        where=(str(folder), CACHE_VARIABLE),
+    )
 
 
 @functools.cache
@@ -42,16 +72,19 @@ def _temporary_folder() -> Path:
     return Path(tempfile.mkdtemp(prefix="bondgraph-"))
 
 
-def store(name: str, text: str) -> Path:
-    """A file of the cache folder with this text.
+def store(name: str, text: str) -> Path | None:
+    """A file with this text in the cache folder, else in a temporary one, None where no disk takes it.
 
     A file that has it is left alone, since numba trusts its machine code by the time of the file; any other is replaced
     in one step, so that programs running side by side see the whole file or none.
     """
-    path = cache_folder() / name
     content = text.encode()
-    if not path.is_file() or path.read_bytes() != content:
-        with tempfile.NamedTemporaryFile(dir=path.parent, prefix=f".{name}", delete=False) as file:
-            file.write(content)
-        os.replace(file.name, path)
-    return path
+    for folder in (cache_folder, _temporary_folder):
+        try:
+            path = folder() / name
+            if not path.is_file() or path.read_bytes() != content:
+                write_bytes(path, content)
+            return path
+        except OSError:
+            continue
+    return None

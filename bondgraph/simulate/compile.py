@@ -11,8 +11,10 @@ from __future__ import annotations
 import ast
 import functools
 import hashlib
+import importlib
 import importlib.util
 import inspect
+import linecache
 import sys
 import threading
 import warnings
@@ -31,23 +33,15 @@ from bondgraph.simulate.scalar import scalar_source
 Scalar = Callable[[float, FloatArray, FloatArray, FloatArray, FloatArray], None]
 Batched = Callable[[float, FloatArray, FloatArray, FloatArray], FloatArray]
 
-# contract: a*b + c in one rounding. error_model: numpy's rules for division by zero. nogil: threads run side by side.
-# Functions never called from Python (_inner) go without the wrappers for it, which would take half of the compile time.
 HEADER = '''"""{title}; written by bondgraph, safe to delete."""
 from __future__ import annotations
 
 import math
 
 import numpy as np
-from numba import cfunc, njit
 
+from bondgraph.simulate.kept import callback as _callback, inner as _inner, jit as _jit
 from bondgraph.simulate.pointer import CompiledFunction
-
-_jit = njit(cache=True, nogil=True, error_model="numpy", fastmath={{"contract"}})
-_inner = njit(
-    cache=True, nogil=True, error_model="numpy", fastmath={{"contract"}}, no_cpython_wrapper=True, no_cfunc_wrapper=True
-)
-_options = {{"cache": True, "nopython": True, "error_model": "numpy", "fastmath": {{"contract"}}}}
 '''
 
 _lock = threading.Lock()
@@ -127,20 +121,31 @@ def load_kernel(*kernels: ModuleType) -> Any:
 
 
 def has_numba() -> bool:
-    """Whether numba is installed; that it is not is said once."""
+    """Whether numba is installed and works; that it does not is said once."""
     try:
         found = importlib.util.find_spec("numba") is not None
     except ValueError:  # a module that was blocked or half-loaded has no specification
         found = False
-    if not found:
-        _say_fallback()
-    return found
+    broken = _numba_problem() if found else ""
+    if not found or broken:
+        _say_fallback(f"cannot be loaded ({broken})" if broken else "is not installed")
+    return found and not broken
 
 
 @functools.cache
-def _say_fallback() -> None:
+def _numba_problem() -> str:
+    """Why numba cannot be loaded (another numpy, a missing library), empty where it can."""
+    try:
+        importlib.import_module("bondgraph.simulate.kept")
+    except Exception as error:  # whatever a broken installation raises
+        return f"{type(error).__name__}: {error}"
+    return ""
+
+
+@functools.cache
+def _say_fallback(problem: str) -> None:
     warnings.warn(
-        "numba is not installed: models run in plain numpy, with the same results and much slower"
+        f"numba {problem}: models run in plain numpy, with the same results and much slower"
         " - install the package 'numba' to compile them",
         stacklevel=4,
     )
@@ -169,15 +174,15 @@ def load_compiled(source: str) -> ModuleType:
 
 
 def _run(name: str, source: str) -> None:
-    path = store(f"{name}.py", source)
-    specification = importlib.util.spec_from_file_location(name, path)
-    if specification is None:
-        raise ModelError(f"{path}: cannot be loaded as a module - delete the file", where=(str(path),))
-    module = importlib.util.module_from_spec(specification)
+    path = str(store(f"{name}.py", source) or f"<{name}>")
+    if path.startswith("<"):  # no disk takes it: its text is kept for those who read it, its machine code is not
+        linecache.cache[path] = (len(source), None, source.splitlines(keepends=True), path)
+    module = ModuleType(name)
+    module.__file__ = path
     # registered first: numba finds the globals of cached functions through sys.modules
     sys.modules[name] = module
     try:
-        exec(compile(source, str(path), "exec"), module.__dict__)
+        exec(compile(source, path, "exec"), module.__dict__)
     except BaseException:
         del sys.modules[name]
         raise

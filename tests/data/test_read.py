@@ -128,6 +128,8 @@ def test_a_missing_package_says_what_to_install(
 
     (tmp_path / f"run7{suffix}").write_bytes(b"")
     monkeypatch.setattr(importlib, "import_module", absent)
+    (tmp_path / "asammdf.py").write_text("raise ImportError", encoding="utf-8")  # it is read in another process
+    monkeypatch.syspath_prepend(str(tmp_path))
     with pytest.raises(
         DataError, match=rf"needs {package}, which is not installed - run: pip install 'bondloop\[data\]'"
     ):

@@ -241,7 +241,7 @@ MALFORMED = [
     (["graph", "tables"], [1], "tables must be an object"),
     (["graph", "tables"], {"T": {"x": [0, 1], "y": [0, 1], "values": [[1, 2], [3]]}}, "needs 2 rows of 2 values"),
     (["graph", "tables"], {"T": {"x": [0, "a"], "values": [1, 2]}}, "expected a number"),
-    (["graph", "tables"], {"T": {"x": [0, 1], "values": [1, float("inf")]}}, "must be finite"),
+    (["graph", "tables"], {"T": {"x": [0, 1], "values": [1, float("inf")]}}, "must be a finite number"),
     (["nodes", 3], {"id": "R", "kind": "graph"}, "key 'graph' is missing"),
     (["nodes", 3], {"id": "R", "kind": "graph", "graph": {}, "ports": {"a": "b"}}, "has no node 'b'"),
     (["nodes", 3], {"id": "R", "kind": "graph", "graph": {}, "bind": {"x": "1"}}, "has no input or parameter 'x'"),

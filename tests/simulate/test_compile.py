@@ -87,7 +87,7 @@ def test_the_cache_keeps_equal_files_and_replaces_others(tmp_path: Path, monkeyp
     assert cache.store("a.py", "x = 1\n").stat().st_mtime_ns == 1
     path.write_text("damaged", encoding="utf-8")
     assert cache.store("a.py", "x = 1\n").read_text(encoding="utf-8") == "x = 1\n"
-    assert [file.name for file in path.parent.iterdir()] == ["a.py"]
+    assert [file.name for file in path.parent.iterdir() if file.is_file()] == ["a.py"]
 
 
 def test_a_cache_folder_that_cannot_be_used_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

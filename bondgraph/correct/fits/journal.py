@@ -21,6 +21,7 @@ import numpy as np
 from bondgraph.data.log import FloatArray, MatchedLog
 from bondgraph.errors import EstimationError
 from bondgraph.estimate.free import FreeParameter
+from bondgraph.files import write_text
 from bondgraph.filter.filter_model import FilterModel
 
 FILE = "fits.json"
@@ -79,10 +80,8 @@ class Journal:
             return
         entry = dataclasses.asdict(fit) | {"point": fit.point.tolist(), "steps": fit.steps.tolist()}
         self.folder.mkdir(parents=True, exist_ok=True)
-        partial = self.folder / f"{FILE}.partial"
         with _NOTING:
-            partial.write_text(json.dumps(self._read() | {key: entry}), encoding="utf-8")
-            partial.replace(self.folder / FILE)
+            write_text(self.folder / FILE, json.dumps(self._read() | {key: entry}))
 
     def _read(self) -> dict[str, Any]:
         if self.folder is None or not (self.folder / FILE).is_file():

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Literal
 from xml.sax.saxutils import escape, quoteattr
 
 from bondgraph.report.diagram.geometry import Box, Path
-from bondgraph.report.diagram.text import text_width
+from bondgraph.report.diagram.text import plain, text_width
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -223,7 +223,7 @@ def _paint(axes: Axes, primitive: Primitive, order: int) -> None:
         for text in _without_lead(primitive):
             aligned = {"start": "left", "middle": "center", "end": "right"}[text.anchor]
             axes.text(
-                text.x, text.y, text.text.replace("$", r"\$"), fontsize=text.size * points,
+                text.x, text.y, plain(text.text), fontsize=text.size * points,
                 color=text.colour, ha=aligned, va="baseline", zorder=order, family="sans-serif",
                 fontweight="bold" if text.bold else "normal", fontstyle="italic" if text.italic else "normal",
             )  # fmt: skip

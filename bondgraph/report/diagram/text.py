@@ -62,3 +62,14 @@ def _break_position(text: str, length: int) -> int:
         if text[position - 1] in _BREAK_AFTER and text[position : position + 1] not in ("*", ")", ","):
             return position
     return length
+
+
+def plain(text: str) -> str:
+    r"""Text that matplotlib does not take for mathematics: names of logs and graphs may hold any letter.
+
+    Examples
+    --------
+    >>> print(plain("x$y"))
+    x\$y
+    """
+    return text.replace("$", r"\$")

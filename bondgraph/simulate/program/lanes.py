@@ -46,7 +46,7 @@ def _callbacks(**arguments: str) -> str:
         kinds = ", ".join("int64" if argument == "n" else "float64[::1]" for argument in given.split(", "))
         parts += [
             f"def call_{name}({given}):\n    {name}({given})",
-            f'{name}_lanes = CompiledFunction(cfunc("void({kinds})", **_options)(call_{name}))',
+            f'{name}_lanes = CompiledFunction(_callback("void({kinds})")(call_{name}))',
         ]
     return "\n\n\n".join(parts)
 
@@ -57,7 +57,7 @@ _CALLBACKS = (
 
 _V = "float64[::1]"
 advance_lanes = CompiledFunction(
-    cfunc(f"void(float64, float64, int64, float64, {_V}, {_V}, {_V}, {_V}, {_V}, {_V}, int64)", **_options)(advance)
+    _callback(f"void(float64, float64, int64, float64, {_V}, {_V}, {_V}, {_V}, {_V}, {_V}, int64)")(advance)
 )
 """
 )
@@ -91,9 +91,9 @@ _TANGENT_CALLBACKS = (
 
 _V, _M = "float64[::1]", "float64[:, ::1]"
 advance_lanes = CompiledFunction(
-    cfunc(
-        f"void(float64, float64, int64, float64, {_V}, {_V}, {_V}, {_V}, {_V}, {_M}, {_M}, {_V}, int64)", **_options
-    )(advance_tangents)
+    _callback(f"void(float64, float64, int64, float64, {_V}, {_V}, {_V}, {_V}, {_V}, {_M}, {_M}, {_V}, int64)")(
+        advance_tangents
+    )
 )
 """
 )
