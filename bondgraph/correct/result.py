@@ -12,7 +12,7 @@ from bondgraph.correct.loop import Added, ClosedLoop
 from bondgraph.correct.refits.trials import Trial
 from bondgraph.estimate.certify import NEGLIGIBLE_SHIFT, Check
 from bondgraph.estimate.result import quantity_of, unit_of
-from bondgraph.simulate.model import OutputInfo
+from bondgraph.simulate.quantities import OutputInfo
 
 
 def result_json(closed: ClosedLoop) -> dict[str, Any]:

@@ -19,6 +19,7 @@ import sympy
 from sympy import Expr, Symbol
 from sympy.logic.boolalg import Boolean
 
+from bondgraph.coherent import is_quantity
 from bondgraph.declare.expressions import FUNCTIONS, normalise
 from bondgraph.errors import BondGraphError, LawError, suggest
 
@@ -112,7 +113,7 @@ def as_expression(value: Any, where: str, law: Callable[..., Any] | None = None)
     """
     if isinstance(value, np.ndarray | np.generic) and np.ndim(value) == 0:
         value = value.item()
-    if isinstance(value, Expr | numbers.Number) and not isinstance(value, bool):
+    if is_quantity(value) or (isinstance(value, Expr | numbers.Number) and not isinstance(value, bool)):
         return normalise(value)
     problem, todo = _no_expression(value, law is not None)
     raise _refusal(where, _place_of(law) if law is not None else None, problem, todo)

@@ -98,8 +98,8 @@ class QuantityBuilder(GraphStore):
         units = (argument_unit,) if isinstance(argument_unit, str) else tuple(argument_unit)
         while units and not units[-1]:
             units = units[:-1]
-        rows = tuple(map(tuple, values)) if len(y) else tuple(values)
         try:
+            rows = tuple(map(tuple, values)) if len(y) else tuple(values)
             given = Table(name, tuple(x), rows, tuple(y), unit, units, meaning)
             table = coherent_table(given, f"{self.name}: table {name}")
         except (TypeError, ValueError) as error:

@@ -11,6 +11,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 
+from bondgraph.estimate.likelihoods import FilterLikelihood
 from bondgraph.estimate.objective import (
     Expansion,
     FloatArray,
@@ -19,7 +20,7 @@ from bondgraph.estimate.objective import (
     central_differences,
     expansion_of,
 )
-from bondgraph.estimate.problem import EstimationProblem, FilterLikelihood
+from bondgraph.estimate.problem import EstimationProblem
 from bondgraph.filter.choice import choose_method
 from bondgraph.filter.compiled import thread_count
 from bondgraph.filter.filter_model import FilterModel

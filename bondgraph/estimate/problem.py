@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Literal, Protocol, runtime_checkable
+from typing import Literal
 
 import numpy as np
 
@@ -17,116 +17,10 @@ from bondgraph.data.log import MatchedLog
 from bondgraph.errors import EstimationError, suggest
 from bondgraph.estimate.free import FreeParameter, declared_free, parse_target, require_known
 from bondgraph.estimate.initial import Initial, initial_states, measured_at_start
+from bondgraph.estimate.likelihoods import Batch, CeilingLikelihood, FilterLikelihood, LikelihoodFunction
 from bondgraph.estimate.objective import Below, BoolArray, FloatArray, Terms
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.follows import with_followers
-from bondgraph.filter.likelihood import innovations, likelihood, negative_log_likelihood
-from bondgraph.filter.members import MemberValues
-
-
-@dataclass(frozen=True)
-class Batch:
-    """Numbers of several members: theta (n_theta, members), noise_std (n_y, members), process_std (n_s, members).
-
-    ``x0`` has one array (n_x, members) per log; ``initial_std`` (n_s, members), and correlations of the sensors
-    (n_y, n_y, members), of process noise and of initial states (n_s, n_s, members).
-    """
-
-    theta: FloatArray
-    noise_std: FloatArray
-    process_std: FloatArray
-    x0: tuple[FloatArray, ...]
-    initial_std: FloatArray
-    noise_correlation: FloatArray
-    process_correlation: FloatArray
-    initial_correlation: FloatArray
-
-    def values(self, member: int | None = None) -> MemberValues:
-        """What a filter is given beside theta: of all members, or of one."""
-        own: slice | int = slice(None) if member is None else member
-        return {
-            "noise_std": self.noise_std[..., own],
-            "process_std": self.process_std[..., own],
-            "x0": [x0[..., own] for x0 in self.x0],
-            "initial_std": self.initial_std[..., own],
-            "noise_correlation": self.noise_correlation[..., own],
-            "process_correlation": self.process_correlation[..., own],
-            "initial_correlation": self.initial_correlation[..., own],
-        }
-
-
-class LikelihoodFunction(Protocol):
-    """How likely logs are, for the members of a batch."""
-
-    def nll(self, filter_model: FilterModel, logs: Sequence[MatchedLog], batch: Batch) -> FloatArray:
-        """Negative log-likelihood, shape (members,), infinite for members that fail."""
-
-    def terms(self, filter_model: FilterModel, logs: Sequence[MatchedLog], batch: Batch) -> Terms:
-        """Scalar terms, rows ordered by log, output, sample."""
-
-
-@runtime_checkable
-class CeilingLikelihood(Protocol):
-    """A likelihood function that can give up members which cannot come below a ceiling."""
-
-    def nll_below(
-        self, filter_model: FilterModel, logs: Sequence[MatchedLog], batch: Batch, ceilings: FloatArray
-    ) -> Below:
-        """Negative log-likelihood as far as it is below ceilings (members,)."""
-
-
-@dataclass(frozen=True)
-class FilterLikelihood:
-    """The likelihood by the unscented Kalman filter.
-
-    ``threads`` None uses every core and changes no number; ``compiled`` False filters in plain numpy, slowly.
-    """
-
-    threads: int | None = None
-    compiled: bool = True
-
-    def nll(self, filter_model: FilterModel, logs: Sequence[MatchedLog], batch: Batch) -> FloatArray:
-        """Negative log-likelihood, shape (members,)."""
-        values, _ = negative_log_likelihood(
-            filter_model,
-            logs,
-            batch.theta,
-            threads=self.threads,
-            compiled=self.compiled,
-            **batch.values(),
-        )
-        return values
-
-    def nll_below(
-        self, filter_model: FilterModel, logs: Sequence[MatchedLog], batch: Batch, ceilings: FloatArray
-    ) -> Below:
-        """Negative log-likelihood as far as it is below ceilings (members,), see :mod:`bondgraph.filter.ceiling`."""
-        found = likelihood(
-            filter_model,
-            logs,
-            batch.theta,
-            ceilings=ceilings,
-            threads=self.threads,
-            compiled=self.compiled,
-            **batch.values(),
-        )
-        return Below(found.nll, found.abandoned, found.share)
-
-    def terms(self, filter_model: FilterModel, logs: Sequence[MatchedLog], batch: Batch) -> Terms:
-        """Scalar terms, rows ordered by log, output, sample."""
-        records = innovations(
-            filter_model,
-            logs,
-            batch.theta,
-            threads=self.threads,
-            compiled=self.compiled,
-            **batch.values(),
-        )
-        members = batch.theta.shape[1]
-        return Terms(
-            np.concatenate([record.values.reshape(-1, members) for record in records]),
-            np.concatenate([record.log_scales.reshape(-1, members) for record in records]),
-        )
 
 
 @dataclass(frozen=True)

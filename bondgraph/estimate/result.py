@@ -15,8 +15,9 @@ from bondgraph.errors import EstimationError, suggest
 from bondgraph.estimate.certify import NEGLIGIBLE_SHIFT, Certification
 from bondgraph.estimate.continuation import Stage
 from bondgraph.estimate.free import FreeParameter
+from bondgraph.estimate.likelihoods import Batch
 from bondgraph.estimate.objective import Expand, FloatArray, SearchOutcome, TraceRow, fitted_expansion
-from bondgraph.estimate.problem import Batch, EstimationProblem
+from bondgraph.estimate.problem import EstimationProblem
 from bondgraph.estimate.profile import profile_interval
 from bondgraph.estimate.uncertainty import Uncertainty, UncertaintyOutcome, uncertainty
 from bondgraph.filter.consistency import misfits

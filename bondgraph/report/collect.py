@@ -25,7 +25,8 @@ from bondgraph.report.series import (
     Prediction,
     StateBand,
 )
-from bondgraph.simulate.model import Model, OutputInfo, ParameterInfo, StateInfo
+from bondgraph.simulate.model import Model
+from bondgraph.simulate.quantities import OutputInfo, ParameterInfo, StateInfo
 from bondgraph.simulate.trajectory import Trajectory
 
 LIBRARIES = ("numpy", "scipy", "sympy", "numba")

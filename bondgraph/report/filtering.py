@@ -27,7 +27,8 @@ from bondgraph.report.numbers import shown
 from bondgraph.report.plots import state_figure
 from bondgraph.report.series import ChannelSeries, channel_errors
 from bondgraph.report.suspicions import sampling_suspicions, unit_suspicions
-from bondgraph.simulate.model import Model, ParameterInfo, StateInfo
+from bondgraph.simulate.model import Model
+from bondgraph.simulate.quantities import ParameterInfo, StateInfo
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ from bondgraph.errors import OptionError, suggest
 from bondgraph.report.diagram.text import plain
 from bondgraph.report.figures import LINES, figure_style
 from bondgraph.report.series import FloatArray
-from bondgraph.simulate.model import InputInfo, OutputInfo, StateInfo
+from bondgraph.simulate.quantities import InputInfo, OutputInfo, StateInfo
 from bondgraph.simulate.scenario import Panel
 from bondgraph.simulate.trajectory import Trajectory
 from bondgraph.units import conversion

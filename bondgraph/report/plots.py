@@ -26,7 +26,7 @@ from bondgraph.report.figures import (
     figure_style,
 )
 from bondgraph.report.series import ChannelSeries, FloatArray, MissingEffort, Prediction, StateBand
-from bondgraph.simulate.model import InputInfo, OutputInfo, StateInfo
+from bondgraph.simulate.quantities import InputInfo, OutputInfo, StateInfo
 from bondgraph.simulate.trajectory import Trajectory
 
 #: Points of a line beyond which it is thinned.

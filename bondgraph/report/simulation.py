@@ -19,7 +19,8 @@ from bondgraph.errors import OptionError, suggest
 from bondgraph.generate.module import render
 from bondgraph.report.energy import energy_states, inertia_value
 from bondgraph.simulate.inputs import InputSignal
-from bondgraph.simulate.model import Model, OutputInfo, StateInfo
+from bondgraph.simulate.model import Model
+from bondgraph.simulate.quantities import OutputInfo, StateInfo
 from bondgraph.simulate.scenario import Scenario
 from bondgraph.simulate.simulate import simulate
 from bondgraph.simulate.trajectory import Trajectory

@@ -17,10 +17,10 @@ from typing import TYPE_CHECKING, Any, Literal, get_args
 import numpy as np
 import numpy.typing as npt
 
-from bondgraph.coherent import Displayed
 from bondgraph.errors import ModelError, suggest
 from bondgraph.simulate.arrays import FloatArray
 from bondgraph.simulate.loader import parse_module, require_function, run_module
+from bondgraph.simulate.quantities import InputInfo, OutputInfo, ParameterInfo, StateInfo
 from bondgraph.simulate.rows import EventInfo, ModeInfo, events_of, input_rows, shown_rows
 
 if TYPE_CHECKING:
@@ -28,69 +28,6 @@ if TYPE_CHECKING:
     from bondgraph.simulate.program.model_program import Equations, ModelProgram
 
 Kind = Literal["state", "input", "parameter", "output"]
-
-
-@dataclass(frozen=True)
-class StateInfo(Displayed):
-    """One state: its unit and value at the start."""
-
-    name: str
-    unit: str
-    initial: float
-    meaning: str
-    shown_unit: str = ""
-
-
-@dataclass(frozen=True)
-class InputInfo(Displayed):
-    """One input: its default, how it runs between samples, and its letters if it is a code.
-
-    ``interpolation`` is ``linear``, ``hold``, or ``rate of NAME`` for the slope of another input, held between samples.
-    ``zero_default`` tells a default of zero that is declared from none at all.
-    """
-
-    name: str
-    unit: str
-    default: float
-    interpolation: str
-    letters: Mapping[str, float] | None
-    meaning: str
-    shown_unit: str = ""
-    zero_default: bool = False
-
-    @property
-    def has_default(self) -> bool:
-        """Whether a default is declared; what has none must be given."""
-        return self.default != 0.0 or self.zero_default
-
-    @property
-    def rate_of(self) -> str:
-        """The input whose slope this one is; empty for all others."""
-        start = "rate of "
-        return self.interpolation.removeprefix(start) if self.interpolation.startswith(start) else ""
-
-
-@dataclass(frozen=True)
-class ParameterInfo(Displayed):
-    """One parameter: its value and its bounds; without bounds it was measured and stays fixed."""
-
-    name: str
-    unit: str
-    value: float
-    lower: float | None
-    upper: float | None
-    meaning: str
-    shown_unit: str = ""
-
-
-@dataclass(frozen=True)
-class OutputInfo(Displayed):
-    """One measured quantity."""
-
-    name: str
-    unit: str
-    meaning: str
-    shown_unit: str = ""
 
 
 @dataclass(frozen=True)

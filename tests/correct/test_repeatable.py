@@ -14,7 +14,8 @@ import pytest
 from bondgraph.correct.fits.fit import fit, no_report
 from bondgraph.correct.loop import ClosedLoop, LoopSettings, close_loop
 from bondgraph.correct.models.build import build
-from bondgraph.estimate.problem import EstimationProblem, FilterLikelihood
+from bondgraph.estimate.likelihoods import FilterLikelihood
+from bondgraph.estimate.problem import EstimationProblem
 from bondgraph.simulate.model import Model
 from bondgraph.simulate.program.lanes import load_lanes, load_tangents
 from tests.correct import sled, winch

@@ -10,8 +10,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from bondgraph.data.log import MatchedLog
+from bondgraph.estimate.likelihoods import Batch
 from bondgraph.estimate.objective import Terms
-from bondgraph.estimate.problem import Batch
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.simulate.model import Model
 from tests.module_text import STACK

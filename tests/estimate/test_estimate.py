@@ -15,9 +15,10 @@ from bondgraph.estimate.estimate import Settings, estimate
 from bondgraph.estimate.free import FreeParameter
 from bondgraph.estimate.gauss_newton import GaussNewtonSettings
 from bondgraph.estimate.handover import distinct_starts, spread_starts
+from bondgraph.estimate.likelihoods import FilterLikelihood
 from bondgraph.estimate.objective import SearchOutcome, TraceRow
 from bondgraph.estimate.particle_swarm import SwarmSettings, particle_swarm
-from bondgraph.estimate.problem import EstimationProblem, FilterLikelihood, pose
+from bondgraph.estimate.problem import EstimationProblem, pose
 from bondgraph.estimate.uncertainty import UncertaintyOutcome
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.simulate.example import pendulum

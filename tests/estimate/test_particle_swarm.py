@@ -14,6 +14,7 @@ from hypothesis.extra import numpy as hnp
 from bondgraph.data.log import MatchedLog
 from bondgraph.errors import EstimationError
 from bondgraph.estimate.free import FreeParameter
+from bondgraph.estimate.likelihoods import FilterLikelihood
 from bondgraph.estimate.objective import SearchOutcome
 from bondgraph.estimate.particle_swarm import (
     SwarmSettings,
@@ -23,7 +24,7 @@ from bondgraph.estimate.particle_swarm import (
     step_swarm,
     swarm_ended,
 )
-from bondgraph.estimate.problem import EstimationProblem, FilterLikelihood, pose
+from bondgraph.estimate.problem import EstimationProblem, pose
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.simulate.example import pendulum
 from tests.verification.optima import (

@@ -11,7 +11,8 @@ from bondgraph.data.log import MatchedLog
 from bondgraph.errors import EstimationError
 from bondgraph.estimate.free import FreeParameter, declared_free, parse_target
 from bondgraph.estimate.initial import directly_measured, initial_states
-from bondgraph.estimate.problem import FilterLikelihood, pose
+from bondgraph.estimate.likelihoods import FilterLikelihood
+from bondgraph.estimate.problem import pose
 from bondgraph.simulate.example import pendulum
 from bondgraph.simulate.model import Model
 from tests.estimate.linear import ExactLikelihood, lag, simulated

@@ -12,8 +12,9 @@ from bondgraph.errors import EstimationError
 from bondgraph.estimate.estimate import Settings, estimate
 from bondgraph.estimate.free import FreeParameter
 from bondgraph.estimate.innovation_summary import fitted_runs, innovation_summary
+from bondgraph.estimate.likelihoods import FilterLikelihood
 from bondgraph.estimate.objective import Terms
-from bondgraph.estimate.problem import FilterLikelihood, pose
+from bondgraph.estimate.problem import pose
 from bondgraph.estimate.sensitivity import sensitivity
 from tests.estimate.linear import ExactLikelihood, lag, simulated
 

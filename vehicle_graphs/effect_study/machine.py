@@ -18,7 +18,8 @@ from bondgraph.declare.effect import Effect, EffectFunction, Place, Scale
 from bondgraph.declare.elements import Bond
 from bondgraph.declare.graph import BondGraph
 from bondgraph.errors import OptionError, suggest
-from bondgraph.simulate.model import Model, ParameterInfo
+from bondgraph.simulate.model import Model
+from bondgraph.simulate.quantities import ParameterInfo
 
 #: Inputs (n_u, samples) of a drive, for a model and the times of its samples (samples,).
 Excitation = Callable[[Model, FloatArray, np.random.Generator], FloatArray]
