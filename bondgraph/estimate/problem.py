@@ -23,6 +23,10 @@ from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.follows import with_followers
 
 
+#: What an estimation maximises unless another likelihood is asked for.
+_FILTER = FilterLikelihood()
+
+
 @dataclass(frozen=True)
 class EstimationProblem:
     """Free parameters of a filter model and the logs that speak about them; build one with :func:`pose`.
@@ -50,7 +54,7 @@ class EstimationProblem:
     logs: tuple[MatchedLog, ...]
     free: tuple[FreeParameter, ...]
     initial: Initial = "measured"
-    likelihood: LikelihoodFunction = FilterLikelihood()
+    likelihood: LikelihoodFunction = _FILTER
 
     def __post_init__(self) -> None:
         _check_logs(self)
@@ -233,7 +237,7 @@ def pose(
         else declared_free(item, filter_model, _start(item, filter_model, listed, starts), listed)
         for item in free
     )
-    return EstimationProblem(filter_model, listed, chosen, initial, likelihood or FilterLikelihood())
+    return EstimationProblem(filter_model, listed, chosen, initial, likelihood or _FILTER)
 
 
 def _start(
