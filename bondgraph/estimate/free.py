@@ -40,7 +40,8 @@ _CORRELATED = 0.999
 
 #: Bounds that span more than this factor, all above zero, are searched on a logarithmic scale.
 _WIDE = 20.0
-#: Noise levels are searched within this factor of their declared value where no log bounds them.
+#: Noise levels are searched within this factor of their declared value where no log bounds them, and down to it where
+#: the log's own bound is higher.
 _NOISE_SPAN = 100.0
 #: Initial states are searched within this many of the filter's initial standard deviations.
 _INITIAL_SPAN = 6.0
@@ -215,8 +216,9 @@ def _declared_level(
             where=(name,),
         )
     lower, upper = shown or (level / _NOISE_SPAN, level * _NOISE_SPAN)
-    level = level if level > 0.0 else math.sqrt(lower * upper)
-    return FreeParameter(name, min(lower, level), max(upper, level), level, scale="log")
+    if level <= 0.0:
+        level = math.sqrt(lower * upper)
+    return FreeParameter(name, min(lower, level / _NOISE_SPAN), max(upper, level), level, scale="log")
 
 
 def _shown_bounds(target: Target, filter_model: FilterModel, logs: Sequence[MatchedLog]) -> tuple[float, float] | None:

@@ -45,7 +45,8 @@ def test_a_fit_that_begins_on_an_excerpt_ends_where_one_on_the_whole_does(monkey
     begun = _fitted()
     monkeypatch.setattr(fitting, "excerpt", lambda given: None)
     whole = _fitted()
-    assert begun.nll == pytest.approx(whole.nll, abs=1.0)
+    # each may end where the last exact derivatives still promise about a nat
+    assert begun.nll == pytest.approx(whole.nll, abs=2.0)
     assert begun.values["c"] == pytest.approx(whole.values["c"], abs=0.5 * whole.std["c"])
 
 

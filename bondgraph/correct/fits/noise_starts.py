@@ -12,8 +12,8 @@ from bondgraph.estimate.free import FreeParameter
 
 #: Factors on declared noise levels at which a first fit looks for its start.
 _NOISIER = (1.0, 5.0, 25.0, 125.0)
-#: Where process noise and that of sensors begin a quiet search: shares of the way between their bounds (logarithms).
-_QUIET, _LOUD = 0.2, 0.7
+#: Factors on declared levels with which a quiet search begins: of process noise, and of the sensors' noise.
+_QUIET = {"process": 0.25, "std": 6.0}
 
 
 def quiet_start(free: Sequence[FreeParameter], point: FloatArray) -> FloatArray:
@@ -24,9 +24,9 @@ def quiet_start(free: Sequence[FreeParameter], point: FloatArray) -> FloatArray:
     """
     start = point.copy()
     for k, parameter in enumerate(free):
-        if parameter.target.kind in ("process", "std"):
-            low, high = parameter.coordinate(parameter.lower), parameter.coordinate(parameter.upper)
-            start[k] = low + (_QUIET if parameter.target.kind == "process" else _LOUD) * (high - low)
+        if parameter.target.kind in _QUIET:
+            level = parameter.start * _QUIET[parameter.target.kind]
+            start[k] = parameter.coordinate(float(np.clip(level, parameter.lower, parameter.upper)))
     return start
 
 

@@ -39,8 +39,11 @@ _SEARCH_GRADING = 1.35
 _STIFF_METHOD = "ros3p"
 #: Samples of each log at which its rates are looked at first.
 _RATES = 25
-#: Process noise starts at this share of a state's size per sqrt(s).
-_PROCESS_START = 1e-3
+#: A sensor's noise may be this much less than second differences say: beyond, its level has no slope to come back by.
+_SENSOR_LOW = 1e-2
+#: Process noise starts at this share of a state's size per sqrt(s), and may fall by this factor: a model with so little
+#: is taken as next to exact, while searches with none at all are rugged.
+_PROCESS_START, _PROCESS_LOW = 1e-3, 3e-2
 #: A measured state starts at its first measurement, which the filter then takes once more: with so many standard
 #: deviations of its sensor as uncertainty it counts as one sample. With one of them an outlier of 7.4 at the start of a
 #: position cost 49 nats, which a bias of its sensor made good.
@@ -99,8 +102,10 @@ def filter_setup(
     start_std = _start_std(model, logs, noise, sizes)
     filter_model = resolved(FilterModel(model, process, noise, start_std, substeps=1, alpha=1.0), logs)
     filter_model = with_noise_steps(filter_model, logs)
-    free = [declared_free(f"std({name})", filter_model, logs=logs) for name in noise]
-    free += [declared_free(f"process({name})", filter_model, logs=logs) for name in process]
+    least = {"std": _SENSOR_LOW, "process": _PROCESS_LOW}
+    names = [f"std({name})" for name in noise] + [f"process({name})" for name in process]
+    levels = [declared_free(name, filter_model, logs=logs) for name in names]
+    free = [replace(one, lower=one.start * least[one.target.kind]) for one in levels]
     return FilterSetup(filter_model, tuple(free), sizes)
 
 
