@@ -3,8 +3,8 @@
 A level is searched over many powers of ten, so its bounds must come from the data and not from a guess of its size. A
 sensor's noise is at most the range of its channel. Noise that drives a state is at most what would move some channel
 through its whole range within one sample: the state is pushed, and the machine, linearised where the logs begin,
-carries the push to the sensors. Both are at least a millionth of that, the resolution of a
-good measurement chain (20 bits), unless a declared level is lower.
+carries the push to the sensors. Both are at least a millionth of that, the resolution of a good measurement chain (20
+bits).
 """
 
 from __future__ import annotations

@@ -98,7 +98,10 @@ def test_under_coloured_noise_a_free_simulation_must_gain_over_the_quiet_fit_wit
 
 
 def test_a_sensor_far_better_than_any_free_simulation_does_not_spoil_the_second_look() -> None:
-    """An encoder of nanometres: by the bounds of its noise the quiet fit is wrong by many times, wherever it ends."""
+    """An encoder of nanometres: its noise may grow to the error of the model, by the range of its channel.
+
+    Bounded within a factor of the nanometres, the quiet fit was wrong by many times wherever it ended.
+    """
     time = 0.01 * np.arange(1200)
     voltage = 3.0 * np.sin(2.0 * np.pi * time / 6.0)[np.newaxis]
     true = build(emps.declared(("coulomb_loss",))).model
@@ -112,9 +115,10 @@ def test_a_sensor_far_better_than_any_free_simulation_does_not_spoil_the_second_
     quiet, annealed = quiet_fit(base, [log]), annealed_fit(base, [log])
     assert quiet is not None and annealed is not None
     row = quiet.problem.names.index("std(position)")
-    assert quiet.held[row] and not annealed.held[row]
-    (spoilt,), (sound,) = whiteness(quiet, [log]), whiteness(annealed, [log])
-    assert spoilt.nis_mean > 5.0 and sound.nis_mean == pytest.approx(1.0, rel=0.3)
+    for found in (quiet, annealed):
+        assert not found.held[row] and found.values["std(position)"] > 1e-3
+        (seen,) = whiteness(found, [log])
+        assert seen.nis_mean == pytest.approx(1.0, rel=0.3)
 
 
 @pytest.mark.parametrize("seed", range(4))

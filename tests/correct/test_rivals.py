@@ -150,7 +150,8 @@ def test_a_refit_in_part_tells_what_another_would_gain_in_that_part(part: tuple[
         for one in (there, replace(there, gate=None))
     )
     assert told is not None and throughout is not None
-    assert told.loss == pytest.approx(-really, rel=0.5)
+    # far from the optimum of the other fit the expansion tells the direction and a good part of the gain
+    assert -1.5 * really < told.loss < -0.3 * really
     assert throughout.loss > 0.0  # it does not act before
     done = rivals([there], scored, ground)
     best = choose(done, ground.level)
