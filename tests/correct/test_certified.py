@@ -40,11 +40,11 @@ def test_steps_that_are_too_long_are_told() -> None:
     log = drawn(0.0)
     setup = setup_of(log)
     fine = fit(setup.filter_model, [log], (*free_parameters(setup, ()), *setup.noise))
-    coarse = replace(setup.filter_model, method="ros2", substeps=1, grading=1.0)
+    coarse = replace(setup.filter_model, method="ros2", substeps=1, grading=1.0, noise_scheme="sampled")
     problem = replace(fine.problem, filter_model=coarse)
     expansion = expand(problem, fine.point, np.full(fine.point.size, 1e-5))
     found = certify(replace(fine, problem=problem, expansion=expansion))
-    assert found.shift > NEGLIGIBLE_SHIFT and abs(found.nats) > 1.0
+    assert found.shift > NEGLIGIBLE_SHIFT and abs(found.nats) > 0.5
     (said,) = doubts("declared", found)
     assert said.startswith(
         f"the declared model is not certified: with every integration step halved, {found.parameter}"
@@ -76,7 +76,7 @@ def test_a_fit_goes_on_with_shorter_steps_where_its_steps_move_it() -> None:
     log, own = pull(light, 2), build(light)
     setup = filter_setup(own.model, own.driven, [log])
     free = (*free_parameters(setup, ()), *setup.noise)
-    coarse = fit(replace(setup.filter_model, substeps=1), [log], free)
+    coarse = fit(replace(setup.filter_model, substeps=1, noise_scheme="sampled"), [log], free)
     assert certify(coarse).shift > NEGLIGIBLE_SHIFT
     fine, found = refined(coarse)
     assert found.shift <= NEGLIGIBLE_SHIFT and fine.problem.filter_model.substeps > 1
@@ -97,7 +97,7 @@ def test_a_stiff_fit_that_its_steps_do_not_disturb_is_left_alone() -> None:
 def test_a_stiff_fit_with_too_few_steps_is_refined_too() -> None:
     log = drawn(0.0)
     setup = setup_of(log)
-    coarse = replace(setup.filter_model, method="ros2", substeps=1, grading=1.0)
+    coarse = replace(setup.filter_model, method="ros2", substeps=1, grading=1.0, noise_scheme="sampled")
     rough = fit(coarse, [log], (*free_parameters(setup, ()), *setup.noise))
     fine, found = refined(rough)
     used = fine.problem.filter_model
@@ -110,7 +110,8 @@ def coarse_fan() -> Fit:
     """The exactly declared fan with the steps that stability alone asks for."""
     log = fan.drawn(2, samples=400, interval=0.01, scale=0.3)
     setup = filter_setup(fan.built().model, fan.built().driven, [log])
-    return fit(setup.filter_model, [log], (*free_parameters(setup, ()), *setup.noise))
+    sampled = replace(setup.filter_model, substeps=2, noise_scheme="sampled")  # whose steps no node of the noise cuts shorter
+    return fit(sampled, [log], (*free_parameters(setup, ()), *setup.noise))
 
 
 def test_effects_could_make_up_for_steps_that_are_stable_but_no_more() -> None:

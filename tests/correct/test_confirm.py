@@ -32,7 +32,7 @@ def test_a_fit_without_the_law_that_ended_too_early_is_found_from_where_the_refi
     trials, _, ground = rivals()
     drag = refit_alone(trials[0], trials[0].step, ground)
     assert drag.fit is not None and drag.evidence is not None
-    monkeypatch.setattr(confirm, "_is_white", lambda *given: False)
+    monkeypatch.setattr(confirm, "_is_clear", lambda *given: False)
     monkeypatch.setattr(confirm, "_in_free_simulation", lambda refit, trial, evidence, ground: evidence)
     monkeypatch.setattr(confirm, "excerpt", lambda problem: None if samples is None else excerpt(problem, samples))
     early = worse(ground.base, 0.1)

@@ -50,7 +50,9 @@ TRUTH = {"k": 156.0, "d": 0.5}
 
 def problem(substeps: int) -> EstimationProblem:
     model = Model.from_text(OSCILLATOR)
-    exact = FilterModel(model, {"v": 0.01}, {"deflection": 0.002}, {"q": 0.01, "v": 0.01}, substeps=16, noise_steps=0)
+    exact = FilterModel(
+        model, {"v": 0.01}, {"deflection": 0.002}, {"q": 0.01, "v": 0.01}, substeps=16, noise_scheme="sampled"
+    )
     time = np.arange(120) * 0.05
     pattern = MatchedLog("ring", time, np.zeros((0, 120)), np.zeros((1, 120)))
     log = draw_logs(exact, pattern, 1, seed=5, theta=model.theta(**TRUTH)).logs[0]

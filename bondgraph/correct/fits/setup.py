@@ -101,7 +101,8 @@ def filter_setup(
     }
     start_std = _start_std(model, logs, noise, sizes)
     filter_model = resolved(FilterModel(model, process, noise, start_std, substeps=1, alpha=1.0), logs)
-    filter_model = with_noise_steps(filter_model, logs)
+    if not filter_model.is_stiff:  # whose certificate tells whether its one panel is enough
+        filter_model = with_noise_steps(filter_model, logs)
     least = {"std": _SENSOR_LOW, "process": _PROCESS_LOW}
     names = [f"std({name})" for name in noise] + [f"process({name})" for name in process]
     levels = [declared_free(name, filter_model, logs=logs) for name in names]

@@ -20,7 +20,7 @@ from bondgraph.correct.fits.assess import gain_p_value
 from bondgraph.correct.fits.excerpts import excerpt
 from bondgraph.correct.fits.fit import Fit, fit
 from bondgraph.correct.fits.linear_steps import is_linearised
-from bondgraph.correct.fits.whiteness import is_white, whiteness
+from bondgraph.correct.fits.whiteness import whiteness
 from bondgraph.correct.models.candidates import Candidate
 from bondgraph.correct.refits.decide import channel_shares, judge, robust_p_value, robust_ratio_p_value
 from bondgraph.correct.refits.refit import Ground, at_optimum
@@ -31,8 +31,6 @@ from bondgraph.errors import EstimationError
 _TOLERANCE, _MOST_ITERATIONS = 0.05, 40
 #: A search on the beginnings of long logs ends where a step promises less than so many nats.
 _ROUGH = 2.0
-#: A channel that tells less than this share of a coefficient hardly tells of it.
-_HARDLY = 0.05
 #: Largest correlation from sample to sample that is allowed for.
 _LONGEST = 0.97
 
@@ -40,18 +38,18 @@ _LONGEST = 0.97
 def confirmed(trial: Trial, ground: Ground) -> Trial:
     """The trial with its evidence after a second look.
 
-    On stiff models, whose fits are costly, it is as it is where its innovations are white. Neither the variance of a
-    refit nor that of a score tells enough otherwise: in noise of another colour dry friction of a strut was 30 and more
-    standard deviations from zero, where its scores said p = 1 once and 0.006 once. Channels that hardly tell of it may
-    have any colour. A storage, whose free simulation misses one that is there beside something else, must gain all
-    along the logs there: a soft shaft in coloured noise gained 17 to 27 nats, one to 1.5 standard errors of their sum,
-    where a true one gained 578, 4.5 of them.
+    A trial that stands by its white channels alone is left as it is on stiff models, whose fits are costly. Neither the
+    variance of a refit nor that of a score tells enough otherwise: in noise of another colour dry friction of a strut
+    was 30 and more standard deviations from zero, where its scores said p = 1 once and 0.006 once. A storage must gain
+    all along the logs there, since its free simulation misses one that is there beside something else: a soft shaft in
+    coloured noise gained 17 to 27 nats, one to 1.5 standard errors of their sum, where a true one gained 578, 4.5 of
+    them.
     """
     if trial.fit is None or trial.evidence is None:
         return trial
     candidate = trial.candidate
     if ground.base.problem.filter_model.is_stiff:
-        if _is_white(trial.fit, candidate, ground.level):
+        if _is_clear(trial.fit, trial.evidence, candidate, ground.level):
             return trial
         if candidate.effect.adds_state and not candidate.followed:
             along = gain_p_value(ground.base.own_runs, trial.fit.own_runs)
@@ -82,17 +80,21 @@ def _from_there(base: Fit, refit: Fit, ground: Ground) -> Fit:
     return other if other.nll < base.nll else base
 
 
-def _is_white(refit: Fit, candidate: Candidate, level: float) -> bool:
-    """Whether the innovations of the channels that tell of a candidate could be white."""
-    told = channel_shares(refit, candidate.effect.coefficients)
-    return is_white(refit, level, {channel for channel, share in told.items() if share < _HARDLY})
+def _is_clear(refit: Fit, evidence: Evidence, candidate: Candidate, level: float) -> bool:
+    """Whether a candidate stands by the channels alone whose innovations could be white.
+
+    Coloured ones may say what they like: what they tell of its coefficients does not count.
+    """
+    names = candidate.effect.coefficients
+    told, tests = channel_shares(refit, names), whiteness(refit, refit.problem.logs)
+    coloured = sum(told[test.channel] for test in tests if test.p_value * len(tests) < level)
+    return robust_p_value(refit, names, share=max(0.0, 1.0 - coloured)) * evidence.tried < level
 
 
 def _in_free_simulation(refit: Fit, trial: Trial, evidence: Evidence, ground: Ground) -> Evidence:
     """The evidence; where the innovations stay coloured with the p-value that the free simulation gives."""
-    if _is_white(refit, trial.candidate, ground.level) or not any(
-        one.target.kind == "process" for one in refit.problem.free
-    ):
+    driven = any(one.target.kind == "process" for one in refit.problem.free)
+    if not driven or _is_clear(refit, evidence, trial.candidate, ground.level):
         return evidence
     quiet = _quietest(refit, quiet_fit(refit, refit.problem.logs, ground.journal), ground)
     if quiet is None:  # no simulation with it stays near the logs

@@ -38,11 +38,12 @@ def judge(base: Fit, refit: Fit, effect: Effect, tried: int, gated: bool = False
     return Evidence(gain, min(1.0, ratio * tried), min(1.0, robust * tried), gain - penalty, tried)
 
 
-def robust_p_value(fitted: Fit, coefficients: Sequence[str], uneven: bool = False) -> float:
+def robust_p_value(fitted: Fit, coefficients: Sequence[str], uneven: bool = False, share: float = 1.0) -> float:
     """P-value of coefficients being zero, by their block-sandwich variance; Hotelling's statistic if several.
 
     A coefficient of which nothing but zero is left counts as absent. With ``uneven`` the degrees of freedom are those
-    of :func:`effective_blocks`: a scatter that rests on two or three blocks of time is itself hardly known.
+    of :func:`effective_blocks`: a scatter that rests on two or three blocks of time is itself hardly known. ``share``
+    is the part of what the logs tell of the coefficients that counts.
     """
     times = term_times(fitted.problem)
     free = ~fitted.held
@@ -58,7 +59,7 @@ def robust_p_value(fitted: Fit, coefficients: Sequence[str], uneven: bool = Fals
     if not rows:
         return 1.0
     distance = np.array(distances)
-    squared = float(distance @ solve(variance[np.ix_(rows, rows)], distance[:, np.newaxis])[:, 0])
+    squared = share * float(distance @ solve(variance[np.ix_(rows, rows)], distance[:, np.newaxis])[:, 0])
     size = len(rows)
     count = float(max(int(times.block.max()) + 1, size + 2))
     if uneven:
