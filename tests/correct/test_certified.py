@@ -110,7 +110,8 @@ def coarse_fan() -> Fit:
     """The exactly declared fan with the steps that stability alone asks for."""
     log = fan.drawn(2, samples=400, interval=0.01, scale=0.3)
     setup = filter_setup(fan.built().model, fan.built().driven, [log])
-    sampled = replace(setup.filter_model, substeps=2, noise_scheme="sampled")  # whose steps no node of the noise cuts shorter
+    # no node of the noise cuts these steps shorter
+    sampled = replace(setup.filter_model, substeps=2, noise_scheme="sampled")
     return fit(sampled, [log], (*free_parameters(setup, ()), *setup.noise))
 
 
