@@ -12,6 +12,11 @@ from typing import TypeVar
 
 import numpy as np
 
+from bondgraph.arrays import FloatArray
+from bondgraph.compile.lanes.load import LaneModel, load_lanes
+from bondgraph.compile.lanes.text import LANES
+from bondgraph.compile.machine_code import load_kernel
+from bondgraph.compile.rosenbrock import TABLEAUS
 from bondgraph.filter import kernel, kernel_algebra, kernel_channels, kernel_record
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.kernel_record import Record
@@ -20,11 +25,6 @@ from bondgraph.filter.members import MemberBatch
 from bondgraph.filter.samples import Samples
 from bondgraph.filter.sigma_points import PIVOT_FLOOR
 from bondgraph.filter.ukf import scaled
-from bondgraph.simulate.arrays import FloatArray
-from bondgraph.simulate.compile import load_kernel
-from bondgraph.simulate.program.lane_text import LANES
-from bondgraph.simulate.program.lanes import LaneModel, load_lanes
-from bondgraph.simulate.rosenbrock import TABLEAUS
 
 #: A member by itself, with its sigma points side by side, costs about a block of lanes over this share of the calls
 #: that it saves.

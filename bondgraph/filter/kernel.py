@@ -20,6 +20,8 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
+from bondgraph.arrays import FloatArray
+from bondgraph.compile.lanes.load import Advance, Measure, Prepare
 from bondgraph.filter.kernel_algebra import _condition, _draw, _drive, _expect, _factor, _join, _moments, _spread
 from bondgraph.filter.kernel_channels import _find_measured
 from bondgraph.filter.kernel_record import (
@@ -30,12 +32,10 @@ from bondgraph.filter.kernel_record import (
     _keep_outputs,
 )
 from bondgraph.filter.kernel_types import Log, Members, Part, Rules, Verdicts, Work
-from bondgraph.simulate.arrays import FloatArray
-from bondgraph.simulate.program.lanes import Advance, Measure, Prepare
 
 
 class Equations(NamedTuple):
-    """Compiled functions of a model, see :class:`bondgraph.simulate.program.lanes.LaneModel`."""
+    """Compiled functions of a model, see :class:`bondgraph.compile.lanes.load.LaneModel`."""
 
     prepare: Prepare
     advance: Advance

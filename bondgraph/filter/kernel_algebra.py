@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 
+from bondgraph.arrays import FloatArray
 from bondgraph.filter.kernel_types import Members, Rules, Work
-from bondgraph.simulate.arrays import FloatArray
 
 
 def _draw(rules: Rules, work: Work) -> None:

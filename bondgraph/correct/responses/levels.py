@@ -16,12 +16,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from bondgraph.arrays import IntArray
+from bondgraph.compile.machine_code import load_kernel
 from bondgraph.correct.responses import level_kernel
 from bondgraph.correct.responses.response import LinearLog
 from bondgraph.data.log import FloatArray
 from bondgraph.filter.filter_run import FilterRun
-from bondgraph.simulate.arrays import IntArray
-from bondgraph.simulate.compile import load_kernel
 
 
 @dataclass(frozen=True)

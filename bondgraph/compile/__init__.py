@@ -1,0 +1,1 @@
+"""Compiler of generated modules: text, tape, passes, lanes of machine code."""

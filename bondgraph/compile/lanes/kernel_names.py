@@ -1,0 +1,44 @@
+"""Names that lane kernels use before they exist: every printed module defines them itself.
+
+Kernels import them for the type checker only.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from bondgraph.arrays import FloatArray
+
+LANES: int
+N_X: int
+ROWS: int
+X: int
+STAGE: int
+SLOPE: int
+TOTAL: int
+TREND: int
+STAGES: int
+DIN: int
+DOUT: int
+JAC: int
+N_JAC: int
+JACS: int
+
+#: ``rates(clock, inputs, w, n)``, and the same for ``slopes`` and ``factor``
+rates: Callable[[FloatArray, FloatArray, FloatArray, int], None]
+slopes: Callable[[FloatArray, FloatArray, FloatArray, int], None]
+factor: Callable[[FloatArray, FloatArray, FloatArray, int], None]
+
+#: The step of the method at hand: ``_rk4_step`` or ``_rosenbrock_step``.
+one_step: Callable[..., None]
+
+#: ``push(seed, w, n)``
+push: Callable[[FloatArray, FloatArray, int], None]
+
+#: ``push_step(seed, clock, w, n)`` and ``push_state(clock, w, n)``
+push_step: Callable[[FloatArray, FloatArray, FloatArray, int], None]
+push_state: Callable[[FloatArray, FloatArray, int], None]
+
+#: ``substitute(w, n)`` and ``curve(w, n)``
+substitute: Callable[[FloatArray, int], None]
+curve: Callable[[FloatArray, int], None]
