@@ -42,3 +42,15 @@ push_state: Callable[[FloatArray, FloatArray, int], None]
 #: ``substitute(w, n)`` and ``curve(w, n)``
 substitute: Callable[[FloatArray, int], None]
 curve: Callable[[FloatArray, int], None]
+
+#: Stage arithmetic of Runge-Kutta steps, see ``stages``: ``begin(w, n)``, ``first`` and ``inner(weight, reach, w, n)``
+begin: Callable[[FloatArray, int], None]
+first: Callable[[float, float, FloatArray, int], None]
+inner: Callable[[float, float, FloatArray, int], None]
+last: Callable[[float, FloatArray, int], None]
+
+#: And of Rosenbrock steps.
+reach: Callable[[FloatArray, int, int, FloatArray, int], None]
+right: Callable[[FloatArray, int, int, int, float, FloatArray, int], None]
+keep: Callable[[int, FloatArray, int], None]
+finish: Callable[[FloatArray, int, FloatArray, int], None]

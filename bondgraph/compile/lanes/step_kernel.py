@@ -17,18 +17,17 @@ from bondgraph.arrays import FloatArray
 
 if TYPE_CHECKING:
     from bondgraph.compile.lanes.kernel_names import (
-        LANES,
-        N_X,
-        ROWS,
-        SLOPE,
-        STAGE,
-        STAGES,
-        TOTAL,
-        TREND,
-        X,
+        begin,
         factor,
+        finish,
+        first,
+        inner,
+        keep,
+        last,
         one_step,
         rates,
+        reach,
+        right,
         substitute,
     )
 
@@ -62,16 +61,6 @@ def _set_inputs(share: float, u_left: FloatArray, u_right: FloatArray, inputs: F
         inputs[i] = u_left[i] + share * (u_right[i] - u_left[i])
 
 
-def _copy(w: FloatArray, target: int, source: int, size: int) -> None:
-    for q in range(size):
-        w[target + q] = w[source + q]
-
-
-def _add(w: FloatArray, target: int, share: float, source: int, size: int) -> None:
-    for q in range(size):
-        w[target + q] += share * w[source + q]
-
-
 def _rk4_step(
     start: float,
     length: float,
@@ -86,24 +75,22 @@ def _rk4_step(
     n: int,
 ) -> None:
     """One step of the classical Runge-Kutta method of order 4."""
-    size = w.size // ROWS * N_X  # the lanes, as a number that numba does not know: else loops stay scalar
-    _copy(w, STAGE * LANES, X * LANES, size)
-    for q in range(size):
-        w[TOTAL * LANES + q] = 0.0
+    begin(w, n)
     for s in range(4):
         # nodes 0, 1/2, 1/2, 1 and weights 1/6, 1/3, 1/3, 1/6
-        inner = s == 1 or s == 2
-        now = passed + (0.5 if inner else float(s // 2)) * step
+        middle = s == 1 or s == 2
+        now = passed + (0.5 if middle else float(s // 2)) * step
         clock[0] = start + now
         _set_inputs(now / length, u_left, u_right, inputs)
         rates(clock, inputs, w, n)
-        weight = (2.0 if inner else 1.0) * step / 6.0
-        reach = (1.0 if s == 2 else 0.5) * step
-        for q in range(size):
-            slope = w[SLOPE * LANES + q]
-            w[TOTAL * LANES + q] += weight * slope
-            w[STAGE * LANES + q] = w[X * LANES + q] + reach * slope
-    _add(w, X * LANES, 1.0, TOTAL * LANES, size)
+        weight = (2.0 if middle else 1.0) * step / 6.0
+        length_there = (1.0 if s == 2 else 0.5) * step
+        if s == 0:
+            first(weight, length_there, w, n)
+        elif s < 3:
+            inner(weight, length_there, w, n)
+        else:
+            last(weight, w, n)
 
 
 def _rosenbrock_step(
@@ -124,28 +111,21 @@ def _rosenbrock_step(
     (1/(gamma h) I - J) U_s = f(X + sum a U) + sum c U / h + gamma_s h df/dt,      X += sum m U
     """
     stages = int(tableau[0])
-    size = w.size // ROWS * N_X  # the lanes, as a number that numba does not know: else loops stay scalar
     clock[0] = start + passed
     clock[1] = 1.0 / (tableau[1] * step)
     _set_inputs(passed / length, u_left, u_right, inputs)
     for i in range(u_left.size):
         inputs[u_left.size + i] = (u_right[i] - u_left[i]) / length
-    factor(clock, inputs, w, n)
+    factor(clock, inputs, w, n)  # and the slopes of the first stage, which is the start
     for s in range(stages):
         row = 2 + s * (4 + 2 * stages)  # alpha, gamma, m, whether slopes are new, a (stages), c (stages)
-        if tableau[row + 3] != 0.0:
-            _copy(w, STAGE * LANES, X * LANES, size)
-            for j in range(s):
-                _add(w, STAGE * LANES, tableau[row + 4 + j], STAGES * LANES + j * size, size)
+        if s > 0 and tableau[row + 3] != 0.0:
+            reach(tableau, row, s, w, n)
             now = passed + tableau[row] * step
             clock[0] = start + now
             _set_inputs(now / length, u_left, u_right, inputs)
             rates(clock, inputs, w, n)
-        _copy(w, TOTAL * LANES, SLOPE * LANES, size)
-        _add(w, TOTAL * LANES, tableau[row + 1] * step, TREND * LANES, size)
-        for j in range(s):
-            _add(w, TOTAL * LANES, tableau[row + 4 + stages + j] / step, STAGES * LANES + j * size, size)
+        right(tableau, row, stages, s, step, w, n)
         substitute(w, n)
-        _copy(w, STAGES * LANES + s * size, TOTAL * LANES, size)
-    for s in range(stages):
-        _add(w, X * LANES, tableau[2 + s * (4 + 2 * stages) + 2], STAGES * LANES + s * size, size)
+        keep(s, w, n)
+    finish(tableau, stages, w, n)

@@ -22,6 +22,7 @@ from bondgraph.compile.front.model_program import ModelProgram
 from bondgraph.compile.ir.tape import Program, Tape
 from bondgraph.compile.lanes import math as lane_math
 from bondgraph.compile.lanes import step_kernel
+from bondgraph.compile.lanes.stages import MOST_STAGES, rosenbrock_text, runge_kutta_text
 from bondgraph.compile.lanes.text import LANES, Place, lane_function
 from bondgraph.compile.passes.hoist import Hoister
 from bondgraph.compile.passes.quick import LoopCalls
@@ -29,9 +30,6 @@ from bondgraph.compile.passes.sparse_lu import SparseFactors, factorise, substit
 
 if TYPE_CHECKING:
     from types import ModuleType
-
-#: Most stages of a stiff method.
-_STAGES = 6
 
 
 @dataclass(frozen=True)
@@ -84,7 +82,7 @@ class Writer:
         for name, size in (
             ("theta", self._equations.sizes["theta"]), ("x", n_x), ("stage", n_x), ("slope", n_x), ("total", n_x),
             ("trend", n_x), ("hoisted", len(self._hoister.nodes)), ("y", len(self._equations.rows["output"])),
-            ("factors", self._n_factors if self._stiff else 0), ("stages", _STAGES * n_x if self._stiff else 0),
+            ("factors", self._n_factors if self._stiff else 0), ("stages", MOST_STAGES * n_x if self._stiff else 0),
         ):  # fmt: skip
             self._rows[name] = self._next
             self._next += size
@@ -101,10 +99,10 @@ class Writer:
             self._function("measure", "clock, inputs, w, n", programs["measure"], at_x, ["y"]),
         ]
         if self._stiff:
-            parts.append(
-                self._function("factor", "clock, inputs, w, n", programs["factor"], at_x, ["trend", "factors"])
-            )
+            at_start = ["trend", "factors", "slope"]
+            parts.append(self._function("factor", "clock, inputs, w, n", programs["factor"], at_x, at_start))
             parts.append(self._function("substitute", "w, n", programs["substitute"], at_x, ["total"]))
+        parts += (rosenbrock_text if self._stiff else runge_kutta_text)(self._rows, n_x)
         functions = "\n\n\n".join(f"@lane_loops\n{part}" for part in parts)
         source = "\n\n\n".join([self._preamble(), functions, self._kernel()])
         return LaneText(source, self._rows["theta"], self._rows["x"], self._rows["y"], self._next + self._spare)
@@ -122,7 +120,7 @@ class Writer:
         if self._stiff:
             nodes, factors = self._solver_nodes()
             programs["substitute"] = self._solution(factors)
-            programs["factor"] = tape.program(nodes)
+            programs["factor"] = tape.program([*nodes, *rewrite(rows["rhs"])])
         return programs
 
     def _solver_nodes(self) -> tuple[list[int], SparseFactors]:
@@ -159,7 +157,7 @@ class Writer:
 
     def _sizes(self) -> dict[str, int]:
         """Results that go into one vector where others of the same function go elsewhere."""
-        return {"trend": self._equations.sizes["x"]}
+        return {"trend": self._equations.sizes["x"], "factors": self._n_factors}
 
     def _function(
         self, name: str, arguments: str, program: Program, places: dict[str, Place], targets: list[str]
