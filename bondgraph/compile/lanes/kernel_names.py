@@ -9,21 +9,6 @@ from collections.abc import Callable
 
 from bondgraph.arrays import FloatArray
 
-LANES: int
-N_X: int
-ROWS: int
-X: int
-STAGE: int
-SLOPE: int
-TOTAL: int
-TREND: int
-STAGES: int
-DIN: int
-DOUT: int
-JAC: int
-N_JAC: int
-JACS: int
-
 #: ``rates(clock, inputs, w, n)``, and the same for ``slopes`` and ``factor``
 rates: Callable[[FloatArray, FloatArray, FloatArray, int], None]
 slopes: Callable[[FloatArray, FloatArray, FloatArray, int], None]
@@ -54,3 +39,11 @@ reach: Callable[[FloatArray, int, int, FloatArray, int], None]
 right: Callable[[FloatArray, int, int, int, float, FloatArray, int], None]
 keep: Callable[[int, FloatArray, int], None]
 finish: Callable[[FloatArray, int, FloatArray, int], None]
+
+#: And of directions, with ``keep_slopes(s, w, n)``.
+begin_direction: Callable[[FloatArray, int], None]
+bring_direction: Callable[[FloatArray, FloatArray, int], None]
+turn_direction: Callable[[float, float, FloatArray, FloatArray, int], None]
+take_direction: Callable[[FloatArray, FloatArray, int], None]
+finish_direction: Callable[[FloatArray, int], None]
+keep_slopes: Callable[[int, FloatArray, int], None]

@@ -63,9 +63,41 @@ def rosenbrock_text(rows: Mapping[str, int], n_x: int) -> list[str]:
     ]
 
 
-def _element(row: int) -> str:
+def direction_text(rows: Mapping[str, int], n_x: int) -> list[str]:
+    """Functions of one direction in a classical step, in a buffer ``d`` of its value, its stage and its sum."""
+    value, stage, total = (_element(k * n_x, "d") for k in range(3))
+    slope = _element(rows["dout"])
+    turn = [f"{total} = {total} + weight*{slope}", f"{stage} = {value} + reach*{slope}"]
+    return [
+        _function("begin_direction", "d, n", _loop([f"{stage} = {value}", f"{total} = 0.0"], n_x)),
+        _function("bring_direction", "d, w, n", _loop([f"{_element(rows['din'])} = {stage}"], n_x)),
+        _function("turn_direction", "weight, reach, d, w, n", _loop(turn, n_x)),
+        _function("finish_direction", "d, n", _loop([f"{value} = {value} + {total}"], n_x)),
+    ]
+
+
+def stiff_direction_text(rows: Mapping[str, int], n_x: int) -> list[str]:
+    """Functions that bring a direction from its buffer ``d`` before a step, and take it back after."""
+    value, before, after = _element(0, "d"), _element(rows["din"]), _element(rows["dout"])
+    return [
+        _function("bring_direction", "d, w, n", _loop([f"{before} = {value}"], n_x)),
+        _function("take_direction", "d, w, n", _loop([f"{value} = {after}"], n_x)),
+    ]
+
+
+def keep_slopes_text(source: int, targets: Sequence[int], count: int) -> str:
+    """``keep_slopes``: copy ``count`` rows to where those of each stage are kept."""
+    lines = [
+        line
+        for s, target in enumerate(targets)
+        for line in _when(f"s == {s}", [], [f"{_element(target)} = {_element(source)}"], count)
+    ]
+    return _function("keep_slopes", "s, w, n", lines)
+
+
+def _element(row: int, buffer: str = "w") -> str:
     """Row ``i`` of the vector that begins at a row."""
-    return f"w[i*{LANES} + {row * LANES} + l]"
+    return f"{buffer}[i*{LANES} + {row * LANES} + l]"
 
 
 def _function(name: str, arguments: str, lines: Sequence[str]) -> str:

@@ -12,26 +12,19 @@ from bondgraph.arrays import FloatArray
 
 if TYPE_CHECKING:
     from bondgraph.compile.lanes.kernel_names import (
-        DIN,
-        DOUT,
-        JAC,
-        JACS,
-        LANES,
-        N_JAC,
-        N_X,
-        ROWS,
-        SLOPE,
-        STAGE,
-        STAGES,
-        TOTAL,
-        TREND,
-        X,
+        bring_direction,
         curve,
         factor,
+        finish,
+        keep,
+        keep_slopes,
         push_state,
         push_step,
+        reach,
+        right,
         slopes,
         substitute,
+        take_direction,
     )
 
 
@@ -51,7 +44,6 @@ def advance_tangents(
     n: int,
 ) -> None:
     """Advance states and their directions by steps that are each ``grading`` times as long as the one before."""
-    size = w.size // ROWS * N_X  # the lanes, as a number that numba does not know: else loops stay scalar
     passed = 0.0
     step = length / substeps
     if grading != 1.0:
@@ -62,16 +54,13 @@ def advance_tangents(
         for i in range(u_left.size):
             inputs[u_left.size + i] = (u_right[i] - u_left[i]) / length
         factor(clock, inputs, w, n)
+        keep_slopes(0, w, n)
         for s in range(int(tableau[0])):
-            _stage(s, start, passed, length, step, tableau, u_left, u_right, clock, inputs, size, w, n)
-            _copy(w, JACS + s * N_JAC, JAC, size // N_X * N_JAC)
+            _stage(s, start, passed, length, step, tableau, u_left, u_right, clock, inputs, w, n)
         curve(w, n)
-        for s in range(int(tableau[0])):
-            share = tableau[2 + s * (4 + 2 * int(tableau[0])) + 2]
-            for q in range(size):
-                w[X * LANES + q] += share * w[STAGES * LANES + s * size + q]
+        finish(tableau, int(tableau[0]), w, n)
         for d in range(seeds.shape[0]):
-            _push(seeds[d], clock, dw[d], size, w, n)
+            _push(seeds[d], clock, dw[d], w, n)
         passed += step
         step *= grading
 
@@ -90,24 +79,17 @@ def _set_time(
         inputs[i] = u_left[i] + passed / length * (u_right[i] - u_left[i])
 
 
-def _copy(w: FloatArray, target: int, source: int, size: int) -> None:
-    for q in range(size):
-        w[target * LANES + q] = w[source * LANES + q]
-
-
-def _push(seed: FloatArray, clock: FloatArray, row: FloatArray, size: int, w: FloatArray, n: int) -> None:
+def _push(seed: FloatArray, clock: FloatArray, direction: FloatArray, w: FloatArray, n: int) -> None:
     """A whole step of one direction."""
-    for q in range(size):
-        w[DIN * LANES + q] = row[q]
     moves = False
     for q in range(seed.size):
         moves = moves or seed[q] != 0.0
+    bring_direction(direction, w, n)
     if moves:
         push_step(seed, clock, w, n)
     else:
         push_state(clock, w, n)
-    for q in range(size):
-        row[q] = w[DOUT * LANES + q]
+    take_direction(direction, w, n)
 
 
 def _stage(
@@ -121,7 +103,6 @@ def _stage(
     u_right: FloatArray,
     clock: FloatArray,
     inputs: FloatArray,
-    size: int,
     w: FloatArray,
     n: int,
 ) -> None:
@@ -129,18 +110,10 @@ def _stage(
     stages = int(tableau[0])
     row = 2 + s * (4 + 2 * stages)  # alpha, gamma, m, whether slopes are new, a (stages), c (stages)
     if s > 0 and tableau[row + 3] != 0.0:
-        for q in range(size):
-            w[STAGE * LANES + q] = w[X * LANES + q]
-        for j in range(s):
-            for q in range(size):
-                w[STAGE * LANES + q] += tableau[row + 4 + j] * w[STAGES * LANES + j * size + q]
+        reach(tableau, row, s, w, n)
         _set_time(start, passed + tableau[row] * step, length, u_left, u_right, clock, inputs)
         slopes(clock, inputs, w, n)
-    for q in range(size):
-        w[TOTAL * LANES + q] = w[SLOPE * LANES + q] + tableau[row + 1] * step * w[TREND * LANES + q]
-    for j in range(s):
-        for q in range(size):
-            w[TOTAL * LANES + q] += tableau[row + 4 + stages + j] / step * w[STAGES * LANES + j * size + q]
+        keep_slopes(s, w, n)
+    right(tableau, row, stages, s, step, w, n)
     substitute(w, n)
-    for q in range(size):
-        w[STAGES * LANES + s * size + q] = w[TOTAL * LANES + q]
+    keep(s, w, n)

@@ -12,17 +12,16 @@ from bondgraph.arrays import FloatArray
 
 if TYPE_CHECKING:
     from bondgraph.compile.lanes.kernel_names import (
-        DIN,
-        DOUT,
-        LANES,
-        N_X,
-        ROWS,
-        SLOPE,
-        STAGE,
-        TOTAL,
-        X,
+        begin,
+        begin_direction,
+        bring_direction,
+        finish_direction,
+        first,
+        inner,
+        last,
         push,
         slopes,
+        turn_direction,
     )
 
 
@@ -43,53 +42,28 @@ def advance_tangents(
 ) -> None:
     """Advance states and their directions by ``substeps`` equal steps of the classical Runge-Kutta method."""
     step = length / substeps
-    size = w.size // ROWS * N_X
     for k in range(substeps):
-        for q in range(size):
-            w[STAGE * LANES + q] = w[X * LANES + q]
-            w[TOTAL * LANES + q] = 0.0
+        begin(w, n)
         for d in range(seeds.shape[0]):
-            _begin(dw[d], size)
+            begin_direction(dw[d], n)
         for s in range(4):
-            inner = s == 1 or s == 2
-            now = k * step + (0.5 if inner else float(s // 2)) * step
+            middle = s == 1 or s == 2
+            now = k * step + (0.5 if middle else float(s // 2)) * step
             clock[0] = start + now
             for i in range(u_left.size):
                 inputs[i] = u_left[i] + now / length * (u_right[i] - u_left[i])
             slopes(clock, inputs, w, n)
-            weight = (2.0 if inner else 1.0) * step / 6.0
-            reach = (1.0 if s == 2 else 0.5) * step
-            for q in range(size):
-                slope = w[SLOPE * LANES + q]
-                w[TOTAL * LANES + q] += weight * slope
-                w[STAGE * LANES + q] = w[X * LANES + q] + reach * slope
+            weight = (2.0 if middle else 1.0) * step / 6.0
+            length_there = (1.0 if s == 2 else 0.5) * step
+            if s == 0:
+                first(weight, length_there, w, n)
+            elif s < 3:
+                inner(weight, length_there, w, n)
+            else:
+                last(weight, w, n)
             for d in range(seeds.shape[0]):
-                _push_direction(seeds[d], dw[d], weight, reach, size, w, n)
-        for q in range(size):
-            w[X * LANES + q] += w[TOTAL * LANES + q]
+                bring_direction(dw[d], w, n)
+                push(seeds[d], w, n)
+                turn_direction(weight, length_there, dw[d], w, n)
         for d in range(seeds.shape[0]):
-            _finish(dw[d], size)
-
-
-def _begin(row: FloatArray, size: int) -> None:
-    for q in range(size):
-        row[size + q] = row[q]
-        row[2 * size + q] = 0.0
-
-
-def _finish(row: FloatArray, size: int) -> None:
-    for q in range(size):
-        row[q] += row[2 * size + q]
-
-
-def _push_direction(
-    seed: FloatArray, row: FloatArray, weight: float, reach: float, size: int, w: FloatArray, n: int
-) -> None:
-    """One stage of one direction."""
-    for q in range(size):
-        w[DIN * LANES + q] = row[size + q]
-    push(seed, w, n)
-    for q in range(size):
-        slope = w[DOUT * LANES + q]
-        row[2 * size + q] += weight * slope
-        row[size + q] = row[q] + reach * slope
+            finish_direction(dw[d], n)

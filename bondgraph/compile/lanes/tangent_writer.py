@@ -29,6 +29,13 @@ from dataclasses import dataclass
 from bondgraph.compile.front.model_program import ModelProgram
 from bondgraph.compile.ir.tape import Program
 from bondgraph.compile.lanes import stiff_tangent_kernel, tangent_kernel
+from bondgraph.compile.lanes.stages import (
+    direction_text,
+    keep_slopes_text,
+    rosenbrock_text,
+    runge_kutta_text,
+    stiff_direction_text,
+)
 from bondgraph.compile.lanes.text import Place
 from bondgraph.compile.lanes.writer import Writer, kernel_functions
 from bondgraph.compile.passes.sparse_lu import SparseFactors, substitute
@@ -92,6 +99,8 @@ class _TangentWriter(Writer):
         places = self._places()
         at_stage = {**places, "x": Place(self._rows["stage"])}
         timed, seeded, stepped = "clock, inputs, w, n", "seed, w, n", "clock, w, n"
+        n_x, stages = self._equations.sizes["x"], range(self._tableau.stages if self._tableau else 0)
+        kept = [self._rows["jacs"] + s * len(self._kept["jac"]) for s in stages]
         parts = [
             self._function("prepare", "w, n", hoisted, places, ["hoisted"]),
             self._function("slopes", timed, programs["slopes"], at_stage, ["slope", "jac"]),
@@ -105,13 +114,17 @@ class _TangentWriter(Writer):
                 self._function("curve", "w, n", programs["curve"], places, ["bends"]),
                 self._function("push_step", f"seed, {stepped}", programs["push_step"], places, ["dout"]),
                 self._function("push_state", stepped, programs["push_state"], places, ["dout"]),
+                *rosenbrock_text(self._rows, n_x),
+                *stiff_direction_text(self._rows, n_x),
+                keep_slopes_text(self._rows["jac"], kept, len(self._kept["jac"])),
             ]
         else:
             parts.append(self._function("push", seeded, programs["push"], places, ["dout"]))
+            parts += [*runge_kutta_text(self._rows, n_x), *direction_text(self._rows, n_x)]
         kernel = stiff_tangent_kernel if self._stiff else tangent_kernel
         functions = [f"@lane_loops\n{part}" for part in parts]
         calls = kernel_functions(kernel, "@_inner", callback="advance_tangents")
-        source = "\n\n\n".join([self._preamble(), self._own_rows(), *functions, *calls])
+        source = "\n\n\n".join([self._preamble(), *functions, *calls])
         rows, total, vectors = self._rows, self._next + self._spare, 1 if self._stiff else 3
         return TangentText(source, rows["theta"], rows["x"], rows["y"], rows["din"], rows["dy"], total, vectors)
 
@@ -126,14 +139,6 @@ class _TangentWriter(Writer):
             "seed": Place(0, "seed"), "t": Place(0, "clock"), "step": Place(1, "clock"), "u": Place(0, "inputs"),
             "du": Place(n_u, "inputs"), "right": Place(rows["total"]), "stages": Place(rows["stages"]),
         }  # fmt: skip
-
-    def _own_rows(self) -> str:
-        """Numbers of the rows that only tangents have."""
-        names = ["din", "dout", *(("jac", "jacs") if self._stiff else ())]
-        lines = [f"{name.upper()} = {self._rows[name]}" for name in names]
-        if self._stiff:
-            lines.append(f"N_JAC = {len(self._kept['jac'])}")
-        return "\n".join(lines)
 
     def _lay_out(self) -> None:
         n_x, n_y = self._equations.sizes["x"], len(self._equations.rows["output"])
