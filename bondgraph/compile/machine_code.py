@@ -40,7 +40,7 @@ import math
 
 import numpy as np
 
-from bondgraph.compile.kept import callback as _callback, inner as _inner, jit as _jit
+from bondgraph.compile.kept import allocating as _allocating, callback as _callback, inner as _inner, jit as _jit
 from bondgraph.compile.pointer import CompiledFunction
 '''
 
@@ -105,8 +105,15 @@ def model_source(text: str, name: str) -> str:
 
 
 @functools.cache
-def load_kernel(*kernels: ModuleType) -> Any:
+def load_kernel(*kernels: ModuleType, allocates: bool = False) -> Any:
     """The functions of kernel modules, compiled together; kernels take the functions of a model as arguments.
+
+    Parameters
+    ----------
+    *kernels
+        The modules.
+    allocates
+        Whether they make arrays; those that work on what they are given only are faster.
 
     Raises
     ------
@@ -116,7 +123,8 @@ def load_kernel(*kernels: ModuleType) -> Any:
     if not has_numba():
         raise ModelError(f"{kernels[0].__name__}: numba is not installed - install the package 'numba'")
     title = f"Compiled form of {', '.join(kernel.__name__ for kernel in kernels)}"
-    parts = [HEADER.format(title=title), *(part for kernel in kernels for part in _functions(kernel, "@_jit\n"))]
+    outer, within = ("@_allocating\n",) * 2 if allocates else ("@_jit\n", "@_inner\n")
+    parts = [HEADER.format(title=title), *(part for kernel in kernels for part in _functions(kernel, outer, within))]
     return load_compiled("\n\n".join(parts) + "\n")
 
 
@@ -151,14 +159,14 @@ def _say_fallback(problem: str) -> None:
     )
 
 
-def _functions(kernel: ModuleType, decorator: str) -> list[str]:
+def _functions(kernel: ModuleType, decorator: str, within: str = "@_inner\n") -> list[str]:
     """The functions and constants of a kernel module, without its imports and types; the public ones as asked for."""
     text = inspect.getsource(kernel)
     parts = []
     for node in ast.parse(text).body:
         segment = ast.get_source_segment(text, node) or ""
         if isinstance(node, ast.FunctionDef):
-            parts.append(("@_inner\n" if node.name.startswith("_") else decorator) + segment)
+            parts.append((within if node.name.startswith("_") else decorator) + segment)
         elif isinstance(node, ast.Assign):
             parts.append(segment)
     return parts

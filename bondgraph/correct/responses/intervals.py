@@ -86,7 +86,7 @@ def kicks(
     reached, moved = np.empty((count, len(nodes), size)), np.empty((count, len(nodes), size, size))
     largest = np.maximum(np.abs(start).max(axis=1, initial=0.0), 1e-3)
     equations = interval_kernel.Equations(lanes.prepare, lanes.advance)
-    kicked = load_kernel(interval_kernel).kicked
+    kicked = load_kernel(interval_kernel, allocates=True).kicked
     begin, parameters, places = np.ascontiguousarray(start.T), np.ascontiguousarray(theta), np.array(nodes)
 
     def some(own: slice) -> None:

@@ -58,7 +58,7 @@ def _carried(
         )
     )
     states = np.zeros((len(at), *moved.shape))
-    load_kernel(response_kernel).carried(
+    load_kernel(response_kernel, allocates=True).carried(
         filtered, _shifts(change), first, moved, np.asarray(at, dtype=np.int64), found, lane, states
     )
     return states
