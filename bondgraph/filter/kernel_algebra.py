@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 from bondgraph.arrays import FloatArray
+from bondgraph.filter.kernel_alone import _moments_alone
 from bondgraph.filter.kernel_types import Members, Rules, Work
 
 
@@ -86,7 +87,11 @@ def _moments(rules: Rules, points: FloatArray, mean: FloatArray, cov: FloatArray
 def _expect(rules: Rules, members: Members, work: Work) -> None:
     """Expected outputs and their covariance with the noise; ``outputs`` holds deviations afterwards."""
     n_y, lanes = work.output_mean.shape
-    _moments(rules, work.outputs, work.output_mean, work.output_cov, work.shift)
+    if lanes == 1:
+        one = work.alone
+        _moments_alone(rules, one.outputs, one.output_mean, one.output_cov, one.shift, n_y)
+    else:
+        _moments(rules, work.outputs, work.output_mean, work.output_cov, work.shift)
     for a in range(n_y):
         for b in range(n_y):
             for lane in range(lanes):
