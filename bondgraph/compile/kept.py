@@ -15,19 +15,16 @@ from pathlib import Path
 from typing import Any
 
 import numba
-from numba.core import caching, ccallback, sigutils
 
-# Typed in part only, and not as what stands inside is used here.
-_njit: Any = numba.njit
-_caching: Any = caching
-_ccallback: Any = ccallback
-_sigutils: Any = sigutils
+from bondgraph.compile.numba_internals import UNCOUNTED, caching, ccallback, sigutils
+
+_njit: Any = numba.njit  # typed in part only
 
 # contract: a*b + c in one rounding. error_model: numpy's rules for division by zero. nogil: threads run side by side.
 _OPTIONS = {"error_model": "numpy", "fastmath": {"contract"}}
 # Arrays belong to who calls from Python, so references to them need not be counted. Else every call between compiled
 # functions counts those of all arrays up and down, atomically: half of the time of the filter's own algebra.
-_UNCOUNTED = {**_OPTIONS, "_nrt": False}
+_UNCOUNTED = {**_OPTIONS, **UNCOUNTED}
 
 
 def jit(function: Callable[..., Any]) -> Any:
@@ -57,8 +54,8 @@ def callback(signature: str) -> Callable[[Callable[..., Any]], Any]:
     """
 
     def compiled(function: Callable[..., Any]) -> Any:
-        made = _ccallback.CFunc(
-            function, _sigutils.normalize_signature(signature), locals={}, options={"nopython": True, **_UNCOUNTED}
+        made = ccallback.CFunc(
+            function, sigutils.normalize_signature(signature), locals={}, options={"nopython": True, **_UNCOUNTED}
         )
         made._cache = _cache_of(function)
         made.compile()
@@ -78,16 +75,16 @@ def _cache_of(function: Callable[..., Any]) -> Any:
     try:
         return _SealedCache(function)
     except (RuntimeError, OSError):  # numba's way to say that no place beside the source can be written
-        return _caching.NullCache()
+        return caching.NullCache()
 
 
-class _BesideTheSource(_caching.CompileResultCacheImpl):  # type: ignore[misc]
+class _BesideTheSource(caching.CompileResultCacheImpl):  # type: ignore[misc]
     """No other place: only the folder of the sources has been checked to be the user's own."""
 
-    _locator_classes = (_caching.InTreeCacheLocator,)
+    _locator_classes = (caching.InTreeCacheLocator,)
 
 
-class _SealedCache(_caching.FunctionCache):  # type: ignore[misc]
+class _SealedCache(caching.FunctionCache):  # type: ignore[misc]
     _impl_class = _BesideTheSource
 
     def __init__(self, function: Callable[..., Any]) -> None:
@@ -102,7 +99,7 @@ class _SealedCache(_caching.FunctionCache):  # type: ignore[misc]
             _say_not_kept(self._cache_path, error)
 
 
-class _SealedFiles(_caching.IndexDataCacheFile):  # type: ignore[misc]
+class _SealedFiles(caching.IndexDataCacheFile):  # type: ignore[misc]
     """Files that end in the digest of what stands before; unpickling stops before it."""
 
     @contextlib.contextmanager

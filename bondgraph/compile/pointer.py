@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import Any
 
-from numba import types
+from bondgraph.compile.numba_internals import types
 
 
-class CompiledFunction(types.WrapperAddressProtocol):
+class CompiledFunction(types.WrapperAddressProtocol):  # type: ignore[misc]
     """The address of a C callback; its type is its signature, so that whoever calls it is compiled once."""
 
     def __init__(self, callback: Any) -> None:

@@ -24,10 +24,9 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from llvmlite import ir
-from numba.core import cgutils, types
 from numba.extending import intrinsic
 
+from bondgraph.compile.numba_internals import cgutils, ir, types
 from bondgraph.errors import ModelError
 
 _FLOAT, _INTEGER = ir.DoubleType(), ir.IntType(64)
