@@ -18,9 +18,9 @@ ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = ROOT / "bondgraph"
 
 VISIBLE = {"pyproject.toml", "bondgraph", "vehicle_graphs", "generated", "tests", "README.md", "LICENSE"}
-FOUNDATION = ("errors", "files", "units", "coherent")
+FOUNDATION = ("errors", "files", "units", "coherent", "arrays")
 DESIGN_TIME = ("declare", "derive", "generate")
-RUN_TIME = ("data", "simulate", "filter", "estimate")
+RUN_TIME = ("compile", "data", "simulate", "filter", "estimate")
 ON_TOP = ("correct", "report", "cli")
 ROOMS = (*DESIGN_TIME, *RUN_TIME, *ON_TOP)
 
@@ -30,9 +30,19 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
     "files": ("errors",),
     "units": ("errors",),
     "coherent": ("errors", "units"),
+    "arrays": ("errors",),
     **{room: (*FOUNDATION, *DESIGN_TIME[:i]) for i, room in enumerate(DESIGN_TIME)},
     **{room: (*FOUNDATION, *RUN_TIME[:i]) for i, room in enumerate(RUN_TIME)},
+    "data": FOUNDATION,
     **{room: (*FOUNDATION, *DESIGN_TIME, *RUN_TIME, *ON_TOP[:i]) for i, room in enumerate(ON_TOP)},
+}
+
+#: Rooms inside ``compile`` and which others each may import; a front differentiates what it has read by a pass.
+COMPILE: dict[str, tuple[str, ...]] = {
+    "ir": (),
+    "front": ("ir", "passes"),
+    "passes": ("ir", "front"),
+    "lanes": ("ir", "front", "passes"),
 }
 
 #: Rooms inside ``correct``, in the order in which a loop goes through them; what stands beside them is the loop itself.
@@ -151,6 +161,18 @@ def test_rooms_inside_correct_import_one_way() -> None:
         for path in _modules(PACKAGE / "correct" / room)
         for line, name in _imports(path)
         if any(name == one or name.startswith(f"{one}.") for one in unknown)
+    ]
+    assert errors == []
+
+
+def test_rooms_inside_compile_import_one_way() -> None:
+    assert {path.name for path in (PACKAGE / "compile").iterdir() if path.is_dir()} - {"__pycache__"} == set(COMPILE)
+    errors = [
+        f"{_name(path)}:{line} imports {name}"
+        for room, known in COMPILE.items()
+        for path in _modules(PACKAGE / "compile" / room)
+        for line, name in _imports(path)
+        if name.startswith("bondgraph.compile.") and name.split(".")[2] in set(COMPILE) - {room, *known}
     ]
     assert errors == []
 

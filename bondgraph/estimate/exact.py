@@ -11,6 +11,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 
+from bondgraph.compile.lanes.load import load_tangents
 from bondgraph.estimate.likelihoods import FilterLikelihood
 from bondgraph.estimate.objective import (
     Expansion,
@@ -27,7 +28,6 @@ from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.gradient import Directions, has_exact_gradient, innovation_tangents
 from bondgraph.filter.samples import Samples
 from bondgraph.filter.ukf import Member
-from bondgraph.simulate.program.lanes import load_tangents
 
 #: What one expansion counts, in evaluations: measured on the vehicle with ten free parameters, and one to compare.
 _EVALUATIONS = 5

@@ -26,9 +26,9 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 import numpy.typing as npt
 
+from bondgraph.compile.machine_code import has_numba, load_kernel
 from bondgraph.estimate import products_kernel
 from bondgraph.filter.compiled import available_cores, in_threads
-from bondgraph.simulate.compile import has_numba, load_kernel
 
 FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]

@@ -6,7 +6,7 @@ times as fast as a plain loop. A block is summed on its own, which also loses fe
 
 from __future__ import annotations
 
-from bondgraph.simulate.arrays import FloatArray
+from bondgraph.arrays import FloatArray
 
 #: Rows of a block, and columns of the left that are worked on together.
 BLOCK = 256

@@ -9,6 +9,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
+from bondgraph.arrays import BoolArray, FloatArray
+from bondgraph.compile.machine_code import has_numba
 from bondgraph.filter.compiled import CompiledFilter, in_threads, log_rows, thread_count, whole_log
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.filter_run import FilterRun, NodeRecord
@@ -17,8 +19,6 @@ from bondgraph.filter.kernel_types import Verdicts
 from bondgraph.filter.members import MemberBatch
 from bondgraph.filter.samples import Samples
 from bondgraph.filter.ukf import reference_run
-from bondgraph.simulate.arrays import BoolArray, FloatArray
-from bondgraph.simulate.compile import has_numba
 from bondgraph.simulate.outcome import OUTCOMES, Outcome
 
 

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from bondgraph.arrays import FloatArray
 from bondgraph.filter.sigma_points import MerweScaled, lower_factor
-from bondgraph.simulate.arrays import FloatArray
 from bondgraph.simulate.outcome import Outcome
 
 #: Propagates points (n, 2 n + 1) to points (rows, 2 n + 1).

@@ -10,11 +10,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from bondgraph.arrays import FloatArray
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.samples import Samples
 from bondgraph.filter.sigma_points import lower_factor
 from bondgraph.filter.ukf import Member
-from bondgraph.simulate.arrays import FloatArray
 from bondgraph.simulate.integrators import RK4
 from bondgraph.simulate.stiff import ModelEquations, Rosenbrock
 from bondgraph.simulate.undefined import Undefined, first_undefined

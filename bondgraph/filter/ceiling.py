@@ -29,6 +29,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from bondgraph.arrays import FloatArray, IntArray
+from bondgraph.compile.machine_code import has_numba
 from bondgraph.filter.batch import BatchRun, empty_run, note_verdict
 from bondgraph.filter.compiled import CompiledFilter, in_threads, log_rows, thread_count
 from bondgraph.filter.filter_model import FilterModel
@@ -37,8 +39,6 @@ from bondgraph.filter.members import MemberBatch
 from bondgraph.filter.samples import Samples
 from bondgraph.filter.sigma_points import MerweScaled
 from bondgraph.filter.ukf import reference_run
-from bondgraph.simulate.arrays import FloatArray, IntArray
-from bondgraph.simulate.compile import has_numba
 from bondgraph.simulate.outcome import OUTCOMES, Outcome
 
 #: Parts of a log, and the fewest samples of one.

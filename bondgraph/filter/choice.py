@@ -17,13 +17,13 @@ from typing import Unpack
 
 import numpy as np
 
+from bondgraph.arrays import FloatArray
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.members import MemberValues
 from bondgraph.filter.noise_choice import noise_steps_along
 from bondgraph.filter.planning import FilteredLog, filtered_logs, plan_along, plan_cost
 from bondgraph.filter.rates import fastest_rates
 from bondgraph.filter.samples import MeasuredLog
-from bondgraph.simulate.arrays import FloatArray
 
 #: With the classical Runge-Kutta method, step times rate stays below this: stable with a margin for other parameters.
 STEP_TIMES_RATE = 1.5

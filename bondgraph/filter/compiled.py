@@ -12,19 +12,19 @@ from typing import TypeVar
 
 import numpy as np
 
-from bondgraph.filter import kernel, kernel_algebra, kernel_channels, kernel_record
+from bondgraph.arrays import FloatArray, IntArray
+from bondgraph.compile.lanes.load import LaneModel, load_lanes
+from bondgraph.compile.lanes.text import LANES
+from bondgraph.compile.machine_code import load_kernel
+from bondgraph.compile.rosenbrock import TABLEAUS
+from bondgraph.filter import kernel, kernel_algebra, kernel_alone, kernel_channels, kernel_record
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.kernel_record import Record
-from bondgraph.filter.kernel_types import Log, Members, Part, Rules, Verdicts, Work
+from bondgraph.filter.kernel_types import Alone, Log, Members, Part, Rules, Verdicts, Work
 from bondgraph.filter.members import MemberBatch
 from bondgraph.filter.samples import Samples
 from bondgraph.filter.sigma_points import PIVOT_FLOOR
 from bondgraph.filter.ukf import scaled
-from bondgraph.simulate.arrays import FloatArray
-from bondgraph.simulate.compile import load_kernel
-from bondgraph.simulate.program.lane_text import LANES
-from bondgraph.simulate.program.lanes import LaneModel, load_lanes
-from bondgraph.simulate.rosenbrock import TABLEAUS
 
 #: A member by itself, with its sigma points side by side, costs about a block of lanes over this share of the calls
 #: that it saves.
@@ -94,7 +94,7 @@ class CompiledFilter:
     @classmethod
     def of(cls, filter_model: FilterModel) -> CompiledFilter:
         """Compiled, or from the cache."""
-        functions = load_kernel(kernel, kernel_algebra, kernel_channels, kernel_record)
+        functions = load_kernel(kernel, kernel_algebra, kernel_alone, kernel_channels, kernel_record)
         return cls(filter_model, functions.filter_members, load_lanes(filter_model.model, filter_model.is_stiff))
 
     def blocks(self, members: int, threads: int) -> list[tuple[int, int]]:
@@ -190,4 +190,14 @@ def _work(filter_model: FilterModel, lanes: LaneModel, width: int) -> Work:
     whole = (np.zeros(size, dtype=np.int64) for size in (width, width, width, n_y))
     floored, code, who, channels = whole
     own = {"buffer": lanes.buffer(), "clock": np.zeros(2), "inputs": np.zeros(2 * len(model.inputs))}
-    return Work(floored=floored, code=code, who=who, channels=channels, **arrays, **own)
+    alone = _alone(arrays, channels)
+    return Work(floored=floored, code=code, who=who, channels=channels, alone=alone, **arrays, **own)
+
+
+def _alone(arrays: dict[str, FloatArray], channels: IntArray) -> Alone:
+    """The scratch of one member without the axis of members; where there are several, nothing."""
+    width = arrays["nll"].size
+    names = [name for name in Alone._fields if name in arrays]
+    own = {name: arrays[name][..., 0] if width == 1 else np.empty((0,) * (arrays[name].ndim - 1)) for name in names}
+    rows = arrays["joint"].shape[0] if width == 1 else 0
+    return Alone(channels=channels, upper=np.zeros((rows, rows)), **own)

@@ -14,6 +14,7 @@ from typing import Unpack
 import numpy as np
 import numpy.typing as npt
 
+from bondgraph.arrays import FloatArray
 from bondgraph.filter.choice import choose_method
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.filter_run import FilterRun
@@ -21,7 +22,6 @@ from bondgraph.filter.members import MemberValues, per_log
 from bondgraph.filter.rates import fastest_rates, looked_at
 from bondgraph.filter.runs import member_runs, run
 from bondgraph.filter.samples import MeasuredLog, Samples
-from bondgraph.simulate.arrays import FloatArray
 from bondgraph.simulate.model import Model
 
 #: Step times rate up to which the classical Runge-Kutta method is stable on the negative real axis.

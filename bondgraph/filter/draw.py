@@ -12,12 +12,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from bondgraph.arrays import FloatArray
 from bondgraph.data.log import MatchedLog
 from bondgraph.errors import FilterError
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.samples import inputs_between, noise_nodes
 from bondgraph.filter.ukf import Member
-from bondgraph.simulate.arrays import FloatArray
 from bondgraph.simulate.batch import simulate_batch
 
 

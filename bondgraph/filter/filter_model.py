@@ -9,13 +9,13 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from bondgraph.arrays import FloatArray, IntArray
+from bondgraph.compile.rosenbrock import TABLEAUS
 from bondgraph.errors import FilterError, suggest
 from bondgraph.filter.follows import Follow
 from bondgraph.filter.plan import NoisePanels, StepPlan
 from bondgraph.filter.sigma_points import MerweScaled
-from bondgraph.simulate.arrays import FloatArray, IntArray
 from bondgraph.simulate.model import Model
-from bondgraph.simulate.rosenbrock import TABLEAUS
 from bondgraph.simulate.task import refuse_modes
 
 #: Integration methods; see :mod:`bondgraph.simulate.stiff` for the stiff ones.

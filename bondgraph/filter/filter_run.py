@@ -11,11 +11,11 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from bondgraph.arrays import FloatArray, IntArray
 from bondgraph.errors import FilterError, suggest
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.misfit import ChannelInnovations, Misfit, channel_misfits
 from bondgraph.filter.samples import Samples
-from bondgraph.simulate.arrays import FloatArray, IntArray
 from bondgraph.simulate.outcome import Outcome, describe_end
 
 #: Eigenvalues of a correlation matrix below this share of the largest are rounding.

@@ -12,12 +12,12 @@ from typing import Any, Unpack
 import numpy as np
 import numpy.typing as npt
 
+from bondgraph.arrays import FloatArray
 from bondgraph.errors import FilterError
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.members import MemberValues, member_batches
 from bondgraph.filter.samples import MeasuredLog, Samples
 from bondgraph.filter.ukf import Member, measurement, transition
-from bondgraph.simulate.arrays import FloatArray
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from bondgraph.simulate.arrays import FloatArray
+from bondgraph.arrays import FloatArray
 from bondgraph.simulate.model import Model
 
 

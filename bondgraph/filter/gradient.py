@@ -15,6 +15,11 @@ from typing import Any
 
 import numpy as np
 
+from bondgraph.arrays import FloatArray
+from bondgraph.compile.lanes.load import TangentLanes, load_tangents
+from bondgraph.compile.lanes.text import LANES
+from bondgraph.compile.machine_code import has_numba, load_kernel
+from bondgraph.compile.rosenbrock import TABLEAUS
 from bondgraph.errors import FilterError
 from bondgraph.filter import gradient_algebra, gradient_kernel, kernel_channels
 from bondgraph.filter.compiled import log_rows, thread_count
@@ -23,12 +28,7 @@ from bondgraph.filter.gradient_types import Found, Prior, Scratch, TangentEquati
 from bondgraph.filter.samples import MeasuredLog, Samples
 from bondgraph.filter.sigma_points import PIVOT_FLOOR
 from bondgraph.filter.ukf import Member
-from bondgraph.simulate.arrays import FloatArray
-from bondgraph.simulate.compile import has_numba, load_kernel
 from bondgraph.simulate.outcome import OUTCOMES, Outcome
-from bondgraph.simulate.program.lane_text import LANES
-from bondgraph.simulate.program.lanes import TangentLanes, load_tangents
-from bondgraph.simulate.rosenbrock import TABLEAUS
 
 #: So many directions are worth a thread of their own, which filters the log once more for them.
 _WORTH_A_THREAD = 4

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 
+from bondgraph.arrays import FloatArray
 from bondgraph.filter.gradient_types import Scratch, TangentRules
-from bondgraph.simulate.arrays import FloatArray
 
 
 def _moments(

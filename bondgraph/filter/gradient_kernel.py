@@ -10,11 +10,11 @@ from __future__ import annotations
 
 import math
 
+from bondgraph.arrays import FloatArray
 from bondgraph.filter.gradient_algebra import _cov_of_factor, _factor, _moments
 from bondgraph.filter.gradient_types import Found, Prior, Scratch, TangentEquations, TangentRules
 from bondgraph.filter.kernel_channels import _find_measured
 from bondgraph.filter.kernel_types import Log
-from bondgraph.simulate.arrays import FloatArray
 
 
 def filter_with_tangents(

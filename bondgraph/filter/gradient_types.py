@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import NamedTuple
 
-from bondgraph.simulate.arrays import FloatArray, IntArray
+from bondgraph.arrays import FloatArray, IntArray
 
 
 class TangentEquations(NamedTuple):
-    """Compiled functions, see :class:`bondgraph.simulate.program.lanes.TangentLanes`."""
+    """Compiled functions, see :class:`bondgraph.compile.lanes.load.TangentLanes`."""
 
     prepare: Callable[..., None]
     advance: Callable[..., None]

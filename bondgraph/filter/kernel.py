@@ -20,7 +20,18 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
+from bondgraph.arrays import FloatArray
+from bondgraph.compile.lanes.load import Advance, Measure, Prepare
 from bondgraph.filter.kernel_algebra import _condition, _draw, _drive, _expect, _factor, _join, _moments, _spread
+from bondgraph.filter.kernel_alone import (
+    _draw_alone,
+    _factor_alone,
+    _join_alone,
+    _load_alone,
+    _moments_alone,
+    _spread_alone,
+    _store_alone,
+)
 from bondgraph.filter.kernel_channels import _find_measured
 from bondgraph.filter.kernel_record import (
     Record,
@@ -30,12 +41,10 @@ from bondgraph.filter.kernel_record import (
     _keep_outputs,
 )
 from bondgraph.filter.kernel_types import Log, Members, Part, Rules, Verdicts, Work
-from bondgraph.simulate.arrays import FloatArray
-from bondgraph.simulate.program.lanes import Advance, Measure, Prepare
 
 
 class Equations(NamedTuple):
-    """Compiled functions of a model, see :class:`bondgraph.simulate.program.lanes.LaneModel`."""
+    """Compiled functions of a model, see :class:`bondgraph.compile.lanes.load.LaneModel`."""
 
     prepare: Prepare
     advance: Advance
@@ -70,8 +79,7 @@ def filter_members(
             _measure_points(equations, log, rules, members, k, work)
             _expect(rules, members, work)
         if measured > 0:
-            _join(rules, measured, work)
-            _factor(work.joint, measured + work.mean.shape[0], measured, rules.pivot_floor, work)
+            _factor_joint(rules, measured, work)
             if _retire(equations, rules, members, first, end, verdicts, work) == 0:
                 break
             _condition(log.y, k, measured, work)
@@ -182,12 +190,14 @@ def _predict(
     equations: Equations, log: Log, rules: Rules, members: Members, record: Record, k: int, first: int, work: Work
 ) -> None:
     """Belief over the step that ends at node ``k``."""
-    n_s = work.mean.shape[0]
+    alone = work.mean.shape[1] == 1
     if log.noise_start[k - 1] > 0.0:
-        _spread(work)
-        _drive(members, log.noise_start[k - 1], work)
-        _factor(work.lower, n_s, 0, rules.pivot_floor, work)
-    _draw(rules, work)
+        if alone:
+            _spread_alone(work.alone)
+        else:
+            _spread(work)
+        _factor_driven(rules, members, log.noise_start[k - 1], work)
+    _draw_points(rules, work)
     chunk = 0
     while chunk < _chunks(rules, work):
         n = _load_points(equations, rules, work, chunk)
@@ -204,18 +214,49 @@ def _predict(
             work.buffer,
             n,
         )
-        _store_points(rules, work, chunk, rules.x, rules.n_x, work.points)
+        _store_points(rules, work, chunk, rules.x, rules.n_x, work.points, work.alone.points)
         chunk += 1
     if record.depth > 1:
         _keep_cross_cov(rules, record, k, first, work)
-    _moments(rules, work.points, work.mean, work.cov, work.shift)
-    _drive(members, log.noise_end[k - 1], work)
-    _factor(work.lower, n_s, 0, rules.pivot_floor, work)
+    if alone:
+        one = work.alone
+        _moments_alone(rules, one.points, one.mean, one.cov, one.shift, one.mean.size)
+    else:
+        _moments(rules, work.points, work.mean, work.cov, work.shift)
+    _factor_driven(rules, members, log.noise_end[k - 1], work)
+
+
+def _draw_points(rules: Rules, work: Work) -> None:
+    """Sigma points of the belief."""
+    if work.mean.shape[1] == 1:
+        _draw_alone(rules, work.alone)
+    else:
+        _draw(rules, work)
+
+
+def _factor_driven(rules: Rules, members: Members, seconds: float, work: Work) -> None:
+    """Add the process noise of some seconds to the covariance and factor it."""
+    _drive(members, seconds, work)
+    if work.mean.shape[1] == 1:
+        _factor_alone(work.alone.lower, work.mean.shape[0], 0, rules.pivot_floor, work)
+    else:
+        _factor(work.lower, work.mean.shape[0], 0, rules.pivot_floor, work)
+
+
+def _factor_joint(rules: Rules, measured: int, work: Work) -> None:
+    """Factor the joint covariance of measured channels and state."""
+    size = measured + work.mean.shape[0]
+    if work.mean.shape[1] == 1:
+        _join_alone(rules, measured, work.alone)
+        _factor_alone(work.alone.joint, size, measured, rules.pivot_floor, work)
+    else:
+        _join(rules, measured, work)
+        _factor(work.joint, size, measured, rules.pivot_floor, work)
 
 
 def _measure_points(equations: Equations, log: Log, rules: Rules, members: Members, k: int, work: Work) -> None:
     """Outputs of all points."""
-    _draw(rules, work)
+    _draw_points(rules, work)
     n_u = log.u.shape[1]
     for i in range(n_u):
         work.inputs[i] = log.u[k, i]
@@ -223,7 +264,7 @@ def _measure_points(equations: Equations, log: Log, rules: Rules, members: Membe
     for chunk in range(_chunks(rules, work)):
         n = _load_points(equations, rules, work, chunk)
         equations.measure(work.clock, work.inputs, work.buffer, n)
-        _store_points(rules, work, chunk, rules.y, work.outputs.shape[1], work.outputs)
+        _store_points(rules, work, chunk, rules.y, work.outputs.shape[1], work.outputs, work.alone.outputs)
 
 
 def _chunks(rules: Rules, work: Work) -> int:
@@ -240,23 +281,24 @@ def _load_points(equations: Equations, rules: Rules, work: Work, chunk: int) -> 
     n: int = (count + 7) // 8 * 8
     for i in range(n_s):
         row = rules.x + i if i < rules.n_x else rules.theta + rules.appended[i - rules.n_x]
-        for lane in range(n):
-            if lanes > 1:
+        if lanes > 1:
+            for lane in range(n):
                 work.buffer[row * rules.lanes + lane] = work.points[chunk, i, lane]
-            else:
-                work.buffer[row * rules.lanes + lane] = work.points[min(chunk * rules.lanes + lane, last), i, 0]
+        else:
+            _load_alone(work.buffer, row, rules.lanes, work.alone.points, chunk * rules.lanes, n, i)
     if rules.appended.size > 0:
         equations.prepare(work.buffer, n)
     return n
 
 
-def _store_points(rules: Rules, work: Work, chunk: int, row: int, rows: int, target: FloatArray) -> None:
-    """Bring rows of the work buffer back to the points."""
+def _store_points(
+    rules: Rules, work: Work, chunk: int, row: int, rows: int, target: FloatArray, own: FloatArray
+) -> None:
+    """Bring rows of the work buffer back to the points; ``own`` is what a member by itself has for ``target``."""
     lanes = work.mean.shape[1]
     for i in range(rows):
         if lanes > 1:
             for lane in range(lanes):
                 target[chunk, i, lane] = work.buffer[(row + i) * rules.lanes + lane]
         else:
-            for p in range(chunk * rules.lanes, min((chunk + 1) * rules.lanes, target.shape[0])):
-                target[p, i, 0] = work.buffer[(row + i) * rules.lanes + p - chunk * rules.lanes]
+            _store_alone(work.buffer, row + i, rules.lanes, own, chunk * rules.lanes, i)

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 
+from bondgraph.arrays import FloatArray
+from bondgraph.filter.kernel_alone import _moments_alone
 from bondgraph.filter.kernel_types import Members, Rules, Work
-from bondgraph.simulate.arrays import FloatArray
 
 
 def _draw(rules: Rules, work: Work) -> None:
@@ -28,8 +29,8 @@ def _spread(work: Work) -> None:
     for i in range(n_s):
         for j in range(i + 1):
             for lane in range(lanes):
-                work.cov[i, j, lane] = 0.0
-            for c in range(j + 1):
+                work.cov[i, j, lane] = work.lower[i, 0, lane] * work.lower[j, 0, lane]
+            for c in range(1, j + 1):
                 for lane in range(lanes):
                     work.cov[i, j, lane] += work.lower[i, c, lane] * work.lower[j, c, lane]
             for lane in range(lanes):
@@ -51,21 +52,26 @@ def _drive(members: Members, seconds: float, work: Work) -> None:
 def _moments(rules: Rules, points: FloatArray, mean: FloatArray, cov: FloatArray, shift: FloatArray) -> None:
     """Mean and covariance (lower and upper triangle) of points; the points become deviations from the first."""
     rows, lanes = mean.shape
-    for i in range(rows):
-        for lane in range(lanes):
-            shift[i, lane] = 0.0
-        for j in range(i + 1):
-            for lane in range(lanes):
-                cov[i, j, lane] = 0.0
     for p in range(1, points.shape[0]):
         for i in range(rows):
             for lane in range(lanes):
                 points[p, i, lane] -= points[0, i, lane]
-                shift[i, lane] += points[p, i, lane]
+    # sums begin with their first term: setting few lanes to zero is a call each
+    for i in range(rows):
+        for lane in range(lanes):
+            shift[i, lane] = points[1, i, lane] + points[2, i, lane]
+        for j in range(i + 1):
+            for lane in range(lanes):
+                first = points[1, i, lane] * points[1, j, lane]
+                cov[i, j, lane] = first + points[2, i, lane] * points[2, j, lane]
+    for p in range(3, points.shape[0], 2):  # two at a time: points lie in pairs
         for i in range(rows):
+            for lane in range(lanes):
+                shift[i, lane] = (shift[i, lane] + points[p, i, lane]) + points[p + 1, i, lane]
             for j in range(i + 1):
                 for lane in range(lanes):
-                    cov[i, j, lane] += points[p, i, lane] * points[p, j, lane]
+                    above = cov[i, j, lane] + points[p, i, lane] * points[p, j, lane]
+                    cov[i, j, lane] = above + points[p + 1, i, lane] * points[p + 1, j, lane]
     for i in range(rows):
         for lane in range(lanes):
             shift[i, lane] *= rules.weight
@@ -81,7 +87,11 @@ def _moments(rules: Rules, points: FloatArray, mean: FloatArray, cov: FloatArray
 def _expect(rules: Rules, members: Members, work: Work) -> None:
     """Expected outputs and their covariance with the noise; ``outputs`` holds deviations afterwards."""
     n_y, lanes = work.output_mean.shape
-    _moments(rules, work.outputs, work.output_mean, work.output_cov, work.shift)
+    if lanes == 1:
+        one = work.alone
+        _moments_alone(rules, one.outputs, one.output_mean, one.output_cov, one.shift, n_y)
+    else:
+        _moments(rules, work.outputs, work.output_mean, work.output_cov, work.shift)
     for a in range(n_y):
         for b in range(n_y):
             for lane in range(lanes):
@@ -104,8 +114,8 @@ def _join(rules: Rules, measured: int, work: Work) -> None:
                 work.slopes[j, lane] = difference / (2.0 * rules.spread)
         for i in range(n_s):
             for lane in range(lanes):
-                work.joint[measured + i, column, lane] = 0.0
-            for j in range(i + 1):
+                work.joint[measured + i, column, lane] = work.lower[i, 0, lane] * work.slopes[0, lane]
+            for j in range(1, i + 1):
                 for lane in range(lanes):
                     work.joint[measured + i, column, lane] += work.lower[i, j, lane] * work.slopes[j, lane]
     for i in range(n_s):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from bondgraph.simulate.arrays import FloatArray, IntArray
+from bondgraph.arrays import FloatArray, IntArray
 
 
 def _find_measured(y: FloatArray, k: int, channels: IntArray) -> int:

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
+from bondgraph.arrays import FloatArray
 from bondgraph.filter.kernel_types import Rules, Work
-from bondgraph.simulate.arrays import FloatArray
 
 
 class Record(NamedTuple):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from bondgraph.simulate.arrays import FloatArray, IntArray
+from bondgraph.arrays import FloatArray, IntArray
 
 
 class Log(NamedTuple):
@@ -83,12 +83,31 @@ class Verdicts(NamedTuple):
     floored: IntArray
 
 
+class Alone(NamedTuple):
+    """Scratch of a member by itself: that of :class:`Work` without its last axis, empty for several members.
+
+    ``upper`` has room for the transpose of a factor.
+    """
+
+    mean: FloatArray
+    cov: FloatArray
+    lower: FloatArray
+    points: FloatArray
+    outputs: FloatArray
+    shift: FloatArray
+    output_mean: FloatArray
+    output_cov: FloatArray
+    joint: FloatArray
+    upper: FloatArray
+    channels: IntArray
+
+
 class Work(NamedTuple):
     """Scratch of one thread; the last axis of the first part is the lane.
 
     The belief: mean (n_s, L), cov and its lower factor (n_s, n_s, L). Points (2 n_s + 1, n_s, L) and their outputs
     (2 n_s + 1, n_y, L). Per lane: likelihood so far, floored pivots, code of a failure, and whose numbers it has. The
-    model's own: ``buffer``, ``clock`` (2,), ``inputs`` (2 n_u,).
+    model's own: ``buffer``, ``clock`` (2,), ``inputs`` (2 n_u,). ``alone`` shares the memory of the belief.
     """
 
     mean: FloatArray
@@ -111,3 +130,4 @@ class Work(NamedTuple):
     buffer: FloatArray
     clock: FloatArray
     inputs: FloatArray
+    alone: Alone

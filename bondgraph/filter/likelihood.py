@@ -15,13 +15,13 @@ from typing import Unpack
 import numpy as np
 import numpy.typing as npt
 
+from bondgraph.arrays import BoolArray, FloatArray, IntArray
 from bondgraph.filter.batch import BatchRun
 from bondgraph.filter.discretisation import DiscretisationError, discretisation_error
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.members import MemberValues
 from bondgraph.filter.runs import member_runs
 from bondgraph.filter.samples import MeasuredLog
-from bondgraph.simulate.arrays import BoolArray, FloatArray, IntArray
 from bondgraph.simulate.outcome import Outcome
 
 

@@ -9,11 +9,11 @@ from typing import TypedDict
 import numpy as np
 import numpy.typing as npt
 
+from bondgraph.arrays import FloatArray, count_members, member_columns
 from bondgraph.errors import FilterError
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.samples import Samples
 from bondgraph.filter.ukf import Member
-from bondgraph.simulate.arrays import FloatArray, count_members, member_columns
 
 
 class MemberValues(TypedDict, total=False):

@@ -15,8 +15,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import fdtrc, gammainc, gammaincc
 
+from bondgraph.arrays import FloatArray
 from bondgraph.filter.whiteness import whiteness_p
-from bondgraph.simulate.arrays import FloatArray
 
 #: Chance of a false alarm about all channels of a report together.
 LEVEL = 1e-3

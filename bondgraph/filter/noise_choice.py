@@ -16,12 +16,12 @@ from dataclasses import replace
 import numpy as np
 from scipy.linalg import expm
 
+from bondgraph.arrays import FloatArray
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.noise_nodes import continuous_nodes
 from bondgraph.filter.planning import TOLERANCE, FilteredLog, filtered_logs
 from bondgraph.filter.rates import jacobians, looked_at
 from bondgraph.filter.samples import MeasuredLog
-from bondgraph.simulate.arrays import FloatArray
 
 #: Panels and gradings that are tried, from few to many: even ones for what swings, shorter towards the end for what
 #: forgets fast.

@@ -21,7 +21,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from bondgraph.simulate.arrays import FloatArray, IntArray
+from bondgraph.arrays import FloatArray, IntArray
 
 #: Weights of Simpson's rule at the nodes of a panel, as shares of its length.
 _SIMPSON = (1.0 / 6.0, 4.0 / 6.0, 1.0 / 6.0)

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from bondgraph.simulate.arrays import FloatArray, IntArray
+from bondgraph.arrays import FloatArray, IntArray
 
 #: Scheme, panels and grading of the process noise, see :class:`bondgraph.filter.filter_model.FilterModel`.
 NoisePanels = tuple[str, int, float]

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+from bondgraph.arrays import FloatArray, IntArray
+from bondgraph.compile.lanes.load import Advance, Prepare
 from bondgraph.filter.kernel_types import Log, Rules
-from bondgraph.simulate.arrays import FloatArray, IntArray
-from bondgraph.simulate.program.lanes import Advance, Prepare
 
 
 class Movement(NamedTuple):

@@ -16,6 +16,10 @@ from typing import NamedTuple, Unpack
 
 import numpy as np
 
+from bondgraph.arrays import FloatArray, IntArray
+from bondgraph.compile.lanes.load import load_lanes
+from bondgraph.compile.machine_code import has_numba, load_kernel
+from bondgraph.compile.rosenbrock import TABLEAUS, Tableau
 from bondgraph.filter import plan_kernel
 from bondgraph.filter.batch import run_batches
 from bondgraph.filter.compiled import filter_rules, log_rows
@@ -26,11 +30,7 @@ from bondgraph.filter.plan import IntervalSteps, StepPlan
 from bondgraph.filter.samples import MeasuredLog, Samples, noise_nodes
 from bondgraph.filter.sigma_points import MerweScaled, lower_factor
 from bondgraph.filter.ukf import transition
-from bondgraph.simulate.arrays import FloatArray, IntArray
-from bondgraph.simulate.compile import has_numba, load_kernel
 from bondgraph.simulate.model import Model
-from bondgraph.simulate.program.lanes import load_lanes
-from bondgraph.simulate.rosenbrock import TABLEAUS, Tableau
 
 #: Change of a mean or covariance by halved steps, over the standard deviation of the state, that is small enough.
 TOLERANCE = 5e-3

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from bondgraph.arrays import FloatArray, IntArray
 from bondgraph.filter.filter_run import FilterRun
 from bondgraph.filter.samples import Samples
-from bondgraph.simulate.arrays import FloatArray, IntArray
 
 #: Points along each log at which rates are looked at.
 _POINTS = 40

@@ -8,11 +8,11 @@ from typing import Protocol
 
 import numpy as np
 
+from bondgraph.arrays import FloatArray, IntArray
 from bondgraph.errors import FilterError, suggest
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.noise_nodes import NoiseNodes, continuous_nodes, sampled_nodes
 from bondgraph.filter.plan import IntervalSteps, NoisePanels, cut_steps, log_key, transferred
-from bondgraph.simulate.arrays import FloatArray, IntArray
 from bondgraph.simulate.inputs import InputSegment, hold_flags, rate_rows
 from bondgraph.simulate.model import Model
 

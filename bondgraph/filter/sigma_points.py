@@ -22,8 +22,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from bondgraph.arrays import FloatArray
 from bondgraph.errors import FilterError
-from bondgraph.simulate.arrays import FloatArray
 from bondgraph.simulate.outcome import Outcome
 
 #: A pivot below this share of the variance it started from is rounding error, and its column is set to zero.

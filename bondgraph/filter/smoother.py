@@ -17,9 +17,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from bondgraph.arrays import FloatArray
 from bondgraph.errors import FilterError, suggest
 from bondgraph.filter.filter_run import FilterRun
-from bondgraph.simulate.arrays import FloatArray
 
 #: Eigenvalues of a correlation matrix below this share of the largest are rounding.
 _ROUNDING = 1e-11

@@ -13,11 +13,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from bondgraph.arrays import FloatArray
 from bondgraph.filter.belief import Belief, PointFunction, Prediction, Update, predict, update
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.filter_run import FilterRun
 from bondgraph.filter.samples import Samples
-from bondgraph.simulate.arrays import FloatArray
 from bondgraph.simulate.integrators import RK4
 from bondgraph.simulate.outcome import Outcome
 from bondgraph.simulate.stiff import ModelEquations, Rosenbrock

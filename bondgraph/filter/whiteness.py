@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.special import gammaincc
 
-from bondgraph.simulate.arrays import FloatArray
+from bondgraph.arrays import FloatArray
 
 #: Autocorrelations at most this many lags apart enter the whiteness test.
 _MAX_LAGS = 20

@@ -5,17 +5,17 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from bondgraph.arrays import FloatArray, IntArray, count_members, member_columns
+from bondgraph.compile.lanes.load import load_lanes
+from bondgraph.compile.lanes.text import LANES
+from bondgraph.compile.machine_code import has_numba, load_kernel
+from bondgraph.compile.rosenbrock import TABLEAUS
 from bondgraph.errors import OptionError
 from bondgraph.simulate import batch_kernel
-from bondgraph.simulate.arrays import FloatArray, IntArray, count_members, member_columns
-from bondgraph.simulate.compile import has_numba, load_kernel
 from bondgraph.simulate.inputs import InputSegment
 from bondgraph.simulate.integrators import RK4
 from bondgraph.simulate.model import Model
 from bondgraph.simulate.outcome import Outcome
-from bondgraph.simulate.program.lane_text import LANES
-from bondgraph.simulate.program.lanes import load_lanes
-from bondgraph.simulate.rosenbrock import TABLEAUS
 from bondgraph.simulate.stiff import ModelEquations, Rosenbrock
 from bondgraph.simulate.task import Inputs, Task, refuse_modes
 from bondgraph.simulate.trajectory import BatchTrajectory

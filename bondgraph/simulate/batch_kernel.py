@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from bondgraph.simulate.arrays import FloatArray, IntArray
-from bondgraph.simulate.program.lanes import Advance, Measure, Prepare
+from bondgraph.arrays import FloatArray, IntArray
+from bondgraph.compile.lanes.load import Advance, Measure, Prepare
 
 
 class Equations(NamedTuple):
-    """Compiled functions of a model, see :class:`bondgraph.simulate.program.lanes.LaneModel`."""
+    """Compiled functions of a model, see :class:`bondgraph.compile.lanes.load.LaneModel`."""
 
     prepare: Prepare
     advance: Advance

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import brentq, minimize_scalar
 
-from bondgraph.simulate.arrays import FloatArray
+from bondgraph.arrays import FloatArray
 
 #: Samples of each function per step, its ends included.
 _SAMPLES = 9

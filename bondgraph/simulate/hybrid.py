@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from bondgraph.simulate.arrays import FloatArray
+from bondgraph.arrays import FloatArray
 from bondgraph.simulate.crossing import Crossing, first_crossing
 from bondgraph.simulate.inputs import InputSegment
 from bondgraph.simulate.integrators import Adaptive, Equations, IntegratorState

@@ -12,9 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from bondgraph.arrays import BoolArray, FloatArray
 from bondgraph.data.rates import slopes
 from bondgraph.errors import ModelError
-from bondgraph.simulate.arrays import BoolArray, FloatArray
 from bondgraph.simulate.model import Model
 
 #: Slopes that differ by less than this share of the steepest one are the same line.

@@ -21,8 +21,8 @@ from typing import Any
 
 import numpy as np
 
+from bondgraph.arrays import FloatArray
 from bondgraph.errors import OptionError, suggest
-from bondgraph.simulate.arrays import FloatArray
 from bondgraph.simulate.inputs import InputSegment
 from bondgraph.simulate.outcome import Outcome
 

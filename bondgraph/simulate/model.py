@@ -17,15 +17,15 @@ from typing import TYPE_CHECKING, Any, Literal, get_args
 import numpy as np
 import numpy.typing as npt
 
+from bondgraph.arrays import FloatArray
+from bondgraph.compile.loader import parse_module, require_function, run_module
 from bondgraph.errors import ModelError, suggest
-from bondgraph.simulate.arrays import FloatArray
-from bondgraph.simulate.loader import parse_module, require_function, run_module
 from bondgraph.simulate.quantities import InputInfo, OutputInfo, ParameterInfo, StateInfo
 from bondgraph.simulate.rows import EventInfo, ModeInfo, events_of, input_rows, shown_rows
 
 if TYPE_CHECKING:
-    from bondgraph.simulate.compile import CompiledModel
-    from bondgraph.simulate.program.model_program import Equations, ModelProgram
+    from bondgraph.compile.front.model_program import Equations, ModelProgram
+    from bondgraph.compile.machine_code import CompiledModel
 
 Kind = Literal["state", "input", "parameter", "output"]
 
@@ -113,14 +113,14 @@ class Model:
     @functools.cached_property
     def compiled(self) -> CompiledModel:
         """Scalar in-place functions, compiled with numba where it is installed; cached between runs."""
-        from bondgraph.simulate.compile import compile_model  # here: numba is imported only by those who need it
+        from bondgraph.compile.machine_code import compile_model  # here: numba is imported only by those who need it
 
         return compile_model(self.text, self.name, self.rhs, self.output)
 
     @functools.cached_property
     def program(self) -> ModelProgram:
         """The equations as a list of operations, which can be differentiated and printed in other forms."""
-        from bondgraph.simulate.program.model_program import ModelProgram  # here: read by those who need it
+        from bondgraph.compile.front.model_program import ModelProgram  # here: read by those who need it
 
         return ModelProgram(
             self.text, self.name, {"x": len(self.states), "u": len(self.inputs), "theta": len(self.parameters)}

@@ -15,8 +15,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from bondgraph.arrays import FloatArray
 from bondgraph.errors import ModelError
-from bondgraph.simulate.arrays import FloatArray
 from bondgraph.simulate.model import Model
 from bondgraph.simulate.outcome import Outcome
 

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from typing import Any, TypeVar
 
 from bondgraph.coherent import Displayed, coherent
+from bondgraph.compile.loader import require_function
 from bondgraph.errors import ModelError
-from bondgraph.simulate.loader import require_function
 from bondgraph.units import dimension
 
 _Info = TypeVar("_Info")

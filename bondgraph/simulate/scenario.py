@@ -14,8 +14,8 @@ from typing import TypeAlias
 
 import numpy as np
 
+from bondgraph.arrays import FloatArray
 from bondgraph.errors import ModelError
-from bondgraph.simulate.arrays import FloatArray
 from bondgraph.simulate.inputs import InputSignal
 from bondgraph.simulate.model import Model
 

@@ -8,14 +8,14 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
+from bondgraph.arrays import FloatArray
+from bondgraph.compile.rosenbrock import TABLEAUS
 from bondgraph.errors import ModelError
-from bondgraph.simulate.arrays import FloatArray
 from bondgraph.simulate.batch import simulate_batch
 from bondgraph.simulate.hybrid import integrate_hybrid
 from bondgraph.simulate.integrators import RK4, AbstractIntegrator, Adaptive, Equations
 from bondgraph.simulate.model import Model
 from bondgraph.simulate.outcome import Outcome
-from bondgraph.simulate.rosenbrock import TABLEAUS
 from bondgraph.simulate.stiff import Rosenbrock
 from bondgraph.simulate.task import Inputs, Task, Vector, refusal, refuse_modes
 from bondgraph.simulate.trajectory import Trajectory

@@ -16,13 +16,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from bondgraph.arrays import FloatArray
+from bondgraph.compile.rosenbrock import TABLEAUS, Tableau
 from bondgraph.errors import OptionError, suggest
-from bondgraph.simulate.arrays import FloatArray
 from bondgraph.simulate.inputs import InputSegment
 from bondgraph.simulate.integrators import AbstractIntegrator, Equations, IntegratorState
 from bondgraph.simulate.model import Model
 from bondgraph.simulate.outcome import Outcome
-from bondgraph.simulate.rosenbrock import TABLEAUS, Tableau
 
 
 @dataclass(frozen=True)

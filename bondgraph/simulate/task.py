@@ -9,8 +9,8 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
+from bondgraph.arrays import FloatArray
 from bondgraph.errors import ModelError
-from bondgraph.simulate.arrays import FloatArray
 from bondgraph.simulate.inputs import InputSignal
 from bondgraph.simulate.model import Model
 

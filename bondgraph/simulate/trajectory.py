@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from bondgraph.arrays import FloatArray
 from bondgraph.errors import ModelError
-from bondgraph.simulate.arrays import FloatArray
 from bondgraph.simulate.model import Model
 from bondgraph.simulate.outcome import Outcome, describe_end
 

@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from bondgraph.simulate.arrays import FloatArray
-from bondgraph.simulate.loader import parse_module, run_module
+from bondgraph.arrays import FloatArray
+from bondgraph.compile.loader import parse_module, run_module
 from bondgraph.simulate.model import Model
 
 #: Products of numbers below this do not overflow.

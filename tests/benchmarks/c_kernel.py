@@ -17,9 +17,9 @@ from pathlib import Path
 
 import numpy as np
 
+from bondgraph.compile.lanes.load import load_lanes
+from bondgraph.compile.lanes.text import LANES
 from bondgraph.simulate.model import Model
-from bondgraph.simulate.program.lane_text import LANES
-from bondgraph.simulate.program.lanes import load_lanes
 
 _HEAD = """
 #include <math.h>

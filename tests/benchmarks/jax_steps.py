@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from bondgraph.simulate.compile import load_compiled
+from bondgraph.compile.lanes.load import load_lanes
+from bondgraph.compile.lanes.text import LANES
+from bondgraph.compile.machine_code import load_compiled
 from bondgraph.simulate.model import Model
-from bondgraph.simulate.program.lane_text import LANES
-from bondgraph.simulate.program.lanes import load_lanes
 from tests.benchmarks.cases import RANGER
 from tests.benchmarks.likelihood_rows import CALLS
 from tests.benchmarks.timing import side_by_side

@@ -12,15 +12,15 @@ from typing import TypeVar
 
 import numpy as np
 
+from bondgraph.compile.cache import CACHE_VARIABLE
+from bondgraph.compile.lanes.load import load_lanes
+from bondgraph.compile.lanes.text import LANES
+from bondgraph.compile.machine_code import load_compiled
 from bondgraph.data.log import MatchedLog
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.filterpy_bridge import filterpy_run
 from bondgraph.filter.likelihood import likelihood
-from bondgraph.simulate.cache import CACHE_VARIABLE
-from bondgraph.simulate.compile import load_compiled
 from bondgraph.simulate.model import Model
-from bondgraph.simulate.program.lane_text import LANES
-from bondgraph.simulate.program.lanes import load_lanes
 from tests.benchmarks.c_kernel import c_steps, has_compiler
 from tests.benchmarks.cases import RANGER, Case, masses
 from tests.benchmarks.scalar_filter import scalar_filter

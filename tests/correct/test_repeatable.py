@@ -11,13 +11,13 @@ from contextlib import contextmanager
 import numpy as np
 import pytest
 
+from bondgraph.compile.lanes.load import load_lanes, load_tangents
 from bondgraph.correct.fits.fit import fit, no_report
 from bondgraph.correct.loop import ClosedLoop, LoopSettings, close_loop
 from bondgraph.correct.models.build import build
 from bondgraph.estimate.likelihoods import FilterLikelihood
 from bondgraph.estimate.problem import EstimationProblem
 from bondgraph.simulate.model import Model
-from bondgraph.simulate.program.lanes import load_lanes, load_tangents
 from tests.correct import sled, winch
 
 #: What a process may have asked of a model before: compiled equations, tangents of one or two parameters, a Jacobian.

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
+from bondgraph.compile.machine_code import has_numba
 from bondgraph.correct.models.candidates import Candidate, candidates, places, superset
 from bondgraph.correct.models.faults import SENSOR_FAULTS
 from bondgraph.correct.places.located import locate
@@ -21,7 +22,6 @@ from bondgraph.correct.scores.scoring import Linearisation, linearisation, score
 from bondgraph.data.log import MatchedLog
 from bondgraph.estimate.objective import central_differences
 from bondgraph.estimate.problem import EstimationProblem
-from bondgraph.simulate.compile import has_numba
 from tests.correct.sled import FUNCTIONS, added, built, fitted, pull, sled
 from vehicle_graphs import effects
 

@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from bondgraph.compile.machine_code import has_numba
 from bondgraph.estimate import objective
 from bondgraph.estimate.objective import over_terms
-from bondgraph.simulate.compile import has_numba
 
 pytestmark = pytest.mark.skipif(not has_numba(), reason="compiled kernels need numba")
 

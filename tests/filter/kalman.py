@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from bondgraph.arrays import FloatArray
 from bondgraph.filter.filter_model import FilterModel
-from bondgraph.simulate.arrays import FloatArray
 from tests.filter.logs import PlainLog
 
 

@@ -7,10 +7,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from bondgraph.arrays import FloatArray
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.samples import Samples
 from bondgraph.filter.ukf import transition
-from bondgraph.simulate.arrays import FloatArray
 from bondgraph.simulate.model import Model
 from tests.simulate.samples import sample
 

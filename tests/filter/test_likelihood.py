@@ -53,6 +53,21 @@ def test_members_of_a_batch_equal_single_evaluations(make) -> None:
         assert plain.nll[0] == pytest.approx(batch.nll[m], rel=1e-9)
 
 
+@pytest.mark.parametrize("scheme", ["sampled", "continuous"])
+def test_a_member_by_itself_has_the_bits_it_has_in_a_block(scheme: str) -> None:
+    """Alone its matrices are worked on along their rows, in a block across members; with gaps in what is measured."""
+    model = replace(driveline_filter(), noise_scheme=scheme)
+    log = simulated_log(model, np.arange(30) * 0.025, seed=3)
+    log.y[0, 3:9] = np.nan
+    log.y[:, 12] = np.nan
+    values = spread(model, 6, seed=5)
+    (together,) = innovations(model, log, **values)
+    for m in range(6):
+        (alone,) = innovations(model, log, **{name: array[:, m] for name, array in values.items()})
+        np.testing.assert_array_equal(alone.values[..., 0], together.values[..., m])
+        np.testing.assert_array_equal(alone.log_scales[..., 0], together.log_scales[..., m])
+
+
 def test_the_number_of_threads_changes_no_bit() -> None:
     model = driveline_filter()
     logs = [simulated_log(model, np.arange(30) * 0.025, seed=seed) for seed in (1, 2)]

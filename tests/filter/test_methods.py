@@ -8,12 +8,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from bondgraph.compile import machine_code as compile
 from bondgraph.errors import FilterError
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.filterpy_bridge import filterpy_run
 from bondgraph.filter.likelihood import innovations, likelihood
 from bondgraph.filter.runs import run
-from bondgraph.simulate import compile
 from bondgraph.simulate.outcome import Outcome
 from tests.filter.logs import PlainLog, circuit_filter, driveline_filter, pendulum_filter, simulated_log
 from tests.simulate.samples import decay

@@ -10,20 +10,20 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from bondgraph.compile.ir.evaluate import evaluate
+from bondgraph.compile.ir.tape import Tape
+from bondgraph.compile.lanes import math as lane_math
+from bondgraph.compile.lanes.load import LaneModel, load_lanes
+from bondgraph.compile.lanes.text import LANES
+from bondgraph.compile.machine_code import load_compiled
+from bondgraph.compile.passes.sparse_lu import elimination_order, factorise, substitute
+from bondgraph.compile.rosenbrock import TABLEAUS
 from bondgraph.errors import OptionError
 from bondgraph.simulate.batch import simulate_batch
-from bondgraph.simulate.compile import load_compiled
 from bondgraph.simulate.inputs import InputSegment
 from bondgraph.simulate.integrators import RK4, AbstractIntegrator, IntegratorState
 from bondgraph.simulate.model import Model
 from bondgraph.simulate.outcome import Outcome
-from bondgraph.simulate.program import lane_math
-from bondgraph.simulate.program.evaluate import evaluate
-from bondgraph.simulate.program.lane_text import LANES
-from bondgraph.simulate.program.lanes import LaneModel, load_lanes
-from bondgraph.simulate.program.sparse_lu import elimination_order, factorise, substitute
-from bondgraph.simulate.program.tape import Tape
-from bondgraph.simulate.rosenbrock import TABLEAUS
 from bondgraph.simulate.simulate import simulate
 from bondgraph.simulate.stiff import ModelEquations, Rosenbrock, step_lengths
 from tests.simulate.points import model_of, points_of

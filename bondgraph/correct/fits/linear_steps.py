@@ -14,6 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from bondgraph.compile.machine_code import has_numba
 from bondgraph.correct.responses.intervals import Kicks
 from bondgraph.correct.responses.levels import LevelChanges, respond_to_levels
 from bondgraph.correct.responses.recursion import respond
@@ -33,7 +34,6 @@ from bondgraph.estimate.steps import damped_step, newton_decrement, promised_gai
 from bondgraph.filter.compiled import available_cores, in_threads
 from bondgraph.filter.filter_run import FilterRun
 from bondgraph.filter.runs import run
-from bondgraph.simulate.compile import has_numba
 
 #: Parameters are shifted by this share of their bounds.
 _SHIFT = 1e-5

@@ -11,12 +11,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from bondgraph.simulate.arrays import FloatArray, IntArray
-from bondgraph.simulate.program.lanes import Advance, Prepare
+from bondgraph.arrays import FloatArray, IntArray
+from bondgraph.compile.lanes.load import Advance, Prepare
 
 
 class Equations(NamedTuple):
-    """Compiled functions of a model, see :class:`bondgraph.simulate.program.lanes.LaneModel`."""
+    """Compiled functions of a model, see :class:`bondgraph.compile.lanes.load.LaneModel`."""
 
     prepare: Prepare
     advance: Advance

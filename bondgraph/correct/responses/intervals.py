@@ -19,17 +19,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from bondgraph.arrays import IntArray
+from bondgraph.compile.lanes.load import LaneModel, load_lanes
+from bondgraph.compile.lanes.text import LANES
+from bondgraph.compile.machine_code import load_kernel
+from bondgraph.compile.rosenbrock import TABLEAUS
 from bondgraph.correct.responses import interval_kernel
 from bondgraph.data.log import FloatArray
 from bondgraph.filter.compiled import available_cores, in_threads, log_rows
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.filter_run import FilterRun
 from bondgraph.filter.samples import Samples
-from bondgraph.simulate.arrays import IntArray
-from bondgraph.simulate.compile import load_kernel
-from bondgraph.simulate.program.lane_text import LANES
-from bondgraph.simulate.program.lanes import LaneModel, load_lanes
-from bondgraph.simulate.rosenbrock import TABLEAUS
 from bondgraph.simulate.stiff import Rosenbrock
 
 #: Points of the quadrature as shares of an interval, of equal weight: what is fast has relaxed from the sample before,
@@ -86,7 +86,7 @@ def kicks(
     reached, moved = np.empty((count, len(nodes), size)), np.empty((count, len(nodes), size, size))
     largest = np.maximum(np.abs(start).max(axis=1, initial=0.0), 1e-3)
     equations = interval_kernel.Equations(lanes.prepare, lanes.advance)
-    kicked = load_kernel(interval_kernel).kicked
+    kicked = load_kernel(interval_kernel, allocates=True).kicked
     begin, parameters, places = np.ascontiguousarray(start.T), np.ascontiguousarray(theta), np.array(nodes)
 
     def some(own: slice) -> None:

@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from bondgraph.simulate.arrays import FloatArray
+from bondgraph.arrays import FloatArray
 
 
 class Filter(NamedTuple):

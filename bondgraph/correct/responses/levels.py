@@ -16,12 +16,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from bondgraph.arrays import IntArray
+from bondgraph.compile.machine_code import load_kernel
 from bondgraph.correct.responses import level_kernel
 from bondgraph.correct.responses.response import LinearLog
 from bondgraph.data.log import FloatArray
 from bondgraph.filter.filter_run import FilterRun
-from bondgraph.simulate.arrays import IntArray
-from bondgraph.simulate.compile import load_kernel
 
 
 @dataclass(frozen=True)
@@ -49,7 +49,7 @@ def respond_to_levels(linear: LinearLog, run: FilterRun, changes: LevelChanges) 
     )  # fmt: skip
     slopes_z, slopes_s = np.zeros((count, outputs, levels)), np.zeros((count, outputs, levels))
     process, noise = np.ascontiguousarray(changes.process.T[drivers]), np.ascontiguousarray(changes.measurement.T)
-    load_kernel(level_kernel).carried(filtered, process, noise, slopes_z, slopes_s)
+    load_kernel(level_kernel, allocates=True).carried(filtered, process, noise, slopes_z, slopes_s)
     rows = (np.moveaxis(found, 1, 0).reshape(-1, levels) for found in (slopes_z, slopes_s))
     first, second = rows
     return np.ascontiguousarray(first), np.ascontiguousarray(second)

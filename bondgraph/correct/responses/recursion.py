@@ -6,10 +6,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from bondgraph.compile.machine_code import has_numba, load_kernel
 from bondgraph.correct.responses import response_kernel
 from bondgraph.correct.responses.response import Change, LinearLog
 from bondgraph.data.log import FloatArray
-from bondgraph.simulate.compile import has_numba, load_kernel
 
 
 def respond(linear: LinearLog, change: Change, at: Sequence[int] = ()) -> tuple[FloatArray, FloatArray]:
@@ -58,7 +58,7 @@ def _carried(
         )
     )
     states = np.zeros((len(at), *moved.shape))
-    load_kernel(response_kernel).carried(
+    load_kernel(response_kernel, allocates=True).carried(
         filtered, _shifts(change), first, moved, np.asarray(at, dtype=np.int64), found, lane, states
     )
     return states

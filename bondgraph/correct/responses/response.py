@@ -22,13 +22,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from bondgraph.compile.machine_code import has_numba
 from bondgraph.correct.responses.intervals import NODES, Kicks, filter_transitions, kicks
 from bondgraph.data.log import FloatArray, MatchedLog
 from bondgraph.errors import FilterError
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.filter_run import FilterRun
 from bondgraph.filter.samples import Samples
-from bondgraph.simulate.compile import has_numba
 from bondgraph.simulate.model import Model
 
 #: Terms of the Taylor series of the phi functions, after scaling to a norm below one half.

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from bondgraph.simulate.arrays import FloatArray, IntArray
+from bondgraph.arrays import FloatArray, IntArray
 
 
 class Filter(NamedTuple):

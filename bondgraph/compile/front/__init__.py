@@ -1,0 +1,1 @@
+"""Generated modules read as programs."""

@@ -1,0 +1,1 @@
+"""Programs: lists of elementary operations, and their evaluation in numpy."""

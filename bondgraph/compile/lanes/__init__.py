@@ -1,0 +1,1 @@
+"""Programs printed as loops over lanes and compiled to vector instructions."""

@@ -1,0 +1,1 @@
+"""Programs made from programs: derivatives, factors, parts that do not change."""
