@@ -41,6 +41,7 @@ import math
 import numpy as np
 
 from bondgraph.simulate.kept import callback as _callback, inner as _inner, jit as _jit
+from bondgraph.simulate.kept import inner_in_place as _inner_in_place, jit_in_place as _jit_in_place
 from bondgraph.simulate.pointer import CompiledFunction
 '''
 
@@ -116,7 +117,9 @@ def load_kernel(*kernels: ModuleType) -> Any:
     if not has_numba():
         raise ModelError(f"{kernels[0].__name__}: numba is not installed - install the package 'numba'")
     title = f"Compiled form of {', '.join(kernel.__name__ for kernel in kernels)}"
-    parts = [HEADER.format(title=title), *(part for kernel in kernels for part in _functions(kernel, "@_jit\n"))]
+    way = "" if any(map(_allocates, kernels)) else "_in_place"
+    parts = [HEADER.format(title=title)]
+    parts += [part for kernel in kernels for part in _functions(kernel, f"@_jit{way}\n", f"@_inner{way}\n")]
     return load_compiled("\n\n".join(parts) + "\n")
 
 
@@ -151,14 +154,21 @@ def _say_fallback(problem: str) -> None:
     )
 
 
-def _functions(kernel: ModuleType, decorator: str) -> list[str]:
+def _allocates(kernel: ModuleType) -> bool:
+    """Whether a kernel makes arrays of its own: only what numpy gives does."""
+    return any(
+        isinstance(node, ast.Name) and node.id == "np" for node in ast.walk(ast.parse(inspect.getsource(kernel)))
+    )
+
+
+def _functions(kernel: ModuleType, decorator: str, inner: str = "@_inner\n") -> list[str]:
     """The functions and constants of a kernel module, without its imports and types; the public ones as asked for."""
     text = inspect.getsource(kernel)
     parts = []
     for node in ast.parse(text).body:
         segment = ast.get_source_segment(text, node) or ""
         if isinstance(node, ast.FunctionDef):
-            parts.append(("@_inner\n" if node.name.startswith("_") else decorator) + segment)
+            parts.append((inner if node.name.startswith("_") else decorator) + segment)
         elif isinstance(node, ast.Assign):
             parts.append(segment)
     return parts

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import importlib
 import importlib.util
 import os
 import subprocess
@@ -14,7 +15,7 @@ import numpy as np
 import pytest
 
 from bondgraph.errors import ModelError, OptionError
-from bondgraph.simulate import cache, compile
+from bondgraph.simulate import batch, batch_kernel, cache, compile
 from bondgraph.simulate.model import Model
 from bondgraph.simulate.scalar import scalar_source
 from tests.simulate.samples import NAMES, random_point, sample, text_of
@@ -138,3 +139,25 @@ def test_models_that_differ_in_a_number_do_not_share_code() -> None:
 def test_a_model_loaded_again_shares_its_compiled_functions() -> None:
     model = sample("rlc")
     assert Model.from_text(model.text).compiled.rhs_into is model.compiled.rhs_into
+
+
+def doubled(numbers: np.ndarray) -> np.ndarray:
+    return 2.0 * numbers
+
+
+def test_functions_in_place_allocate_nothing() -> None:
+    numba = pytest.importorskip("numba")
+    kept = importlib.import_module("bondgraph.simulate.kept")
+    assert numba.njit(**kept._OPTIONS)(doubled)(np.ones(2)).tolist() == [2.0, 2.0]
+    with pytest.raises(numba.core.errors.TypingError):
+        numba.njit(**kept._IN_PLACE)(doubled)(np.ones(2))
+
+
+def test_only_kernels_that_make_no_arrays_do_without_the_runtime(monkeypatch: pytest.MonkeyPatch) -> None:
+    sources: list[str] = []
+    monkeypatch.setattr(compile, "load_compiled", sources.append)
+    monkeypatch.setattr(compile, "has_numba", lambda: True)
+    compile.load_kernel.__wrapped__(batch_kernel)
+    compile.load_kernel.__wrapped__(batch)
+    assert "@_jit_in_place" in sources[0]
+    assert "@_jit_in_place" not in sources[1]
