@@ -43,7 +43,7 @@ def allocating(function: Callable[..., Any]) -> Any:
 
 
 def callback(signature: str) -> Callable[[Callable[..., Any]], Any]:
-    """The function compiled at once as a C callback of this signature.
+    """The function compiled at once as a C callback of this signature; it allocates no array.
 
     Examples
     --------

@@ -15,9 +15,11 @@ from typing import Any, Literal
 
 import numpy as np
 
+from bondgraph.estimate.likelihoods import FilterLikelihood
 from bondgraph.estimate.objective import Expand, FloatArray
 from bondgraph.estimate.problem import EstimationProblem
 from bondgraph.filter.choice import plan_again
+from bondgraph.filter.conditioning import Conditioning, conditioning
 from bondgraph.filter.discretisation import explicit_substeps
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.runs import run
@@ -51,12 +53,16 @@ class Check:
 
 @dataclass(frozen=True)
 class Certification:
-    """How an estimate was integrated, what finer discretisations would change, and how often the search went on."""
+    """How an estimate was integrated, what finer discretisations would change, and how often the search went on.
+
+    ``conditioning`` says how much rounding moves the likelihood there; None where that was not looked at.
+    """
 
     method: str
     substeps: int
     checks: tuple[Check, ...]
     continued: int
+    conditioning: Conditioning | None = None
 
     @property
     def shift(self) -> float:
@@ -65,8 +71,13 @@ class Certification:
 
     @property
     def certified(self) -> bool:
-        """Whether checks were made and none would move the estimate noticeably."""
-        return bool(self.checks) and self.shift <= NEGLIGIBLE_SHIFT
+        """Whether checks were made and none would move the estimate noticeably, nor would rounding."""
+        return bool(self.checks) and self.shift <= NEGLIGIBLE_SHIFT and not self.is_ill_conditioned
+
+    @property
+    def is_ill_conditioned(self) -> bool:
+        """Whether the likelihood depends on rounding at the estimate."""
+        return self.conditioning is not None and not self.conditioning.negligible
 
     @property
     def verdict(self) -> str:
@@ -74,7 +85,10 @@ class Certification:
         return "certified" if self.certified else "not certified" if self.checks else "not checked"
 
     def __str__(self) -> str:
-        return "\n  ".join([f"{self.method} with {self.substeps} substeps: {self.verdict}", *map(str, self.checks)])
+        doubt = [str(self.conditioning)] if self.is_ill_conditioned else []
+        return "\n  ".join(
+            [f"{self.method} with {self.substeps} substeps: {self.verdict}", *doubt, *map(str, self.checks)]
+        )
 
     def to_dict(self) -> dict[str, Any]:
         """As ``result.json`` holds it."""
@@ -83,6 +97,7 @@ class Certification:
             "substeps": self.substeps,
             "certified": self.certified,
             "continued": self.continued,
+            "ill_conditioned": self.is_ill_conditioned,
             "checks": [
                 {"method": c.method, "substeps": c.substeps, "nats": c.nats, "shift": c.shift, "parameter": c.parameter}
                 for c in self.checks
@@ -105,6 +120,14 @@ def finer_filters(problem: EstimationProblem, point: FloatArray, depth: Depth) -
         )
         if math.isfinite(needed):
             yield replace(used, method="rk4", substeps=max(1, math.ceil(needed)), plan=None)
+
+
+def rounding(problem: EstimationProblem, point: FloatArray) -> Conditioning | None:
+    """How much rounding moves the likelihood at a point (n,); None for another likelihood than that of the filter."""
+    if not isinstance(problem.likelihood, FilterLikelihood):
+        return None
+    batch, compiled = problem.batch(point[:, np.newaxis]), problem.likelihood.compiled
+    return conditioning(problem.filter_model, problem.logs, batch.theta[:, 0], compiled=compiled, **batch.values(0))
 
 
 def planned_again(problem: EstimationProblem, point: FloatArray) -> FilterModel:

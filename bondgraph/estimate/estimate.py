@@ -11,7 +11,7 @@ from typing import Literal, get_args
 import numpy as np
 
 from bondgraph.errors import OptionError, suggest
-from bondgraph.estimate.certify import Certification, Check, Depth, check, finer_filters, planned_again
+from bondgraph.estimate.certify import Certification, Check, Depth, check, finer_filters, planned_again, rounding
 from bondgraph.estimate.checkpoint import Checkpoint, load_checkpoint, problem_digest, save_checkpoint
 from bondgraph.estimate.continuation import ON_THE_WAY, Continuation, Stage, way
 from bondgraph.estimate.exact import derivatives
@@ -244,12 +244,14 @@ def _certified(found: Estimate, run: _Run) -> Estimate:
         found = replace(found, problem=replace(found.problem, filter_model=used))
         try:
             checks = _checks(found, run)
+            moved = rounding(found.problem, found.point) if checks else None
         except KeyboardInterrupt:
-            checks = []
-        certification = Certification(used.method, used.typical_substeps, tuple(c for _, c in checks), continued)
+            checks, moved = [], None
+        certification = Certification(used.method, used.typical_substeps, tuple(c for _, c in checks), continued, moved)
         found = replace(found, certification=certification, seconds=run.seconds)
         # A search that does not get on may have outrun the steps that were planned for its start.
         stuck = found.outcome is SearchOutcome.NO_PROGRESS and used.plan is not None and continued == 0
+        stuck = stuck or certification.is_ill_conditioned
         done = certification.certified if found.outcome.succeeded else not stuck
         if not checks or done or continued == _MOST_REFINEMENTS:
             break
@@ -262,7 +264,7 @@ def _certified(found: Estimate, run: _Run) -> Estimate:
             found = describe(problem, _continued(found, state), run.jacobian, lambda: run.seconds)
         except KeyboardInterrupt:
             break  # what was found with the steps before is an estimate, and says that it is not certified
-    return found
+    return replace(found, outcome=SearchOutcome.ILL_CONDITIONED) if found.certification.is_ill_conditioned else found
 
 
 def _checks(found: Estimate, run: _Run) -> list[tuple[FilterModel, Check]]:

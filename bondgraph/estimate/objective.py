@@ -54,6 +54,10 @@ class SearchOutcome(enum.Enum):
         "stopped: the derivatives of the likelihood are not finite here"
         " - use more substeps, smooth the kinks of the model, or narrow the bounds"
     )
+    ILL_CONDITIONED = (
+        "stopped where rounding moves the likelihood: its differences to other points mean nothing"
+        " - use more substeps, or method 'auto', which plans them"
+    )
     NO_FINITE_POINT = "failed: the model diverges at every point tried - narrow the bounds or use more substeps"
 
     @property

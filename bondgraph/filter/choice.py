@@ -11,7 +11,7 @@ from __future__ import annotations
 import functools
 import hashlib
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Unpack
 
@@ -21,6 +21,7 @@ from bondgraph.arrays import FloatArray
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.members import MemberValues
 from bondgraph.filter.noise_choice import noise_steps_along
+from bondgraph.filter.plan import StepPlan
 from bondgraph.filter.planning import FilteredLog, filtered_logs, plan_along, plan_cost
 from bondgraph.filter.rates import fastest_rates
 from bondgraph.filter.samples import MeasuredLog
@@ -39,9 +40,22 @@ _RK4_SLOPES = 4
 #: plan that was right to 0.003 nats moved the likelihood of a neighbour by 38 standard deviations of a parameter.
 _PLANNED = ("ros3p",)
 
-#: Stiff steps between two samples where there is no plan. They are equal: one that is long and starts where a law is
-#: saturated jumps over the zone in which it is not.
-_STIFF_SUBSTEPS = 32
+#: Stiff steps between two samples of the run along which steps are planned. They are equal: one that is long and starts
+#: where a law is saturated jumps over the zone in which it is not. On the recorded drives 6 do so; from 8 on the plan
+#: is that of a fine run in all but one interval of a thousand.
+_FIRST_STEPS = 12
+
+#: A first run is not made finer than this.
+_FINEST_RUN = 48
+
+#: Stiff steps between two samples of a log for which nothing was planned.
+_UNPLANNED_STEPS = 32
+
+#: Filters the logs with another filter model.
+_Refilter = Callable[[FilterModel], tuple[FilteredLog, ...]]
+
+#: A first run that is too coarse for its plan in a larger share of the intervals is repeated with twice the steps.
+_MOST_OUTRUN = 0.1
 
 
 def choose_method(filter_model: FilterModel, logs: Sequence[MeasuredLog], *, compiled: bool = True) -> FilterModel:
@@ -105,15 +119,39 @@ def plan_again(
     """
     if filter_model.plan is None or filter_model.plan.method != filter_model.method:
         return filter_model
-    stiff = _first_run(filter_model)
-    filtered = filtered_logs(stiff, logs, compiled, theta, **values)
-    return plan_along(stiff, filtered, methods=_PLANNED, compiled=compiled)
+
+    def refilter(used: FilterModel) -> tuple[FilteredLog, ...]:
+        return filtered_logs(used, logs, compiled, theta, **values)
+
+    return _plan(filter_model, refilter(_first_run(filter_model, _FIRST_STEPS)), refilter, compiled)
 
 
-def _first_run(filter_model: FilterModel) -> FilterModel:
-    """The filter along whose run steps are planned: stable for all rates."""
-    substeps = max(filter_model.substeps, _STIFF_SUBSTEPS)
-    return replace(filter_model, method="rodas4", substeps=substeps, grading=1.0, plan=None)
+def _first_run(filter_model: FilterModel, steps: int) -> FilterModel:
+    """The filter along whose run steps are planned: stable for all rates, whatever steps another method needs."""
+    return replace(filter_model, method=_PLANNED[0], substeps=steps, grading=1.0, plan=None)
+
+
+def _plan(
+    filter_model: FilterModel, filtered: Sequence[FilteredLog], refilter: _Refilter, compiled: bool
+) -> FilterModel:
+    """The filter with steps planned along a first run, or along a finer one where that was too coarse."""
+    steps, coarse = _FIRST_STEPS, _first_run(filter_model, _FIRST_STEPS)
+    planned = plan_along(coarse, filtered, methods=_PLANNED, compiled=compiled)
+    while steps < _FINEST_RUN and planned.plan is not None and _outrun(planned.plan, filtered) > _MOST_OUTRUN:
+        steps *= 2
+        finer = _first_run(filter_model, steps)
+        filtered = refilter(finer)
+        planned = plan_along(finer, filtered, methods=_PLANNED, compiled=compiled)
+    return replace(planned, substeps=_UNPLANNED_STEPS)
+
+
+def _outrun(plan: StepPlan, filtered: Sequence[FilteredLog]) -> float:
+    """Share of the steps from node to node for which over twice as many integration steps are planned as the run took.
+
+    A plan is so strict that half its steps still leave a run within a few hundredths of a standard deviation.
+    """
+    more = [plan.logs[log.samples.key].substeps > 2 * log.samples.substeps for log in filtered]
+    return float(np.mean(np.concatenate(more))) if sum(own.size for own in more) else 0.0
 
 
 @dataclass(frozen=True)
@@ -137,8 +175,10 @@ def _content(filter_model: FilterModel, logs: Sequence[MeasuredLog]) -> str:
 
 @functools.lru_cache(maxsize=64)
 def _chosen(question: _Question) -> FilterModel:
-    filter_model, filtered = _with_noise_steps(question)
-    stiff = _first_run(filter_model)
+    def refilter(used: FilterModel) -> tuple[FilteredLog, ...]:
+        return filtered_logs(used, question.logs, question.compiled)
+
+    filter_model, filtered = _with_noise_steps(question.filter_model, refilter)
     needed = max(
         rate * float(np.median(np.diff(log.run.time))) / STEP_TIMES_RATE if log.run.time.size > 1 else 0.0
         for log in filtered
@@ -148,19 +188,18 @@ def _chosen(question: _Question) -> FilterModel:
     explicit = replace(filter_model, method="rk4", substeps=int(steps), grading=1.0) if steps < math.inf else None
     if explicit is not None and steps <= max(_FEW_EXPLICIT, filter_model.substeps):
         return explicit
-    planned = plan_along(stiff, filtered, methods=_PLANNED, compiled=question.compiled)
+    planned = _plan(filter_model, filtered, refilter, question.compiled)
     dearer = planned.plan is None or _RK4_SLOPES * steps <= plan_cost(planned.model, planned.plan)
     return explicit if explicit is not None and dearer else planned
 
 
-def _with_noise_steps(question: _Question) -> tuple[FilterModel, tuple[FilteredLog, ...]]:
+def _with_noise_steps(filter_model: FilterModel, refilter: _Refilter) -> tuple[FilterModel, tuple[FilteredLog, ...]]:
     """The filter with as many panels of process noise as its logs need, and its first run over them."""
-    coarse = replace(question.filter_model, noise_steps=0)
-    filtered = filtered_logs(_first_run(coarse), question.logs, question.compiled)
-    if coarse.noise_panels[0] == "sampled":
-        return question.filter_model, filtered
+    filtered = refilter(_first_run(filter_model, _FIRST_STEPS))
+    if filter_model.noise_panels[0] == "sampled":
+        return filter_model, filtered
     steps, grading = noise_steps_along(filtered)
-    chosen = replace(coarse, noise_steps=steps, noise_grading=grading)
-    if steps > 0:
-        filtered = filtered_logs(_first_run(chosen), question.logs, question.compiled)
+    chosen = replace(filter_model, noise_steps=steps, noise_grading=grading)
+    if chosen.noise_panels != filter_model.noise_panels:
+        filtered = refilter(_first_run(chosen, _FIRST_STEPS))
     return chosen, filtered

@@ -23,6 +23,7 @@ from bondgraph.compile.rosenbrock import TABLEAUS
 from bondgraph.errors import FilterError
 from bondgraph.filter import gradient_algebra, gradient_kernel, kernel_channels
 from bondgraph.filter.compiled import log_rows, thread_count
+from bondgraph.filter.conditioning import depends_on_rounding
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.gradient_types import Found, Prior, Scratch, TangentEquations, TangentRules
 from bondgraph.filter.samples import MeasuredLog, Samples
@@ -56,7 +57,7 @@ class Directions:
 class InnovationTangents:
     """Whitened innovations and log scales (n_y, n) of one log and their derivatives (n_y, n, D).
 
-    Zero where nothing was measured; NaN throughout where the filter failed.
+    Zero where nothing was measured; NaN throughout where the filter failed, or is ill-conditioned: derivatives tell.
     """
 
     log_name: str
@@ -151,7 +152,8 @@ def innovation_tangents(
         with ThreadPoolExecutor(workers) as executor:
             every = list(executor.map(one, parts))
     size = len(groups)
-    return tuple(_side_by_side(every[first : first + size]) for first in range(0, len(every), size))
+    whole = [_side_by_side(every[first : first + size]) for first in range(0, len(every), size)]
+    return tuple(_conditioned(*each) for each in zip(whole, members, directions, strict=True))
 
 
 def _groups(count: int, most: int) -> list[slice]:
@@ -175,6 +177,30 @@ def _side_by_side(parts: Sequence[InnovationTangents]) -> InnovationTangents:
         d_values=np.concatenate([part.d_values for part in parts], axis=2),
         d_log_scales=np.concatenate([part.d_log_scales for part in parts], axis=2),
     )
+
+
+def _conditioned(found: InnovationTangents, member: Member, directions: Directions) -> InnovationTangents:
+    """What was found, or NaN where its derivatives are those of rounding."""
+    size = 0.5 * float(np.sum(found.values**2)) + float(np.sum(np.abs(found.log_scales)))
+    with np.errstate(over="ignore", invalid="ignore"):
+        gradient = found.gradient
+    if found.outcome is not Outcome.OK or not depends_on_rounding(size, gradient, _reach(member, directions)):
+        return found
+    arrays = ("values", "log_scales", "d_values", "d_log_scales")
+    lost: dict[str, Any] = {name: np.full_like(getattr(found, name), np.nan) for name in arrays}
+    return replace(found, outcome=Outcome.ILL_CONDITIONED, **lost)
+
+
+def _reach(member: Member, directions: Directions) -> FloatArray:
+    """How far each direction must be followed to change one of its numbers by that number's size, (D,)."""
+    names = ("theta", "x0", "initial_std", "process_std", "noise_std")
+    numbers = np.concatenate([np.nan_to_num(getattr(member, name)) for name in names])
+    moves = np.concatenate([np.nan_to_num(getattr(directions, name)) for name in names])
+    there = (numbers != 0.0)[:, np.newaxis] & (moves != 0.0)
+    shares = np.where(there, np.abs(moves) / np.where(numbers == 0.0, 1.0, np.abs(numbers))[:, np.newaxis], 0.0)
+    fastest = np.max(shares, axis=0, initial=0.0)
+    reach: FloatArray = np.divide(1.0, fastest, out=np.zeros_like(fastest), where=fastest > 0.0)
+    return reach
 
 
 def _rules(filter_model: FilterModel, tangents: TangentLanes) -> TangentRules:

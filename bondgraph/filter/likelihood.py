@@ -17,6 +17,7 @@ import numpy.typing as npt
 
 from bondgraph.arrays import BoolArray, FloatArray, IntArray
 from bondgraph.filter.batch import BatchRun
+from bondgraph.filter.conditioning import Conditioning, conditioning
 from bondgraph.filter.discretisation import DiscretisationError, discretisation_error
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.members import MemberValues
@@ -46,12 +47,18 @@ class Likelihood:
     share: FloatArray
     method: str
     substeps: int
-    _best: Callable[[], DiscretisationError] = field(repr=False, compare=False)
+    _error: Callable[[], DiscretisationError] = field(repr=False, compare=False)
+    _conditioning: Callable[[], Conditioning] = field(repr=False, compare=False)
 
     @functools.cached_property
     def discretisation(self) -> DiscretisationError:
         """How much the integration steps disturb the value of the best member, in nats; filtered anew when asked."""
-        return self._best()
+        return self._error()
+
+    @functools.cached_property
+    def conditioning(self) -> Conditioning:
+        """How much rounding moves the value of the best member, in nats; filtered anew when asked."""
+        return self._conditioning()
 
 
 @dataclass(frozen=True)
@@ -133,9 +140,9 @@ def likelihood(
     abandoned = np.array([outcome is Outcome.ABANDONED for outcome in outcomes])
     finished = np.sum([run.verdicts.last + 1 for run in runs], axis=0) / sum(run.samples.time.size for run in runs)
 
-    def best() -> DiscretisationError:
+    def best() -> tuple[FloatArray, MemberValues]:
         m = int(np.argmin(nll))
-        own: MemberValues = {
+        return batches[0].theta[:, m], {
             "noise_std": batches[0].noise_std[:, m],
             "process_std": batches[0].process_std[:, m],
             "noise_correlation": batches[0].noise_correlation[..., m],
@@ -143,10 +150,17 @@ def likelihood(
             "x0": [batch.x0[:, m] for batch in batches],
             "initial_std": [batch.initial_std[:, m] for batch in batches],
         }
-        return discretisation_error(used, logs, batches[0].theta[:, m], compiled=compiled, **own)
+
+    def error() -> DiscretisationError:
+        own_theta, own = best()
+        return discretisation_error(used, logs, own_theta, compiled=compiled, **own)
+
+    def moved() -> Conditioning:
+        own_theta, own = best()
+        return conditioning(used, logs, own_theta, compiled=compiled, **own)
 
     steps = (used.method, used.typical_substeps)
-    return Likelihood(nll, outcomes, per_log, floored, refined, abandoned, finished, *steps, best)
+    return Likelihood(nll, outcomes, per_log, floored, refined, abandoned, finished, *steps, error, moved)
 
 
 def negative_log_likelihood(

@@ -81,26 +81,26 @@ def continuous_nodes(time: FloatArray, steps: int, grading: float) -> NoiseNodes
     >>> continuous_nodes(np.array([0.0, 1.0, 2.0, 7.0]), 0, 1.0).time.tolist()
     [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0]
     """
-    median = _median(time)
-    offsets, shares, starts, ends, counts = [], [], [], [], []
-    known: dict[int, tuple[FloatArray, FloatArray, FloatArray]] = {}
-    for length in np.diff(time):
-        multiple = max(1, round(length / median))
-        if multiple not in known:
-            known[multiple] = _interval(multiple, steps, grading)
-        own, start, end = known[multiple]
-        offsets.append(own[1:] * length)
-        shares.append(np.diff(own) * multiple)
-        starts.append(start * length)
-        ends.append(end * length)
-        counts.append(own.size - 1)
+    lengths = np.diff(time)
+    multiples = np.maximum(1, np.rint(lengths / _median(time))).astype(np.int64)
+    kinds, kind = np.unique(multiples, return_inverse=True)
+    tables = [_interval(int(multiple), steps, grading) for multiple in kinds]
+    hops = np.array([start.size for _, start, _ in tables], dtype=np.int64)
+    counts = hops[kind]
     sample = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
-    interval = np.repeat(np.arange(len(counts)), counts).astype(np.int64)
-    nodes = np.concatenate([time[:1], time[interval] + np.concatenate([np.zeros(0), *offsets])])
+    interval = np.repeat(np.arange(counts.size), counts).astype(np.int64)
+    # the row of every step in the tables of its kind of interval, laid one below the other
+    row = np.arange(interval.size) - sample[interval] + (np.cumsum(hops) - hops)[kind][interval]
+
+    def laid(parts: list[FloatArray]) -> FloatArray:
+        return np.concatenate([np.zeros(0), *parts])[row]
+
+    offset = laid([own[1:] for own, _, _ in tables])
+    share = laid([np.diff(own) * multiple for multiple, (own, _, _) in zip(kinds, tables, strict=True)])
+    start, end = laid([start for _, start, _ in tables]), laid([end for _, _, end in tables])
+    nodes = np.concatenate([time[:1], time[interval] + offset * lengths[interval]])
     nodes[sample] = time
-    empty = np.zeros(0)
-    rows = (np.concatenate([empty, *parts]) for parts in (shares, starts, ends))
-    return NoiseNodes(nodes, sample, interval, *rows)
+    return NoiseNodes(nodes, sample, interval, share, start * lengths[interval], end * lengths[interval])
 
 
 def _interval(multiple: int, steps: int, grading: float) -> tuple[FloatArray, FloatArray, FloatArray]:

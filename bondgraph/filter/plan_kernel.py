@@ -34,7 +34,7 @@ def move_points(
     for row in range(intervals.size):
         k = intervals[row]
         for first in range(0, points.shape[2], lanes):
-            _load(movement, rules, points[row], first)
+            n = _load(movement, rules, points[row], first)
             movement.advance(
                 log.time[k],
                 log.time[k + 1] - log.time[k],
@@ -46,18 +46,21 @@ def move_points(
                 movement.clock,
                 movement.inputs,
                 movement.buffer,
-                lanes,
+                n,
             )
             for i in range(rules.n_x):
                 for p in range(first, min(first + lanes, points.shape[2])):
                     points[row, i, p] = movement.buffer[(rules.x + i) * lanes + p - first]
 
 
-def _load(movement: Movement, rules: Rules, points: FloatArray, first: int) -> None:
-    """Bring points into the work buffer; lanes beyond the last repeat it."""
+def _load(movement: Movement, rules: Rules, points: FloatArray, first: int) -> int:
+    """Bring points from ``first`` on into the work buffer; the number of lanes to work on, a multiple of eight."""
+    last = points.shape[1] - 1
+    n: int = (min(rules.lanes, last + 1 - first) + 7) // 8 * 8
     for i in range(points.shape[0]):
         row = rules.x + i if i < rules.n_x else rules.theta + rules.appended[i - rules.n_x]
-        for lane in range(rules.lanes):
-            movement.buffer[row * rules.lanes + lane] = points[i, min(first + lane, points.shape[1] - 1)]
+        for lane in range(n):
+            movement.buffer[row * rules.lanes + lane] = points[i, min(first + lane, last)]
     if rules.appended.size > 0:
-        movement.prepare(movement.buffer, rules.lanes)
+        movement.prepare(movement.buffer, n)
+    return n

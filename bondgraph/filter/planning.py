@@ -28,7 +28,7 @@ from bondgraph.filter.filter_run import FilterRun
 from bondgraph.filter.members import MemberBatch, MemberValues, member_batches
 from bondgraph.filter.plan import IntervalSteps, StepPlan
 from bondgraph.filter.samples import MeasuredLog, Samples, noise_nodes
-from bondgraph.filter.sigma_points import MerweScaled, lower_factor
+from bondgraph.filter.sigma_points import MerweScaled, lower_factors
 from bondgraph.filter.ukf import transition
 from bondgraph.simulate.model import Model
 
@@ -180,10 +180,10 @@ def _plan_log(filter_model: FilterModel, log: FilteredLog, tolerance: float, com
 def _sigma_points(filter_model: FilterModel, log: FilteredLog) -> FloatArray:
     """Sigma points at the start of each step from node to node, (m-1, n_s, points)."""
     assert log.run.nodes is not None
-    mean, cov = log.run.nodes.run.filtered_mean, np.moveaxis(log.run.nodes.driven_cov(), 0, -1)
-    points = filter_model.points
-    drawn = [points.draw(mean[:, k], lower_factor(cov[:, :, k]).lower) for k in range(mean.shape[1] - 1)]
-    return np.array(drawn).reshape(len(drawn), mean.shape[0], 2 * mean.shape[0] + 1)
+    centre = log.run.nodes.run.filtered_mean[:, :-1].T[:, :, np.newaxis]
+    with np.errstate(all="ignore"):  # a filter that failed leaves NaN
+        steps = filter_model.points.spread * lower_factors(log.run.nodes.driven_cov())
+    return np.concatenate([centre, centre + steps, centre - steps], axis=2)
 
 
 #: Moves points of intervals: ``move(points, intervals, substeps, grading)``.

@@ -170,3 +170,24 @@ def lower_factor(matrix: FloatArray, required: int = 0) -> Factor:
             lower[j:, j] = 0.0
             floored += int(variance > 0)
     return Factor(lower, floored, Outcome.OK)
+
+
+def lower_factors(matrices: FloatArray) -> FloatArray:
+    """Lower Cholesky factors of a stack (m, n, n) of positive semi-definite matrices, with pivots floored.
+
+    NaN from the column on at which a matrix is not finite.
+
+    Examples
+    --------
+    >>> lower_factors(np.array([[[4.0, 2.0], [2.0, 1.0]], [[1.0, 0.0], [0.0, 9.0]]])).tolist()
+    [[[2.0, 0.0], [1.0, 0.0]], [[1.0, 0.0], [0.0, 3.0]]]
+    """
+    lower = np.tril(matrices)
+    for j in range(matrices.shape[1]):
+        variance = lower[:, j, j].copy()
+        pivot = variance - np.einsum("mk,mk->m", lower[:, j, :j], lower[:, j, :j])
+        floored = pivot <= PIVOT_FLOOR * variance
+        column = lower[:, j:, j] - np.einsum("mik,mk->mi", lower[:, j:, :j], lower[:, j, :j])
+        root = np.sqrt(np.where(floored, 1.0, pivot))
+        lower[:, j:, j] = np.where(floored[:, np.newaxis], 0.0, column / root[:, np.newaxis])
+    return lower

@@ -119,6 +119,7 @@ def _notes(estimate: Estimate) -> list[str]:
         f"Negative log-likelihood {estimate.nll:.4f} after {estimate.evaluations} evaluations.",
         f"Integrated by {certification.method} with {certification.substeps} steps between samples: "
         f"{certification.verdict}.",
+        *([f"There {certification.conditioning}."] if certification.is_ill_conditioned else []),
         *(f"Against {one}." for one in certification.checks),
     ]
     if not estimate.is_smooth:

@@ -45,11 +45,15 @@ class Outcome(enum.Enum):
         "the innovation covariance lost positive definiteness"
         " - use beta >= alpha^2, larger measurement noise, or smaller initial uncertainty"
     )
+    ILL_CONDITIONED = (
+        "the likelihood is ill-conditioned: rounding moves it, since integration steps multiply small differences"
+        " - use more substeps, or method 'auto', which plans them"
+    )
     ABANDONED = "given up, since its negative log-likelihood could no longer come below its ceiling - set none to go on"
 
 
 #: Codes of the compiled kernels and of those who call them, in this order.
-OUTCOMES = (Outcome.OK, Outcome.DIVERGED, Outcome.NOT_POSITIVE, Outcome.ABANDONED)
+OUTCOMES = (Outcome.OK, Outcome.DIVERGED, Outcome.NOT_POSITIVE, Outcome.ABANDONED, Outcome.ILL_CONDITIONED)
 
 
 def describe_end(outcome: Outcome, ended_at: float) -> str:

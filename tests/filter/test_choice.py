@@ -5,10 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from bondgraph.filter import choice
 from bondgraph.filter.choice import STEP_TIMES_RATE, choose_method
 from bondgraph.filter.discretisation import discretisation_error
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.likelihood import likelihood
+from bondgraph.filter.planning import filtered_logs
 from bondgraph.filter.runs import run
 from tests.filter.logs import PlainLog, driveline_filter, simulated_log
 from tests.simulate.samples import decay
@@ -38,6 +40,49 @@ def test_a_fast_model_is_integrated_with_a_stiff_method() -> None:
     assert chosen.typical_substeps < 32
     assert choose_method(model, [log]) is chosen
     assert choose_method(chosen, [log]) is chosen
+
+
+def first_runs(
+    monkeypatch: pytest.MonkeyPatch, model: FilterModel, log: PlainLog
+) -> tuple[list[FilterModel], FilterModel]:
+    """The filters of the runs that a choice makes, and the choice."""
+    runs: list[FilterModel] = []
+
+    def recorded(used: FilterModel, *arguments: object) -> object:
+        runs.append(used)
+        return filtered_logs(used, *arguments)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(choice, "filtered_logs", recorded)
+    choice._chosen.cache_clear()
+    chosen = choose_method(model, [log])
+    choice._chosen.cache_clear()
+    return runs, chosen
+
+
+def test_a_plan_costs_one_run_of_few_steps_whatever_runge_kutta_needs(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A filter declared with 120 steps of Runge-Kutta made a first run of 120 rodas4 steps: 67 values."""
+    runs, chosen = first_runs(monkeypatch, *following(1e3, method="auto", noise_scheme="sampled", substeps=20))
+    assert [(used.method, used.substeps, used.grading) for used in runs] == [("ros3p", 12, 1.0)]
+    assert chosen.plan is not None
+    assert chosen.plan == first_runs(monkeypatch, *following(1e3, method="auto", noise_scheme="sampled"))[1].plan
+
+
+def test_the_first_run_serves_for_panels_and_plan(monkeypatch: pytest.MonkeyPatch) -> None:
+    runs, chosen = first_runs(monkeypatch, *following(10.0, method="auto"))
+    assert chosen.noise_panels == runs[0].noise_panels
+    assert len(runs) == 1
+
+
+def test_a_first_run_that_was_too_coarse_for_its_plan_is_repeated(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(choice, "_FIRST_STEPS", 1)
+    runs, chosen = first_runs(monkeypatch, *following(300.0, method="auto", noise_scheme="sampled"))
+    assert [used.substeps for used in runs] == [1, 2, 4][: len(runs)]
+    assert len(runs) > 1
+    monkeypatch.undo()
+    assert chosen.plan is not None
+    _, fine = first_runs(monkeypatch, *following(300.0, method="auto", noise_scheme="sampled"))
+    assert fine.plan is not None
+    assert chosen.plan.mean_substeps == pytest.approx(fine.plan.mean_substeps, rel=0.1)
 
 
 def test_a_likelihood_says_what_was_chosen_and_carries_its_error() -> None:

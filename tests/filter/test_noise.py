@@ -18,7 +18,7 @@ from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.filterpy_bridge import filterpy_run
 from bondgraph.filter.gradient import Directions, innovation_tangents
 from bondgraph.filter.likelihood import likelihood
-from bondgraph.filter.noise_choice import gathered_noise, with_noise_steps
+from bondgraph.filter.noise_choice import exponentials, gathered_noise, with_noise_steps
 from bondgraph.filter.noise_nodes import continuous_nodes, sampled_nodes
 from bondgraph.filter.runs import run
 from bondgraph.filter.samples import Samples
@@ -112,6 +112,16 @@ def test_panels_gather_the_covariance_of_van_loan(case: tuple[np.ndarray, np.nda
             gathered = move @ (gathered + start * noise) @ move.T + end * noise
         errors.append(np.abs(gathered - exact).max() / np.abs(exact).max())
     assert errors[1] < max(0.1 * errors[0], 1e-12)
+
+
+def test_exponentials_of_a_stack_are_those_of_scipy() -> None:
+    rng = np.random.default_rng(5)
+    scales = np.array([0.0, 1e-8, 0.3, 1.0, 20.0])
+    matrices = scales[:, np.newaxis, np.newaxis] * rng.standard_normal((5, 4, 4))
+    expected = np.array([expm(matrix) for matrix in matrices])
+    sizes = np.abs(expected).max(axis=(1, 2), keepdims=True)
+    assert exponentials(matrices) / sizes == pytest.approx(expected / sizes, abs=1e-12)
+    assert exponentials(np.zeros((0, 3, 3))).shape == (0, 3, 3)
 
 
 @given(linear_models(), st.floats(1e-3, 1e4))

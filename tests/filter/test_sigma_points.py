@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from bondgraph.errors import FilterError
-from bondgraph.filter.sigma_points import MerweScaled, lower_factor
+from bondgraph.filter.sigma_points import MerweScaled, lower_factor, lower_factors
 from bondgraph.simulate.outcome import Outcome
 
 ALPHAS = (1e-3, 1e-2, 0.1, 0.5, 1.0)
@@ -84,6 +84,18 @@ def test_factor_of_a_singular_matrix_floors_and_counts() -> None:
     factor = lower_factor(cov)
     np.testing.assert_allclose(factor.lower @ factor.lower.T, cov, atol=1e-12)
     assert (factor.floored, factor.outcome) == (1, Outcome.OK)  # the last row is known exactly, which is no loss
+
+
+def test_factors_of_a_stack_are_those_one_by_one() -> None:
+    rng = np.random.default_rng(7)
+    roots = rng.standard_normal((6, 4, 4)) * [1.0, 1e-9, 1.0, 1e3]
+    roots[3, :, 1] = 0.0
+    matrices = roots @ np.swapaxes(roots, 1, 2)
+    one_by_one = np.array([lower_factor(matrix).lower for matrix in matrices])
+    assert lower_factors(matrices) == pytest.approx(one_by_one, rel=1e-9, abs=1e-12)
+    matrices[2, 1, 1] = np.nan
+    assert np.isnan(lower_factors(matrices)[2]).any()
+    assert np.isfinite(lower_factors(matrices)[[0, 1, 3, 4, 5]]).all()
 
 
 def test_factor_tells_what_is_wrong() -> None:
