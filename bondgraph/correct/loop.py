@@ -17,6 +17,7 @@ from typing import Literal
 
 import numpy as np
 
+from bondgraph.correct.confirmation import Confirmation, confirmation
 from bondgraph.correct.fits.assess import Assessment, assess
 from bondgraph.correct.fits.fit import BLOCKS, Fit, Report, fit, no_report
 from bondgraph.correct.fits.journal import Journal
@@ -51,7 +52,9 @@ _BLOCK_SAMPLES = 5
 _TOLERANCE = 0.05
 _MOST_ITERATIONS = 60
 
-Verdict = Literal["effect found", "no missing effect", "unexplained residual", "sensor fault suspected"]
+Verdict = Literal[
+    "effect found", "effect not confirmed", "sensor fault suspected", "unexplained residual", "no missing effect"
+]
 
 
 @dataclass(frozen=True)
@@ -88,6 +91,7 @@ class ClosedLoop:
 
     ``nominal_check`` and ``corrected_check`` say what halved integration steps would change. Both built models may have
     rates among their inputs that no equation uses, see :func:`bondgraph.correct.fits.rates.with_followed_rates`.
+    ``confirmation`` is what the logs say of the correction, None where nothing was added.
     """
 
     verdict: Verdict
@@ -109,6 +113,7 @@ class ClosedLoop:
     unexplained: tuple[Unexplained, ...] = ()
     history: tuple[Decision, ...] = ()
     cautions: tuple[str, ...] = ()
+    confirmation: Confirmation | None = None
 
     @property
     def corrected_graph(self) -> BondGraph:
@@ -233,11 +238,13 @@ def _result(
     added = tuple(Added(trial, trial.candidate.effect.parameters) for trial in state.added)
     history = (*state.history, Decision(len(rounds), "stopped", "", reason))
     cautions = (*_cautions(nominal, rounds), *_doubts(nominal, current, first, last), *rest.cautions)
+    before = assess(nominal, train), assess(nominal, holdout)
+    after = assess(current, state.train), assess(current, holdout)
+    logs = confirmation(nominal, current, before, after) if added else None
     result = ClosedLoop(
-        *_verdict(added, rest.unexplained, residual, settings.level, reason), nominal, current,
-        assess(nominal, train), assess(nominal, holdout), assess(current, state.train), assess(current, holdout),
-        built, corrected_built, added, tuple(rounds), told, first, last, residual, rest.unexplained,
-        history, cautions,
+        *_verdict(added, rest.unexplained, residual, settings.level, reason, logs), nominal, current,
+        before[0], before[1], after[0], after[1], built, corrected_built, added, tuple(rounds), told, first, last,
+        residual, rest.unexplained, history, cautions, logs,
     )  # fmt: skip
     report("assess", 1, 1)
     return result
@@ -350,11 +357,18 @@ def _model_values(fitted: Fit) -> dict[str, float]:
 
 
 def _verdict(
-    added: Sequence[Added], left: Sequence[Unexplained], residual: Sequence[Whiteness], level: float, reason: str
+    added: Sequence[Added],
+    left: Sequence[Unexplained],
+    residual: Sequence[Whiteness],
+    level: float,
+    reason: str,
+    logs: Confirmation | None,
 ) -> tuple[Verdict, str]:
     coloured = [test.channel for test in residual if test.p_value * len(residual) < level]
     said = f"; the innovations of {', '.join(coloured)} stay coloured" if coloured else ""
     named = [one for one in added if one.trial.candidate.effect.name != "table"]
+    if named and logs is not None and logs.contradictions:
+        return "effect not confirmed", reason + said
     if named and all(one.trial.candidate.effect.channel for one in named):
         return "sensor fault suspected", reason + said
     if named:

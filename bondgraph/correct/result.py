@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
+from bondgraph.correct.confirmation import Compared, Confirmation
 from bondgraph.correct.fits.assess import Assessment, ChannelError
 from bondgraph.correct.fits.fit import Fit
 from bondgraph.correct.loop import Added, ClosedLoop
@@ -23,6 +24,7 @@ def result_json(closed: ClosedLoop) -> dict[str, Any]:
         "reason": closed.reason,
         "nominal": _state(closed.nominal, closed.nominal_check, closed.nominal_train, closed.nominal_holdout),
         "corrected": _state(closed.corrected, closed.corrected_check, closed.corrected_train, closed.corrected_holdout),
+        "confirmation": None if closed.confirmation is None else _confirmation(closed.confirmation, closed),
         **_located(closed),
         "effects": [_effect(added, closed.corrected) for added in closed.added],
         "alternatives": _alternatives(closed),
@@ -48,6 +50,28 @@ def result_json(closed: ClosedLoop) -> dict[str, Any]:
             for test in closed.whiteness
         },
     }  # fmt: skip
+
+
+def _confirmation(told: Confirmation, closed: ClosedLoop) -> dict[str, Any]:
+    """What the logs say of the correction; ``compared`` holds errors in each channel's own unit."""
+    infos = {info.name: info for info in closed.nominal_built.model.outputs}
+
+    def compared(one: Compared) -> dict[str, Any]:
+        info = infos[one.channel]
+        return {
+            "data": one.data, "kind": one.kind, "channel": one.channel, "unit": info.display_unit,
+            "before": number(info.shown(one.before)), "after": number(info.shown(one.after)),
+            "p_worse": number(one.p_worse), "clearly_worse": one.clearly,
+        }  # fmt: skip
+
+    return {
+        "standing": told.standing,
+        "holdout_gain": number(told.gain),
+        "holdout_gain_error": number(told.error),
+        "horizon": told.horizon,
+        "contradictions": list(told.contradictions),
+        "compared": [compared(one) for one in told.compared],
+    }
 
 
 def _located(closed: ClosedLoop) -> dict[str, Any]:

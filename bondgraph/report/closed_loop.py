@@ -9,7 +9,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from bondgraph.correct.fits.assess import Assessment, gain_interval
+from bondgraph.correct.confirmation import Confirmation
+from bondgraph.correct.fits.assess import Assessment
 from bondgraph.correct.loop import ClosedLoop
 from bondgraph.correct.result import intervals, result_json
 from bondgraph.declare.files import write_graph
@@ -143,7 +144,11 @@ def explanation(closed: ClosedLoop) -> str:
     ]
     if closed.added:
         names = ", then ".join(added.trial.candidate.label for added in closed.added)
-        if closed.verdict == "sensor fault suspected":
+        if closed.verdict == "effect not confirmed":
+            assert closed.confirmation is not None  # it is what contradicts
+            against = "; ".join(closed.confirmation.contradictions)
+            first = f"The training logs ask for {names}, but the logs contradict that correction: {against}."
+        elif closed.verdict == "sensor fault suspected":
             faults = [added.trial.candidate.effect for added in closed.added]
             said = " and ".join(f"a {fault.kind} of the sensor {fault.channel}" for fault in faults)
             first = f"What the sensors show fits together if there is {said}; no missing effect explains it as well."
@@ -209,19 +214,8 @@ def _tried(closed: ClosedLoop) -> list[Tried]:
 
 def _notes(closed: ClosedLoop) -> list[str]:
     notes = []
-    if closed.added and closed.corrected_holdout.logs:
-        gain, error = gain_interval(
-            [log.filtered for log in closed.nominal_holdout.logs],
-            [log.filtered for log in closed.corrected_holdout.logs],
-        )
-        what = (
-            "confirm the correction" if gain > 2.0 * (error if math.isfinite(error) else 0.0) else "do not confirm it"
-        )
-        within = f" ± {shown(error)}" if math.isfinite(error) else ""
-        notes.append(
-            f"The held-out logs {what}: their log-likelihood changes by {shown(gain)}{within} nats (standard error by "
-            "blocks of time). They decided nothing."
-        )
+    if closed.confirmation is not None and closed.corrected_holdout.logs:
+        notes.append(_held_out(closed.confirmation))
     for added in closed.added:
         twins = [
             a for turn in closed.rounds if turn.chosen is added.trial for a in turn.alternatives if a.indistinguishable
@@ -241,6 +235,18 @@ def _notes(closed: ClosedLoop) -> list[str]:
     logs = [log.log for part in (closed.nominal_train, closed.nominal_holdout) for log in part.logs]
     notes += grouped_notes(logs)
     return notes
+
+
+def _held_out(told: Confirmation) -> str:
+    """Whether held-out logs confirm a correction, in a sentence that agrees with the table of errors."""
+    what = {
+        "confirmed": "The held-out logs confirm the correction",
+        "contradicted": "The logs contradict the correction",
+        "open": "The held-out logs neither confirm nor contradict the correction",
+    }[told.standing]
+    within = f" ± {shown(told.error)}" if math.isfinite(told.error) else ""
+    changed = f"the log-likelihood of the held-out logs changes by {shown(told.gain)}{within} nats"
+    return f"{what}: {changed} (standard error by blocks of time). Held-out logs decided nothing."
 
 
 def summary(data: ReportData) -> str:
