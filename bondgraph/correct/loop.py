@@ -37,7 +37,7 @@ from bondgraph.correct.refits.trials import Detectable, Trial
 from bondgraph.correct.rest import Rest, settle
 from bondgraph.correct.round import Round, RoundSettings, one_round
 from bondgraph.data.log import MatchedLog
-from bondgraph.declare.editing import handle, with_values, without_input_rates
+from bondgraph.declare.editing import handle, with_bounds, with_values, without_input_rates
 from bondgraph.declare.effect import EffectFunction, Place, Scale
 from bondgraph.declare.graph import BondGraph
 from bondgraph.errors import BondGraphError, DataError, EstimationError, OptionError
@@ -233,7 +233,7 @@ def _result(
     assert first is not None and last is not None  # every fit of the way is certified
     train = nominal.problem.logs
     residual = whiteness(current, state.train)
-    corrected_built = build(with_values(state.built.graph, _model_values(current)))
+    corrected_built = build(with_values(with_bounds(state.built.graph, _widened(current)), _model_values(current)))
     report("assess", 0, 1)
     added = tuple(Added(trial, trial.candidate.effect.parameters) for trial in state.added)
     history = (*state.history, Decision(len(rounds), "stopped", "", reason))
@@ -354,6 +354,11 @@ def _model_values(fitted: Fit) -> dict[str, float]:
         for parameter in fitted.problem.free
         if parameter.target.kind == "parameter"
     }
+
+
+def _widened(fitted: Fit) -> dict[str, tuple[float, float]]:
+    """Bounds of coefficients as the search left them: it may have gone beyond those that scaled it."""
+    return {one.name: (one.lower, one.upper) for one in fitted.problem.free if one.widens}
 
 
 def _verdict(

@@ -41,11 +41,13 @@ def judge(base: Fit, refit: Fit, effect: Effect, tried: int, gated: bool = False
 def robust_p_value(fitted: Fit, coefficients: Sequence[str], uneven: bool = False) -> float:
     """P-value of coefficients being zero, by their block-sandwich variance; Hotelling's statistic if several.
 
-    A coefficient of which nothing but zero is left counts as absent. With ``uneven`` the degrees of freedom are those
-    of :func:`effective_blocks`: a scatter that rests on two or three blocks of time is itself hardly known.
+    A coefficient of which nothing but zero is left counts as absent, one that rests on another bound as free: it is no
+    less far from zero than that. With ``uneven`` the degrees of freedom are those of :func:`effective_blocks`: a
+    scatter that rests on two or three blocks of time is itself hardly known.
     """
     times = term_times(fitted.problem)
-    free = ~fitted.held
+    present = np.isin(fitted.problem.names, list(coefficients)) & (fitted.problem.values(fitted.point) != 0.0)
+    free = ~fitted.held | present
     variance = np.zeros((free.size, free.size))
     variance[np.ix_(free, free)] = robust_variance(restricted(fitted.expansion, free), times)
     rows, distances = [], []
