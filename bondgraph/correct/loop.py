@@ -12,7 +12,7 @@ decide nothing.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
@@ -31,7 +31,7 @@ from bondgraph.correct.models.failures import reason as reason_of
 from bondgraph.correct.models.faults import SENSOR_FAULTS
 from bondgraph.correct.places.structure import Structure, structure
 from bondgraph.correct.places.unexplained import Unexplained
-from bondgraph.correct.progress import Decision, Progress, advance
+from bondgraph.correct.progress import Decision, Progress, advance, without_events
 from bondgraph.correct.refits.certified import doubts, refined
 from bondgraph.correct.refits.trials import Detectable, Trial
 from bondgraph.correct.rest import Rest, settle
@@ -91,7 +91,8 @@ class ClosedLoop:
 
     ``nominal_check`` and ``corrected_check`` say what halved integration steps would change. Both built models may have
     rates among their inputs that no equation uses, see :func:`bondgraph.correct.fits.rates.with_followed_rates`.
-    ``confirmation`` is what the logs say of the correction, None where nothing was added.
+    ``confirmation`` is what the logs say of the correction, None where nothing was added. ``events`` act in part of one
+    log; they are no part of the corrected declaration, and their sizes are those of ``eventful``, the fit with them.
     """
 
     verdict: Verdict
@@ -114,6 +115,8 @@ class ClosedLoop:
     history: tuple[Decision, ...] = ()
     cautions: tuple[str, ...] = ()
     confirmation: Confirmation | None = None
+    events: tuple[Added, ...] = ()
+    eventful: Fit | None = None
 
     @property
     def corrected_graph(self) -> BondGraph:
@@ -199,7 +202,7 @@ def _rounds(
     What fails in the first round is told; later ones have results that are worth keeping.
     """
     rounds: list[Round] = []
-    while len(state.added) < most and len(rounds) < 2 * most + 1:
+    while len(state.laws) < most and len(rounds) < 2 * most + 1:
         try:
             turn = one_round(state.built, state.fit, state.train, functions, own, state.present)
             rounds.append(turn)
@@ -228,7 +231,8 @@ def _result(
     settings: LoopSettings,
     report: Report,
 ) -> ClosedLoop:
-    state, nominal, first = rest.state, start.fit, start.check
+    nominal, first = start.fit, start.check
+    state = _eventless(start, rest.state)
     current, last = state.fit, state.check
     assert first is not None and last is not None  # every fit of the way is certified
     train = nominal.problem.logs
@@ -244,10 +248,23 @@ def _result(
     result = ClosedLoop(
         *_verdict(added, rest.unexplained, residual, settings.level, reason, logs), nominal, current,
         before[0], before[1], after[0], after[1], built, corrected_built, added, tuple(rounds), told, first, last,
-        residual, rest.unexplained, history, cautions, logs,
+        residual, rest.unexplained, history, cautions, logs, _events(rest.state), rest.state.fit,
     )  # fmt: skip
     report("assess", 1, 1)
     return result
+
+
+def _eventless(start: Progress, state: Progress) -> Progress:
+    """The state without events; where nothing else was added, the declared model as it was fitted."""
+    if len(state.laws) == len(state.added):
+        return state
+    if state.laws:
+        return without_events(state)
+    return replace(start, history=state.history)
+
+
+def _events(state: Progress) -> tuple[Added, ...]:
+    return tuple(Added(one, one.candidate.effect.parameters) for one in state.added if one.gate is not None)
 
 
 def _doubts(nominal: Fit, corrected: Fit, first: Check, last: Check) -> list[str]:

@@ -27,6 +27,7 @@ def result_json(closed: ClosedLoop) -> dict[str, Any]:
         "confirmation": None if closed.confirmation is None else _confirmation(closed.confirmation, closed),
         **_located(closed),
         "effects": [_effect(added, closed.corrected) for added in closed.added],
+        "events": [_event(added, closed.eventful or closed.corrected) for added in closed.events],
         "alternatives": _alternatives(closed),
         "refused": [
             {"name": no.effect, "junction": no.place, "why": no.why}
@@ -210,8 +211,6 @@ def _effect(added: Added, corrected: Fit) -> dict[str, Any]:
     ends = intervals(corrected)
     infos = {info.name: info for info in corrected.problem.filter_model.model.parameters}
     fault = {"channel": effect.channel, "kind": effect.kind} if effect.channel else {}
-    gate = added.trial.gate
-    acts = {} if gate is None else {"acts": gate.when, "log": gate.log, "time": gate.time}
     return {
         "name": effect.name,
         "element": effect.element,
@@ -219,7 +218,6 @@ def _effect(added: Added, corrected: Fit) -> dict[str, Any]:
         "junction": place.label,
         "reference": effect.reference,
         **fault,
-        **acts,
         "coefficients": {
             name: {
                 "value": infos[name].shown(corrected.values[name]),
@@ -230,6 +228,13 @@ def _effect(added: Added, corrected: Fit) -> dict[str, Any]:
         },
         "evidence": evidence_json(added.trial),
     }
+
+
+def _event(added: Added, fitted: Fit) -> dict[str, Any]:
+    """An effect that acts in part of a log: from a time on, or until it; no part of the corrected declaration."""
+    gate = added.trial.gate
+    assert gate is not None  # else it is none
+    return {**_effect(added, fitted), "acts": gate.when, "log": gate.log, "time": gate.time}
 
 
 def evidence_json(trial: Trial) -> dict[str, Any]:

@@ -11,7 +11,8 @@ from typing import Any
 
 from bondgraph.correct.confirmation import Confirmation
 from bondgraph.correct.fits.assess import Assessment
-from bondgraph.correct.loop import ClosedLoop
+from bondgraph.correct.fits.fit import Fit
+from bondgraph.correct.loop import Added, ClosedLoop
 from bondgraph.correct.result import intervals, result_json
 from bondgraph.declare.files import write_graph
 from bondgraph.files import write_text
@@ -156,6 +157,10 @@ def explanation(closed: ClosedLoop) -> str:
             first = f"The declared model lacks {names}. The search ended because {closed.reason}."
         return first + (f" There remains {left[0]} that no known effect explains." if left else "")
     coloured = [test.channel for test in closed.whiteness if test.p_value * len(closed.whiteness) < 0.01]
+    if closed.events:
+        what = " and ".join(f"{one.trial.candidate.label} {one.trial.gate}" for one in closed.events)
+        rest = f" There remains {left[0]}." if left else ""
+        return f"Something happened in the logs ({what}); no law that holds throughout passes the tests.{rest}"
     if left:
         return (
             f"There is {left[0]} that none of the {tried} effects and faults tried explains; its shape is shown below."
@@ -216,6 +221,7 @@ def _notes(closed: ClosedLoop) -> list[str]:
     notes = []
     if closed.confirmation is not None and closed.corrected_holdout.logs:
         notes.append(_held_out(closed.confirmation))
+    notes += [_event(one, closed.eventful or closed.corrected) for one in closed.events]
     for added in closed.added:
         twins = [
             a for turn in closed.rounds if turn.chosen is added.trial for a in turn.alternatives if a.indistinguishable
@@ -235,6 +241,21 @@ def _notes(closed: ClosedLoop) -> list[str]:
     logs = [log.log for part in (closed.nominal_train, closed.nominal_holdout) for log in part.logs]
     notes += grouped_notes(logs)
     return notes
+
+
+def _event(event: Added, fitted: Fit) -> str:
+    """What happened in a log, when, and how large it was, in a sentence."""
+    trial, (name, *_) = event.trial, event.coefficients
+    info = fitted.problem.filter_model.model.parameters[
+        fitted.problem.filter_model.model.index("parameter", name)
+    ]  # fmt: skip
+    low, high = (info.shown(end) for end in intervals(fitted)[name])
+    unit = "" if info.display_unit in ("", "1") else f" {info.display_unit}"
+    size = f"{shown(info.shown(fitted.values[name]))}{unit} [{shown(low)}, {shown(high)}]"
+    return (
+        f"Event: {trial.candidate.label} acts {trial.gate} ({name} = {size}, {shown(trial.gain)} nats). Time is no "
+        "law: the corrected declaration does not have it."
+    )
 
 
 def _held_out(told: Confirmation) -> str:
