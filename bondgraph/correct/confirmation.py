@@ -5,10 +5,8 @@ where it falls by more than its standard error. And both do where a channel is p
 (restarted along the log) or in free simulation. A gain of likelihood beside such a prediction says that the noise of
 the corrected model is more to the liking of the filter, not that its physics is.
 
-A channel is clearly worse where the paired difference of squared errors over windows of time is above zero by more than
-chance allows, all comparisons counted, and exceeds what its sensor's noise hides. Where something random drives the
-machine, free simulation wanders with it, before and after: there the error must grow by as much as it was. Reference:
-Diebold and Mariano (1995), J. Business Econ. Statist. 13(3), for paired comparisons of predictions.
+Where something random drives the machine, free simulation wanders with it, before and after: there the error must grow
+by as much as it was.
 """
 
 from __future__ import annotations
@@ -19,44 +17,19 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from scipy import stats
 
 from bondgraph.correct.fits.assess import WINDOWS, Assessment, LogAssessment, gain_interval
+from bondgraph.correct.fits.compared import Compared, Data, Errors, Kind, judged, squares
 from bondgraph.correct.fits.fit import Fit
 from bondgraph.correct.fits.horizon import horizon, predicted, windows
 from bondgraph.data.log import FloatArray
 
-Data = Literal["training", "held-out"]
-Kind = Literal["prediction", "free simulation"]
 Standing = Literal["confirmed", "contradicted", "open"]
 
-#: Chance of calling any channel clearly worse that is not, over all comparisons.
-_LEVEL = 0.01
 #: A gain of held-out likelihood confirms from so many of its standard errors on.
 _CONFIRMS = 2.0
 #: Nats that process noise takes of a fit, below which nothing random drives its machine.
 _DRIVEN = 3.0
-
-
-@dataclass(frozen=True)
-class Compared:
-    """One channel before and after a correction: root mean square errors in its unit, over all logs of one kind.
-
-    ``p_worse``: chance that the error seems to grow so much though it does not. ``clearly`` worse: that is less than
-    chance allows, and what was added exceeds what the sensor's noise hides.
-    """
-
-    data: Data
-    kind: Kind
-    channel: str
-    before: float
-    after: float
-    p_worse: float
-    clearly: bool
-
-    def __str__(self) -> str:
-        grown = f" ({self.after / self.before - 1.0:+.0%})" if self.before > 0.0 and math.isfinite(self.after) else ""
-        return f"{self.kind} of {self.channel} on {self.data} logs {self.before:.3g} -> {self.after:.3g}{grown}"
 
 
 @dataclass(frozen=True)
@@ -110,20 +83,7 @@ def confirmation(
         for data, first, last in zip(("training", "held-out"), before, after, strict=True)
         for one in _errors(data, nominal, corrected, first.logs, last.logs, seconds)  # type: ignore[arg-type]
     ]
-    return Confirmation(gain, error, seconds, tuple(_judged(one, random, len(found)) for one in found))
-
-
-@dataclass(frozen=True)
-class _Errors:
-    """Errors of one channel over all logs of one kind: mean squares by window, before and after; the sensor's noise."""
-
-    data: Data
-    kind: Kind
-    channel: str
-    before: FloatArray
-    after: FloatArray
-    weight: FloatArray
-    noise: float
+    return Confirmation(gain, error, seconds, tuple(judged(one, random, len(found)) for one in found))
 
 
 def _errors(
@@ -133,7 +93,7 @@ def _errors(
     before: Sequence[LogAssessment],
     after: Sequence[LogAssessment],
     seconds: float,
-) -> list[_Errors]:
+) -> list[Errors]:
     """Errors of every channel in prediction and in free simulation, by windows of time."""
     pieces: dict[tuple[Kind, str], list[tuple[float, float, int]]] = {}
     noise: dict[str, float] = {}
@@ -149,48 +109,9 @@ def _errors(
             kinds: tuple[tuple[Kind, list[FloatArray], list[tuple[int, int]]], ...]
             kinds = ("prediction", ahead, parts), ("free simulation", free, blocks)
             for kind, shown, cut in kinds:
-                pieces.setdefault((kind, name), []).extend(_squares(log.y[row], [y[row] for y in shown], cut))
+                pieces.setdefault((kind, name), []).extend(squares(log.y[row], [y[row] for y in shown], cut))
     found = []
     for (kind, name), values in pieces.items():
         told = np.array(values, dtype=np.float64).reshape(-1, 3)
-        found.append(_Errors(data, kind, name, told[:, 0], told[:, 1], told[:, 2], noise[name]))
+        found.append(Errors(data, kind, name, told[:, 0], told[:, 1], told[:, 2], noise[name]))
     return found
-
-
-def _squares(
-    measured: FloatArray, shown: Sequence[FloatArray], parts: Sequence[tuple[int, int]]
-) -> list[tuple[float, float, int]]:
-    """Mean squared errors before and after in each window, with its number of measurements."""
-    found = []
-    for first, last in parts:
-        rows = slice(first + 1, last + 1)
-        seen = np.isfinite(measured[rows])
-        errors = [np.where(np.isfinite(y[rows]), y[rows] - measured[rows], np.inf)[seen] for y in shown]
-        if seen.any() and np.isfinite(errors[0]).all():
-            found.append((float(np.mean(errors[0] ** 2)), float(np.mean(errors[1] ** 2)), int(seen.sum())))
-    return found
-
-
-def _judged(one: _Errors, random: bool, count: int) -> Compared:
-    """Whether a channel is clearly worse after the correction, ``count`` comparisons being made."""
-    if not one.weight.size:
-        return Compared(one.data, one.kind, one.channel, math.nan, math.nan, 1.0, False)
-    before, after = (float(np.average(values, weights=one.weight)) for values in (one.before, one.after))
-    p_worse = _p_worse(one.after - one.before, one.weight)
-    margin = max(one.noise**2, before if random and one.kind == "free simulation" else 0.0)
-    clearly = p_worse * count < _LEVEL and after - before > margin
-    return Compared(one.data, one.kind, one.channel, math.sqrt(before), math.sqrt(after), p_worse, clearly)
-
-
-def _p_worse(grown: FloatArray, weight: FloatArray) -> float:
-    """P-value of a mean growth of squared errors over windows, by its scatter over neighbouring pairs of them.
-
-    Neighbours share what disturbs both; taken by two they tell of that. One that is no number was not predicted at all.
-    """
-    if np.isinf(grown).any():
-        return 0.0
-    sums = np.add.reduceat(grown * weight, np.arange(0, grown.size, 2))
-    if sums.size < 2 or float(np.std(sums)) == 0.0:
-        return 1.0
-    scatter = float(np.std(sums, ddof=1)) * math.sqrt(sums.size)
-    return float(stats.t.sf(float(sums.sum()) / scatter, sums.size - 1))

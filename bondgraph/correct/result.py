@@ -6,10 +6,12 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from bondgraph.correct.confirmation import Compared, Confirmation
+from bondgraph.correct.confirmation import Confirmation
 from bondgraph.correct.fits.assess import Assessment, ChannelError
+from bondgraph.correct.fits.compared import Compared
 from bondgraph.correct.fits.fit import Fit
 from bondgraph.correct.loop import Added, ClosedLoop
+from bondgraph.correct.refits.transfer import Transfer
 from bondgraph.correct.refits.trials import Trial
 from bondgraph.estimate.certify import NEGLIGIBLE_SHIFT, Check
 from bondgraph.estimate.result import quantity_of, unit_of
@@ -247,4 +249,17 @@ def evidence_json(trial: Trial) -> dict[str, Any]:
         "p_robust": number(trial.evidence.p_robust),
         "bic_gain": number(trial.evidence.bic_gain),
         "tried": trial.evidence.tried,
+        "transfer": None if trial.transfer is None else _transfer(trial.transfer),
+    }
+
+
+def _transfer(told: Transfer) -> dict[str, Any]:
+    """What an effect gains, in nats, in each part of the training data that it was not estimated from."""
+    return {
+        "gain": number(told.gain),
+        "error": number(told.error),
+        "fold_error": number(told.fold_error),
+        "p_value": number(told.p_value),
+        "folds": [{"fold": name, "delta_nll": number(gain)} for name, gain in zip(told.folds, told.gains, strict=True)],
+        "worse": [str(one) for one in told.compared if one.clearly],
     }

@@ -23,7 +23,7 @@ from bondgraph.correct.models.failures import attempted
 from bondgraph.correct.places.located import LocatedAt, locate
 from bondgraph.correct.places.probes import Probe, Signal, probes, signals
 from bondgraph.correct.refits.beneath import also_elsewhere, beneath_noise
-from bondgraph.correct.refits.confirm import confirmed
+from bondgraph.correct.refits.confirm import confirmed, transferred
 from bondgraph.correct.refits.decide import alternatives, choose, detectable, hurdle
 from bondgraph.correct.refits.gated_refits import also_throughout, gated_trials
 from bondgraph.correct.refits.refit import Ground, refit_best, worth_quiet
@@ -153,8 +153,8 @@ def _chosen(trials: Sequence[Trial], ground: Ground) -> tuple[list[Trial], Trial
             break
         sure = _second_look(best, ground)
         for k, trial in enumerate(done):
-            if trial.candidate.label in sure.stands_for:
-                done[k] = replace(trial, evidence=sure.evidence)
+            if trial.candidate.label in sure.stands_for and trial.gate == sure.gate:
+                done[k] = replace(trial, evidence=sure.evidence, transfer=sure.transfer)
         done[index] = sure
         looked.add(index)
     return done, best
@@ -168,10 +168,13 @@ def _second_look(best: Trial, ground: Ground) -> Trial:
 
 
 def _looked_at(best: Trial, ground: Ground) -> Trial:
-    """The trial with steps that resolve it, and if it still passes, after the costlier look."""
+    """The trial with steps that resolve it, and as long as it passes, after each costlier look."""
     sure = resolved(best, ground)
-    passes = sure.evidence is not None and sure.evidence.accepted(ground.level)
-    return confirmed(sure, ground) if passes else sure
+    for look_again in (confirmed, transferred):
+        if sure.evidence is None or not sure.evidence.accepted(ground.level):
+            break
+        sure = look_again(sure, ground)
+    return sure
 
 
 def _with_advice(

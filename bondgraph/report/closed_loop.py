@@ -13,6 +13,7 @@ from bondgraph.correct.confirmation import Confirmation
 from bondgraph.correct.fits.assess import Assessment
 from bondgraph.correct.fits.fit import Fit
 from bondgraph.correct.loop import Added, ClosedLoop
+from bondgraph.correct.refits.transfer import Transfer
 from bondgraph.correct.result import intervals, result_json
 from bondgraph.declare.files import write_graph
 from bondgraph.files import write_text
@@ -131,10 +132,20 @@ def found_effects(closed: ClosedLoop) -> list[FoundEffect]:
             ("p, likelihood ratio", f"{evidence.p_value:.1e}"),
             ("p, block-robust", f"{evidence.p_robust:.1e}"),
             ("candidates tried", str(evidence.tried)),
+            *_transfer(added.trial.transfer),
         )
         model = closed.corrected_built.model
         effects.append(found_effect(candidate.effect, candidate.place, model, closed.corrected.values, ci95, said))
     return effects
+
+
+def _transfer(told: Transfer | None) -> tuple[tuple[str, str], ...]:
+    """What an effect gains in parts of the training data that it was not estimated from, as rows of its evidence."""
+    if told is None:
+        return ()
+    folds = "; ".join(f"{name}: {gain:+.3g}" for name, gain in zip(told.folds, told.gains, strict=True))
+    whole = f"{shown(told.gain)} ± {shown(told.error)} nats (p = {told.p_value:.1e})"
+    return ("transfer to data left out", whole), ("transfer by fold, nats", folds)
 
 
 def explanation(closed: ClosedLoop) -> str:

@@ -169,7 +169,8 @@ def detectable(vanishing: Sequence[Candidate], found: Scores, need: float) -> tu
 
 def choose(trials: Sequence[Trial], level: float) -> Trial | None:
     """The refitted candidate with the largest penalised gain among those that pass, or None."""
-    passed = [trial for trial in trials if trial.fit is not None and trial.evidence and trial.evidence.accepted(level)]
+    fitted = [trial for trial in trials if trial.fit is not None and trial.transfers]
+    passed = [trial for trial in fitted if trial.evidence is not None and trial.evidence.accepted(level)]
     return max(passed, key=_bic_gain, default=None)
 
 
@@ -203,6 +204,8 @@ def _why_not(
 ) -> tuple[bool, str]:
     if trial.failed:
         return False, f"it could not be tried to the end: {trial.failed}"
+    if trial.transfer is not None and not trial.transfer.passes:
+        return False, f"it does not transfer to data that it was not estimated from: {trial.transfer.why_not}"
     if chosen is None:
         if trial.evidence is None:
             return False, f"its score promises {trial.score_gain:.1f} nats, too little to be refitted"
