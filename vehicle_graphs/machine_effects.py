@@ -97,7 +97,7 @@ def travel_dependent_friction(g: BondGraph, at: Place) -> Effect | None:
     w = direction(g, at, name)
     g.resistance(name, lambda flow: rise * travel * tanh(flow / w), at=at.junction)
     law = "effort = c*position*tanh(flow/w)"
-    return Effect("travel_dependent_friction", name, law, (rise.name,), reference=_SURVEY)
+    return Effect("travel_dependent_friction", name, law, (rise.name,), reference=_SURVEY, widths=(w.name,))
 
 
 def position_stiffness(g: BondGraph, at: Place) -> Effect | None:

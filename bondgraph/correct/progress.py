@@ -143,7 +143,7 @@ def _in_time(
     if chosen.gate is not None:
         history.append(Decision(number, "event", chosen.candidate.label, f"acts {chosen.gate}"))
         return chosen, with_gate(state.train, effect, chosen.gate)
-    if chosen.fit is None or effect.adds_state or effect.channel or len(effect.parameters) != 1:
+    if chosen.fit is None or effect.adds_state or effect.channel or len(effect.coefficients) != 1:
         return chosen, state.train
     found = constancy(chosen.fit, effect.coefficients[0])
     if found.p_value > settings.level:

@@ -34,6 +34,7 @@ from bondgraph.correct.refits.simpler import also_simpler
 from bondgraph.correct.refits.stiff_refits import ABREAST, refit_stiff
 from bondgraph.correct.refits.storages import Look, look, refit_storage, try_storage
 from bondgraph.correct.refits.trials import Alternative, Detectable, Trial
+from bondgraph.correct.refits.widths import at_any_width, is_due
 from bondgraph.correct.scores.gates import gate_samples
 from bondgraph.correct.scores.quiet import Quiet, quiet_scores
 from bondgraph.correct.scores.scoring import Linearisation, Scored, linearisation, score_candidates
@@ -146,11 +147,15 @@ def _searched_again(trials: Sequence[Trial], linear: Linearisation, ground: Grou
 
 def _chosen(trials: Sequence[Trial], ground: Ground) -> tuple[list[Trial], Trial | None]:
     """The trials, those that would be chosen after a second look at them, and the one that stays the best."""
-    done, looked = list(trials), set[int]()
+    done, looked, widened = list(trials), set[int](), set[int]()
     while (best := choose(done, ground.level)) is not None:
         index = next(k for k, trial in enumerate(done) if trial is best)
         if index in looked:
             break
+        if index not in widened and is_due(best, done, ground):
+            widened.add(index)
+            done = at_any_width(best, done, ground)
+            continue
         sure = _second_look(best, ground)
         for k, trial in enumerate(done):
             if trial.candidate.label in sure.stands_for and trial.gate == sure.gate:

@@ -56,7 +56,10 @@ def coulomb_loss(g: BondGraph, at: Place) -> Effect | None:
     name, level = coefficient(g, at, "coulomb_loss", "dry friction", effort_unit(at), power=0)
     w = direction(g, at, name)
     g.resistance(name, lambda flow: level * tanh(flow / w), at=at.junction)
-    return Effect("coulomb_loss", name, "effort = c*tanh(flow/w)", (level.name,), reference=_SURVEY, dissipative=True)
+    return Effect(
+        "coulomb_loss", name, "effort = c*tanh(flow/w)", (level.name,), reference=_SURVEY, dissipative=True,
+        widths=(w.name,),
+    )  # fmt: skip
 
 
 def _holding(g: BondGraph, at: Place, drag: Node, viscous: Expr) -> Effect:
@@ -93,7 +96,7 @@ def stribeck_loss(g: BondGraph, at: Place) -> Effect | None:
     law = "effort = (c + r*exp(-(flow/v)^2))*tanh(flow/w)"
     return Effect(
         "stribeck_loss", name, law, (rise.name, level.name), shapes=(width.name,),
-        reference="Stribeck (1902), VDI-Zeitschrift 46", dissipative=True,
+        reference="Stribeck (1902), VDI-Zeitschrift 46", dissipative=True, widths=(w.name,),
     )  # fmt: skip
 
 

@@ -38,7 +38,9 @@ def torque_proportional_loss(g: BondGraph, at: Place) -> Effect | None:
     w = direction(g, at, name)
     g.resistance(name, lambda flow: share * Abs(effort) * tanh(flow / w), at=at.junction)
     law = "effort = c*|transmitted effort|*tanh(flow/w)"
-    return Effect("torque_proportional_loss", name, law, (share.name,), reference=_MESH, dissipative=True)
+    return Effect(
+        "torque_proportional_loss", name, law, (share.name,), reference=_MESH, dissipative=True, widths=(w.name,)
+    )
 
 
 def directional_loss(g: BondGraph, at: Place) -> Effect | None:
@@ -56,7 +58,8 @@ def directional_loss(g: BondGraph, at: Place) -> Effect | None:
         at=at.junction,
     )
     law = "effort = (a*max(e, 0) + b*max(-e, 0))*tanh(flow/w), e transmitted"
-    return Effect("directional_loss", name, law, (overrun.name, drive.name), reference=_MESH, dissipative=True)
+    coefficients = (overrun.name, drive.name)
+    return Effect("directional_loss", name, law, coefficients, reference=_MESH, dissipative=True, widths=(w.name,))
 
 
 def creep(g: BondGraph, at: Place) -> Effect | None:
