@@ -51,7 +51,7 @@ def cubic_loss(g: BondGraph, at: Place) -> Effect | None:
     unit = over(effort_unit(at), flow_unit(at), 3)
     name, c = coefficient(g, at, "cubic_loss", "cubic coefficient", unit, power=3)
     g.resistance(name, lambda flow: c * flow**3, at=at.junction)
-    return Effect("cubic_loss", name, "effort = c*flow^3", (c.name,))
+    return Effect("cubic_loss", name, "effort = c*flow^3", (c.name,), dissipative=True)
 
 
 def uncounted_inertia(g: BondGraph, at: Place) -> Effect | None:
@@ -80,7 +80,9 @@ def shear_thinning_loss(g: BondGraph, at: Place) -> Effect | None:
         f"v_{name}", at.smoothing * at.scale.flow, flow_unit(at), "flow above which the friction grows by its logarithm"
     )
     g.resistance(name, lambda flow: c * asinh(flow / around), at=at.junction)
-    return Effect("shear_thinning_loss", name, "effort = c*asinh(flow/v)", (c.name,), reference=_EYRING)
+    return Effect(
+        "shear_thinning_loss", name, "effort = c*asinh(flow/v)", (c.name,), reference=_EYRING, dissipative=True
+    )
 
 
 def travel_dependent_friction(g: BondGraph, at: Place) -> Effect | None:
@@ -95,7 +97,7 @@ def travel_dependent_friction(g: BondGraph, at: Place) -> Effect | None:
     w = direction(g, at, name)
     g.resistance(name, lambda flow: rise * travel * tanh(flow / w), at=at.junction)
     law = "effort = c*position*tanh(flow/w)"
-    return Effect("travel_dependent_friction", name, law, (rise.name,), reference=_SURVEY)
+    return Effect("travel_dependent_friction", name, law, (rise.name,), reference=_SURVEY, widths=(w.name,))
 
 
 def position_stiffness(g: BondGraph, at: Place) -> Effect | None:

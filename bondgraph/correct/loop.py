@@ -12,11 +12,12 @@ decide nothing.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
 
+from bondgraph.correct.confirmation import Confirmation, confirmation
 from bondgraph.correct.fits.assess import Assessment, assess
 from bondgraph.correct.fits.fit import BLOCKS, Fit, Report, fit, no_report
 from bondgraph.correct.fits.journal import Journal
@@ -30,13 +31,13 @@ from bondgraph.correct.models.failures import reason as reason_of
 from bondgraph.correct.models.faults import SENSOR_FAULTS
 from bondgraph.correct.places.structure import Structure, structure
 from bondgraph.correct.places.unexplained import Unexplained
-from bondgraph.correct.progress import Decision, Progress, advance
+from bondgraph.correct.progress import Decision, Progress, advance, without_events
 from bondgraph.correct.refits.certified import doubts, refined
 from bondgraph.correct.refits.trials import Detectable, Trial
 from bondgraph.correct.rest import Rest, settle
 from bondgraph.correct.round import Round, RoundSettings, one_round
 from bondgraph.data.log import MatchedLog
-from bondgraph.declare.editing import handle, with_values, without_input_rates
+from bondgraph.declare.editing import handle, with_bounds, with_values, without_input_rates
 from bondgraph.declare.effect import EffectFunction, Place, Scale
 from bondgraph.declare.graph import BondGraph
 from bondgraph.errors import BondGraphError, DataError, EstimationError, OptionError
@@ -51,7 +52,9 @@ _BLOCK_SAMPLES = 5
 _TOLERANCE = 0.05
 _MOST_ITERATIONS = 60
 
-Verdict = Literal["effect found", "no missing effect", "unexplained residual", "sensor fault suspected"]
+Verdict = Literal[
+    "effect found", "effect not confirmed", "sensor fault suspected", "unexplained residual", "no missing effect"
+]
 
 
 @dataclass(frozen=True)
@@ -88,6 +91,8 @@ class ClosedLoop:
 
     ``nominal_check`` and ``corrected_check`` say what halved integration steps would change. Both built models may have
     rates among their inputs that no equation uses, see :func:`bondgraph.correct.fits.rates.with_followed_rates`.
+    ``confirmation`` is what the logs say of the correction, None where nothing was added. ``events`` act in part of one
+    log; they are no part of the corrected declaration, and their sizes are those of ``eventful``, the fit with them.
     """
 
     verdict: Verdict
@@ -109,6 +114,9 @@ class ClosedLoop:
     unexplained: tuple[Unexplained, ...] = ()
     history: tuple[Decision, ...] = ()
     cautions: tuple[str, ...] = ()
+    confirmation: Confirmation | None = None
+    events: tuple[Added, ...] = ()
+    eventful: Fit | None = None
 
     @property
     def corrected_graph(self) -> BondGraph:
@@ -194,7 +202,7 @@ def _rounds(
     What fails in the first round is told; later ones have results that are worth keeping.
     """
     rounds: list[Round] = []
-    while len(state.added) < most and len(rounds) < 2 * most + 1:
+    while len(state.laws) < most and len(rounds) < 2 * most + 1:
         try:
             turn = one_round(state.built, state.fit, state.train, functions, own, state.present)
             rounds.append(turn)
@@ -223,24 +231,40 @@ def _result(
     settings: LoopSettings,
     report: Report,
 ) -> ClosedLoop:
-    state, nominal, first = rest.state, start.fit, start.check
+    nominal, first = start.fit, start.check
+    state = _eventless(start, rest.state)
     current, last = state.fit, state.check
     assert first is not None and last is not None  # every fit of the way is certified
     train = nominal.problem.logs
     residual = whiteness(current, state.train)
-    corrected_built = build(with_values(state.built.graph, _model_values(current)))
+    corrected_built = build(with_values(with_bounds(state.built.graph, _widened(current)), _model_values(current)))
     report("assess", 0, 1)
     added = tuple(Added(trial, trial.candidate.effect.parameters) for trial in state.added)
     history = (*state.history, Decision(len(rounds), "stopped", "", reason))
     cautions = (*_cautions(nominal, rounds), *_doubts(nominal, current, first, last), *rest.cautions)
+    before = assess(nominal, train), assess(nominal, holdout)
+    after = assess(current, state.train), assess(current, holdout)
+    logs = confirmation(nominal, current, before, after) if added else None
     result = ClosedLoop(
-        *_verdict(added, rest.unexplained, residual, settings.level, reason), nominal, current,
-        assess(nominal, train), assess(nominal, holdout), assess(current, state.train), assess(current, holdout),
-        built, corrected_built, added, tuple(rounds), told, first, last, residual, rest.unexplained,
-        history, cautions,
+        *_verdict(added, rest.unexplained, residual, settings.level, reason, logs), nominal, current,
+        before[0], before[1], after[0], after[1], built, corrected_built, added, tuple(rounds), told, first, last,
+        residual, rest.unexplained, history, cautions, logs, _events(rest.state), rest.state.fit,
     )  # fmt: skip
     report("assess", 1, 1)
     return result
+
+
+def _eventless(start: Progress, state: Progress) -> Progress:
+    """The state without events; where nothing else was added, the declared model as it was fitted."""
+    if len(state.laws) == len(state.added):
+        return state
+    if state.laws:
+        return without_events(state)
+    return replace(start, history=state.history)
+
+
+def _events(state: Progress) -> tuple[Added, ...]:
+    return tuple(Added(one, one.candidate.effect.parameters) for one in state.added if one.gate is not None)
 
 
 def _doubts(nominal: Fit, corrected: Fit, first: Check, last: Check) -> list[str]:
@@ -349,12 +373,24 @@ def _model_values(fitted: Fit) -> dict[str, float]:
     }
 
 
+def _widened(fitted: Fit) -> dict[str, tuple[float, float]]:
+    """Bounds of coefficients as the search left them: it may have gone beyond those that scaled it."""
+    return {one.name: (one.lower, one.upper) for one in fitted.problem.free if one.widens}
+
+
 def _verdict(
-    added: Sequence[Added], left: Sequence[Unexplained], residual: Sequence[Whiteness], level: float, reason: str
+    added: Sequence[Added],
+    left: Sequence[Unexplained],
+    residual: Sequence[Whiteness],
+    level: float,
+    reason: str,
+    logs: Confirmation | None,
 ) -> tuple[Verdict, str]:
     coloured = [test.channel for test in residual if test.p_value * len(residual) < level]
     said = f"; the innovations of {', '.join(coloured)} stay coloured" if coloured else ""
     named = [one for one in added if one.trial.candidate.effect.name != "table"]
+    if named and logs is not None and logs.contradictions:
+        return "effect not confirmed", reason + said
     if named and all(one.trial.candidate.effect.channel for one in named):
         return "sensor fault suspected", reason + said
     if named:

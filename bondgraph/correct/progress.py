@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from bondgraph.correct.fits.fit import Fit, fit
+from bondgraph.correct.fits.fit import Fit, fit, restricted
 from bondgraph.correct.fits.starts import with_starts
 from bondgraph.correct.models.build import BuiltModel, build
 from bondgraph.correct.models.candidates import candidates
@@ -22,6 +23,7 @@ from bondgraph.declare.graph import BondGraph
 from bondgraph.errors import EstimationError
 from bondgraph.estimate.certify import Check
 from bondgraph.estimate.objective import SearchOutcome
+from bondgraph.estimate.problem import EstimationProblem
 
 #: An effect that was added before stays only if it is less likely by chance than this once others are there.
 _STAYS = 0.01
@@ -29,7 +31,10 @@ _STAYS = 0.01
 
 @dataclass(frozen=True)
 class Decision:
-    """One decision: its round, what was done (``"added"``, ``"gated"``, ``"dropped"``, ``"withdrawn"``), and why."""
+    """One decision: its round, what was done, and why.
+
+    ``action`` is ``"added"``, ``"event"``, ``"not constant"``, ``"dropped"``, ``"withdrawn"`` or ``"stopped"``.
+    """
 
     round: int
     action: str
@@ -41,7 +46,8 @@ class Decision:
 class Progress:
     """The declared graph, the model so far with its fit, the training logs, what was added, and all decisions.
 
-    The logs know the switching times of gated effects. ``check`` says what halved steps would change at the fit.
+    ``added`` holds events too, effects that act in part of a log only: as long as the search goes on they are in the
+    model, and the logs know their times. ``check`` says what halved steps would change at the fit.
     ``banned`` are effects that were dropped, by function and place: they are not offered again.
     """
 
@@ -58,6 +64,11 @@ class Progress:
     def present(self) -> set[tuple[str, str]]:
         """Effects that are not to be offered, by name of function and label of place."""
         return {_key(trial) for trial in self.added} | self.banned
+
+    @property
+    def laws(self) -> tuple[Trial, ...]:
+        """What was added to the declaration: everything but events."""
+        return tuple(trial for trial in self.added if trial.gate is None)
 
 
 def _key(trial: Trial) -> tuple[str, str]:
@@ -78,6 +89,8 @@ def advance(state: Progress, turn: Round, settings: RoundSettings) -> Progress:
     )
     history = [Decision(number, "added", chosen.candidate.label, why)]
     chosen, train = _in_time(state, turn, chosen, number, history, settings)
+    if chosen.gate is not None:
+        history[0] = replace(history[0], action="event")
     state = _estimated(replace(state, train=train), chosen, settings)
     state = certified(replace(state, history=(*state.history, *history)), number, settings)
     settings.report("add the effect and estimate again", 1, 1)
@@ -125,12 +138,12 @@ def _estimated(state: Progress, chosen: Trial, settings: RoundSettings) -> Progr
 def _in_time(
     state: Progress, turn: Round, chosen: Trial, number: int, history: list[Decision], settings: RoundSettings
 ) -> tuple[Trial, tuple[MatchedLog, ...]]:
-    """The chosen effect as acting from or until a time, if it is not the same throughout and that explains more."""
+    """The chosen effect as an event, if it is absent in a part of a log and that explains more."""
     effect = chosen.candidate.effect
     if chosen.gate is not None:
-        history.append(Decision(number, "gated", chosen.candidate.label, f"acts {chosen.gate}"))
+        history.append(Decision(number, "event", chosen.candidate.label, f"acts {chosen.gate}"))
         return chosen, with_gate(state.train, effect, chosen.gate)
-    if chosen.fit is None or effect.adds_state or effect.channel or len(effect.parameters) != 1:
+    if chosen.fit is None or effect.adds_state or effect.channel or len(effect.coefficients) != 1:
         return chosen, state.train
     found = constancy(chosen.fit, effect.coefficients[0])
     if found.p_value > settings.level:
@@ -139,9 +152,7 @@ def _in_time(
         state.built, state.fit, state.train, turn.tried, settings.level, 0.0, settings.journal
     )  # fmt: skip
     trials = [
-        trial
-        for when in _sides(found, chosen.fit.problem.filter_model.is_stiff)
-        for trial in _gated_refit(chosen, Gate(when, found.log, found.time), ground)
+        trial for when in _sides(found) for trial in _gated_refit(chosen, Gate(when, found.log, found.time), ground)
     ]
     best = min(trials, key=lambda trial: np.inf if trial.fit is None else trial.fit.nll, default=None)
     measured = sum(int(np.isfinite(log.y).sum()) for log in state.train)
@@ -151,14 +162,12 @@ def _in_time(
         history.append(Decision(number, "not constant", chosen.candidate.label, what))
         return chosen, state.train
     why = f"acts {best.gate}: {chosen.fit.nll - best.fit.nll:.1f} nats better than throughout (p = {found.p_value:.2g})"
-    history.append(Decision(number, "gated", chosen.candidate.label, why))
+    history.append(Decision(number, "event", chosen.candidate.label, why))
     return best, with_gate(state.train, best.candidate.effect, best.gate)
 
 
-def _sides(found: Constancy, stiff: bool) -> tuple[When, ...]:
-    """Whether an effect is tried from a time on, or until it; a stiff one, compiled anew, only if it may be."""
-    if not stiff:
-        return "from", "until"
+def _sides(found: Constancy) -> tuple[When, ...]:
+    """Whether an effect may be an event from a time on, or until it: where it can be absent on the other side."""
     if not found.switches:
         return ()
     return ("from",) if abs(found.before) < abs(found.after) else ("until",)
@@ -189,19 +198,56 @@ def _without_needless(state: Progress, number: int, settings: RoundSettings) -> 
     return state
 
 
+def without_events(state: Progress) -> Progress:
+    """The state without its events; everything else keeps the values that were estimated beside them.
+
+    Time is no law: what happened in one log will not happen again when the machine is simulated. A fit that knew
+    nothing of an event would let the laws make up for it.
+    """
+    reduced = _reduced(state, state.laws)
+    kept = np.isin(state.fit.problem.names, reduced.problem.names)
+    point = state.fit.point[kept]
+    nll = float(reduced.problem.nll(point[:, np.newaxis])[0])
+    fitted = Fit(
+        reduced.problem, point, nll, restricted(state.fit.expansion, kept), state.fit.evaluations, state.fit.outcome
+    )
+    return replace(state, built=reduced.built, fit=fitted, train=reduced.problem.logs, added=state.laws)
+
+
 def without(state: Progress, index: int, action: str, why: str, number: int, settings: RoundSettings) -> Progress:
     """The state with one added effect taken out again, everything else estimated anew."""
     gone = state.added[index]
-    kept = tuple(trial for k, trial in enumerate(state.added) if k != index)
+    reduced = _reduced(state, [trial for k, trial in enumerate(state.added) if k != index])
+    problem = reduced.problem
+    fitted = fit(problem.filter_model, problem.logs, problem.free, journal=settings.journal)
+    fitted, check = refined(fitted, settings.journal)
+    return replace(
+        state, built=reduced.built, fit=fitted, check=check, train=problem.logs, added=reduced.kept,
+        banned=state.banned | {_key(gone)},
+        history=(*state.history, Decision(number, action, gone.candidate.label, why)),
+    )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class _Reduced:
+    """A model with a part of what was added, and what is to be fitted of it, from where the fit with all of it is."""
+
+    built: BuiltModel
+    problem: EstimationProblem
+    kept: tuple[Trial, ...]
+
+
+def _reduced(state: Progress, kept: Sequence[Trial]) -> _Reduced:
     graph = state.declared
     for trial in kept:
         graph = trial.candidate.apply(graph)
     built = build(graph)
     names = built.model.names("state")
+    lost = {name for one in state.added if one not in kept for name in one.candidate.effect.parameters}
     free = tuple(
         one
         for one in at_optimum(state.fit)
-        if one.name not in gone.candidate.effect.parameters and (one.target.kind != "x0" or one.target.name in names)
+        if one.name not in lost and (one.target.kind not in ("x0", "process") or one.target.name in names)
     )
     own = state.fit.problem.filter_model
     filter_model = replace(
@@ -215,8 +261,4 @@ def without(state: Progress, index: int, action: str, why: str, number: int, set
         replace(log, theta_overrides={n: v for n, v in log.theta_overrides.items() if n in known})
         for log in state.train
     )
-    fitted, check = refined(fit(filter_model, train, free, journal=settings.journal), settings.journal)
-    return replace(
-        state, built=built, fit=fitted, check=check, train=train, added=kept, banned=state.banned | {_key(gone)},
-        history=(*state.history, Decision(number, action, gone.candidate.label, why)),
-    )  # fmt: skip
+    return _Reduced(built, EstimationProblem(filter_model, train, free), tuple(kept))

@@ -6,9 +6,12 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
+from bondgraph.correct.confirmation import Confirmation
 from bondgraph.correct.fits.assess import Assessment, ChannelError
+from bondgraph.correct.fits.compared import Compared
 from bondgraph.correct.fits.fit import Fit
 from bondgraph.correct.loop import Added, ClosedLoop
+from bondgraph.correct.refits.transfer import Transfer
 from bondgraph.correct.refits.trials import Trial
 from bondgraph.estimate.certify import NEGLIGIBLE_SHIFT, Check
 from bondgraph.estimate.result import quantity_of, unit_of
@@ -23,8 +26,10 @@ def result_json(closed: ClosedLoop) -> dict[str, Any]:
         "reason": closed.reason,
         "nominal": _state(closed.nominal, closed.nominal_check, closed.nominal_train, closed.nominal_holdout),
         "corrected": _state(closed.corrected, closed.corrected_check, closed.corrected_train, closed.corrected_holdout),
+        "confirmation": None if closed.confirmation is None else _confirmation(closed.confirmation, closed),
         **_located(closed),
         "effects": [_effect(added, closed.corrected) for added in closed.added],
+        "events": [_event(added, closed.eventful or closed.corrected) for added in closed.events],
         "alternatives": _alternatives(closed),
         "refused": [
             {"name": no.effect, "junction": no.place, "why": no.why}
@@ -48,6 +53,28 @@ def result_json(closed: ClosedLoop) -> dict[str, Any]:
             for test in closed.whiteness
         },
     }  # fmt: skip
+
+
+def _confirmation(told: Confirmation, closed: ClosedLoop) -> dict[str, Any]:
+    """What the logs say of the correction; ``compared`` holds errors in each channel's own unit."""
+    infos = {info.name: info for info in closed.nominal_built.model.outputs}
+
+    def compared(one: Compared) -> dict[str, Any]:
+        info = infos[one.channel]
+        return {
+            "data": one.data, "kind": one.kind, "channel": one.channel, "unit": info.display_unit,
+            "before": number(info.shown(one.before)), "after": number(info.shown(one.after)),
+            "p_worse": number(one.p_worse), "clearly_worse": one.clearly,
+        }  # fmt: skip
+
+    return {
+        "standing": told.standing,
+        "holdout_gain": number(told.gain),
+        "holdout_gain_error": number(told.error),
+        "horizon": told.horizon,
+        "contradictions": list(told.contradictions),
+        "compared": [compared(one) for one in told.compared],
+    }
 
 
 def _located(closed: ClosedLoop) -> dict[str, Any]:
@@ -186,8 +213,6 @@ def _effect(added: Added, corrected: Fit) -> dict[str, Any]:
     ends = intervals(corrected)
     infos = {info.name: info for info in corrected.problem.filter_model.model.parameters}
     fault = {"channel": effect.channel, "kind": effect.kind} if effect.channel else {}
-    gate = added.trial.gate
-    acts = {} if gate is None else {"acts": gate.when, "log": gate.log, "time": gate.time}
     return {
         "name": effect.name,
         "element": effect.element,
@@ -195,7 +220,6 @@ def _effect(added: Added, corrected: Fit) -> dict[str, Any]:
         "junction": place.label,
         "reference": effect.reference,
         **fault,
-        **acts,
         "coefficients": {
             name: {
                 "value": infos[name].shown(corrected.values[name]),
@@ -208,6 +232,13 @@ def _effect(added: Added, corrected: Fit) -> dict[str, Any]:
     }
 
 
+def _event(added: Added, fitted: Fit) -> dict[str, Any]:
+    """An effect that acts in part of a log: from a time on, or until it; no part of the corrected declaration."""
+    gate = added.trial.gate
+    assert gate is not None  # else it is none
+    return {**_effect(added, fitted), "acts": gate.when, "log": gate.log, "time": gate.time}
+
+
 def evidence_json(trial: Trial) -> dict[str, Any]:
     """What spoke for a chosen candidate."""
     if trial.evidence is None:
@@ -218,4 +249,17 @@ def evidence_json(trial: Trial) -> dict[str, Any]:
         "p_robust": number(trial.evidence.p_robust),
         "bic_gain": number(trial.evidence.bic_gain),
         "tried": trial.evidence.tried,
+        "transfer": None if trial.transfer is None else _transfer(trial.transfer),
+    }
+
+
+def _transfer(told: Transfer) -> dict[str, Any]:
+    """What an effect gains, in nats, in each part of the training data that it was not estimated from."""
+    return {
+        "gain": number(told.gain),
+        "error": number(told.error),
+        "fold_error": number(told.fold_error),
+        "p_value": number(told.p_value),
+        "folds": [{"fold": name, "delta_nll": number(gain)} for name, gain in zip(told.folds, told.gains, strict=True)],
+        "worse": [str(one) for one in told.compared if one.clearly],
     }

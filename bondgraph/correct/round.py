@@ -23,7 +23,7 @@ from bondgraph.correct.models.failures import attempted
 from bondgraph.correct.places.located import LocatedAt, locate
 from bondgraph.correct.places.probes import Probe, Signal, probes, signals
 from bondgraph.correct.refits.beneath import also_elsewhere, beneath_noise
-from bondgraph.correct.refits.confirm import confirmed
+from bondgraph.correct.refits.confirm import confirmed, transferred
 from bondgraph.correct.refits.decide import alternatives, choose, detectable, hurdle
 from bondgraph.correct.refits.gated_refits import also_throughout, gated_trials
 from bondgraph.correct.refits.refit import Ground, refit_best, worth_quiet
@@ -34,6 +34,7 @@ from bondgraph.correct.refits.simpler import also_simpler
 from bondgraph.correct.refits.stiff_refits import ABREAST, refit_stiff
 from bondgraph.correct.refits.storages import Look, look, refit_storage, try_storage
 from bondgraph.correct.refits.trials import Alternative, Detectable, Trial
+from bondgraph.correct.refits.widths import at_any_width, is_due
 from bondgraph.correct.scores.gates import gate_samples
 from bondgraph.correct.scores.quiet import Quiet, quiet_scores
 from bondgraph.correct.scores.scoring import Linearisation, Scored, linearisation, score_candidates
@@ -146,15 +147,19 @@ def _searched_again(trials: Sequence[Trial], linear: Linearisation, ground: Grou
 
 def _chosen(trials: Sequence[Trial], ground: Ground) -> tuple[list[Trial], Trial | None]:
     """The trials, those that would be chosen after a second look at them, and the one that stays the best."""
-    done, looked = list(trials), set[int]()
+    done, looked, widened = list(trials), set[int](), set[int]()
     while (best := choose(done, ground.level)) is not None:
         index = next(k for k, trial in enumerate(done) if trial is best)
         if index in looked:
             break
+        if index not in widened and is_due(best, done, ground):
+            widened.add(index)
+            done = at_any_width(best, done, ground)
+            continue
         sure = _second_look(best, ground)
         for k, trial in enumerate(done):
-            if trial.candidate.label in sure.stands_for:
-                done[k] = replace(trial, evidence=sure.evidence)
+            if trial.candidate.label in sure.stands_for and trial.gate == sure.gate:
+                done[k] = replace(trial, evidence=sure.evidence, transfer=sure.transfer)
         done[index] = sure
         looked.add(index)
     return done, best
@@ -168,10 +173,13 @@ def _second_look(best: Trial, ground: Ground) -> Trial:
 
 
 def _looked_at(best: Trial, ground: Ground) -> Trial:
-    """The trial with steps that resolve it, and if it still passes, after the costlier look."""
+    """The trial with steps that resolve it, and as long as it passes, after each costlier look."""
     sure = resolved(best, ground)
-    passes = sure.evidence is not None and sure.evidence.accepted(ground.level)
-    return confirmed(sure, ground) if passes else sure
+    for look_again in (confirmed, transferred):
+        if sure.evidence is None or not sure.evidence.accepted(ground.level):
+            break
+        sure = look_again(sure, ground)
+    return sure
 
 
 def _with_advice(

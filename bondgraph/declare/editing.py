@@ -159,6 +159,33 @@ def with_values(graph: BondGraph, values: Mapping[str, Any]) -> BondGraph:
     return twin
 
 
+def with_bounds(graph: BondGraph, bounds: Mapping[str, tuple[float, float]]) -> BondGraph:
+    """The same graph with other bounds of some of its own parameters, in coherent SI.
+
+    Raises
+    ------
+    DeclarationError
+        If there is no such parameter, or its value lies outside its new bounds.
+
+    Examples
+    --------
+    >>> g = BondGraph("rotor")
+    >>> _ = g.parameter("c", 0.0, "N m s", "drag", (0.0, 0.1))
+    >>> with_bounds(g, {"c": (0.0, 1.0)}).parameters[0].bounds
+    (0.0, 1.0)
+    """
+    twin = copy(graph)
+    for name, own in bounds.items():
+        declared = twin._quantities.get(name)
+        if not isinstance(declared, Parameter):
+            known = [parameter.name for parameter in graph.parameters]
+            raise DeclarationError(f"{graph.name}: no parameter {name!r}{suggest(name, known)}", where=(name,))
+        changed = dataclasses.replace(declared, bounds=own)
+        check_quantity(changed, graph.name)
+        twin._quantities[name] = changed
+    return twin
+
+
 def with_input_rates(graph: BondGraph, names: Sequence[str]) -> BondGraph:
     """The graph with the rates of some inputs among its inputs, whether or not its equations need them.
 

@@ -90,7 +90,12 @@ class Effect:
     ``coefficients`` the parameters that are zero when the effect is absent, ``shapes`` parameters that shape its law
     and are estimated with them. ``amplitudes`` are shares of the first coefficient's largest value at which a law
     that is not smooth at zero is tried. ``adds_state``: the effect brings a storage of its own and cannot vanish.
+    ``widths`` are parameters that only smooth the law, flows over which it changes its sign: they keep their values
+    unless the logs ask for others. ``dissipative``: a positive coefficient takes energy out of the machine, so that a
+    negative one is no such law.
     ``reference`` says where the law comes from. A fault of a sensor names its ``channel`` and ``kind``.
+
+    The bounds of a coefficient scale the search for it, and are widened where that ends on one; only zero is kept.
     """
 
     name: str
@@ -103,6 +108,8 @@ class Effect:
     reference: str = ""
     channel: str = ""
     kind: str = ""
+    dissipative: bool = False
+    widths: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         check_name(self.name, lambda problem: DeclarationError(f"effect: {problem}", where=(self.name,)))

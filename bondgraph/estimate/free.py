@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Literal
 
@@ -97,6 +97,8 @@ class FreeParameter:
         Gaussian knowledge from elsewhere (a data sheet); both or neither.
     scale
         ``"log"`` searches the logarithm, for quantities known to an order of magnitude; bounds must be positive.
+    widens
+        The bounds only scale a search, but for one at zero: a search that ends on one goes on beyond it.
 
     Raises
     ------
@@ -116,6 +118,7 @@ class FreeParameter:
     prior_mean: float | None = None
     prior_std: float | None = None
     scale: Scale = "linear"
+    widens: bool = False
 
     def __post_init__(self) -> None:
         def require(condition: bool, problem: str) -> None:
@@ -147,6 +150,17 @@ class FreeParameter:
     def slope(self, value: float) -> float:
         """Derivative of the value with respect to its coordinate."""
         return value if self.scale == "log" else 1.0
+
+    def wider(self, factor: float) -> FreeParameter:
+        """The same with bounds further from zero by a factor; zero and a positive lower bound stay.
+
+        Examples
+        --------
+        >>> loss = FreeParameter("loss", 0.0, 0.1, 0.1, widens=True).wider(10.0)
+        >>> loss.lower, loss.upper, loss.start
+        (0.0, 1.0, 0.1)
+        """
+        return replace(self, lower=min(factor * self.lower, self.lower), upper=max(factor * self.upper, self.upper))
 
     def values(self, coordinates: FloatArray) -> FloatArray:
         """Values at coordinates of any shape; the coordinate of a bound gives that bound to the last digit."""

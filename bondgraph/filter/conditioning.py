@@ -18,7 +18,7 @@ from typing import Unpack
 import numpy as np
 import numpy.typing as npt
 
-from bondgraph.compile.arrays import FloatArray
+from bondgraph.arrays import FloatArray
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.members import MemberValues, per_log
 from bondgraph.filter.runs import member_runs

@@ -93,12 +93,12 @@ def cut_steps(substeps: IntArray, grading: FloatArray, share: FloatArray) -> Int
 
     Examples
     --------
-    >>> cut_steps(np.array([8, 12]), np.array([1.0, 1.35]), np.array([0.5, 0.5])).tolist()
-    [4, 10]
+    >>> cut_steps(np.array([8, 2048, 12]), np.array([1.0, 1.0, 1.35]), np.array([0.5, 0.5, 0.5])).tolist()
+    [4, 1024, 10]
     """
     even = grading == 1.0
-    ratio = np.where(even, 2.0, grading)
-    graded = np.log1p(share * (ratio ** substeps.astype(np.float64) - 1.0)) / np.log(ratio)
+    ratio, powers = np.where(even, 2.0, grading), np.where(even, 1, substeps).astype(np.float64)
+    graded = np.log1p(share * (ratio**powers - 1.0)) / np.log(ratio)
     count = np.where(even, share * substeps, graded)
     # a share that is whole up to rounding takes no step more
     steps: IntArray = np.maximum(1, np.ceil(count - 1e-9)).astype(np.int64)

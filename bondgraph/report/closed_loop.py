@@ -9,8 +9,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from bondgraph.correct.fits.assess import Assessment, gain_interval
-from bondgraph.correct.loop import ClosedLoop
+from bondgraph.correct.confirmation import Confirmation
+from bondgraph.correct.fits.assess import Assessment
+from bondgraph.correct.fits.fit import Fit
+from bondgraph.correct.loop import Added, ClosedLoop
+from bondgraph.correct.refits.transfer import Transfer
 from bondgraph.correct.result import intervals, result_json
 from bondgraph.declare.files import write_graph
 from bondgraph.files import write_text
@@ -129,10 +132,20 @@ def found_effects(closed: ClosedLoop) -> list[FoundEffect]:
             ("p, likelihood ratio", f"{evidence.p_value:.1e}"),
             ("p, block-robust", f"{evidence.p_robust:.1e}"),
             ("candidates tried", str(evidence.tried)),
+            *_transfer(added.trial.transfer),
         )
         model = closed.corrected_built.model
         effects.append(found_effect(candidate.effect, candidate.place, model, closed.corrected.values, ci95, said))
     return effects
+
+
+def _transfer(told: Transfer | None) -> tuple[tuple[str, str], ...]:
+    """What an effect gains in parts of the training data that it was not estimated from, as rows of its evidence."""
+    if told is None:
+        return ()
+    folds = "; ".join(f"{name}: {gain:+.3g}" for name, gain in zip(told.folds, told.gains, strict=True))
+    whole = f"{shown(told.gain)} ± {shown(told.error)} nats (p = {told.p_value:.1e})"
+    return ("transfer to data left out", whole), ("transfer by fold, nats", folds)
 
 
 def explanation(closed: ClosedLoop) -> str:
@@ -143,7 +156,11 @@ def explanation(closed: ClosedLoop) -> str:
     ]
     if closed.added:
         names = ", then ".join(added.trial.candidate.label for added in closed.added)
-        if closed.verdict == "sensor fault suspected":
+        if closed.verdict == "effect not confirmed":
+            assert closed.confirmation is not None  # it is what contradicts
+            against = "; ".join(closed.confirmation.contradictions)
+            first = f"The training logs ask for {names}, but the logs contradict that correction: {against}."
+        elif closed.verdict == "sensor fault suspected":
             faults = [added.trial.candidate.effect for added in closed.added]
             said = " and ".join(f"a {fault.kind} of the sensor {fault.channel}" for fault in faults)
             first = f"What the sensors show fits together if there is {said}; no missing effect explains it as well."
@@ -151,6 +168,10 @@ def explanation(closed: ClosedLoop) -> str:
             first = f"The declared model lacks {names}. The search ended because {closed.reason}."
         return first + (f" There remains {left[0]} that no known effect explains." if left else "")
     coloured = [test.channel for test in closed.whiteness if test.p_value * len(closed.whiteness) < 0.01]
+    if closed.events:
+        what = " and ".join(f"{one.trial.candidate.label} {one.trial.gate}" for one in closed.events)
+        rest = f" There remains {left[0]}." if left else ""
+        return f"Something happened in the logs ({what}); no law that holds throughout passes the tests.{rest}"
     if left:
         return (
             f"There is {left[0]} that none of the {tried} effects and faults tried explains; its shape is shown below."
@@ -209,19 +230,9 @@ def _tried(closed: ClosedLoop) -> list[Tried]:
 
 def _notes(closed: ClosedLoop) -> list[str]:
     notes = []
-    if closed.added and closed.corrected_holdout.logs:
-        gain, error = gain_interval(
-            [log.filtered for log in closed.nominal_holdout.logs],
-            [log.filtered for log in closed.corrected_holdout.logs],
-        )
-        what = (
-            "confirm the correction" if gain > 2.0 * (error if math.isfinite(error) else 0.0) else "do not confirm it"
-        )
-        within = f" ± {shown(error)}" if math.isfinite(error) else ""
-        notes.append(
-            f"The held-out logs {what}: their log-likelihood changes by {shown(gain)}{within} nats (standard error by "
-            "blocks of time). They decided nothing."
-        )
+    if closed.confirmation is not None and closed.corrected_holdout.logs:
+        notes.append(_held_out(closed.confirmation))
+    notes += [_event(one, closed.eventful or closed.corrected) for one in closed.events]
     for added in closed.added:
         twins = [
             a for turn in closed.rounds if turn.chosen is added.trial for a in turn.alternatives if a.indistinguishable
@@ -241,6 +252,33 @@ def _notes(closed: ClosedLoop) -> list[str]:
     logs = [log.log for part in (closed.nominal_train, closed.nominal_holdout) for log in part.logs]
     notes += grouped_notes(logs)
     return notes
+
+
+def _event(event: Added, fitted: Fit) -> str:
+    """What happened in a log, when, and how large it was, in a sentence."""
+    trial, (name, *_) = event.trial, event.coefficients
+    info = fitted.problem.filter_model.model.parameters[
+        fitted.problem.filter_model.model.index("parameter", name)
+    ]  # fmt: skip
+    low, high = (info.shown(end) for end in intervals(fitted)[name])
+    unit = "" if info.display_unit in ("", "1") else f" {info.display_unit}"
+    size = f"{shown(info.shown(fitted.values[name]))}{unit} [{shown(low)}, {shown(high)}]"
+    return (
+        f"Event: {trial.candidate.label} acts {trial.gate} ({name} = {size}, {shown(trial.gain)} nats). Time is no "
+        "law: the corrected declaration does not have it."
+    )
+
+
+def _held_out(told: Confirmation) -> str:
+    """Whether held-out logs confirm a correction, in a sentence that agrees with the table of errors."""
+    what = {
+        "confirmed": "The held-out logs confirm the correction",
+        "contradicted": "The logs contradict the correction",
+        "open": "The held-out logs neither confirm nor contradict the correction",
+    }[told.standing]
+    within = f" ± {shown(told.error)}" if math.isfinite(told.error) else ""
+    changed = f"the log-likelihood of the held-out logs changes by {shown(told.gain)}{within} nats"
+    return f"{what}: {changed} (standard error by blocks of time). Held-out logs decided nothing."
 
 
 def summary(data: ReportData) -> str:

@@ -2,22 +2,26 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from sympy import exp
 
 from bondgraph.correct.fits.fit import fit
 from bondgraph.correct.loop import ClosedLoop, LoopSettings, close_loop
+from bondgraph.correct.models.build import build
 from bondgraph.correct.refits.refit import at_optimum
 from bondgraph.correct.result import result_json
 from bondgraph.correct.scores.gates import Constancy, Gate, constancy, gate_samples, gates
 from bondgraph.data.log import MatchedLog
-from bondgraph.declare.editing import handle
-from bondgraph.declare.effect import Effect, EffectFunction, Place, Scale
+from bondgraph.declare.editing import with_values
+from bondgraph.declare.effect import Effect, EffectFunction, Place
 from bondgraph.declare.graph import BondGraph
 from bondgraph.declare.quantities import symbol
 from bondgraph.report.missing import missing_efforts
-from tests.correct.sled import FUNCTIONS, added, fitted, pull, sled
+from bondgraph.simulate.simulate import simulate
+from tests.correct.sled import FUNCTIONS, NOISE, added, fitted, pull, sled
 from vehicle_graphs import effects
 
 #: Its nearest relatives are offered, and none of them is it.
@@ -51,7 +55,7 @@ def test_a_residual_outside_the_dictionary_is_unexplained_and_near_relatives_are
     assert (closed.verdict, closed.added) == ("unexplained residual", ())
     (found,) = closed.unexplained
     assert found.signal == "torque" and {found.place.label, *found.like} == {"drum", "runner"}
-    assert {step.action for step in closed.history} <= {"added", "withdrawn", "stopped"}
+    assert {step.action for step in closed.history} <= {"added", "not constant", "withdrawn", "stopped"}
 
 
 def test_its_shape_is_that_of_the_truth(closed: ClosedLoop) -> None:
@@ -76,23 +80,33 @@ def test_on_request_it_is_added_as_a_table(closed: ClosedLoop) -> None:
     assert f"table_{table.trial.candidate.place.label}" in tabled.corrected_graph.nodes
 
 
-def test_a_coefficient_that_changes_is_told_from_one_that_does_not() -> None:
-    own = Place(handle(sled(), "runner"), Scale(150.0, 4.0))
-    graph = sled()
-    effect = effects.quadratic_loss(graph, own)
-    assert effect is not None
+def changing(when: float, name: str = "second") -> MatchedLog:
+    """A log of a sled whose guide becomes rougher at a time, from 12 to 14.5 N s/m."""
+    calm = pull(sled(), 103, name=name)
+    smooth, rough = (build(with_values(sled(), {"c_guide": value})).model for value in (12.0, 14.5))
+    k = int(np.searchsorted(calm.time, when))
+    first = simulate(smooth, calm.time[: k + 1], calm.u[:, : k + 1], rtol=1e-8).raise_if_failed()
+    last = simulate(rough, calm.time[k:], calm.u[:, k:], x0=first.x[:, -1], rtol=1e-8).raise_if_failed()
+    noise = np.array([[NOISE[one]] for one in smooth.names("output")])
+    y = np.concatenate([first.y[:, :-1], last.y], axis=1)
+    return replace(calm, y=y + noise * np.random.default_rng(8).standard_normal(y.shape))
+
+
+def test_a_coefficient_that_changes_within_a_log_is_told_from_one_that_does_not() -> None:
     same = [pull(sled(), 3, name="first"), pull(sled(), 103, name="second")]
-    rough = [same[0], pull(sled(), 103, name="second", c_guide=14.5)]
+    rough = [same[0], changing(20.0)]
+    other = [same[0], pull(sled(), 103, name="second", c_guide=14.5)]
     found = []
-    for train in (same, rough):
+    for train in (same, rough, other):
         base = fitted(train)
         again = fit(base.problem.filter_model, train, at_optimum(base))
         found.append(constancy(again, "c_guide"))
     assert found[0].p_value > 0.05
     assert found[1].p_value < 1e-3
-    assert found[1].time == pytest.approx(0.0 if found[1].log == "second" else 40.0, abs=4.0)
+    assert (found[1].log, found[1].time) == ("second", pytest.approx(20.0, abs=3.0))
     assert found[1].after - found[1].before == pytest.approx(np.log(14.5 / 12.0), rel=0.3)  # 12 is declared
     assert not found[1].switches
+    assert found[2].p_value > 0.05  # logs differ, but nothing happens in either: they are independent
 
 
 def test_a_coefficient_that_is_small_on_one_side_may_be_absent_there() -> None:
@@ -110,3 +124,4 @@ def test_gates_are_spread_over_all_logs_and_lie_inside_them() -> None:
     assert all(0 <= k < log.time.size - 1 for log, own in zip(train, samples, strict=True) for k in own)
     times = Gate("from", "second", 7.0).times(train)
     assert times["first"] > 1e5 and times["second"] == 7.0
+    assert Gate("until", "first", 7.0).times(train)["second"] < -1e5

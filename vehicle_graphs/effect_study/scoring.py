@@ -124,7 +124,7 @@ def compare(outcome: Outcome, closed: ClosedLoop, drawn: Drawn) -> Outcome:
         hits=tuple(hits[kind.label] for kind in drawn.truth.kinds),
         verdict=closed.verdict,
         reason=closed.reason,
-        found=tuple(map(_label, closed.added)),
+        found=tuple(map(_label, (*closed.added, *closed.events))),
         extra=tuple(labels[1:] if stands_for_one else labels),
         unexplained=rest[0].place.label if rest else "",
         unexplained_right=bool(rest) and bool({rest[0].place.label, *rest[0].like} & near),
@@ -135,8 +135,11 @@ def compare(outcome: Outcome, closed: ClosedLoop, drawn: Drawn) -> Outcome:
 
 
 def _matched(closed: ClosedLoop, drawn: Drawn) -> tuple[dict[str, Hit], list[Added]]:
-    """True effects with the added one that stands for each, the best matches first; and what is left of the added."""
-    left, hits = list(closed.added), dict[str, Hit]()
+    """True effects with the added one that stands for each, the best matches first; and what is left of the added.
+
+    Events count as added: of an effect that acts in part of the data an event is the right answer.
+    """
+    left, hits = [*closed.added, *closed.events], dict[str, Hit]()
     for wanted in ("exact", "group", "place"):
         for kind in drawn.truth.kinds:
             for added in left if kind.label not in hits else ():
@@ -185,10 +188,11 @@ def _true(kind: Kind, drawn: Drawn) -> dict[str, dict[str, Any]]:
 def _hit(closed: ClosedLoop, added: Added, kind: Kind, answer: Answer, drawn: Drawn) -> Hit:
     coefficients = _true(kind, drawn)
     if answer == "exact":
-        ends = intervals(closed.corrected)
+        fitted = closed.corrected if added.trial.gate is None else closed.eventful or closed.corrected
+        ends = intervals(fitted)
         for name, known in coefficients.items():
             if name in ends:
-                value = closed.corrected.values[name]
+                value = fitted.values[name]
                 known |= {"estimate": value, "low": float(ends[name][0]), "high": float(ends[name][1])}
     return Hit(kind.label, answer, _label(added), coefficients, tuple(sorted(_group(closed, added))))
 

@@ -52,7 +52,7 @@ def coefficient(
 
 
 def direction(g: BondGraph, at: Place, name: str) -> Expr:
-    """The flow over which smoothed dry friction changes sign."""
+    """The flow over which smoothed dry friction changes sign; its parameter is ``w_`` and the name."""
     meaning = "flow at which the friction reaches 76 %"
     return g.parameter(f"w_{name}", at.smoothing * at.scale.flow, flow_unit(at), meaning)
 

@@ -44,7 +44,7 @@ def viscous_loss(g: BondGraph, at: Place) -> Effect | None:
     unit = over(effort_unit(at), flow_unit(at))
     name, c = coefficient(g, at, "viscous_loss", "viscous coefficient", unit, power=1)
     g.resistance(name, lambda flow: c * flow, at=at.junction)
-    return Effect("viscous_loss", name, "effort = c*flow", (c.name,), reference=_SURVEY)
+    return Effect("viscous_loss", name, "effort = c*flow", (c.name,), reference=_SURVEY, dissipative=True)
 
 
 def coulomb_loss(g: BondGraph, at: Place) -> Effect | None:
@@ -56,7 +56,10 @@ def coulomb_loss(g: BondGraph, at: Place) -> Effect | None:
     name, level = coefficient(g, at, "coulomb_loss", "dry friction", effort_unit(at), power=0)
     w = direction(g, at, name)
     g.resistance(name, lambda flow: level * tanh(flow / w), at=at.junction)
-    return Effect("coulomb_loss", name, "effort = c*tanh(flow/w)", (level.name,), reference=_SURVEY)
+    return Effect(
+        "coulomb_loss", name, "effort = c*tanh(flow/w)", (level.name,), reference=_SURVEY, dissipative=True,
+        widths=(w.name,),
+    )  # fmt: skip
 
 
 def _holding(g: BondGraph, at: Place, drag: Node, viscous: Expr) -> Effect:
@@ -71,7 +74,7 @@ def _holding(g: BondGraph, at: Place, drag: Node, viscous: Expr) -> Effect:
     revise_laws(g, drag.name, moving)
     return Effect(
         "coulomb_loss", drag.name, "flow = (effort - clip(effort, -c, c))/d, d declared", (level.name,),
-        amplitudes=(0.01, 0.03, 0.1, 0.3), reference=_SURVEY,
+        amplitudes=(0.01, 0.03, 0.1, 0.3), reference=_SURVEY, dissipative=True,
     )  # fmt: skip
 
 
@@ -93,7 +96,7 @@ def stribeck_loss(g: BondGraph, at: Place) -> Effect | None:
     law = "effort = (c + r*exp(-(flow/v)^2))*tanh(flow/w)"
     return Effect(
         "stribeck_loss", name, law, (rise.name, level.name), shapes=(width.name,),
-        reference="Stribeck (1902), VDI-Zeitschrift 46",
+        reference="Stribeck (1902), VDI-Zeitschrift 46", dissipative=True, widths=(w.name,),
     )  # fmt: skip
 
 
@@ -104,7 +107,7 @@ def quadratic_loss(g: BondGraph, at: Place) -> Effect | None:
     unit = over(effort_unit(at), flow_unit(at), 2)
     name, c = coefficient(g, at, "quadratic_loss", "quadratic coefficient", unit, power=2)
     g.resistance(name, lambda flow: c * flow * Abs(flow), at=at.junction)
-    return Effect("quadratic_loss", name, "effort = c*flow*|flow|", (c.name,), reference=_SURVEY)
+    return Effect("quadratic_loss", name, "effort = c*flow*|flow|", (c.name,), reference=_SURVEY, dissipative=True)
 
 
 def rolling_speed_loss(g: BondGraph, at: Place) -> Effect | None:
@@ -120,7 +123,7 @@ def rolling_speed_loss(g: BondGraph, at: Place) -> Effect | None:
     g.resistance(name, lambda flow: c * (flow / fast) * Abs(flow / fast) ** 1.5, at=at.junction)
     return Effect(
         "rolling_speed_loss", name, "effort = c*(flow/v)*|flow/v|^1.5", (c.name,),
-        reference="Wong (2008), Theory of Ground Vehicles, section 1.2",
+        reference="Wong (2008), Theory of Ground Vehicles, section 1.2", dissipative=True,
     )  # fmt: skip
 
 
@@ -134,7 +137,7 @@ def warm_up_loss(g: BondGraph, at: Place) -> Effect | None:
     g.resistance(name, lambda flow: c * exp(-symbol("t") / warm) * flow, at=at.junction)
     return Effect(
         "warm_up_loss", name, "effort = c*exp(-t/T)*flow", (c.name,), shapes=(warm.name,),
-        reference="Heywood (1988), Internal Combustion Engine Fundamentals, chapter 13",
+        reference="Heywood (1988), Internal Combustion Engine Fundamentals, chapter 13", dissipative=True,
     )  # fmt: skip
 
 
@@ -151,7 +154,7 @@ def hysteresis_loss(g: BondGraph, at: Place) -> Effect | None:
     g.effort_source(name, -level * bent, at=at.junction)
     return Effect(
         "hysteresis_loss", name, "effort = c*h, dh/dt = (flow - |flow|*h)/d", (level.name,),
-        reference="Dahl (1976), AIAA Journal 14(12)",
+        reference="Dahl (1976), AIAA Journal 14(12)", dissipative=True,
     )  # fmt: skip
 
 

@@ -38,7 +38,9 @@ def torque_proportional_loss(g: BondGraph, at: Place) -> Effect | None:
     w = direction(g, at, name)
     g.resistance(name, lambda flow: share * Abs(effort) * tanh(flow / w), at=at.junction)
     law = "effort = c*|transmitted effort|*tanh(flow/w)"
-    return Effect("torque_proportional_loss", name, law, (share.name,), reference=_MESH)
+    return Effect(
+        "torque_proportional_loss", name, law, (share.name,), reference=_MESH, dissipative=True, widths=(w.name,)
+    )
 
 
 def directional_loss(g: BondGraph, at: Place) -> Effect | None:
@@ -56,7 +58,8 @@ def directional_loss(g: BondGraph, at: Place) -> Effect | None:
         at=at.junction,
     )
     law = "effort = (a*max(e, 0) + b*max(-e, 0))*tanh(flow/w), e transmitted"
-    return Effect("directional_loss", name, law, (overrun.name, drive.name), reference=_MESH)
+    coefficients = (overrun.name, drive.name)
+    return Effect("directional_loss", name, law, coefficients, reference=_MESH, dissipative=True, widths=(w.name,))
 
 
 def creep(g: BondGraph, at: Place) -> Effect | None:
@@ -67,7 +70,7 @@ def creep(g: BondGraph, at: Place) -> Effect | None:
     limit = 0.5 * at.scale.flow / at.scale.effort
     c = g.parameter(f"c_{name}", 0.0, over(flow_unit(at), effort_unit(at)), f"creep at {at.label}", (0.0, limit))
     g.resistance(name, flow=lambda effort: c * effort, at=at.junction)
-    return Effect("creep", name, "flow = c*effort", (c.name,), reference=_BELT)
+    return Effect("creep", name, "flow = c*effort", (c.name,), reference=_BELT, dissipative=True)
 
 
 def slip(g: BondGraph, at: Place) -> Effect | None:
@@ -78,7 +81,7 @@ def slip(g: BondGraph, at: Place) -> Effect | None:
     limit = 0.5 * at.scale.flow / at.scale.effort**2
     c = g.parameter(f"c_{name}", 0.0, over(flow_unit(at), effort_unit(at), 2), f"slip at {at.label}", (0.0, limit))
     g.resistance(name, flow=lambda effort: c * effort * Abs(effort), at=at.junction)
-    return Effect("slip", name, "flow = c*effort*|effort|", (c.name,), reference=_BELT)
+    return Effect("slip", name, "flow = c*effort*|effort|", (c.name,), reference=_BELT, dissipative=True)
 
 
 def centrifugal_tension(g: BondGraph, at: Place) -> Effect | None:

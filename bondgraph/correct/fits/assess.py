@@ -20,7 +20,7 @@ from bondgraph.simulate.simulate import simulate
 from bondgraph.simulate.trajectory import Trajectory
 
 #: Blocks of time by whose scatter errors are judged.
-_BLOCKS = 20
+WINDOWS = 20
 
 
 @dataclass(frozen=True)
@@ -130,16 +130,16 @@ def rms_interval(values: FloatArray) -> tuple[float, float]:
     True
     """
     known = values[np.isfinite(values)]
-    if known.size < 2 * _BLOCKS:
+    if known.size < 2 * WINDOWS:
         return float("nan"), float("nan")
-    squares = np.array([np.mean(part**2) for part in np.array_split(known, _BLOCKS)])
-    reach = float(stats.t.isf(0.025, _BLOCKS - 1) * squares.std(ddof=1) / np.sqrt(_BLOCKS))
+    squares = np.array([np.mean(part**2) for part in np.array_split(known, WINDOWS)])
+    reach = float(stats.t.isf(0.025, WINDOWS - 1) * squares.std(ddof=1) / np.sqrt(WINDOWS))
     middle = float(squares.mean())
     return float(np.sqrt(max(middle - reach, 0.0))), float(np.sqrt(middle + reach))
 
 
 def gain_interval(
-    before: Sequence[FilterRun], after: Sequence[FilterRun], blocks: int = _BLOCKS
+    before: Sequence[FilterRun], after: Sequence[FilterRun], blocks: int = WINDOWS
 ) -> tuple[float, float]:
     """Gain of log-likelihood from one filter to another on the same logs, and its standard error, by blocks of time."""
     gains = np.concatenate([

@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -13,14 +14,15 @@ from bondgraph.correct.fits.excerpts import excerpt
 from bondgraph.correct.fits.journal import Journal, Noted, fit_key
 from bondgraph.correct.fits.linear_steps import (
     Reached,
+    divergence,
     expansion_along,
-    filter_runs,
     is_linearised,
     linear_expansion,
     linear_search,
 )
 from bondgraph.correct.fits.polish import polished
 from bondgraph.correct.fits.setup import unknown_drives
+from bondgraph.correct.fits.widening import MOST_WIDENINGS, widened
 from bondgraph.correct.responses.response import LinearLog, linearise
 from bondgraph.data.log import FloatArray, MatchedLog
 from bondgraph.errors import EstimationError
@@ -212,6 +214,9 @@ def fit(
 ) -> Fit:
     """Estimate the free parameters by Gauss-Newton, until a step promises less than ``tolerance`` or two gain less.
 
+    Bounds that only scale a search (:attr:`FreeParameter.widens`) are widened, and the search continued, as long as it
+    ends on one: a scale that was taken from a model without the effect may be far too small.
+
     Parameters
     ----------
     filter_model, logs, free
@@ -237,14 +242,30 @@ def fit(
         If the model diverges at every start.
     """
     problem = EstimationProblem(filter_model, tuple(logs), tuple(free))
+    found = _noted(problem, journal, iterations, tolerance, starts, beat, first, reach)
+    for _ in range(MOST_WIDENINGS):
+        wider = widened(found.problem, found.point, found.held)
+        if wider is None:
+            break
+        try:
+            found = _noted(replace(problem, free=wider), journal, iterations, tolerance, (), beat, None, reach)
+        except EstimationError:  # nothing is beyond the bound
+            break
+    return found
+
+
+def _noted(problem: EstimationProblem, journal: Journal | None, *how: Any) -> Fit:
+    """One search inside its bounds, taken from the journal if it is there and noted in it if not."""
     if journal is None:
-        return _search(problem, iterations, tolerance, starts, beat, first, reach)[0]
-    key = fit_key(filter_model, logs, free, (iterations, tolerance, [*starts, first], beat, reach))
+        return _search(problem, *how)[0]
+    iterations, tolerance, starts, beat, first, reach = how
+    options = (iterations, tolerance, [*starts, first], beat, reach)
+    key = fit_key(problem.filter_model, problem.logs, problem.free, options)
     known = journal.find(key)
     if known is not None:
         expansion = expand(problem, known.point, known.steps)
         return Fit(problem, known.point, known.nll, expansion, known.evaluations, SearchOutcome[known.outcome])
-    found, steps = _search(problem, iterations, tolerance, starts, beat, first, reach)
+    found, steps = _search(problem, *how)
     journal.note(key, Noted(found.point, steps, found.nll, found.evaluations, found.outcome.name))
     return found
 
@@ -266,7 +287,7 @@ def _search(
     differences = _Expansions()
     state = initial_starts(problem, start, settings)
     if not np.isfinite(state.values[0]):
-        raise EstimationError(_diverged(problem, start[:, 0]))
+        raise EstimationError(divergence(problem, start[:, 0]))
     idle = 0
     while not starts_ended(state, settings) and idle < 2:
         before = float(state.values[0])
@@ -277,18 +298,6 @@ def _search(
             break
     ended = SearchOutcome.CONVERGED if idle == 2 else SearchOutcome.ITERATION_LIMIT
     return _fit(problem, finish_starts(state, ended), differences, evaluations)
-
-
-def _diverged(problem: EstimationProblem, point: FloatArray) -> str:
-    """Why a model has no likelihood at a point (n,): a law without a value, or an integration that runs away."""
-    name = problem.filter_model.model.name
-    ended = next((one for one in filter_runs(problem, point) if one.cause), None)
-    if ended is not None:
-        return f"{name}, {ended.log_name}: {ended.cause}"
-    return (
-        f"{name}: the model diverges at its declared parameters on {', '.join(log.name for log in problem.logs)} with "
-        f"{problem.filter_model.substeps} substeps between samples - check units, initial states and declared values"
-    )
 
 
 def _linear_search(

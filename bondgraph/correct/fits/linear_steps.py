@@ -258,3 +258,15 @@ def _priors(problem: EstimationProblem, point: FloatArray) -> FloatArray:
             row[1 + k] = parameter.slope(float(value)) / parameter.prior_std
             rows.append(row)
     return np.array(rows).reshape(len(rows), 1 + point.size)
+
+
+def divergence(problem: EstimationProblem, point: FloatArray) -> str:
+    """Why a model has no likelihood at a point (n,): a law without a value, or an integration that runs away."""
+    name = problem.filter_model.model.name
+    ended = next((one for one in filter_runs(problem, point) if one.cause), None)
+    if ended is not None:
+        return f"{name}, {ended.log_name}: {ended.cause}"
+    return (
+        f"{name}: the model diverges at its declared parameters on {', '.join(log.name for log in problem.logs)} with "
+        f"{problem.filter_model.substeps} substeps between samples - check units, initial states and declared values"
+    )

@@ -91,7 +91,7 @@ class Candidate:
         return float(lower * (upper / lower) ** share if lower > 0.0 else share * upper)
 
     def bounds(self, name: str) -> tuple[float, float]:
-        """Bounds of a coefficient or shape.
+        """Bounds of a coefficient or shape; no coefficient of a dissipative law is negative.
 
         Raises
         ------
@@ -105,7 +105,8 @@ class Candidate:
                 "declare them in the effect function",
                 where=(name,),
             )
-        return info.lower, info.upper
+        loss = self.effect.dissipative and name in self.effect.coefficients
+        return max(info.lower, 0.0) if loss else info.lower, info.upper
 
     def _values(self, name: str) -> list[float]:
         shares = _SHAPES if len(self.effect.shapes) == 1 else _FEWER_SHAPES
@@ -273,6 +274,10 @@ def _why_not(built: BuiltModel, flat: BondGraph, effect: Effect, equations: Stat
     values = {parameter.name: parameter.value for parameter in flat.parameters}
     if not effect.coefficients:
         return "has no coefficient that could be tested"
+    upper = {parameter.name: parameter.bounds[1] for parameter in flat.parameters if parameter.bounds is not None}
+    gaining = [name for name in effect.coefficients if effect.dissipative and not upper.get(name, np.inf) > 0.0]
+    if gaining:
+        return f"is declared dissipative, but its coefficient {gaining[0]} may not be positive"
     lasting = [name for name in effect.coefficients if values[name] != 0.0]
     if not effect.adds_state and lasting:
         return f"does not vanish: its coefficient is {values[lasting[0]]:g} when it is added, not 0"
@@ -298,8 +303,8 @@ def _why_not(built: BuiltModel, flat: BondGraph, effect: Effect, equations: Stat
 def _passive(flat: BondGraph, effect: Effect) -> bool:
     bounds = {parameter.name: parameter.bounds for parameter in flat.parameters}
     known = [bounds[name] for name in effect.coefficients]
-    if effect.channel:
-        return False
+    if effect.channel or effect.dissipative:
+        return effect.dissipative
     return all(bound is not None and bound[0] >= 0.0 for bound in known)
 
 

@@ -91,7 +91,8 @@ def step_gain(seen: Terms, again: Terms) -> float:
 def with_steps(fitted: Fit, filter_model: FilterModel, journal: Journal | None = None) -> Fit:
     """The fit with other integration steps, from where it is; as it is if these are its own, or lead nowhere."""
     used = fitted.problem.filter_model
-    if filter_model is used:
+    alike = (used.substeps, used.grading, used.plan) == (filter_model.substeps, filter_model.grading, filter_model.plan)
+    if filter_model is used or (used.method == filter_model.method and alike):
         return fitted
     problem, free = fitted.problem, at_optimum(fitted)
     finer = replace(used, substeps=filter_model.substeps, grading=filter_model.grading, plan=filter_model.plan)

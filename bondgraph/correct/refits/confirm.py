@@ -22,8 +22,10 @@ from bondgraph.correct.fits.fit import Fit, fit
 from bondgraph.correct.fits.linear_steps import is_linearised
 from bondgraph.correct.fits.whiteness import whiteness
 from bondgraph.correct.models.candidates import Candidate
+from bondgraph.correct.refits.certified import with_steps
 from bondgraph.correct.refits.decide import channel_shares, judge, robust_p_value, robust_ratio_p_value
 from bondgraph.correct.refits.refit import Ground, at_optimum
+from bondgraph.correct.refits.transfer import transfer
 from bondgraph.correct.refits.trials import Evidence, Trial
 from bondgraph.correct.scores.quiet import annealed_fit, quiet_fit
 from bondgraph.errors import EstimationError
@@ -57,6 +59,14 @@ def confirmed(trial: Trial, ground: Ground) -> Trial:
     base = _from_there(ground.base, trial.fit, ground)
     evidence = judge(base, trial.fit, trial.candidate.effect, trial.evidence.tried, trial.gate is not None)
     return replace(trial, evidence=_in_free_simulation(trial.fit, trial, evidence, ground))
+
+
+def transferred(trial: Trial, ground: Ground) -> Trial:
+    """The trial with how it transfers to data that it was not estimated from; an event, which is no law, has none."""
+    if trial.fit is None or trial.gate is not None:
+        return trial
+    base = with_steps(ground.base, trial.fit.problem.filter_model, ground.journal)
+    return replace(trial, transfer=transfer(base, trial.fit, trial.candidate.effect))
 
 
 def _from_there(base: Fit, refit: Fit, ground: Ground) -> Fit:

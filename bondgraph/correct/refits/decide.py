@@ -41,12 +41,14 @@ def judge(base: Fit, refit: Fit, effect: Effect, tried: int, gated: bool = False
 def robust_p_value(fitted: Fit, coefficients: Sequence[str], uneven: bool = False, share: float = 1.0) -> float:
     """P-value of coefficients being zero, by their block-sandwich variance; Hotelling's statistic if several.
 
-    A coefficient of which nothing but zero is left counts as absent. With ``uneven`` the degrees of freedom are those
-    of :func:`effective_blocks`: a scatter that rests on two or three blocks of time is itself hardly known. ``share``
-    is the part of what the logs tell of the coefficients that counts.
+    A coefficient of which nothing but zero is left counts as absent, one that rests on another bound as free: it is no
+    less far from zero than that. With ``uneven`` the degrees of freedom are those of :func:`effective_blocks`: a
+    scatter that rests on two or three blocks of time is itself hardly known. ``share`` is the part of what the logs
+    tell of the coefficients that counts.
     """
     times = term_times(fitted.problem)
-    free = ~fitted.held
+    present = np.isin(fitted.problem.names, list(coefficients)) & (fitted.problem.values(fitted.point) != 0.0)
+    free = ~fitted.held | present
     variance = np.zeros((free.size, free.size))
     variance[np.ix_(free, free)] = robust_variance(restricted(fitted.expansion, free), times)
     rows, distances = [], []
@@ -168,7 +170,8 @@ def detectable(vanishing: Sequence[Candidate], found: Scores, need: float) -> tu
 
 def choose(trials: Sequence[Trial], level: float) -> Trial | None:
     """The refitted candidate with the largest penalised gain among those that pass, or None."""
-    passed = [trial for trial in trials if trial.fit is not None and trial.evidence and trial.evidence.accepted(level)]
+    fitted = [trial for trial in trials if trial.fit is not None and trial.transfers]
+    passed = [trial for trial in fitted if trial.evidence is not None and trial.evidence.accepted(level)]
     return max(passed, key=_bic_gain, default=None)
 
 
@@ -202,6 +205,8 @@ def _why_not(
 ) -> tuple[bool, str]:
     if trial.failed:
         return False, f"it could not be tried to the end: {trial.failed}"
+    if trial.transfer is not None and not trial.transfer.passes:
+        return False, f"it does not transfer to data that it was not estimated from: {trial.transfer.why_not}"
     if chosen is None:
         if trial.evidence is None:
             return False, f"its score promises {trial.score_gain:.1f} nats, too little to be refitted"

@@ -11,6 +11,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from typing import Literal
 
 import numpy as np
 
@@ -61,6 +62,8 @@ def coefficients(
 ) -> tuple[FreeParameter, ...]:
     """Coefficients and shapes of a candidate as free parameters; linear where zero is where they begin.
 
+    Bounds of coefficients only scale the search.
+
     Raises
     ------
     EstimationError
@@ -72,7 +75,9 @@ def coefficients(
     for name in candidate.effect.parameters:
         lower, upper = candidate.bounds(name)
         value = shapes.get(name, model.parameters[model.index("parameter", name)].value)
-        found.append(FreeParameter(name, lower, upper, value, scale="log" if lower > 0.0 else "linear"))
+        scale: Literal["linear", "log"] = "log" if lower > 0.0 else "linear"
+        widens = name in candidate.effect.coefficients
+        found.append(FreeParameter(name, lower, upper, value, scale=scale, widens=widens))
     return tuple(found)
 
 

@@ -9,6 +9,7 @@ from bondgraph.correct.fits.fit import Fit
 from bondgraph.correct.models.build import BuiltModel
 from bondgraph.correct.models.candidates import Candidate
 from bondgraph.correct.models.failures import attempted
+from bondgraph.correct.refits.transfer import Transfer
 from bondgraph.correct.scores.gates import Gate
 
 
@@ -37,6 +38,7 @@ class Trial:
 
     ``score_p`` is the p-value of the score, corrected for the number of candidates. ``stands_for`` names the candidates
     whose response is the same to rounding, of which this one was refitted. ``gate``: it acts in part of the data only.
+    ``transfer``: how it predicts data that it was not estimated from, known of what would be chosen.
     ``instead``: another that was refitted, and how many nats less this one would gain in its place, told there.
     ``remark``: sizes that were left out, if any. ``failed``: why its score, its refit or a second look at that could
     not be made, if so; it cannot be chosen on what is missing then.
@@ -54,6 +56,12 @@ class Trial:
     instead: tuple[str, float] | None = None
     remark: str = ""
     failed: str = ""
+    transfer: Transfer | None = None
+
+    @property
+    def transfers(self) -> bool:
+        """Whether nothing is known against its transfer to data that it was not estimated from."""
+        return self.transfer is None or self.transfer.passes
 
     @property
     def gain(self) -> float:

@@ -1,11 +1,12 @@
-"""Effects that act only in part of the data: constancy of a coefficient, and candidates that begin or end at a time.
+"""Events: effects that act in part of one log, and whether a coefficient changes within one.
 
-The logs are taken one after the other, as they were driven. A coefficient that is the same throughout has scores whose
-running sum is a Brownian bridge; its largest weighted square tells whether it changed, without a guess when. Reference:
-Andrews (1993), Econometrica 61(4), for the test and its distribution; Hansen (1997), J. Business Econ. Statist. 15(1).
+Logs are independent of each other: nobody knows what happened between two of them, so that an event ends with the log
+in which it happens. A coefficient that is the same throughout a log has scores whose running sum is a Brownian bridge;
+its largest weighted square tells whether it changed, without a guess when. Reference: Andrews (1993), Econometrica
+61(4), for the test and its distribution; Hansen (1997), J. Business Econ. Statist. 15(1).
 
-A gated candidate is a candidate whose coefficients are multiplied by a switch of time. Its switching time is known per
-log: it lies before, inside or after it.
+A gated candidate is a candidate whose coefficients are multiplied by a switch of time, which one log has inside it and
+no other ever reaches.
 """
 
 from __future__ import annotations
@@ -37,6 +38,8 @@ When = Literal["from", "until"]
 
 #: A change is looked for where at least this share of the information lies on either side.
 _TRIM = 0.1
+#: Blocks of time into which a log is cut, and fewest that tell of a change: ten sums of four.
+_BLOCKS, _FEWEST = 160, 40
 #: A coefficient with less than this share of its size elsewhere may be absent there.
 _ABSENT = 0.4
 #: Gates that are tried, evenly over all training time.
@@ -48,13 +51,13 @@ _FINER = 30
 _NEAR, _CLOSE, _MOST_PEERS = 0.9, 6.0, 4
 #: Candidates of the same response, each with its step.
 Peer = tuple[tuple[int, float], ...]
-#: Far away in time, s: an effect that is on, or off, throughout a log.
+#: Far away in time, s: an effect that is off throughout a log.
 _FAR = 1e6
 
 
 @dataclass(frozen=True)
 class Gate:
-    """A point in time, as log and seconds in it; ``when``: the effect acts from it, or until it."""
+    """A point in time, as log and seconds in it; ``when``: in this log the effect acts from it, or until it."""
 
     when: When
     log: str
@@ -64,12 +67,13 @@ class Gate:
         return f"{self.when} {self.time:.4g} s of {self.log}"
 
     def times(self, logs: Sequence[MatchedLog]) -> dict[str, float]:
-        """The switching time as each log sees it, by name of the log."""
-        names = [log.name for log in logs]
-        own = names.index(self.log)
-        return {
-            name: self.time if k == own else (_FAR if k < own else -_FAR) for k, name in enumerate(names)
-        }  # fmt: skip
+        """The switching time as each log sees it, by name of the log; in others than its own nothing acts."""
+        return {log.name: self.time if log.name == self.log else self.never for log in logs}
+
+    @property
+    def never(self) -> float:
+        """A switching time with which nothing acts in a log, s."""
+        return _FAR if self.when == "from" else -_FAR
 
     def acts(self, time: FloatArray, log: str, logs: Sequence[MatchedLog]) -> FloatArray:
         """One where the effect acts at times of a log, zero where it does not."""
@@ -80,7 +84,7 @@ class Gate:
 def gated(function: EffectFunction, gate: Gate, logs: Sequence[MatchedLog]) -> EffectFunction:
     """The effect function whose effect acts from or until a time; the time is a parameter that each log knows."""
     width = 0.5 * float(np.median(np.diff(logs[0].time)))
-    only = gate.time if len(logs) == 1 else (-_FAR if gate.when == "from" else _FAR)
+    only = gate.time if len(logs) == 1 else gate.never
 
     def extended(g: BondGraph, at: Place) -> Effect | None:
         declared = set(g.nodes)
@@ -149,37 +153,54 @@ class Constancy:
 
 
 def constancy(fitted: Fit, coefficient: str) -> Constancy:
-    """The largest weighted square of the running sum of scores of a fitted coefficient, all else taken out."""
+    """The largest weighted square of the running sums of scores of a fitted coefficient within logs.
+
+    Everything else is taken out. Logs that are too short to be cut into blocks of time tell nothing of it; the p-value
+    counts all that do.
+    """
     logs = fitted.problem.logs
+    sums, told = _by_block(fitted, coefficient)
+    value = float(fitted.point[fitted.problem.names.index(coefficient)])
+    found = [_changes(log, value, *part) for log, *part in zip(logs, sums, told, strict=True)]
+    known = [one for one in found if one is not None]
+    if not known:
+        return Constancy(1.0, logs[0].name, float(logs[0].time[0]))
+    best = min(known, key=lambda one: one.p_value)
+    return replace(best, p_value=min(1.0, best.p_value * len(known)))
+
+
+def _by_block(fitted: Fit, coefficient: str) -> tuple[list[FloatArray], list[FloatArray]]:
+    """Scores of a coefficient summed over the blocks of each log, and what these tell of it; all else taken out."""
     free = ~fitted.held
     index = int(np.flatnonzero(np.flatnonzero(free) == fitted.problem.names.index(coefficient))[0])
-    blocks, places = _fine_blocks(fitted)
     expansion = restricted(fitted.expansion, free)
     others = [k for k in range(int(free.sum())) if k != index]
     follow = solve(expansion.information[np.ix_(others, others)], expansion.information[others, index][:, np.newaxis])
-    timed = blocks >= 0
-    pieces = summed(score_pieces(expansion)[timed], blocks[timed], int(blocks.max()) + 1)
-    sums = pieces[:, index] - pieces[:, others] @ follow[:, 0]
+    blocks, counts = _fine_blocks(fitted)
+    timed, total = blocks >= 0, sum(counts)
+    pieces = summed(score_pieces(expansion)[timed], blocks[timed], total)
     assert expansion.terms is not None
     slope = expansion.terms.innovations[:, 1 + index] - expansion.terms.innovations[:, 1:][:, others] @ follow[:, 0]
-    told = np.bincount(blocks[blocks >= 0], weights=slope[blocks >= 0] ** 2, minlength=sums.size)
-    share = np.cumsum(told) / max(float(told.sum()), np.finfo(float).tiny)
+    told = np.bincount(blocks[timed], weights=slope[timed] ** 2, minlength=total)
+    edges = np.cumsum(counts)[:-1]
+    return np.split(pieces[:, index] - pieces[:, others] @ follow[:, 0], edges), np.split(told, edges)
+
+
+def _changes(log: MatchedLog, value: float, sums: FloatArray, told: FloatArray) -> Constancy | None:
+    """Whether and where a coefficient changes within a log, by its scores and what they tell in blocks of time."""
+    whole = float(told.sum())
+    share = np.cumsum(told) / max(whole, np.finfo(float).tiny)
     inside = np.flatnonzero((share > _TRIM) & (share < 1.0 - _TRIM))
-    if not inside.size:
-        return Constancy(1.0, logs[0].name, float(logs[0].time[0]))
-    running = np.cumsum(sums - sums.sum() * told / told.sum())
-    scatter = _long_run(sums - sums.sum() * told / told.sum())
-    statistic = running[inside] ** 2 / (scatter * share[inside] * (1.0 - share[inside]))
+    if sums.size < _FEWEST or not inside.size:
+        return None
+    left = sums - sums.sum() * told / whole
+    statistic = np.cumsum(left)[inside] ** 2 / (_long_run(left) * share[inside] * (1.0 - share[inside]))
     best = int(np.argmax(statistic))
-    log, time = places[inside[best]]
-    at = inside[best]
-    whole, early, value = (
-        float(told.sum()),
-        float(told[: at + 1].sum()),
-        float(fitted.point[np.flatnonzero(free)[index]]),
-    )
-    before, after = value - float(running[at]) / early, value + float(running[at]) / (whole - early)
-    return Constancy(_andrews(float(statistic[best])), log, time, before, after)
+    at = int(inside[best])
+    time = float(log.time[0] + (at + 1) * (log.time[-1] - log.time[0]) / sums.size)
+    early, late = (float(part.sum()) for part in (told[: at + 1], told[at + 1 :]))
+    before, after = value - float(sums[: at + 1].sum()) / early, value - float(sums[at + 1 :].sum()) / late
+    return Constancy(_andrews(float(statistic[best])), log.name, time, before, after)
 
 
 def _long_run(sums: FloatArray) -> float:
@@ -188,18 +209,17 @@ def _long_run(sums: FloatArray) -> float:
     return float(max(np.sum(by_four**2), np.finfo(float).tiny))
 
 
-def _fine_blocks(fitted: Fit) -> tuple[np.ndarray, list[tuple[str, float]]]:
-    """About 160 blocks of time over all logs, and where each ends."""
-    logs = fitted.problem.logs
-    seconds = sum(float(log.time[-1] - log.time[0]) for log in logs) / 160.0
-    pieces, places, first = [], [], 0
-    for log in logs:
-        own = ((log.time - log.time[0]) / max(seconds, 1e-9)).astype(np.int64)
-        pieces += [first + own] * log.y.shape[0]
-        places += [(log.name, float(log.time[0] + (k + 1) * seconds)) for k in range(int(own.max()) + 1)]
-        first += int(own.max()) + 1
+def _fine_blocks(fitted: Fit) -> tuple[np.ndarray, list[int]]:
+    """The block of time of each term, of which priors have none (-1), and how many there are in each log."""
+    pieces: list[np.ndarray] = []
+    counts: list[int] = []
+    for log in fitted.problem.logs:
+        count = min(_BLOCKS, log.time.size // 2)
+        share = (log.time - log.time[0]) / (log.time[-1] - log.time[0])
+        pieces += [sum(counts) + np.minimum((share * count).astype(np.int64), count - 1)] * log.y.shape[0]
+        counts.append(count)
     priors = sum(parameter.prior_mean is not None for parameter in fitted.problem.free)
-    return np.concatenate([*pieces, np.full(priors, -1)]), places
+    return np.concatenate([*pieces, np.full(priors, -1)]), counts
 
 
 @functools.cache
@@ -267,7 +287,8 @@ def best_gated(linear: Linearisation, scored: Scored) -> Gated | None:
 
     def act(number: int) -> None:
         after = _after(linear, whole, scored, usable, number)
-        responses: tuple[tuple[When, FloatArray], ...] = (("from", after), ("until", whole - after))
+        before = _within(linear, whole, points[number][0]) - after
+        responses: tuple[tuple[When, FloatArray], ...] = (("from", after), ("until", before))
         for when, response in responses:
             score, told = linear.each_alone(response)
             gain = 0.5 * score**2 / np.where(told > 0.0, told, np.inf)
@@ -279,7 +300,7 @@ def best_gated(linear: Linearisation, scored: Scored) -> Gated | None:
     number, when = max(sorted(gains), key=lambda key: gains[key][tops[key]])
     gate, gain, top = Gate(when, *points[number]), gains[number, when], tops[number, when]
     after = _after(linear, whole, scored, usable, number)
-    projected = linear.projected(after if when == "from" else whole - after)
+    projected = linear.projected(after if when == "from" else _within(linear, whole, gate.log) - after)
     step, own, p_value = best_step(projected, [top], one_sided[[top]])
     near = _peers(projected, gain, top, usable, found)
     return Gated(usable[top], gate, own, float(step[0]), p_value, 2 * len(points) * len(usable), near)
@@ -331,9 +352,9 @@ def refined(linear: Linearisation, best: Gated, candidate: Candidate, variant: V
     samples = [int(k) for k in inside[:: max(1, inside.size // _FINER)]]
     changes = [candidate_change(log.path, candidate, variant) for log in linear.logs]
     whole, states = linear.columns_and_states(changes, [samples if k == own else () for k in range(len(logs))])
-    first = sum(log.slope.shape[0] * log.slope.shape[1] for log in linear.logs[:own])
+    whole = _within(linear, whole, best.gate.log)
     for place, sample in enumerate(samples):
-        after = _tail(linear, whole, own, first, sample, states[own][place])
+        after = _tail(linear, whole, own, sample, states[own][place])
         response = after if best.gate.when == "from" else whole - after
         step, gain, p_value = best_step(linear.projected(response), [0], candidate.lower >= 0.0)
         if gain > best.gain:
@@ -342,14 +363,26 @@ def refined(linear: Linearisation, best: Gated, candidate: Candidate, variant: V
     return best
 
 
-def _tail(linear: Linearisation, whole: FloatArray, own: int, first: int, sample: int, state: FloatArray) -> FloatArray:
-    """Responses of changes that act only after a sample of one log, and in all logs after it."""
-    log = linear.logs[own]
+def _rows(linear: Linearisation, own: int) -> slice:
+    """Where the terms of a log stand among those of all."""
+    first, end = (sum(log.slope.shape[0] * log.slope.shape[1] for log in linear.logs[:k]) for k in (own, own + 1))
+    return slice(first, end)
+
+
+def _within(linear: Linearisation, whole: FloatArray, log: str) -> FloatArray:
+    """Responses of changes that act in one log only."""
+    rows = _rows(linear, [one.path.log.name for one in linear.logs].index(log))
+    found = np.zeros_like(whole)
+    found[rows] = whole[rows]
+    return found
+
+
+def _tail(linear: Linearisation, whole: FloatArray, own: int, sample: int, state: FloatArray) -> FloatArray:
+    """Responses of changes that act only after a sample of one log, in that log."""
+    log, rows = linear.logs[own], _rows(linear, own)
     outputs, count = log.slope.shape[1], log.slope.shape[0]
-    rows = slice(first, first + outputs * count)
     late = np.tile(np.arange(count) > sample, outputs)
-    after = whole.copy()
-    after[:first] = 0.0
+    after = np.zeros_like(whole)
     after[rows] = np.where(late[:, np.newaxis], whole[rows] - decay(log, sample) @ state, 0.0)
     return after
 
@@ -359,6 +392,4 @@ def _after(linear: Linearisation, whole: FloatArray, scored: Scored, usable: Seq
     samples = gate_samples([log.path.log for log in linear.logs])
     own = next(k for k in range(len(samples)) if number < sum(map(len, samples[: k + 1])))
     place = number - sum(map(len, samples[:own]))
-    first = sum(log.slope.shape[0] * log.slope.shape[1] for log in linear.logs[:own])
-    state = scored.states[own][place][:, usable]
-    return _tail(linear, whole, own, first, samples[own][place], state)
+    return _tail(linear, whole, own, samples[own][place], scored.states[own][place][:, usable])

@@ -1,0 +1,117 @@
+"""What logs say of a correction once it is made: whether they confirm it, contradict it, or leave it open.
+
+Training logs choose a correction, held-out logs never; both may contradict it. Held-out logs do by their likelihood,
+where it falls by more than its standard error. And both do where a channel is predicted clearly worse: over the horizon
+(restarted along the log) or in free simulation. A gain of likelihood beside such a prediction says that the noise of
+the corrected model is more to the liking of the filter, not that its physics is.
+
+Where something random drives the machine, free simulation wanders with it, before and after: there the error must grow
+by as much as it was.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from bondgraph.correct.fits.assess import WINDOWS, Assessment, LogAssessment, gain_interval
+from bondgraph.correct.fits.compared import Compared, Data, Errors, Kind, judged, squares
+from bondgraph.correct.fits.fit import Fit
+from bondgraph.correct.fits.horizon import horizon, predicted, windows
+from bondgraph.data.log import FloatArray
+
+Standing = Literal["confirmed", "contradicted", "open"]
+
+#: A gain of held-out likelihood confirms from so many of its standard errors on.
+_CONFIRMS = 2.0
+#: Nats that process noise takes of a fit, below which nothing random drives its machine.
+_DRIVEN = 3.0
+
+
+@dataclass(frozen=True)
+class Confirmation:
+    """What the logs say of a correction.
+
+    ``gain`` is that of held-out log-likelihood in nats with its standard ``error`` by blocks of time, both not a number
+    without held-out logs, the error of logs too short to tell it; predictions run over ``horizon`` seconds.
+    """
+
+    gain: float
+    error: float
+    horizon: float
+    compared: tuple[Compared, ...]
+
+    @property
+    def contradictions(self) -> tuple[str, ...]:
+        """Everything that speaks against the correction, as clauses with their numbers; none where nothing does."""
+        said = []
+        if self.gain < -self.error or self.gain == -math.inf:
+            said.append(f"the log-likelihood of the held-out logs falls by {-self.gain:.3g}{self._within} nats")
+        return (*said, *(str(one) for one in self.compared if one.clearly))
+
+    @property
+    def standing(self) -> Standing:
+        """Whether the logs confirm the correction, contradict it, or leave it open."""
+        if self.contradictions:
+            return "contradicted"
+        return "confirmed" if self.gain > 0.0 and self.gain > _CONFIRMS * self.error else "open"
+
+    @property
+    def _within(self) -> str:
+        return f" ± {self.error:.3g}" if math.isfinite(self.error) else ""
+
+    def __str__(self) -> str:
+        said = {"confirmed": "confirmed", "contradicted": "contradicted", "open": "neither confirmed nor contradicted"}
+        rest = "" if math.isnan(self.gain) else f"log-likelihood of held-out logs {self.gain:+.3g}{self._within} nats"
+        return "; ".join([said[self.standing], *filter(None, [rest]), *self.contradictions])
+
+
+def confirmation(
+    nominal: Fit, corrected: Fit, before: Sequence[Assessment], after: Sequence[Assessment]
+) -> Confirmation:
+    """What training and held-out logs say of a correction, by its assessments on both kinds (in this order)."""
+    held = [log.filtered for log in before[1].logs], [log.filtered for log in after[1].logs]
+    gain, error = gain_interval(*held) if held[0] else (math.nan, math.nan)
+    seconds = horizon(corrected, [log.log for log in after[0].logs])
+    random = corrected.driven > _DRIVEN or nominal.driven > _DRIVEN
+    found = [
+        one
+        for data, first, last in zip(("training", "held-out"), before, after, strict=True)
+        for one in _errors(data, nominal, corrected, first.logs, last.logs, seconds)  # type: ignore[arg-type]
+    ]
+    return Confirmation(gain, error, seconds, tuple(judged(one, random, len(found)) for one in found))
+
+
+def _errors(
+    data: Data,
+    nominal: Fit,
+    corrected: Fit,
+    before: Sequence[LogAssessment],
+    after: Sequence[LogAssessment],
+    seconds: float,
+) -> list[Errors]:
+    """Errors of every channel in prediction and in free simulation, by windows of time."""
+    pieces: dict[tuple[Kind, str], list[tuple[float, float, int]]] = {}
+    noise: dict[str, float] = {}
+    total = sum(float(one.log.time[-1] - one.log.time[0]) for one in before)
+    for first, last in zip(before, after, strict=True):
+        log, parts = first.log, windows(first.log, seconds)
+        ahead = [predicted(nominal, log, first.filtered, parts), predicted(corrected, last.log, last.filtered, parts)]
+        free, blocks = [first.simulated.y, last.simulated.y], windows(log, total / WINDOWS)
+        for row, name in enumerate(first.simulated.model.names("output")):
+            if name not in first.channels:
+                continue
+            noise[name] = min(first.channels[name].noise_std, last.channels[name].noise_std)
+            kinds: tuple[tuple[Kind, list[FloatArray], list[tuple[int, int]]], ...]
+            kinds = ("prediction", ahead, parts), ("free simulation", free, blocks)
+            for kind, shown, cut in kinds:
+                pieces.setdefault((kind, name), []).extend(squares(log.y[row], [y[row] for y in shown], cut))
+    found = []
+    for (kind, name), values in pieces.items():
+        told = np.array(values, dtype=np.float64).reshape(-1, 3)
+        found.append(Errors(data, kind, name, told[:, 0], told[:, 1], told[:, 2], noise[name]))
+    return found

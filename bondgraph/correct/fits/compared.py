@@ -1,0 +1,97 @@
+"""Predictions of two models against each other: is a channel clearly worse by one than by the other.
+
+It is where the paired difference of squared errors over windows of time is above zero by more than chance allows, all
+comparisons counted, and exceeds what the sensor's noise hides. Reference: Diebold and Mariano (1995), J. Business Econ.
+Statist. 13(3), for paired comparisons of predictions.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from scipy import stats
+
+from bondgraph.data.log import FloatArray
+
+Data = Literal["training", "held-out", "left-out"]
+Kind = Literal["prediction", "free simulation"]
+
+#: Chance of calling any channel clearly worse that is not, over all comparisons.
+_LEVEL = 0.01
+
+
+@dataclass(frozen=True)
+class Compared:
+    """One channel before and after a correction: root mean square errors in its unit, over all logs of one kind.
+
+    ``p_worse``: chance that the error seems to grow so much though it does not. ``clearly`` worse: that is less than
+    chance allows, and what was added exceeds what the sensor's noise hides.
+    """
+
+    data: Data
+    kind: Kind
+    channel: str
+    before: float
+    after: float
+    p_worse: float
+    clearly: bool
+
+    def __str__(self) -> str:
+        grown = f" ({self.after / self.before - 1.0:+.0%})" if self.before > 0.0 and math.isfinite(self.after) else ""
+        return f"{self.kind} of {self.channel} on {self.data} logs {self.before:.3g} -> {self.after:.3g}{grown}"
+
+
+@dataclass(frozen=True)
+class Errors:
+    """Errors of one channel over all logs of one kind: mean squares by window, before and after; the sensor's noise."""
+
+    data: Data
+    kind: Kind
+    channel: str
+    before: FloatArray
+    after: FloatArray
+    weight: FloatArray
+    noise: float
+
+
+def squares(
+    measured: FloatArray, shown: Sequence[FloatArray], parts: Sequence[tuple[int, int]]
+) -> list[tuple[float, float, int]]:
+    """Mean squared errors before and after in each window, with its number of measurements."""
+    found = []
+    for first, last in parts:
+        rows = slice(first + 1, last + 1)
+        seen = np.isfinite(measured[rows])
+        errors = [np.where(np.isfinite(y[rows]), y[rows] - measured[rows], np.inf)[seen] for y in shown]
+        if seen.any() and np.isfinite(errors[0]).all():
+            found.append((float(np.mean(errors[0] ** 2)), float(np.mean(errors[1] ** 2)), int(seen.sum())))
+    return found
+
+
+def judged(one: Errors, random: bool, count: int) -> Compared:
+    """Whether a channel is clearly worse after the correction, ``count`` comparisons being made."""
+    if not one.weight.size:
+        return Compared(one.data, one.kind, one.channel, math.nan, math.nan, 1.0, False)
+    before, after = (float(np.average(values, weights=one.weight)) for values in (one.before, one.after))
+    p_worse = _p_worse(one.after - one.before, one.weight)
+    margin = max(one.noise**2, before if random and one.kind == "free simulation" else 0.0)
+    clearly = p_worse * count < _LEVEL and after - before > margin
+    return Compared(one.data, one.kind, one.channel, math.sqrt(before), math.sqrt(after), p_worse, clearly)
+
+
+def _p_worse(grown: FloatArray, weight: FloatArray) -> float:
+    """P-value of a mean growth of squared errors over windows, by its scatter over neighbouring pairs of them.
+
+    Neighbours share what disturbs both; taken by two they tell of that. One that is no number was not predicted at all.
+    """
+    if np.isinf(grown).any():
+        return 0.0
+    sums = np.add.reduceat(grown * weight, np.arange(0, grown.size, 2))
+    if sums.size < 2 or float(np.std(sums)) == 0.0:
+        return 1.0
+    scatter = float(np.std(sums, ddof=1)) * math.sqrt(sums.size)
+    return float(stats.t.sf(float(sums.sum()) / scatter, sums.size - 1))

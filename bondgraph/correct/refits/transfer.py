@@ -1,0 +1,227 @@
+"""Transfer: does an effect predict data that it was not estimated from.
+
+With thousands of samples whatever correlates with a residual gains likelihood on the data it was fitted to. So the
+training data are cut into folds: each log is one where there are three at least, else blocks of time. With and without
+the effect everything is estimated without a fold, and the fold is predicted. No refit is needed for that: the optimum
+without a fold lies one Newton step away, by the scores and the Fisher information of the fold,
+
+    x - (I - I_f)^-1 (g - g_f).
+
+Reference: Rad and Maleki (2020), J. Royal Stat. Soc. B 82(4); Giordano, Stephenson, Liu, Jordan and Broderick (2019),
+AISTATS, for approximate cross-validation. The gain over all folds must be above zero by more than its scatter over
+blocks of time, and not be that of one fold alone; and over the horizon no channel may be predicted clearly worse.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy import stats
+
+from bondgraph.correct.fits.compared import Compared, Errors, judged, squares
+from bondgraph.correct.fits.fit import Fit
+from bondgraph.correct.fits.horizon import horizon, predicted, windows
+from bondgraph.correct.fits.times import summed, term_times
+from bondgraph.correct.scores.score import solve
+from bondgraph.data.log import FloatArray, MatchedLog
+from bondgraph.declare.effect import Effect
+from bondgraph.estimate.objective import Terms, expansion_of
+
+#: Folds at least: of one or two logs as many blocks of time. From three logs on each is a fold.
+_BLOCKS, _LOGS = 6, 3
+#: Chance of a gain over all folds as large as this, where there is none.
+_LEVEL = 0.05
+#: Information of a coefficient that is left without a fold, as a share of all of it, below which nothing is known.
+_NOTHING = 1e-6
+#: A step that makes the data it is made for less likely is halved so often at most.
+_HALVINGS = 6
+
+
+@dataclass(frozen=True)
+class Fold:
+    """A part of the training data: the log it lies in and its first and last sample."""
+
+    log: int
+    first: int
+    last: int
+    name: str
+
+
+@dataclass(frozen=True)
+class Transfer:
+    """What an effect gains where it was not estimated.
+
+    ``gains``: in nats by fold; their sum is ``gain``, with its standard ``error`` by blocks of time and ``p_value``;
+    ``fold_error`` is that by folds. ``compared``: predictions over the horizon, without the effect and with it.
+    """
+
+    folds: tuple[str, ...]
+    gains: tuple[float, ...]
+    error: float
+    fold_error: float
+    p_value: float
+    compared: tuple[Compared, ...] = ()
+
+    @property
+    def gain(self) -> float:
+        """Nats over all folds."""
+        return sum(self.gains)
+
+    @property
+    def passes(self) -> bool:
+        """Whether the effect transfers."""
+        return not self.why_not
+
+    @property
+    def why_not(self) -> str:
+        """What speaks against it, empty if nothing does."""
+        worse = [str(one) for one in self.compared if one.clearly]
+        if not self.p_value < _LEVEL:
+            return f"left out, the folds gain {self.gain:.3g} ± {self.error:.3g} nats (p = {self.p_value:.2g})"
+        if not self.gain > self.fold_error:
+            largest = self.folds[int(np.argmax(self.gains))]
+            return f"left out, the folds gain {self.gain:.3g} ± {self.fold_error:.3g} nats, all of it in {largest}"
+        return worse[0] if worse else ""
+
+
+def transfer(base: Fit, refit: Fit, effect: Effect) -> Transfer:
+    """How an effect of a refit predicts what it was not estimated from, against the fit without it on the same logs."""
+    logs = refit.problem.logs
+    cut = folds(logs)
+    without, with_it = left_out(base, cut, ()), left_out(refit, cut, effect.coefficients)
+    series = _likelihoods(refit, with_it, cut) - _likelihoods(base, without, cut)
+    gains = tuple(float(series[rows].sum()) for rows in _rows(logs, cut))
+    blocks = term_times(refit.problem).block
+    sums = summed(series[:, np.newaxis], blocks, int(blocks.max()) + 1)[:, 0]
+    error = float(np.std(sums, ddof=1)) * math.sqrt(sums.size)
+    fold_error = float(np.std(gains, ddof=1)) * math.sqrt(len(gains))
+    p_value = float(stats.t.sf(sum(gains) / error, sums.size - 1)) if error > 0.0 and math.isfinite(error) else 1.0
+    names = tuple(one.name for one in cut)
+    return Transfer(names, gains, error, fold_error, p_value, _ahead(base, refit, without, with_it, cut))
+
+
+def folds(logs: Sequence[MatchedLog]) -> tuple[Fold, ...]:
+    """The folds of training logs.
+
+    Examples
+    --------
+    >>> log = MatchedLog("run", 0.1 * np.arange(13), np.empty((0, 13)), np.empty((0, 13)))
+    >>> [(one.first, one.last) for one in folds([log])]
+    [(0, 1), (2, 3), (4, 5), (6, 7), (8, 9), (10, 12)]
+    """
+    if len(logs) >= _LOGS:
+        return tuple(Fold(k, 0, log.time.size - 1, log.name) for k, log in enumerate(logs))
+    total = sum(float(log.time[-1] - log.time[0]) for log in logs)
+    found = []
+    for k, log in enumerate(logs):
+        count = math.ceil(_BLOCKS * float(log.time[-1] - log.time[0]) / total - 1e-9)
+        edges = [log.time.size * j // count for j in range(count + 1)]
+        for first, end in itertools.pairwise(edges):
+            name = f"{log.name}, {log.time[first]:.4g} to {log.time[end - 1]:.4g} s"
+            found.append(Fold(k, first, end - 1, name))
+    return tuple(found)
+
+
+def _rows(logs: Sequence[MatchedLog], cut: Sequence[Fold]) -> list[slice]:
+    """The samples of each fold among those of all logs."""
+    starts = np.cumsum([0, *(log.time.size for log in logs)])
+    return [slice(int(starts[one.log]) + one.first, int(starts[one.log]) + one.last + 1) for one in cut]
+
+
+def left_out(fitted: Fit, cut: Sequence[Fold], coefficients: Sequence[str]) -> FloatArray:
+    """Where the fit would be without each fold, shape (n, folds).
+
+    ``coefficients`` of which nothing is known without a fold are zero there.
+    """
+    problem, terms = fitted.problem, fitted.expansion.terms
+    assert terms is not None  # every fit of a loop has them
+    sample, free = term_times(problem).sample, ~fitted.held
+    inside = np.full(int(sample.max()) + 1, -1)
+    for k, rows in enumerate(_rows(problem.logs, cut)):
+        inside[rows] = k
+    of_term = np.where(sample >= 0, inside[sample], -1)
+    points = np.repeat(fitted.point[:, np.newaxis], len(cut), axis=1)
+    known = np.empty(points.shape)
+    for k in range(len(cut)):
+        rest = of_term != k
+        left = expansion_of(terms.innovations[rest], terms.log_scales[rest], 0)
+        step = np.zeros(fitted.point.size)
+        step[free] = -solve(left.information[np.ix_(free, free)], left.gradient[free][:, np.newaxis])[:, 0]
+        points[:, k] = np.clip(fitted.point + step, problem.lower, problem.upper)
+        known[:, k] = np.diag(left.information)
+    points = _towards_likelier(fitted, points, of_term)
+    for name in coefficients:
+        k = problem.names.index(name)
+        if problem.lower[k] <= 0.0:
+            points[k, known[k] < _NOTHING * fitted.expansion.information[k, k]] = 0.0
+    return points
+
+
+def _towards_likelier(fitted: Fit, points: FloatArray, of_term: np.ndarray) -> FloatArray:
+    """The points (n, folds), their steps halved until what each was made for is no less likely than at the optimum.
+
+    Far from the optimum the step of a likelihood that is not quadratic may lead anywhere.
+    """
+    problem, count = fitted.problem, points.shape[1]
+    start = fitted.point[:, np.newaxis]
+    least = _without(problem.terms(start), of_term, count)
+    for _ in range(_HALVINGS):
+        worse = ~(_without(problem.terms(points), of_term, count) <= least + 1e-9 * np.abs(least))
+        if not worse.any():
+            break
+        points = np.where(worse, 0.5 * (points + start), points)
+    return points
+
+
+def _without(terms: Terms, of_term: np.ndarray, count: int) -> FloatArray:
+    """Negative log-likelihood of everything but each fold, shape (folds,): of the k-th member, or the only one."""
+    nll = 0.5 * terms.innovations**2 + terms.log_scales
+    nll = np.broadcast_to(nll, (nll.shape[0], count))
+    return np.array([float(nll[of_term != k, k].sum()) for k in range(count)])
+
+
+def _likelihoods(fitted: Fit, points: FloatArray, cut: Sequence[Fold]) -> FloatArray:
+    """Log-likelihood of each sample but for its constant, at the point made without its fold; shape (samples,)."""
+    problem = fitted.problem
+    terms = problem.terms(points)
+    times = term_times(problem)
+    series = times.series(-(0.5 * terms.innovations**2 + terms.log_scales))
+    found = np.empty(series.shape[0])
+    for k, rows in enumerate(_rows(problem.logs, cut)):
+        found[rows] = series[rows, k]
+    return found
+
+
+def _ahead(
+    base: Fit, refit: Fit, without: FloatArray, with_it: FloatArray, cut: Sequence[Fold]
+) -> tuple[Compared, ...]:
+    """Predictions of left-out folds over the horizon, without the effect and with it."""
+    logs = refit.problem.logs
+    seconds = horizon(refit, logs)
+    names = refit.problem.filter_model.model.names("output")
+    noise = refit.problem.batch(refit.point[:, np.newaxis]).noise_std[:, 0]
+    pieces: dict[str, list[tuple[float, float, int]]] = {}
+    for k, fold in enumerate(cut):
+        own, before = logs[fold.log], base.problem.logs[fold.log]
+        parts = [(a, b) for a, b in windows(own, seconds) if fold.first <= (a + b) // 2 <= fold.last]
+        shown = [
+            _predicted(replace(base, point=without[:, k]), before, parts),
+            _predicted(replace(refit, point=with_it[:, k]), own, parts),
+        ]
+        for row, name in enumerate(names):
+            pieces.setdefault(name, []).extend(squares(own.y[row], [y[row] for y in shown], parts))
+    found = []
+    for row, name in enumerate(names):
+        told = np.array(pieces[name], dtype=np.float64).reshape(-1, 3)
+        if told.size:
+            found.append(Errors("left-out", "prediction", name, told[:, 0], told[:, 1], told[:, 2], float(noise[row])))
+    return tuple(judged(one, False, len(found)) for one in found)
+
+
+def _predicted(fitted: Fit, log: MatchedLog, parts: Sequence[tuple[int, int]]) -> FloatArray:
+    (run,) = fitted.runs([log])
+    return predicted(fitted, log, run, parts)

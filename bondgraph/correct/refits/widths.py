@@ -1,0 +1,125 @@
+"""Widths: how sharply a law changes its sign is no part of what tells two laws apart.
+
+Dry friction is smoothed around standstill over a width that its author chose. Where a machine changes over more
+sharply, a law with more coefficients makes up for it: of a drive whose dry friction changed its sign over an eighth of
+our width Stribeck friction was found, with p = 5e-29. So before a law with widths is chosen, it and the simpler ones at
+its place are fitted with their widths free, each counted as one more parameter; of those that do as well the simplest
+is taken.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from bondgraph.correct.fits.fit import Fit, fit
+from bondgraph.correct.models.failures import attempted
+from bondgraph.correct.refits.certified import resolving, with_steps
+from bondgraph.correct.refits.decide import CLOSE, judge
+from bondgraph.correct.refits.refit import Ground, at_optimum, refit_alone
+from bondgraph.correct.refits.trials import Trial
+from bondgraph.estimate.free import FreeParameter
+
+#: Shares of the declared width at which a search with a free width begins: what changes over more sharply is the rule.
+_SHARES = (1.0, 0.3, 0.1, 3.0)
+#: A width is searched within these shares of the declared one.
+_NARROWEST, _WIDEST = 1e-2, 10.0
+_ITERATIONS, _TOLERANCE = 30, 0.05
+#: Steps are made to resolve a width so often: each time it may have become narrower.
+_ROUNDS = 3
+
+
+def is_due(best: Trial, trials: Sequence[Trial], ground: Ground) -> bool:
+    """Whether widths are to be freed before a trial is chosen; of a stiff model where a simpler law may do as well."""
+    if best.gate is not None or best.fit is None or not best.candidate.effect.widths:
+        return False
+    return bool(_simpler(best, trials)) or not ground.base.problem.filter_model.is_stiff
+
+
+def at_any_width(best: Trial, trials: Sequence[Trial], ground: Ground) -> list[Trial]:
+    """The trials, the best and the simpler ones at its place with free widths where these explain more.
+
+    Of those that gain as much, to a few nats beyond their number of parameters, the simpler one is left as the best.
+    """
+    done = list(trials)
+    due = [k for k, one in enumerate(done) if one is best or one in _simpler(best, trials)]
+    for k in due:
+        freed = attempted(lambda one=done[k]: _freed(one, ground), lambda why: None)  # type: ignore[misc]
+        if freed is not None and _worth(freed) > _worth(done[k]):
+            done[k] = freed
+    simplest = max(due, key=lambda k: (_worth(done[k]) > max(_worth(done[j]) for j in due) - CLOSE, -_size(done[k])))
+    if _size(done[simplest]) < max(_size(done[k]) for k in due):
+        label = done[simplest].candidate.label
+        for k in due:
+            if k != simplest and _worth(done[k]) > _worth(done[simplest]) - CLOSE:
+                done[k] = _behind(done[k], done[simplest], f"{label} does as well with a width of its own")
+    return done
+
+
+def _simpler(best: Trial, trials: Sequence[Trial]) -> list[Trial]:
+    """Laws with widths and fewer parameters at the place of the best that promise something."""
+    return [
+        one
+        for one in trials
+        if one.candidate.place.label == best.candidate.place.label
+        and one.gate is None
+        and one.candidate.effect.widths
+        and not one.candidate.effect.adds_state
+        and len(one.candidate.effect.parameters) < len(best.candidate.effect.parameters)
+        and (one.fit is not None or any(one.step))
+    ]
+
+
+def _freed(trial: Trial, ground: Ground) -> Trial:
+    """The trial refitted with its widths free, its steps short enough for the width that is found."""
+    if trial.fit is None:
+        trial = refit_alone(trial, trial.step, ground)
+    assert trial.fit is not None and trial.built is not None  # it was refitted
+    effect = trial.candidate.effect
+    model = trial.built.model
+    declared = {name: model.parameters[model.index("parameter", name)].value for name in effect.widths}
+    own = [FreeParameter(n, _NARROWEST * v, _WIDEST * v, v, scale="log") for n, v in declared.items()]
+    filter_model = replace(trial.fit.problem.filter_model, model=model)
+    starts = [
+        np.concatenate([trial.fit.point, [one.coordinate(share * one.start) for one in own]]) for share in _SHARES
+    ]
+    free = (*at_optimum(trial.fit), *own)
+    fitted = fit(filter_model, ground.train, free, _ITERATIONS, _TOLERANCE, starts, journal=ground.journal)
+    fitted = _resolved(fitted, ground.base.problem.filter_model.substeps, ground)
+    base = with_steps(ground.base, fitted.problem.filter_model, ground.journal)
+    effect = replace(effect, shapes=(*effect.shapes, *effect.widths), widths=())
+    evidence = judge(base, fitted, effect, ground.tried)
+    widths = ", ".join(f"{name} = {fitted.values[name]:.3g} instead of {value:.3g}" for name, value in declared.items())
+    remark = f"with {widths}"
+    return replace(
+        trial, candidate=replace(trial.candidate, effect=effect), fit=fitted, evidence=evidence,
+        remark=f"{trial.remark}; {remark}" if trial.remark else remark,
+    )  # fmt: skip
+
+
+def _resolved(fitted: Fit, least: int, ground: Ground) -> Fit:
+    """The fit with steps that resolve the width it ends with; ``least`` are those from which halvings are counted."""
+    for _ in range(_ROUNDS):
+        steps = resolving(fitted, least)
+        if steps is fitted.problem.filter_model:
+            break
+        fitted = with_steps(fitted, steps, ground.journal)
+    return fitted
+
+
+def _worth(trial: Trial) -> float:
+    """Nats that a trial gains beyond the penalty for its parameters."""
+    return -np.inf if trial.evidence is None else trial.evidence.bic_gain
+
+
+def _size(trial: Trial) -> int:
+    return len(trial.candidate.effect.parameters)
+
+
+def _behind(trial: Trial, simplest: Trial, why: str) -> Trial:
+    """The trial with less worth than the simplest, which explains as much."""
+    assert trial.evidence is not None and simplest.evidence is not None  # both were fitted
+    less = replace(trial.evidence, bic_gain=min(trial.evidence.bic_gain, simplest.evidence.bic_gain - CLOSE))
+    return replace(trial, evidence=less, remark=f"{trial.remark}; {why}" if trial.remark else why)

@@ -1,0 +1,144 @@
+"""Transfer: an effect enters only if it predicts data that it was not estimated from."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from bondgraph.correct.fits.compared import Compared
+from bondgraph.correct.fits.fit import Fit, fit
+from bondgraph.correct.loop import ClosedLoop, close_loop
+from bondgraph.correct.refits.decide import alternatives, choose
+from bondgraph.correct.refits.refit import at_optimum
+from bondgraph.correct.refits.transfer import Transfer, folds, left_out, transfer
+from bondgraph.correct.refits.trials import Trial
+from bondgraph.correct.result import result_json
+from bondgraph.data.log import MatchedLog
+from bondgraph.declare.graph import BondGraph
+from bondgraph.estimate.objective import Terms
+from tests.correct.sled import FUNCTIONS, added, fitted, pull, sled
+from vehicle_graphs import effects
+
+DRAG = 0.05
+
+
+def logs(count: int, size: float = DRAG) -> list[MatchedLog]:
+    true = added(effects.quadratic_loss, "runner", size)
+    return [pull(true, 40 + k, name=f"run{k}") for k in range(count)]
+
+
+@pytest.fixture(scope="module")
+def closed() -> ClosedLoop:
+    """Three logs of a sled with a little drag."""
+    return close_loop(sled(), logs(3), [], FUNCTIONS)
+
+
+def _trial(closed: ClosedLoop) -> Trial:
+    (one,) = closed.added
+    return one.trial
+
+
+def _blanked(log: MatchedLog, first: int, last: int) -> MatchedLog:
+    y = log.y.copy()
+    y[:, first : last + 1] = np.nan
+    return replace(log, y=y)
+
+
+def _nll_of(fitted: Fit, log: MatchedLog, first: int, last: int) -> float:
+    (run,) = fitted.runs([log])
+    return -float(run.log_likelihood[first : last + 1].sum())
+
+
+@pytest.mark.parametrize("count", [3, 2])
+def test_a_newton_step_leaves_a_fold_out_as_a_refit_does(closed: ClosedLoop, count: int) -> None:
+    """The gain in every fold against that of fits to everything else: within 3 % of the largest."""
+    trial = _trial(closed)
+    assert trial.fit is not None
+    train = logs(count)
+    with_it = fit(trial.fit.problem.filter_model, train, at_optimum(trial.fit))
+    base = fitted(train)
+    told = transfer(base, with_it, trial.candidate.effect)
+    really = []
+    for fold in folds(train):
+        rest = [_blanked(log, fold.first, fold.last) if k == fold.log else log for k, log in enumerate(train)]
+        rest = [log for log in rest if np.isfinite(log.y).any()]
+        again = [fit(one.problem.filter_model, rest, at_optimum(one)) for one in (base, with_it)]
+        values = [_nll_of(one, train[fold.log], fold.first, fold.last) for one in again]
+        really.append(values[0] - values[1])
+    assert len(told.gains) == (3 if count == 3 else 6)
+    assert told.gains == pytest.approx(really, abs=0.03 * max(really))
+    assert told.passes and told.gain == pytest.approx(base.nll - with_it.nll, rel=0.1)
+
+
+def test_transfer_is_told_by_fold_in_the_result(closed: ClosedLoop) -> None:
+    trial = _trial(closed)
+    assert trial.transfer is not None and trial.transfer.folds == ("run0", "run1", "run2")
+    told = result_json(closed)["effects"][0]["evidence"]["transfer"]
+    assert [one["fold"] for one in told["folds"]] == ["run0", "run1", "run2"] and told["worse"] == []
+    assert told["gain"] == pytest.approx(sum(one["delta_nll"] for one in told["folds"]))
+
+
+@pytest.fixture(scope="module")
+def once() -> ClosedLoop:
+    """Three launches, one of them with drag: a drag of the whole of that log, and of no other."""
+    graphs: list[BondGraph] = [sled(), added(effects.quadratic_loss, "runner", 0.1), sled()]
+    train = [pull(graph, 60 + k, name=f"run{k}", c_guide=10.0) for k, graph in enumerate(graphs)]
+    return close_loop(sled(), train, [], (effects.quadratic_loss, effects.constant_effort))
+
+
+def test_an_effect_of_one_log_of_three_does_not_transfer(once: ClosedLoop) -> None:
+    (fitted_throughout,) = [
+        one for one in once.rounds[0].trials if one.candidate.label == "quadratic_loss at runner" and one.gate is None
+    ]
+    assert fitted_throughout.fit is not None and fitted_throughout.gain > 15.0
+    told = transfer(once.nominal, fitted_throughout.fit, fitted_throughout.candidate.effect)
+    assert told.gains[0] < -5.0 and told.gains[2] < 0.0 and not told.passes
+    assert "left out, the folds gain" in told.why_not
+
+
+def test_an_effect_of_one_log_of_three_is_an_event_and_no_law(once: ClosedLoop) -> None:
+    """What the event gained was noted as the gain of the law throughout, at the place that it stands for."""
+    assert once.added == () and once.verdict == "unexplained residual"
+    (event,) = once.events
+    assert event.trial.gate is not None and event.trial.gate.log == "run1"
+    throughout = [one for one in once.rounds[0].trials if one.gate is None]
+    assert all(one.gain < 0.2 * event.trial.gain for one in throughout)
+
+
+def _told(gains: tuple[float, ...], p_value: float, fold_error: float, *compared: Compared) -> Transfer:
+    return Transfer(tuple(f"run{k}" for k in range(len(gains))), gains, 1.0, fold_error, p_value, compared)
+
+
+def test_what_speaks_against_a_transfer_is_said() -> None:
+    worse = Compared("left-out", "prediction", "speed", 0.1, 0.4, 1e-9, True)
+    assert _told((5.0, 6.0, 7.0), 1e-4, 1.0).passes
+    assert "p = 0.3" in _told((5.0, -4.0, 1.0), 0.3, 4.0).why_not
+    assert "all of it in run1" in _told((-0.1, 30.0, -0.1), 0.01, 30.1).why_not
+    assert "speed" in _told((5.0, 6.0, 7.0), 1e-4, 1.0, worse).why_not
+    assert not _told((float("nan"), 6.0), float("nan"), 1.0).passes
+
+
+def test_one_that_does_not_transfer_is_not_chosen(closed: ClosedLoop) -> None:
+    trial, turn = _trial(closed), closed.rounds[0]
+    doubtful = replace(trial, transfer=_told((5.0, -4.0, 1.0), 0.3, 4.0))
+    assert choose([trial], 0.01) is trial and choose([doubtful], 0.01) is None
+    (said,) = [one.why for one in alternatives(None, [doubtful], turn.scored.scores, 0.01)]
+    assert "does not transfer" in said
+
+
+def test_a_coefficient_that_only_a_fold_shows_is_nothing_without_it(closed: ClosedLoop) -> None:
+    trial = _trial(closed)
+    assert trial.fit is not None
+    (name,) = trial.candidate.effect.coefficients
+    k = trial.fit.problem.names.index(name)
+    terms = trial.fit.expansion.terms
+    assert terms is not None
+    cut = folds(trial.fit.problem.logs)
+    size = cut[0].last + 1
+    moving, scales = terms.innovations.copy(), terms.log_scales.copy()
+    moving[2 * size :, 1 + k] = scales[2 * size :, 1 + k] = 0.0  # two channels of the first log
+    expansion = replace(trial.fit.expansion, terms=Terms(moving, scales))
+    points = left_out(replace(trial.fit, expansion=expansion), cut, [name])
+    assert points[k, 0] == 0.0 and points[k, 1] == pytest.approx(trial.fit.point[k], rel=0.3)
