@@ -28,6 +28,7 @@ from bondgraph.correct.models.build import BuiltModel, build
 from bondgraph.correct.models.failures import FAILURES
 from bondgraph.correct.models.failures import reason as reason_of
 from bondgraph.correct.models.faults import SENSOR_FAULTS
+from bondgraph.correct.models.started import with_declared_starts
 from bondgraph.correct.places.structure import Structure, structure
 from bondgraph.correct.places.unexplained import Unexplained
 from bondgraph.correct.progress import Decision, Progress, advance
@@ -228,11 +229,17 @@ def _result(
     assert first is not None and last is not None  # every fit of the way is certified
     train = nominal.problem.logs
     residual = whiteness(current, state.train)
-    corrected_built = build(with_values(state.built.graph, _model_values(current)))
+    corrected_built, undeclared = with_declared_starts(
+        build(with_values(state.built.graph, _model_values(current))), current.problem.filter_model.follows,
+        state.train, [run.filtered_mean for run in current.runs(state.train)],
+    )  # fmt: skip
     report("assess", 0, 1)
     added = tuple(Added(trial, trial.candidate.effect.parameters) for trial in state.added)
     history = (*state.history, Decision(len(rounds), "stopped", "", reason))
-    cautions = (*_cautions(nominal, rounds), *_doubts(nominal, current, first, last), *rest.cautions)
+    cautions = (
+        *_cautions(nominal, rounds), *_doubts(nominal, current, first, last), *rest.cautions,
+        *_begun_elsewhere(undeclared),
+    )  # fmt: skip
     result = ClosedLoop(
         *_verdict(added, rest.unexplained, residual, settings.level, reason), nominal, current,
         assess(nominal, train), assess(nominal, holdout), assess(current, state.train), assess(current, holdout),
@@ -245,6 +252,17 @@ def _result(
 
 def _doubts(nominal: Fit, corrected: Fit, first: Check, last: Check) -> list[str]:
     return doubts("declared", first) + ([] if corrected is nominal else doubts("corrected", last))
+
+
+def _begun_elsewhere(states: Sequence[str]) -> list[str]:
+    """What a simulation of the corrected declaration must be told, since no single signal of a log says it."""
+    if not states:
+        return []
+    return [
+        f"the corrected declaration starts {', '.join(states)} at the declared value, since no single signal of a log "
+        "tells where it stands; the fits here begin where the other states lead it - give --initial to simulate a log "
+        "that begins in motion"
+    ]
 
 
 def _everywhere(built: BuiltModel, train: Sequence[MatchedLog]) -> list[Place]:
