@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -19,7 +20,7 @@ from bondgraph.correct.round import Round, RoundSettings
 from bondgraph.correct.scores.gates import Constancy, Gate, When, constancy, gated, with_gate
 from bondgraph.data.log import MatchedLog
 from bondgraph.declare.graph import BondGraph
-from bondgraph.errors import EstimationError
+from bondgraph.errors import DeclarationError, EstimationError
 from bondgraph.estimate.certify import Check
 from bondgraph.estimate.objective import SearchOutcome
 
@@ -190,18 +191,19 @@ def _without_needless(state: Progress, number: int, settings: RoundSettings) -> 
 
 
 def without(state: Progress, index: int, action: str, why: str, number: int, settings: RoundSettings) -> Progress:
-    """The state with one added effect taken out again, everything else estimated anew."""
+    """The state with one added effect taken out again, everything else estimated anew.
+
+    Effects that act on what it had added go with it.
+    """
     gone = state.added[index]
-    kept = tuple(trial for k, trial in enumerate(state.added) if k != index)
-    graph = state.declared
-    for trial in kept:
-        graph = trial.candidate.apply(graph)
+    graph, kept, baseless = _rebuilt(state.declared, [one for k, one in enumerate(state.added) if k != index])
     built = build(graph)
+    out = {name for trial in (gone, *baseless) for name in trial.candidate.effect.parameters}
     names = built.model.names("state")
     free = tuple(
         one
         for one in at_optimum(state.fit)
-        if one.name not in gone.candidate.effect.parameters and (one.target.kind != "x0" or one.target.name in names)
+        if one.name not in out and (one.target.kind != "x0" or one.target.name in names)
     )
     own = state.fit.problem.filter_model
     filter_model = replace(
@@ -216,7 +218,24 @@ def without(state: Progress, index: int, action: str, why: str, number: int, set
         for log in state.train
     )
     fitted, check = refined(fit(filter_model, train, free, journal=settings.journal), settings.journal)
+    beside = f"has nothing to act on without {gone.candidate.label}"
+    history = [
+        Decision(number, action, gone.candidate.label, why),
+        *(Decision(number, "dropped", one.candidate.label, beside) for one in baseless),
+    ]
     return replace(
         state, built=built, fit=fitted, check=check, train=train, added=kept, banned=state.banned | {_key(gone)},
-        history=(*state.history, Decision(number, action, gone.candidate.label, why)),
+        history=(*state.history, *history),
     )  # fmt: skip
+
+
+def _rebuilt(graph: BondGraph, trials: Sequence[Trial]) -> tuple[BondGraph, tuple[Trial, ...], tuple[Trial, ...]]:
+    """A graph with the effects of trials, those that it has, and those that found nothing to act on."""
+    kept, baseless = [], []
+    for trial in trials:
+        try:
+            graph = trial.candidate.apply(graph)
+            kept.append(trial)
+        except DeclarationError:
+            baseless.append(trial)
+    return graph, tuple(kept), tuple(baseless)
