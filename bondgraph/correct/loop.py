@@ -62,7 +62,7 @@ class LoopSettings:
     ``level`` is the chance of a false alarm over all candidates of one round; ``refits`` how many of the best scores
     are refitted at most; ``process_noise`` as in :func:`bondgraph.correct.fits.setup.filter_setup`; ``faults``: faults
     of sensors are candidates too; ``tables``: what stays unexplained is added as a table whose points are parameters;
-    ``journal`` keeps finished fits.
+    ``journal`` keeps finished fits; ``without`` names effects and faults that are not tried.
     """
 
     level: float = 0.01
@@ -73,6 +73,7 @@ class LoopSettings:
     faults: bool = True
     tables: bool = False
     journal: Journal = field(default_factory=Journal)
+    without: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -179,7 +180,8 @@ def close_loop(
     )  # fmt: skip
     nominal, check = refined(nominal, settings.journal)  # before anything is scored
     report("fit the declared model", 1, 1)
-    every = (*functions, *(SENSOR_FAULTS if settings.faults else ()))
+    offered = (*functions, *(SENSOR_FAULTS if settings.faults else ()))
+    every = tuple(one for one in offered if one.__name__ not in settings.without)
     own = RoundSettings(settings.level, settings.refits, report, settings.journal)
     start = Progress(graph, built, nominal, tuple(train), check=check)
     state, rounds, reason = _rounds(start, every, own, settings.max_effects)
@@ -316,7 +318,7 @@ def _cautions(nominal: Fit, rounds: Sequence[Round]) -> tuple[str, ...]:
     seen = rounds[0].detectable if rounds else ()
     blind = [f"{one.effect} at {one.junction}" for one in seen if not np.isfinite(one.size)]
     if blind:
-        said.append(f"undetectable with these sensors and free parameters, of whatever size: {', '.join(blind)}")
+        said.append(f"cannot be detected with these logs, at any size that its law may have: {', '.join(blind)}")
     return tuple(said)
 
 
