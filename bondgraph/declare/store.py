@@ -135,7 +135,7 @@ class GraphStore:
         for given, law in node.laws:
             checked = self._checked(law, own_variables(node, given) or (), node.name)
             self._check_real(checked, node.name)
-            if given == "modulus" and checked == 0:
+            if given == "modulus" and checked.is_zero:
                 raise DeclarationError(
                     f"{self.name}: {node.name}: a modulus of zero passes no power - remove the {node.kind}",
                     (node.name,),
