@@ -28,14 +28,15 @@ from bondgraph.correct.models.build import BuiltModel, build
 from bondgraph.correct.models.failures import FAILURES
 from bondgraph.correct.models.failures import reason as reason_of
 from bondgraph.correct.models.faults import SENSOR_FAULTS
-from bondgraph.correct.models.started import with_declared_starts
+from bondgraph.correct.models.resting import RESTING, with_resting_state, without_resting_state
+from bondgraph.correct.models.started import start_cautions, with_declared_starts
 from bondgraph.correct.places.structure import Structure, structure
 from bondgraph.correct.places.unexplained import Unexplained
 from bondgraph.correct.progress import Decision, Progress, advance
 from bondgraph.correct.refits.certified import doubts, refined
 from bondgraph.correct.refits.trials import Detectable, Trial
 from bondgraph.correct.rest import Rest, settle
-from bondgraph.correct.round import Round, RoundSettings, one_round
+from bondgraph.correct.round import Round, RoundSettings, one_round, round_cautions
 from bondgraph.data.log import MatchedLog
 from bondgraph.declare.editing import handle, with_values, without_input_rates
 from bondgraph.declare.effect import EffectFunction, Place, Scale
@@ -115,7 +116,7 @@ class ClosedLoop:
     @property
     def corrected_graph(self) -> BondGraph:
         """The declaration with the added effects and the estimated values."""
-        return without_input_rates(self.corrected_built.graph)
+        return without_resting_state(without_input_rates(self.corrected_built.graph))
 
     @property
     def corrected_text(self) -> str:
@@ -163,13 +164,13 @@ def close_loop(
     """
     settings = settings or LoopSettings()
     _check_given(graph, train, functions)
-    given = graph
-    graph = with_followed_rates(given)
-    built = build(graph)
-    if graph is not given:
-        before = build(given).model
-        train, holdout = rated(train, before, built.model), rated(holdout, before, built.model)
-    setup = filter_setup(built.model, built.driven, train, settings.process_noise)
+    before = build(graph)
+    graph = with_followed_rates(graph if before.model.states else with_resting_state(graph))
+    built = before if graph is before.graph else build(graph)
+    if built is not before:
+        train, holdout = rated(train, before.model, built.model), rated(holdout, before.model, built.model)
+    driven = [name for name in built.driven if name != RESTING]
+    setup = filter_setup(built.model, driven, train, settings.process_noise)
     free = _all_free(setup, settings.free)
     _check_enough(graph, train, len(free))
     told = structure(built, _everywhere(built, train), train, setup.sizes)
@@ -186,23 +187,34 @@ def close_loop(
     start = Progress(graph, built, nominal, tuple(train), check=check)
     state, rounds, reason = _rounds(start, every, own, settings.max_effects)
     rest = settle(state, rounds, own, settings.tables)
+    while _withdrawn(state, rest) and len(state.added) == settings.max_effects and not settings.tables:
+        state, rounds, reason = _rounds(rest.state, every, own, settings.max_effects, rounds)
+        rest = settle(state, rounds, own, settings.tables)
     return _result(built, start, rest, rounds, holdout, told, reason, settings, report)
 
 
+def _withdrawn(before: Progress, after: Rest) -> bool:
+    """Whether an effect turned out to be needless at the end, which makes room for another."""
+    return len(after.state.added) < len(before.added)
+
+
 def _rounds(
-    state: Progress, functions: Sequence[EffectFunction], own: RoundSettings, most: int
+    state: Progress, functions: Sequence[EffectFunction], own: RoundSettings, most: int, earlier: Sequence[Round] = ()
 ) -> tuple[Progress, list[Round], str]:
     """Add what is found until nothing passes: the state, the rounds, and why they ended.
 
-    What fails in the first round is told; later ones have results that are worth keeping.
+    What fails in the first round is told; later ones have results that are worth keeping. Every round adds an effect or
+    takes one out for good, so that they end.
     """
-    rounds: list[Round] = []
-    while len(state.added) < most and len(rounds) < 2 * most + 1:
+    rounds = list(earlier)
+    while len(state.added) < most:
         try:
             turn = one_round(state.built, state.fit, state.train, functions, own, state.present)
             rounds.append(turn)
             if turn.chosen is None:
-                return state, rounds, f"no {'further ' if state.added else ''}candidate passes the tests"
+                further = "further " if state.added else ""
+                passes = f"no {further}candidate passes the tests" if turn.trials else "no effect could be tried"
+                return state, rounds, passes
             state = advance(state, turn, own)
         except FAILURES as error:
             number = len(rounds) + (not rounds or rounds[-1].base is not state.fit)
@@ -240,7 +252,7 @@ def _result(
     history = (*state.history, Decision(len(rounds), "stopped", "", reason))
     cautions = (
         *_cautions(nominal, rounds), *_doubts(nominal, current, first, last), *rest.cautions,
-        *_begun_elsewhere(undeclared),
+        *(round_cautions(rounds[0]) if rounds else ()), *start_cautions(undeclared),
     )  # fmt: skip
     result = ClosedLoop(
         *_verdict(added, rest.unexplained, residual, settings.level, reason), nominal, current,
@@ -254,17 +266,6 @@ def _result(
 
 def _doubts(nominal: Fit, corrected: Fit, first: Check, last: Check) -> list[str]:
     return doubts("declared", first) + ([] if corrected is nominal else doubts("corrected", last))
-
-
-def _begun_elsewhere(states: Sequence[str]) -> list[str]:
-    """What a simulation of the corrected declaration must be told, since no single signal of a log says it."""
-    if not states:
-        return []
-    return [
-        f"the corrected declaration starts {', '.join(states)} at the declared value, since no single signal of a log "
-        "tells where it stands; the fits here begin where the other states lead it - give --initial to simulate a log "
-        "that begins in motion"
-    ]
 
 
 def _everywhere(built: BuiltModel, train: Sequence[MatchedLog]) -> list[Place]:
@@ -355,10 +356,14 @@ def free_parameters(setup: FilterSetup, names: Sequence[str]) -> tuple[FreeParam
 
 
 def _all_free(setup: FilterSetup, names: Sequence[str]) -> tuple[FreeParameter, ...]:
-    """The named parameters, and all noise levels, which are free whether they are named or not."""
+    """The named parameters, or all with bounds, and all noise levels, which are free whether named or not.
+
+    A machine all of whose parameters were measured may lack an effect too.
+    """
     noise = {one.target for one in setup.noise}
     named = [name for name in names if parse_target(name) not in noise]
-    return (*free_parameters(setup, named), *setup.noise)
+    bounded = any(info.lower is not None for info in setup.filter_model.model.parameters)
+    return (*(free_parameters(setup, named) if bounded or named else ()), *setup.noise)
 
 
 def _model_values(fitted: Fit) -> dict[str, float]:

@@ -5,11 +5,13 @@ from __future__ import annotations
 import pytest
 
 from bondgraph.correct.fits.fit import fit
+from bondgraph.correct.loop import LoopSettings, close_loop
 from bondgraph.correct.models.build import build
 from bondgraph.correct.models.candidates import candidates
 from bondgraph.correct.progress import Progress, without
 from bondgraph.correct.refits.refit import at_optimum, coefficients
 from bondgraph.correct.refits.trials import Trial
+from bondgraph.correct.rest import Rest
 from bondgraph.correct.round import RoundSettings
 from bondgraph.declare.editing import handle
 from bondgraph.declare.effect import Place, Scale
@@ -41,3 +43,22 @@ def test_a_wind_on_a_drag_that_is_withdrawn_goes_with_it() -> None:
     alone = without(state, 1, "dropped", "p = 0.5", 2, RoundSettings())
     assert [one.candidate.label for one in alone.added] == ["quadratic_loss at runner"]
     assert alone.fit.nll == pytest.approx(state.fit.nll, abs=20.0)
+
+
+def test_an_effect_that_is_withdrawn_at_the_end_makes_room_for_another(monkeypatch: pytest.MonkeyPatch) -> None:
+    """With --max-effects 1 the loop ended without any effect, though the second one passed."""
+    train = [pull(added(effects.quadratic_loss, "runner", 3.0), 1)]
+    rested: list[int] = []
+
+    def needless_once(state: Progress, rounds: object, settings: RoundSettings, tables: bool) -> Rest:
+        rested.append(len(state.added))
+        if len(rested) == 1:
+            return Rest(without(state, 0, "withdrawn", "needless", 1, settings), ())
+        return Rest(state, ())
+
+    monkeypatch.setattr("bondgraph.correct.loop.settle", needless_once)
+    functions = [effects.quadratic_loss, effects.constant_effort]
+    closed = close_loop(sled(), train, [], functions, LoopSettings(max_effects=1, faults=False))
+    assert rested == [1, 1] and len(closed.added) == 1
+    assert [one.action for one in closed.history] == ["added", "withdrawn", "added", "stopped"]
+    assert closed.reason.startswith("the limit of 1 effects was reached")

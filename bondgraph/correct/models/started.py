@@ -55,6 +55,17 @@ def with_declared_starts(
     return (build(graph) if len(left) < len(due) else built), tuple(left)
 
 
+def start_cautions(states: Sequence[str]) -> list[str]:
+    """What a simulation of the corrected declaration must be told, since no single signal of a log says it."""
+    if not states:
+        return []
+    return [
+        f"the corrected declaration starts {', '.join(states)} at the declared value, since no single signal of a log "
+        "tells where it stands; the fits here begin where the other states lead it - give --initial to simulate a log "
+        "that begins in motion"
+    ]
+
+
 def _sizes(model: Model, logs: Sequence[MatchedLog], paths: Sequence[FloatArray]) -> dict[str, float]:
     """The largest values of all states and inputs."""
     together = [np.vstack([path[: len(model.states)], log.u]) for log, path in zip(logs, paths, strict=True)]

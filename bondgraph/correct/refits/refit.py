@@ -190,7 +190,8 @@ def alike(trials: Sequence[Trial], found: Scores, least: float) -> list[list[int
     """Indices of candidates worth a refit, those with the same response together, the preferred one of each first.
 
     Of several that the sensors cannot tell apart the first is, in this order: one whose coefficients may be as large as
-    its score asks for, a law that only takes energy before a source, a place whose flow is that of a storage before one that is rigidly tied to it, and the order of declaration.
+    its score asks for, a law that only takes energy before a source, a place whose flow is that of a storage before one
+    that is rigidly tied to it, and the order of declaration.
     A law that is not smooth at zero is told little by its score, which is no reason to pass it over. Nor is one of more
     coefficients the same as one of fewer, though its step may be: a fit may move them apart.
     """
