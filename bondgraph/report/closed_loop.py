@@ -20,6 +20,7 @@ from bondgraph.report.drawing import draw_svg, drawing_of
 from bondgraph.report.html import Located, Provenance, ReportData, write_report
 from bondgraph.report.logs import grouped_notes
 from bondgraph.report.missing import missing_efforts
+from bondgraph.report.noise import noise_sentence
 from bondgraph.report.numbers import shown
 from bondgraph.report.series import ChannelSeries, FoundEffect, Power, Step, Tried, channel_errors
 from bondgraph.report.tables import error_table, power_table, text_of
@@ -256,6 +257,7 @@ def _notes(closed: ClosedLoop) -> list[str]:
             advice = f" What would: {first}." if first else ""
             notes.append(f"These data do not tell {added.trial.candidate.label} from {names}.{advice}")
     notes += [_shape(one) for one in closed.unexplained]
+    notes.append(f"{noise_sentence(closed.corrected.problem.filter_model)}.")
     notes += closed.cautions
     logs = [log.log for part in (closed.nominal_train, closed.nominal_holdout) for log in part.logs]
     notes += grouped_notes(logs)
