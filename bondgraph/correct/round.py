@@ -26,6 +26,7 @@ from bondgraph.correct.places.probes import Probe, Signal, probes, signals
 from bondgraph.correct.refits.beneath import also_elsewhere, beneath_noise
 from bondgraph.correct.refits.confirm import confirmed
 from bondgraph.correct.refits.decide import alternatives, choose, detectable, hurdle
+from bondgraph.correct.refits.declared_starts import also_from_declared, declared_scores
 from bondgraph.correct.refits.gated_refits import also_throughout, gated_trials
 from bondgraph.correct.refits.refit import Ground, refit_best, worth_quiet
 from bondgraph.correct.refits.resolved import resolved
@@ -124,6 +125,8 @@ def one_round(
         trials = refit_stiff(trials, scored, ground, settings.refits, settings.report, ahead)
     else:
         trials = refit_best(trials, scored, ground, settings.refits, settings.report, quiet)
+        declared = None if present else declared_scores(ground, vanishing)
+        trials = also_from_declared(trials, declared, ground, settings.refits, settings.report)
     trials = _with_storages(trials, stateful, linear, quiet, ground, settings, looks, first)
     if stiff:
         trials += gated_trials([(linear, scored)], ground, settings.report, ahead, most=1)
