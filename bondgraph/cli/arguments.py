@@ -271,9 +271,13 @@ def _add_problem(command: argparse.ArgumentParser) -> None:
 def _add_loop(command: argparse.ArgumentParser) -> None:
     _add_problem(command)
     command.add_argument(
-        "--effects", nargs="+", default=["vehicle_graphs.effects"], metavar="MODULE",
-        help="modules of effect functions to try (default: vehicle_graphs.effects)",
+        "--effects", nargs="+", default=["vehicle_graphs.effects"], metavar="EFFECT",
+        help="effects to try: modules or files of effect functions, single ones as module:name, names of shipped ones "
+        "(default: vehicle_graphs.effects)",
     )  # fmt: skip
+    command.add_argument(
+        "--without", nargs="+", default=[], metavar="NAME", help="effects or sensor faults that are not to be tried"
+    )
     command.add_argument(
         "--max-effects", type=_count, default=3, metavar="N", help="effects to add at most (default: 3)"
     )

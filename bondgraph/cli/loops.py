@@ -9,19 +9,16 @@ import sys
 import time
 from collections.abc import Sequence
 from pathlib import Path
-from types import ModuleType
 
+from bondgraph.cli.effects import chosen_effects
 from bondgraph.cli.values import names, set_values
 from bondgraph.correct.fits.journal import Journal
 from bondgraph.correct.loop import ClosedLoop, LoopSettings
 from bondgraph.correct.loop import close_loop as run_loop
 from bondgraph.correct.models.build import build
 from bondgraph.data.match import read_mapping
-from bondgraph.declare.effect import effect_functions
 from bondgraph.declare.files import load_graph
 from bondgraph.declare.graph import BondGraph
-from bondgraph.declare.loading import load_module
-from bondgraph.errors import DeclarationError, OptionError
 from bondgraph.files import output_folder
 from bondgraph.report.closed_loop import compare_with_truth, summary, write_closed_loop
 from bondgraph.report.collect import versions
@@ -66,11 +63,12 @@ def demo(options: argparse.Namespace) -> int:
 def _closed(options: argparse.Namespace, graph: BondGraph, logs: Splits) -> tuple[ClosedLoop, Provenance]:
     """The closed loop, and how it was made."""
     started = time.monotonic()
-    functions = [f for name in options.effects for f in effect_functions(_module(name))]
+    functions = chosen_effects(options.effects, options.without)
     journal = _journal(options)
     settings = LoopSettings(
         level=options.level, max_effects=options.max_effects, process_noise=options.process_noise,
         free=tuple(names(options.free)), faults=not options.no_faults, tables=options.tables, journal=journal,
+        without=tuple(names(options.without)),
     )  # fmt: skip
     with WorkProgress("closing the loop", None) as work:
 
@@ -96,10 +94,3 @@ def _journal(options: argparse.Namespace) -> Journal:
 
 def _names(logs: Sequence[object]) -> tuple[str, ...]:
     return tuple(str(getattr(log, "name", "")) for log in logs)
-
-
-def _module(name: str) -> ModuleType:
-    try:
-        return load_module(name)
-    except DeclarationError as error:
-        raise OptionError(f"--effects {error.message}", where=("--effects", name)) from None

@@ -30,6 +30,7 @@ from bondgraph.report.html import Provenance
 from bondgraph.report.logs import grouped_notes
 from bondgraph.report.manoeuvre import manoeuvre_figure
 from bondgraph.report.misfits import misfit_sentences
+from bondgraph.report.noise import noise_sentence
 from bondgraph.report.plots import launch_figure
 from bondgraph.report.progress import WorkProgress
 from bondgraph.report.scenarios import declared_noise, declared_panels, declared_scenario
@@ -101,7 +102,7 @@ def estimate(options: argparse.Namespace) -> int:
     data = write_estimate(found, folder, _provenance(options, found.seconds))
     print(text_of(parameter_table(data.parameters)), end="")
     print(f"{found.outcome.value}\nnegative log-likelihood {found.nll:.4f} after {found.evaluations} evaluations")
-    print(f"integrated by {found.certification}")
+    print(f"integrated by {found.certification}", noise_sentence(problem.filter_model), sep="\n")
     if not found.is_smooth:
         print(rough_note(found))
     report = folder / "report.html"

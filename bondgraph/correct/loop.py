@@ -29,13 +29,15 @@ from bondgraph.correct.models.build import BuiltModel, build
 from bondgraph.correct.models.failures import FAILURES
 from bondgraph.correct.models.failures import reason as reason_of
 from bondgraph.correct.models.faults import SENSOR_FAULTS
+from bondgraph.correct.models.resting import RESTING, with_resting_state, without_resting_state
+from bondgraph.correct.models.started import start_cautions, with_declared_starts
 from bondgraph.correct.places.structure import Structure, structure
 from bondgraph.correct.places.unexplained import Unexplained
 from bondgraph.correct.progress import Decision, Progress, advance, without_events
 from bondgraph.correct.refits.certified import doubts, refined
 from bondgraph.correct.refits.trials import Detectable, Trial
 from bondgraph.correct.rest import Rest, settle
-from bondgraph.correct.round import Round, RoundSettings, one_round
+from bondgraph.correct.round import Round, RoundSettings, one_round, round_cautions
 from bondgraph.data.log import MatchedLog
 from bondgraph.declare.editing import handle, with_bounds, with_values, without_input_rates
 from bondgraph.declare.effect import EffectFunction, Place, Scale
@@ -64,7 +66,7 @@ class LoopSettings:
     ``level`` is the chance of a false alarm over all candidates of one round; ``refits`` how many of the best scores
     are refitted at most; ``process_noise`` as in :func:`bondgraph.correct.fits.setup.filter_setup`; ``faults``: faults
     of sensors are candidates too; ``tables``: what stays unexplained is added as a table whose points are parameters;
-    ``journal`` keeps finished fits.
+    ``journal`` keeps finished fits; ``without`` names effects and faults that are not tried.
     """
 
     level: float = 0.01
@@ -75,6 +77,7 @@ class LoopSettings:
     faults: bool = True
     tables: bool = False
     journal: Journal = field(default_factory=Journal)
+    without: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -121,7 +124,7 @@ class ClosedLoop:
     @property
     def corrected_graph(self) -> BondGraph:
         """The declaration with the added effects and the estimated values."""
-        return without_input_rates(self.corrected_built.graph)
+        return without_resting_state(without_input_rates(self.corrected_built.graph))
 
     @property
     def corrected_text(self) -> str:
@@ -169,13 +172,13 @@ def close_loop(
     """
     settings = settings or LoopSettings()
     _check_given(graph, train, functions)
-    given = graph
-    graph = with_followed_rates(given)
-    built = build(graph)
-    if graph is not given:
-        before = build(given).model
-        train, holdout = rated(train, before, built.model), rated(holdout, before, built.model)
-    setup = filter_setup(built.model, built.driven, train, settings.process_noise)
+    before = build(graph)
+    graph = with_followed_rates(graph if before.model.states else with_resting_state(graph))
+    built = before if graph is before.graph else build(graph)
+    if built is not before:
+        train, holdout = rated(train, before.model, built.model), rated(holdout, before.model, built.model)
+    driven = [name for name in built.driven if name != RESTING]
+    setup = filter_setup(built.model, driven, train, settings.process_noise)
     free = _all_free(setup, settings.free)
     _check_enough(graph, train, len(free))
     told = structure(built, _everywhere(built, train), train, setup.sizes)
@@ -186,28 +189,40 @@ def close_loop(
     )  # fmt: skip
     nominal, check = refined(nominal, settings.journal)  # before anything is scored
     report("fit the declared model", 1, 1)
-    every = (*functions, *(SENSOR_FAULTS if settings.faults else ()))
+    offered = (*functions, *(SENSOR_FAULTS if settings.faults else ()))
+    every = tuple(one for one in offered if one.__name__ not in settings.without)
     own = RoundSettings(settings.level, settings.refits, report, settings.journal)
     start = Progress(graph, built, nominal, tuple(train), check=check)
     state, rounds, reason = _rounds(start, every, own, settings.max_effects)
     rest = settle(state, rounds, own, settings.tables)
+    while _withdrawn(state, rest) and len(state.added) == settings.max_effects and not settings.tables:
+        state, rounds, reason = _rounds(rest.state, every, own, settings.max_effects, rounds)
+        rest = settle(state, rounds, own, settings.tables)
     return _result(built, start, rest, rounds, holdout, told, reason, settings, report)
 
 
+def _withdrawn(before: Progress, after: Rest) -> bool:
+    """Whether an effect turned out to be needless at the end, which makes room for another."""
+    return len(after.state.added) < len(before.added)
+
+
 def _rounds(
-    state: Progress, functions: Sequence[EffectFunction], own: RoundSettings, most: int
+    state: Progress, functions: Sequence[EffectFunction], own: RoundSettings, most: int, earlier: Sequence[Round] = ()
 ) -> tuple[Progress, list[Round], str]:
     """Add what is found until nothing passes: the state, the rounds, and why they ended.
 
-    What fails in the first round is told; later ones have results that are worth keeping.
+    What fails in the first round is told; later ones have results that are worth keeping. Every round adds an effect or
+    takes one out for good, so that they end.
     """
-    rounds: list[Round] = []
-    while len(state.laws) < most and len(rounds) < 2 * most + 1:
+    rounds = list(earlier)
+    while len(state.laws) < most and len(rounds) - len(earlier) < 2 * most + 1:
         try:
             turn = one_round(state.built, state.fit, state.train, functions, own, state.present)
             rounds.append(turn)
             if turn.chosen is None:
-                return state, rounds, f"no {'further ' if state.added else ''}candidate passes the tests"
+                further = "further " if state.added else ""
+                passes = f"no {further}candidate passes the tests" if turn.trials else "no effect could be tried"
+                return state, rounds, passes
             state = advance(state, turn, own)
         except FAILURES as error:
             number = len(rounds) + (not rounds or rounds[-1].base is not state.fit)
@@ -237,11 +252,18 @@ def _result(
     assert first is not None and last is not None  # every fit of the way is certified
     train = nominal.problem.logs
     residual = whiteness(current, state.train)
-    corrected_built = build(with_values(with_bounds(state.built.graph, _widened(current)), _model_values(current)))
+    corrected_built, undeclared = with_declared_starts(
+        build(with_values(with_bounds(state.built.graph, _widened(current)), _model_values(current))),
+        current.problem.filter_model.follows, state.train,
+        [run.filtered_mean for run in current.runs(state.train)],
+    )  # fmt: skip
     report("assess", 0, 1)
     added = tuple(Added(trial, trial.candidate.effect.parameters) for trial in state.added)
     history = (*state.history, Decision(len(rounds), "stopped", "", reason))
-    cautions = (*_cautions(nominal, rounds), *_doubts(nominal, current, first, last), *rest.cautions)
+    cautions = (
+        *_cautions(nominal, rounds), *_doubts(nominal, current, first, last), *rest.cautions,
+        *(round_cautions(rounds[0]) if rounds else ()), *start_cautions(undeclared),
+    )  # fmt: skip
     before = assess(nominal, train), assess(nominal, holdout)
     after = assess(current, state.train), assess(current, holdout)
     logs = confirmation(nominal, current, before, after) if added else None
@@ -322,7 +344,7 @@ def _cautions(nominal: Fit, rounds: Sequence[Round]) -> tuple[str, ...]:
     seen = rounds[0].detectable if rounds else ()
     blind = [f"{one.effect} at {one.junction}" for one in seen if not np.isfinite(one.size)]
     if blind:
-        said.append(f"undetectable with these sensors and free parameters, of whatever size: {', '.join(blind)}")
+        said.append(f"cannot be detected with these logs, at any size that its law may have: {', '.join(blind)}")
     return tuple(said)
 
 
@@ -359,10 +381,14 @@ def free_parameters(setup: FilterSetup, names: Sequence[str]) -> tuple[FreeParam
 
 
 def _all_free(setup: FilterSetup, names: Sequence[str]) -> tuple[FreeParameter, ...]:
-    """The named parameters, and all noise levels, which are free whether they are named or not."""
+    """The named parameters, or all with bounds, and all noise levels, which are free whether named or not.
+
+    A machine all of whose parameters were measured may lack an effect too.
+    """
     noise = {one.target for one in setup.noise}
     named = [name for name in names if parse_target(name) not in noise]
-    return (*free_parameters(setup, named), *setup.noise)
+    bounded = any(info.lower is not None for info in setup.filter_model.model.parameters)
+    return (*(free_parameters(setup, named) if bounded or named else ()), *setup.noise)
 
 
 def _model_values(fitted: Fit) -> dict[str, float]:

@@ -20,7 +20,7 @@ from bondgraph.correct.round import Round, RoundSettings
 from bondgraph.correct.scores.gates import Constancy, Gate, When, constancy, gated, with_gate
 from bondgraph.data.log import MatchedLog
 from bondgraph.declare.graph import BondGraph
-from bondgraph.errors import EstimationError
+from bondgraph.errors import DeclarationError, EstimationError
 from bondgraph.estimate.certify import Check
 from bondgraph.estimate.objective import SearchOutcome
 from bondgraph.estimate.problem import EstimationProblem
@@ -215,35 +215,46 @@ def without_events(state: Progress) -> Progress:
 
 
 def without(state: Progress, index: int, action: str, why: str, number: int, settings: RoundSettings) -> Progress:
-    """The state with one added effect taken out again, everything else estimated anew."""
+    """The state with one added effect taken out again, everything else estimated anew.
+
+    Effects that act on what it had added go with it.
+    """
     gone = state.added[index]
     reduced = _reduced(state, [trial for k, trial in enumerate(state.added) if k != index])
     problem = reduced.problem
     fitted = fit(problem.filter_model, problem.logs, problem.free, journal=settings.journal)
     fitted, check = refined(fitted, settings.journal)
+    beside = f"has nothing to act on without {gone.candidate.label}"
+    history = [
+        Decision(number, action, gone.candidate.label, why),
+        *(Decision(number, "dropped", one.candidate.label, beside) for one in reduced.baseless),
+    ]
     return replace(
         state, built=reduced.built, fit=fitted, check=check, train=problem.logs, added=reduced.kept,
-        banned=state.banned | {_key(gone)},
-        history=(*state.history, Decision(number, action, gone.candidate.label, why)),
+        banned=state.banned | {_key(gone)}, history=(*state.history, *history),
     )  # fmt: skip
 
 
 @dataclass(frozen=True)
 class _Reduced:
-    """A model with a part of what was added, and what is to be fitted of it, from where the fit with all of it is."""
+    """A model with a part of what was added, and what is to be fitted of it, from where the fit with all of it is.
+
+    ``baseless`` are effects that found nothing to act on without those that went.
+    """
 
     built: BuiltModel
     problem: EstimationProblem
     kept: tuple[Trial, ...]
+    baseless: tuple[Trial, ...]
 
 
 def _reduced(state: Progress, kept: Sequence[Trial]) -> _Reduced:
-    graph = state.declared
-    for trial in kept:
-        graph = trial.candidate.apply(graph)
+    graph, stay, baseless = _rebuilt(state.declared, kept)
     built = build(graph)
     names = built.model.names("state")
-    lost = {name for one in state.added if one not in kept for name in one.candidate.effect.parameters}
+    known = set(built.model.names("parameter"))
+    added = {name for one in state.added for name in one.candidate.effect.parameters}
+    lost = added - known
     free = tuple(
         one
         for one in at_optimum(state.fit)
@@ -256,9 +267,20 @@ def _reduced(state: Progress, kept: Sequence[Trial]) -> _Reduced:
         process_noise={name: std for name, std in own.process_noise.items() if name in names},
         initial_std={name: std for name, std in own.initial_std.items() if name in names},
     )
-    known = set(built.model.names("parameter"))
     train = tuple(
         replace(log, theta_overrides={n: v for n, v in log.theta_overrides.items() if n in known})
         for log in state.train
     )
-    return _Reduced(built, EstimationProblem(filter_model, train, free), tuple(kept))
+    return _Reduced(built, EstimationProblem(filter_model, train, free), stay, baseless)
+
+
+def _rebuilt(graph: BondGraph, trials: Sequence[Trial]) -> tuple[BondGraph, tuple[Trial, ...], tuple[Trial, ...]]:
+    """A graph with the effects of trials, those that it has, and those that found nothing to act on."""
+    kept, baseless = [], []
+    for trial in trials:
+        try:
+            graph = trial.candidate.apply(graph)
+            kept.append(trial)
+        except DeclarationError:
+            baseless.append(trial)
+    return graph, tuple(kept), tuple(baseless)

@@ -20,11 +20,13 @@ from bondgraph.correct.models.absent import absent_when_zero
 from bondgraph.correct.models.build import BuiltModel
 from bondgraph.correct.models.candidates import Candidate, Refused, candidates, places
 from bondgraph.correct.models.failures import attempted
+from bondgraph.correct.models.untried import nothing_to_try, refused_everywhere
 from bondgraph.correct.places.located import LocatedAt, locate
 from bondgraph.correct.places.probes import Probe, Signal, probes, signals
 from bondgraph.correct.refits.beneath import also_elsewhere, beneath_noise
 from bondgraph.correct.refits.confirm import confirmed, transferred
 from bondgraph.correct.refits.decide import alternatives, choose, detectable, hurdle
+from bondgraph.correct.refits.declared_starts import also_from_declared, declared_scores
 from bondgraph.correct.refits.gated_refits import also_throughout, gated_trials
 from bondgraph.correct.refits.refit import Ground, refit_best, worth_quiet
 from bondgraph.correct.refits.resolved import resolved
@@ -61,7 +63,8 @@ class RoundSettings:
 class Round:
     """What was tried on a fitted model, what was decided, and what could have been seen.
 
-    ``located`` ranks the places; ``linear``, ``probed`` and ``signals`` are what the scores were made of.
+    ``located`` ranks the places; ``linear``, ``probed`` and ``signals`` are what the scores were made of. ``untried``
+    says why no effect could be tried at all.
     """
 
     base: Fit
@@ -76,6 +79,7 @@ class Round:
     probed: tuple[Probe, ...]
     signals: tuple[Signal, ...]
     tried: int
+    untried: str = ""
 
 
 def one_round(
@@ -91,17 +95,17 @@ def one_round(
     Raises
     ------
     DataError
-        If nothing moves in the logs, or no effect can be tried anywhere.
+        If nothing moves in the logs.
     """
     settings = settings or RoundSettings()
     settings.report("score the candidates", 0, 1)
     linear = linearisation(base, train)
-    where = places(built, train, linear.runs, base.theta_of(built.model))
+    where = _moving_places(built, base, linear, train)
     found, refused = candidates(built, functions, where, present)
     found, spoiling = absent_when_zero(built, found, train, linear.runs)
     refused += spoiling
-    if not [one for one in found if not one.place.output]:
-        raise DataError(_nothing_to_try(built, [place for place in where if not place.output], refused))
+    if not present and not [one for one in found if not one.place.output]:
+        return _nothing_tried(built, base, linear, where, refused, nothing_to_try(where, functions, refused))
     vanishing = [one for one in found if not one.effect.adds_state]
     stateful = [one for one in found if one.effect.adds_state]
     scored = score_candidates(linear, vanishing, gate_samples(train))
@@ -122,6 +126,8 @@ def one_round(
         trials = refit_stiff(trials, scored, ground, settings.refits, settings.report, ahead)
     else:
         trials = refit_best(trials, scored, ground, settings.refits, settings.report, quiet)
+        declared = None if present else declared_scores(ground, vanishing)
+        trials = also_from_declared(trials, declared, ground, settings.refits, settings.report)
     trials = _with_storages(trials, stateful, linear, quiet, ground, settings, looks, first)
     if stiff:
         trials += gated_trials([(linear, scored)], ground, settings.report, ahead, most=1)
@@ -294,14 +300,36 @@ def _refitted_storage(seen: Look, ground: Ground, beat: float) -> Trial:
     return seen.trial.attempted(lambda: refit_storage(seen, ground, beat))
 
 
-def _nothing_to_try(built: BuiltModel, where: Sequence[Place], refused: Sequence[Refused]) -> str:
-    if not where:
-        return (
+def _moving_places(built: BuiltModel, base: Fit, linear: Linearisation, train: Sequence[MatchedLog]) -> list[Place]:
+    """The places at which something moves, see :func:`places`."""
+    where = places(built, train, linear.runs, base.theta_of(built.model))
+    if not [place for place in where if not place.output]:
+        raise DataError(
             f"{built.graph.name}: nothing moves in the training logs at any junction, so no effect could show - take "
             "logs in which the machine works"
         )
-    reasons = "; ".join(f"{no.effect} at {no.place} {no.why}" for no in refused[:3])
-    return (
-        f"{built.graph.name}: no effect can be tried at any of {len(where)} places"
-        f"{f' ({reasons})' if reasons else ''} - give other effect functions"
-    )
+    return where
+
+
+def round_cautions(first: Round) -> list[str]:
+    """What the first round of a loop could not try, every effect once, with its reason."""
+    if first.untried:
+        return [first.untried]
+    known = [one.candidate for one in first.trials]
+    tried = {name for one in known for name in (one.effect.name, one.function.__name__)}
+    return refused_everywhere(first.refused, tried)
+
+
+def _nothing_tried(
+    built: BuiltModel,
+    base: Fit,
+    linear: Linearisation,
+    where: Sequence[Place],
+    refused: Sequence[Refused],
+    why: str,
+) -> Round:
+    """A round in which no law has a place: faults of sensors alone would take the blame for what no law could say."""
+    probed, known = probes(built, linear, where), signals(built, linear, where)
+    located = locate(linear, probed, known)
+    none = score_candidates(linear, [])
+    return Round(base, (), tuple(refused), none, None, (), (), located, linear, probed, known, 0, why)

@@ -97,6 +97,18 @@ def match_inputs(
     return _inputs(log, channels, model, given or {}, [])
 
 
+def match_outputs(log: Log, model: Signals) -> FloatArray:
+    """What a log measured of the outputs of a model, shape (n_y, n), NaN where it did not.
+
+    Raises
+    ------
+    DataError
+        If a unit has another dimension than the model's.
+    """
+    channels = dict(log.channels)
+    return np.array([_output(log, channels, quantity, []) for quantity in model.outputs]).reshape(-1, len(log))
+
+
 def read_mapping(options: Iterable[str]) -> dict[str, str]:
     """A mapping from the options of a command.
 

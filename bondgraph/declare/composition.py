@@ -13,7 +13,8 @@ from bondgraph.declare.elements import Bond, Node
 from bondgraph.declare.expressions import is_local, normalise, signal, signal_name, symbols_in
 from bondgraph.declare.functions import TableFunction, table_function
 from bondgraph.declare.handles import SubGraph
-from bondgraph.declare.quantities import Integral, NamedSignal, Output, Requirement, symbol
+from bondgraph.declare.quantities import Integral, NamedSignal, Output, Requirement, Start, symbol
+from bondgraph.declare.starts import Initial, renamed_start, starts_of
 from bondgraph.declare.store import GraphStore
 from bondgraph.errors import DeclarationError
 
@@ -164,12 +165,21 @@ class _Renaming:
 
     def node(self, node: Node, name: str) -> Node:
         laws = tuple((given, self.expression(law)) for given, law in node.laws)
-        return dataclasses.replace(node, name=name, laws=laws)
+        if not node.starts:
+            return dataclasses.replace(node, name=name, laws=laws)
+        begun = [self._begun(name, value, start) for value, start in zip(node.initial, node.starts, strict=True)]
+        values = tuple(one.value for one in begun)
+        return dataclasses.replace(node, name=name, laws=laws, initial=values, starts=starts_of(begun))
+
+    def _begun(self, name: str, value: float, start: Start | None) -> Initial:
+        return renamed_start(Initial(value, start), self.quantity_name, self.bound, name)
 
     def quantity(self, quantity: Any) -> Any:
         name = self.quantity_name(quantity.name)
         if isinstance(quantity, Integral):
-            return dataclasses.replace(quantity, name=name, of=self.expression(quantity.of))
+            begun = self._begun(name, quantity.initial, quantity.start)
+            of = self.expression(quantity.of)
+            return dataclasses.replace(quantity, name=name, of=of, initial=begun.value, start=begun.start)
         if isinstance(quantity, NamedSignal):
             guess = None if quantity.guess is None else self.expression(quantity.guess)
             return dataclasses.replace(

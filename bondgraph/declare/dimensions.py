@@ -70,7 +70,7 @@ class DimensionReader:
 
     def _compute(self, value: Any) -> Known:
         if value.is_number:
-            return None if value == 0 or _may_have_a_unit(value) else DIMENSIONLESS
+            return None if value.is_zero or _may_have_a_unit(value) else DIMENSIONLESS
         if isinstance(value, Mul):
             return self._product(value)
         if isinstance(value, Add):

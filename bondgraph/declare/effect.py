@@ -137,6 +137,8 @@ def is_for(function: EffectFunction, place: Place) -> bool:
 def effect_functions(module: ModuleType) -> tuple[EffectFunction, ...]:
     """The effect functions of a module or of the modules of a package, in order of definition or import.
 
+    A module that defines none offers those that it imports.
+
     Examples
     --------
     >>> import types
@@ -147,14 +149,15 @@ def effect_functions(module: ModuleType) -> tuple[EffectFunction, ...]:
     >>> [function.__name__ for function in effect_functions(module)]
     ['no_effect']
     """
-    found = []
-    for name, function in vars(module).items():
-        if name.startswith("_") or not inspect.isfunction(function) or not _defined_in(module, function):
-            continue
-        hints = get_type_hints(function, function.__globals__ | globals())
-        if hints.get("return") == Effect | None and len(inspect.signature(function).parameters) == 2:
-            found.append(function)
-    return tuple(found)
+    public = [one for name, one in vars(module).items() if not name.startswith("_") and inspect.isfunction(one)]
+    own = tuple(one for one in public if _defined_in(module, one) and is_effect_function(one))
+    return own or tuple(filter(is_effect_function, public))
+
+
+def is_effect_function(function: Callable[..., object]) -> bool:
+    """Whether a function says that it takes a graph and a place and returns an effect or None."""
+    hints = get_type_hints(function, getattr(function, "__globals__", {}) | globals())
+    return hints.get("return") == Effect | None and len(inspect.signature(function).parameters) == 2
 
 
 def _defined_in(module: ModuleType, function: Callable[..., object]) -> bool:

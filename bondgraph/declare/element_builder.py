@@ -13,6 +13,7 @@ from bondgraph.declare.elements import ENERGY_VARIABLE, LAW_GIVES, Node, numbere
 from bondgraph.declare.handles import At, ElementType, Handle, Law
 from bondgraph.declare.laws import apply_law, as_expression, callable_law
 from bondgraph.declare.quantities import symbol
+from bondgraph.declare.starts import Initial, initial_of, starts_of
 from bondgraph.declare.store import GraphStore
 
 
@@ -82,7 +83,8 @@ class ElementBuilder(GraphStore):
         """A spring or capacitor: ``effort`` as a function of the displacement, or the stiffness of a linear one.
 
         ``displacement`` as a function of the effort lets a nonlinear compliance be a dependent storage in closed form;
-        it may also be given alone, or both may be bound by ``residual(effort, displacement)``.
+        it may also be given alone, or both may be bound by ``residual(effort, displacement)``. ``initial`` may be a
+        signal of a log, see :mod:`bondgraph.declare.starts`.
         """
         return self._storage("C", name, effort, displacement, residual, at, initial, state)
 
@@ -101,7 +103,8 @@ class ElementBuilder(GraphStore):
         """A mass, inertia or inductance: its value, or for a nonlinear one the function flow(momentum).
 
         ``momentum`` as a function of the flow may be given beside it or alone, or both may be bound by
-        ``residual(flow, momentum)``. The state of a linear one is its flow, of any other its momentum.
+        ``residual(flow, momentum)``. The state of a linear one is its flow, of any other its momentum. ``initial`` is
+        that of the state, and may be a signal of a log: ``initial=omega_input``, ``initial="omega"``.
         """
         law = flow if flow is not None else inertia
         if law is not None and not callable_law(law) and flow is None:
@@ -130,8 +133,14 @@ class ElementBuilder(GraphStore):
         if residual is not None:
             laws.append(("residual", self._law(name, residual, power, own)))
         domain = at.domain if isinstance(at, Handle) else None
-        start = initial_value(initial, f"{self.name}: {name}", storage_units(kind, domain))
-        return self._one_port(Node(name, kind, laws=tuple(laws), initial=(start,), state=state), at)
+        begun = self._initial(name, initial, storage_units(kind, domain))
+        node = Node(name, kind, laws=tuple(laws), initial=(begun.value,), state=state, starts=starts_of([begun]))
+        return self._one_port(node, at)
+
+    def _initial(self, name: str, value: Any, units: Sequence[str] = ()) -> Initial:
+        """The start of a state that somebody gave to an element."""
+        where = f"{self.name}: {name}"
+        return initial_of(value, where, lambda one: initial_value(one, where, units), self._quantities, units)
 
     def transformer(self, name: str, modulus: Any, source: At, target: At) -> Handle:
         """A TF of modulus m between two nodes: effort_in = m effort_out, flow_out = m flow_in."""
@@ -179,8 +188,9 @@ class ElementBuilder(GraphStore):
             names = numbered(gives, len(laws or ())) if ports > 1 else (gives,)
             pairs = tuple((given, self._law(name, law, *own)) for given, law in zip(names, laws or (), strict=True))
         stem = state if isinstance(state, str) else " ".join(state)
-        starts = tuple(initial_value(one, f"{self.name}: {name}") for one in initial)
-        node = Node(name, kind, laws=pairs, ports=ports, initial=starts, state=stem)
+        begun = [self._initial(name, one) for one in initial]
+        values = tuple(one.value for one in begun)
+        node = Node(name, kind, laws=pairs, ports=ports, initial=values, state=stem, starts=starts_of(begun))
         return self._multiport(node, at)
 
     def element(self, name: str, kind: ElementType, at: Sequence[At] = ()) -> Handle:

@@ -15,6 +15,7 @@ from sympy import Expr, Symbol
 
 from bondgraph.declare.domains import Domain
 from bondgraph.declare.modal_laws import MODAL_LAWS, check_modal
+from bondgraph.declare.quantities import Start
 from bondgraph.errors import DeclarationError, suggest
 
 JUNCTIONS = ("0", "1")
@@ -62,7 +63,7 @@ class Node:
     field, ``energy`` of a storage, ``1.effort1``, ``1.flow2`` .. of the first form of a user-defined element.
     ``initial`` holds one start value per state (for a residual, where the search for its root starts); ``state`` is the
     state's own name where the user gave one; of a multiport it is the stem of numbered names, or one name per port with
-    spaces between.
+    spaces between. ``starts``, empty or one per state, are signals of a log that come before ``initial``.
     """
 
     name: str
@@ -73,10 +74,15 @@ class Node:
     initial: tuple[float, ...] = ()
     state: str = ""
     doc: str = field(default="")
+    starts: tuple[Start | None, ...] = ()
 
     def law(self, given: str) -> Expr | None:
         """The law that gives ``given``, or None."""
         return dict(self.laws).get(given)
+
+    def start(self, port: int = 1) -> Start | None:
+        """The signal of a log at which the state of a port starts, None where it starts at its number."""
+        return self.starts[port - 1] if len(self.starts) >= port else None
 
     def state_name(self, port: int = 1) -> str:
         """The state's own name at a port, empty where none was given.

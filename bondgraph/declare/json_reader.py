@@ -16,6 +16,7 @@ from bondgraph.declare.graph import BondGraph
 from bondgraph.declare.limits import MOST_PORTS, check_nesting
 from bondgraph.declare.quantities import symbol
 from bondgraph.declare.records import check_keys, count, items, mapping, number, numbers, shown, text
+from bondgraph.declare.starts import Initial, starts_of
 from bondgraph.errors import DeclarationError, suggest
 
 FORMAT = "bondgraph/1"
@@ -133,8 +134,8 @@ class _Reader:
             self._signal(record)
         for record in self._records("integrals"):
             expression = parse(record["of"], self.names, record["name"])
-            start = number(record.get("initial", 0.0), record["name"])
-            self.graph._declare_integral(record["name"], expression, *_unit_and_meaning(record), start)
+            begun = _initial(record.get("initial", 0.0), record["name"])
+            self.graph._declare_integral(record["name"], expression, *_unit_and_meaning(record), begun)
 
     def _signal(self, record: Mapping[str, Any]) -> None:
         name = record["name"]
@@ -195,14 +196,14 @@ class _Reader:
         scope = {**self.names, **_locals(kind, ports)}
         laws = tuple((key, parse(record[key], scope, name)) for key in known if key in record)
         laws += tuple((given, parse(law, scope, name)) for given, law in _listed_laws(record, kind, ports, here))
-        start = record.get("initial")
-        initial = numbers(start if isinstance(start, list) else [start], here) if start is not None else []
-        if not initial and kind in LAW_GIVES and ports == 1:
-            initial = [0.0]
+        begun = [self.graph._initial(name, one) for one in _initials(record, ports, here)]
+        if not begun and kind in LAW_GIVES and ports == 1:
+            begun = [Initial(0.0)]
         domain = _domain(record["domain"], here) if "domain" in record else None
         return Node(
-            name, kind, domain, laws, ports, tuple(initial), text(record, "state", here), text(record, "doc", here)
-        )
+            name, kind, domain, laws, ports, tuple(one.value for one in begun), text(record, "state", here),
+            text(record, "doc", here), starts_of(begun),
+        )  # fmt: skip
 
     def _part(self, record: Mapping[str, Any]) -> None:
         here = f"{self.where}: {record['id']}"
@@ -236,6 +237,29 @@ class _Reader:
             )
         port = int(variable[len(stem) :] or 0)
         self.graph._measure_variable(name, stem, at, text(record, "meaning", where), record.get("unit"), port)
+
+
+def _initials(record: Mapping[str, Any], ports: int, where: str) -> list[Any]:
+    """The start values of a node: one, or a list with one per port of a multiport."""
+    given = record.get("initial")
+    if given is None:
+        return []
+    listed = given if isinstance(given, list) and not _is_start(given, ports) else [given]
+    return [_initial(one, where) for one in listed]
+
+
+def _is_start(given: list[Any], ports: int) -> bool:
+    """Whether a list is one start, a signal and a number, not one start per port."""
+    return ports == 1 and len(given) == 2 and isinstance(given[0], str)
+
+
+def _initial(given: Any, where: str) -> Any:
+    """A start value: a number, the name of a signal or a multiple of it, or both as a pair."""
+    if isinstance(given, str):
+        return given
+    if isinstance(given, list) and _is_start(given, 1):
+        return (given[0], number(given[1], where))
+    return number(given, where)
 
 
 def _domain(value: Any, where: str) -> Domain:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Sequence
 from typing import Any
 
 import networkx as nx
@@ -13,7 +14,7 @@ from bondgraph.declare.elements import Node
 from bondgraph.declare.expressions import signal_name, to_text
 from bondgraph.declare.graph import BondGraph
 from bondgraph.declare.json_reader import FORMAT
-from bondgraph.declare.quantities import Input, NamedSignal, Output, Parameter, Table
+from bondgraph.declare.quantities import Input, NamedSignal, Output, Parameter, Start, Table
 
 
 def to_networkx(graph: BondGraph) -> nx.MultiDiGraph[str]:
@@ -68,7 +69,7 @@ def _head(graph: BondGraph) -> dict[str, Any]:
     head["signals"] = [_signal_record(signal) for signal in graph.signals]
     head["integrals"] = [
         _without_empty({"name": i.name, "of": to_text(i.of), "unit": i.display_unit, "meaning": i.meaning})
-        | ({"initial": i.shown(i.initial)} if i.initial else {})
+        | _initial_record([i.shown(i.initial)], (i.start,), many=False)
         for i in graph.integrals
     ]
     head["requirements"] = [{"positive": to_text(r.positive), "reason": r.reason} for r in graph.requirements]
@@ -137,9 +138,17 @@ def _node_record(node: Node) -> dict[str, Any]:
         record |= {"ports": node.ports} | _field_record(node)
     else:
         record |= {given: to_text(law) for given, law in node.laws}
-    if any(node.initial):
-        record["initial"] = list(node.initial) if node.is_field else node.initial[0]
+    record |= _initial_record(node.initial, node.starts or (None,) * len(node.initial), node.is_field)
     return record | _without_empty({"state": node.state, "doc": node.doc})
+
+
+def _initial_record(values: Sequence[float], starts: Sequence[Start | None], many: bool) -> dict[str, Any]:
+    """Start values, each the name of a signal where it has one, with the number beside it unless that is zero."""
+    texts = [
+        value if start is None else [str(start), value] if value else str(start)
+        for value, start in zip(values, starts, strict=True)
+    ]
+    return {"initial": texts if many else texts[0]} if any(texts) else {}
 
 
 def _field_record(node: Node) -> dict[str, Any]:

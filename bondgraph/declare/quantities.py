@@ -113,8 +113,28 @@ class Table(Displayed):
 
 
 @dataclass(frozen=True)
+class Start:
+    """Where a state starts in a log: at ``factor`` times the first value of an input or of a measured output.
+
+    Examples
+    --------
+    >>> str(Start("speed")), str(Start("speed", 0.25))
+    ('speed', '0.25*speed')
+    """
+
+    signal: str
+    factor: float = 1.0
+
+    def __str__(self) -> str:
+        return self.signal if self.factor == 1.0 else f"{self.factor!r}*{self.signal}"
+
+
+@dataclass(frozen=True)
 class Integral(Displayed):
-    """An extra state whose rate is an expression: the angle of a shaft, a distance travelled."""
+    """An extra state whose rate is an expression: the angle of a shaft, a distance travelled.
+
+    It starts at ``initial``, or in a log at ``start``.
+    """
 
     name: str
     of: Expr
@@ -122,6 +142,7 @@ class Integral(Displayed):
     meaning: str = ""
     initial: float = 0.0
     shown_unit: str = ""
+    start: Start | None = None
 
 
 @dataclass(frozen=True)

@@ -25,6 +25,7 @@ from bondgraph.declare.quantities import (
 )
 from bondgraph.declare.quantity_checks import check_quantity, check_table
 from bondgraph.declare.requirements import check_requirement
+from bondgraph.declare.starts import initial_of
 from bondgraph.declare.store import GraphStore
 from bondgraph.errors import DeclarationError, suggest
 
@@ -116,7 +117,8 @@ class QuantityBuilder(GraphStore):
         """Declare an extra state whose rate is ``of``: the angle of a shaft, a distance, a controller's memory.
 
         A rate that depends on the state itself is given as a function of it. The rate is in coherent SI, as all laws
-        are; ``unit`` is that of ``initial`` and of what is shown.
+        are; ``unit`` is that of ``initial`` and of what is shown. ``initial`` may be a signal of a log, see
+        :mod:`bondgraph.declare.starts`.
 
         Examples
         --------
@@ -206,7 +208,8 @@ class QuantityBuilder(GraphStore):
 
     def _declare_integral(self, name: str, of: Expr, unit: str, meaning: str, initial: Any) -> Symbol:
         own = self._unit(unit, name, initial)
-        return self._declare(Integral(name, of, own.unit, meaning, own.number(initial), own.shown))
+        begun = initial_of(initial, f"{self.name}: {name}", own.number, self._quantities, (own.unit,))
+        return self._declare(Integral(name, of, own.unit, meaning, begun.value, own.shown, begun.start))
 
     def _declare_signal(
         self, name: str, expression: Expr, unit: str, meaning: str, guess: Expr | None = None

@@ -8,7 +8,7 @@ from typing import Any, Self
 
 from sympy import Expr, Symbol
 
-from bondgraph.declare.elements import Bond, Node, check_node, foreign_locals, own_variables
+from bondgraph.declare.elements import STORAGES, Bond, Node, check_node, foreign_locals, own_variables
 from bondgraph.declare.expressions import is_local, signal_name
 from bondgraph.declare.functions import TableFunction
 from bondgraph.declare.handles import At, Handle, SubGraph
@@ -126,10 +126,16 @@ class GraphStore:
             raise DeclarationError(f"{self.name}: node {node.name} is declared twice - use another name", (node.name,))
         if not all(math.isfinite(value) for value in node.initial):
             raise DeclarationError(f"{self.name}: {node.name}: initial {node.initial} must be finite", (node.name,))
+        if any(node.starts) and node.kind not in STORAGES:
+            raise DeclarationError(
+                f"{self.name}: {node.name}: initial {node.starts[0]}: only a storage starts at a signal - give a "
+                "number",
+                where=(node.name,),
+            )
         for given, law in node.laws:
             checked = self._checked(law, own_variables(node, given) or (), node.name)
             self._check_real(checked, node.name)
-            if given == "modulus" and checked == 0:
+            if given == "modulus" and checked.is_zero:
                 raise DeclarationError(
                     f"{self.name}: {node.name}: a modulus of zero passes no power - remove the {node.kind}",
                     (node.name,),

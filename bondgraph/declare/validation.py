@@ -14,6 +14,7 @@ from bondgraph.declare.expressions import signal_name, signals_in
 from bondgraph.declare.law_units import check_law_units
 from bondgraph.declare.quantity_checks import is_free_name
 from bondgraph.declare.requirements import check_requirements
+from bondgraph.declare.starts import check_starts
 from bondgraph.declare.store import GraphStore
 from bondgraph.errors import DeclarationError, suggest
 
@@ -30,6 +31,7 @@ def validate(graph: GraphStore) -> None:
     domains = node_domains(graph)
     _check_signals(graph)
     _check_state_names(graph)
+    check_starts(graph)
     check_law_units(graph, domains)
     check_angular_speeds(graph, domains)
     check_requirements(graph.requirements, graph.parameters, graph.name)

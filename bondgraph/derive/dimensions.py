@@ -71,7 +71,7 @@ class _Checker:
         for state, value in zip(self.equations.states, self.equations.derivatives, strict=True):
             own = self.known[state.symbol]
             found = self._require(f"d({state.symbol.name})/dt", None if own is None else subtract(own, SECOND), value)
-            if own is None and found is not None and value != 0:
+            if own is None and found is not None and not value.is_zero:
                 self.known[state.symbol] = tuple(a + b for a, b in zip(found, SECOND, strict=True))
                 learned = True
         return learned
@@ -95,7 +95,7 @@ class _Checker:
             raise DimensionError(
                 f"{self.equations.name}: {name}: {mismatch} - correct the law or its units", where=(name,)
             ) from None
-        if needed is not None and found is not None and found != needed and value != 0:
+        if needed is not None and found is not None and found != needed and not value.is_zero:
             raise DimensionError(
                 f"{self.equations.name}: {name} must be {dimension_text(needed)} but {to_text(value)} is "
                 f"{dimension_text(found)} - correct the law or its units",

@@ -12,7 +12,7 @@ from typing import Literal
 from sympy import Expr, Symbol
 
 from bondgraph.coherent import Displayed
-from bondgraph.declare.quantities import Input, Parameter, Table
+from bondgraph.declare.quantities import Input, Parameter, Start, Table
 
 StateVariable = Literal["flow", "momentum", "displacement", "effort", "integral"]
 ModeKind = Literal["switch", "friction", "impact"]
@@ -47,7 +47,10 @@ class ImplicitLoop:
 
 @dataclass(frozen=True)
 class State(Displayed):
-    """One state: the symbol it has in the equations, its unit, start value and the storage it belongs to."""
+    """One state: the symbol it has in the equations, its unit, start value and the storage it belongs to.
+
+    ``start`` is the signal of a log at which it starts, if it has one.
+    """
 
     symbol: Symbol
     unit: str
@@ -56,6 +59,7 @@ class State(Displayed):
     element: str
     variable: StateVariable
     shown_unit: str = ""
+    start: Start | None = None
 
 
 @dataclass(frozen=True)

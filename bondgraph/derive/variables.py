@@ -11,7 +11,8 @@ from bondgraph.declare.domains import UNDECLARED_PREFIXES, Domain
 from bondgraph.declare.elements import MULTIPORTS, SOURCES, STORAGES, Node
 from bondgraph.declare.expressions import signal_name, symbols_in
 from bondgraph.declare.functions import smooth_step, switch
-from bondgraph.declare.quantities import Integral, NamedSignal, symbol
+from bondgraph.declare.quantities import Integral, NamedSignal, Start, symbol
+from bondgraph.declare.starts import check_start, signals_of
 from bondgraph.declare.validation import node_domains
 from bondgraph.derive.causality import CausalGraph
 from bondgraph.derive.definitions import Constrained, Definition, Key, Law, Rate, Residual
@@ -204,9 +205,9 @@ class BondVariables:
         for quantity in self.graph.integrals:
             meaning = quantity.meaning or "integral"
             rate = symbol(quantity.name)
-            self.states.append(
-                State(rate, quantity.unit, quantity.initial, meaning, "", "integral", quantity.shown_unit)
-            )
+            begun, unit = quantity.start, quantity.unit
+            self._check_start(begun, quantity.name, unit)
+            self.states.append(State(rate, unit, quantity.initial, meaning, "", "integral", quantity.shown_unit, begun))
 
     def _state(self, port: Port) -> State:
         node, domain = port.node, self.bond_domain(port.bond)
@@ -220,9 +221,17 @@ class BondVariables:
         wanted = node.state_name(port.number) or f"{prefix}_{node.name}{port.suffix}"
         initial = node.initial[port.number - 1] if len(node.initial) >= port.number else 0.0
         where = f" (port {port.number})" if node.ports > 1 else ""
+        begun = node.start(port.number)
+        self._check_start(begun, node.name, unit)
         return State(
-            symbol(self.unused(wanted)), unit, initial, f"{variable} of {node.name}{where}", node.name, variable
-        )
+            symbol(self.unused(wanted)), unit, initial, f"{variable} of {node.name}{where}", node.name, variable,
+            start=begun,
+        )  # fmt: skip
+
+    def _check_start(self, start: Start | None, name: str, unit: str) -> None:
+        """A state starts at a signal of its own unit, which only its causality and law decide."""
+        if start is not None:
+            check_start(start, signals_of(self.graph)[start.signal], f"{self.graph.name}: {name}", (unit,))
 
     def constant_inertia(self, node: Node) -> Expr | None:
         """The inertia of a one-port inertance whose law is ``momentum/inertia`` with a constant inertia, else None."""

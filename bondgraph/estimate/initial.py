@@ -12,8 +12,10 @@ from bondgraph.data.log import MatchedLog
 from bondgraph.errors import EstimationError
 from bondgraph.estimate.objective import BoolArray, FloatArray
 from bondgraph.simulate.model import Model
+from bondgraph.simulate.starts import BEGINNING, starts_in
 
-#: ``"model"``: all states start as declared; ``"measured"``: measured ones at their first measurement; ``"settled"``:
+#: ``"model"``: all states start as declared, which may be at a signal of the log; ``"measured"``: those that are
+#: measured and declare no signal start at their first measurement; ``"settled"``:
 #: and the others where they come to rest while those are held (wheels roll, springs carry, a governor has settled).
 InitialRule = Literal["measured", "settled", "model"]
 #: A rule, or the states of every log by name, where they are known; states not named start as declared.
@@ -50,13 +52,13 @@ def initial_states(model: Model, logs: Sequence[MatchedLog], theta: FloatArray, 
             raise EstimationError(
                 f"initial states: given for {len(rule)} logs of {len(logs)} - give one mapping per log"
             )
-        return [model.x0(**dict(given)) for given in rule]
+        return [_with_given(model, log, given) for log, given in zip(logs, rule, strict=True)]
     if rule not in get_args(InitialRule):
         raise EstimationError(
             f"initial states: rule {rule!r} is not known - choose {', '.join(get_args(InitialRule))}", where=(rule,)
         )
     if rule == "model":
-        return [model.x0() for _ in logs]
+        return [starts_in(model, log.time, log.u, log.y)[0] for log in logs]
     starts = []
     for log in logs:
         known = theta.copy()
@@ -67,17 +69,25 @@ def initial_states(model: Model, logs: Sequence[MatchedLog], theta: FloatArray, 
     return starts
 
 
+def _with_given(model: Model, log: MatchedLog, given: Mapping[str, float]) -> FloatArray:
+    x0 = starts_in(model, log.time, log.u, log.y)[0]
+    rows = [model.index("state", name) for name in given]
+    x0[rows] = list(given.values())
+    return x0
+
+
 def _from_measurements(model: Model, log: MatchedLog, theta: FloatArray) -> tuple[FloatArray, BoolArray]:
-    """Initial state (n_x,), and which of its parts were measured."""
+    """Initial state (n_x,), and which of its parts were measured; a start that is declared comes before others."""
     x0 = model.x0()
     held = np.zeros(x0.size, dtype=np.bool_)
-    early = log.time <= log.time[0] + 0.05 * (log.time[-1] - log.time[0])
+    early = log.time <= log.time[0] + BEGINNING * (log.time[-1] - log.time[0])
     for output, (state, slope, offset) in directly_measured(model, log.u[:, 0], theta).items():
         first = np.flatnonzero(~np.isnan(log.y[output]) & early)
         if first.size:
             x0[state] = (log.y[output, first[0]] - offset) / slope
             held[state] = True
-    return x0, held
+    x0, given = starts_in(model, log.time, log.u, log.y, x0)
+    return x0, held | given
 
 
 def measured_at_start(model: Model, log: MatchedLog, theta: FloatArray) -> frozenset[int]:

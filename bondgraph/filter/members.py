@@ -14,6 +14,7 @@ from bondgraph.errors import FilterError
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.samples import Samples
 from bondgraph.filter.ukf import Member
+from bondgraph.simulate.starts import starts_in
 
 
 class MemberValues(TypedDict, total=False):
@@ -120,7 +121,7 @@ def member_batches(
     return tuple(
         MemberBatch(
             samples.theta(filter_model, parameters),
-            columns("x0", x0[i], model.x0()),
+            columns("x0", x0[i], starts_in(model, samples.time, samples.u, samples.y)[0]),
             columns("initial_std", initial_std[i], filter_model.start_std),
             process,
             noise,

@@ -29,9 +29,18 @@ def preamble(equations: StateEquations) -> str:
             _table("PARAMETERS", _parameter_rows(equations)),
             "# name, unit, meaning",
             _table("OUTPUTS", _output_rows(equations)),
+            *_starts(equations),
             *_shown_units(equations),
         ]
     )
+
+
+def _starts(equations: StateEquations) -> list[str]:
+    """The states that start at a signal of a log; nothing where none does."""
+    begun = [(state.symbol.name, state.start) for state in equations.states if state.start is not None]
+    rows = [(string(name), string(one.signal), number(one.factor, f"start of {name}")) for name, one in begun]
+    comment = "# state, input or output at whose first value in a log it starts, factor"
+    return [comment, _table("STARTS", rows)] if rows else []
 
 
 def _shown_units(equations: StateEquations) -> list[str]:

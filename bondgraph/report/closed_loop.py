@@ -13,6 +13,7 @@ from bondgraph.correct.confirmation import Confirmation
 from bondgraph.correct.fits.assess import Assessment
 from bondgraph.correct.fits.fit import Fit
 from bondgraph.correct.loop import Added, ClosedLoop
+from bondgraph.correct.places.unexplained import Unexplained
 from bondgraph.correct.refits.transfer import Transfer
 from bondgraph.correct.result import intervals, result_json
 from bondgraph.declare.files import write_graph
@@ -22,6 +23,7 @@ from bondgraph.report.drawing import draw_svg, drawing_of
 from bondgraph.report.html import Located, Provenance, ReportData, write_report
 from bondgraph.report.logs import grouped_notes
 from bondgraph.report.missing import missing_efforts
+from bondgraph.report.noise import noise_sentence
 from bondgraph.report.numbers import shown
 from bondgraph.report.series import ChannelSeries, FoundEffect, Power, Step, Tried, channel_errors
 from bondgraph.report.tables import error_table, power_table, text_of
@@ -165,24 +167,47 @@ def explanation(closed: ClosedLoop) -> str:
             said = " and ".join(f"a {fault.kind} of the sensor {fault.channel}" for fault in faults)
             first = f"What the sensors show fits together if there is {said}; no missing effect explains it as well."
         else:
-            first = f"The declared model lacks {names}. The search ended because {closed.reason}."
+            first = f"The declared model lacks {names}{_and_more(closed)}. The search ended because {closed.reason}."
         return first + (f" There remains {left[0]} that no known effect explains." if left else "")
-    coloured = [test.channel for test in closed.whiteness if test.p_value * len(closed.whiteness) < 0.01]
+    coloured = _coloured(closed)
     if closed.events:
         what = " and ".join(f"{one.trial.candidate.label} {one.trial.gate}" for one in closed.events)
         rest = f" There remains {left[0]}." if left else ""
         return f"Something happened in the logs ({what}); no law that holds throughout passes the tests.{rest}"
     if left:
-        return (
-            f"There is {left[0]} that none of the {tried} effects and faults tried explains; its shape is shown below."
-        )
+        return f"There is {left[0]} that none of the {tried} effects and faults tried explains."
     if closed.verdict == "unexplained residual":
         return (
             f"The innovations of {', '.join(coloured)} are correlated in time, so something is missing (or the noise "
             f"of the sensor is coloured), but none of the {tried} effects and faults tried explains it well enough to "
             "be believed."
         )
+    if not tried:
+        return "No effect could be tried, but all innovations are white: nothing asks for one."
     return f"None of the {tried} effects and faults tried passes the tests, and all innovations are white."
+
+
+def _and_more(closed: ClosedLoop) -> str:
+    """What the effects that were found leave, where that is not noise."""
+    coloured = _coloured(closed)
+    return f", and more than that: the innovations of {', '.join(coloured)} stay coloured" if coloured else ""
+
+
+def _coloured(closed: ClosedLoop) -> list[str]:
+    return [test.channel for test in closed.whiteness if test.p_value * len(closed.whiteness) < 0.01]
+
+
+def _shape(one: Unexplained) -> str:
+    """The shape of what stays unexplained, in words that a terminal can show."""
+    points = "; ".join(
+        f"{shown(float(value))} ± {shown(float(std))} at {shown(float(knot))}"
+        for knot, value, std in zip(one.knots, one.values, one.std, strict=True)
+    )
+    units = " over ".join(f"[{unit}]" for unit in (one.unit, one.signal_unit) if unit)
+    return (
+        f"The unknown {one.variable} at {one.place.label}{f' {units}' if units else ''}, less what free parameters "
+        f"take of it, over {one.signal}: {points}."
+    )
 
 
 def structure_lines(closed: ClosedLoop) -> list[str]:
@@ -242,12 +267,8 @@ def _notes(closed: ClosedLoop) -> list[str]:
             first = next((twin.separate for twin in twins if twin.separate), "")
             advice = f" What would: {first}." if first else ""
             notes.append(f"These data do not tell {added.trial.candidate.label} from {names}.{advice}")
-    coloured = [test.channel for test in closed.whiteness if test.p_value * len(closed.whiteness) < 0.01]
-    if closed.added and coloured:
-        notes.append(
-            f"After the correction the innovations of {', '.join(coloured)} are still correlated in time: the model is "
-            "not complete."
-        )
+    notes += [_shape(one) for one in closed.unexplained]
+    notes.append(f"{noise_sentence(closed.corrected.problem.filter_model)}.")
     notes += closed.cautions
     logs = [log.log for part in (closed.nominal_train, closed.nominal_holdout) for log in part.logs]
     notes += grouped_notes(logs)

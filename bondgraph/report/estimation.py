@@ -19,6 +19,7 @@ from bondgraph.report.collect import Runs, channel_series, parameter_changes
 from bondgraph.report.html import Provenance, ReportData, write_report
 from bondgraph.report.logs import grouped_notes
 from bondgraph.report.misfits import misfit_sentences
+from bondgraph.report.noise import noise_sentence
 from bondgraph.report.series import ChannelSeries, channel_errors
 from bondgraph.report.suspicions import sampling_suspicions, unit_suspicions
 from bondgraph.simulate.model import Model
@@ -121,6 +122,7 @@ def _notes(estimate: Estimate) -> list[str]:
         f"{certification.verdict}.",
         *([f"There {certification.conditioning}."] if certification.is_ill_conditioned else []),
         *(f"Against {one}." for one in certification.checks),
+        f"{noise_sentence(estimate.problem.filter_model)}.",
     ]
     if not estimate.is_smooth:
         notes.append(rough_note(estimate))

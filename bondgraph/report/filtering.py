@@ -23,6 +23,7 @@ from bondgraph.report.figures import save_figure
 from bondgraph.report.html import Provenance, ReportData, write_report
 from bondgraph.report.logs import grouped_notes
 from bondgraph.report.misfits import band_text, misfit_sentences
+from bondgraph.report.noise import noise_sentence
 from bondgraph.report.numbers import shown
 from bondgraph.report.plots import state_figure
 from bondgraph.report.series import ChannelSeries, channel_errors
@@ -84,6 +85,7 @@ def filter_logs(
             f"whiteness p {shown(c.whiteness_p)}"
             for c in found.channels
         ]
+    lines.append(noise_sentence(filter_model))
     write_json(folder / "result.json", result)
     sentences = misfit_sentences(found_misfits, folder / "report.html")
     data = ReportData(

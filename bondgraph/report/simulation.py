@@ -9,7 +9,7 @@ import numpy as np
 from sympy import Expr
 
 from bondgraph.data.log import FloatArray, Log, LogChannel
-from bondgraph.data.match import match_inputs
+from bondgraph.data.match import match_inputs, match_outputs
 from bondgraph.declare.graph import BondGraph
 from bondgraph.declare.requirements import check_requirements
 from bondgraph.derive.causality import assign_causality
@@ -23,6 +23,7 @@ from bondgraph.simulate.model import Model
 from bondgraph.simulate.quantities import OutputInfo, StateInfo
 from bondgraph.simulate.scenario import Scenario
 from bondgraph.simulate.simulate import simulate
+from bondgraph.simulate.starts import starts_in
 from bondgraph.simulate.trajectory import Trajectory
 
 #: Points written where neither inputs nor a step say how many.
@@ -61,7 +62,8 @@ def simulate_graph(graph: BondGraph, inputs: Log | None, options: SimulationOpti
     graph
         The declared graph.
     inputs
-        A table with columns called like the inputs; None: every input at its default or at its given value.
+        A table with columns called like the inputs; None: every input at its default or at its given value. Of columns
+        called like outputs it reads where states start that are declared to.
     options
         Times, values of parameters and inputs, initial states, tolerances.
 
@@ -82,12 +84,40 @@ def simulate_graph(graph: BondGraph, inputs: Log | None, options: SimulationOpti
     check_requirements(flat.requirements, flat.parameters, graph.name, theta)
     initial = _initial(model, energy_states(derivation.variables), options.initial or {}, theta)
     start = options.scenario.start(model) if options.scenario else {}
-    times, table = _inputs(model, inputs, constants, options)
+    given, measured = _apart(model, inputs)
+    times, table = _inputs(model, given, constants, options)
+    begun = _begun(model, table, {*constants, *_given_inputs(given, options.scenario)}, measured)
     compiled = options.scenario is not None  # a manoeuvre is run again and again, and its machine code is kept
     return simulate(
-        model, times, table, theta, start | initial, rtol=options.rtol, compiled=compiled,
+        model, times, table, theta, begun | start | initial, rtol=options.rtol, compiled=compiled,
         atol=None if options.atol is None else (options.atol,) * len(model.states),
     )  # fmt: skip
+
+
+def _apart(model: Model, inputs: Log | None) -> tuple[Log | None, Log | None]:
+    """What a table says of the inputs, and of the outputs, which only a start reads."""
+    outputs = set(model.names("output")) - set(model.names("input"))
+    if inputs is None or not outputs & set(inputs.channels):
+        return inputs, None
+    measured = {name: one for name, one in inputs.channels.items() if name in outputs}
+    rest = {name: one for name, one in inputs.channels.items() if name not in outputs}
+    return replace(inputs, channels=rest), replace(inputs, channels=measured)
+
+
+def _given_inputs(inputs: Log | None, scenario: Scenario | None) -> tuple[str, ...]:
+    return (*(() if inputs is None else inputs.channels), *(() if scenario is None else scenario.inputs))
+
+
+def _begun(model: Model, table: InputSignal, given: Container[str], measured: Log | None) -> dict[str, float]:
+    """The states that are declared to start at a signal for which somebody gave values."""
+    y = np.full((len(model.outputs), table.time.size), np.nan)
+    if measured is not None and measured.time.size == table.time.size:
+        y = match_outputs(measured, model)
+    x0, found = starts_in(model, table.time, table.at(table.time[:1]), y)
+    inputs = model.names("input")
+    unused = {one.state for one in model.starts if one.signal in inputs and one.signal not in given}
+    names = model.names("state")
+    return {name: float(x0[k]) for k, name in enumerate(names) if found[k] and name not in unused}
 
 
 def _values(model: Model, values: Mapping[str, float | str]) -> tuple[dict[str, float], dict[str, float]]:

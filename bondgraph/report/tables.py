@@ -137,7 +137,7 @@ def power_table(power: Sequence[Power], title: str = "smallest size found nine t
         table.add_column(name, justify="right" if right else "left")
     for row in power:
         known = math.isfinite(row.size)
-        size = shown(row.size) if known else "undetectable"
+        size = shown(row.size) if known else "not with these logs"
         table.add_row(Text(row.effect), Text(row.junction), size, Text(row.unit if known else ""))
     return table
 

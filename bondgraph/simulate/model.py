@@ -20,8 +20,8 @@ import numpy.typing as npt
 from bondgraph.arrays import FloatArray
 from bondgraph.compile.loader import parse_module, require_function, run_module
 from bondgraph.errors import ModelError, suggest
-from bondgraph.simulate.quantities import InputInfo, OutputInfo, ParameterInfo, StateInfo
-from bondgraph.simulate.rows import EventInfo, ModeInfo, events_of, input_rows, shown_rows
+from bondgraph.simulate.quantities import InputInfo, OutputInfo, ParameterInfo, StartInfo, StateInfo
+from bondgraph.simulate.rows import EventInfo, ModeInfo, events_of, input_rows, rows, shown_rows
 
 if TYPE_CHECKING:
     from bondgraph.compile.front.model_program import Equations, ModelProgram
@@ -60,6 +60,7 @@ class Model:
     event_rows: tuple[EventInfo, ...] = field(default=(), compare=False, repr=False)
     _events: Callable[..., Any] | None = field(default=None, compare=False, repr=False)
     _resets: Mapping[str, Callable[..., Any]] = field(default_factory=dict, compare=False, repr=False)
+    starts: tuple[StartInfo, ...] = field(default=(), compare=False, repr=False)
 
     @classmethod
     def from_text(cls, text: str, source: str = "generated module", *, own: bool = False) -> Model:
@@ -81,6 +82,7 @@ class Model:
             outputs=shown_rows(names, "OUTPUTS", OutputInfo, source),
             _rhs=require_function(names, "rhs", source),
             _output=require_function(names, "output", source),
+            starts=rows(names, "STARTS", StartInfo, source) if "STARTS" in names else (),
             **events_of(names, source),
         )
         _check_rows(model, source)
@@ -293,6 +295,12 @@ def _check_rows(model: Model, source: str) -> None:
             require(names.count(name) == 1, name, f"names two {kind}s")
     for state in model.states:
         require(_is_finite(state.initial), state.name, f"initial value {state.initial!r} is not a finite number")
+    for start in model.starts:
+        coded = [one.name for one in model.inputs if one.letters]
+        signals = {*model.names("input"), *model.names("output")}.difference(coded)
+        require(start.state in model.names("state"), start.state, "is said to start at a signal but is no state")
+        require(start.signal in signals, start.signal, f"is where {start.state} starts but no numeric input or output")
+        require(_is_finite(start.factor), start.state, f"starts at {start.factor!r} times {start.signal}")
     for held in (*(mode.input for mode in model.modes), *(row.mode for row in model.event_rows)):
         require(held in model.names("input"), held, "is said to hold a mode but is no input")
     for place, signal in enumerate(model.inputs):

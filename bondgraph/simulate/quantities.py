@@ -20,6 +20,15 @@ class StateInfo(Displayed):
 
 
 @dataclass(frozen=True)
+class StartInfo:
+    """A state that starts, in a log, at ``factor`` times the first value of an input or of a measured output."""
+
+    state: str
+    signal: str
+    factor: float
+
+
+@dataclass(frozen=True)
 class InputInfo(Displayed):
     """One input: its default, how it runs between samples, and its letters if it is a code.
 

@@ -17,7 +17,9 @@ from bondgraph.declare.domains import TRANSLATION
 from bondgraph.declare.editing import handle
 from bondgraph.declare.effect import Effect, Place, Scale, effect_functions
 from bondgraph.declare.graph import BondGraph, Handle
-from bondgraph.errors import EstimationError, OptionError
+from bondgraph.declare.quantities import symbol
+from bondgraph.declare.revision import revise_law
+from bondgraph.errors import DeclarationError, EstimationError, OptionError
 from bondgraph.filter.runs import run
 from tests.correct.sled import built, fitted, pull, sled
 from vehicle_graphs import effects
@@ -193,3 +195,53 @@ def test_a_coefficient_without_bounds_is_an_error(where: list[Place]) -> None:
     setup = filter_setup(own.model, own.driven, [pull(sled(), 1)])
     with pytest.raises(EstimationError, match=r"unbounded at drum: its coefficient load_drum has no bounds"):
         coefficients(candidate, setup.filter_model)
+
+
+def oscillator() -> BondGraph:
+    g = BondGraph("oscillator")
+    body = g.one_junction("body", TRANSLATION)
+    g.effort_source("push", g.input("push_force", "N"), at=body)
+    g.inertance("mass", g.parameter("m", 2.0, "kg"), at=body)
+    g.compliance("spring", g.parameter("k", 50.0, "N/m", "", (10.0, 100.0)), at=body)
+    g.resistance("damper", g.parameter("c", 1.0, "N s/m", "", (0.1, 5.0)), at=body)
+    g.measure_flow("speed", body)
+    return g
+
+
+def hardening(g: BondGraph, at: Place) -> Effect | None:
+    """A spring that grows stiffer: the law of the declared one is no line any more."""
+    if at.junction.name != "body" or at.bond is not None:
+        return None
+    k3 = g.parameter("k3", 0.0, "N/m^3", "", (0.0, 1e4))
+    revise_law(g, "spring", "effort", lambda old: old + k3 * symbol("displacement") ** 3)
+    return Effect("hardening", "spring", "effort = k*q + k3*q^3", ("k3",))
+
+
+def bending(g: BondGraph, at: Place) -> Effect | None:
+    """As :func:`hardening`, of a spring that is still a line."""
+    law = g.nodes["spring"].law("effort")
+    if at.bond is not None or law != symbol("displacement") * symbol("k"):
+        return None
+    k2 = g.parameter("k2", 0.0, "N/m^3", "", (0.0, 1e4))
+    revise_law(g, "spring", "effort", lambda old: old + k2 * symbol("displacement") ** 3)
+    return Effect("bending", "spring", "effort = k*q + k2*q^3", ("k2",))
+
+
+def test_backlash_beside_a_law_that_bends_its_spring_keeps_its_place() -> None:
+    """Applied after the user's law it returned None, and its refit ended with "no parameter 'gap_backlash_body'"."""
+    graph = oscillator()
+    own = build(graph)
+    found, _ = candidates(own, [hardening, effects.backlash], [Place(handle(graph, "body"), Scale(9.0, 9.0))])
+    assert [one.effect.name for one in found] == ["hardening", "backlash"]
+    assert {"k3", "gap_backlash_body"} <= set(superset(own, found).model.names("parameter"))
+    with pytest.raises(DeclarationError, match="backlash at body does not fit beside what was added before"):
+        found[1].apply(found[0].apply(graph))
+
+
+def test_what_fits_nowhere_among_the_others_is_left_out_of_their_model() -> None:
+    graph = oscillator()
+    own = build(graph)
+    found, _ = candidates(own, [effects.backlash, bending], [Place(handle(graph, "body"), Scale(9.0, 9.0))])
+    assert [one.effect.name for one in found] == ["backlash", "bending"]
+    names = superset(own, found).model.names("parameter")
+    assert "gap_backlash_body" in names and "k2" not in names

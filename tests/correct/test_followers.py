@@ -14,13 +14,17 @@ from bondgraph.correct.loop import free_parameters
 from bondgraph.correct.models.build import BuiltModel, build
 from bondgraph.correct.models.candidates import Candidate, candidates, places
 from bondgraph.correct.models.followers import followers
+from bondgraph.correct.models.started import with_declared_starts
 from bondgraph.correct.refits.refit import Ground
 from bondgraph.correct.refits.storages import try_storage
 from bondgraph.correct.refits.trials import Trial
-from bondgraph.data.log import MatchedLog
+from bondgraph.data.log import Log, LogChannel, MatchedLog
 from bondgraph.declare.domains import ROTATION
 from bondgraph.declare.graph import BondGraph
+from bondgraph.declare.json_reader import graph_from_json
+from bondgraph.declare.json_writer import graph_to_json
 from bondgraph.filter.follows import with_followers
+from bondgraph.report.simulation import SimulationOptions, simulate_graph
 from bondgraph.simulate.simulate import simulate
 from vehicle_graphs import effects
 
@@ -148,3 +152,28 @@ def test_the_free_simulation_of_a_log_that_begins_in_motion_starts_right() -> No
     after = assess(found.fit, [unseen]).channels["speed"].simulation_rmse
     assert after < assess(base, [unseen]).channels["speed"].simulation_rmse
     assert after < 1.0
+
+
+@pytest.mark.parametrize("kind", ["elastic", "lagging"])
+def test_a_corrected_declaration_says_where_its_states_start(kind: str) -> None:
+    """Read back from its file and simulated, the fan started at the declared zero."""
+    after = {"elastic": elastic, "lagging": lagging}[kind]()
+    base, log = fitted(0), running(0)
+    path = base.runs([log])[0].filtered_mean
+    follows = followers(built(), after, path[: len(built().model.states), 0], log.u[:, 0], {})
+    rows = [base.problem.filter_model.model.names("state").index("w_motor")] * len(after.model.states)
+    declared, left = with_declared_starts(after, follows, [log], [path[rows]])
+    graph = graph_from_json(graph_to_json(declared.graph))
+    started = {one.state: (one.signal, one.factor) for one in build(graph).model.starts}
+    if kind == "elastic":
+        assert started == {"w_fan": ("speed", 1 / RATIO)} and left == ("q_added_compliance_motor_gearbox",)
+    else:
+        assert started == {"given_actuator_lag_motor": ("torque", 1.0)} and left == ()
+    columns = {"torque": LogChannel("torque", "N m", log.u[0]), "speed": LogChannel("speed", "rad/s", log.y[0])}
+    begun = simulate_graph(graph, Log("run", log.time, columns), SimulationOptions()).x[:, 0]
+    x0 = dict(zip(declared.model.names("state"), begun, strict=True))
+    if kind == "elastic":
+        assert x0["w_fan"] == pytest.approx(log.y[0, 0] / RATIO) and x0["w_motor"] == 0.0
+    else:
+        assert x0["given_actuator_lag_motor"] == log.u[0, 0]
+    assert with_declared_starts(after, {}, [log], [path[rows]]) == (after, ())

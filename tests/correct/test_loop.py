@@ -16,12 +16,11 @@ from bondgraph.correct.places.missing import missing_effort
 from bondgraph.correct.refits.refit import at_optimum, coefficients
 from bondgraph.correct.round import one_round
 from bondgraph.data.log import MatchedLog
-from bondgraph.declare.domains import TRANSLATION
 from bondgraph.declare.editing import handle
-from bondgraph.declare.effect import Effect, Place, Scale, effect_functions
+from bondgraph.declare.effect import Place, Scale, effect_functions
 from bondgraph.declare.files import read_graph, write_graph
 from bondgraph.declare.graph import BondGraph
-from bondgraph.errors import DataError, EstimationError, OptionError
+from bondgraph.errors import DataError, OptionError
 from bondgraph.estimate.certify import NEGLIGIBLE_SHIFT
 from tests.correct.sled import FUNCTIONS, added, built, fitted, pull, sled
 from vehicle_graphs import effects
@@ -212,20 +211,3 @@ def test_bad_use_is_told() -> None:
     few = MatchedLog("few", train[0].time[:20], train[0].u[:, :20], train[0].y[:, :20])
     with pytest.raises(DataError, match=r"sled: 40 measurements in few are too few for \d free parameters"):
         close_loop(sled(), [few], [], FUNCTIONS)
-    with pytest.raises(DataError, match=r"sled: no effect can be tried at any of \d+ places"):
-        close_loop(sled(), train, [], [nowhere])
-    with pytest.raises(EstimationError, match=r"rigid: no parameter declares bounds, so nothing is free"):
-        close_loop(rigid(), [pull(rigid(), 1)], [], FUNCTIONS)
-
-
-def nowhere(g: BondGraph, at: Place) -> Effect | None:
-    return None
-
-
-def rigid() -> BondGraph:
-    graph = BondGraph("rigid")
-    runner = graph.one_junction("runner", TRANSLATION)
-    graph.effort_source("motor", graph.input("torque", "N"), at=runner)
-    graph.inertance("mass", graph.parameter("m", 40.0, "kg"), at=runner, initial=1.0)
-    graph.measure_flow("speed", runner, "")
-    return graph

@@ -14,13 +14,15 @@ import sympy
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bondgraph.declare.domains import TRANSLATION
+from bondgraph.declare.domains import HYDRAULIC, TRANSLATION
 from bondgraph.declare.functions import maximum
 from bondgraph.declare.graph import BondGraph, ElementType, Handle
 from bondgraph.declare.laws import apply_law
 from bondgraph.declare.modal import friction
 from bondgraph.declare.quantities import symbol
 from bondgraph.declare.revision import revise_law
+from bondgraph.derive.causality import assign_causality
+from bondgraph.derive.derivation import derive
 from bondgraph.errors import DeclarationError, LawError
 
 V = symbol("flow")
@@ -215,3 +217,15 @@ def test_the_remedies_name_functions_that_exist() -> None:
     for name in laws._OTHER_NAMES.values():
         known = hasattr(sympy, name) or hasattr(functions, name)
         assert known or (not name.isidentifier() and (name == "**" or ast.parse(name.replace("...", "1"))))
+
+
+@pytest.mark.parametrize("zero", [0, 0.0, sympy.Float(0.0), sympy.Integer(0)])
+def test_zero_has_every_unit_however_it_is_written(zero: object) -> None:
+    """``maximum(p - full, 0.0)`` "compares Pa and 1", while 0 and 0.001 passed: Float(0.0) == 0 is false in sympy."""
+    g = BondGraph("tank")
+    tank = g.zero_junction("tank", HYDRAULIC)
+    full, leak = g.parameter("full", 2e5, "Pa"), g.parameter("leak", 1e-9, "m^3/(s Pa)")
+    g.compliance("volume", g.parameter("stiff", 1e8, "Pa/m^3"), at=tank)
+    g.resistance("overflow", flow=lambda p: leak * maximum(p - full, zero), at=tank)
+    assert derive(assign_causality(g)).states
+    g.validate()

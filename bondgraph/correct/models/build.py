@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from bondgraph.declare.domains import ROTATION, TRANSLATION
+from bondgraph.declare.domains import ROTATION, TRANSLATION, Domain
 from bondgraph.declare.graph import BondGraph
+from bondgraph.declare.validation import node_domains
 from bondgraph.derive.causality import CausalGraph, assign_causality
 from bondgraph.derive.derivation import check_closed, derive
 from bondgraph.derive.dimensions import check_dimensions
-from bondgraph.derive.equations import ImplicitLoop, StateEquations
+from bondgraph.derive.equations import ImplicitLoop, State, StateEquations
 from bondgraph.generate.module import render
 from bondgraph.simulate.model import Model
 from bondgraph.units import dimension
@@ -32,12 +33,11 @@ class BuiltModel:
         Unknown efforts act on flows and momenta. A displacement in mechanics follows from flows and nothing drives it
         alone; in other domains (charge, volume, heat) it has its own leaks and sources. Where that leaves none, all.
         """
-        mechanical = {name for d in (TRANSLATION, ROTATION) for name in (d.displacement_unit, d.effort_unit)}
-        units = {dimension(name) for name in mechanical}
+        domains = node_domains(self.causal.graph)
         chosen = tuple(
             state.symbol.name
             for state in self.equations.states
-            if state.variable in ("flow", "momentum") or dimension(state.unit) not in units
+            if state.variable in ("flow", "momentum") or not _is_mechanical(state, domains.get(state.element))
         )
         return chosen or tuple(state.symbol.name for state in self.equations.states)
 
@@ -45,6 +45,15 @@ class BuiltModel:
     def implicit_loops(self) -> int:
         """Nonlinear algebraic loops that every evaluation solves."""
         return sum(isinstance(step, ImplicitLoop) for step in self.equations.assignments)
+
+
+def _is_mechanical(state: State, domain: Domain | None) -> bool:
+    """Whether a state is one of mechanics, by its unit where no domain is known; heat in J is no torque in N m."""
+    mechanical = (TRANSLATION, ROTATION)
+    if domain is not None:
+        return domain in mechanical
+    units = {dimension(unit) for one in mechanical for unit in (one.displacement_unit, one.effort_unit)}
+    return dimension(state.unit) in units
 
 
 def build(graph: BondGraph, command: str | None = None) -> BuiltModel:

@@ -20,6 +20,7 @@ from bondgraph.derive.derivation import Derivation
 from bondgraph.derive.equations import ImplicitLoop, StateEquations
 from bondgraph.errors import (
     BondGraphError,
+    DeclarationError,
     EstimationError,
     LawError,
     OptionError,
@@ -62,9 +63,18 @@ class Candidate:
         return f"{self.effect.name} at {self.place.label}"
 
     def apply(self, graph: BondGraph) -> BondGraph:
-        """The graph with this effect; the given one is left alone."""
+        """The graph with this effect; the given one is left alone.
+
+        Raises
+        ------
+        DeclarationError
+            If the effect has no place there: another law took it, or what it needs is gone.
+        """
         extended = copy(graph)
-        self.function(extended, placed(extended, self.place))
+        if self.function(extended, placed(extended, self.place)) is None:
+            raise DeclarationError(
+                f"{graph.name}: {self.label} does not fit beside what was added before", where=(self.place.label,)
+            )
         return extended
 
     @property
@@ -315,12 +325,29 @@ def _beside_storage(built: BuiltModel, junction: str) -> bool:
 
 
 def superset(built: BuiltModel, vanishing: Sequence[Candidate]) -> BuiltModel:
-    """The declared graph with all vanishing candidates in it, their coefficients zero: one model to test them all.
+    """The declared graph with vanishing candidates in it, their coefficients zero: one model to test them all.
 
-    Those that revise a declared element come first: it stands alone then, as it did when they were offered.
+    Those that revise a declared element come first: it stands alone then, as it did when they were offered. One that
+    fits nowhere among the others is left out.
     """
-    graph = built.graph
     declared = built.causal.graph.nodes
+    graph = built.graph
+    order: list[Candidate] = []
     for candidate in sorted(vanishing, key=lambda one: one.effect.element not in declared):
-        graph = candidate.apply(graph)
+        for place in range(len(order), -1, -1):  # last, else before those that take its place
+            wider = _all_applied(built.graph, [*order[:place], candidate, *order[place:]])
+            if wider is not None:
+                order.insert(place, candidate)
+                graph = wider
+                break
     return build(graph)
+
+
+def _all_applied(graph: BondGraph, found: Sequence[Candidate]) -> BondGraph | None:
+    """The graph with candidates added one after the other, None where one does not fit."""
+    try:
+        for candidate in found:
+            graph = candidate.apply(graph)
+    except BondGraphError:
+        return None
+    return graph

@@ -50,9 +50,12 @@ def sensor_delay(g: BondGraph, at: Place) -> Effect | None:
     shown = next(output.expression for output in g.outputs if output.name == at.output)
     delay = g.parameter(name, 0.05, "s", f"time by which {at.output} comes late", (1e-3, LONGEST_DELAY))
     half = g.integral(
-        f"half_late_{at.name}", lambda x: 2 * (shown - x) / delay, _unit(g, at), f"{at.output}, half late"
+        f"half_late_{at.name}", lambda x: 2 * (shown - x) / delay, _unit(g, at), f"{at.output}, half late",
+        initial=at.output,
+    )  # fmt: skip
+    late = g.integral(
+        f"late_{at.name}", lambda x: 2 * (half - x) / delay, _unit(g, at), f"{at.output} as shown", initial=at.output
     )
-    late = g.integral(f"late_{at.name}", lambda x: 2 * (half - x) / delay, _unit(g, at), f"{at.output} as shown")
     revise_output(g, at.output, late)
     return Effect(
         "sensor_delay", at.output, "shown = true, late by T (two lags of T/2)", (name,), adds_state=True,

@@ -58,7 +58,7 @@ def gated_trials(
 
 def _gated_refit(best: Gated, peer: Peer, known: Scored, ground: Ground) -> list[Trial]:
     """One of the candidates that act in part of the data, refitted; none where its graph is refused."""
-    index, step = min(peer, key=lambda one: (*remoteness(known.candidates[one[0]]), one[0]))
+    index, step = min(peer, key=lambda one: (*remoteness(known.candidates[one[0]], (one[1],)), one[0]))
     step = best.step if index == best.index else step
     twins = tuple(known.candidates[k].label for k, _ in peer if k != index)
     chance = min(1.0, best.p_value * best.tested)

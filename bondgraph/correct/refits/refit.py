@@ -125,7 +125,9 @@ def refit_best(
             continue
         try:
             own = build(trials[index].candidate.apply(ground.built.graph))
-            fitted = _refit(index, trials[index], scored, shared or _alone(own, ground), ground, leader, quiet)
+            together = shared is not None and _holds(shared, trials[index].candidate)
+            model = shared if together and shared is not None else _alone(own, ground)
+            fitted = _refit(index, trials[index], scored, model, ground, leader, quiet)
             note(done, group, fitted, own, ground)
         except FAILURES as error:  # it diverges wherever its scores point
             done[index] = replace(done[index], failed=reason(error))
@@ -144,6 +146,11 @@ def _shared(found: Sequence[Candidate], ground: Ground) -> FilterModel | None:
         return _alone(superset(ground.built, found), ground)
     except FAILURES:
         return None
+
+
+def _holds(filter_model: FilterModel, candidate: Candidate) -> bool:
+    """Whether a model has a candidate in it, which may not fit beside the others."""
+    return set(candidate.effect.parameters) <= set(filter_model.model.names("parameter"))
 
 
 def _alone(own: BuiltModel, ground: Ground) -> FilterModel:
@@ -187,8 +194,9 @@ def worth_quiet(found: Scores, need: float) -> float:
 def alike(trials: Sequence[Trial], found: Scores, least: float) -> list[list[int]]:
     """Indices of candidates worth a refit, those with the same response together, the preferred one of each first.
 
-    Of several that the sensors cannot tell apart the first is, in this order: a law that only takes energy before a
-    source, a place whose flow is that of a storage before one that is rigidly tied to it, and the order of declaration.
+    Of several that the sensors cannot tell apart the first is, in this order: one whose coefficients may be as large as
+    its score asks for, a law that only takes energy before a source, a place whose flow is that of a storage before one
+    that is rigidly tied to it, and the order of declaration.
     A law that is not smooth at zero is told little by its score, which is no reason to pass it over. Nor is one of more
     coefficients the same as one of fewer, though its step may be: a fit may move them apart.
     """
@@ -209,13 +217,22 @@ def alike(trials: Sequence[Trial], found: Scores, least: float) -> list[list[int
             twin.append(j)
         elif found.p_value[j] < CHANCE or trials[j].candidate.effect.amplitudes:
             groups.append([j])
-    return [sorted(group, key=lambda j: (*remoteness(trials[j].candidate), j)) for group in groups]
+    return [
+        sorted(group, key=lambda j: (*remoteness(trials[j].candidate, found.steps[j]), j)) for group in groups
+    ]  # fmt: skip
 
 
-def remoteness(candidate: Candidate) -> tuple[int, bool, bool, bool]:
-    """Of several candidates that the sensors cannot tell apart the one with the smallest is preferred."""
+def remoteness(candidate: Candidate, step: Sequence[float] | FloatArray = ()) -> tuple[int, bool, bool, bool, bool]:
+    """Of several candidates that the sensors cannot tell apart the one with the smallest is preferred.
+
+    ``step`` is what its score asks of each coefficient: a place where effort and flow are small bounds them too closely
+    to show what the same law shows elsewhere.
+    """
     size = len(candidate.effect.parameters)
-    return size, not candidate.passive, bool(candidate.effect.channel), not candidate.beside_storage
+    beyond = any(
+        not lower <= value <= upper for value, lower, upper in zip(step, candidate.lower, candidate.upper, strict=False)
+    )
+    return size, beyond, not candidate.passive, bool(candidate.effect.channel), not candidate.beside_storage
 
 
 def _refit(

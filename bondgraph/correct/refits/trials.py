@@ -95,7 +95,7 @@ class Detectable:
     """How large a missing effect must be to be found with logs such as these.
 
     At ``size`` of its coefficient it is found about nine times in ten, with the same excitation and noise. ``size`` is
-    infinite where the free parameters take all of the candidate's response, so that no size shows.
+    infinite where no size that the effect may have shows: the free parameters take its response, or it is too small.
     """
 
     effect: str

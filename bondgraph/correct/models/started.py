@@ -1,0 +1,117 @@
+"""A corrected declaration that says where the states of its effects start.
+
+In a loop they start where the model without them leads (:mod:`.followers`). A declaration can say so where that is one
+signal of the log: the command of a lag, the speed of an inertia behind a gear. The load of a spring is a sum of several
+signals, and stays at its declared value.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from bondgraph.correct.models.build import BuiltModel, build
+from bondgraph.data.log import FloatArray, MatchedLog
+from bondgraph.declare.editing import copy
+from bondgraph.declare.elements import STORAGES
+from bondgraph.declare.graph import BondGraph
+from bondgraph.declare.quantities import Integral, Start
+from bondgraph.derive.equations import State
+from bondgraph.estimate.initial import directly_measured
+from bondgraph.filter.follows import Follow
+from bondgraph.simulate.model import Model
+
+#: What else moves a start by less than this share of it is the error of differences.
+_ALONE = 1e-6
+
+
+def with_declared_starts(
+    built: BuiltModel, follows: Mapping[str, Follow], logs: Sequence[MatchedLog], paths: Sequence[FloatArray]
+) -> tuple[BuiltModel, tuple[str, ...]]:
+    """The model whose graph declares the starts that states follow, and the states that no single signal starts.
+
+    Parameters
+    ----------
+    built
+        The corrected model.
+    follows
+        Where states start, by name; those that the model does not have mean nothing.
+    logs, paths
+        Matched logs and the states along them, (n_x, n): how large signals are.
+    """
+    names = built.model.names("state")
+    owned = {state.symbol.name: state for state in built.equations.states}
+    due = {name: follow for name, follow in follows.items() if name in names and owned[name].start is None}
+    sizes = _sizes(built.model, logs, paths)
+    measured = _measured(built.model, logs[0])
+    graph = copy(built.graph)
+    left = []
+    for name, follow in due.items():
+        start = measured.get(name) or _single(follow, sizes, built.model, measured)
+        if start is None or not _declared(graph, owned[name], start):
+            left.append(name)
+    return (build(graph) if len(left) < len(due) else built), tuple(left)
+
+
+def start_cautions(states: Sequence[str]) -> list[str]:
+    """What a simulation of the corrected declaration must be told, since no single signal of a log says it."""
+    if not states:
+        return []
+    return [
+        f"the corrected declaration starts {', '.join(states)} at the declared value, since no single signal of a log "
+        "tells where it stands; the fits here begin where the other states lead it - give --initial to simulate a log "
+        "that begins in motion"
+    ]
+
+
+def _sizes(model: Model, logs: Sequence[MatchedLog], paths: Sequence[FloatArray]) -> dict[str, float]:
+    """The largest values of all states and inputs."""
+    together = [np.vstack([path[: len(model.states)], log.u]) for log, path in zip(logs, paths, strict=True)]
+    largest = np.abs(np.nan_to_num(np.concatenate(together, axis=1))).max(axis=1)
+    return dict(zip((*model.names("state"), *model.names("input")), map(float, largest), strict=True))
+
+
+def _measured(model: Model, log: MatchedLog) -> dict[str, Start]:
+    """The states that an output shows times a factor, as what they are of it."""
+    found = directly_measured(model, log.u[:, 0], model.theta(**dict(log.theta_overrides)))
+    outputs, states = model.names("output"), model.names("state")
+    return {
+        states[state]: Start(outputs[output], _rounded(1.0 / slope))
+        for output, (state, slope, offset) in found.items()
+        if abs(offset) <= _ALONE * abs(slope)
+    }
+
+
+def _single(follow: Follow, sizes: Mapping[str, float], model: Model, measured: Mapping[str, Start]) -> Start | None:
+    """The one signal that a start follows, None where it is more than one or not in the log."""
+    parts = {name: abs(slope) * sizes.get(name, 0.0) for name, slope in follow.slopes}
+    name = max(parts, key=lambda one: parts[one], default="")
+    rest = abs(follow.constant) + sum(part for one, part in parts.items() if one != name)
+    if not name or not rest <= _ALONE * parts[name]:
+        return None
+    slope = dict(follow.slopes)[name]
+    unfit = [one.name for one in model.inputs if one.letters or one.rate_of]  # a rate is in no log
+    if name in model.names("input"):
+        return None if name in unfit else Start(name, _rounded(slope))
+    shown = measured.get(name)
+    return None if shown is None else Start(shown.signal, _rounded(slope * shown.factor))
+
+
+def _rounded(factor: float) -> float:
+    """A factor without the last digits, which are those of differences."""
+    return float(f"{factor:.7g}")
+
+
+def _declared(graph: BondGraph, state: State, start: Start) -> bool:
+    """Declare the start of a state in the graph itself; False where it belongs to a part or a field."""
+    quantity = graph._quantities.get(state.symbol.name)
+    if isinstance(quantity, Integral):
+        graph._quantities[quantity.name] = dataclasses.replace(quantity, start=start)
+        return True
+    node = graph._nodes.get(state.element)
+    if node is None or node.kind not in STORAGES or node.is_field:
+        return False
+    graph._nodes[node.name] = dataclasses.replace(node, starts=(start,))
+    return True

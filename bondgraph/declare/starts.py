@@ -1,0 +1,175 @@
+"""Starts from a log: a state whose first value is that of an input or of a measured output.
+
+``initial=omega`` names the symbol of a declared input, ``initial="speed"`` an input or an output by its name, and
+``initial=0.25 * omega`` or ``"0.25*speed"`` a share of either. A pair ``(omega, 12.0)`` gives the number, too, at which
+the state starts without a log; alone, a signal leaves that to the input's default, or zero.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import re
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from sympy import Expr
+
+from bondgraph.declare.laws import as_expression
+from bondgraph.declare.quantities import Input, Start
+from bondgraph.errors import DeclarationError, suggest
+from bondgraph.units import dimension
+
+if TYPE_CHECKING:
+    from bondgraph.declare.store import GraphStore
+
+_TEXT = re.compile(r"(?:(?P<factor>[^*]+)\*)?\s*(?P<name>[A-Za-z_][A-Za-z0-9_.]*)\s*\Z")
+_HOW = "give a number, the symbol of an input, the name of an input or output, or a multiple such as '0.25*speed'"
+
+
+@dataclass(frozen=True)
+class Initial:
+    """The start of one state: a number in coherent SI, and the signal that comes before it where a log has it."""
+
+    value: float
+    start: Start | None = None
+
+
+def initial_of(
+    value: Any, where: str, number: Callable[[Any], float], inputs: Mapping[str, Any], units: Collection[str] = ()
+) -> Initial:
+    """The declared ``initial`` of a state.
+
+    Parameters
+    ----------
+    value
+        A number or pint quantity, a signal, or a pair of both.
+    where
+        The place of the declaration, ``graph: name``.
+    number
+        Brings a number to coherent SI.
+    inputs
+        What is declared so far, by name.
+    units
+        Units that the state may have; empty where they are not known yet.
+
+    Raises
+    ------
+    DeclarationError
+        If it is none of these, an input takes text, or its unit does not fit.
+
+    Examples
+    --------
+    >>> initial_of(2.5, "g: rotor", float, {})
+    Initial(value=2.5, start=None)
+    >>> initial_of("-0.5*speed", "g: rotor", float, {})
+    Initial(value=0.0, start=Start(signal='speed', factor=-0.5))
+    """
+    signal, rest = value if isinstance(value, tuple | list) and len(value) == 2 else (value, None)
+    if not isinstance(signal, str) and not (isinstance(signal, Expr) and signal.free_symbols):
+        if rest is not None:
+            raise _unreadable(value, where)
+        return Initial(number(value))
+    start = _named(signal, where) if isinstance(signal, str) else _of_symbol(signal, where, inputs)
+    declared = inputs.get(start.signal)
+    if declared is None and not isinstance(signal, str) and "." not in start.signal:
+        raise DeclarationError(
+            f"{where}: initial {start}: {start.signal!r} is not declared{suggest(start.signal, inputs)} - declare the "
+            "input first, or name an output as text",
+            where=(where.rpartition(": ")[2], start.signal),
+        )
+    if isinstance(declared, Input):
+        check_start(start, declared, where, units)
+        return Initial(start.factor * declared.default if rest is None else number(rest), start)
+    return Initial(0.0 if rest is None else number(rest), start)
+
+
+def starts_of(initials: Sequence[Initial]) -> tuple[Start | None, ...]:
+    """The signals of several starts, nothing where all are numbers."""
+    found = tuple(one.start for one in initials)
+    return found if any(found) else ()
+
+
+def check_start(start: Start, signal: Any, where: str, units: Collection[str]) -> None:
+    """Raise DeclarationError where a signal takes text, or its unit is none of those the state may have."""
+    name = where.rpartition(": ")[2]
+    if getattr(signal, "letters", ()):
+        raise DeclarationError(
+            f"{where}: initial {start}: {start.signal} takes text, a state starts at a number - name another signal",
+            where=(name, start.signal),
+        )
+    known = [unit for unit in units if unit]
+    if signal.unit and known and dimension(signal.unit) not in [dimension(unit) for unit in known]:
+        raise DeclarationError(
+            f"{where}: initial {start}: {start.signal} is in {signal.unit!r}, the state in "
+            f"{' or '.join(map(repr, known))} - name a signal of the same unit",
+            where=(name, start.signal),
+        )
+
+
+def check_starts(graph: GraphStore) -> None:
+    """Raise DeclarationError where a state of a (flat) graph starts at a signal that it does not have."""
+    signals = signals_of(graph)
+    listed = [(node.name, start) for node in graph.nodes.values() for start in node.starts]
+    for name, start in [*listed, *((one.name, one.start) for one in graph.integrals)]:
+        if start is None:
+            continue
+        where = f"{graph.name}: {name}"
+        if start.signal not in signals:
+            raise DeclarationError(
+                f"{where}: initial {start}: no input or output {start.signal!r}{suggest(start.signal, signals)} - it "
+                f"has {', '.join(signals) or 'none'}",
+                where=(name, start.signal),
+            )
+        check_start(start, signals[start.signal], where, ())
+
+
+def signals_of(graph: GraphStore) -> dict[str, Any]:
+    """Inputs and outputs of a (flat) graph by name; an input comes before an output of the same name."""
+    found: list[Any] = [*graph.outputs, *graph.inputs]
+    return {one.name: one for one in found}
+
+
+def renamed_start(initial: Initial, rename: Callable[[str], str], bound: Mapping[str, Expr], where: str) -> Initial:
+    """The start of a part's state in the names of the graph around it, which may bind the input it starts at."""
+    start = initial.start
+    if start is None:
+        return initial
+    if start.signal not in bound:
+        return Initial(initial.value, dataclasses.replace(start, signal=rename(start.signal)))
+    expression = bound[start.signal] * start.factor
+    if not expression.free_symbols:
+        return Initial(float(expression))
+    outer = _of_symbol(expression, where, {})
+    return Initial(initial.value, outer)
+
+
+def _named(text: str, where: str) -> Start:
+    found = _TEXT.match(text.strip())
+    try:
+        if found is not None:
+            return _start(found["name"], float(found["factor"] or 1.0), text, where)
+    except ValueError:
+        pass
+    raise _unreadable(text, where)
+
+
+def _of_symbol(signal: Expr, where: str, inputs: Mapping[str, Any]) -> Start:
+    factor, symbol = as_expression(signal, where).as_coeff_Mul()
+    if not symbol.is_Symbol:
+        raise _unreadable(signal, where)
+    if symbol.name in inputs and not isinstance(inputs[symbol.name], Input):
+        raise _unreadable(signal, where)
+    return _start(symbol.name, float(factor), signal, where)
+
+
+def _start(signal: str, factor: float, given: Any, where: str) -> Start:
+    if not math.isfinite(factor) or factor == 0.0:
+        raise _unreadable(given, where)
+    return Start(signal, factor)
+
+
+def _unreadable(given: Any, where: str) -> DeclarationError:
+    name = where.rpartition(": ")[2]
+    return DeclarationError(f"{where}: initial {given} is no start of a state - {_HOW}", where=(name,))

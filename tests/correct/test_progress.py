@@ -1,0 +1,64 @@
+"""Taking out what was added: effects that act on one another."""
+
+from __future__ import annotations
+
+import pytest
+
+from bondgraph.correct.fits.fit import fit
+from bondgraph.correct.loop import LoopSettings, close_loop
+from bondgraph.correct.models.build import build
+from bondgraph.correct.models.candidates import candidates
+from bondgraph.correct.progress import Progress, without
+from bondgraph.correct.refits.refit import at_optimum, coefficients
+from bondgraph.correct.refits.trials import Trial
+from bondgraph.correct.rest import Rest
+from bondgraph.correct.round import RoundSettings
+from bondgraph.declare.editing import handle
+from bondgraph.declare.effect import Place, Scale
+from tests.correct.sled import added, built, fitted, pull, sled
+from vehicle_graphs import effects
+
+
+def test_a_wind_on_a_drag_that_is_withdrawn_goes_with_it() -> None:
+    """The headwind acts on the drag of the round before; without it: "no parameter 'w_headwind_...'"."""
+    log = pull(added(effects.quadratic_loss, "runner", 3.0), 1)
+    base = fitted([log])
+    at = Place(handle(sled(), "runner"), Scale(150.0, 4.0))
+    (drag,), _ = candidates(built(), [effects.quadratic_loss], [at])
+    with_drag = build(drag.apply(sled()))
+    (wind,), _ = candidates(with_drag, [effects.headwind], [at])
+    both = build(wind.apply(with_drag.graph))
+    model = base.problem.filter_model.__class__(
+        both.model, base.problem.filter_model.process_noise, base.problem.filter_model.measurement_noise,
+        base.problem.filter_model.initial_std,
+    )  # fmt: skip
+    free = (*at_optimum(base), *coefficients(drag, model), *coefficients(wind, model))
+    state = Progress(sled(), both, fit(model, [log], free), (log,), (Trial(drag, 9.0), Trial(wind, 9.0)))
+    left = without(state, 0, "dropped", "p = 0.5", 2, RoundSettings())
+    assert left.added == () and left.built.model.names("parameter") == built().model.names("parameter")
+    assert [(one.action, one.what) for one in left.history] == [
+        ("dropped", "quadratic_loss at runner"), ("dropped", "headwind at runner"),
+    ]  # fmt: skip
+    assert left.history[1].why == "has nothing to act on without quadratic_loss at runner"
+    alone = without(state, 1, "dropped", "p = 0.5", 2, RoundSettings())
+    assert [one.candidate.label for one in alone.added] == ["quadratic_loss at runner"]
+    assert alone.fit.nll == pytest.approx(state.fit.nll, abs=20.0)
+
+
+def test_an_effect_that_is_withdrawn_at_the_end_makes_room_for_another(monkeypatch: pytest.MonkeyPatch) -> None:
+    """With --max-effects 1 the loop ended without any effect, though the second one passed."""
+    train = [pull(added(effects.quadratic_loss, "runner", 3.0), 1)]
+    rested: list[int] = []
+
+    def needless_once(state: Progress, rounds: object, settings: RoundSettings, tables: bool) -> Rest:
+        rested.append(len(state.added))
+        if len(rested) == 1:
+            return Rest(without(state, 0, "withdrawn", "needless", 1, settings), ())
+        return Rest(state, ())
+
+    monkeypatch.setattr("bondgraph.correct.loop.settle", needless_once)
+    functions = [effects.quadratic_loss, effects.constant_effort]
+    closed = close_loop(sled(), train, [], functions, LoopSettings(max_effects=1, faults=False))
+    assert rested == [1, 1] and len(closed.added) == 1
+    assert [one.action for one in closed.history] == ["added", "withdrawn", "added", "stopped"]
+    assert closed.reason.startswith("the limit of 1 effects was reached")
