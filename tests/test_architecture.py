@@ -18,21 +18,25 @@ ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = ROOT / "bondgraph"
 
 VISIBLE = {"pyproject.toml", "bondgraph", "vehicle_graphs", "generated", "tests", "README.md", "LICENSE"}
-FOUNDATION = ("errors", "files", "units", "coherent")
+FOUNDATION = ("version", "errors", "files", "units", "coherent")
 DESIGN_TIME = ("declare", "derive", "generate")
 RUN_TIME = ("data", "simulate", "filter", "estimate")
 ON_TOP = ("correct", "report", "cli")
+#: Single files above the halves: from a graph to a model.
+FRONT = ("build",)
 ROOMS = (*DESIGN_TIME, *RUN_TIME, *ON_TOP)
 
 #: What each room may import besides itself. The halves do not know each other; what is on top may use both.
 MAY_IMPORT: dict[str, tuple[str, ...]] = {
+    "version": (),
     "errors": (),
     "files": ("errors",),
     "units": ("errors",),
     "coherent": ("errors", "units"),
     **{room: (*FOUNDATION, *DESIGN_TIME[:i]) for i, room in enumerate(DESIGN_TIME)},
     **{room: (*FOUNDATION, *RUN_TIME[:i]) for i, room in enumerate(RUN_TIME)},
-    **{room: (*FOUNDATION, *DESIGN_TIME, *RUN_TIME, *ON_TOP[:i]) for i, room in enumerate(ON_TOP)},
+    "build": (*FOUNDATION, *DESIGN_TIME, "simulate"),
+    **{room: (*FOUNDATION, *DESIGN_TIME, *RUN_TIME, "build", *ON_TOP[:i]) for i, room in enumerate(ON_TOP)},
 }
 
 #: Rooms inside ``correct``, in the order in which a loop goes through them; what stands beside them is the loop itself.
@@ -98,7 +102,7 @@ def test_the_visible_top_level_is_the_agreed_one() -> None:
 
 def test_every_module_has_a_place() -> None:
     found = {path.name for path in PACKAGE.iterdir() if path.name != "__pycache__"}
-    top = {"__init__.py", "__main__.py", "py.typed", *(f"{name}.py" for name in FOUNDATION)}
+    top = {"__init__.py", "__main__.py", "py.typed", *(f"{name}.py" for name in (*FOUNDATION, *FRONT))}
     assert found == {*top, *ROOMS}
     for path in _modules():
         assert (path.parent / "__init__.py").is_file(), f"{_name(path)} is in a folder without __init__.py"
@@ -114,7 +118,7 @@ def test_imports_point_one_way(path: Path) -> None:
     assert _import_errors(path) == []
 
 
-@pytest.mark.parametrize("name", [f"{name}.py" for name in FOUNDATION])
+@pytest.mark.parametrize("name", [f"{name}.py" for name in (*FOUNDATION, *FRONT)])
 def test_imports_of_single_files_point_one_way(name: str) -> None:
     assert _import_errors(PACKAGE / name) == []
 

@@ -12,12 +12,12 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from bondgraph.build import BuiltModel
 from bondgraph.correct.advice import separation
 from bondgraph.correct.fits.fit import Fit, Report, no_report
 from bondgraph.correct.fits.journal import Journal
 from bondgraph.correct.fits.whiteness import is_white
 from bondgraph.correct.models.absent import absent_when_zero
-from bondgraph.correct.models.build import BuiltModel
 from bondgraph.correct.models.candidates import Candidate, Refused, candidates, places
 from bondgraph.correct.models.failures import attempted
 from bondgraph.correct.places.located import LocatedAt, locate

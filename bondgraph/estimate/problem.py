@@ -22,7 +22,6 @@ from bondgraph.estimate.objective import Below, BoolArray, FloatArray, Terms
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.follows import with_followers
 
-
 #: What an estimation maximises unless another likelihood is asked for.
 _FILTER = FilterLikelihood()
 

@@ -22,7 +22,7 @@ from bondgraph.report.misfits import misfit_sentences
 from bondgraph.report.series import ChannelSeries, channel_errors
 from bondgraph.report.suspicions import sampling_suspicions, unit_suspicions
 from bondgraph.simulate.model import Model
-from bondgraph.simulate.simulate import simulate
+from bondgraph.simulate.simulation import simulate
 from bondgraph.simulate.trajectory import Trajectory
 
 

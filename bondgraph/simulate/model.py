@@ -30,12 +30,13 @@ if TYPE_CHECKING:
 Kind = Literal["state", "input", "parameter", "output"]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class Model:
     """State equations of one generated module: ``dx/dt = rhs(t, x, u, theta)``, ``y = output(t, x, u, theta)``.
 
-    Build one with :meth:`from_file` or :meth:`from_text`. Two models are equal when their texts are. All numbers are in
-    the ``unit`` of their quantity, coherent SI in what is generated; what is shown is in its ``display_unit``.
+    Load one with :func:`load`, or make one from a graph with :func:`bondgraph.build.build`. Two models are equal when
+    their texts are. All numbers are in the ``unit`` of their quantity, coherent SI in what is generated; what is shown
+    is in its ``display_unit``.
 
     Examples
     --------
@@ -101,6 +102,18 @@ class Model:
         except (OSError, UnicodeDecodeError) as error:
             raise ModelError(f"{path}: cannot be read as a generated module: {error}", where=(str(path),)) from None
         return cls.from_text(text, source=Path(path).name)
+
+    def __eq__(self, other: object) -> bool:
+        return self.text == other.text if isinstance(other, Model) else NotImplemented
+
+    def __hash__(self) -> int:
+        return hash(self.text)
+
+    def __repr__(self) -> str:
+        sizes = [
+            f"{len(self._infos(kind))} {kind}{'' if len(self._infos(kind)) == 1 else 's'}" for kind in get_args(Kind)
+        ]
+        return f"<Model {self.name}: {', '.join(sizes)}, {self.digest}>"
 
     def __reduce__(self) -> tuple[Callable[[str], Model], tuple[str]]:
         return Model.from_text, (self.text,)
@@ -211,6 +224,11 @@ class Model:
         """Derivatives with respect to the parameters, (rows, n_theta, *batch), as :meth:`jacobian_x`."""
         return self.program.dense_jacobian(of, "theta", t, *map(np.asarray, (x, u, theta)))
 
+    @property
+    def driven(self) -> tuple[str, ...]:
+        """States that process noise may drive where nothing else is said; a module alone tells of none it may not."""
+        return self.names("state")
+
     def names(self, kind: Kind) -> tuple[str, ...]:
         """Names of the states, inputs, parameters or outputs, in the order of their vector."""
         return tuple(info.name for info in self._infos(kind))
@@ -277,6 +295,30 @@ class Model:
         for name, value in overrides.items():
             vector[self.index(kind, name)] = value
         return vector
+
+
+def load(path: str | Path) -> Model:
+    """The model in a generated module.
+
+    Parameters
+    ----------
+    path
+        A file that ``bondgraph generate`` wrote.
+
+    Raises
+    ------
+    ModelError
+        If the file cannot be read or is not a generated module.
+
+    Examples
+    --------
+    >>> import bondgraph as bg
+    >>> bg.load("sled.txt")
+    Traceback (most recent call last):
+        ...
+    bondgraph.errors.ModelError: sled.txt: cannot be read as a generated module: ...
+    """
+    return Model.from_file(path)
 
 
 def _check_rows(model: Model, source: str) -> None:

@@ -7,11 +7,11 @@ import functools
 import numpy as np
 import pytest
 
+from bondgraph.build import BuiltModel, build
 from bondgraph.correct.fits.assess import assess
 from bondgraph.correct.fits.fit import Fit, fit
 from bondgraph.correct.fits.setup import filter_setup
 from bondgraph.correct.loop import free_parameters
-from bondgraph.correct.models.build import BuiltModel, build
 from bondgraph.correct.models.candidates import Candidate, candidates, places
 from bondgraph.correct.models.followers import followers
 from bondgraph.correct.refits.refit import Ground
@@ -21,7 +21,7 @@ from bondgraph.data.log import MatchedLog
 from bondgraph.declare.domains import ROTATION
 from bondgraph.declare.graph import BondGraph
 from bondgraph.filter.follows import with_followers
-from bondgraph.simulate.simulate import simulate
+from bondgraph.simulate.simulation import simulate
 from vehicle_graphs import effects
 
 RATIO, J_M, J_F, DRAG, SOFT = 4.0, 4e-4, 0.02, 4e-4, 6.0

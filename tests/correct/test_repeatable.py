@@ -11,9 +11,9 @@ from contextlib import contextmanager
 import numpy as np
 import pytest
 
+from bondgraph.build import build
 from bondgraph.correct.fits.fit import fit, no_report
 from bondgraph.correct.loop import ClosedLoop, LoopSettings, close_loop
-from bondgraph.correct.models.build import build
 from bondgraph.estimate.likelihoods import FilterLikelihood
 from bondgraph.estimate.problem import EstimationProblem
 from bondgraph.simulate.model import Model

@@ -24,7 +24,7 @@ from bondgraph.simulate.program.lanes import LaneModel, load_lanes
 from bondgraph.simulate.program.sparse_lu import elimination_order, factorise, substitute
 from bondgraph.simulate.program.tape import Tape
 from bondgraph.simulate.rosenbrock import TABLEAUS
-from bondgraph.simulate.simulate import simulate
+from bondgraph.simulate.simulation import simulate
 from bondgraph.simulate.stiff import ModelEquations, Rosenbrock, step_lengths
 from tests.simulate.points import model_of, points_of
 from tests.simulate.samples import decay

@@ -16,7 +16,7 @@ from bondgraph.correct.fits.fit import BLOCKS, Fit
 from bondgraph.correct.responses.intervals import integrator
 from bondgraph.data.log import FloatArray, MatchedLog
 from bondgraph.filter.filter_run import FilterRun
-from bondgraph.simulate.simulate import simulate
+from bondgraph.simulate.simulation import simulate
 from bondgraph.simulate.trajectory import Trajectory
 
 #: Blocks of time by whose scatter errors are judged.

@@ -13,8 +13,8 @@ from typing import Literal
 
 import numpy as np
 
+from bondgraph.build import BuiltModel
 from bondgraph.correct.models.bonds import bond_model
-from bondgraph.correct.models.build import BuiltModel
 from bondgraph.correct.responses.response import Change, Path, model_change
 from bondgraph.correct.scores.scoring import Linearisation
 from bondgraph.data.log import FloatArray

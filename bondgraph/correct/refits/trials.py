@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
+from bondgraph.build import BuiltModel
 from bondgraph.correct.fits.fit import Fit
-from bondgraph.correct.models.build import BuiltModel
 from bondgraph.correct.models.candidates import Candidate
 from bondgraph.correct.models.failures import attempted
 from bondgraph.correct.scores.gates import Gate

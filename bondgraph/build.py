@@ -2,28 +2,36 @@
 
 from __future__ import annotations
 
+import dataclasses
+import functools
 from dataclasses import dataclass
+from pathlib import Path
 
 from bondgraph.declare.domains import ROTATION, TRANSLATION
+from bondgraph.declare.files import load_graph
 from bondgraph.declare.graph import BondGraph
-from bondgraph.derive.causality import CausalGraph, assign_causality
-from bondgraph.derive.derivation import check_closed, derive
-from bondgraph.derive.dimensions import check_dimensions
+from bondgraph.derive.causality import CausalGraph
 from bondgraph.derive.equations import ImplicitLoop, StateEquations
-from bondgraph.generate.module import render
+from bondgraph.generate.pipeline import render_graph
 from bondgraph.simulate.model import Model
 from bondgraph.units import dimension
 
 
-@dataclass(frozen=True)
-class BuiltModel:
-    """A graph and what was made of it; ``text`` is the generated module."""
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class BuiltModel(Model):
+    """A model that knows the graph it was built from; ``text`` is the generated module.
+
+    It equals the model that is loaded from its module, and is pickled as that one.
+    """
 
     graph: BondGraph
     causal: CausalGraph
     equations: StateEquations
-    text: str
-    model: Model
+
+    @functools.cached_property
+    def model(self) -> Model:
+        """The run-time half alone, which holds neither graph nor equations."""
+        return Model(**{field.name: getattr(self, field.name) for field in dataclasses.fields(Model)})
 
     @property
     def driven(self) -> tuple[str, ...]:
@@ -47,15 +55,19 @@ class BuiltModel:
         return sum(isinstance(step, ImplicitLoop) for step in self.equations.assignments)
 
 
-def build(graph: BondGraph, command: str | None = None) -> BuiltModel:
+def build(graph: BondGraph | str | Path, command: str | None = None, *, smooth: bool = True) -> BuiltModel:
     """Assign causality, derive, check dimensions, render and load.
 
     Parameters
     ----------
     graph
-        The declared graph.
+        A declared graph, or a reference to one as every command takes it: ``sled.py``, ``sled.py:name``,
+        ``module:name`` or a graph file ``sled.json``.
     command
         The command that regenerates the module, for its header.
+    smooth
+        Take switches, friction and impacts as smooth laws, as filters and estimation need them; else with modes, whose
+        events :func:`bondgraph.simulate.simulation.simulate` locates.
 
     Raises
     ------
@@ -64,15 +76,15 @@ def build(graph: BondGraph, command: str | None = None) -> BuiltModel:
 
     Examples
     --------
-    >>> g = BondGraph("free_mass")
+    >>> import bondgraph as bg
+    >>> g = bg.BondGraph("free_mass")
     >>> body = g.one_junction("body")
     >>> _ = g.inertance("mass", g.parameter("m", 2.0, "kg"), at=body)
-    >>> build(g).model.names("state")
+    >>> bg.build(g).names("state")
     ('f_mass',)
     """
-    causal = assign_causality(graph)
-    equations = derive(causal)
-    check_closed(equations)
-    check_dimensions(equations)
-    text = render(equations, command)
-    return BuiltModel(graph, causal, equations, text, Model.from_text(text, source=graph.name))
+    declared = graph if isinstance(graph, BondGraph) else load_graph(str(graph))
+    rendered = render_graph(declared, command, smooth=smooth)
+    model = Model.from_text(rendered.text, source=declared.name)
+    parts = {field.name: getattr(model, field.name) for field in dataclasses.fields(Model)}
+    return BuiltModel(**parts, graph=declared, causal=rendered.causal, equations=rendered.equations)
