@@ -18,7 +18,7 @@ ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = ROOT / "bondgraph"
 
 VISIBLE = {"pyproject.toml", "bondgraph", "vehicle_graphs", "generated", "tests", "README.md", "LICENSE"}
-FOUNDATION = ("version", "errors", "files", "units", "coherent")
+FOUNDATION = ("version", "text", "errors", "files", "frames", "units", "coherent")
 DESIGN_TIME = ("declare", "derive", "generate")
 RUN_TIME = ("data", "simulate", "filter", "estimate")
 ON_TOP = ("correct", "report", "cli")
@@ -29,6 +29,8 @@ ROOMS = (*DESIGN_TIME, *RUN_TIME, *ON_TOP)
 #: What each room may import besides itself. The halves do not know each other; what is on top may use both.
 MAY_IMPORT: dict[str, tuple[str, ...]] = {
     "version": (),
+    "text": (),
+    "frames": ("errors",),
     "errors": (),
     "files": ("errors",),
     "units": ("errors",),

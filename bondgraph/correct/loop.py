@@ -42,6 +42,7 @@ from bondgraph.declare.graph import BondGraph
 from bondgraph.errors import BondGraphError, DataError, EstimationError, OptionError
 from bondgraph.estimate.certify import Check
 from bondgraph.estimate.free import FreeParameter, declared_free, parse_target
+from bondgraph.text import count, few
 
 #: Measurements per free parameter below which nothing can be concluded.
 _MEASUREMENTS_EACH = 20
@@ -82,7 +83,7 @@ class Added:
     coefficients: tuple[str, ...]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class ClosedLoop:
     """The whole correction: both models fitted and assessed, and the history of decisions.
 
@@ -109,6 +110,10 @@ class ClosedLoop:
     unexplained: tuple[Unexplained, ...] = ()
     history: tuple[Decision, ...] = ()
     cautions: tuple[str, ...] = ()
+
+    def __repr__(self) -> str:
+        name, added = self.nominal_built.graph.name, few([one.trial.candidate.label for one in self.added])
+        return f"<{type(self).__name__} {name}: {self.verdict}; added {added}; {count(len(self.rounds), 'round')}>"
 
     @property
     def corrected_graph(self) -> BondGraph:

@@ -56,7 +56,7 @@ class RoundSettings:
     journal: Journal = field(default_factory=Journal)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Round:
     """What was tried on a fitted model, what was decided, and what could have been seen.
 
@@ -75,6 +75,10 @@ class Round:
     probed: tuple[Probe, ...]
     signals: tuple[Signal, ...]
     tried: int
+
+    def __repr__(self) -> str:
+        chosen = "nothing" if self.chosen is None else self.chosen.candidate.label
+        return f"<Round {self.base.problem.filter_model.model.name}: {self.tried} tried, {chosen} chosen>"
 
 
 def one_round(

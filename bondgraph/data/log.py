@@ -1,7 +1,7 @@
 """Logs as values: what was measured, in the units in which it was written, and what a model sees of it.
 
 A ``Log`` is a table with one time column; a ``MatchedLog`` is the same table in the order and units of one model. Both
-are immutable. This module imports nothing but numpy, so every run-time room may use it.
+are immutable. Every run-time room may use them.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ import numpy.typing as npt
 
 from bondgraph.errors import DataError, suggest
 from bondgraph.files import check_name
+from bondgraph.text import count, few, number
 
 FloatArray = npt.NDArray[np.float64]
 TextArray = npt.NDArray[np.str_]
@@ -22,7 +23,7 @@ TextArray = npt.NDArray[np.str_]
 FIRST_ROW = 2
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class LogChannel:
     """One signal of a log.
 
@@ -32,6 +33,9 @@ class LogChannel:
     name: str
     unit: str
     values: FloatArray | TextArray
+
+    def __repr__(self) -> str:
+        return f"<LogChannel {self.name} [{self.unit}]: {count(self.values.size, 'sample')}>"
 
     @property
     def is_text(self) -> bool:
@@ -63,7 +67,7 @@ class LogChannel:
         return self.values.astype(np.float64, copy=False)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Log:
     """A measured or simulated log: time in seconds, strictly increasing, and channels in their own units.
 
@@ -104,6 +108,10 @@ class Log:
         for channel in self.channels.values():
             _require_fitting(self.name, channel, self.time.size)
 
+    def __repr__(self) -> str:
+        names = few([f"{channel.name} [{channel.unit}]" for channel in self.channels.values()])
+        return f"<Log {self.name}: {_extent(self.time)}; {names}>"
+
     def __len__(self) -> int:
         return int(self.time.size)
 
@@ -129,7 +137,7 @@ class Log:
         return replace(self, time=self.time[chosen], channels=channels)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class MatchedLog:
     """A log in the order and units of one model.
 
@@ -162,12 +170,20 @@ class MatchedLog:
     def __post_init__(self) -> None:
         _require_name(self.name)
 
+    def __repr__(self) -> str:
+        rows = f"{count(len(self.u), 'input')}, {count(len(self.y), 'output')}"
+        return f"<MatchedLog {self.name}: {_extent(self.time)}; {rows}>"
+
     def __len__(self) -> int:
         return int(self.time.size)
 
     def rows(self, chosen: npt.NDArray[np.bool_]) -> MatchedLog:
         """The log at the chosen rows only, shape (n,) of truth values."""
         return replace(self, time=self.time[chosen], u=self.u[:, chosen], y=self.y[:, chosen])
+
+
+def _extent(time: FloatArray) -> str:
+    return f"{count(time.size, 'sample')}, {number(float(time[0]))} to {number(float(time[-1]))} s"
 
 
 def _require_name(name: str) -> None:

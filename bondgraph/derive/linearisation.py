@@ -28,6 +28,7 @@ from bondgraph.derive.values import (
     vanishes,
 )
 from bondgraph.errors import DerivationError, suggest
+from bondgraph.text import count
 
 # ---------------------------------------------------------------------- linear models
 
@@ -40,7 +41,7 @@ class Units(NamedTuple):
     outputs: tuple[str, ...]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class LinearModel:
     """A model near an operating point: ``dx/dt = rates + A (x - x0) + B (u - u0)``, ``y = values + C .. + D ..``.
 
@@ -60,6 +61,10 @@ class LinearModel:
     u: FloatArray
     rates: FloatArray
     values: FloatArray
+
+    def __repr__(self) -> str:
+        sizes = f"{count(len(self.states), 'state')}, {count(len(self.inputs), 'input')}"
+        return f"<LinearModel: {sizes}, {count(len(self.outputs), 'output')}>"
 
 
 def linearise(

@@ -21,12 +21,13 @@ from bondgraph.estimate.likelihoods import Batch, CeilingLikelihood, FilterLikel
 from bondgraph.estimate.objective import Below, BoolArray, FloatArray, Terms
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.follows import with_followers
+from bondgraph.text import count, few
 
 #: What an estimation maximises unless another likelihood is asked for.
 _FILTER = FilterLikelihood()
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class EstimationProblem:
     """Free parameters of a filter model and the logs that speak about them; build one with :func:`pose`.
 
@@ -65,6 +66,11 @@ class EstimationProblem:
                 raise EstimationError(f"free parameter {parameter.name!r} is named twice", where=(parameter.name,))
             names.add(parameter.name)
             _check_spoken_of(self, parameter)
+
+    def __repr__(self) -> str:
+        samples = sum(log.time.size for log in self.logs)
+        data = f"{count(len(self.logs), 'log')}, {count(samples, 'sample')}"
+        return f"<EstimationProblem {self.filter_model.model.name}: free {few(self.names)}; {data}>"
 
     @property
     def names(self) -> tuple[str, ...]:

@@ -22,6 +22,7 @@ from bondgraph.simulate.arrays import FloatArray
 from bondgraph.simulate.loader import parse_module, require_function, run_module
 from bondgraph.simulate.quantities import InputInfo, OutputInfo, ParameterInfo, StateInfo
 from bondgraph.simulate.rows import EventInfo, ModeInfo, events_of, input_rows, shown_rows
+from bondgraph.text import count
 
 if TYPE_CHECKING:
     from bondgraph.simulate.compile import CompiledModel
@@ -110,10 +111,8 @@ class Model:
         return hash(self.text)
 
     def __repr__(self) -> str:
-        sizes = [
-            f"{len(self._infos(kind))} {kind}{'' if len(self._infos(kind)) == 1 else 's'}" for kind in get_args(Kind)
-        ]
-        return f"<Model {self.name}: {', '.join(sizes)}, {self.digest}>"
+        sizes = ", ".join(count(len(self._infos(kind)), kind) for kind in get_args(Kind))
+        return f"<{type(self).__name__} {self.name}: {sizes}>"
 
     def __reduce__(self) -> tuple[Callable[[str], Model], tuple[str]]:
         return Model.from_text, (self.text,)

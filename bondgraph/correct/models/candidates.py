@@ -39,7 +39,7 @@ _PROBE = 1e-4
 _STEEP = 0.002
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Candidate:
     """One effect at one place: a way in which the declared graph may be incomplete.
 
@@ -55,6 +55,9 @@ class Candidate:
     passive: bool = True
     beside_storage: bool = True
     followed: bool = True
+
+    def __repr__(self) -> str:
+        return f"<Candidate {self.label}>"
 
     @property
     def label(self) -> str:

@@ -10,6 +10,7 @@ from bondgraph.correct.fits.fit import Fit
 from bondgraph.correct.models.candidates import Candidate
 from bondgraph.correct.models.failures import attempted
 from bondgraph.correct.scores.gates import Gate
+from bondgraph.text import number
 
 
 @dataclass(frozen=True)
@@ -31,7 +32,7 @@ class Evidence:
         return self.p_value < level and self.p_robust < level and self.bic_gain > 0.0
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Trial:
     """A candidate with its score, and its refit if it came that far.
 
@@ -54,6 +55,10 @@ class Trial:
     instead: tuple[str, float] | None = None
     remark: str = ""
     failed: str = ""
+
+    def __repr__(self) -> str:
+        how = "scored" if self.evidence is None else "refitted"
+        return f"<Trial {self.candidate.label}: {how}, gain {number(self.gain)} nats, p = {number(self.p_value)}>"
 
     @property
     def gain(self) -> float:
