@@ -18,18 +18,19 @@ ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = ROOT / "bondgraph"
 
 VISIBLE = {"pyproject.toml", "bondgraph", "vehicle_graphs", "generated", "tests", "README.md", "LICENSE"}
-FOUNDATION = ("version", "text", "errors", "files", "frames", "units", "coherent")
+FOUNDATION = ("version", "text", "errors", "lazy", "files", "frames", "units", "coherent")
 DESIGN_TIME = ("declare", "derive", "generate")
 RUN_TIME = ("data", "simulate", "filter", "estimate")
 ON_TOP = ("correct", "report", "cli")
 #: Single files above the halves: from a graph to a model.
-FRONT = ("build",)
+FRONT = ("build", "verbs")
 ROOMS = (*DESIGN_TIME, *RUN_TIME, *ON_TOP)
 
 #: What each room may import besides itself. The halves do not know each other; what is on top may use both.
 MAY_IMPORT: dict[str, tuple[str, ...]] = {
     "version": (),
     "text": (),
+    "lazy": ("errors",),
     "frames": ("errors",),
     "errors": (),
     "files": ("errors",),
@@ -38,6 +39,7 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
     **{room: (*FOUNDATION, *DESIGN_TIME[:i]) for i, room in enumerate(DESIGN_TIME)},
     **{room: (*FOUNDATION, *RUN_TIME[:i]) for i, room in enumerate(RUN_TIME)},
     "build": (*FOUNDATION, *DESIGN_TIME, "simulate"),
+    "verbs": (*FOUNDATION, *RUN_TIME, "correct"),
     **{room: (*FOUNDATION, *DESIGN_TIME, *RUN_TIME, "build", *ON_TOP[:i]) for i, room in enumerate(ON_TOP)},
 }
 

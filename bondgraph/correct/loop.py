@@ -19,6 +19,7 @@ import numpy as np
 
 from bondgraph.build import BuiltModel, build
 from bondgraph.correct.fits.assess import Assessment, assess
+from bondgraph.correct.fits.declared import free_parameters
 from bondgraph.correct.fits.fit import BLOCKS, Fit, Report, fit, no_report
 from bondgraph.correct.fits.journal import Journal
 from bondgraph.correct.fits.noise_starts import noisy_starts, quiet_start
@@ -41,7 +42,7 @@ from bondgraph.declare.effect import EffectFunction, Place, Scale
 from bondgraph.declare.graph import BondGraph
 from bondgraph.errors import BondGraphError, DataError, EstimationError, OptionError
 from bondgraph.estimate.certify import Check
-from bondgraph.estimate.free import FreeParameter, declared_free, parse_target
+from bondgraph.estimate.free import FreeParameter, parse_target
 from bondgraph.text import count, few
 
 #: Measurements per free parameter below which nothing can be concluded.
@@ -326,17 +327,6 @@ def _check_enough(graph: BondGraph, train: Sequence[MatchedLog], free: int) -> N
             f"{graph.name}: {measured} measurements in {', '.join(log.name for log in train)} are too few for {free} "
             f"free parameters and noise levels - give longer logs, at least {_MEASUREMENTS_EACH * free} measurements"
         )
-
-
-def free_parameters(setup: FilterSetup, names: Sequence[str]) -> tuple[FreeParameter, ...]:
-    """The named parameters, or all that declare bounds; starts at a bound are moved inside."""
-    model = setup.filter_model.model
-    chosen = tuple(names) or tuple(info.name for info in model.parameters if info.lower is not None)
-    if not chosen:
-        raise EstimationError(
-            f"{model.name}: no parameter declares bounds, so nothing is free - declare bounds, or name some with --free"
-        )
-    return tuple(declared_free(name, setup.filter_model) for name in chosen)
 
 
 def _all_free(setup: FilterSetup, names: Sequence[str]) -> tuple[FreeParameter, ...]:

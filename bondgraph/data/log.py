@@ -8,13 +8,19 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
+from bondgraph.data.frame_columns import frame_columns
 from bondgraph.errors import DataError, suggest
 from bondgraph.files import check_name
+from bondgraph.frames import frame
 from bondgraph.text import count, few, number
+
+if TYPE_CHECKING:
+    import pandas
 
 FloatArray = npt.NDArray[np.float64]
 TextArray = npt.NDArray[np.str_]
@@ -111,6 +117,56 @@ class Log:
     def __repr__(self) -> str:
         names = few([f"{channel.name} [{channel.unit}]" for channel in self.channels.values()])
         return f"<Log {self.name}: {_extent(self.time)}; {names}>"
+
+    @classmethod
+    def from_dataframe(
+        cls,
+        table: pandas.DataFrame,
+        name: str = "log",
+        *,
+        units: Mapping[str, str] | None = None,
+        time: str | None = None,
+    ) -> Log:
+        """A log from a pandas data frame.
+
+        Parameters
+        ----------
+        table
+            Columns called ``name [unit]`` as in files, or ``name`` with its unit in ``units``. Missing cells are
+            missing measurements.
+        name
+            Of the log.
+        units
+            Units by column; that of an index or column of time as ``time``, seconds where it is omitted.
+        time
+            The column with the time; None: the one called ``time``, else the index. Dates count from the first.
+
+        Raises
+        ------
+        DataError
+            If there is no time or it does not increase, or a column has no unit, a wrong one, or no numbers.
+
+        Examples
+        --------
+        >>> import pandas
+        >>> table = pandas.DataFrame({"speed": [36.0, None], "gear": ["H", "L"]}, index=[0.0, 100.0])
+        >>> log = Log.from_dataframe(table, "run7", units={"time": "ms", "speed": "km/h", "gear": "text"})
+        >>> log
+        <Log run7: 2 samples, 0 to 0.1 s; speed [km/h], gear [text]>
+        """
+        times, columns = frame_columns(table, name, units or {}, time)
+        return cls(name, times, {label: LogChannel(label, unit, values) for label, unit, values in columns})
+
+    def to_dataframe(self) -> pandas.DataFrame:
+        """The log as a data frame: columns ``name [unit]``, indexed by ``time [s]``.
+
+        Raises
+        ------
+        DataError
+            If pandas is not installed.
+        """
+        columns = {f"{channel.name} [{channel.unit}]": channel.values for channel in self.channels.values()}
+        return frame(columns, self.time, "time [s]")
 
     def __len__(self) -> int:
         return int(self.time.size)

@@ -97,6 +97,24 @@ def match_inputs(
     return _inputs(log, channels, model, given or {}, [])
 
 
+def match_recorded(log: Log, model: Signals) -> tuple[FloatArray, dict[str, float]]:
+    """The inputs of a model (n_u, n) and the parameters that a log knows, whatever else it holds.
+
+    Raises
+    ------
+    DataError
+        If a unit has another dimension than the model's, a column called like a parameter varies, or an input has
+        neither a column nor a default.
+    """
+    channels = dict(log.channels)
+    known = {
+        quantity.name: _known_value(log, channels[quantity.name], quantity)
+        for quantity in model.parameters
+        if quantity.name in channels
+    }
+    return _inputs(log, channels, model, {}, []), known
+
+
 def read_mapping(options: Iterable[str]) -> dict[str, str]:
     """A mapping from the options of a command.
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 import enum
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 import scipy.linalg
@@ -67,8 +67,16 @@ class LinearModel:
         return f"<LinearModel: {sizes}, {count(len(self.outputs), 'output')}>"
 
 
+class WithEquations(Protocol):
+    """A model that knows its equations, such as one built from a graph."""
+
+    @property
+    def equations(self) -> StateEquations:
+        """As derived."""
+
+
 def linearise(
-    equations: StateEquations,
+    equations: StateEquations | WithEquations,
     x: Given = None,
     u: Given = None,
     theta: Given = None,
@@ -80,7 +88,7 @@ def linearise(
     Parameters
     ----------
     equations
-        As derived.
+        As derived, or a model built from a graph.
     x, u, theta
         Operating point: all values in order of declaration, or some by name; the rest are initial or default values.
     t
@@ -95,18 +103,17 @@ def linearise(
 
     Examples
     --------
-    >>> from bondgraph.declare.graph import BondGraph
-    >>> from bondgraph.derive.causality import assign_causality
-    >>> from bondgraph.derive.derivation import derive
-    >>> g = BondGraph("car")
+    >>> import bondgraph as bg
+    >>> g = bg.BondGraph("car")
     >>> body = g.one_junction("body")
     >>> _ = g.effort_source("engine", g.input("F", "N"), at=body)
     >>> _ = g.inertance("mass", 800.0, at=body, state="v")
     >>> _ = g.resistance("aero", lambda v: 0.4 * v**2, at=body)
-    >>> model = linearise(derive(assign_causality(g)), x={"v": 20.0})
+    >>> model = bg.linearise(bg.build(g), x={"v": 20.0})
     >>> model.A.tolist(), model.B.tolist(), model.rates.tolist()
     ([[-0.02]], [[0.00125]], [-0.2])
     """
+    equations = equations if isinstance(equations, StateEquations) else equations.equations
     slopes = slopes or jacobian(equations, by=("x", "u"))
     evaluator = Evaluator(equations)
     values = evaluator.run(slopes.assignments, evaluator.at(x, u, theta, t))

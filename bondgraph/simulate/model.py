@@ -311,11 +311,13 @@ def load(path: str | Path) -> Model:
 
     Examples
     --------
+    >>> import tempfile
     >>> import bondgraph as bg
-    >>> bg.load("sled.txt")
-    Traceback (most recent call last):
-        ...
-    bondgraph.errors.ModelError: sled.txt: cannot be read as a generated module: ...
+    >>> from bondgraph.simulate.example import pendulum
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     _ = Path(folder, "pendulum.py").write_text(pendulum().text)
+    ...     bg.load(f"{folder}/pendulum.py")
+    <Model pendulum: 2 states, 1 input, 3 parameters, 1 output>
     """
     return Model.from_file(path)
 
