@@ -12,6 +12,7 @@ from bondgraph.declare.files import load_graph
 from bondgraph.declare.graph import BondGraph
 from bondgraph.derive.causality import CausalGraph
 from bondgraph.derive.equations import ImplicitLoop, StateEquations
+from bondgraph.generate.module import render
 from bondgraph.generate.pipeline import render_graph
 from bondgraph.simulate.model import Model
 from bondgraph.units import dimension
@@ -88,3 +89,26 @@ def build(graph: BondGraph | str | Path, command: str | None = None, *, smooth: 
     model = Model.from_text(rendered.text, source=declared.name)
     parts = {field.name: getattr(model, field.name) for field in dataclasses.fields(Model)}
     return BuiltModel(**parts, graph=declared, causal=rendered.causal, equations=rendered.equations)
+
+
+def model_of(equations: StateEquations, source: str, *, own: bool = False) -> Model:
+    """The model of equations that were derived with something added: outputs of bonds, a candidate, a probe.
+
+    Parameters
+    ----------
+    equations
+        As derived; a graph's own are checked for names and dimensions by :func:`build`.
+    source
+        Where they came from, for messages.
+    own
+        Take the text as it is, as for many models that differ by little from one that was checked.
+
+    Examples
+    --------
+    >>> g = BondGraph("free_mass")
+    >>> body = g.one_junction("body")
+    >>> _ = g.inertance("mass", g.parameter("m", 2.0, "kg"), at=body)
+    >>> model_of(build(g).equations, "a test").names("parameter")
+    ('m',)
+    """
+    return Model.from_text(render(equations), source, own=own)

@@ -221,6 +221,32 @@ def test_the_run_time_half_loads_neither_sympy_nor_networkx_nor_the_design_time_
     assert set(rooms.split()) <= {*FOUNDATION, *RUN_TIME}
 
 
+#: Where a model is made of a text: of a graph's or its equations', of a file's, of a graph's with bonds as outputs.
+MODEL_MAKERS = {"build.py", "simulate/model.py", "simulate/example.py", "report/simulation.py"}
+
+
+def test_a_graph_becomes_a_model_in_one_place() -> None:
+    """Two pipelines and a half stood in ``correct``, ``generate`` and ``report``."""
+    rendering = {
+        _name(path) for path in _modules() for _, name in _imports(path) if name == "bondgraph.generate.module.render"
+    }
+    assert rendering == {"build.py", "generate/pipeline.py", "generate/__init__.py"}
+    calls = re.compile(r"\b(Model|cls)\.from_text\(")
+    assert {_name(path) for path in _modules() if calls.search(path.read_text(encoding="utf-8"))} <= MODEL_MAKERS
+
+
+def test_nothing_reaches_into_correct_for_a_model() -> None:
+    folders = (PACKAGE, ROOT / "vehicle_graphs", ROOT / "tests")
+    found = [
+        f"{path}:{line}"
+        for folder in folders
+        for path in _modules(folder)
+        for line, name in _imports(path)
+        if name.startswith("bondgraph.correct.") and name.rpartition(".")[2] in ("build", "BuiltModel", "Model")
+    ]
+    assert found == []
+
+
 def test_modules_stay_small() -> None:
     lengths = {_name(path): len(path.read_text(encoding="utf-8").splitlines()) for path in _modules()}
     too_long = {name: lines for name, lines in lengths.items() if lines > MODULE_LINES}
