@@ -37,9 +37,9 @@ def matched(
     DataError
         If the file cannot be read or the log does not fit the model.
     """
-    if isinstance(log, MatchedLog):
-        return log
-    return match(log if isinstance(log, Log) else read_log(log), model, columns, constants)
+    if isinstance(log, str | Path):
+        log = read_log(log)
+    return match(log, model, columns, constants) if isinstance(log, Log) else log
 
 
 def all_matched(

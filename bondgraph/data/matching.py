@@ -54,6 +54,15 @@ def match(
         If a unit has another dimension than the model's, a code is unknown, a column called like a parameter varies,
         the mapping names what does not exist, the log measures no output of the model, or it lacks an input that is
         neither given nor has a default.
+
+    Examples
+    --------
+    >>> import bondgraph as bg
+    >>> from bondgraph.simulate.example import pendulum
+    >>> swing = LogChannel("deflection", "mm", np.array([100.0, np.nan, 80.0]))
+    >>> log = bg.match(bg.Log("swing", np.arange(3.0), {"deflection": swing}), pendulum(), given={"drive": 0.0})
+    >>> log.y.tolist(), log.u.tolist()
+    ([[0.1, nan, 0.08]], [[0.0, 0.0, 0.0]])
     """
     channels, renamed = _rename(log, model, mapping or {})
     _require_outputs(log, model, channels)

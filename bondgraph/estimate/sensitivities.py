@@ -90,6 +90,16 @@ def sensitivity(
     ------
     EstimationError
         If the model diverges there, or the jacobian gives no terms.
+
+    Examples
+    --------
+    >>> import bondgraph as bg
+    >>> from bondgraph.simulate.example import pendulum
+    >>> swing = bg.FilterModel(pendulum(), {"rate": 0.05}, {"deflection": 0.05}, {"angle": 0.1, "rate": 0.1}, 2)
+    >>> time = np.arange(100) * 0.05
+    >>> log = bg.MatchedLog("swing", time, np.zeros((1, 100)), 0.45 * np.cos(3.1 * time)[np.newaxis])
+    >>> list(bg.sensitivity(bg.pose(swing, log, ["length", "damping"])).to_dict()["parameters"])
+    ['length', 'damping']
     """
     where = problem.start if point is None else point
     expansion = fitted_expansion(problem, where, jacobian)

@@ -88,8 +88,9 @@ class FilterModel:
 
     Examples
     --------
+    >>> import bondgraph as bg
     >>> from bondgraph.simulate.example import pendulum
-    >>> FilterModel(
+    >>> bg.FilterModel(
     ...     pendulum(), process_noise={"rate": 0.1}, measurement_noise={"deflection": 0.02},
     ...     initial_std={"angle": 0.1, "rate": 0.1, "damping": 0.05}, appended={"damping": 0.0},
     ... ).state_names
@@ -117,6 +118,7 @@ class FilterModel:
     follows: Mapping[str, Follow] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "model", self.model.model)  # a filter is run-time code and holds no graph
         for name in ("process_noise", "measurement_noise", "initial_std", "appended", *_CORRELATIONS):
             object.__setattr__(self, name, dict(getattr(self, name)))
         refuse_modes(self.model)

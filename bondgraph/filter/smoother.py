@@ -103,15 +103,13 @@ def smooth(run: FilterRun) -> SmootherRun:
 
     Examples
     --------
-    >>> from bondgraph.data.log import MatchedLog
-    >>> from bondgraph.filter.filter_model import FilterModel
-    >>> from bondgraph.filter.runs import run
+    >>> import bondgraph as bg
     >>> from bondgraph.simulate.example import pendulum
-    >>> swing = FilterModel(pendulum(), {"rate": 0.1}, {"deflection": 0.05}, {"angle": 0.1, "rate": 0.1}, substeps=2)
+    >>> swing = bg.FilterModel(pendulum(), {"rate": 0.1}, {"deflection": 0.05}, {"angle": 0.1, "rate": 0.1}, substeps=2)
     >>> time = np.arange(40) * 0.05
-    >>> log = MatchedLog("swing", time, np.zeros((1, 40)), 0.5 * np.cos(3.1 * time)[np.newaxis])
-    >>> filtered = run(swing, log, compiled=False)
-    >>> bool(smooth(filtered).std("rate")[0] < filtered.std("rate")[0])
+    >>> log = bg.MatchedLog("swing", time, np.zeros((1, 40)), 0.5 * np.cos(3.1 * time)[np.newaxis])
+    >>> filtered = bg.filter_log(swing, log, compiled=False)
+    >>> bool(bg.smooth(filtered).std("rate")[0] < filtered.std("rate")[0])
     True
     """
     run.raise_if_failed()

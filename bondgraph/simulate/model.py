@@ -224,6 +224,11 @@ class Model:
         return self.program.dense_jacobian(of, "theta", t, *map(np.asarray, (x, u, theta)))
 
     @property
+    def model(self) -> Model:
+        """The run-time half alone: of a loaded model, itself."""
+        return self
+
+    @property
     def driven(self) -> tuple[str, ...]:
         """States that process noise may drive where nothing else is said; a module alone tells of none it may not."""
         return self.names("state")

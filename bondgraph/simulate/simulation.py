@@ -77,8 +77,9 @@ def simulate(
 
     Examples
     --------
+    >>> import bondgraph as bg
     >>> from bondgraph.simulate.example import pendulum
-    >>> swing = simulate(pendulum(), np.linspace(0.0, 1.0, 5), theta={"damping": 0.0}, x0={"angle": 1e-4})
+    >>> swing = bg.simulate(pendulum(), np.linspace(0.0, 1.0, 5), theta={"damping": 0.0}, x0={"angle": 1e-4})
     >>> bool(abs(swing.state("angle")[-1] - 1e-4 * np.cos(np.sqrt(9.81))) < 1e-10)
     True
     """
