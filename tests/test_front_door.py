@@ -290,6 +290,18 @@ def test_runs_are_tables_in_declared_units() -> None:
     assert float(last[-1]) == pytest.approx(3.6 * free.output("speed")[-1], rel=1e-3)
 
 
+def test_sensitivities_are_a_table_in_declared_units(fit) -> None:
+    known = bg.sensitivity(fit.problem, fit.point)
+    assert repr(known) == "<Sensitivity of mass, drag to speed; not identifiable: none>"
+    mass = next(line.split() for line in known.summary().splitlines() if line.startswith("mass"))
+    assert mass[1] == "lb" and mass[-1] == "100%"
+    table = known.to_dataframe()
+    written = known.to_dict()["parameters"]
+    assert table["std_joint"].tolist() == [written[name]["std_joint"] for name in table.index]
+    np.testing.assert_allclose(table.loc["mass", "std_joint"], known.std_joint[0] / 0.45359237, rtol=1e-12)
+    np.testing.assert_allclose(table["speed"], 1.0, rtol=1e-12)
+
+
 def test_without_pandas_it_is_said_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
     run = bg.simulate(bg.build(sled()), [0.0, 1.0])
     monkeypatch.setitem(sys.modules, "pandas", None)
