@@ -18,14 +18,20 @@ ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = ROOT / "bondgraph"
 
 VISIBLE = {"pyproject.toml", "bondgraph", "vehicle_graphs", "generated", "tests", "README.md", "LICENSE"}
-FOUNDATION = ("errors", "files", "units", "coherent", "arrays")
+FOUNDATION = ("version", "text", "errors", "lazy", "files", "frames", "units", "coherent", "arrays")
 DESIGN_TIME = ("declare", "derive", "generate")
 RUN_TIME = ("compile", "data", "simulate", "filter", "estimate")
 ON_TOP = ("correct", "report", "cli")
+#: Single files above the halves: from a graph to a model.
+FRONT = ("build", "verbs")
 ROOMS = (*DESIGN_TIME, *RUN_TIME, *ON_TOP)
 
 #: What each room may import besides itself. The halves do not know each other; what is on top may use both.
 MAY_IMPORT: dict[str, tuple[str, ...]] = {
+    "version": (),
+    "text": (),
+    "lazy": ("errors",),
+    "frames": ("errors",),
     "errors": (),
     "files": ("errors",),
     "units": ("errors",),
@@ -34,7 +40,9 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
     **{room: (*FOUNDATION, *DESIGN_TIME[:i]) for i, room in enumerate(DESIGN_TIME)},
     **{room: (*FOUNDATION, *RUN_TIME[:i]) for i, room in enumerate(RUN_TIME)},
     "data": FOUNDATION,
-    **{room: (*FOUNDATION, *DESIGN_TIME, *RUN_TIME, *ON_TOP[:i]) for i, room in enumerate(ON_TOP)},
+    "build": (*FOUNDATION, *DESIGN_TIME, "compile", "simulate"),
+    "verbs": (*FOUNDATION, *RUN_TIME, "correct"),
+    **{room: (*FOUNDATION, *DESIGN_TIME, *RUN_TIME, "build", *ON_TOP[:i]) for i, room in enumerate(ON_TOP)},
 }
 
 #: Rooms inside ``compile`` and which others each may import; a front differentiates what it has read by a pass.
@@ -108,7 +116,7 @@ def test_the_visible_top_level_is_the_agreed_one() -> None:
 
 def test_every_module_has_a_place() -> None:
     found = {path.name for path in PACKAGE.iterdir() if path.name != "__pycache__"}
-    top = {"__init__.py", "__main__.py", "py.typed", *(f"{name}.py" for name in FOUNDATION)}
+    top = {"__init__.py", "__main__.py", "py.typed", *(f"{name}.py" for name in (*FOUNDATION, *FRONT))}
     assert found == {*top, *ROOMS}
     for path in _modules():
         assert (path.parent / "__init__.py").is_file(), f"{_name(path)} is in a folder without __init__.py"
@@ -124,7 +132,7 @@ def test_imports_point_one_way(path: Path) -> None:
     assert _import_errors(path) == []
 
 
-@pytest.mark.parametrize("name", [f"{name}.py" for name in FOUNDATION])
+@pytest.mark.parametrize("name", [f"{name}.py" for name in (*FOUNDATION, *FRONT)])
 def test_imports_of_single_files_point_one_way(name: str) -> None:
     assert _import_errors(PACKAGE / name) == []
 
@@ -233,6 +241,32 @@ def test_the_run_time_half_loads_neither_sympy_nor_networkx_nor_the_design_time_
     heavy, rooms = run.stdout.split("\n")[:2]
     assert heavy == ""
     assert set(rooms.split()) <= {*FOUNDATION, *RUN_TIME}
+
+
+#: Where a model is made of a text: of a graph's or its equations', of a file's, of a graph's with bonds as outputs.
+MODEL_MAKERS = {"build.py", "simulate/model.py", "simulate/example.py", "report/simulation.py"}
+
+
+def test_a_graph_becomes_a_model_in_one_place() -> None:
+    """Two pipelines and a half stood in ``correct``, ``generate`` and ``report``."""
+    rendering = {
+        _name(path) for path in _modules() for _, name in _imports(path) if name == "bondgraph.generate.module.render"
+    }
+    assert rendering == {"build.py", "generate/pipeline.py", "generate/__init__.py"}
+    calls = re.compile(r"\b(Model|cls)\.from_text\(")
+    assert {_name(path) for path in _modules() if calls.search(path.read_text(encoding="utf-8"))} <= MODEL_MAKERS
+
+
+def test_nothing_reaches_into_correct_for_a_model() -> None:
+    folders = (PACKAGE, ROOT / "vehicle_graphs", ROOT / "tests")
+    found = [
+        f"{path}:{line}"
+        for folder in folders
+        for path in _modules(folder)
+        for line, name in _imports(path)
+        if name.startswith("bondgraph.correct.") and name.rpartition(".")[2] in ("build", "BuiltModel", "Model")
+    ]
+    assert found == []
 
 
 def test_modules_stay_small() -> None:

@@ -65,12 +65,48 @@ def test_ci_runs_the_command_of_the_readme() -> None:
     assert os.access(ROOT / ".ci" / "run", os.X_OK)
 
 
-def test_the_python_blocks_of_the_readme_run() -> None:
-    text = (ROOT / "README.md").read_text(encoding="utf-8")
-    blocks = re.findall(r"```python\n(.*?)```", text, flags=re.DOTALL)
-    assert blocks
-    for block in blocks:
-        _run(sys.executable, "-W", "error", "-c", block)
+def _readme_scripts() -> dict[str, str]:
+    """The python blocks of each section, which go on from each other, as one script."""
+    sections = re.split(r"^## ", (ROOT / "README.md").read_text(encoding="utf-8"), flags=re.MULTILINE)
+    scripts = {
+        section.partition("\n")[0]: "\n".join(re.findall(r"```python\n(.*?)```", section, flags=re.DOTALL))
+        for section in sections
+    }
+    return {title: script for title, script in scripts.items() if script}
+
+
+def _run_script(script: str, folder: Path) -> str:
+    places = os.pathsep.join(filter(None, (str(ROOT), os.environ.get("PYTHONPATH"))))
+    run = subprocess.run(
+        [sys.executable, "-W", "error", "-c", script], cwd=folder, capture_output=True, text=True, check=False,
+        env={**os.environ, "PYTHONPATH": places},
+    )  # fmt: skip
+    assert run.returncode == 0, run.stdout + run.stderr
+    return run.stdout
+
+
+def test_the_first_code_of_the_readme_is_the_front_door() -> None:
+    first = next(iter(_readme_scripts().values()))
+    assert first.startswith("import bondgraph as bg\n")
+    assert "from bondgraph" not in first
+
+
+@pytest.mark.slow
+def test_the_example_of_the_readme_finds_the_wind(tmp_path: Path) -> None:
+    script = _readme_scripts()["How a machine is declared"]
+    said = _run_script(script, tmp_path)
+    assert "effect found: The declared model lacks quadratic_loss at body" in said
+    assert re.search(r"c_quadratic_loss_body = 1\.(4|5)\d N/\(m/s\)\^2", said)
+    assert re.search(r"^mass +kg +\d+", said, flags=re.MULTILINE)
+    assert {path.name for path in (tmp_path / "loop").iterdir()} >= {"report.html", "result.json", "sled.py"}
+
+
+def test_the_other_python_blocks_of_the_readme_run(tmp_path: Path) -> None:
+    scripts = _readme_scripts()
+    declared, *rest = scripts.pop("How a machine is declared").partition("\nmodel = bg.build(")
+    assert scripts and rest
+    for script in (declared, *scripts.values()):
+        _run_script(script, tmp_path)
 
 
 def test_nothing_is_left_unfinished() -> None:

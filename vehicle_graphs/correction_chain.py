@@ -17,19 +17,19 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from bondgraph.build import BuiltModel, build
+from bondgraph.correct.fits.declared import free_parameters
 from bondgraph.correct.fits.fit import Fit, fit
 from bondgraph.correct.fits.noise_starts import noisy_starts
 from bondgraph.correct.fits.setup import filter_setup
-from bondgraph.correct.loop import free_parameters
-from bondgraph.correct.models.build import BuiltModel, build
 from bondgraph.data.log import Log, MatchedLog
-from bondgraph.data.match import match
+from bondgraph.data.matching import match
 from bondgraph.declare.graph import BondGraph
 from bondgraph.errors import BondGraphError
 from bondgraph.estimate.free import FreeParameter
 from bondgraph.estimate.handover import spread_starts
 from bondgraph.estimate.problem import EstimationProblem
-from bondgraph.simulate.simulate import simulate
+from bondgraph.simulate.simulation import simulate
 
 #: An effect must lower the error on unseen training logs by this share.
 LEAST_GAIN = 0.03

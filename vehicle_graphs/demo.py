@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from bondgraph.correct.models.build import build
+from bondgraph.build import build
 from bondgraph.data.log import Log, LogChannel
 from bondgraph.data.write import write_log
 from bondgraph.declare.editing import handle, with_values
@@ -21,7 +21,7 @@ from bondgraph.declare.effect import Effect, Place, Scale
 from bondgraph.declare.graph import BondGraph
 from bondgraph.errors import OptionError
 from bondgraph.simulate.model import Model
-from bondgraph.simulate.simulate import simulate
+from bondgraph.simulate.simulation import simulate
 from vehicle_graphs import effects
 from vehicle_graphs.driveline import driveline
 

@@ -35,19 +35,19 @@ from pathlib import Path
 import numpy as np
 from scipy import signal
 
+from bondgraph.build import BuiltModel, build
+from bondgraph.correct.fits.declared import free_parameters
 from bondgraph.correct.fits.fit import Fit, fit
 from bondgraph.correct.fits.noise_starts import noisy_starts
 from bondgraph.correct.fits.setup import filter_setup
-from bondgraph.correct.loop import free_parameters
-from bondgraph.correct.models.build import BuiltModel, build
 from bondgraph.correct.refits.certified import refined
 from bondgraph.data.log import Log, MatchedLog
-from bondgraph.data.match import match
+from bondgraph.data.matching import match
 from bondgraph.data.read import read_log
 from bondgraph.errors import BondGraphError
 from bondgraph.estimate.free import FreeParameter
 from bondgraph.simulate.model import Model
-from bondgraph.simulate.simulate import simulate
+from bondgraph.simulate.simulation import simulate
 from vehicle_graphs import emps
 
 #: Samples at the start of a log from which its initial state is taken, as the benchmark allows.

@@ -27,9 +27,9 @@ import numpy as np
 import numpy.typing as npt
 from scipy.optimize import least_squares
 
-from bondgraph.correct.models.build import build
+from bondgraph.build import build
 from bondgraph.data.log import Log, MatchedLog
-from bondgraph.data.match import match
+from bondgraph.data.matching import match
 from bondgraph.data.read import read_log
 from bondgraph.errors import BondGraphError, DataError
 from bondgraph.simulate.model import Model

@@ -11,7 +11,7 @@ from collections.abc import Callable
 
 from sympy import Expr
 
-from bondgraph.correct.models.build import build
+from bondgraph.build import build
 from bondgraph.declare.expressions import signal
 from bondgraph.declare.graph import BondGraph
 from bondgraph.declare.quantities import symbol

@@ -20,13 +20,13 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from bondgraph.correct.models.build import build
+from bondgraph.build import build
 from bondgraph.data.log import MatchedLog
-from bondgraph.data.match import match
+from bondgraph.data.matching import match
 from bondgraph.data.read import read_log
 from bondgraph.declare.editing import with_values
 from bondgraph.errors import BondGraphError, DataError
-from bondgraph.estimate.estimate import Settings, estimate
+from bondgraph.estimate.estimation import Settings, estimate
 from bondgraph.estimate.exact import exact_derivatives
 from bondgraph.estimate.initial import initial_states
 from bondgraph.estimate.problem import pose

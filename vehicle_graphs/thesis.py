@@ -31,10 +31,10 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
-from bondgraph.correct.models.build import build
+from bondgraph.build import build
 from bondgraph.data.log import MatchedLog
 from bondgraph.errors import BondGraphError, DataError
-from bondgraph.estimate.estimate import Method, Settings, estimate
+from bondgraph.estimate.estimation import Method, Settings, estimate
 from bondgraph.estimate.exact import exact_derivatives
 from bondgraph.estimate.gauss_newton import GaussNewtonSettings
 from bondgraph.estimate.objective import SearchOutcome

@@ -6,7 +6,7 @@ import argparse
 import math
 from typing import Any
 
-import bondgraph
+from bondgraph.version import __version__
 
 GRAPH_HELP = (
     "graph of a Python file (sled.py, or sled.py:name where it declares several) or module "
@@ -25,7 +25,7 @@ def parser() -> argparse.ArgumentParser:
         description="Bond graphs to corrected models: declare a machine, derive its model, explain its measurements.",
         epilog="bondgraph demo shows the whole path in about a minute; bondgraph COMMAND --help teaches each step.",
     )
-    top.add_argument("--version", action="version", version=f"bondgraph {bondgraph.__version__}")
+    top.add_argument("--version", action="version", version=f"bondgraph {__version__}")
     commands = top.add_subparsers(dest="command", required=True, metavar="COMMAND")
     _add_graph_commands(commands)
     _add_linearise(commands)

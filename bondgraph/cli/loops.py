@@ -10,13 +10,13 @@ import time
 from collections.abc import Sequence
 from pathlib import Path
 
+from bondgraph.build import build
 from bondgraph.cli.effects import chosen_effects
 from bondgraph.cli.values import names, set_values
 from bondgraph.correct.fits.journal import Journal
 from bondgraph.correct.loop import ClosedLoop, LoopSettings
 from bondgraph.correct.loop import close_loop as run_loop
-from bondgraph.correct.models.build import build
-from bondgraph.data.match import read_mapping
+from bondgraph.data.matching import read_mapping
 from bondgraph.declare.files import load_graph
 from bondgraph.declare.graph import BondGraph
 from bondgraph.files import output_folder

@@ -8,21 +8,22 @@ import math
 import sys
 from pathlib import Path
 
+from bondgraph.build import build
 from bondgraph.cli.values import assignments, finite, initial, names, set_values
-from bondgraph.correct.models.build import build
+from bondgraph.correct.fits.declared import declared_problem
 from bondgraph.data.log import MatchedLog
-from bondgraph.data.match import match, read_mapping
+from bondgraph.data.matching import match, read_mapping
 from bondgraph.data.read import read_log
 from bondgraph.data.write import csv_text, write_log
 from bondgraph.declare.files import load_graph
 from bondgraph.declare.loading import is_model_file
 from bondgraph.errors import OptionError
-from bondgraph.estimate.estimate import Settings
-from bondgraph.estimate.estimate import estimate as run_estimate
-from bondgraph.estimate.sensitivity import sensitivity as find_sensitivity
+from bondgraph.estimate.estimation import Settings
+from bondgraph.estimate.estimation import estimate as run_estimate
+from bondgraph.estimate.sensitivities import sensitivity as find_sensitivity
 from bondgraph.files import output_file, output_folder
 from bondgraph.report.collect import versions
-from bondgraph.report.estimation import declared_problem, rough_note, write_estimate
+from bondgraph.report.estimation import rough_note, write_estimate
 from bondgraph.report.events import events_text, mark_events
 from bondgraph.report.figures import save_figure
 from bondgraph.report.filtering import filter_logs

@@ -13,9 +13,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from bondgraph.build import BuiltModel
 from bondgraph.correct.fits.fit import Fit
 from bondgraph.correct.models.bonds import bond_model
-from bondgraph.correct.models.build import BuiltModel
 from bondgraph.correct.models.candidates import Candidate, Variant
 from bondgraph.correct.responses.intervals import integrator
 from bondgraph.correct.responses.recursion import respond
@@ -26,7 +26,7 @@ from bondgraph.derive.causality import assign_causality
 from bondgraph.errors import BondGraphError
 from bondgraph.simulate.inputs import InputSignal
 from bondgraph.simulate.model import Model
-from bondgraph.simulate.simulate import simulate
+from bondgraph.simulate.simulation import simulate
 
 #: A proposal must bring the correlation below this share of what is left of it.
 _WORTH = 0.98

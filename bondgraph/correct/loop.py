@@ -17,15 +17,16 @@ from typing import Literal
 
 import numpy as np
 
+from bondgraph.build import BuiltModel, build
 from bondgraph.correct.confirmation import Confirmation, confirmation
 from bondgraph.correct.fits.assess import Assessment, assess
+from bondgraph.correct.fits.declared import free_parameters
 from bondgraph.correct.fits.fit import BLOCKS, Fit, Report, fit, no_report
 from bondgraph.correct.fits.journal import Journal
 from bondgraph.correct.fits.noise_starts import noisy_starts, quiet_start
 from bondgraph.correct.fits.rates import rated, with_followed_rates
 from bondgraph.correct.fits.setup import FilterSetup, filter_setup
 from bondgraph.correct.fits.whiteness import Whiteness, whiteness
-from bondgraph.correct.models.build import BuiltModel, build
 from bondgraph.correct.models.failures import FAILURES
 from bondgraph.correct.models.failures import reason as reason_of
 from bondgraph.correct.models.faults import SENSOR_FAULTS
@@ -44,7 +45,8 @@ from bondgraph.declare.effect import EffectFunction, Place, Scale
 from bondgraph.declare.graph import BondGraph
 from bondgraph.errors import BondGraphError, DataError, EstimationError, OptionError
 from bondgraph.estimate.certify import Check
-from bondgraph.estimate.free import FreeParameter, declared_free, parse_target
+from bondgraph.estimate.free import FreeParameter, parse_target
+from bondgraph.text import count, few
 
 #: Measurements per free parameter below which nothing can be concluded.
 _MEASUREMENTS_EACH = 20
@@ -88,7 +90,7 @@ class Added:
     coefficients: tuple[str, ...]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class ClosedLoop:
     """The whole correction: both models fitted and assessed, and the history of decisions.
 
@@ -120,6 +122,10 @@ class ClosedLoop:
     confirmation: Confirmation | None = None
     events: tuple[Added, ...] = ()
     eventful: Fit | None = None
+
+    def __repr__(self) -> str:
+        name, added = self.nominal_built.graph.name, few([one.trial.candidate.label for one in self.added])
+        return f"<{type(self).__name__} {name}: {self.verdict}; added {added}; {count(len(self.rounds), 'round')}>"
 
     @property
     def corrected_graph(self) -> BondGraph:
@@ -367,17 +373,6 @@ def _check_enough(graph: BondGraph, train: Sequence[MatchedLog], free: int) -> N
             f"{graph.name}: {measured} measurements in {', '.join(log.name for log in train)} are too few for {free} "
             f"free parameters and noise levels - give longer logs, at least {_MEASUREMENTS_EACH * free} measurements"
         )
-
-
-def free_parameters(setup: FilterSetup, names: Sequence[str]) -> tuple[FreeParameter, ...]:
-    """The named parameters, or all that declare bounds; starts at a bound are moved inside."""
-    model = setup.filter_model.model
-    chosen = tuple(names) or tuple(info.name for info in model.parameters if info.lower is not None)
-    if not chosen:
-        raise EstimationError(
-            f"{model.name}: no parameter declares bounds, so nothing is free - declare bounds, or name some with --free"
-        )
-    return tuple(declared_free(name, setup.filter_model) for name in chosen)
 
 
 def _all_free(setup: FilterSetup, names: Sequence[str]) -> tuple[FreeParameter, ...]:

@@ -8,9 +8,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from bondgraph.build import BuiltModel, build
 from bondgraph.correct.fits.fit import Fit, fit, restricted
 from bondgraph.correct.fits.starts import with_starts
-from bondgraph.correct.models.build import BuiltModel, build
 from bondgraph.correct.models.candidates import candidates
 from bondgraph.correct.refits.certified import refined
 from bondgraph.correct.refits.decide import judge, robust_p_value

@@ -12,12 +12,12 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from bondgraph.build import BuiltModel
 from bondgraph.correct.advice import separation
 from bondgraph.correct.fits.fit import Fit, Report, no_report
 from bondgraph.correct.fits.journal import Journal
 from bondgraph.correct.fits.whiteness import is_white
 from bondgraph.correct.models.absent import absent_when_zero
-from bondgraph.correct.models.build import BuiltModel
 from bondgraph.correct.models.candidates import Candidate, Refused, candidates, places
 from bondgraph.correct.models.failures import attempted
 from bondgraph.correct.models.untried import nothing_to_try, refused_everywhere
@@ -59,7 +59,7 @@ class RoundSettings:
     journal: Journal = field(default_factory=Journal)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Round:
     """What was tried on a fitted model, what was decided, and what could have been seen.
 
@@ -80,6 +80,10 @@ class Round:
     signals: tuple[Signal, ...]
     tried: int
     untried: str = ""
+
+    def __repr__(self) -> str:
+        chosen = "nothing" if self.chosen is None else self.chosen.candidate.label
+        return f"<Round {self.base.problem.filter_model.model.name}: {self.tried} tried, {chosen} chosen>"
 
 
 def one_round(

@@ -12,7 +12,6 @@ from typing import Any
 
 import numpy as np
 
-import bondgraph
 from bondgraph.data import formats
 from bondgraph.errors import DataError
 
@@ -38,7 +37,7 @@ def _read(kind: str, path: Path, longest: float) -> formats.Table:
         table = Path(folder) / "table.npz"
         # -P: what lies in the working folder, perhaps beside the log, is no module
         command = [sys.executable, "-P", "-c", _READ, kind, str(path.absolute()), str(table)]
-        places = [str(Path(bondgraph.__file__).parents[1]), *filter(None, sys.path)]
+        places = [str(Path(__file__).parents[2]), *filter(None, sys.path)]
         environment = {**os.environ, "PYTHONPATH": os.pathsep.join(places)}
         try:
             run = subprocess.run(command, env=environment, capture_output=True, timeout=longest, check=False)

@@ -1,19 +1,26 @@
 """Logs as values: what was measured, in the units in which it was written, and what a model sees of it.
 
 A ``Log`` is a table with one time column; a ``MatchedLog`` is the same table in the order and units of one model. Both
-are immutable. This module imports nothing but numpy, so every run-time room may use it.
+are immutable. Every run-time room may use them.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
+from bondgraph.data.frame_columns import frame_columns
 from bondgraph.errors import DataError, suggest
 from bondgraph.files import check_name
+from bondgraph.frames import frame
+from bondgraph.text import count, few, number
+
+if TYPE_CHECKING:
+    import pandas
 
 FloatArray = npt.NDArray[np.float64]
 TextArray = npt.NDArray[np.str_]
@@ -22,7 +29,7 @@ TextArray = npt.NDArray[np.str_]
 FIRST_ROW = 2
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class LogChannel:
     """One signal of a log.
 
@@ -32,6 +39,9 @@ class LogChannel:
     name: str
     unit: str
     values: FloatArray | TextArray
+
+    def __repr__(self) -> str:
+        return f"<LogChannel {self.name} [{self.unit}]: {count(self.values.size, 'sample')}>"
 
     @property
     def is_text(self) -> bool:
@@ -63,7 +73,7 @@ class LogChannel:
         return self.values.astype(np.float64, copy=False)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Log:
     """A measured or simulated log: time in seconds, strictly increasing, and channels in their own units.
 
@@ -104,6 +114,60 @@ class Log:
         for channel in self.channels.values():
             _require_fitting(self.name, channel, self.time.size)
 
+    def __repr__(self) -> str:
+        names = few([f"{channel.name} [{channel.unit}]" for channel in self.channels.values()])
+        return f"<Log {self.name}: {_extent(self.time)}; {names}>"
+
+    @classmethod
+    def from_dataframe(
+        cls,
+        table: pandas.DataFrame,
+        name: str = "log",
+        *,
+        units: Mapping[str, str] | None = None,
+        time: str | None = None,
+    ) -> Log:
+        """A log from a pandas data frame.
+
+        Parameters
+        ----------
+        table
+            Columns called ``name [unit]`` as in files, or ``name`` with its unit in ``units``. Missing cells are
+            missing measurements.
+        name
+            Of the log.
+        units
+            Units by column; that of an index or column of time as ``time``, seconds where it is omitted.
+        time
+            The column with the time; None: the one called ``time``, else the index. Dates count from the first.
+
+        Raises
+        ------
+        DataError
+            If there is no time or it does not increase, or a column has no unit, a wrong one, or no numbers.
+
+        Examples
+        --------
+        >>> import pandas
+        >>> table = pandas.DataFrame({"speed": [36.0, None], "gear": ["H", "L"]}, index=[0.0, 100.0])
+        >>> log = Log.from_dataframe(table, "run7", units={"time": "ms", "speed": "km/h", "gear": "text"})
+        >>> log
+        <Log run7: 2 samples, 0 to 0.1 s; speed [km/h], gear [text]>
+        """
+        times, columns = frame_columns(table, name, units or {}, time)
+        return cls(name, times, {label: LogChannel(label, unit, values) for label, unit, values in columns})
+
+    def to_dataframe(self) -> pandas.DataFrame:
+        """The log as a data frame: columns ``name [unit]``, indexed by ``time [s]``.
+
+        Raises
+        ------
+        DataError
+            If pandas is not installed.
+        """
+        columns = {f"{channel.name} [{channel.unit}]": channel.values for channel in self.channels.values()}
+        return frame(columns, self.time, "time [s]")
+
     def __len__(self) -> int:
         return int(self.time.size)
 
@@ -129,7 +193,7 @@ class Log:
         return replace(self, time=self.time[chosen], channels=channels)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class MatchedLog:
     """A log in the order and units of one model.
 
@@ -162,12 +226,20 @@ class MatchedLog:
     def __post_init__(self) -> None:
         _require_name(self.name)
 
+    def __repr__(self) -> str:
+        rows = f"{count(len(self.u), 'input')}, {count(len(self.y), 'output')}"
+        return f"<MatchedLog {self.name}: {_extent(self.time)}; {rows}>"
+
     def __len__(self) -> int:
         return int(self.time.size)
 
     def rows(self, chosen: npt.NDArray[np.bool_]) -> MatchedLog:
         """The log at the chosen rows only, shape (n,) of truth values."""
         return replace(self, time=self.time[chosen], u=self.u[:, chosen], y=self.y[:, chosen])
+
+
+def _extent(time: FloatArray) -> str:
+    return f"{count(time.size, 'sample')}, {number(float(time[0]))} to {number(float(time[-1]))} s"
 
 
 def _require_name(name: str) -> None:

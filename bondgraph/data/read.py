@@ -51,11 +51,12 @@ def read_log(path: str | Path) -> Log:
 
     Examples
     --------
+    >>> import bondgraph as bg
     >>> import tempfile
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     path = Path(folder) / "run7.csv"
     ...     _ = path.write_text("time [s],speed [km/h],gear [text]\n0.0,36,H\n0.1,,L\n")
-    ...     log = read_log(path)
+    ...     log = bg.read_log(path)
     >>> log.name, log.channel("speed").values.tolist(), log.channel("gear").values.tolist()
     ('run7', [36.0, nan], ['H', 'L'])
     """

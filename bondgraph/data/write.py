@@ -39,10 +39,11 @@ def write_log(path: str | Path, log: Log) -> Path:
 
     Examples
     --------
+    >>> import bondgraph as bg
     >>> import tempfile
-    >>> log = Log("run", np.array([0.0, 0.1]), {"v": LogChannel("v", "m/s", np.array([1.5, np.nan]))})
+    >>> log = bg.Log("run", np.array([0.0, 0.1]), {"v": LogChannel("v", "m/s", np.array([1.5, np.nan]))})
     >>> with tempfile.TemporaryDirectory() as folder:
-    ...     print(write_log(Path(folder) / "run.csv", log).read_text(), end="")
+    ...     print(bg.write_log(Path(folder) / "run.csv", log).read_text(), end="")
     time [s],v [m/s]
     0.0,1.5
     0.1,

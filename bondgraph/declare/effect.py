@@ -122,6 +122,9 @@ class Effect:
 
 EffectFunction = Callable[[BondGraph, Place], Effect | None]
 
+#: Module of the effect functions that are tried where none are named.
+EFFECTS = "vehicle_graphs.effects"
+
 
 def sensor_fault(function: EffectFunction) -> EffectFunction:
     """Mark an effect function as one for sensors: it is offered every measured output, and no junction or bond."""

@@ -42,6 +42,17 @@ def read_graph(path: Path | str) -> BondGraph:
     ------
     DeclarationError
         If the file is missing, is not JSON, or declares something impossible; unknown keys are named.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> import bondgraph as bg
+    >>> g = bg.BondGraph("rotor")
+    >>> _ = g.inertance("J", 0.02, at=g.one_junction("shaft", bg.ROTATION))
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     bg.write_graph(g, f"{folder}/rotor.json")
+    ...     bg.read_graph(f"{folder}/rotor.json") == g
+    True
     """
     path = Path(path)
     try:
@@ -58,5 +69,17 @@ def read_graph(path: Path | str) -> BondGraph:
 
 
 def write_graph(graph: BondGraph, path: Path | str) -> None:
-    """Write a graph file; :func:`read_graph` gives an equal graph."""
+    """Write a graph file; :func:`read_graph` gives an equal graph.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> import bondgraph as bg
+    >>> g = bg.BondGraph("rotor")
+    >>> _ = g.inertance("J", 0.02, at=g.one_junction("shaft", bg.ROTATION))
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     bg.write_graph(g, f"{folder}/rotor.json")
+    ...     bg.build(f"{folder}/rotor.json")
+    <BuiltModel rotor: 1 state, 0 inputs, 0 parameters, 0 outputs>
+    """
     write_text(Path(path), json.dumps(graph_to_json(graph), indent=1) + "\n")

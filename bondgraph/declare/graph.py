@@ -41,12 +41,12 @@ class BondGraph(QuantityBuilder, ElementBuilder):
 
     Examples
     --------
-    >>> from bondgraph.declare.domains import ROTATION
-    >>> g = BondGraph("rotor", doc="a rotor with a bearing")
+    >>> import bondgraph as bg
+    >>> g = bg.BondGraph("rotor", doc="a rotor with a bearing")
     >>> torque = g.input("torque", "N m", "driving torque")
     >>> J = g.parameter("J", 0.02, "kg m^2", "rotor inertia", (0.01, 0.05))
     >>> b = g.parameter("b", 0.1, "N m s", "bearing friction")
-    >>> shaft = g.one_junction("shaft", ROTATION)
+    >>> shaft = g.one_junction("shaft", bg.ROTATION)
     >>> _ = g.effort_source("drive", torque, at=shaft)
     >>> _ = g.inertance("rotor", J, at=shaft)
     >>> _ = g.resistance("bearing", lambda omega: b * omega, at=shaft)

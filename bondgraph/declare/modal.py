@@ -47,11 +47,10 @@ def friction(
 
     Examples
     --------
-    >>> from bondgraph.declare.domains import TRANSLATION
-    >>> from bondgraph.declare.graph import BondGraph
-    >>> g = BondGraph("block")
-    >>> v = g.one_junction("v", TRANSLATION)
-    >>> friction(g, "floor", g.parameter("F_c", 3.0, "N"), width=g.parameter("v_s", 1e-3, "m/s"), at=v).kind
+    >>> import bondgraph as bg
+    >>> g = bg.BondGraph("block")
+    >>> v = g.one_junction("v", bg.TRANSLATION)
+    >>> bg.friction(g, "floor", g.parameter("F_c", 3.0, "N"), width=g.parameter("v_s", 1e-3, "m/s"), at=v).kind
     'R'
     """
     laws = [
@@ -72,11 +71,11 @@ def clutch(
 
     Examples
     --------
-    >>> from bondgraph.declare.domains import ROTATION
-    >>> from bondgraph.declare.graph import BondGraph
-    >>> g = BondGraph("drive")
-    >>> engine, shaft = g.one_junction("engine", ROTATION), g.one_junction("shaft", ROTATION)
-    >>> _ = clutch(g, "plates", g.parameter("grip", 40.0, "N m"), engine, shaft, width=g.parameter("w", 0.1, "rad/s"))
+    >>> import bondgraph as bg
+    >>> g = bg.BondGraph("drive")
+    >>> engine, shaft = g.one_junction("engine", bg.ROTATION), g.one_junction("shaft", bg.ROTATION)
+    >>> width = g.parameter("w", 0.1, "rad/s")
+    >>> _ = bg.clutch(g, "plates", g.parameter("grip", 40.0, "N m"), engine, shaft, width=width)
     >>> [str(bond) for bond in g.bonds]
     ['engine -> plates_torque', 'plates_torque -> shaft', 'plates_torque -> plates']
     """
@@ -117,13 +116,12 @@ def impact(
 
     Examples
     --------
-    >>> from bondgraph.declare.domains import TRANSLATION
-    >>> from bondgraph.declare.graph import BondGraph
-    >>> g = BondGraph("ball")
-    >>> v = g.one_junction("v", TRANSLATION)
+    >>> import bondgraph as bg
+    >>> g = bg.BondGraph("ball")
+    >>> v = g.one_junction("v", bg.TRANSLATION)
     >>> height = g.integral("height", v.flow, "m", initial=1.0)
     >>> k, w = g.parameter("k", 1e6, "N/m"), g.parameter("w", 1e-6, "m")
-    >>> impact(g, "floor", height, 0.8, stiffness=k, width=w, at=v).kind
+    >>> bg.impact(g, "floor", height, 0.8, stiffness=k, width=w, at=v).kind
     'R'
     """
     laws = {"gap": gap, "restitution": restitution, "stiffness": stiffness, "damping": damping, "width": width}

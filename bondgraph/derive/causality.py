@@ -21,13 +21,14 @@ from bondgraph.derive.patterns import Pattern, stroke_patterns
 from bondgraph.derive.refusals import clash, explain_chain, refusal, refuse_law, refuse_rings
 from bondgraph.derive.strokes import ContradictionError, Decision, Reason, ReasonKind, StrokeSearch
 from bondgraph.errors import CausalityError, suggest
+from bondgraph.text import count
 
 __all__ = ["CausalGraph", "Reason", "ReasonKind", "Stroke", "assign_causality", "explain_chain"]
 
 Stroke = Literal["source", "target"]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class CausalGraph:
     """A flat bond graph with every stroke placed.
 
@@ -39,6 +40,9 @@ class CausalGraph:
     strokes: tuple[Stroke, ...]
     reasons: tuple[Reason, ...]
     derivative: tuple[tuple[str, int], ...]
+
+    def __repr__(self) -> str:
+        return f"<CausalGraph {self.graph.name}: {count(len(self.strokes), 'bond')}, {len(self.derivative)} dependent>"
 
     @functools.cached_property
     def bonds(self) -> tuple[Bond, ...]:

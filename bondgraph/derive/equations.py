@@ -13,6 +13,7 @@ from sympy import Expr, Symbol
 
 from bondgraph.coherent import Displayed
 from bondgraph.declare.quantities import Input, Parameter, Start, Table
+from bondgraph.text import count
 
 StateVariable = Literal["flow", "momentum", "displacement", "effort", "integral"]
 ModeKind = Literal["switch", "friction", "impact"]
@@ -105,7 +106,7 @@ class Mode:
     reset: Reset | None = None
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class StateEquations:
     """Explicit state equations of one graph, ready to be printed.
 
@@ -125,3 +126,8 @@ class StateEquations:
     outputs: tuple[OutputEquation, ...]
     events: tuple[Expr, ...] = ()
     modes: tuple[Mode, ...] = ()
+
+    def __repr__(self) -> str:
+        sizes = f"{count(len(self.states), 'state')}, {count(len(self.inputs), 'input')}"
+        loops = sum(isinstance(step, ImplicitLoop) for step in self.assignments)
+        return f"<StateEquations {self.name}: {sizes}, {count(loops, 'implicit loop')}>"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from bondgraph.derive.linearise import LinearModel
+from bondgraph.derive.linearisation import LinearModel
 from bondgraph.derive.values import FloatArray
 
 ComplexArray = npt.NDArray[np.complex128]
@@ -19,7 +19,7 @@ def frequency_response(model: LinearModel, frequencies: FloatArray) -> ComplexAr
     >>> from bondgraph.declare.graph import BondGraph
     >>> from bondgraph.derive.causality import assign_causality
     >>> from bondgraph.derive.derivation import derive
-    >>> from bondgraph.derive.linearise import linearise
+    >>> from bondgraph.derive.linearisation import linearise
     >>> g = BondGraph("lag")
     >>> body = g.one_junction("body")
     >>> _ = g.effort_source("push", g.input("F", "N"), at=body)
@@ -42,7 +42,7 @@ def telling_frequencies(model: LinearModel, points: int = 400) -> FloatArray:
 
     Examples
     --------
-    >>> from bondgraph.derive.linearise import Units
+    >>> from bondgraph.derive.linearisation import Units
     >>> none, still = np.zeros((0, 0)), np.zeros(2)
     >>> A = np.diag([-2 * np.pi, -200 * np.pi])
     >>> model = LinearModel(A, none, none, none, ("a", "b"), (), (), Units((), (), ()), still, still, still, still)

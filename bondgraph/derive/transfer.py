@@ -24,7 +24,7 @@ from bondgraph.declare.expressions import to_text
 from bondgraph.declare.quantities import symbol
 from bondgraph.derive.equations import Assignment, ImplicitLoop, OutputEquation, StateEquations
 from bondgraph.derive.jacobian import gradient, jacobian
-from bondgraph.derive.linearise import LinearModel
+from bondgraph.derive.linearisation import LinearModel
 from bondgraph.derive.values import FloatArray
 from bondgraph.errors import DerivationError, suggest
 
@@ -75,7 +75,7 @@ def transfer_function(model: StateEquations | LinearModel, input: str, output: s
     >>> from bondgraph.declare.graph import BondGraph
     >>> from bondgraph.derive.causality import assign_causality
     >>> from bondgraph.derive.derivation import derive
-    >>> from bondgraph.derive.linearise import linearise
+    >>> from bondgraph.derive.linearisation import linearise
     >>> g = BondGraph("oscillator")
     >>> body = g.one_junction("body")
     >>> _ = g.effort_source("push", g.input("F", "N"), at=body)

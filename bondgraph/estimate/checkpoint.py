@@ -34,7 +34,7 @@ class Checkpoint:
 def problem_digest(problem: EstimationProblem, options: Mapping[str, object]) -> str:
     """Digest of everything on which the course of a search depends."""
     content = hashlib.sha256()
-    content.update(repr((problem.filter_model, problem.free, problem.initial, sorted(options.items()))).encode())
+    content.update(repr((problem.filter_model.digest, problem.free, problem.initial, sorted(options.items()))).encode())
     for log in problem.logs:
         content.update(repr((log.name, sorted(log.theta_overrides.items()))).encode())
         for array in (log.time, log.u, log.y):

@@ -13,6 +13,7 @@ from typing import Literal
 
 import numpy as np
 
+from bondgraph.data.given import GivenLog, all_matched
 from bondgraph.data.log import MatchedLog
 from bondgraph.errors import EstimationError, suggest
 from bondgraph.estimate.free import FreeParameter, declared_free, parse_target, require_known
@@ -21,12 +22,13 @@ from bondgraph.estimate.likelihoods import Batch, CeilingLikelihood, FilterLikel
 from bondgraph.estimate.objective import Below, BoolArray, FloatArray, Terms
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.follows import with_followers
+from bondgraph.text import count, few
 
 #: What an estimation maximises unless another likelihood is asked for.
 _FILTER = FilterLikelihood()
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class EstimationProblem:
     """Free parameters of a filter model and the logs that speak about them; build one with :func:`pose`.
 
@@ -65,6 +67,11 @@ class EstimationProblem:
                 raise EstimationError(f"free parameter {parameter.name!r} is named twice", where=(parameter.name,))
             names.add(parameter.name)
             _check_spoken_of(self, parameter)
+
+    def __repr__(self) -> str:
+        samples = sum(log.time.size for log in self.logs)
+        data = f"{count(len(self.logs), 'log')}, {count(samples, 'sample')}"
+        return f"<EstimationProblem {self.filter_model.model.name}: free {few(self.names)}; {data}>"
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -189,7 +196,7 @@ class EstimationProblem:
 
 def pose(
     filter_model: FilterModel,
-    logs: MatchedLog | Sequence[MatchedLog],
+    logs: GivenLog | Sequence[GivenLog],
     free: Sequence[str | FreeParameter],
     initial: Initial = "measured",
     likelihood: LikelihoodFunction | None = None,
@@ -201,7 +208,7 @@ def pose(
     filter_model
         Model and noises.
     logs
-        One or several matched logs.
+        One or several logs: as read, matched, or files.
     free
         Names, which take the bounds that the model declares, or ``FreeParameter`` values with their own.
     initial
@@ -221,14 +228,15 @@ def pose(
 
     Examples
     --------
+    >>> import bondgraph as bg
     >>> from bondgraph.simulate.example import pendulum
-    >>> swing = FilterModel(pendulum(), {"rate": 0.1}, {"deflection": 0.02}, {"angle": 0.1, "rate": 0.1})
+    >>> swing = bg.FilterModel(pendulum(), {"rate": 0.1}, {"deflection": 0.02}, {"angle": 0.1, "rate": 0.1})
     >>> time = np.arange(40) * 0.05
-    >>> log = MatchedLog("swing", time, np.zeros((1, 40)), 0.5 * np.cos(3.1 * time)[np.newaxis])
-    >>> pose(swing, log, ["length", "std(deflection)"]).values(np.array([0.0, 0.0])).tolist()
+    >>> log = bg.MatchedLog("swing", time, np.zeros((1, 40)), 0.5 * np.cos(3.1 * time)[np.newaxis])
+    >>> bg.pose(swing, log, ["length", "std(deflection)"]).values(np.array([0.0, 0.0])).tolist()
     [1.0, 1.0]
     """
-    listed = (logs,) if isinstance(logs, MatchedLog) else tuple(logs)
+    listed = tuple(all_matched(logs, filter_model.model))
     starts = initial_states(filter_model.model, listed, filter_model.model.theta(), initial)
     chosen = tuple(
         item

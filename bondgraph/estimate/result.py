@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Container, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -16,35 +16,25 @@ from bondgraph.estimate.certify import NEGLIGIBLE_SHIFT, Certification
 from bondgraph.estimate.continuation import Stage
 from bondgraph.estimate.free import FreeParameter
 from bondgraph.estimate.likelihoods import Batch
-from bondgraph.estimate.objective import Expand, FloatArray, SearchOutcome, TraceRow, fitted_expansion
+from bondgraph.estimate.objective import FloatArray, SearchOutcome, TraceRow
 from bondgraph.estimate.problem import EstimationProblem
 from bondgraph.estimate.profile import profile_interval
-from bondgraph.estimate.uncertainty import Uncertainty, UncertaintyOutcome, uncertainty
+from bondgraph.estimate.uncertainty import UncertaintyOutcome
 from bondgraph.filter.consistency import misfits
+from bondgraph.filter.figure import run_figure
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.filter_run import FilterRun
 from bondgraph.filter.misfit import Misfit
 from bondgraph.filter.runs import run
+from bondgraph.frames import frame
+from bondgraph.text import count, few, number, text_table
+
+if TYPE_CHECKING:
+    import pandas
+    from matplotlib.figure import Figure
 
 #: 97.5 % point of the standard normal distribution.
 _Z95 = 1.959963984540054
-#: Optima whose coordinates all agree within this share of the bounds are one.
-_SAME = 1e-3
-
-
-@dataclass(frozen=True)
-class Found:
-    """What a search found: its best point (n,) with value and outcome, its trace, the end of every start, the way."""
-
-    point: FloatArray
-    nll: float
-    outcome: SearchOutcome
-    evaluations: int
-    trace: tuple[TraceRow, ...]
-    ends: tuple[tuple[FloatArray, float], ...]
-    steps: FloatArray | None
-    way: tuple[Stage, ...] = ()
-    abandoned: int = 0
 
 
 @dataclass(frozen=True)
@@ -56,7 +46,7 @@ class Optimum:
     starts: int
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Estimate:
     """An estimate of the free parameters of a problem.
 
@@ -110,6 +100,62 @@ class Estimate:
     roughness: float = math.nan
     way: tuple[Stage, ...] = ()
     abandoned: int = 0
+
+    def __repr__(self) -> str:
+        end = f"NLL {self.nll:.6g}, {count(self.evaluations, 'evaluation')}; {self.outcome.value.partition(' - ')[0]}"
+        values = [f"{one.name} = {number(self._shown(one)[0])}" for one in self.problem.free]
+        return f"<Estimate {self.problem.filter_model.model.name}: {few(values)}; {end}>"
+
+    def summary(self) -> str:
+        """How the search ended, and a table of the estimates in declared units with their uncertainty.
+
+        The last column says what rests on a bound and what these data do not tell.
+        """
+        unknown = {name for group in self.not_identifiable for name in group}
+        rows = [
+            [one.name, unit_of(self.problem, one), *map(number, self._shown(one)), self._remark(one.name, unknown)]
+            for one in self.problem.free
+        ]
+        table = text_table(("parameter", "unit", "value", "std", "2.5 %", "97.5 %", ""), rows)
+        data = f"{few([log.name for log in self.problem.logs])}: NLL {self.nll:.6g}"
+        return "\n".join([self.outcome.value, f"{data}, {self.certification.verdict} steps", table])
+
+    def to_dataframe(self) -> pandas.DataFrame:
+        """The estimates in declared units, a row for each free parameter.
+
+        Columns ``value``, ``std``, ``lower95``, ``upper95``, ``lower_bound``, ``upper_bound``, ``unit``, ``at_bound``.
+
+        Raises
+        ------
+        DataError
+            If pandas is not installed.
+        """
+        rows = [
+            (*self._shown(one), *self._bounds(one), unit_of(self.problem, one), one.name in self.at_bound)
+            for one in self.problem.free
+        ]
+        names = ("value", "std", "lower95", "upper95", "lower_bound", "upper_bound", "unit", "at_bound")
+        return frame(dict(zip(names, zip(*rows, strict=True), strict=True)), self.problem.names, "parameter")
+
+    def plot(self) -> Figure:
+        """Measured channels and what the estimated model expects one step ahead, with a band of two deviations.
+
+        A row for each channel and a column for each log, in declared units.
+        """
+        return run_figure(self.runs)
+
+    def _shown(self, parameter: FreeParameter) -> tuple[float, float, float, float]:
+        """Value, standard deviation and ends of the 95 % interval as they are shown."""
+        show, name = quantity_of(self.problem, parameter).shown, parameter.name
+        lower, upper = self.ci95[name]
+        return show(self.values[name]), show(self.std[name]), show(lower), show(upper)
+
+    def _bounds(self, parameter: FreeParameter) -> tuple[float, float]:
+        show = quantity_of(self.problem, parameter).shown
+        return show(parameter.lower), show(parameter.upper)
+
+    def _remark(self, name: str, unknown: Container[str]) -> str:
+        return "at a bound" if name in self.at_bound else "not identifiable" if name in unknown else ""
 
     @cached_property
     def values(self) -> Mapping[str, float]:
@@ -242,7 +288,7 @@ class Estimate:
             "unit": unit_of(self.problem, parameter),
             "std": _number(info.shown(self.std[parameter.name])),
             "ci95": [info.shown(end) for end in self.ci95[parameter.name]],
-            "bounds": [info.shown(parameter.lower), info.shown(parameter.upper)],
+            "bounds": list(self._bounds(parameter)),
             "at_bound": parameter.name in self.at_bound,
         }
 
@@ -295,42 +341,6 @@ def _shown(values: Mapping[str, float], shown: Mapping[str, Callable[[float], fl
     return {name: shown[name](value) for name, value in values.items()}
 
 
-def describe(problem: EstimationProblem, found: Found, jacobian: Expand, seconds: Callable[[], float]) -> Estimate:
-    """The estimate at the point that a search found, with its uncertainty."""
-    size = found.point.size
-    known = Uncertainty(np.full((size, size), np.nan), np.zeros(size, bool), (), UncertaintyOutcome.NOT_AVAILABLE, 0)
-    evaluations = found.evaluations
-    if math.isfinite(found.nll):
-        if found.steps is None:
-            expansion = fitted_expansion(problem, found.point, jacobian)
-        else:
-            (expansion,) = jacobian(problem, found.point[:, np.newaxis], found.steps[:, np.newaxis])
-        known = uncertainty(problem, found.point, expansion, curvature=found.outcome is not SearchOutcome.INTERRUPTED)
-        evaluations += known.evaluations + expansion.evaluations
-    values = problem.values(found.point)
-    slopes = np.array([parameter.slope(value) for parameter, value in zip(problem.free, values, strict=True)])
-    covariance = known.covariance * np.outer(slopes, slopes)
-    return Estimate(
-        problem=problem,
-        point=found.point,
-        nll=found.nll,
-        covariance=covariance,
-        correlation=_correlation(covariance),
-        at_bound=tuple(name for name, at in zip(problem.names, known.at_bound, strict=True) if at),
-        not_identifiable=tuple(tuple(problem.names[index] for index in group) for group in known.groups),
-        optima=_distinct_optima(problem, found),
-        evaluations=evaluations,
-        seconds=seconds(),
-        trace=found.trace,
-        outcome=found.outcome,
-        uncertainty_outcome=known.outcome,
-        roughness=known.roughness,
-        certification=Certification(problem.filter_model.method, problem.filter_model.substeps, (), 0),
-        way=found.way,
-        abandoned=found.abandoned,
-    )
-
-
 def quantity_of(problem: EstimationProblem, parameter: FreeParameter) -> Displayed:
     """The parameter, output or state of the model to which a free parameter belongs, in whose unit it is shown."""
     model, target = problem.filter_model.model, parameter.target
@@ -347,32 +357,6 @@ def unit_of(problem: EstimationProblem, parameter: FreeParameter) -> str:
     if parameter.target.kind != "process":
         return unit
     return f"({unit})/s^0.5" if unit != "1" else "1/s^0.5"
-
-
-def _distinct_optima(problem: EstimationProblem, found: Found) -> tuple[Optimum, ...]:
-    width = problem.upper - problem.lower
-    groups: list[list[tuple[FloatArray, float]]] = []
-    for point, value in sorted(found.ends, key=lambda end: end[1]):
-        home = next((group for group in groups if np.all(np.abs(group[0][0] - point) < _SAME * width)), None)
-        if home is None:
-            groups.append([(point, value)])
-        else:
-            home.append((point, value))
-    return tuple(
-        Optimum(
-            {name: float(value) for name, value in zip(problem.names, problem.values(group[0][0]), strict=True)},
-            group[0][1],
-            len(group),
-        )
-        for group in groups
-    )
-
-
-def _correlation(covariance: FloatArray) -> FloatArray:
-    with np.errstate(invalid="ignore", divide="ignore"):
-        std = np.sqrt(np.diag(covariance))
-        correlation: FloatArray = covariance / np.outer(std, std)
-    return correlation
 
 
 def _number(value: float) -> float | None:

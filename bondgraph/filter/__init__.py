@@ -1,1 +1,26 @@
 """Filter: unscented Kalman filters over compiled models, innovations and consistency."""
+
+from typing import TYPE_CHECKING
+
+from bondgraph.lazy import exported
+
+if TYPE_CHECKING:
+    from bondgraph.filter.choice import choose_method as choose_method
+    from bondgraph.filter.filter_model import FilterModel as FilterModel
+    from bondgraph.filter.filter_run import FilterRun as FilterRun
+    from bondgraph.filter.noise import Noise as Noise
+    from bondgraph.filter.runs import run as run
+    from bondgraph.filter.smoother import SmootherRun as SmootherRun
+    from bondgraph.filter.smoother import smooth as smooth
+else:
+    __getattr__, __dir__, __all__ = exported(
+        __name__,
+        {
+            "filter.choice": "choose_method",
+            "filter.filter_model": "FilterModel",
+            "filter.filter_run": "FilterRun",
+            "filter.noise": "Noise",
+            "filter.runs": "run",
+            "filter.smoother": "SmootherRun smooth",
+        },
+    )

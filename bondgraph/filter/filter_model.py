@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import functools
+import hashlib
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
+from typing import Any
 
 import numpy as np
 
@@ -17,6 +19,7 @@ from bondgraph.filter.plan import NoisePanels, StepPlan
 from bondgraph.filter.sigma_points import MerweScaled
 from bondgraph.simulate.model import Model
 from bondgraph.simulate.task import refuse_modes
+from bondgraph.text import count, few
 
 #: Integration methods; see :mod:`bondgraph.simulate.stiff` for the stiff ones.
 METHODS = ("rk4", *TABLEAUS, "auto")
@@ -30,7 +33,7 @@ Correlations = Mapping[tuple[str, str], float]
 _CORRELATIONS = ("process_correlation", "measurement_correlation", "initial_correlation")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class FilterModel:
     """A model with the uncertainties an unscented Kalman filter needs.
 
@@ -85,8 +88,9 @@ class FilterModel:
 
     Examples
     --------
+    >>> import bondgraph as bg
     >>> from bondgraph.simulate.example import pendulum
-    >>> FilterModel(
+    >>> bg.FilterModel(
     ...     pendulum(), process_noise={"rate": 0.1}, measurement_noise={"deflection": 0.02},
     ...     initial_std={"angle": 0.1, "rate": 0.1, "damping": 0.05}, appended={"damping": 0.0},
     ... ).state_names
@@ -114,6 +118,7 @@ class FilterModel:
     follows: Mapping[str, Follow] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "model", self.model.model)  # a filter is run-time code and holds no graph
         for name in ("process_noise", "measurement_noise", "initial_std", "appended", *_CORRELATIONS):
             object.__setattr__(self, name, dict(getattr(self, name)))
         refuse_modes(self.model)
@@ -127,6 +132,20 @@ class FilterModel:
         self._check_values()
         self._check_correlations()
         MerweScaled(len(self.state_names), self.alpha, self.beta, self.kappa)  # raises for a bad spread
+
+    def __repr__(self) -> str:
+        appended = f", appended {few(tuple(self.appended))}" if self.appended else ""
+        steps = f"{self.method} with {count(self.typical_substeps, 'step')}"
+        return f"<FilterModel {self.model.name}: measured {few(tuple(self.measurement_noise))}{appended}, {steps}>"
+
+    @functools.cached_property
+    def digest(self) -> str:
+        """Digest of all that a filter run depends on, equal for equal filter models."""
+        own = {one.name: getattr(self, one.name) for one in fields(self)}
+        plain = [(name, _plain(value)) for name, value in own.items() if name not in ("model", "plan", "follows")]
+        starts = [(name, one.constant, one.slopes) for name, one in self.follows.items()]
+        content = (self.model.text, None if self.plan is None else self.plan.content, starts, plain)
+        return hashlib.sha256(repr(content).encode()).hexdigest()
 
     @functools.cached_property
     def state_names(self) -> tuple[str, ...]:
@@ -298,6 +317,13 @@ class FilterModel:
                     " positive eigenvalues throughout - make some of them smaller",
                     where=(self.model.name, group),
                 )
+
+
+def _plain(value: Mapping[Any, float] | float | str) -> object:
+    """Numbers by name as a list of pairs, all numbers as Python's own, so that equal ones are written alike."""
+    if isinstance(value, Mapping):
+        return [(name, float(one)) for name, one in value.items()]
+    return value if isinstance(value, str) else float(value)
 
 
 def correlation_matrix(names: Sequence[str], pairs: Correlations) -> FloatArray:

@@ -7,22 +7,29 @@ transition is the product of those of its steps.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from bondgraph.arrays import FloatArray, IntArray
 from bondgraph.errors import FilterError, suggest
+from bondgraph.filter.beliefs_shown import belief_columns, belief_table
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.misfit import ChannelInnovations, Misfit, channel_misfits
 from bondgraph.filter.samples import Samples
+from bondgraph.frames import frame
 from bondgraph.simulate.outcome import Outcome, describe_end
+from bondgraph.text import count, number, text_table
+
+if TYPE_CHECKING:
+    import pandas
 
 #: Eigenvalues of a correlation matrix below this share of the largest are rounding.
 ROUNDING = 1e-11
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class FilterRun:
     """Beliefs before and after each measurement, and what the measurements said.
 
@@ -54,7 +61,13 @@ class FilterRun:
     outcome: Outcome
     ended_at: float
     cause: str = ""
-    nodes: NodeRecord | None = field(default=None, repr=False)
+    nodes: NodeRecord | None = None
+
+    def __repr__(self) -> str:
+        end = (self.cause or describe_end(self.outcome, self.ended_at)).partition(" - ")[0]
+        sizes = f"{count(self.time.size, 'sample')}, {count(len(self.filter_model.state_names), 'state')}"
+        value = f", NLL {self.nll:.6g}" if self.outcome is Outcome.OK else ""
+        return f"<FilterRun {self.filter_model.model.name}, {self.log_name}: {sizes}{value}; {end}>"
 
     @property
     def innovation(self) -> FloatArray:
@@ -110,6 +123,45 @@ class FilterRun:
         deviation: FloatArray = np.sqrt(self.filtered_cov[row, row])
         return deviation
 
+    def summary(self) -> str:
+        """The end of the run, and tables of states and channels in declared units.
+
+        Of each channel: values measured, root mean square of the innovations, and mean of their square over the
+        variance that the filter expects, which is near one where the model explains the channel.
+        """
+        states = belief_table(self.filter_model, self.filtered_mean, self.filtered_cov)
+        rows = zip(self.filter_model.model.outputs, normalised_innovations(self), self.innovation, strict=True)
+        channels = [
+            [
+                info.name,
+                info.display_unit or "1",
+                str(known.size),
+                number(info.shown(_rms(known))),
+                number(_rms(normal) ** 2),
+            ]
+            for info, scaled, errors in rows
+            if (known := errors[~np.isnan(errors)]).size and (normal := scaled[~np.isnan(scaled)]).size
+        ]
+        measured = text_table(("channel", "unit", "measured", "rms innovation", "mean NIS"), channels)
+        return "\n\n".join([repr(self)[1:-1], states, measured])
+
+    def to_dataframe(self) -> pandas.DataFrame:
+        """Filtered states with their standard deviations, then each channel measured and predicted, over time.
+
+        In declared units, columns ``name [unit]``, ``name_std [unit]``, ``name_measured [unit]`` and
+        ``name_predicted [unit]``.
+
+        Raises
+        ------
+        DataError
+            If pandas is not installed.
+        """
+        columns = belief_columns(self.filter_model, self.filtered_mean, self.filtered_cov)
+        for info, measured, predicted in zip(self.filter_model.model.outputs, self.y, self.output_mean, strict=True):
+            columns[f"{info.name}_measured [{info.display_unit or 1}]"] = info.shown(measured)
+            columns[f"{info.name}_predicted [{info.display_unit or 1}]"] = info.shown(predicted)
+        return frame(columns, self.time, "time [s]")
+
     def raise_if_failed(self) -> FilterRun:
         """The run itself, if it reached the end of the log.
 
@@ -134,7 +186,11 @@ class FilterRun:
         return names.index(name)
 
 
-@dataclass(frozen=True)
+def _rms(values: FloatArray) -> float:
+    return float(np.sqrt(np.mean(values**2)))
+
+
+@dataclass(frozen=True, repr=False)
 class NodeRecord:
     """The record of a filter on the nodes of a log.
 
@@ -144,6 +200,9 @@ class NodeRecord:
     run: FilterRun
     samples: Samples
     process_cov: FloatArray
+
+    def __repr__(self) -> str:
+        return f"<NodeRecord {self.run.log_name}: {count(self.run.time.size, 'node')}>"
 
     def at_samples(self) -> FilterRun:
         """The record on the samples of the log, which keeps this one as its ``nodes``."""

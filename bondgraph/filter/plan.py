@@ -60,6 +60,11 @@ class StepPlan:
             digest.update(key.encode() + steps.substeps.tobytes() + steps.grading.tobytes())
         return cls(method, digest.hexdigest()[:16], dict(logs), panels)
 
+    @property
+    def content(self) -> tuple[str, str, NoisePanels]:
+        """Plain values that tell this plan from every other."""
+        return (self.method, self.digest, self.panels)
+
     def halved(self) -> StepPlan:
         """Every step cut in two."""
         return StepPlan.of(self.method, {key: steps.halved() for key, steps in self.logs.items()}, self.panels)

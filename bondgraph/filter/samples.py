@@ -41,7 +41,7 @@ class MeasuredLog(Protocol):
         """Parameters known for this log, by name."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Samples:
     """A log checked against a filter model, on its nodes: its samples and, between them, those of the process noise.
 

@@ -14,25 +14,58 @@ Reference: Sarkka (2008), Unscented Rauch-Tung-Striebel smoother, IEEE Trans. Au
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from bondgraph.arrays import FloatArray
 from bondgraph.errors import FilterError, suggest
+from bondgraph.filter.beliefs_shown import belief_columns, belief_table
+from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.filter_run import FilterRun
+from bondgraph.frames import frame
+from bondgraph.text import count
+
+if TYPE_CHECKING:
+    import pandas
 
 #: Eigenvalues of a correlation matrix below this share of the largest are rounding.
 _ROUNDING = 1e-11
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class SmootherRun:
     """Smoothed means (n_s, n) and covariances (n_s, n_s, n) of the filter's state at ``time`` (n,)."""
 
-    state_names: tuple[str, ...]
+    filter_model: FilterModel
+    log_name: str
     time: FloatArray
     smoothed_mean: FloatArray
     smoothed_cov: FloatArray
+
+    def __repr__(self) -> str:
+        sizes = f"{count(self.time.size, 'sample')}, {count(len(self.state_names), 'state')}"
+        return f"<SmootherRun {self.filter_model.model.name}, {self.log_name}: {sizes}>"
+
+    @property
+    def state_names(self) -> tuple[str, ...]:
+        """States of the model, then appended parameters."""
+        return self.filter_model.state_names
+
+    def summary(self) -> str:
+        """A line for every state in its declared unit: smoothed mean at both ends, and its standard deviation."""
+        return "\n".join([repr(self)[1:-1], belief_table(self.filter_model, self.smoothed_mean, self.smoothed_cov)])
+
+    def to_dataframe(self) -> pandas.DataFrame:
+        """Smoothed means and standard deviations over time in declared units, columns ``name [unit]``.
+
+        Raises
+        ------
+        DataError
+            If pandas is not installed.
+        """
+        columns = belief_columns(self.filter_model, self.smoothed_mean, self.smoothed_cov)
+        return frame(columns, self.time, "time [s]")
 
     def mean(self, name: str) -> FloatArray:
         """Smoothed mean of one state or appended parameter, shape (n,)."""
@@ -70,15 +103,13 @@ def smooth(run: FilterRun) -> SmootherRun:
 
     Examples
     --------
-    >>> from bondgraph.data.log import MatchedLog
-    >>> from bondgraph.filter.filter_model import FilterModel
-    >>> from bondgraph.filter.runs import run
+    >>> import bondgraph as bg
     >>> from bondgraph.simulate.example import pendulum
-    >>> swing = FilterModel(pendulum(), {"rate": 0.1}, {"deflection": 0.05}, {"angle": 0.1, "rate": 0.1}, substeps=2)
+    >>> swing = bg.FilterModel(pendulum(), {"rate": 0.1}, {"deflection": 0.05}, {"angle": 0.1, "rate": 0.1}, substeps=2)
     >>> time = np.arange(40) * 0.05
-    >>> log = MatchedLog("swing", time, np.zeros((1, 40)), 0.5 * np.cos(3.1 * time)[np.newaxis])
-    >>> filtered = run(swing, log, compiled=False)
-    >>> bool(smooth(filtered).std("rate")[0] < filtered.std("rate")[0])
+    >>> log = bg.MatchedLog("swing", time, np.zeros((1, 40)), 0.5 * np.cos(3.1 * time)[np.newaxis])
+    >>> filtered = bg.filter_log(swing, log, compiled=False)
+    >>> bool(bg.smooth(filtered).std("rate")[0] < filtered.std("rate")[0])
     True
     """
     run.raise_if_failed()
@@ -93,7 +124,7 @@ def smooth(run: FilterRun) -> SmootherRun:
             mean[:, k + 1],
             cov[..., k + 1],
         )
-    return SmootherRun(run.filter_model.state_names, run.time, mean, cov)
+    return SmootherRun(run.filter_model, run.log_name, run.time, mean, cov)
 
 
 def smooth_step(

@@ -10,18 +10,14 @@ import difflib
 import re
 import shlex
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
 from bondgraph.declare.files import load_graph
-from bondgraph.declare.graph import BondGraph
-from bondgraph.derive.causality import assign_causality
-from bondgraph.derive.derivation import check_closed, derive
-from bondgraph.derive.dimensions import check_dimensions
 from bondgraph.errors import GenerationError
 from bondgraph.files import write_text
-from bondgraph.generate.module import render
+from bondgraph.generate.pipeline import render_graph
 
 #: Files of a folder of modules that are not generated.
 _KEPT = ("__init__.py",)
@@ -35,30 +31,6 @@ class Difference:
     file: str
     kind: Literal["missing", "changed", "superfluous"]
     diff: str
-
-
-def render_graph(graph: BondGraph, command: str | None = None, *, smooth: bool = True) -> str:
-    """Text of the module of a graph: causality, derivation (``smooth`` or with modes), dimensions, text.
-
-    Raises
-    ------
-    BondGraphError
-        If the graph is refused anywhere on the way; the message says where and why.
-
-    Examples
-    --------
-    >>> g = BondGraph("free_mass")
-    >>> body = g.one_junction("body")
-    >>> _ = g.inertance("mass", g.parameter("m", 2.0, "kg"), at=body)
-    >>> "def rhs(t, x, u, theta):" in render_graph(g)
-    True
-    """
-    equations = derive(assign_causality(graph), smooth=smooth)
-    check_closed(equations)
-    check_dimensions(equations)
-    if not smooth:
-        equations = replace(equations, name=exact_name(graph.name))
-    return render(equations, command)
 
 
 def exact_name(name: str) -> str:
@@ -115,7 +87,8 @@ def render_all(
             *(options or {}).get(reference, ()),
         )
         command = shlex.join(words)
-        modules[graph.name if smooth else exact_name(graph.name)] = render_graph(graph, command, smooth=smooth)
+        name = graph.name if smooth else exact_name(graph.name)
+        modules[name] = render_graph(graph, command, name=name, smooth=smooth).text
     return modules
 
 

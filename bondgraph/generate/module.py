@@ -13,7 +13,6 @@ from dataclasses import dataclass, replace
 import sympy
 from sympy import Expr
 
-import bondgraph
 from bondgraph.derive.equations import Assignment, ImplicitLoop, Mode, StateEquations
 from bondgraph.errors import GenerationError
 from bondgraph.generate.expressions import ExpressionPrinter, derivative_ending
@@ -23,6 +22,7 @@ from bondgraph.generate.names import identifiers, stems
 from bondgraph.generate.newton import LoopText, linear_solver_text, loop_text
 from bondgraph.generate.preamble import preamble
 from bondgraph.generate.tables import ENDINGS, interpolant_text, sorted_orders, table_text
+from bondgraph.version import __version__
 
 _STACK = '''def _stack(x, rows):
     """Rows, each a number or of the batch shape of x, as one array of shape (len(rows), *batch)."""
@@ -66,7 +66,7 @@ def render(equations: StateEquations, command: str | None = None) -> str:
     header = (
         f"# Generated from {one_line(equations.source)} -- do not edit.",
         f"# Regenerate with:  {one_line(command or f'bondgraph generate {equations.name}')}",
-        f"# Generator: bondgraph {bondgraph.__version__}, sympy {sympy.__version__}.  Equations: {digest}",
+        f"# Generator: bondgraph {__version__}, sympy {sympy.__version__}.  Equations: {digest}",
     )
     return "\n".join(header) + "\n" + body
 

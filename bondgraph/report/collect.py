@@ -10,7 +10,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-import bondgraph
 from bondgraph.data.log import MatchedLog
 from bondgraph.declare.effect import Effect, Place
 from bondgraph.declare.graph import BondGraph
@@ -28,6 +27,7 @@ from bondgraph.report.series import (
 from bondgraph.simulate.model import Model
 from bondgraph.simulate.quantities import OutputInfo, ParameterInfo, StateInfo
 from bondgraph.simulate.trajectory import Trajectory
+from bondgraph.version import __version__
 
 LIBRARIES = ("numpy", "scipy", "sympy", "numba")
 
@@ -70,7 +70,7 @@ def channel_series(
     Examples
     --------
     >>> from bondgraph.simulate.example import pendulum
-    >>> from bondgraph.simulate.simulate import simulate
+    >>> from bondgraph.simulate.simulation import simulate
     >>> swing = simulate(pendulum(), np.arange(20) * 0.05)
     >>> log = MatchedLog("swing", swing.time, swing.u, swing.y + 0.01)
     >>> (one,) = channel_series(pendulum(), log, Runs(simulated=swing), noise_std={"deflection": 0.01})
@@ -197,4 +197,4 @@ def versions() -> tuple[tuple[str, str], ...]:
     """Versions of the toolkit, of Python and of the libraries that results depend on."""
     installed = [name for name in LIBRARIES if importlib.util.find_spec(name) is not None]
     libraries = ((name, importlib.metadata.version(name)) for name in installed)
-    return (("bondgraph", bondgraph.__version__), ("Python", platform.python_version()), *libraries)
+    return (("bondgraph", __version__), ("Python", platform.python_version()), *libraries)

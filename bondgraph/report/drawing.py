@@ -12,6 +12,10 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any
 
+from bondgraph.build import BuiltModel
+from bondgraph.declare.files import load_graph
+from bondgraph.declare.graph import BondGraph
+from bondgraph.derive.causality import assign_causality
 from bondgraph.errors import DeclarationError, OptionError, suggest
 from bondgraph.files import write_bytes, write_text
 from bondgraph.report.declared import drawing_of
@@ -44,6 +48,7 @@ __all__ = [
     "DrawnNode",
     "Kind",
     "Stroke",
+    "draw",
     "draw_figure",
     "draw_svg",
     "drawing_of",
@@ -83,6 +88,46 @@ def draw_svg(drawing: Drawing, highlight: frozenset[str] = frozenset()) -> str:
 def draw_figure(drawing: Drawing, highlight: frozenset[str] = frozenset()) -> Figure:
     """The drawing as a matplotlib figure, for formats other than SVG."""
     return figure(picture_of(drawing, highlight))
+
+
+def draw(
+    graph: BondGraph | BuiltModel | str, file: str | FilePath | None = None, highlight: Iterable[str] = ()
+) -> Drawing:
+    """The drawing of a graph with its causal strokes.
+
+    Parameters
+    ----------
+    graph
+        A declared graph, a model built from one, or a reference such as ``sled.py:sled``.
+    file
+        Where it is written: ``.svg``, ``.png`` or ``.pdf``; None writes nothing.
+    highlight
+        Names of nodes to mark.
+
+    Raises
+    ------
+    CausalityError
+        If there is no consistent assignment of strokes.
+    OptionError
+        If the suffix of the file is another one.
+
+    Examples
+    --------
+    >>> import bondgraph as bg
+    >>> g = bg.BondGraph("rotor")
+    >>> shaft = g.one_junction("shaft", bg.ROTATION)
+    >>> _ = g.inertance("J", 0.02, at=shaft)
+    >>> [node.name for node in bg.draw(g).nodes]
+    ['shaft', 'J']
+    """
+    if isinstance(graph, BuiltModel):
+        causal = graph.causal
+    else:
+        causal = assign_causality(load_graph(graph) if isinstance(graph, str) else graph)
+    drawing = drawing_of(causal)
+    if file is not None:
+        save_drawing(drawing, FilePath(file), frozenset(highlight))
+    return drawing
 
 
 def save_drawing(drawing: Drawing, path: FilePath, highlight: frozenset[str] = frozenset()) -> None:

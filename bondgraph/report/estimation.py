@@ -2,17 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 
-from bondgraph.correct.fits.setup import filter_setup
-from bondgraph.correct.loop import free_parameters
 from bondgraph.data.log import MatchedLog
-from bondgraph.estimate.free import declared_free, parse_target
-from bondgraph.estimate.initial import Initial
 from bondgraph.estimate.innovation_summary import innovation_summary
-from bondgraph.estimate.problem import EstimationProblem
 from bondgraph.estimate.result import Estimate
 from bondgraph.report.closed_loop import write_json
 from bondgraph.report.collect import Runs, channel_series, parameter_changes
@@ -22,38 +15,8 @@ from bondgraph.report.misfits import misfit_sentences
 from bondgraph.report.noise import noise_sentence
 from bondgraph.report.series import ChannelSeries, channel_errors
 from bondgraph.report.suspicions import sampling_suspicions, unit_suspicions
-from bondgraph.simulate.model import Model
-from bondgraph.simulate.simulate import simulate
+from bondgraph.simulate.simulation import simulate
 from bondgraph.simulate.trajectory import Trajectory
-
-
-def declared_problem(
-    model: Model,
-    driven: Sequence[str],
-    logs: Sequence[MatchedLog],
-    free: Sequence[str],
-    process_noise: str,
-    initial: Initial = "measured",
-) -> EstimationProblem:
-    """The estimation problem that a command poses: noises from the logs, the named parameters or all with bounds free.
-
-    Steps of a stiff model are planned along the logs (:func:`bondgraph.filter.choice.choose_method`).
-
-    Raises
-    ------
-    EstimationError
-        If a name is unknown or has no bounds.
-    """
-    setup = filter_setup(model, driven, logs, process_noise)
-    wanted = [name for name in free if parse_target(name).kind == "parameter"]
-    named = free_parameters(setup, wanted) if wanted or not free else ()
-    levels = [name for name in free if parse_target(name).kind != "parameter"]
-    others = [declared_free(name, setup.filter_model, logs=logs) for name in levels]
-    given = {parameter.name for parameter in others}
-    noise = [parameter for parameter in setup.noise if parameter.name not in given]
-    declared = setup.filter_model
-    filter_model = replace(declared, method="auto", substeps=1, grading=1.0) if declared.is_stiff else declared
-    return EstimationProblem(filter_model, tuple(logs), (*named, *others, *noise), initial)
 
 
 def write_estimate(estimate: Estimate, folder: Path, made: Provenance) -> ReportData:

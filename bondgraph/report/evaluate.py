@@ -8,15 +8,14 @@ from typing import Any
 
 import numpy as np
 
+from bondgraph.build import model_of
 from bondgraph.declare.elements import STORAGES
 from bondgraph.declare.graph import BondGraph
 from bondgraph.declare.requirements import check_requirements
 from bondgraph.derive.causality import CausalGraph, assign_causality, bond_labels
 from bondgraph.derive.derivation import Derivation
 from bondgraph.errors import DataError, suggest
-from bondgraph.generate.module import render
 from bondgraph.report.energy import energy_name, energy_states, inertia_value
-from bondgraph.simulate.model import Model
 from bondgraph.simulate.modes import consistent_inputs
 
 _POINT_KEYS = ("t", "states", "inputs", "input_derivatives", "parameters")
@@ -85,7 +84,7 @@ class _Evaluator:
         derivation = Derivation(causal, smooth)
         equations = derivation.equations(bonds=True, signals=True)
         self.variables = derivation.variables
-        self.model = Model.from_text(render(equations), source=f"{causal.graph.name} (derived)")
+        self.model = model_of(equations, f"{causal.graph.name} (derived)")
         self.own = len(causal.graph.outputs)
         self.energy = energy_states(self.variables)
 

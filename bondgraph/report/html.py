@@ -58,7 +58,7 @@ class Provenance:
     duration: float = float("nan")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class ReportData:
     """Everything that stands in a report; parts left empty are left out.
 
@@ -115,6 +115,9 @@ class ReportData:
     suspected: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
     made: Provenance | None = None
+
+    def __repr__(self) -> str:
+        return f"<ReportData {self.title}: {self.verdict}>"
 
 
 def report_html(data: ReportData) -> str:

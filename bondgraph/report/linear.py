@@ -16,7 +16,7 @@ from bondgraph.declare.graph import BondGraph
 from bondgraph.derive.causality import assign_causality
 from bondgraph.derive.derivation import check_closed, derive
 from bondgraph.derive.equations import StateEquations
-from bondgraph.derive.linearise import (
+from bondgraph.derive.linearisation import (
     Equilibrium,
     LinearModel,
     equilibrium,

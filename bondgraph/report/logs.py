@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from bondgraph.data.log import MatchedLog
-from bondgraph.data.match import match
+from bondgraph.data.matching import match
 from bondgraph.data.read import read_log
 from bondgraph.data.select import decimate, split
 from bondgraph.errors import OptionError

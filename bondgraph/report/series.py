@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bondgraph.correct.fits.assess import rms_interval
+from bondgraph.text import count
 
 FloatArray = NDArray[np.float64]
 
@@ -24,7 +25,7 @@ class Prediction:
     simulated: FloatArray | None = None
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class ChannelSeries:
     """A measured channel with the model's predictions before and after a correction.
 
@@ -40,6 +41,9 @@ class ChannelSeries:
     after: Prediction | None = None
     noise_std: float = float("nan")
     held_out: bool = False
+
+    def __repr__(self) -> str:
+        return f"<ChannelSeries {self.log}, {self.channel} [{self.unit}]: {count(self.time.size, 'sample')}>"
 
 
 @dataclass(frozen=True)

@@ -9,20 +9,17 @@ import numpy as np
 from sympy import Expr
 
 from bondgraph.data.log import FloatArray, Log, LogChannel
-from bondgraph.data.match import match_inputs, match_outputs
+from bondgraph.data.matching import match_inputs, match_outputs
 from bondgraph.declare.graph import BondGraph
 from bondgraph.declare.requirements import check_requirements
-from bondgraph.derive.causality import assign_causality
-from bondgraph.derive.derivation import Derivation, check_closed
-from bondgraph.derive.dimensions import check_dimensions
 from bondgraph.errors import OptionError, suggest
-from bondgraph.generate.module import render
+from bondgraph.generate.pipeline import render_graph
 from bondgraph.report.energy import energy_states, inertia_value
 from bondgraph.simulate.inputs import InputSignal
 from bondgraph.simulate.model import Model
 from bondgraph.simulate.quantities import OutputInfo, StateInfo
 from bondgraph.simulate.scenario import Scenario
-from bondgraph.simulate.simulate import simulate
+from bondgraph.simulate.simulation import simulate
 from bondgraph.simulate.starts import starts_in
 from bondgraph.simulate.trajectory import Trajectory
 
@@ -74,15 +71,14 @@ def simulate_graph(graph: BondGraph, inputs: Log | None, options: SimulationOpti
     DataError
         If the table does not fit the inputs.
     """
-    derivation = Derivation(assign_causality(graph), options.smooth)
-    equations = derivation.equations(options.all_variables, options.signals or options.all_variables)
-    check_closed(equations)
-    check_dimensions(equations)
-    model = Model.from_text(render(equations), source=graph.name)
+    rendered = render_graph(
+        graph, smooth=options.smooth, bonds=options.all_variables, signals=options.signals or options.all_variables
+    )
+    model = Model.from_text(rendered.text, source=graph.name)
     theta, constants = _values(model, options.values or {})
     flat = graph.flatten()
     check_requirements(flat.requirements, flat.parameters, graph.name, theta)
-    initial = _initial(model, energy_states(derivation.variables), options.initial or {}, theta)
+    initial = _initial(model, energy_states(rendered.derivation.variables), options.initial or {}, theta)
     start = options.scenario.start(model) if options.scenario else {}
     given, measured = _apart(model, inputs)
     times, table = _inputs(model, given, constants, options)

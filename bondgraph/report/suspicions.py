@@ -21,7 +21,7 @@ from bondgraph.estimate.initial import Initial, initial_states
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.simulate.model import Model
 from bondgraph.simulate.outcome import Outcome
-from bondgraph.simulate.simulate import simulate
+from bondgraph.simulate.simulation import simulate
 
 
 def sampling_suspicions(model: Model, log: MatchedLog, initial: Initial = "measured") -> list[str]:

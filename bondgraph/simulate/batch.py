@@ -37,7 +37,7 @@ def simulate_batch(
     Parameters
     ----------
     model, time, inputs
-        As for :func:`bondgraph.simulate.simulate.simulate`; the inputs are the same for all members.
+        As for :func:`bondgraph.simulate.simulation.simulate`; the inputs are the same for all members.
     theta, x0
         Shape (n_theta,) or (n_theta, members), and (n_x,) or (n_x, members); None: declared values.
     method

@@ -16,6 +16,7 @@ from bondgraph.arrays import BoolArray, FloatArray
 from bondgraph.data.rates import slopes
 from bondgraph.errors import ModelError
 from bondgraph.simulate.model import Model
+from bondgraph.text import count
 
 #: Slopes that differ by less than this share of the steepest one are the same line.
 _SAME_SLOPE = 1e-12
@@ -36,7 +37,7 @@ class InputSegment:
         return values
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class InputSignal:
     """Inputs over time.
 
@@ -69,6 +70,9 @@ class InputSignal:
     values: FloatArray
     hold: BoolArray
     rates: tuple[int, ...] = ()
+
+    def __repr__(self) -> str:
+        return f"<InputSignal: {count(self.hold.size, 'input')} at {count(self.time.size, 'time')}>"
 
     def __post_init__(self) -> None:
         if self.time.ndim != 1 or self.time.size == 0 or self.values.shape != (self.hold.size, self.time.size):

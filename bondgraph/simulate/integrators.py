@@ -1,7 +1,7 @@
 """Integrators with one interface: immutable settings, a state record that ``init`` makes and ``step`` returns.
 
 An integrator advances over one stretch of time in which the inputs are straight lines. It knows nothing of logs, models
-or break points; the loop over stretches belongs to :func:`bondgraph.simulate.simulate.simulate`.
+or break points; the loop over stretches belongs to :func:`bondgraph.simulate.simulation.simulate`.
 
 | settings | method | use |
 |---|---|---|

@@ -22,6 +22,7 @@ from bondgraph.compile.loader import parse_module, require_function, run_module
 from bondgraph.errors import ModelError, suggest
 from bondgraph.simulate.quantities import InputInfo, OutputInfo, ParameterInfo, StartInfo, StateInfo
 from bondgraph.simulate.rows import EventInfo, ModeInfo, events_of, input_rows, rows, shown_rows
+from bondgraph.text import count
 
 if TYPE_CHECKING:
     from bondgraph.compile.front.model_program import Equations, ModelProgram
@@ -30,12 +31,13 @@ if TYPE_CHECKING:
 Kind = Literal["state", "input", "parameter", "output"]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class Model:
     """State equations of one generated module: ``dx/dt = rhs(t, x, u, theta)``, ``y = output(t, x, u, theta)``.
 
-    Build one with :meth:`from_file` or :meth:`from_text`. Two models are equal when their texts are. All numbers are in
-    the ``unit`` of their quantity, coherent SI in what is generated; what is shown is in its ``display_unit``.
+    Load one with :func:`load`, or make one from a graph with :func:`bondgraph.build.build`. Two models are equal when
+    their texts are. All numbers are in the ``unit`` of their quantity, coherent SI in what is generated; what is shown
+    is in its ``display_unit``.
 
     Examples
     --------
@@ -103,6 +105,16 @@ class Model:
         except (OSError, UnicodeDecodeError) as error:
             raise ModelError(f"{path}: cannot be read as a generated module: {error}", where=(str(path),)) from None
         return cls.from_text(text, source=Path(path).name)
+
+    def __eq__(self, other: object) -> bool:
+        return self.text == other.text if isinstance(other, Model) else NotImplemented
+
+    def __hash__(self) -> int:
+        return hash(self.text)
+
+    def __repr__(self) -> str:
+        sizes = ", ".join(count(len(self._infos(kind)), kind) for kind in get_args(Kind))
+        return f"<{type(self).__name__} {self.name}: {sizes}>"
 
     def __reduce__(self) -> tuple[Callable[[str], Model], tuple[str]]:
         return Model.from_text, (self.text,)
@@ -213,6 +225,16 @@ class Model:
         """Derivatives with respect to the parameters, (rows, n_theta, *batch), as :meth:`jacobian_x`."""
         return self.program.dense_jacobian(of, "theta", t, *map(np.asarray, (x, u, theta)))
 
+    @property
+    def model(self) -> Model:
+        """The run-time half alone: of a loaded model, itself."""
+        return self
+
+    @property
+    def driven(self) -> tuple[str, ...]:
+        """States that process noise may drive where nothing else is said; a module alone tells of none it may not."""
+        return self.names("state")
+
     def names(self, kind: Kind) -> tuple[str, ...]:
         """Names of the states, inputs, parameters or outputs, in the order of their vector."""
         return tuple(info.name for info in self._infos(kind))
@@ -279,6 +301,32 @@ class Model:
         for name, value in overrides.items():
             vector[self.index(kind, name)] = value
         return vector
+
+
+def load(path: str | Path) -> Model:
+    """The model in a generated module.
+
+    Parameters
+    ----------
+    path
+        A file that ``bondgraph generate`` wrote.
+
+    Raises
+    ------
+    ModelError
+        If the file cannot be read or is not a generated module.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> import bondgraph as bg
+    >>> from bondgraph.simulate.example import pendulum
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     _ = Path(folder, "pendulum.py").write_text(pendulum().text)
+    ...     bg.load(f"{folder}/pendulum.py")
+    <Model pendulum: 2 states, 1 input, 3 parameters, 1 output>
+    """
+    return Model.from_file(path)
 
 
 def _check_rows(model: Model, source: str) -> None:

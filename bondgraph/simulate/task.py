@@ -10,12 +10,17 @@ import numpy as np
 import numpy.typing as npt
 
 from bondgraph.arrays import FloatArray
+from bondgraph.data.log import Log, MatchedLog
+from bondgraph.data.matching import match_recorded
 from bondgraph.errors import ModelError
 from bondgraph.simulate.inputs import InputSignal
 from bondgraph.simulate.model import Model
 
 #: Inputs as a signal, by name, as an array (n_u, n), or None for the defaults.
-Inputs = InputSignal | Mapping[str, float | str | npt.ArrayLike] | npt.ArrayLike | None
+GivenInputs = InputSignal | Mapping[str, float | str | npt.ArrayLike] | npt.ArrayLike | None
+
+#: The same, or as a log holds them.
+Inputs = Log | MatchedLog | GivenInputs
 
 #: A vector by name (the rest as declared), as an array, or None for the declared values.
 Vector = Mapping[str, float] | npt.ArrayLike | None
@@ -32,7 +37,7 @@ class Task:
     x0: FloatArray
 
     @classmethod
-    def of(cls, model: Model, time: npt.ArrayLike, inputs: Inputs, theta: Vector, x0: Vector) -> Task:
+    def of(cls, model: Model, time: npt.ArrayLike | None, inputs: Inputs, theta: Vector, x0: Vector) -> Task:
         """Check the arguments of a simulation.
 
         Raises
@@ -40,6 +45,15 @@ class Task:
         ModelError
             If times do not increase, a name is unknown or a shape does not fit.
         """
+        if isinstance(inputs, Log | MatchedLog):
+            time = inputs.time if time is None else time
+            inputs, known = _recorded(model, inputs)
+            theta = {**known, **(theta or {})} if theta is None or isinstance(theta, Mapping) else theta
+        if time is None:
+            raise ModelError(
+                f"{model.name}: no times are given - give time, or inputs as a log, whose times are taken",
+                where=(model.name, "time"),
+            )
         times = np.array(time, dtype=np.float64)
         if times.ndim != 1 or times.size == 0 or not np.isfinite(times).all() or np.any(np.diff(times) <= 0):
             raise ModelError(f"{model.name}: times must be a vector of finite, increasing numbers", where=(model.name,))
@@ -47,7 +61,17 @@ class Task:
         return cls(model, times, signal, as_vector(model, "parameter", theta), as_vector(model, "state", x0))
 
 
-def as_signal(model: Model, times: FloatArray, inputs: Inputs) -> InputSignal:
+def _recorded(model: Model, log: Log | MatchedLog) -> tuple[InputSignal, Mapping[str, float]]:
+    """The inputs in a log, and the parameters that it knows."""
+    u, known = (log.u, log.theta_overrides) if isinstance(log, MatchedLog) else match_recorded(log, model)
+    return InputSignal.of_table(model, log.time, u), known
+
+
+def as_signal(
+    model: Model,
+    times: FloatArray,
+    inputs: InputSignal | Mapping[str, float | str | npt.ArrayLike] | npt.ArrayLike | None,
+) -> InputSignal:
     """Inputs in any of the accepted forms as a signal.
 
     Raises

@@ -3,11 +3,20 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
 
 from bondgraph.arrays import FloatArray
 from bondgraph.errors import ModelError
+from bondgraph.frames import frame
 from bondgraph.simulate.model import Model
 from bondgraph.simulate.outcome import Outcome, describe_end
+from bondgraph.simulate.quantities import InputInfo, OutputInfo, StateInfo
+from bondgraph.text import count, number, text_table
+
+if TYPE_CHECKING:
+    import pandas
 
 
 @dataclass(frozen=True)
@@ -28,7 +37,7 @@ class EventRecord:
         return f"t = {self.time:.12g} s: {f'{self.element} ' if self.element else ''}{self.what}"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Trajectory:
     """States, outputs and inputs of one model over time.
 
@@ -45,6 +54,41 @@ class Trajectory:
     outcome: Outcome
     ended_at: float
     events: tuple[EventRecord, ...] = ()
+
+    def __repr__(self) -> str:
+        events = f", {count(len(self.events), 'event')}" if self.events else ""
+        span = f"{number(float(self.time[0]))} to {number(float(self.time[-1]))} s"
+        end = describe_end(self.outcome, self.ended_at).partition(" - ")[0]
+        return f"<Trajectory {self.model.name}: {count(self.time.size, 'time')}, {span}{events}; {end}>"
+
+    def summary(self) -> str:
+        """The end of the run, and a line for every state, output and input: start, least, largest and last value."""
+        rows = [
+            [info.name, info.display_unit or "1", *map(number, _extremes(info.shown(values)))]
+            for info, values in self._rows()
+        ]
+        table = text_table(("name", "unit", "start", "least", "largest", "end"), rows)
+        return "\n".join([repr(self)[1:-1], *map(str, self.events), table])
+
+    def to_dataframe(self) -> pandas.DataFrame:
+        """States, outputs and inputs in declared units over time, columns as in logs: ``name [unit]``.
+
+        Raises
+        ------
+        DataError
+            If pandas is not installed.
+        """
+        columns = {f"{info.name} [{info.display_unit or 1}]": info.shown(values) for info, values in self._rows()}
+        return frame(columns, self.time, "time [s]")
+
+    def _rows(self) -> list[tuple[StateInfo | OutputInfo | InputInfo, FloatArray]]:
+        """Quantities with their values (n,); a state that is measured under its own name stands once."""
+        model = self.model
+        infos: list[StateInfo | OutputInfo | InputInfo] = [*model.states, *model.outputs, *model.inputs]
+        found: dict[str, tuple[StateInfo | OutputInfo | InputInfo, FloatArray]] = {}
+        for info, values in zip(infos, (*self.x, *self.y, *self.u), strict=True):
+            found.setdefault(info.name, (info, values))
+        return list(found.values())
 
     def state(self, name: str) -> FloatArray:
         """One state over time, shape (n,)."""
@@ -75,7 +119,15 @@ class Trajectory:
         return self
 
 
-@dataclass(frozen=True)
+def _extremes(values: FloatArray) -> tuple[float, float, float, float]:
+    """First, least, largest and last value of those there are."""
+    known = values[np.isfinite(values)]
+    if not known.size:
+        return (float("nan"),) * 4
+    return float(known[0]), float(known.min()), float(known.max()), float(known[-1])
+
+
+@dataclass(frozen=True, repr=False)
 class BatchTrajectory:
     """Trajectories of many members of one model.
 
@@ -89,3 +141,8 @@ class BatchTrajectory:
     y: FloatArray
     outcomes: tuple[Outcome, ...]
     ended_at: FloatArray
+
+    def __repr__(self) -> str:
+        finished = sum(outcome is Outcome.OK for outcome in self.outcomes)
+        sizes = f"{count(len(self.outcomes), 'member')}, {count(self.time.size, 'time')}"
+        return f"<BatchTrajectory {self.model.name}: {sizes}; {finished} finished>"

@@ -16,7 +16,7 @@ from bondgraph.filter.draw import draw_logs
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.generate.module import render
 from bondgraph.simulate.model import Model
-from bondgraph.simulate.simulate import simulate
+from bondgraph.simulate.simulation import simulate
 from vehicle_graphs.ranger_filters import NOISE
 
 RANGER = Path(__file__).resolve().parents[2] / "generated" / "ranger_full.py"

@@ -6,13 +6,13 @@ import time
 
 import numpy as np
 
+from bondgraph.build import build
 from bondgraph.correct.fits.fit import Fit
 from bondgraph.correct.loop import LoopSettings, close_loop
-from bondgraph.correct.models.build import build
 from bondgraph.data.log import MatchedLog
 from bondgraph.declare.editing import copy, handle, with_values
 from bondgraph.declare.effect import Effect, Place, Scale, effect_functions
-from bondgraph.simulate.simulate import simulate
+from bondgraph.simulate.simulation import simulate
 from bondgraph.simulate.stiff import Rosenbrock
 from vehicle_graphs import effects, ranger
 from vehicle_graphs.ranger_filters import SENSORS

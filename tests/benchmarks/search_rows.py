@@ -11,7 +11,7 @@ from typing import NamedTuple, TypeVar
 
 import numpy as np
 
-from bondgraph.estimate.estimate import Settings, estimate
+from bondgraph.estimate.estimation import Settings, estimate
 from bondgraph.estimate.exact import exact_derivatives
 from bondgraph.estimate.objective import TraceRow
 from bondgraph.estimate.particle_swarm import SwarmSettings, SwarmState, particle_swarm

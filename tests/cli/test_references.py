@@ -43,7 +43,7 @@ def test_the_examples_of_the_readme_run_as_printed(folder: Path) -> None:
 
 @pytest.mark.parametrize(
     "options",
-    [["sled.py"], ["sled.py:g"], ["block.py", "--exact"], ["sled.py", "--folder", "my models"], ["sub dir/sled.py"]],
+    [["sled.py"], ["sled.py:sled"], ["block.py", "--exact"], ["sled.py", "--folder", "my models"], ["sub dir/sled.py"]],
     ids=" ".join,
 )
 def test_the_command_in_a_generated_header_reproduces_the_module(

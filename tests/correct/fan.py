@@ -7,7 +7,7 @@ import functools
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from bondgraph.correct.models.build import BuiltModel, build
+from bondgraph.build import BuiltModel, build
 from bondgraph.data.log import MatchedLog
 from bondgraph.declare.domains import ELECTRICAL, ROTATION
 from bondgraph.declare.graph import BondGraph

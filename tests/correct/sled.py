@@ -6,16 +6,16 @@ import functools
 
 import numpy as np
 
+from bondgraph.build import BuiltModel, build
 from bondgraph.correct.fits.fit import Fit, fit
 from bondgraph.correct.fits.setup import filter_setup
 from bondgraph.correct.loop import free_parameters
-from bondgraph.correct.models.build import BuiltModel, build
 from bondgraph.data.log import MatchedLog
 from bondgraph.declare.domains import ROTATION, TRANSLATION
 from bondgraph.declare.editing import handle, with_values
 from bondgraph.declare.effect import Effect, EffectFunction, Place, Scale
 from bondgraph.declare.graph import BondGraph
-from bondgraph.simulate.simulate import simulate
+from bondgraph.simulate.simulation import simulate
 from vehicle_graphs import effects
 
 NOISE = {"speed": 0.02, "force": 1.5}

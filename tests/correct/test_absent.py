@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from bondgraph.build import build
 from bondgraph.correct.fits.fit import fit
 from bondgraph.correct.fits.setup import filter_setup
 from bondgraph.correct.loop import free_parameters
 from bondgraph.correct.models.absent import absent_when_zero
-from bondgraph.correct.models.build import build
 from bondgraph.correct.models.candidates import candidates, places
 from bondgraph.data.log import MatchedLog
 from bondgraph.declare.domains import ROTATION, TRANSLATION

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 import sympy
 
+from bondgraph.build import build
 from bondgraph.correct.fits.fit import fit
 from bondgraph.correct.loop import LoopSettings, close_loop
-from bondgraph.correct.models.build import build
 from bondgraph.correct.models.candidates import candidates
 from bondgraph.correct.refits.decide import robust_p_value
 from bondgraph.declare.domains import ROTATION

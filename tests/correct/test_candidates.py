@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from sympy import tanh
 
+from bondgraph.build import build
 from bondgraph.correct.fits.setup import filter_setup
-from bondgraph.correct.models.build import build
 from bondgraph.correct.models.candidates import candidates, places, superset
 from bondgraph.correct.refits.refit import coefficients
 from bondgraph.data.log import MatchedLog

@@ -8,10 +8,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from bondgraph.build import build
 from bondgraph.correct.fits.fit import Fit, expand, fit
 from bondgraph.correct.fits.setup import filter_setup
 from bondgraph.correct.loop import LoopSettings, close_loop, free_parameters
-from bondgraph.correct.models.build import build
 from bondgraph.correct.models.candidates import candidates, places
 from bondgraph.correct.progress import Progress
 from bondgraph.correct.progress import certified as in_certified_steps

@@ -7,12 +7,12 @@ import functools
 import numpy as np
 import pytest
 
+from bondgraph.build import build
 from bondgraph.correct.loop import ClosedLoop, LoopSettings, close_loop
-from bondgraph.correct.models.build import build
 from bondgraph.data.log import MatchedLog
 from bondgraph.declare.domains import TRANSLATION
 from bondgraph.declare.graph import BondGraph
-from bondgraph.simulate.simulate import simulate
+from bondgraph.simulate.simulation import simulate
 from vehicle_graphs import effects
 
 #: Name, value, unit, and bounds that somebody is sure of or is not.

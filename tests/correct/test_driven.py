@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from bondgraph.build import build
 from bondgraph.cli import main
-from bondgraph.correct.models.build import build
 from bondgraph.declare.domains import ELECTRICAL, HYDRAULIC, ROTATION, THERMAL
 from bondgraph.declare.files import write_graph
 from bondgraph.declare.graph import BondGraph

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from sympy import tanh
 
+from bondgraph.build import build
 from bondgraph.correct.fits.fit import no_report
-from bondgraph.correct.models.build import build
 from bondgraph.correct.models.candidates import Candidate, candidates, places
 from bondgraph.correct.refits import beneath
 from bondgraph.correct.refits.beneath import also_elsewhere
@@ -24,7 +24,7 @@ from bondgraph.correct.scores.quiet import quiet_fit
 from bondgraph.correct.scores.scoring import linearisation, score_candidates
 from bondgraph.data.log import MatchedLog
 from bondgraph.declare.editing import handle
-from bondgraph.simulate.simulate import simulate
+from bondgraph.simulate.simulation import simulate
 from tests.correct.test_stiff import rivals
 from tests.correct.winch import NOISE, built, drawn, fitted, fitted_to, winch
 from vehicle_graphs import effects

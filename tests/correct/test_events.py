@@ -7,15 +7,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from bondgraph.build import build
 from bondgraph.correct.loop import ClosedLoop, close_loop
-from bondgraph.correct.models.build import build
 from bondgraph.correct.result import result_json
 from bondgraph.data.log import MatchedLog
 from bondgraph.declare.editing import with_values
 from bondgraph.declare.graph import BondGraph
 from bondgraph.report.closed_loop import explanation, report_data
 from bondgraph.report.html import Provenance
-from bondgraph.simulate.simulate import simulate
+from bondgraph.simulate.simulation import simulate
 from tests.correct.sled import FUNCTIONS, NOISE, added, pull, sled
 from vehicle_graphs import effects
 

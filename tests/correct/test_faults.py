@@ -8,11 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from bondgraph.build import build
 from bondgraph.correct.fits.fit import fit
 from bondgraph.correct.fits.journal import Journal
 from bondgraph.correct.fits.setup import filter_setup
 from bondgraph.correct.loop import LoopSettings, close_loop, free_parameters
-from bondgraph.correct.models.build import build
 from bondgraph.correct.models.faults import sensor_bias
 from bondgraph.correct.result import result_json
 from bondgraph.correct.round import one_round

@@ -7,11 +7,11 @@ import functools
 import numpy as np
 import pytest
 
+from bondgraph.build import BuiltModel, build
 from bondgraph.correct.fits.assess import assess
 from bondgraph.correct.fits.fit import Fit, fit
 from bondgraph.correct.fits.setup import filter_setup
 from bondgraph.correct.loop import free_parameters
-from bondgraph.correct.models.build import BuiltModel, build
 from bondgraph.correct.models.candidates import Candidate, candidates, places
 from bondgraph.correct.models.followers import followers
 from bondgraph.correct.models.started import with_declared_starts
@@ -25,7 +25,7 @@ from bondgraph.declare.json_reader import graph_from_json
 from bondgraph.declare.json_writer import graph_to_json
 from bondgraph.filter.follows import with_followers
 from bondgraph.report.simulation import SimulationOptions, simulate_graph
-from bondgraph.simulate.simulate import simulate
+from bondgraph.simulate.simulation import simulate
 from vehicle_graphs import effects
 
 RATIO, J_M, J_F, DRAG, SOFT = 4.0, 4e-4, 0.02, 4e-4, 6.0

@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from bondgraph.correct.models.build import build
+from bondgraph.build import build
 from bondgraph.correct.scores.gates import Gate, gated
 from bondgraph.data.log import MatchedLog
 from bondgraph.declare.editing import copy, handle, with_values
 from bondgraph.declare.effect import Place, Scale
-from bondgraph.simulate.simulate import simulate
+from bondgraph.simulate.simulation import simulate
 from tests.correct.sled import added, pull, sled
 from vehicle_graphs import effects
 

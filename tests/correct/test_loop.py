@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from bondgraph.build import build
 from bondgraph.correct.fits.fit import fit
 from bondgraph.correct.loop import ClosedLoop, close_loop
-from bondgraph.correct.models.build import build
 from bondgraph.correct.models.faults import SENSOR_FAULTS
 from bondgraph.correct.places.missing import missing_effort
 from bondgraph.correct.refits.refit import at_optimum, coefficients

@@ -5,15 +5,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from bondgraph.build import build
 from bondgraph.correct.loop import LoopSettings, close_loop
-from bondgraph.correct.models.build import build
 from bondgraph.data.log import MatchedLog
 from bondgraph.declare.domains import ELECTRICAL, THERMAL, TRANSLATION
 from bondgraph.declare.effect import Effect, Place
 from bondgraph.declare.graph import BondGraph
 from bondgraph.report.closed_loop import explanation, report_data, summary
 from bondgraph.report.html import Provenance
-from bondgraph.simulate.simulate import simulate
+from bondgraph.simulate.simulation import simulate
 from vehicle_graphs import effects
 
 MADE = Provenance("close-loop", None, {}, (), (), 0.0)

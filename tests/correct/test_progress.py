@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
+from bondgraph.build import build
 from bondgraph.correct.fits.fit import fit
 from bondgraph.correct.loop import LoopSettings, close_loop
-from bondgraph.correct.models.build import build
 from bondgraph.correct.models.candidates import candidates
 from bondgraph.correct.progress import Progress, without
 from bondgraph.correct.refits.refit import at_optimum, coefficients

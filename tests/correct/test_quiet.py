@@ -7,12 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from bondgraph.build import build
 from bondgraph.correct.fits.fit import Fit, fit
 from bondgraph.correct.fits.noise_starts import noisy_starts
 from bondgraph.correct.fits.setup import filter_setup
 from bondgraph.correct.fits.whiteness import whiteness
 from bondgraph.correct.loop import LoopSettings, close_loop, free_parameters
-from bondgraph.correct.models.build import build
 from bondgraph.correct.models.candidates import candidates, places
 from bondgraph.correct.refits import confirm
 from bondgraph.correct.refits.confirm import confirmed
@@ -21,7 +21,7 @@ from bondgraph.correct.refits.trials import Trial
 from bondgraph.correct.scores.quiet import annealed_fit, quiet_fit, quiet_scores, quiet_starts
 from bondgraph.correct.scores.scoring import linearisation, score_candidates
 from bondgraph.data.log import MatchedLog
-from bondgraph.simulate.simulate import simulate
+from bondgraph.simulate.simulation import simulate
 from tests.correct.sled import FUNCTIONS, added, built, fitted, pull, sled
 from vehicle_graphs import effects, emps
 from vehicle_graphs.effect_study.cases import Case

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+from bondgraph.build import build
 from bondgraph.correct.fits.rates import rated, with_followed_rates
 from bondgraph.correct.loop import ClosedLoop, close_loop
-from bondgraph.correct.models.build import build
 from bondgraph.correct.models.candidates import candidates
 from bondgraph.data.log import MatchedLog
 from bondgraph.declare.domains import TRANSLATION
@@ -18,7 +18,7 @@ from bondgraph.declare.editing import handle, with_input_rates, with_values, wit
 from bondgraph.declare.effect import Effect, Place, Scale
 from bondgraph.declare.graph import BondGraph
 from bondgraph.errors import DeclarationError
-from bondgraph.simulate.simulate import simulate
+from bondgraph.simulate.simulation import simulate
 from tests.correct.sled import sled
 from vehicle_graphs.effects import constant_effort, quadratic_loss
 from vehicle_graphs.machine_effects import uncounted_inertia

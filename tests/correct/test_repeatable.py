@@ -11,10 +11,10 @@ from contextlib import contextmanager
 import numpy as np
 import pytest
 
+from bondgraph.build import build
 from bondgraph.compile.lanes.load import load_lanes, load_tangents
 from bondgraph.correct.fits.fit import fit, no_report
 from bondgraph.correct.loop import ClosedLoop, LoopSettings, close_loop
-from bondgraph.correct.models.build import build
 from bondgraph.estimate.likelihoods import FilterLikelihood
 from bondgraph.estimate.problem import EstimationProblem
 from bondgraph.simulate.model import Model

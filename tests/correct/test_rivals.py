@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from bondgraph.correct.models.build import build
+from bondgraph.build import build
 from bondgraph.correct.models.candidates import candidates, places
 from bondgraph.correct.refits.decide import CLOSE, alternatives, choose
 from bondgraph.correct.refits.exchange import Exchange, exchanges
@@ -22,7 +22,7 @@ from bondgraph.data.log import MatchedLog
 from bondgraph.declare.editing import handle, with_values
 from bondgraph.declare.effect import Effect, EffectFunction, Place, Scale
 from bondgraph.declare.graph import BondGraph
-from bondgraph.simulate.simulate import simulate
+from bondgraph.simulate.simulation import simulate
 from tests.correct.test_stiff import cubic_loss
 from tests.correct.test_stiff import rivals as drags
 from tests.correct.winch import NOISE, built, drawn, fitted_to, winch

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import pytest
 
+from bondgraph.build import build
 from bondgraph.correct.fits import starts
 from bondgraph.correct.fits.fit import Fit, fit
 from bondgraph.correct.fits.noise_starts import noisy_starts
 from bondgraph.correct.fits.setup import filter_setup
 from bondgraph.correct.fits.starts import with_starts
 from bondgraph.correct.loop import free_parameters
-from bondgraph.correct.models.build import build
 from bondgraph.data.log import MatchedLog
 from bondgraph.declare.editing import copy, handle, with_values
 from bondgraph.declare.effect import Place

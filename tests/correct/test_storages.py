@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 import pytest
 
+from bondgraph.build import build
 from bondgraph.correct.fits.assess import gain_interval, gain_p_value
 from bondgraph.correct.fits.fit import fit
 from bondgraph.correct.fits.noise_starts import noisy_starts
 from bondgraph.correct.fits.setup import FilterSetup, filter_setup
 from bondgraph.correct.loop import free_parameters
-from bondgraph.correct.models.build import build
 from bondgraph.correct.models.candidates import candidates, places
 from bondgraph.correct.refits import confirm, storages
 from bondgraph.correct.refits.decide import alternatives
@@ -28,7 +28,7 @@ from bondgraph.declare.editing import handle, with_values
 from bondgraph.declare.effect import Place, Scale
 from bondgraph.declare.elements import Bond
 from bondgraph.declare.graph import BondGraph
-from bondgraph.simulate.simulate import simulate
+from bondgraph.simulate.simulation import simulate
 from tests.correct.winch import NOISE, winch
 from vehicle_graphs import effects
 from vehicle_graphs.effect_study.cases import Case

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from sympy import exp
 
+from bondgraph.build import build
 from bondgraph.correct.fits.fit import fit
 from bondgraph.correct.loop import ClosedLoop, LoopSettings, close_loop
-from bondgraph.correct.models.build import build
 from bondgraph.correct.refits.refit import at_optimum
 from bondgraph.correct.result import result_json
 from bondgraph.correct.scores.gates import Constancy, Gate, constancy, gate_samples, gates
@@ -20,7 +20,7 @@ from bondgraph.declare.effect import Effect, EffectFunction, Place
 from bondgraph.declare.graph import BondGraph
 from bondgraph.declare.quantities import symbol
 from bondgraph.report.missing import missing_efforts
-from bondgraph.simulate.simulate import simulate
+from bondgraph.simulate.simulation import simulate
 from tests.correct.sled import FUNCTIONS, NOISE, added, fitted, pull, sled
 from vehicle_graphs import effects
 

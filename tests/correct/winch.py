@@ -7,15 +7,15 @@ import functools
 import numpy as np
 from sympy import tanh
 
+from bondgraph.build import BuiltModel, build
 from bondgraph.correct.fits.fit import Fit, fit
 from bondgraph.correct.fits.setup import FilterSetup, filter_setup
 from bondgraph.correct.loop import free_parameters
-from bondgraph.correct.models.build import BuiltModel, build
 from bondgraph.data.log import MatchedLog
 from bondgraph.declare.domains import ROTATION
 from bondgraph.declare.editing import with_values
 from bondgraph.declare.graph import BondGraph
-from bondgraph.simulate.simulate import simulate
+from bondgraph.simulate.simulation import simulate
 
 NOISE = np.array([[0.02], [0.02], [0.01]])
 

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from bondgraph.data.checks import check_log
 from bondgraph.data.header import convert_unit
 from bondgraph.data.log import Log, LogChannel
-from bondgraph.data.match import match, read_mapping
+from bondgraph.data.matching import match, read_mapping
 from bondgraph.data.select import decimate, split, window
 from bondgraph.errors import DataError, OptionError
 

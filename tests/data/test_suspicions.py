@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from bondgraph.data.log import FloatArray, Log, LogChannel
-from bondgraph.data.match import match
+from bondgraph.data.matching import match
 from bondgraph.data.suspicions import (
     FACTORS,
     agreement,

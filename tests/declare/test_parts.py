@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from bondgraph.correct.models.build import build
+from bondgraph.build import build
 from bondgraph.declare.editing import with_values
 from bondgraph.declare.expressions import signal
 from bondgraph.declare.files import graph_from_json, graph_to_json

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bondgraph.correct.models.build import build
+from bondgraph.build import build
 from bondgraph.declare.domains import ROTATION, TRANSLATION
 from bondgraph.declare.graph import BondGraph
 from bondgraph.declare.json_reader import graph_from_json

@@ -14,7 +14,7 @@ from bondgraph.derive.causality import assign_causality
 from bondgraph.derive.derivation import check_closed, derive
 from bondgraph.derive.equations import ImplicitLoop
 from bondgraph.derive.jacobian import jacobian
-from bondgraph.derive.linearise import (
+from bondgraph.derive.linearisation import (
     EquilibriumOutcome,
     LinearModel,
     Units,

@@ -19,9 +19,9 @@ from bondgraph.derive.derivation import derive
 from bondgraph.derive.impulse import with_resets
 from bondgraph.derive.modes import by_value, modes_json, modes_text
 from bondgraph.errors import BondGraphError, DeclarationError, DimensionError
-from bondgraph.generate.drift import render_graph
+from bondgraph.generate.pipeline import render_graph
 from bondgraph.simulate.modes import consistent_inputs
-from bondgraph.simulate.simulate import simulate
+from bondgraph.simulate.simulation import simulate
 from tests.simulate.machines import ball, belt, cradle, engagement, exact, geared, rectifier, train
 
 
@@ -102,7 +102,7 @@ def test_an_impact_reverses_the_relative_speed_and_counts_the_heat_midway():
 
 def test_a_chain_of_many_clutches_is_derived_in_a_moment():
     """Twenty joints solved jointly: the text grows with them, not with their combinations."""
-    few, many = (len(render_graph(train([1.0] * n, [1.0] * (n - 1)), smooth=False)) for n in (10, 20))
+    few, many = (len(render_graph(train([1.0] * n, [1.0] * (n - 1)), smooth=False).text) for n in (10, 20))
     assert many < 4 * few
 
 
@@ -111,7 +111,7 @@ def test_elements_with_modes_go_through_files(make):
     graph = make()
     data = json.loads(json.dumps(graph_to_json(graph)))
     assert graph_from_json(data) == graph
-    assert render_graph(graph_from_json(data), smooth=False) == render_graph(graph, smooth=False)
+    assert render_graph(graph_from_json(data), smooth=False).text == render_graph(graph, smooth=False).text
 
 
 def test_elements_with_modes_keep_their_names_inside_parts():

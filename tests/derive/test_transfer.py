@@ -12,7 +12,7 @@ from sympy import Integer, Rational, sin, sqrt
 from bondgraph.declare.graph import BondGraph
 from bondgraph.declare.quantities import symbol
 from bondgraph.derive.equations import ImplicitLoop
-from bondgraph.derive.linearise import equilibrium, linearise
+from bondgraph.derive.linearisation import equilibrium, linearise
 from bondgraph.derive.transfer import LAPLACE_S, poles_zeros, transfer_function
 from bondgraph.errors import BondGraphError, DerivationError
 from tests.derive.linear_graphs import A, B, U, X, Y, assign, by_hand, derived, motor, oscillator

@@ -10,7 +10,7 @@ import pytest
 from bondgraph.data.log import MatchedLog
 from bondgraph.errors import OptionError
 from bondgraph.estimate.certify import NEGLIGIBLE_SHIFT, Certification, Check, finer_filters
-from bondgraph.estimate.estimate import Settings, estimate
+from bondgraph.estimate.estimation import Settings, estimate
 from bondgraph.estimate.objective import SearchOutcome
 from bondgraph.estimate.particle_swarm import SwarmSettings
 from bondgraph.estimate.problem import EstimationProblem, pose

@@ -15,7 +15,7 @@ from bondgraph.data.write import write_log
 from bondgraph.errors import OptionError
 from bondgraph.estimate.checkpoint import FILE
 from bondgraph.estimate.continuation import SCALES, way
-from bondgraph.estimate.estimate import Settings, estimate
+from bondgraph.estimate.estimation import Settings, estimate
 from bondgraph.estimate.free import FreeParameter
 from bondgraph.estimate.objective import SearchOutcome, TraceRow
 from bondgraph.estimate.particle_swarm import SwarmSettings

@@ -11,7 +11,7 @@ import pytest
 
 from bondgraph.data.log import MatchedLog
 from bondgraph.errors import EstimationError, OptionError
-from bondgraph.estimate.estimate import Settings, estimate
+from bondgraph.estimate.estimation import Settings, estimate
 from bondgraph.estimate.free import FreeParameter
 from bondgraph.estimate.gauss_newton import GaussNewtonSettings
 from bondgraph.estimate.handover import distinct_starts, spread_starts

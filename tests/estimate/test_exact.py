@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from bondgraph.estimate import exact
 from bondgraph.estimate.exact import derivatives, exact_derivatives
 from bondgraph.estimate.free import FreeParameter, parse_target
 from bondgraph.estimate.gauss_newton import gauss_newton
@@ -88,7 +89,7 @@ def test_derivatives_of_another_value_are_not_used(monkeypatch: pytest.MonkeyPat
     scales = right.terms.log_scales.copy()
     scales[0, 0] += 0.01
     wrong = replace(right, terms=replace(right.terms, log_scales=scales), gradient=0.0 * right.gradient)
-    monkeypatch.setattr("bondgraph.estimate.exact._expand", lambda *_: wrong)
+    monkeypatch.setattr(exact, "_expand", lambda *_: wrong)
     (found,) = exact_derivatives(problem, points, steps)
     (rough,) = central_differences(problem, points, steps)
     np.testing.assert_array_equal(found.gradient, rough.gradient)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from bondgraph.estimate import handover
-from bondgraph.estimate.estimate import Settings, estimate
+from bondgraph.estimate.estimation import Settings, estimate
 from bondgraph.estimate.exact import filtering_work
 from bondgraph.estimate.free import FreeParameter
 from bondgraph.estimate.handover import swarm_search, swarm_settings, swarm_starts, whole_points, without_noise_levels

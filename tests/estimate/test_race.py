@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from bondgraph.estimate.estimate import Settings, estimate
+from bondgraph.estimate.estimation import Settings, estimate
 from bondgraph.estimate.gauss_newton import GaussNewtonSettings, GaussNewtonState, initial_starts
 from bondgraph.estimate.objective import SearchOutcome
 from bondgraph.estimate.problem import EstimationProblem, pose

@@ -9,7 +9,7 @@ import pytest
 
 from bondgraph.data.log import MatchedLog
 from bondgraph.errors import EstimationError
-from bondgraph.estimate.estimate import Settings, estimate
+from bondgraph.estimate.estimation import Settings, estimate
 from bondgraph.estimate.problem import pose
 from bondgraph.estimate.recovery import Trial, recovery, recovery_table
 from bondgraph.filter.draw import draw_logs

@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 
 from bondgraph.errors import EstimationError
-from bondgraph.estimate.estimate import Settings, estimate
+from bondgraph.estimate.estimation import Settings, estimate
 from bondgraph.estimate.free import FreeParameter
 from bondgraph.estimate.innovation_summary import fitted_runs, innovation_summary
 from bondgraph.estimate.likelihoods import FilterLikelihood
 from bondgraph.estimate.objective import Terms
 from bondgraph.estimate.problem import pose
-from bondgraph.estimate.sensitivity import sensitivity
+from bondgraph.estimate.sensitivities import sensitivity
 from tests.estimate.linear import ExactLikelihood, lag, simulated
 
 LOGS = (simulated("run1", 1, {}, 40), simulated("run2", 2, {}, 40, x0=1.0, load=0.5))

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from bondgraph.correct.models.build import build
+from bondgraph.build import build
 from bondgraph.data.log import Log, LogChannel, MatchedLog
 from bondgraph.declare.domains import ROTATION
 from bondgraph.declare.graph import BondGraph
-from bondgraph.estimate.estimate import Settings, estimate
+from bondgraph.estimate.estimation import Settings, estimate
 from bondgraph.estimate.initial import initial_states
 from bondgraph.estimate.problem import pose
 from bondgraph.filter.filter_model import FilterModel
@@ -17,7 +17,7 @@ from bondgraph.filter.likelihood import likelihood
 from bondgraph.filter.runs import run
 from bondgraph.report.simulation import SimulationOptions, simulate_graph
 from bondgraph.simulate.model import Model
-from bondgraph.simulate.simulate import simulate
+from bondgraph.simulate.simulation import simulate
 from bondgraph.simulate.starts import starts_in
 
 B, SOFT, START = 0.1, 5.0, 40.0

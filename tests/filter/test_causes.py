@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from sympy import sqrt
 
+from bondgraph.build import build
 from bondgraph.correct.fits.fit import fit
 from bondgraph.correct.loop import LoopSettings, close_loop
-from bondgraph.correct.models.build import build
 from bondgraph.data.log import MatchedLog
 from bondgraph.declare.domains import ELECTRICAL, HYDRAULIC
 from bondgraph.declare.graph import BondGraph
@@ -17,7 +17,7 @@ from bondgraph.estimate.free import declared_free
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.runs import run
 from bondgraph.simulate.outcome import Outcome
-from bondgraph.simulate.simulate import simulate
+from bondgraph.simulate.simulation import simulate
 from vehicle_graphs import effects
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -108,3 +110,13 @@ def test_the_error_belongs_to_the_numbers_of_the_best_member() -> None:
     m = int(np.argmin(found.nll))
     own = {name: array[:, m] for name, array in values.items()}
     assert found.discretisation == discretisation_error(model, [log, log], **own)
+
+
+def test_a_choice_for_other_noises_is_not_taken_from_memory() -> None:
+    """Filter models that look alike in print may need other steps: choices are remembered by content."""
+    loose, log = following(3.0, method="auto")
+    tight = replace(loose, measurement_noise={"reading": 0.2})
+    assert repr(loose) == repr(tight)
+    assert choose_method(loose, [log]).measurement_noise == {"reading": 0.1}
+    assert choose_method(tight, [log]).measurement_noise == {"reading": 0.2}
+    assert choose_method(replace(loose), [log]) is choose_method(loose, [log])

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from bondgraph.data.log import MatchedLog
-from bondgraph.data.match import match
+from bondgraph.data.matching import match
 from bondgraph.data.read import read_log
 from bondgraph.errors import FilterError
-from bondgraph.estimate.estimate import Settings, estimate
+from bondgraph.estimate.estimation import Settings, estimate
 from bondgraph.estimate.exact import exact_expansion
 from bondgraph.estimate.objective import SearchOutcome
 from bondgraph.estimate.problem import pose
@@ -139,7 +139,7 @@ def test_a_search_does_not_end_where_rounding_decides(monkeypatch: pytest.Monkey
     assert found.certification.conditioning is not None
     assert found.certification.conditioning.negligible
     assert found.problem.filter_model.substeps > 4
-    monkeypatch.setattr("bondgraph.estimate.estimate._MOST_REFINEMENTS", 0)
+    monkeypatch.setattr("bondgraph.estimate.estimation._MOST_REFINEMENTS", 0)
     stopped = estimate(problem, settings)
     assert stopped.outcome is SearchOutcome.ILL_CONDITIONED
     assert not stopped.outcome.succeeded

@@ -2,12 +2,20 @@
 
 from __future__ import annotations
 
+import dataclasses
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from bondgraph.errors import FilterError
+from bondgraph.filter.filter_model import FilterModel
+from bondgraph.filter.follows import Follow
+from bondgraph.filter.plan import IntervalSteps, StepPlan
 from bondgraph.filter.samples import Samples, interval_substeps
-from tests.filter.logs import PlainLog, driveline_filter, pendulum_filter
+from bondgraph.simulate.model import Model
+from tests.filter.logs import PlainLog, circuit_filter, driveline_filter, pendulum_filter
+from tests.simulate.samples import sample
 
 
 def test_vectors_follow_the_order_of_the_model() -> None:
@@ -82,3 +90,43 @@ def test_gaps_get_proportionally_more_steps() -> None:
     time = np.array([0.0, 1.0, 2.05, 3.0, 7.1, 8.1])
     assert interval_substeps(time, 5).tolist() == [5, 5, 5, 20, 5]
     assert interval_substeps(np.array([3.0]), 5).size == 0
+
+
+CHANGES: list[dict[str, object]] = [
+    {"process_noise": {"angle": 0.02, "rate": 0.31}},
+    {"measurement_noise": {"deflection": 0.051}},
+    {"initial_std": {"angle": 0.2}},
+    {"substeps": 3},
+    {"method": "ros3p"},
+    {"grading": 1.1},
+    {"alpha": 0.2},
+    {"beta": 2.5},
+    {"kappa": 0.5},
+    {"appended": {"length": 0.0}},
+    {"appended": {"length": 0.1}},
+    {"plan": StepPlan.of("rk4", {"key": IntervalSteps(np.array([2]), np.ones(1))})},
+    {"plan": StepPlan.of("rk4", {"key": IntervalSteps(np.array([3]), np.ones(1))})},
+    {"noise_scheme": "sampled"},
+    {"noise_steps": 2},
+    {"noise_grading": 1.2},
+    {"process_correlation": {("angle", "rate"): 0.1}},
+    {"initial_correlation": {("angle", "rate"): 0.1}},
+    {"follows": {"angle": Follow(0.1)}},
+    {"follows": {"angle": Follow(0.1, (("rate", 1.0),))}},
+]
+
+
+def test_a_digest_tells_every_filter_model_from_every_other() -> None:
+    """Caches and checkpoints are keyed by it; the repr is for people and says little."""
+    digests = [pendulum_filter(**changes).digest for changes in [{}, *CHANGES]]
+    assert len(set(digests)) == len(digests)
+    fields = {field.name for field in dataclasses.fields(FilterModel)} - {"model", "measurement_correlation"}
+    assert fields == {name for changes in CHANGES for name in changes}, "a field that the digest may miss"
+    assert (
+        pendulum_filter(alpha=np.float64(0.1), process_noise={"angle": np.float64(0.02), "rate": 0.3}).digest
+        == digests[0]
+    )
+    longer = replace(pendulum_filter(), model=Model.from_text(sample("pendulum").text.replace("9.81", "9.82")))
+    assert longer.digest != digests[0]
+    two = circuit_filter()
+    assert replace(two, measurement_correlation={("current", "voltage"): 0.1}).digest != two.digest

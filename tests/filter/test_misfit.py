@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from bondgraph.build import build
 from bondgraph.correct.fits.setup import filter_setup
-from bondgraph.correct.models.build import build
 from bondgraph.data.log import MatchedLog
 from bondgraph.estimate.initial import initial_states
 from bondgraph.filter.consistency import consistency, joined_innovations, misfits
@@ -14,7 +14,7 @@ from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.misfit import ChannelInnovations, channel_misfits
 from bondgraph.filter.runs import run
 from bondgraph.simulate.example import pendulum
-from bondgraph.simulate.simulate import simulate
+from bondgraph.simulate.simulation import simulate
 from vehicle_graphs.driveline import driveline
 
 NOISE = 0.02

@@ -12,7 +12,7 @@ from scipy.linalg import expm
 
 from bondgraph.data.log import MatchedLog
 from bondgraph.errors import FilterError
-from bondgraph.estimate.estimate import Settings, estimate
+from bondgraph.estimate.estimation import Settings, estimate
 from bondgraph.estimate.problem import pose
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.filterpy_bridge import filterpy_run

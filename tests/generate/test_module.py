@@ -24,8 +24,8 @@ from bondgraph.declare.graph import BondGraph
 from bondgraph.declare.quantities import Input, Parameter, Table, symbol
 from bondgraph.derive.equations import Assignment, ImplicitLoop, OutputEquation, State, StateEquations
 from bondgraph.errors import GenerationError
-from bondgraph.generate.drift import render_graph
 from bondgraph.generate.module import render
+from bondgraph.generate.pipeline import render_graph
 from bondgraph.simulate.model import Model
 
 Load = Callable[[str], SimpleNamespace]
@@ -360,7 +360,7 @@ def test_a_module_says_which_defaults_of_zero_are_declared() -> None:
     push, wind = g.input("push", "N"), g.input("wind", "N", default=0.0)
     g.inertance("mass", g.parameter("m", 2.0, "kg"), at=body)
     g.effort_source("forces", push + wind, at=body)
-    text = render_graph(g)
+    text = render_graph(g).text
     assert 'ZERO_DEFAULTS = ("wind",)' in text
     assert [one.has_default for one in Model.from_text(text).inputs] == [False, True]
     older = "\n".join(line for line in text.splitlines() if not line.startswith("ZERO_DEFAULTS"))

@@ -25,7 +25,7 @@ from bondgraph.report.collect import (
 from bondgraph.report.plots import figure_svg, state_figure
 from bondgraph.report.series import channel_errors, rmse
 from bondgraph.simulate.example import pendulum
-from bondgraph.simulate.simulate import simulate
+from bondgraph.simulate.simulation import simulate
 
 NOISE = 0.01
 

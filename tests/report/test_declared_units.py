@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from bondgraph.cli import main
 from bondgraph.coherent import coherent
 from bondgraph.data.log import Log, LogChannel
-from bondgraph.data.match import match
+from bondgraph.data.matching import match
 from bondgraph.data.read import read_log
 from bondgraph.data.write import csv_text
 from bondgraph.declare.domains import ELECTRICAL, HYDRAULIC, ROTATION, TRANSLATION

@@ -7,7 +7,7 @@ import numpy as np
 from bondgraph.report.events import events_text, mark_events
 from bondgraph.report.plots import launch_figure
 from bondgraph.simulate.example import pendulum
-from bondgraph.simulate.simulate import simulate
+from bondgraph.simulate.simulation import simulate
 from tests.simulate.machines import ball, engagement, exact
 
 

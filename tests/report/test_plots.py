@@ -28,7 +28,7 @@ from bondgraph.report.plots import (
 from bondgraph.report.series import ChannelSeries, Prediction
 from bondgraph.simulate.example import PENDULUM
 from bondgraph.simulate.model import Model
-from bondgraph.simulate.simulate import simulate
+from bondgraph.simulate.simulation import simulate
 from tests.report.examples import coast_down_series, missing_drag
 
 

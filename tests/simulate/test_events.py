@@ -16,7 +16,7 @@ from bondgraph.simulate.batch import simulate_batch
 from bondgraph.simulate.crossing import first_crossing
 from bondgraph.simulate.model import Model
 from bondgraph.simulate.outcome import Outcome
-from bondgraph.simulate.simulate import simulate
+from bondgraph.simulate.simulation import simulate
 from tests.simulate.machines import belt, exact, rectifier
 
 

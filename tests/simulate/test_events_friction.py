@@ -12,7 +12,7 @@ from bondgraph.declare.graph import BondGraph
 from bondgraph.declare.modal import clutch, friction
 from bondgraph.simulate.modes import consistent_inputs
 from bondgraph.simulate.outcome import Outcome
-from bondgraph.simulate.simulate import simulate
+from bondgraph.simulate.simulation import simulate
 from tests.simulate.machines import belt, engagement, exact, geared, train
 
 

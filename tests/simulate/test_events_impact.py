@@ -11,7 +11,7 @@ from bondgraph.declare.graph import BondGraph
 from bondgraph.declare.modal import clutch, impact
 from bondgraph.errors import ModelError
 from bondgraph.simulate.outcome import Outcome
-from bondgraph.simulate.simulate import simulate
+from bondgraph.simulate.simulation import simulate
 from tests.simulate.machines import ball, cradle, exact, room, shaker
 
 FALL = np.sqrt(2.0 / 9.81)

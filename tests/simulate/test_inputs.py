@@ -10,13 +10,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from bondgraph.data.log import Log, LogChannel
-from bondgraph.data.match import match
+from bondgraph.data.matching import match
 from bondgraph.errors import ModelError
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.samples import Samples
 from bondgraph.simulate.inputs import InputSignal, hold_flags
 from bondgraph.simulate.model import Model
-from bondgraph.simulate.simulate import simulate
+from bondgraph.simulate.simulation import simulate
 from tests.module_text import STACK
 from tests.simulate.samples import decay, sample
 

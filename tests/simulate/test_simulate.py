@@ -11,7 +11,7 @@ from bondgraph.simulate.batch import simulate_batch
 from bondgraph.simulate.inputs import InputSignal
 from bondgraph.simulate.integrators import RK4, Adaptive
 from bondgraph.simulate.outcome import Outcome
-from bondgraph.simulate.simulate import simulate
+from bondgraph.simulate.simulation import simulate
 from tests.simulate.samples import decay, sample
 
 METHODS = ("adaptive", "Radau", "BDF", "RK45", "DOP853")

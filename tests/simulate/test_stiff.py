@@ -24,7 +24,7 @@ from bondgraph.simulate.inputs import InputSegment
 from bondgraph.simulate.integrators import RK4, AbstractIntegrator, IntegratorState
 from bondgraph.simulate.model import Model
 from bondgraph.simulate.outcome import Outcome
-from bondgraph.simulate.simulate import simulate
+from bondgraph.simulate.simulation import simulate
 from bondgraph.simulate.stiff import ModelEquations, Rosenbrock, step_lengths
 from tests.simulate.points import model_of, points_of
 from tests.simulate.samples import decay

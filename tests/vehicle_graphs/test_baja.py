@@ -11,8 +11,8 @@ import pandas as pd
 import pytest
 from numpy.testing import assert_allclose
 
-from bondgraph.correct.models.build import build
-from bondgraph.data.match import match
+from bondgraph.build import build
+from bondgraph.data.matching import match
 from bondgraph.data.read import read_log
 from bondgraph.declare.graph import BondGraph
 from bondgraph.derive.causality import assign_causality
@@ -20,7 +20,7 @@ from bondgraph.derive.derivation import derive
 from bondgraph.errors import DataError, DeclarationError, OptionError
 from bondgraph.generate.module import render
 from bondgraph.simulate.model import Model
-from bondgraph.simulate.simulate import simulate
+from bondgraph.simulate.simulation import simulate
 from vehicle_graphs import baja, baja_chain, baja_logs
 from vehicle_graphs.baja import BELT, PRIMARY_RADIUS, RAMP, RPM
 from vehicle_graphs.correction_chain import tried

@@ -9,13 +9,13 @@ import pandas as pd
 import pytest
 from numpy.testing import assert_allclose
 
-from bondgraph.correct.models.build import build
+from bondgraph.build import build
 from bondgraph.data.log import Log
-from bondgraph.data.match import match
+from bondgraph.data.matching import match
 from bondgraph.data.read import read_log
 from bondgraph.declare.graph import BondGraph
 from bondgraph.errors import DataError, OptionError
-from bondgraph.simulate.simulate import simulate
+from bondgraph.simulate.simulation import simulate
 from vehicle_graphs import coupled_drives, coupled_drives_logs
 from vehicle_graphs.correction_chain import Machine, forward_selection, holdout_errors, table, tried
 

@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from bondgraph.build import build
 from bondgraph.correct.loop import ClosedLoop, close_loop
-from bondgraph.correct.models.build import build
-from bondgraph.data.match import match
+from bondgraph.data.matching import match
 from bondgraph.data.read import read_log
 from bondgraph.declare.effect import effect_functions
 from vehicle_graphs import effects

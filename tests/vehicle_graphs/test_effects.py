@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from bondgraph.build import BuiltModel, build
 from bondgraph.correct.models.bonds import bond_model
-from bondgraph.correct.models.build import BuiltModel, build
 from bondgraph.correct.models.candidates import Candidate, candidates
 from bondgraph.declare.domains import ROTATION, THERMAL, TRANSLATION
 from bondgraph.declare.editing import copy, handle, with_values
@@ -15,7 +15,7 @@ from bondgraph.declare.graph import BondGraph
 from bondgraph.declare.quantities import symbol
 from bondgraph.derive.causality import bond_labels
 from bondgraph.report.missing import law_curve
-from bondgraph.simulate.simulate import simulate
+from bondgraph.simulate.simulation import simulate
 from vehicle_graphs import effects
 from vehicle_graphs.driveline import driveline
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bondgraph.correct.models.build import BuiltModel, build
+from bondgraph.build import BuiltModel, build
 from bondgraph.declare.editing import copy, handle, with_values
 from bondgraph.declare.effect import Effect, EffectFunction, Place, Scale
 from bondgraph.declare.files import read_graph, write_graph

@@ -9,13 +9,13 @@ import pandas as pd
 import pytest
 from numpy.testing import assert_allclose
 
-from bondgraph.correct.models.build import build
-from bondgraph.data.match import match
+from bondgraph.build import build
+from bondgraph.data.matching import match
 from bondgraph.data.read import read_log
 from bondgraph.declare.editing import handle
 from bondgraph.declare.effect import Place
 from bondgraph.errors import DataError, OptionError
-from bondgraph.simulate.simulate import simulate
+from bondgraph.simulate.simulation import simulate
 from vehicle_graphs import i3, i3_chain, i3_logs
 
 RECORDINGS = ("measured", "bmw_i3_trips")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from bondgraph.correct.models.build import BuiltModel, build
+from bondgraph.build import BuiltModel, build
 from bondgraph.declare.domains import ROTATION, TRANSLATION
 from bondgraph.declare.editing import handle, with_values
 from bondgraph.declare.effect import Effect, EffectFunction, Place, Scale, effect_functions, is_for

@@ -18,7 +18,7 @@ from bondgraph.derive.derivation import derive
 from bondgraph.generate.module import render
 from bondgraph.simulate.model import Model
 from bondgraph.simulate.scenario import Scenario
-from bondgraph.simulate.simulate import simulate
+from bondgraph.simulate.simulation import simulate
 from bondgraph.simulate.trajectory import Trajectory
 from vehicle_graphs.ranger import SCENARIOS, full
 

@@ -10,7 +10,7 @@ import pytest
 
 from bondgraph.cli import main
 from bondgraph.data.log import Log, LogChannel, MatchedLog
-from bondgraph.data.match import match
+from bondgraph.data.matching import match
 from bondgraph.data.read import read_log
 from bondgraph.data.write import write_log
 from bondgraph.filter.consistency import consistency

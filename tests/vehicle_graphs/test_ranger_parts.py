@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import sympy
 
-from bondgraph.correct.models.build import BuiltModel, build
+from bondgraph.build import BuiltModel, build
 from bondgraph.declare.editing import with_values
 from bondgraph.declare.files import graph_from_json, graph_to_json
 from bondgraph.declare.graph import BondGraph
@@ -19,7 +19,7 @@ from bondgraph.errors import DeclarationError
 from bondgraph.report.evaluate import evaluate
 from bondgraph.simulate.model import Model
 from bondgraph.simulate.scenario import Scenario
-from bondgraph.simulate.simulate import simulate
+from bondgraph.simulate.simulation import simulate
 from bondgraph.simulate.trajectory import Trajectory
 from vehicle_graphs import tyres
 from vehicle_graphs.clutches import primary_clutch

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from bondgraph.correct.models.build import build
+from bondgraph.build import build
 from bondgraph.declare.editing import with_values
 from bondgraph.errors import DataError
 from bondgraph.estimate.initial import initial_states

@@ -12,11 +12,11 @@ import numpy.typing as npt
 import pytest
 
 from bondgraph.data.log import Log
-from bondgraph.data.match import match_inputs
+from bondgraph.data.matching import match_inputs
 from bondgraph.data.read import read_log
 from bondgraph.report.evaluate import evaluate
 from bondgraph.simulate.model import Model
-from bondgraph.simulate.simulate import simulate
+from bondgraph.simulate.simulation import simulate
 from vehicle_graphs.ranger import SCENARIOS, full
 
 FloatArray = npt.NDArray[np.float64]

@@ -9,14 +9,14 @@ from typing import Any
 
 import numpy as np
 
-from bondgraph.correct.models.build import build
+from bondgraph.build import build
 from bondgraph.data.log import MatchedLog
 from bondgraph.estimate.free import FreeParameter
 from bondgraph.estimate.problem import pose
-from bondgraph.estimate.sensitivity import sensitivity
+from bondgraph.estimate.sensitivities import sensitivity
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.simulate.model import Model
-from bondgraph.simulate.simulate import simulate
+from bondgraph.simulate.simulation import simulate
 from tests.verification.claims import Answer, Claim, Published
 from tests.verification.machines import Rates, rates_graph
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from bondgraph.data.log import MatchedLog
-from bondgraph.estimate.estimate import Settings, estimate
+from bondgraph.estimate.estimation import Settings, estimate
 from bondgraph.estimate.free import FreeParameter
 from bondgraph.estimate.gauss_newton import GaussNewtonSettings
 from bondgraph.estimate.objective import SearchOutcome

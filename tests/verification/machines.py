@@ -11,7 +11,7 @@ from typing import Any
 
 from sympy import Symbol, cos, sin
 
-from bondgraph.correct.models.build import build
+from bondgraph.build import build
 from bondgraph.declare.domains import ELECTRICAL, ROTATION, TRANSLATION
 from bondgraph.declare.graph import BondGraph
 from bondgraph.declare.handles import Handle

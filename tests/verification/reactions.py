@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 from sympy import exp
 
-from bondgraph.correct.models.build import build
+from bondgraph.build import build
 from bondgraph.data.log import MatchedLog
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.likelihood import likelihood
 from bondgraph.simulate.model import Model
-from bondgraph.simulate.simulate import simulate
+from bondgraph.simulate.simulation import simulate
 from tests.verification.claims import Answer, Claim, Published, within
 from tests.verification.filters import FORMS
 from tests.verification.machines import rates_graph

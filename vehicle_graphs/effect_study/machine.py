@@ -9,8 +9,8 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from bondgraph.build import build
 from bondgraph.correct.loop import LoopSettings
-from bondgraph.correct.models.build import build
 from bondgraph.correct.models.faults import SENSOR_FAULTS
 from bondgraph.data.log import FloatArray
 from bondgraph.declare.editing import copy, handle

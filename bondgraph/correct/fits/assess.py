@@ -16,8 +16,9 @@ from bondgraph.correct.fits.fit import BLOCKS, Fit
 from bondgraph.correct.responses.intervals import integrator
 from bondgraph.data.log import FloatArray, MatchedLog
 from bondgraph.filter.filter_run import FilterRun
-from bondgraph.simulate.simulate import simulate
+from bondgraph.simulate.simulation import simulate
 from bondgraph.simulate.trajectory import Trajectory
+from bondgraph.text import count
 
 #: Blocks of time by whose scatter errors are judged.
 WINDOWS = 20
@@ -38,7 +39,7 @@ class ChannelError:
     simulation_ci95: tuple[float, float] = (float("nan"), float("nan"))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class LogAssessment:
     """One log against one fitted model: its likelihood, its channels' errors, and the runs they were taken from."""
 
@@ -47,6 +48,9 @@ class LogAssessment:
     channels: dict[str, ChannelError]
     filtered: FilterRun
     simulated: Trajectory
+
+    def __repr__(self) -> str:
+        return f"<LogAssessment {self.log.name}: {count(len(self.channels), 'channel')}, NLL {self.nll:.6g}>"
 
 
 @dataclass(frozen=True)

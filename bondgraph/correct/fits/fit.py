@@ -44,6 +44,7 @@ from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.filter_run import FilterRun
 from bondgraph.filter.runs import run
 from bondgraph.simulate.model import Model
+from bondgraph.text import few
 
 #: Blocks of the sandwich variance over all training logs: enough for its distribution, long enough to be independent.
 BLOCKS = 40
@@ -66,7 +67,7 @@ def no_report(stage: str, done: int, total: int) -> None:
     """Report nothing."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Fit:
     """A fitted model: the problem, the coordinates of its optimum, and the expansion of the likelihood there."""
 
@@ -76,6 +77,10 @@ class Fit:
     expansion: Expansion
     evaluations: int
     outcome: SearchOutcome
+
+    def __repr__(self) -> str:
+        end = f"NLL {self.nll:.6g}; {self.outcome.value.partition(' - ')[0]}"
+        return f"<Fit {self.problem.filter_model.model.name}: free {few(self.problem.names)}; {end}>"
 
     @property
     def values(self) -> dict[str, float]:

@@ -19,7 +19,7 @@ from bondgraph.correct.responses.intervals import integrator
 from bondgraph.data.log import FloatArray, MatchedLog
 from bondgraph.errors import BondGraphError
 from bondgraph.filter.filter_run import FilterRun
-from bondgraph.simulate.simulate import simulate
+from bondgraph.simulate.simulation import simulate
 
 #: Samples of each log at which its rates are looked at.
 _RATES = 25

@@ -22,7 +22,7 @@ from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.noise_choice import with_noise_steps
 from bondgraph.filter.runs import run
 from bondgraph.simulate.model import Model
-from bondgraph.simulate.simulate import simulate
+from bondgraph.simulate.simulation import simulate
 
 #: Largest step times spectral radius that fixed-step RK4 takes (its limit of stability is 2.78).
 _STEP_RADIUS = 1.8

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from bondgraph.correct.models.build import BuiltModel
+from bondgraph.build import BuiltModel
 from bondgraph.correct.models.candidates import Candidate, Refused
 from bondgraph.data.log import FloatArray, MatchedLog
 from bondgraph.filter.filter_run import FilterRun

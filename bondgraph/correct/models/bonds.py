@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+from bondgraph.build import model_of
 from bondgraph.derive.causality import CausalGraph
 from bondgraph.derive.derivation import Derivation
-from bondgraph.generate.module import render
 from bondgraph.simulate.model import Model
 
 
@@ -22,4 +22,4 @@ def bond_model(causal: CausalGraph) -> Model:
     ('effort(body->mass)', 'flow(body->mass)')
     """
     equations = Derivation(causal).equations(bonds=True)
-    return Model.from_text(render(equations), source=f"{causal.graph.name} (bonds)")
+    return model_of(equations, f"{causal.graph.name} (bonds)")

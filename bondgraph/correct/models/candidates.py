@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from bondgraph.build import BuiltModel, build, model_of
 from bondgraph.correct.models.bonds import bond_model
-from bondgraph.correct.models.build import BuiltModel, build
 from bondgraph.data.log import FloatArray, MatchedLog
 from bondgraph.declare.editing import copy, handle
 from bondgraph.declare.effect import SMOOTHING, Effect, EffectFunction, Place, Scale, is_for
@@ -27,7 +27,6 @@ from bondgraph.errors import (
     suggest,
 )
 from bondgraph.filter.filter_run import FilterRun
-from bondgraph.generate.module import render
 from bondgraph.simulate.model import Model
 
 #: Values of a shape parameter that are tried, as shares of its bounds (on a logarithmic scale where these allow it).
@@ -40,7 +39,7 @@ _PROBE = 1e-4
 _STEEP = 0.002
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Candidate:
     """One effect at one place: a way in which the declared graph may be incomplete.
 
@@ -56,6 +55,9 @@ class Candidate:
     passive: bool = True
     beside_storage: bool = True
     followed: bool = True
+
+    def __repr__(self) -> str:
+        return f"<Candidate {self.label}>"
 
     @property
     def label(self) -> str:
@@ -248,7 +250,7 @@ def candidates(
             beside = place.bond is None and not place.output and _beside_storage(built, place.junction.name)
             own = {state.symbol.name for state in built.equations.states}
             followed = all(s.variable == "integral" or s.symbol.name in own for s in equations.states)
-            model = Model.from_text(render(equations), source=f"{built.graph.name} with {effect.name}", own=True)
+            model = model_of(equations, f"{built.graph.name} with {effect.name}", own=True)
             found.append(Candidate(function, place, effect, model, _passive(flat, effect), beside, followed))
     return found, refused
 

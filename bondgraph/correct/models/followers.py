@@ -11,8 +11,8 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
+from bondgraph.build import BuiltModel
 from bondgraph.correct.models.bonds import bond_model
-from bondgraph.correct.models.build import BuiltModel
 from bondgraph.data.log import FloatArray
 from bondgraph.filter.follows import Follow
 from bondgraph.simulate.model import Model

@@ -12,7 +12,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from bondgraph.correct.models.build import BuiltModel, build
+from bondgraph.build import BuiltModel, build
 from bondgraph.data.log import FloatArray, MatchedLog
 from bondgraph.declare.editing import copy
 from bondgraph.declare.elements import STORAGES

@@ -14,9 +14,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from bondgraph.build import BuiltModel, build
 from bondgraph.correct.fits.fit import Fit
 from bondgraph.correct.models.bonds import bond_model
-from bondgraph.correct.models.build import BuiltModel, build
 from bondgraph.correct.places.probes import hats, probed_model, shaped
 from bondgraph.correct.responses.recursion import respond
 from bondgraph.correct.responses.response import LinearLog, Path, linearise, model_change

@@ -13,8 +13,8 @@ from typing import Literal
 
 import numpy as np
 
+from bondgraph.build import BuiltModel, model_of
 from bondgraph.correct.models.bonds import bond_model
-from bondgraph.correct.models.build import BuiltModel
 from bondgraph.correct.responses.response import Change, Path, model_change
 from bondgraph.correct.scores.scoring import Linearisation
 from bondgraph.data.log import FloatArray
@@ -24,7 +24,6 @@ from bondgraph.declare.graph import BondGraph
 from bondgraph.derive.causality import assign_causality, bond_labels
 from bondgraph.derive.derivation import Derivation
 from bondgraph.errors import BondGraphError
-from bondgraph.generate.module import render
 from bondgraph.simulate.model import Model
 
 Variable = Literal["effort", "flow", "sensor"]
@@ -102,7 +101,7 @@ def _with_sources(graph: BondGraph, where: Sequence[Place]) -> tuple[Model, dict
         declare(f"source_{name}", -unknown, at=handle(extended, place.junction.name))
         names[place.label] = name
     equations = Derivation(assign_causality(extended)).equations()
-    return Model.from_text(render(equations), source=f"{graph.name} (probed)"), names
+    return model_of(equations, f"{graph.name} (probed)"), names
 
 
 def probes(built: BuiltModel, linear: Linearisation, where: Sequence[Place]) -> tuple[Probe, ...]:

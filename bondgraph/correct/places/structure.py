@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from bondgraph.correct.models.build import BuiltModel
+from bondgraph.build import BuiltModel
 from bondgraph.correct.places.probes import probed_model
 from bondgraph.data.log import FloatArray, MatchedLog
 from bondgraph.declare.effect import Place

@@ -36,7 +36,7 @@ _KNOTS = 8
 _NEEDLESS = 0.01
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Unexplained:
     """What is missing at a place as a function of a signal, which no known effect explains.
 
@@ -56,6 +56,10 @@ class Unexplained:
     gain: float
     p_value: float
     like: tuple[str, ...] = ()
+
+    def __repr__(self) -> str:
+        where = f"{self.variable} at {self.place.label} as a function of {self.signal}"
+        return f"<Unexplained {where}: gain {self.gain:.4g} nats, p = {self.p_value:.2g}>"
 
 
 @dataclass(frozen=True)

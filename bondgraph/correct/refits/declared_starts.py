@@ -16,9 +16,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from bondgraph.build import BuiltModel, build
 from bondgraph.correct.fits.fit import Fit, Report, expand, fit
 from bondgraph.correct.fits.noise_starts import noisy_starts
-from bondgraph.correct.models.build import BuiltModel, build
 from bondgraph.correct.models.candidates import Candidate
 from bondgraph.correct.models.failures import FAILURES
 from bondgraph.correct.refits.decide import judge

@@ -15,9 +15,9 @@ from typing import Literal
 
 import numpy as np
 
+from bondgraph.build import BuiltModel, build
 from bondgraph.correct.fits.fit import WITHIN_REACH, Fit, Report, fit
 from bondgraph.correct.fits.journal import Journal
-from bondgraph.correct.models.build import BuiltModel, build
 from bondgraph.correct.models.candidates import Candidate, Variant, superset
 from bondgraph.correct.models.failures import FAILURES, reason
 from bondgraph.correct.refits.decide import judge

@@ -8,9 +8,9 @@ from typing import TypeVar
 
 import numpy as np
 
+from bondgraph.build import BuiltModel, build
 from bondgraph.correct.fits.fit import Fit
 from bondgraph.correct.fits.noise_starts import quiet_start
-from bondgraph.correct.models.build import BuiltModel, build
 from bondgraph.correct.models.failures import FAILURES, reason
 from bondgraph.correct.refits.refit import STRIDES, Ground, abrupt, along, at_optimum, coefficients, inside
 from bondgraph.correct.refits.trials import Trial

@@ -11,12 +11,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from bondgraph.build import BuiltModel, build
 from bondgraph.correct.fits.excerpts import excerpt
 from bondgraph.correct.fits.fit import Fit, expand, fit
 from bondgraph.correct.fits.linear_steps import filter_runs, is_linearised, linear_expansion, value_of
 from bondgraph.correct.fits.noise_starts import quiet_start
 from bondgraph.correct.fits.setup import filter_setup
-from bondgraph.correct.models.build import BuiltModel, build
 from bondgraph.correct.models.followers import followers
 from bondgraph.correct.refits.decide import judge
 from bondgraph.correct.refits.refit import Ground, at_optimum, coefficients

@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
+from bondgraph.build import BuiltModel
 from bondgraph.correct.fits.fit import Fit
-from bondgraph.correct.models.build import BuiltModel
 from bondgraph.correct.models.candidates import Candidate
 from bondgraph.correct.models.failures import attempted
 from bondgraph.correct.refits.transfer import Transfer
 from bondgraph.correct.scores.gates import Gate
+from bondgraph.text import number
 
 
 @dataclass(frozen=True)
@@ -32,7 +33,7 @@ class Evidence:
         return self.p_value < level and self.p_robust < level and self.bic_gain > 0.0
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Trial:
     """A candidate with its score, and its refit if it came that far.
 
@@ -62,6 +63,10 @@ class Trial:
     def transfers(self) -> bool:
         """Whether nothing is known against its transfer to data that it was not estimated from."""
         return self.transfer is None or self.transfer.passes
+
+    def __repr__(self) -> str:
+        how = "scored" if self.evidence is None else "refitted"
+        return f"<Trial {self.candidate.label}: {how}, gain {number(self.gain)} nats, p = {number(self.p_value)}>"
 
     @property
     def gain(self) -> float:

@@ -28,7 +28,7 @@ _LANES, _ABREAST = 32, 8
 _SHIFT = 1e-5
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Linearisation:
     """A fitted model with its filter linearised along every training log.
 
@@ -44,6 +44,9 @@ class Linearisation:
     free: FloatArray
     scales: FloatArray
     times: Times
+
+    def __repr__(self) -> str:
+        return f"<Linearisation {self.model.name}: {self.free.shape[0]} terms, {self.count} free>"
 
     @property
     def count(self) -> int:
@@ -170,7 +173,7 @@ def candidate_change(path: Path, candidate: Candidate, variant: Variant) -> Chan
     return together(lanes)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Scored:
     """Candidates with the variant of each that fits best, its responses and its scores.
 
@@ -186,6 +189,9 @@ class Scored:
     scores: Scores
     tests: int
     failed: Mapping[int, str] = field(default_factory=dict)
+
+    def __repr__(self) -> str:
+        return f"<Scored: {len(self.candidates)} candidates, {self.tests} tests>"
 
 
 def score_candidates(

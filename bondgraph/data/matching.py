@@ -54,6 +54,15 @@ def match(
         If a unit has another dimension than the model's, a code is unknown, a column called like a parameter varies,
         the mapping names what does not exist, the log measures no output of the model, or it lacks an input that is
         neither given nor has a default.
+
+    Examples
+    --------
+    >>> import bondgraph as bg
+    >>> from bondgraph.simulate.example import pendulum
+    >>> swing = LogChannel("deflection", "mm", np.array([100.0, np.nan, 80.0]))
+    >>> log = bg.match(bg.Log("swing", np.arange(3.0), {"deflection": swing}), pendulum(), given={"drive": 0.0})
+    >>> log.y.tolist(), log.u.tolist()
+    ([[0.1, nan, 0.08]], [[0.0, 0.0, 0.0]])
     """
     channels, renamed = _rename(log, model, mapping or {})
     _require_outputs(log, model, channels)
@@ -107,6 +116,24 @@ def match_outputs(log: Log, model: Signals) -> FloatArray:
     """
     channels = dict(log.channels)
     return np.array([_output(log, channels, quantity, []) for quantity in model.outputs]).reshape(-1, len(log))
+
+
+def match_recorded(log: Log, model: Signals) -> tuple[FloatArray, dict[str, float]]:
+    """The inputs of a model (n_u, n) and the parameters that a log knows, whatever else it holds.
+
+    Raises
+    ------
+    DataError
+        If a unit has another dimension than the model's, a column called like a parameter varies, or an input has
+        neither a column nor a default.
+    """
+    channels = dict(log.channels)
+    known = {
+        quantity.name: _known_value(log, channels[quantity.name], quantity)
+        for quantity in model.parameters
+        if quantity.name in channels
+    }
+    return _inputs(log, channels, model, {}, []), known
 
 
 def read_mapping(options: Iterable[str]) -> dict[str, str]:

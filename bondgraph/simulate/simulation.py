@@ -28,7 +28,7 @@ _PILOT_EVENT_RTOL, _PILOT_EVENTS = 1e-6, 50
 
 def simulate(
     model: Model,
-    time: npt.ArrayLike,
+    time: npt.ArrayLike | None = None,
     inputs: Inputs = None,
     theta: Vector = None,
     x0: Vector = None,
@@ -49,9 +49,10 @@ def simulate(
     model
         The model.
     time
-        Increasing times (n,), s; the initial state is at the first.
+        Increasing times (n,), s; the initial state is at the first. None: those of a log.
     inputs
-        An ``InputSignal``, values by input name, or an array (n_u, n) at ``time``; None: defaults.
+        A log, an ``InputSignal``, values by input name, or an array (n_u, n) at ``time``; None: defaults. Parameters
+        that a log knows have its values unless ``theta`` gives others.
     theta, x0
         Parameters and initial state: by name, or whole vectors; None: declared values.
     method
@@ -76,8 +77,9 @@ def simulate(
 
     Examples
     --------
+    >>> import bondgraph as bg
     >>> from bondgraph.simulate.example import pendulum
-    >>> swing = simulate(pendulum(), np.linspace(0.0, 1.0, 5), theta={"damping": 0.0}, x0={"angle": 1e-4})
+    >>> swing = bg.simulate(pendulum(), np.linspace(0.0, 1.0, 5), theta={"damping": 0.0}, x0={"angle": 1e-4})
     >>> bool(abs(swing.state("angle")[-1] - 1e-4 * np.cos(np.sqrt(9.81))) < 1e-10)
     True
     """

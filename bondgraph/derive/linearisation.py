@@ -8,7 +8,7 @@ from __future__ import annotations
 import enum
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 import scipy.linalg
@@ -28,6 +28,7 @@ from bondgraph.derive.values import (
     vanishes,
 )
 from bondgraph.errors import DerivationError, suggest
+from bondgraph.text import count
 
 # ---------------------------------------------------------------------- linear models
 
@@ -40,7 +41,7 @@ class Units(NamedTuple):
     outputs: tuple[str, ...]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class LinearModel:
     """A model near an operating point: ``dx/dt = rates + A (x - x0) + B (u - u0)``, ``y = values + C .. + D ..``.
 
@@ -61,9 +62,21 @@ class LinearModel:
     rates: FloatArray
     values: FloatArray
 
+    def __repr__(self) -> str:
+        sizes = f"{count(len(self.states), 'state')}, {count(len(self.inputs), 'input')}"
+        return f"<LinearModel: {sizes}, {count(len(self.outputs), 'output')}>"
+
+
+class WithEquations(Protocol):
+    """A model that knows its equations, such as one built from a graph."""
+
+    @property
+    def equations(self) -> StateEquations:
+        """As derived."""
+
 
 def linearise(
-    equations: StateEquations,
+    equations: StateEquations | WithEquations,
     x: Given = None,
     u: Given = None,
     theta: Given = None,
@@ -75,7 +88,7 @@ def linearise(
     Parameters
     ----------
     equations
-        As derived.
+        As derived, or a model built from a graph.
     x, u, theta
         Operating point: all values in order of declaration, or some by name; the rest are initial or default values.
     t
@@ -90,18 +103,17 @@ def linearise(
 
     Examples
     --------
-    >>> from bondgraph.declare.graph import BondGraph
-    >>> from bondgraph.derive.causality import assign_causality
-    >>> from bondgraph.derive.derivation import derive
-    >>> g = BondGraph("car")
+    >>> import bondgraph as bg
+    >>> g = bg.BondGraph("car")
     >>> body = g.one_junction("body")
     >>> _ = g.effort_source("engine", g.input("F", "N"), at=body)
     >>> _ = g.inertance("mass", 800.0, at=body, state="v")
     >>> _ = g.resistance("aero", lambda v: 0.4 * v**2, at=body)
-    >>> model = linearise(derive(assign_causality(g)), x={"v": 20.0})
+    >>> model = bg.linearise(bg.build(g), x={"v": 20.0})
     >>> model.A.tolist(), model.B.tolist(), model.rates.tolist()
     ([[-0.02]], [[0.00125]], [-0.2])
     """
+    equations = equations if isinstance(equations, StateEquations) else equations.equations
     slopes = slopes or jacobian(equations, by=("x", "u"))
     evaluator = Evaluator(equations)
     values = evaluator.run(slopes.assignments, evaluator.at(x, u, theta, t))

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -19,9 +19,14 @@ from bondgraph.estimate.objective import Expand, FloatArray, central_differences
 from bondgraph.estimate.problem import EstimationProblem
 from bondgraph.estimate.result import quantity_of, unit_of
 from bondgraph.estimate.uncertainty import uncertainty
+from bondgraph.frames import frame
+from bondgraph.text import few, number, text_table
+
+if TYPE_CHECKING:
+    import pandas
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Sensitivity:
     """Information about the free parameters of a problem at one point.
 
@@ -53,23 +58,52 @@ class Sensitivity:
     quantities: tuple[Displayed, ...]
     units: tuple[str, ...]
 
+    def __repr__(self) -> str:
+        blind = few([", ".join(group) for group in self.not_identifiable])
+        return f"<Sensitivity of {few(self.names)} to {few(self.outputs)}; not identifiable: {blind}>"
+
+    def summary(self) -> str:
+        """A line for each parameter: its standard deviations in declared units, and what share each output brings."""
+        rows = [
+            [name, self.units[k], *map(number, self._std(k)), *(f"{share:.0%}" for share in self.share[:, k])]
+            for k, name in enumerate(self.names)
+        ]
+        return text_table(("parameter", "unit", "std alone", "std joint", *self.outputs), rows)
+
+    def to_dataframe(self) -> pandas.DataFrame:
+        """The table as a data frame: ``unit``, ``std_alone``, ``std_joint``, and a column of shares for each output.
+
+        Raises
+        ------
+        DataError
+            If pandas is not installed.
+        """
+        alone, joint = zip(*(self._std(k) for k in range(len(self.names))), strict=True)
+        shares = dict(zip(self.outputs, self.share, strict=True))
+        return frame({"unit": self.units, "std_alone": alone, "std_joint": joint, **shares}, self.names, "parameter")
+
+    def _std(self, k: int) -> tuple[float, float]:
+        """Standard deviations of a parameter as they are shown: alone, and with all of them free."""
+        show = self.quantities[k].shown
+        return show(float(self.std_alone[k])), show(float(self.std_joint[k]))
+
     def to_dict(self) -> dict[str, Any]:
         """The table as JSON holds it, in declared units; numbers that do not exist are null."""
-
-        def number(value: float) -> float | None:
-            return float(value) if np.isfinite(value) else None
-
         rows: Mapping[str, Any] = {
             name: {
                 "unit": self.units[k],
-                "std_alone": number(self.quantities[k].shown(float(self.std_alone[k]))),
-                "std_joint": number(self.quantities[k].shown(float(self.std_joint[k]))),
-                "share": {output: number(self.share[j, k]) for j, output in enumerate(self.outputs)},
-                "correlation": {other: number(self.correlation[k, i]) for i, other in enumerate(self.names)},
+                "std_alone": _finite(self._std(k)[0]),
+                "std_joint": _finite(self._std(k)[1]),
+                "share": {output: _finite(self.share[j, k]) for j, output in enumerate(self.outputs)},
+                "correlation": {other: _finite(self.correlation[k, i]) for i, other in enumerate(self.names)},
             }
             for k, name in enumerate(self.names)
         }
         return {"parameters": rows, "not_identifiable": [list(group) for group in self.not_identifiable]}
+
+
+def _finite(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None
 
 
 def sensitivity(
@@ -90,6 +124,16 @@ def sensitivity(
     ------
     EstimationError
         If the model diverges there, or the jacobian gives no terms.
+
+    Examples
+    --------
+    >>> import bondgraph as bg
+    >>> from bondgraph.simulate.example import pendulum
+    >>> swing = bg.FilterModel(pendulum(), {"rate": 0.05}, {"deflection": 0.05}, {"angle": 0.1, "rate": 0.1}, 2)
+    >>> time = np.arange(100) * 0.05
+    >>> log = bg.MatchedLog("swing", time, np.zeros((1, 100)), 0.45 * np.cos(3.1 * time)[np.newaxis])
+    >>> list(bg.sensitivity(bg.pose(swing, log, ["length", "damping"])).to_dict()["parameters"])
+    ['length', 'damping']
     """
     where = problem.start if point is None else point
     expansion = fitted_expansion(problem, where, jacobian)

@@ -14,6 +14,7 @@ from bondgraph.errors import OptionError, suggest
 from bondgraph.estimate.certify import Certification, Check, Depth, check, finer_filters, planned_again, rounding
 from bondgraph.estimate.checkpoint import Checkpoint, load_checkpoint, problem_digest, save_checkpoint
 from bondgraph.estimate.continuation import ON_THE_WAY, Continuation, Stage, way
+from bondgraph.estimate.described import Found, describe
 from bondgraph.estimate.exact import derivatives
 from bondgraph.estimate.gauss_newton import (
     GaussNewtonSettings,
@@ -36,7 +37,7 @@ from bondgraph.estimate.objective import (
 from bondgraph.estimate.particle_swarm import SwarmSettings, SwarmState, initial_swarm, step_swarm, swarm_ended
 from bondgraph.estimate.problem import EstimationProblem
 from bondgraph.estimate.race import race_ends, raced
-from bondgraph.estimate.result import Estimate, Found, describe
+from bondgraph.estimate.result import Estimate
 from bondgraph.filter.choice import choose_method
 from bondgraph.filter.filter_model import FilterModel
 

@@ -1,0 +1,44 @@
+"""Beliefs of a filter or smoother as a user reads them: by name, in declared units."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from bondgraph.arrays import FloatArray
+from bondgraph.filter.filter_model import FilterModel
+from bondgraph.simulate.quantities import ParameterInfo, StateInfo
+from bondgraph.text import number, text_table
+
+
+def belief_columns(filter_model: FilterModel, mean: FloatArray, cov: FloatArray) -> dict[str, FloatArray]:
+    """Means and standard deviations (n,) of each state in its declared unit, by ``name [unit]`` as in logs.
+
+    Parameters
+    ----------
+    filter_model
+        Whose states these are.
+    mean, cov
+        Shape (n_s, n) and (n_s, n_s, n).
+    """
+    std = np.sqrt(np.maximum(np.einsum("iik->ik", cov), 0.0))
+    columns = {}
+    for info, values, deviations in zip(_infos(filter_model), mean, std, strict=True):
+        columns[f"{info.name} [{info.display_unit or 1}]"] = info.shown(values)
+        columns[f"{info.name}_std [{info.display_unit or 1}]"] = info.shown(deviations)
+    return columns
+
+
+def belief_table(filter_model: FilterModel, mean: FloatArray, cov: FloatArray) -> str:
+    """A line for each state: first and last mean with their standard deviations; arguments as above."""
+    columns = list(belief_columns(filter_model, mean, cov).values())
+    rows = [
+        [info.name, info.display_unit or "1", *(number(float(one[k])) for k in (0, -1) for one in (values, deviations))]
+        for info, values, deviations in zip(_infos(filter_model), columns[::2], columns[1::2], strict=True)
+    ]
+    return text_table(("state", "unit", "start", "std", "end", "std"), rows)
+
+
+def _infos(filter_model: FilterModel) -> list[StateInfo | ParameterInfo]:
+    """States, then appended parameters."""
+    model = filter_model.model
+    return [*model.states, *(model.parameters[model.index("parameter", name)] for name in filter_model.appended)]

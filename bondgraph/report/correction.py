@@ -1,0 +1,136 @@
+"""Closing the loop on logs as a user holds them; its result with graph, tables and report."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, fields
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from bondgraph.build import build
+from bondgraph.correct.fits.fit import Report, no_report
+from bondgraph.correct.loop import ClosedLoop, LoopSettings
+from bondgraph.correct.loop import close_loop as close_matched
+from bondgraph.correct.result import intervals
+from bondgraph.data.given import GivenLog, all_matched
+from bondgraph.declare.effect import EFFECTS, EffectFunction, effect_functions
+from bondgraph.declare.files import load_graph
+from bondgraph.declare.graph import BondGraph
+from bondgraph.declare.loading import load_module
+from bondgraph.frames import frame
+from bondgraph.report.closed_loop import report_data, summary, write_closed_loop
+from bondgraph.report.collect import parameter_changes, versions
+from bondgraph.report.html import Provenance
+
+if TYPE_CHECKING:
+    import pandas
+
+
+@dataclass(frozen=True, repr=False)
+class Correction(ClosedLoop):
+    """A closed loop with its corrected graph and its report; ``made`` says how it came about."""
+
+    made: Provenance = field(default_factory=lambda: Provenance("bondgraph.close_loop"))
+
+    @property
+    def graph(self) -> BondGraph:
+        """The declaration with the added effects and the estimated values."""
+        return self.corrected_graph
+
+    def summary(self) -> str:
+        """Verdict, effects with their intervals, and errors before and after, as text."""
+        return summary(report_data(self, {}, self.made)).strip()
+
+    def to_dataframe(self) -> pandas.DataFrame:
+        """The estimates in declared units, of the declared model (``before``) and of the corrected one (``after``).
+
+        A row for each parameter, also of those of added effects, which were nothing before; columns ``before``,
+        ``after``, ``lower95`` and ``upper95`` of the interval after, ``unit``.
+
+        Raises
+        ------
+        DataError
+            If pandas is not installed.
+        """
+        ends = intervals(self.corrected)
+        changes = parameter_changes(self.corrected_built.model, self.nominal.values, self.corrected.values, ends)
+        known = self.nominal_built.model.names("parameter")
+        columns = {
+            "before": [one.before if one.name in known else math.nan for one in changes],
+            "after": [one.after for one in changes],
+            "lower95": [one.ci95[0] for one in changes],
+            "upper95": [one.ci95[1] for one in changes],
+            "unit": [one.unit for one in changes],
+        }
+        return frame(columns, [one.name for one in changes], "parameter")
+
+    def report(self, folder: str | Path) -> Path:
+        """Write ``report.html``, ``result.json``, the corrected graph, its module and its drawing into a folder.
+
+        Returns
+        -------
+        Path
+            Of ``report.html``.
+        """
+        write_closed_loop(self, Path(folder), self.made)
+        return Path(folder) / "report.html"
+
+
+def close_loop(
+    graph: BondGraph | str,
+    train: GivenLog | Sequence[GivenLog],
+    holdout: GivenLog | Sequence[GivenLog] = (),
+    effects: Sequence[EffectFunction] | None = None,
+    settings: LoopSettings | None = None,
+    *,
+    columns: Mapping[str, str] | None = None,
+    constants: Mapping[str, float | str] | None = None,
+    progress: Report = no_report,
+) -> Correction:
+    """Find what a declared graph lacks, from measured logs.
+
+    Parameters
+    ----------
+    graph
+        The declared graph, or a reference such as ``sled.py:sled``. Parameters with bounds are free unless
+        ``settings.free`` names others.
+    train, holdout
+        Logs as read, matched, or files. Held-out logs are assessed and decide nothing.
+    effects
+        Effect functions to try; None: those of the toolkit.
+    settings
+        Levels and limits.
+    columns
+        Name of a column -> name in the model, where they differ.
+    constants
+        Values (or letters) of inputs that a log lacks.
+    progress
+        Called with a stage, its step and the number of its steps.
+
+    Raises
+    ------
+    BondGraphError
+        If the graph is refused, a log does not fit it, or there is too little in the logs to estimate anything.
+
+    Examples
+    --------
+    >>> import bondgraph as bg
+    >>> g = bg.BondGraph("sled")
+    >>> body = g.one_junction("body", bg.TRANSLATION)
+    >>> _ = g.inertance("mass", 80.0, at=body)
+    >>> bg.close_loop(g, train=[])
+    Traceback (most recent call last):
+        ...
+    bondgraph.errors.DataError: sled: no training log - give at least one with --data
+    """
+    started = time.monotonic()
+    declared = load_graph(graph) if isinstance(graph, str) else graph
+    model = build(declared).model
+    training, held_out = (all_matched(logs, model, columns, constants) for logs in (train, holdout))
+    functions = effect_functions(load_module(EFFECTS)) if effects is None else effects
+    closed = close_matched(declared, training, held_out, functions, settings, progress)
+    names = [tuple(log.name for log in logs) for logs in (training, held_out)]
+    made = Provenance("bondgraph.close_loop", None, versions(), names[0], names[1], time.monotonic() - started)
+    return Correction(**{one.name: getattr(closed, one.name) for one in fields(ClosedLoop)}, made=made)

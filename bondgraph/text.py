@@ -1,0 +1,61 @@
+"""Short text of results: counts and names in one line, numbers as tables."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+#: Names written out in one line; more are counted.
+_SHOWN = 6
+
+
+def few(names: Sequence[str], most: int = _SHOWN) -> str:
+    """Names in one line, those beyond the first few as a count.
+
+    Examples
+    --------
+    >>> few(["mass", "drag"]), few("abcdefgh", 3), few([])
+    ('mass, drag', 'a, b, c and 5 more', 'none')
+    """
+    more = f" and {len(names) - most} more" if len(names) > most else ""
+    return (", ".join(names[:most]) or "none") + more
+
+
+def count(number: int, noun: str) -> str:
+    """A number of things.
+
+    Examples
+    --------
+    >>> count(1, "state"), count(0, "log")
+    ('1 state', '0 logs')
+    """
+    return f"{number} {noun}{'' if number == 1 else 's'}"
+
+
+def number(value: float) -> str:
+    """A number with four significant digits, without an exponent where it is readable so.
+
+    Examples
+    --------
+    >>> number(176.04321), number(1.5e-7), number(123456.7), number(float("nan"))
+    ('176', '1.5e-07', '1.235e+05', 'nan')
+    """
+    return f"{value:.4g}"
+
+
+def text_table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """A table in columns as wide as their longest cell: the first flush left, the others flush right.
+
+    Examples
+    --------
+    >>> print(text_table(["name", "value"], [["mass", "80"], ["c", "12.5"]]))
+    name  value
+    mass     80
+    c      12.5
+    """
+    columns = list(zip(header, *rows, strict=True))
+    widths = [max(map(len, column)) for column in columns]
+    flush = [str.ljust, *(str.rjust for _ in header[1:])]
+    return "\n".join(
+        "  ".join(align(cell, width) for align, cell, width in zip(flush, line, widths, strict=True)).rstrip()
+        for line in (header, *rows)
+    )

@@ -1,0 +1,177 @@
+"""The verbs of the front door that take models and logs as a user holds them.
+
+Logs are given as read (:func:`bondgraph.data.read.read_log`), as files, or already matched to the model. Where a model
+is given and no filter, noises and integration steps are taken from the logs, as the commands do.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from bondgraph.correct.fits.declared import declared_problem
+from bondgraph.correct.fits.setup import filter_setup
+from bondgraph.data.given import GivenLog, all_matched, matched
+from bondgraph.errors import OptionError
+from bondgraph.estimate.estimation import Settings
+from bondgraph.estimate.estimation import estimate as estimate_problem
+from bondgraph.estimate.free import FreeParameter
+from bondgraph.estimate.initial import Initial, initial_states
+from bondgraph.estimate.objective import Progress, silent
+from bondgraph.estimate.problem import EstimationProblem, pose
+from bondgraph.estimate.result import Estimate
+from bondgraph.filter.filter_model import FilterModel
+from bondgraph.filter.filter_run import FilterRun
+from bondgraph.filter.runs import run
+from bondgraph.simulate.model import Model
+
+if TYPE_CHECKING:
+    from bondgraph.simulate.task import Vector
+
+
+def filter_log(
+    model: Model | FilterModel,
+    log: GivenLog,
+    theta: Vector = None,
+    x0: Mapping[str, float] | None = None,
+    *,
+    initial: Initial = "measured",
+    columns: Mapping[str, str] | None = None,
+    constants: Mapping[str, float | str] | None = None,
+    compiled: bool = True,
+) -> FilterRun:
+    """Filter a log: states with their uncertainty, and what each measurement said.
+
+    Parameters
+    ----------
+    model
+        A filter model, or a model whose noises are taken from the log.
+    log
+        As read, matched, or a file.
+    theta
+        Parameters by name or as a vector (n_theta,); None: declared values.
+    x0
+        Initial states by name; None: by the rule of ``initial``.
+    initial
+        Where initial states come from, see :func:`bondgraph.estimate.initial.initial_states`.
+    columns
+        Name of a column -> name in the model, where they differ.
+    constants
+        Values (or letters) of inputs that a log lacks.
+    compiled
+        Use compiled equations; for short logs interpreted ones are ready sooner.
+
+    Raises
+    ------
+    BondGraphError
+        If the log does not fit the model, or a name or shape is wrong. A run that diverges says so in its outcome.
+
+    Examples
+    --------
+    >>> import bondgraph as bg, numpy as np
+    >>> from bondgraph.simulate.example import pendulum
+    >>> swing = bg.FilterModel(pendulum(), {"rate": 0.1}, {"deflection": 0.05}, {"angle": 0.1, "rate": 0.1})
+    >>> time = np.arange(40) * 0.05
+    >>> log = bg.MatchedLog("swing", time, np.zeros((1, 40)), 0.5 * np.cos(3.1 * time)[np.newaxis])
+    >>> bg.filter_log(swing, log, compiled=False).mean("angle").shape
+    (40,)
+    """
+    own = model.model if isinstance(model, FilterModel) else model
+    fitting = matched(log, own, columns, constants)
+    filter_model = model if isinstance(model, FilterModel) else filter_setup(own, own.driven, [fitting]).filter_model
+    values = own.theta(**theta) if isinstance(theta, Mapping) else own.theta() if theta is None else np.asarray(theta)
+    start = initial_states(own, [fitting], values, initial if x0 is None else (x0,))[0]
+    return run(filter_model, fitting, values, x0=start, compiled=compiled)
+
+
+def estimate(
+    model: Model | FilterModel | EstimationProblem,
+    logs: GivenLog | Sequence[GivenLog] = (),
+    free: Sequence[str | FreeParameter] = (),
+    settings: Settings | None = None,
+    *,
+    process_noise: str = "free",
+    initial: Initial = "measured",
+    columns: Mapping[str, str] | None = None,
+    constants: Mapping[str, float | str] | None = None,
+    progress: Progress = silent,
+    folder: str | Path | None = None,
+    resume: bool = False,
+) -> Estimate:
+    """Estimate parameters from logs by the likelihood of an unscented Kalman filter.
+
+    Parameters
+    ----------
+    model
+        A model, whose noise levels are estimated too; a filter model, whose noises are known; or a posed problem.
+    logs
+        One or several logs, as read, matched, or files; none with a problem, which has its own.
+    free
+        Names of what to estimate, see :mod:`bondgraph.estimate.free`; empty: all parameters that declare bounds.
+    settings
+        Method, seed and stop rules.
+    process_noise
+        Of a model without a filter: ``"free"``, or ``"none"`` to take its equations as exact.
+    initial
+        Where initial states that are not free come from.
+    columns
+        Name of a column -> name in the model, where they differ.
+    constants
+        Values (or letters) of inputs that a log lacks.
+    progress, folder, resume
+        As for :func:`bondgraph.estimate.estimation.estimate`.
+
+    Returns
+    -------
+    Estimate
+        With its outcome; a search that fails is a value, not an exception.
+
+    Raises
+    ------
+    BondGraphError
+        If a log does not fit the model, or a name is unknown, has no bounds or no log speaks about it.
+
+    Examples
+    --------
+    >>> import bondgraph as bg, numpy as np
+    >>> from bondgraph.simulate.example import pendulum
+    >>> swing = bg.FilterModel(pendulum(), {"rate": 0.05}, {"deflection": 0.05}, {"angle": 0.1, "rate": 0.1}, 2)
+    >>> time = np.arange(100) * 0.05
+    >>> log = bg.MatchedLog("swing", time, np.zeros((1, 100)), 0.45 * np.cos(3.1 * time)[np.newaxis])
+    >>> fit = bg.estimate(swing, log, ["length"], bg.Settings(method="gradient", starts=1))
+    >>> fit.outcome.name, round(fit.values["length"], 1)
+    ('CONVERGED', 1.0)
+    """
+    problem = _problem(model, logs, free, process_noise, initial, columns, constants)
+    place = None if folder is None else Path(folder)
+    return estimate_problem(problem, settings, progress=progress, folder=place, resume=resume)
+
+
+def _problem(
+    model: Model | FilterModel | EstimationProblem,
+    logs: GivenLog | Sequence[GivenLog],
+    free: Sequence[str | FreeParameter],
+    process_noise: str,
+    initial: Initial,
+    columns: Mapping[str, str] | None,
+    constants: Mapping[str, float | str] | None,
+) -> EstimationProblem:
+    if isinstance(model, EstimationProblem):
+        if logs or free:
+            raise OptionError("estimate: a posed problem has its own logs and free parameters - give it alone")
+        return model
+    own = model.model if isinstance(model, FilterModel) else model
+    fitting = all_matched(logs, own, columns, constants)
+    if isinstance(model, FilterModel):
+        return pose(model, fitting, free or bounded(own), initial)
+    if not fitting:
+        raise OptionError(f"estimate: {own.name} needs at least one log - give logs", where=("logs",))
+    return declared_problem(own, own.driven, fitting, free, process_noise, initial)
+
+
+def bounded(model: Model) -> tuple[str, ...]:
+    """Names of the parameters that declare bounds: those that may be estimated."""
+    return tuple(info.name for info in model.parameters if info.lower is not None)

@@ -1,0 +1,48 @@
+"""A closed loop as a user holds it: from logs as read to graph, tables and report."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import bondgraph as bg
+from bondgraph.build import build
+from bondgraph.data.log import Log, LogChannel
+from tests.correct.sled import FUNCTIONS, added, pull, sled
+from vehicle_graphs import effects
+
+
+def as_read(log: bg.MatchedLog) -> Log:
+    """A log in the order of a model as it would be read from a file, in other units."""
+    model, units = build(sled()).model, {"torque": ("kN m", 1e-3), "speed": ("km/h", 3.6), "force": ("1", 1.0)}
+    rows = zip((*model.names("input"), *model.names("output")), (*log.u, *log.y), strict=True)
+    channels = {name: LogChannel(name, units[name][0], units[name][1] * row) for name, row in rows}
+    return Log(log.name, log.time, channels)
+
+
+@pytest.mark.slow
+def test_a_loop_is_closed_on_logs_as_they_are_read(tmp_path: Path) -> None:
+    true = added(effects.quadratic_loss, "runner", 1.2)
+    train, held_out = as_read(pull(true, 1)), as_read(pull(true, 2, name="later"))
+    bg.write_log(tmp_path / "later.csv", held_out)
+    loop = bg.close_loop(sled(), train, tmp_path / "later.csv", FUNCTIONS)
+    assert loop.verdict == "effect found"
+    assert len(repr(loop)) < 300 and "\n" not in repr(loop)  # it had 1.8 million characters
+    assert repr(loop) == f"<Correction sled: effect found; added quadratic_loss at runner; {len(loop.rounds)} rounds>"
+    for part in (loop.nominal, loop.rounds[0], loop.rounds[0].trials[0], loop.rounds[0].scored, loop.rounds[0].linear):
+        assert len(repr(part)) < 300 and repr(part).startswith(f"<{type(part).__name__}")
+    assert loop.graph == loop.corrected_graph and bg.build(loop.graph).text == loop.corrected_text
+    assert "quadratic_loss at runner" in loop.summary() and len(loop.summary()) < 3000
+    table = loop.to_dataframe()
+    (name,) = loop.added[0].coefficients
+    assert np.isnan(table.loc[name, "before"]) and 1.0 < table.loc[name, "after"] < 1.4
+    assert table.loc[name, "lower95"] < table.loc[name, "after"] < table.loc[name, "upper95"]
+    assert table.loc["c_guide", "unit"] == "N s/m"
+    assert loop.report(tmp_path / "loop") == tmp_path / "loop" / "report.html"
+    written = json.loads((tmp_path / "loop" / "result.json").read_text())
+    assert written["verdict"] == loop.verdict
+    assert bg.read_graph(tmp_path / "loop" / "corrected_graph.json") == loop.graph
+    assert bg.load(tmp_path / "loop" / "sled.py") == bg.build(loop.graph)

@@ -1,0 +1,309 @@
+"""The front door: what ``import bondgraph as bg`` offers, how little it loads, and what it says of results."""
+
+from __future__ import annotations
+
+import ast
+import importlib
+import inspect
+import subprocess
+import sys
+import types
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import bondgraph as bg
+from bondgraph.data import LogChannel
+from bondgraph.errors import DataError, ModelError, OptionError
+from bondgraph.simulate import InputSignal, simulate_batch
+
+ROOT = Path(__file__).resolve().parents[1]
+PACKAGES = sorted(path for path in (ROOT / "bondgraph").rglob("__init__.py") if "exported(" in path.read_text())
+VERBS = ("build", "close_loop", "draw", "estimate", "filter_log", "linearise", "load", "pose", "read_log", "simulate")
+
+
+def sled(wind: float = 0.0) -> bg.BondGraph:
+    g = bg.BondGraph("sled", doc="A sled on snow, pushed.")
+    force = g.input("force", "N", "push")
+    mass = g.parameter("mass", 176.0, "lb", "sled with driver", (130.0, 260.0))
+    drag = g.parameter("drag", 12.0, "N s/m", "runners on snow", (2.0, 40.0))
+    body = g.one_junction("body", bg.TRANSLATION)
+    g.effort_source("push", force, at=body)
+    g.inertance("sled", mass, at=body, state="v")
+    g.resistance("runners", lambda v: drag * v + wind * v * abs(v), at=body)
+    g.measure_flow("speed", body, "speed of the sled", unit="km/h")
+    return g
+
+
+def pushed(name: str = "run1", seed: int = 1, samples: int = 400) -> bg.Log:
+    """A log of a sled in the wind, in other units than the model's, with a column that the model does not know."""
+    pandas = pytest.importorskip("pandas")
+    chance = np.random.default_rng(seed)
+    time = 0.1 * np.arange(samples)
+    push = np.repeat(chance.uniform(0.0, 200.0, samples // 25 + 1), 25)[:samples]
+    truth = bg.simulate(bg.build(sled(1.5)), time, {"force": push}, theta={"mass": 95.0})
+    speed = 3.6 * (truth.output("speed") + 0.02 * chance.standard_normal(samples))
+    table = pandas.DataFrame({"force [kN]": push / 1e3, "speed [km/h]": speed, "hail [1]": 0.0}, index=time)
+    return bg.Log.from_dataframe(table, name)
+
+
+def _typed(path: Path) -> dict[str, str]:
+    """Names that a package shows to type checkers, with their modules."""
+    found = {}
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.ImportFrom) and node.module and node.module != "typing":
+            found |= {alias.name: node.module for alias in node.names if alias.asname == alias.name}
+    return {name: module for name, module in found.items() if name != "__version__"}
+
+
+def _package(path: Path) -> types.ModuleType:
+    return importlib.import_module(".".join(path.parent.relative_to(ROOT).parts))
+
+
+@pytest.mark.parametrize("path", PACKAGES, ids=lambda path: path.parent.name)
+def test_what_a_package_exports_is_what_type_checkers_see(path: Path) -> None:
+    package, typed = _package(path), _typed(path)
+    assert package.__all__ == sorted(typed)
+    for name, module in typed.items():
+        assert getattr(package, name) is getattr(importlib.import_module(module), name)
+        assert not isinstance(getattr(package, name), types.ModuleType)
+        assert name in dir(package)
+
+
+def test_the_front_door_is_small_and_says_what_it_does() -> None:
+    assert {*VERBS, "BondGraph", "FilterModel", "Log", "Model", "ROTATION", "Settings", "smooth"} <= set(dir(bg))
+    assert len(bg.__all__) < 40
+    for name in bg.__all__:
+        value = getattr(bg, name)
+        if inspect.isfunction(value):
+            assert "Examples" in (inspect.getdoc(value) or ""), f"{name} has no example"
+            assert "bg." in (inspect.getdoc(value) or ""), f"{name} shows another door"
+
+
+def test_a_name_that_is_not_there_is_told_with_the_closest_one() -> None:
+    with pytest.raises(AttributeError, match="no attribute 'simulat'; did you mean 'simulate'"):
+        bg.simulat  # noqa: B018
+
+
+def _fresh(code: str, *arguments: str) -> str:
+    run = subprocess.run(
+        [sys.executable, "-W", "error", "-c", code, *arguments], cwd=ROOT, capture_output=True, text=True, check=False
+    )
+    assert run.returncode == 0, run.stderr
+    return run.stdout
+
+
+def test_importing_loads_nothing_large() -> None:
+    said = _fresh(
+        "import sys, bondgraph, bondgraph.simulate, bondgraph.estimate, bondgraph.declare, bondgraph.report\n"
+        "print([name for name in ('sympy', 'numba', 'pint', 'numpy', 'scipy', 'networkx', 'matplotlib', 'pandas')"
+        " if name in sys.modules])"
+    )
+    assert said == "[]\n"
+
+
+_RUN = """
+import sys
+import bondgraph as bg
+import numpy as np
+from bondgraph.data import LogChannel
+model = bg.load(sys.argv[1])
+time = 0.05 * np.arange(40)
+run = bg.simulate(model, time, x0={"v": 3.0})
+assert run.outcome.name == "OK" and run.summary()
+log = bg.Log("coast", time, {"speed": LogChannel("speed", "m/s", run.output("speed"))})
+known = bg.FilterModel(model, {"v": 0.1}, {"speed": 0.1}, {"v": 1.0})
+found = bg.filter_log(known, log, constants={"force": 0.0}, compiled=False)
+assert bg.smooth(found).summary() and bg.estimate and bg.Settings and bg.pose
+print([name for name in ("sympy", "networkx", "matplotlib", "numba") if name in sys.modules])
+"""
+
+
+def test_a_model_runs_without_what_design_needs(tmp_path: Path) -> None:
+    (tmp_path / "sled.py").write_text(bg.build(sled()).text)
+    assert _fresh(_RUN, str(tmp_path / "sled.py")) == "[]\n"
+
+
+_EVERY = """
+import importlib, pkgutil
+from bondgraph import simulate as first
+import bondgraph as bg
+for found in pkgutil.walk_packages(bg.__path__, "bondgraph."):
+    if not found.name.endswith("__main__"):
+        importlib.import_module(found.name)
+from bondgraph.simulate.model import Model
+from bondgraph.simulate import Trajectory
+from bondgraph.build import build
+assert bg.simulate is first and bg.build is build and bg.Model is Model
+print(*(type(getattr(bg, name)).__name__ for name in ("build", "simulate", "estimate")))
+"""
+
+
+def test_a_verb_stays_a_verb_whatever_rooms_are_imported() -> None:
+    """``bondgraph.simulate`` would become the room as soon as a module in it is imported for the first time."""
+    assert _fresh(_EVERY) == "function function function\n"
+
+
+def test_a_built_model_is_the_model_of_its_module(tmp_path: Path) -> None:
+    built = bg.build(sled())
+    (tmp_path / "sled.py").write_text(built.text)
+    loaded = bg.load(tmp_path / "sled.py")
+    assert built == loaded == built.model and hash(built) == hash(loaded)
+    assert type(built.model) is bg.Model and not hasattr(built.model, "graph")
+    assert isinstance(built, bg.Model) and built.graph == sled()
+    assert (built.driven, loaded.driven) == (("v",), ("v",))
+    bg.write_graph(sled(), tmp_path / "sled.json")
+    again = bg.build(tmp_path / "sled.json")
+    assert again.names("state") == ("v",) and again.theta().tolist() == built.theta().tolist()
+
+
+def test_a_graph_is_drawn_and_linearised(tmp_path: Path) -> None:
+    built = bg.build(sled())
+    assert bg.draw(built, tmp_path / "sled.svg") == bg.draw(sled())
+    assert (tmp_path / "sled.svg").read_text().startswith("<svg")
+    mass = built.theta()[0]
+    np.testing.assert_allclose(bg.linearise(built).A, [[-12.0 / mass]], rtol=1e-12)
+
+
+def test_a_simulation_takes_inputs_times_and_known_parameters_from_a_log() -> None:
+    log, model = pushed(), bg.build(sled())
+    run = bg.simulate(model, inputs=log)
+    np.testing.assert_array_equal(run.time, log.time)
+    np.testing.assert_allclose(run.input("force"), 1e3 * log.channel("force").numbers, rtol=1e-14)
+    same = bg.simulate(model, log.time, {"force": 1e3 * log.channel("force").numbers})
+    np.testing.assert_allclose(run.x, same.x, rtol=1e-12)
+    matched = bg.simulate(model, inputs=bg.match(log, model))
+    np.testing.assert_array_equal(run.x, matched.x)
+    known = bg.Log("heavy", log.time, {**log.channels, "mass": _constant("mass", "kg", 100.0, len(log))})
+    heavy = bg.simulate(model, log.time, inputs=known)
+    np.testing.assert_array_equal(heavy.x, bg.simulate(model, inputs=log, theta={"mass": 100.0}).x)
+    np.testing.assert_array_equal(bg.simulate(model, inputs=known, theta=model.theta()).x, run.x)
+    with pytest.raises(ModelError, match="no times are given - give time, or inputs as a log"):
+        bg.simulate(model, inputs={"force": 1.0})
+
+
+def _constant(name: str, unit: str, value: float, size: int) -> LogChannel:
+    return LogChannel(name, unit, np.full(size, value))
+
+
+def test_a_log_is_filtered_with_noises_of_its_own_or_given_ones() -> None:
+    log, model = pushed(), bg.build(sled())
+    found = bg.filter_log(model, log, compiled=False)
+    assert 0.01 < found.filter_model.measurement_noise["speed"] < 0.04
+    known = bg.FilterModel(model, {"v": 0.1}, {"speed": 0.02}, {"v": 0.1})
+    run = bg.filter_log(known, log, {"mass": 95.0}, {"v": 0.5}, compiled=False)
+    assert run.predicted_mean[0, 0] == 0.5
+    assert run.filter_model is known
+    assert type(known.model) is type(found.filter_model.model) is bg.Model, "a filter holds no graph"
+    assert (
+        bg.filter_log(known, log, {"mass": 95.0}, compiled=False).nll != bg.filter_log(known, log, compiled=False).nll
+    )
+
+
+def test_a_posed_problem_is_given_alone() -> None:
+    log, model = pushed(), bg.build(sled())
+    problem = bg.pose(bg.FilterModel(model, {"v": 0.1}, {"speed": 0.02}, {"v": 0.1}), bg.match(log, model), ["mass"])
+    with pytest.raises(OptionError, match="give it alone"):
+        bg.estimate(problem, [log])
+    with pytest.raises(OptionError, match="sled needs at least one log"):
+        bg.estimate(model, [])
+
+
+# ---------------------------------------------------------------------- results in a few lines
+
+
+@pytest.fixture(scope="module")
+def fit() -> object:
+    """An estimate; the repr of such a one had 26 000 characters."""
+    model = bg.build(sled())
+    given = bg.FilterModel(model, {"v": 0.05}, {"speed": 0.02}, {"v": 0.1})
+    return bg.estimate(given, [pushed()], ["mass", "drag"], bg.Settings(method="gradient", starts=1, certify="none"))
+
+
+def test_every_result_says_in_a_line_what_it_is(fit) -> None:
+    log, model = pushed(), bg.build(sled())
+    matched = bg.match(log, model)
+    known = bg.FilterModel(model, {"v": 0.1}, {"speed": 0.02}, {"v": 0.1}, appended={"mass": 0.1})
+    run = bg.filter_log(known, log, compiled=False)
+    values = [
+        model, model.model, model.equations, model.causal, log, log.channel("speed"), matched, known, run, run.nodes,
+        bg.smooth(run), bg.simulate(model, inputs=log), simulate_batch(model, log.time, {"force": 1.0}),
+        InputSignal.of(model, force=1.0), fit, fit.problem, fit.runs[0], bg.linearise(model), bg.draw(model).nodes[0],
+    ]  # fmt: skip
+    for value in values:
+        text = repr(value)
+        assert len(text) < 300 and "\n" not in text and "array(" not in text, text
+        if not text.startswith("Drawn"):
+            assert text.startswith(f"<{type(value).__name__}"), text
+    assert repr(model) == "<BuiltModel sled: 1 state, 1 input, 2 parameters, 1 output>"
+    assert repr(log) == "<Log run1: 400 samples, 0 to 39.9 s; force [kN], speed [km/h], hail [1]>"
+    assert "free mass, drag; 1 log, 400 samples" in repr(fit.problem)
+
+
+def test_the_line_of_a_run_that_failed_says_when_and_why() -> None:
+    g = bg.BondGraph("runaway")
+    body = g.one_junction("body", bg.TRANSLATION)
+    g.inertance("mass", 1.0, at=body, state="v", initial=1.0)
+    g.resistance("push", lambda v: -(v**2), at=body)
+    run = bg.simulate(bg.build(g), np.linspace(0.0, 2.0, 5))
+    assert run.outcome.name != "OK" and repr(run).endswith(" s>")
+    assert "runaway" in run.summary() and "nan" not in run.summary()
+
+
+def test_an_estimate_is_a_table_in_declared_units(fit) -> None:
+    lines = fit.summary().splitlines()
+    mass = next(line.split() for line in lines if line.startswith("mass"))
+    assert mass[1] == "lb"
+    assert float(mass[2]) == pytest.approx(fit.values["mass"] / 0.45359237, rel=1e-3)
+    assert float(mass[4]) < float(mass[2]) < float(mass[5])
+    assert len(lines) < 10 and lines[0] == fit.outcome.value
+    table = fit.to_dataframe()
+    assert list(table.index) == ["mass", "drag"]
+    assert table.loc["mass", "value"] == pytest.approx(fit.values["mass"] / 0.45359237, rel=1e-12)
+    assert table.loc["mass", ["lower_bound", "upper_bound", "unit"]].tolist() == pytest.approx([130.0, 260.0, "lb"])
+    assert not table["at_bound"].any()
+
+
+def test_an_estimate_is_plotted(fit) -> None:
+    figure = fit.plot()
+    (axes,) = figure.axes
+    assert axes.get_ylabel() == "speed [km/h]" and axes.get_title() == "run1"
+    measured = axes.lines[-1].get_ydata()
+    np.testing.assert_allclose(measured, pushed().channel("speed").numbers, rtol=1e-12)
+
+
+def test_runs_are_tables_in_declared_units() -> None:
+    log, model = pushed(), bg.build(sled())
+    run = bg.filter_log(bg.FilterModel(model, {"v": 0.1}, {"speed": 0.02}, {"v": 0.1}), log, compiled=False)
+    table = run.to_dataframe()
+    assert list(table) == ["v [m/s]", "v_std [m/s]", "speed_measured [km/h]", "speed_predicted [km/h]"]
+    np.testing.assert_allclose(table["speed_measured [km/h]"], log.channel("speed").numbers, rtol=1e-12)
+    np.testing.assert_array_equal(table["v [m/s]"], run.mean("v"))
+    np.testing.assert_array_equal(bg.smooth(run).to_dataframe()["v_std [m/s]"], bg.smooth(run).std("v"))
+    channel = next(line.split() for line in run.summary().splitlines() if line.startswith("speed"))
+    assert channel[1:3] == ["km/h", "400"]
+    assert float(channel[3]) == pytest.approx(3.6 * np.sqrt(np.mean(run.innovation**2)), rel=1e-3)
+    free = bg.simulate(model, inputs=log)
+    assert list(free.to_dataframe()) == ["v [m/s]", "speed [km/h]", "force [N]"]
+    last = next(line.split() for line in free.summary().splitlines() if line.startswith("speed"))
+    assert float(last[-1]) == pytest.approx(3.6 * free.output("speed")[-1], rel=1e-3)
+
+
+def test_sensitivities_are_a_table_in_declared_units(fit) -> None:
+    known = bg.sensitivity(fit.problem, fit.point)
+    assert repr(known) == "<Sensitivity of mass, drag to speed; not identifiable: none>"
+    mass = next(line.split() for line in known.summary().splitlines() if line.startswith("mass"))
+    assert mass[1] == "lb" and mass[-1] == "100%"
+    table = known.to_dataframe()
+    written = known.to_dict()["parameters"]
+    assert table["std_joint"].tolist() == [written[name]["std_joint"] for name in table.index]
+    np.testing.assert_allclose(table.loc["mass", "std_joint"], known.std_joint[0] / 0.45359237, rtol=1e-12)
+    np.testing.assert_allclose(table["speed"], 1.0, rtol=1e-12)
+
+
+def test_without_pandas_it_is_said_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
+    run = bg.simulate(bg.build(sled()), [0.0, 1.0])
+    monkeypatch.setitem(sys.modules, "pandas", None)
+    with pytest.raises(DataError, match=r"pandas is not installed - run: pip install 'bondloop\[frames\]'"):
+        run.to_dataframe()
