@@ -129,9 +129,7 @@ def one_round(
     if stiff:
         trials = refit_stiff(trials, scored, ground, settings.refits, settings.report, ahead)
     else:
-        trials = refit_best(trials, scored, ground, settings.refits, settings.report, quiet)
-        declared = None if present else declared_scores(ground, vanishing)
-        trials = also_from_declared(trials, declared, ground, settings.refits, settings.report)
+        trials = _refitted(trials, scored, ground, settings, quiet, bool(present))
     trials = _with_storages(trials, stateful, linear, quiet, ground, settings, looks, first)
     if stiff:
         trials += gated_trials([(linear, scored)], ground, settings.report, ahead, most=1)
@@ -147,6 +145,15 @@ def one_round(
     return Round(
         base, tuple(trials), tuple(refused), scored, chosen, tuple(others), seen, located, linear, probed, known, tried
     )
+
+
+def _refitted(
+    trials: Sequence[Trial], scored: Scored, ground: Ground, settings: RoundSettings, quiet: Quiet | None, named: bool
+) -> list[Trial]:
+    """The trials, the best refitted from the fit without them, and while no effect is named from declared values."""
+    done = refit_best(trials, scored, ground, settings.refits, settings.report, quiet)
+    declared = None if named else declared_scores(ground, scored.candidates)
+    return also_from_declared(done, declared, ground, settings.refits, settings.report)
 
 
 def _searched_again(trials: Sequence[Trial], linear: Linearisation, ground: Ground, report: Report) -> list[Trial]:

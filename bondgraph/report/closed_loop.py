@@ -188,9 +188,8 @@ def explanation(closed: ClosedLoop) -> str:
 
 
 def _and_more(closed: ClosedLoop) -> str:
-    """What the effects that were found leave, where that is not noise."""
-    coloured = _coloured(closed)
-    return f", and more than that: the innovations of {', '.join(coloured)} stay coloured" if coloured else ""
+    """That the effects that were found leave more than noise; the reason of the end names the channels."""
+    return ", and more than that" if _coloured(closed) else ""
 
 
 def _coloured(closed: ClosedLoop) -> list[str]:
