@@ -18,10 +18,11 @@ from typing import Literal
 import numpy as np
 
 from bondgraph.build import BuiltModel, build
+from bondgraph.correct.cautions import cautions_of
 from bondgraph.correct.confirmation import Confirmation, confirmation
 from bondgraph.correct.fits.assess import Assessment, assess
 from bondgraph.correct.fits.declared import free_parameters
-from bondgraph.correct.fits.fit import BLOCKS, Fit, Report, fit, no_report
+from bondgraph.correct.fits.fit import Fit, Report, fit, no_report
 from bondgraph.correct.fits.journal import Journal
 from bondgraph.correct.fits.noise_starts import noisy_starts, quiet_start
 from bondgraph.correct.fits.rates import rated, with_followed_rates
@@ -50,8 +51,6 @@ from bondgraph.text import count, few
 
 #: Measurements per free parameter below which nothing can be concluded.
 _MEASUREMENTS_EACH = 20
-#: Samples in a block of time below which it hardly counts as one.
-_BLOCK_SAMPLES = 5
 #: The declared model is fitted to this many nats, far below what an effect must gain.
 _TOLERANCE = 0.05
 _MOST_ITERATIONS = 60
@@ -267,7 +266,7 @@ def _result(
     added = tuple(Added(trial, trial.candidate.effect.parameters) for trial in state.added)
     history = (*state.history, Decision(len(rounds), "stopped", "", reason))
     cautions = (
-        *_cautions(nominal, rounds), *_doubts(nominal, current, first, last), *rest.cautions,
+        *cautions_of(nominal, rounds), *_doubts(nominal, current, first, last), *rest.cautions,
         *(round_cautions(rounds[0]) if rounds else ()), *start_cautions(undeclared),
     )  # fmt: skip
     before = assess(nominal, train), assess(nominal, holdout)
@@ -307,56 +306,6 @@ def _everywhere(built: BuiltModel, train: Sequence[MatchedLog]) -> list[Place]:
         *(Place(handle(built.graph, node.name), one) for node in nodes if node.is_junction),
         *(Place.sensor(name, one) for name in built.model.names("output")),
     ]
-
-
-def _cautions(nominal: Fit, rounds: Sequence[Round]) -> tuple[str, ...]:
-    """What these logs leave open whatever the verdict: parameters at bounds or unknown, candidates nothing shows."""
-    said = []
-    if not nominal.outcome.succeeded:
-        said.append(f"the fit of the declared model ended early ({nominal.outcome.value}): take its numbers with care")
-    loud = [
-        parameter.target.name
-        for parameter, resting in zip(nominal.problem.free, nominal.held, strict=True)
-        if resting and parameter.target.kind == "std" and nominal.values[parameter.name] > parameter.start
-    ]
-    if loud:
-        said.append(
-            f"the declared model does not follow {', '.join(loud)} at all: the noise of these rests on its upper bound"
-        )
-    seconds = sum(float(log.time[-1] - log.time[0]) for log in nominal.problem.logs)
-    samples = sum(log.time.size for log in nominal.problem.logs)
-    if samples < _BLOCK_SAMPLES * BLOCKS:
-        said.append(
-            f"{samples} samples in {seconds:.3g} s are few: tests that hold under coloured noise need blocks of time, "
-            f"and see little with fewer than {_BLOCK_SAMPLES * BLOCKS}"
-        )
-    held = [
-        parameter.name
-        for parameter, resting in zip(nominal.problem.free, nominal.held, strict=True)
-        if resting and parameter.target.kind == "parameter"
-    ]
-    if held:
-        said.append(
-            f"{', '.join(held)} rest on their bounds in the declared model: the bounds are too narrow, or an effect is "
-            "missing that they stand in for"
-        )
-    unknown = [
-        parameter.name
-        for parameter in nominal.problem.free
-        if parameter.target.kind == "parameter" and _uninformed(nominal, parameter)
-    ]
-    if unknown:
-        said.append(f"these logs say next to nothing about {', '.join(unknown)}: drive with more variety, or fix them")
-    seen = rounds[0].detectable if rounds else ()
-    blind = [f"{one.effect} at {one.junction}" for one in seen if not np.isfinite(one.size)]
-    if blind:
-        said.append(f"cannot be detected with these logs, at any size that its law may have: {', '.join(blind)}")
-    return tuple(said)
-
-
-def _uninformed(fitted: Fit, parameter: FreeParameter) -> bool:
-    span = parameter.coordinate(parameter.upper) - parameter.coordinate(parameter.lower)
-    return fitted.std[parameter.name] > 0.3 * span
 
 
 def _check_given(graph: BondGraph, train: Sequence[MatchedLog], functions: Sequence[EffectFunction]) -> None:

@@ -126,10 +126,11 @@ def one_round(
     looks = _looks(stateful, ground, settings, bool(present))
     first = _refitted_first(looks, trials, ground)
     ahead = 0.0 if first is None or choose([first], settings.level) is None else first.gain
-    if stiff:
-        trials = refit_stiff(trials, scored, ground, settings.refits, settings.report, ahead)
-    else:
-        trials = _refitted(trials, scored, ground, settings, quiet, bool(present))
+    trials = (
+        refit_stiff(trials, scored, ground, settings.refits, settings.report, ahead)
+        if stiff
+        else _refitted(trials, scored, ground, settings, quiet, bool(present))
+    )
     trials = _with_storages(trials, stateful, linear, quiet, ground, settings, looks, first)
     if stiff:
         trials += gated_trials([(linear, scored)], ground, settings.report, ahead, most=1)

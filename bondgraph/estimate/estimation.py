@@ -394,8 +394,5 @@ def _found(run: _Run, outcome: SearchOutcome) -> Found:
 
 def _on_the_way(run: _Run) -> list[GaussNewtonState]:
     """Searches with more process noise, in order."""
-    return [
-        state
-        for name, state in run.states.items()
-        if name.startswith(_ON_THE_WAY) and isinstance(state, GaussNewtonState)
-    ]
+    named = [state for name, state in run.states.items() if name.startswith(_ON_THE_WAY)]
+    return [state for state in named if isinstance(state, GaussNewtonState)]

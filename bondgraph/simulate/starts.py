@@ -28,10 +28,13 @@ def starts_in(
 
     Examples
     --------
-    >>> from bondgraph.simulate.example import PENDULUM
-    >>> text = PENDULUM.replace("def rhs", 'STARTS = (("angle", "deflection", 1.25),)' + chr(10) * 3 + "def rhs", 1)
-    >>> starts_in(Model.from_text(text), np.arange(2.0), np.zeros((1, 2)), np.array([[0.2, 0.3]]))[0].tolist()
-    [0.25, 0.0]
+    >>> import bondgraph as bg
+    >>> g = bg.BondGraph("sled")
+    >>> body = g.one_junction("body", bg.TRANSLATION)
+    >>> _ = g.inertance("mass", g.parameter("m", 80.0, "kg"), at=body, initial="speed")
+    >>> g.measure_flow("speed", body)
+    >>> starts_in(bg.build(g), np.arange(2.0), np.zeros((0, 2)), np.array([[0.2, 0.3]]))[0].tolist()
+    [0.2]
     """
     found = model.x0() if x0 is None else x0.copy()
     given = np.zeros(found.size, dtype=np.bool_)

@@ -1,0 +1,64 @@
+"""What logs leave open whatever the verdict of a loop."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from bondgraph.correct.fits.fit import BLOCKS, Fit
+from bondgraph.correct.round import Round
+from bondgraph.estimate.free import FreeParameter
+
+#: Samples in a block of time below which it hardly counts as one.
+_BLOCK_SAMPLES = 5
+
+
+def cautions_of(nominal: Fit, rounds: Sequence[Round]) -> tuple[str, ...]:
+    """Sentences about parameters at bounds or unknown, short logs, and candidates that no sensor shows."""
+    said = []
+    if not nominal.outcome.succeeded:
+        said.append(f"the fit of the declared model ended early ({nominal.outcome.value}): take its numbers with care")
+    loud = [
+        parameter.target.name
+        for parameter, resting in zip(nominal.problem.free, nominal.held, strict=True)
+        if resting and parameter.target.kind == "std" and nominal.values[parameter.name] > parameter.start
+    ]
+    if loud:
+        said.append(
+            f"the declared model does not follow {', '.join(loud)} at all: the noise of these rests on its upper bound"
+        )
+    seconds = sum(float(log.time[-1] - log.time[0]) for log in nominal.problem.logs)
+    samples = sum(log.time.size for log in nominal.problem.logs)
+    if samples < _BLOCK_SAMPLES * BLOCKS:
+        said.append(
+            f"{samples} samples in {seconds:.3g} s are few: tests that hold under coloured noise need blocks of time, "
+            f"and see little with fewer than {_BLOCK_SAMPLES * BLOCKS}"
+        )
+    held = [
+        parameter.name
+        for parameter, resting in zip(nominal.problem.free, nominal.held, strict=True)
+        if resting and parameter.target.kind == "parameter"
+    ]
+    if held:
+        said.append(
+            f"{', '.join(held)} rest on their bounds in the declared model: the bounds are too narrow, or an effect is "
+            "missing that they stand in for"
+        )
+    unknown = [
+        parameter.name
+        for parameter in nominal.problem.free
+        if parameter.target.kind == "parameter" and _uninformed(nominal, parameter)
+    ]
+    if unknown:
+        said.append(f"these logs say next to nothing about {', '.join(unknown)}: drive with more variety, or fix them")
+    seen = rounds[0].detectable if rounds else ()
+    blind = [f"{one.effect} at {one.junction}" for one in seen if not np.isfinite(one.size)]
+    if blind:
+        said.append(f"cannot be detected with these logs, at any size that its law may have: {', '.join(blind)}")
+    return tuple(said)
+
+
+def _uninformed(fitted: Fit, parameter: FreeParameter) -> bool:
+    span = parameter.coordinate(parameter.upper) - parameter.coordinate(parameter.lower)
+    return fitted.std[parameter.name] > 0.3 * span
