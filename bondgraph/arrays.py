@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 
 import numpy as np
@@ -12,6 +13,25 @@ from bondgraph.errors import ModelError
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
 BoolArray = npt.NDArray[np.bool_]
+
+
+#: Bytes of a cache line, which is also the longest vector of a processor.
+_LINE = 64
+
+
+def aligned_zeros(*shape: int) -> FloatArray:
+    """Zeros that begin at a cache line, so that no vector of a row of 16 lies across two lines.
+
+    Examples
+    --------
+    >>> rows = aligned_zeros(3, 16)
+    >>> rows.shape, rows.ctypes.data % 64
+    ((3, 16), 0)
+    """
+    size, spare = math.prod(shape), _LINE // np.dtype(np.float64).itemsize
+    memory = np.zeros(size + spare)
+    first = -memory.ctypes.data % _LINE // memory.itemsize
+    return memory[first : first + size].reshape(shape)
 
 
 def member_columns(name: str, values: npt.ArrayLike, rows: int, members: int) -> FloatArray:

@@ -12,7 +12,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from bondgraph.arrays import FloatArray, IntArray
+from bondgraph.arrays import FloatArray, IntArray, aligned_zeros
 from bondgraph.compile.lanes.load import LaneModel, load_lanes
 from bondgraph.compile.lanes.text import LANES
 from bondgraph.compile.machine_code import load_kernel
@@ -186,7 +186,7 @@ def _work(filter_model: FilterModel, lanes: LaneModel, width: int) -> Work:
         "nll": (),
         "pivot": (),
     }
-    arrays = {name: np.zeros((*shape, width)) for name, shape in shapes.items()}
+    arrays = {name: aligned_zeros(*shape, width) for name, shape in shapes.items()}
     whole = (np.zeros(size, dtype=np.int64) for size in (width, width, width, n_y))
     floored, code, who, channels = whole
     own = {"buffer": lanes.buffer(), "clock": np.zeros(2), "inputs": np.zeros(2 * len(model.inputs))}

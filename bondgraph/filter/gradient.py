@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from bondgraph.arrays import FloatArray
+from bondgraph.arrays import FloatArray, aligned_zeros
 from bondgraph.compile.lanes.load import TangentLanes, load_tangents
 from bondgraph.compile.lanes.text import LANES
 from bondgraph.compile.machine_code import has_numba, load_kernel
@@ -290,7 +290,7 @@ def _scratch(filter_model: FilterModel, tangents: TangentLanes, count: int) -> S
         d_pivot=np.zeros(count),
         channels=np.zeros(n_y, dtype=np.int64),
         buffer=tangents.buffer(),
-        directions=np.zeros((count, tangents.layout.vectors * n_s * LANES)),
+        directions=aligned_zeros(count, tangents.layout.vectors * n_s * LANES),
         clock=np.zeros(2),
         inputs=np.zeros(2 * len(model.inputs)),
     )

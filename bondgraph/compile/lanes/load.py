@@ -9,9 +9,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Protocol
 
-import numpy as np
-
-from bondgraph.arrays import FloatArray
+from bondgraph.arrays import FloatArray, aligned_zeros
 from bondgraph.compile.front.model_program import ModelProgram
 from bondgraph.compile.lanes.tangent_writer import TangentText, tangent_text
 from bondgraph.compile.lanes.text import LANES
@@ -98,7 +96,7 @@ class LaneModel:
 
     def buffer(self) -> FloatArray:
         """A new work buffer."""
-        return np.zeros(self.rows * LANES)
+        return aligned_zeros(self.rows * LANES)
 
 
 _TANGENT_CALLBACKS = (
@@ -128,7 +126,7 @@ class TangentLanes:
 
     def buffer(self) -> FloatArray:
         """A new work buffer."""
-        return np.zeros(self.layout.rows * LANES)
+        return aligned_zeros(self.layout.rows * LANES)
 
 
 @functools.lru_cache(maxsize=64)
