@@ -17,7 +17,7 @@ from bondgraph.build import BuiltModel
 from bondgraph.correct.fits.fit import Fit
 from bondgraph.correct.models.bonds import bond_model
 from bondgraph.correct.models.candidates import Candidate, Variant
-from bondgraph.correct.responses.intervals import integrator
+from bondgraph.correct.responses.intervals import integrator, simulation_steps
 from bondgraph.correct.responses.recursion import respond
 from bondgraph.correct.responses.response import Path, model_change, open_loop, output_slopes, together
 from bondgraph.correct.scores.score import solve
@@ -100,7 +100,7 @@ def _simulated(fitted: Fit, log: MatchedLog, u: FloatArray, time: FloatArray) ->
     theta = fitted.theta.copy()
     for name, value in log.theta_overrides.items():
         theta[model.index("parameter", name)] = value
-    steps = 2 * fitted.problem.filter_model.substeps
+    steps = simulation_steps(fitted.problem.filter_model, time)
     x0 = fitted.problem.initial_states[0]
     method = integrator(fitted.problem.filter_model)
     run = simulate(model, time, u, theta, x0, method=method, substeps=steps, compiled=True)

@@ -119,5 +119,5 @@ def _free_run(estimate: Estimate, log: MatchedLog, x0: object, values: dict[str,
     theta = {name: value for name, value in values.items() if name in names} | dict(log.theta_overrides)
     return simulate(
         filter_model.model, log.time, log.u, theta, x0,  # type: ignore[arg-type]
-        method=filter_model.method, substeps=filter_model.substeps, compiled=True,
+        method=filter_model.method, substeps=simulation_steps(filter_model, log.time), compiled=True,
     )  # fmt: skip

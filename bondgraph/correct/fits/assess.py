@@ -13,9 +13,10 @@ import numpy as np
 from scipy import stats
 
 from bondgraph.correct.fits.fit import BLOCKS, Fit
-from bondgraph.correct.responses.intervals import integrator
+from bondgraph.correct.responses.intervals import integrator, simulation_steps
 from bondgraph.data.log import FloatArray, MatchedLog
 from bondgraph.filter.filter_run import FilterRun
+from bondgraph.simulate.outcome import Outcome
 from bondgraph.simulate.simulation import simulate
 from bondgraph.simulate.trajectory import Trajectory
 from bondgraph.text import count
@@ -103,6 +104,8 @@ def _assess_log(fitted: Fit, log: MatchedLog, run: FilterRun) -> LogAssessment:
         seen = np.isfinite(log.y[row])
         if seen.any():
             error = (simulated.y[row] - log.y[row])[seen]
+            if simulated.outcome is not Outcome.OK:  # an outcome, and no figure
+                error = np.full(error.shape, np.inf)
             innovation = run.innovation[row, 1:][seen[1:]]
             intervals = rms_interval(innovation), rms_interval(error)
             channels[name] = ChannelError(_rms(innovation), _rms(error), float(noise[row]), *intervals)
@@ -117,7 +120,7 @@ def free_simulation(fitted: Fit, log: MatchedLog, filtered: FilterRun) -> Trajec
     for name, value in log.theta_overrides.items():
         theta[model.index("parameter", name)] = value
     x0 = filtered.filtered_mean[: len(model.states), 0]
-    steps = 2 * filter_model.substeps
+    steps = simulation_steps(filter_model, log.time)
     return simulate(model, log.time, log.u, theta, x0, method=integrator(filter_model), substeps=steps, compiled=True)
 
 

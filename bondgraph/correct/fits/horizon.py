@@ -15,7 +15,7 @@ import numpy as np
 
 from bondgraph.correct.fits.assess import WINDOWS
 from bondgraph.correct.fits.fit import Fit
-from bondgraph.correct.responses.intervals import integrator
+from bondgraph.correct.responses.intervals import integrator, simulation_steps
 from bondgraph.data.log import FloatArray, MatchedLog
 from bondgraph.errors import BondGraphError
 from bondgraph.filter.filter_run import FilterRun
@@ -88,7 +88,7 @@ def predicted(fitted: Fit, log: MatchedLog, run: FilterRun, parts: Sequence[tupl
         try:
             piece = simulate(
                 model, log.time[rows], log.u[:, rows], theta, run.filtered_mean[: len(model.states), first],
-                method=integrator(filter_model), substeps=2 * filter_model.substeps, compiled=True,
+                method=integrator(filter_model), substeps=simulation_steps(filter_model, log.time[rows]), compiled=True,
             )  # fmt: skip
         except BondGraphError:
             continue

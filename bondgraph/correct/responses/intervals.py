@@ -133,6 +133,23 @@ def integrator(filter_model: FilterModel) -> str | Rosenbrock:
     return Rosenbrock(filter_model.method, 2 * filter_model.substeps, math.sqrt(filter_model.grading))
 
 
+def simulation_steps(filter_model: FilterModel, time: FloatArray) -> int:
+    """Integration steps between neighbouring times (n,) of a free simulation, enough for the longest interval.
+
+    An explicit step that is stable over a median interval is not over a gap of several.
+
+    Examples
+    --------
+    >>> from bondgraph.simulate.example import pendulum
+    >>> swing = FilterModel(pendulum(), {}, {"deflection": 0.05}, {}, substeps=3)
+    >>> simulation_steps(swing, np.array([0.0, 0.1, 0.2, 0.6])), simulation_steps(swing, np.array([0.0, 0.1, 0.2]))
+    (24, 6)
+    """
+    lengths = np.diff(time)
+    longest = float(np.max(lengths) / np.median(lengths)) if lengths.size and not filter_model.is_stiff else 1.0
+    return 2 * filter_model.substeps * max(1, math.ceil(longest - 0.5))
+
+
 def filter_transitions(run: FilterRun) -> FloatArray:
     """Transitions (n - 1, n_x, n_x) of the filter from one sample to the next, in what it does not know for certain."""
     size = len(run.filter_model.model.states)
