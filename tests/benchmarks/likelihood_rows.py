@@ -46,7 +46,8 @@ def scattered(case: Case, members: int, share: float = 0.02) -> np.ndarray:
 
 def against_others(case: Case, rounds: int) -> dict[str, float]:
     """CPU seconds per sample and likelihood of each implementation, at equal settings, and the ratios."""
-    model, x0 = case.filter_model, case.x0
+    # the others know noise at the samples only
+    model, x0 = replace(case.filter_model, noise_scheme="sampled"), case.x0
     theta = scattered(case, MEMBERS)
     some, few = case.cut(_SOME), case.cut(_FEW)
     scalar = scalar_filter(model, some, model.model.theta(), x0)
