@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from bondgraph.correct.responses.intervals import simulation_steps
 from bondgraph.data.log import MatchedLog
 from bondgraph.estimate.innovation_summary import innovation_summary
 from bondgraph.estimate.result import Estimate

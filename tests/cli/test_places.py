@@ -79,7 +79,8 @@ def test_a_log_may_have_any_letter_in_its_name(name: str, motor_file: Path, tmp_
     out = tmp_path / "out"
     assert main(["filter", str(motor_file), "--data", _log(tmp_path / name), "--out", str(out)]) == 0
     stem = name.removesuffix(".csv")
-    assert {path.name for path in out.iterdir()} == {f"{stem}_states.csv", f"{stem}_states.png", "result.json"}
+    names = {f"{stem}_states.csv", f"{stem}_states.png", "result.json", "report.html"}
+    assert {path.name for path in out.iterdir()} == names
 
 
 def test_a_graph_may_have_a_dollar_in_its_name(motor: dict[str, Any], tmp_path: Path) -> None:
@@ -180,7 +181,9 @@ def test_a_full_disk_leaves_what_was_there(given: list[str], motor_file: Path, t
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="no such device")
-@pytest.mark.parametrize("command", [["equations"], ["linearise"], ["simulate", "--until", "1"]], ids=" ".join)
+@pytest.mark.parametrize(
+    "command", [["equations"], ["linearise"], ["simulate", "--until", "1", "--set", "u_a=12"]], ids=" ".join
+)
 def test_an_answer_that_cannot_be_written(command: list[str], motor_file: Path) -> None:
     with open("/dev/full", "w") as full:
         run = subprocess.run(
