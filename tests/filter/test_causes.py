@@ -8,7 +8,6 @@ from sympy import sqrt
 
 from bondgraph.build import build
 from bondgraph.correct.fits.fit import fit
-from bondgraph.correct.loop import LoopSettings, close_loop
 from bondgraph.data.log import MatchedLog
 from bondgraph.declare.domains import ELECTRICAL, HYDRAULIC
 from bondgraph.declare.graph import BondGraph
@@ -18,7 +17,6 @@ from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.runs import run
 from bondgraph.simulate.outcome import Outcome
 from bondgraph.simulate.simulation import simulate
-from vehicle_graphs import effects
 
 
 def tank() -> BondGraph:
@@ -90,7 +88,3 @@ def test_a_model_without_states_is_told_that_a_filter_needs_some() -> None:
     model = build(divider()).model
     with pytest.raises(FilterError, match=r"divider: the model has no states.* - .*simulate, or declare a storage"):
         FilterModel(model, {}, {"current": 0.1}, {})
-    time = 0.1 * np.arange(100)
-    log = MatchedLog("run", time, np.ones((1, 100)), 0.5 + 0.01 * np.random.default_rng(0).standard_normal((1, 100)))
-    with pytest.raises(FilterError, match="divider: the model has no states"):
-        close_loop(divider(), [log], [], [effects.viscous_loss], LoopSettings())

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -139,7 +140,7 @@ def test_a_search_does_not_end_where_rounding_decides(monkeypatch: pytest.Monkey
     assert found.certification.conditioning is not None
     assert found.certification.conditioning.negligible
     assert found.problem.filter_model.substeps > 4
-    monkeypatch.setattr("bondgraph.estimate.estimation._MOST_REFINEMENTS", 0)
+    monkeypatch.setattr(sys.modules[estimate.__module__], "_MOST_REFINEMENTS", 0)
     stopped = estimate(problem, settings)
     assert stopped.outcome is SearchOutcome.ILL_CONDITIONED
     assert not stopped.outcome.succeeded

@@ -149,6 +149,6 @@ def test_what_follows_an_input_is_simulated_and_filtered_by_its_rate() -> None:
     columns["d_speed"] = ("m/s^2", np.full(201, np.nan))
     empty = match(Log("run", time, {n: LogChannel(n, unit, values) for n, (unit, values) in columns.items()}), shaker)
     np.testing.assert_array_equal(empty.u, log.u)
-    samples = Samples.of(FilterModel(shaker, {"way": 0.1}, {"force": 0.1}, {"way": 0.1}), log)
+    samples = Samples.whole(FilterModel(shaker, {"way": 0.1}, {"force": 0.1}, {"way": 0.1}), log)
     np.testing.assert_allclose(samples.u[1, 1:-1], 6.0 * np.cos(6.0 * time[1:-1]), rtol=0, atol=1e-3)
     np.testing.assert_allclose(samples.u_left[1], np.diff(np.sin(6.0 * time)) / 0.005, rtol=1e-12, atol=1e-12)

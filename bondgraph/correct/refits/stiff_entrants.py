@@ -15,6 +15,7 @@ from bondgraph.correct.models.failures import FAILURES, reason
 from bondgraph.correct.refits.refit import STRIDES, Ground, abrupt, along, at_optimum, coefficients, inside
 from bondgraph.correct.refits.trials import Trial
 from bondgraph.correct.scores.quiet import Quiet, quiet_starts
+from bondgraph.correct.scores.score import Scores
 from bondgraph.correct.scores.scoring import Scored
 from bondgraph.data.log import FloatArray
 from bondgraph.estimate.free import FreeParameter
@@ -108,6 +109,23 @@ def entrants_of(groups: Sequence[list[int]], done: list[Trial], scored: Scored, 
         groups,
         lambda group, why: note_failure(group[0], why, done),
     )
+
+
+def moved_there(entrant: Entrant, best: Trial, index: int, done: Sequence[Trial], found: Scores) -> Entrant:
+    """An entrant that also starts where the same law ended at another place, its size as scores compare the two.
+
+    ``index`` is that of the other trial. From there it needs no heat on the beginnings of the logs, where a search that
+    knows nothing of the other may end far behind.
+    """
+    assert best.fit is not None
+    own = done[entrant.group[0]].candidate.effect.parameters
+    known = dict(best.fit.values)
+    sizes = zip(found.steps[entrant.group[0]], found.steps[index], strict=False)
+    ratios = [float(there / here) if here else 1.0 for there, here in sizes]
+    for k, (name, other) in enumerate(zip(own, best.candidate.effect.parameters, strict=True)):
+        known[name] = best.fit.values[other] * (ratios[k] if k < len(ratios) else 1.0)
+    start = np.array([one.coordinate(float(np.clip(known[one.name], one.lower, one.upper))) for one in entrant.free])
+    return replace(entrant, starts=(start, *entrant.starts), beginning=None)
 
 
 def note_failure(index: int, why: str, done: list[Trial]) -> None:

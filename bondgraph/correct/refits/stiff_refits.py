@@ -32,6 +32,7 @@ from bondgraph.correct.refits.stiff_entrants import (
     each_made,
     entrant_of,
     entrants_of,
+    moved_there,
     note_failure,
     quiet_entrant,
 )
@@ -235,7 +236,9 @@ def _elsewhere(done: list[Trial], scored: Scored, ground: Ground, report: Report
         and done[group[0]].candidate.function is best.candidate.function
         and done[group[0]].score_gain >= _SAME_LAW * best.score_gain
     ]
-    _refit(entrants_of(groups[:ABREAST], done, scored, ground), done, ground, report)
+    entrants = entrants_of(groups[:ABREAST], done, scored, ground)
+    index = next(k for k, trial in enumerate(done) if trial is best)
+    _refit([moved_there(one, best, index, done, scored.scores) for one in entrants], done, ground, report)
 
 
 def _not_behind(entrants: Sequence[Entrant], best: Fit, done: list[Trial], ground: Ground) -> list[Entrant]:
