@@ -38,7 +38,7 @@ def require_inputs(
     ]
     if lacking:
         first = lacking[0]
-        named = ", ".join(f"{quantity.name!r} [{quantity.unit}]" for quantity in lacking)
+        named = ", ".join(f"{quantity.name!r} [{_unit(quantity)}]" for quantity in lacking)
         sets = " ".join(f"--set {quantity.name}=0" for quantity in lacking)
         unused = [name for name in channels if name not in names_of(model)]
         raise DataError(
@@ -58,11 +58,15 @@ def lacking_input(quantity: InputQuantity, given: float | str | None) -> tuple[f
         If a letter is given that the input does not know.
     """
     value = _constant(quantity.default if given is None else given, quantity, given is not None)
-    shown, unit = (given, quantity.unit) if isinstance(given, str) else (f"{value:g}", quantity.unit)
+    shown = given if isinstance(given, str) else f"{value:g}"
     if isinstance(quantity, Displayed) and not isinstance(given, str):
-        shown, unit = f"{quantity.shown(value):g}", quantity.display_unit
+        shown = f"{quantity.shown(value):g}"
     origin = "from the declaration" if given is None else "as given"
-    return value, f"input {quantity.name!r} is not in the log; {shown} {unit} is taken {origin}"
+    return value, f"input {quantity.name!r} is not in the log; {shown} {_unit(quantity)} is taken {origin}"
+
+
+def _unit(quantity: InputQuantity) -> str:
+    return quantity.display_unit if isinstance(quantity, Displayed) else quantity.unit
 
 
 def _constant(value: float | str, quantity: InputQuantity, is_given: bool) -> float:

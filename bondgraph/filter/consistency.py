@@ -129,7 +129,7 @@ def joined_innovations(runs: Sequence[FilterRun]) -> tuple[ChannelInnovations, .
     normalised = np.concatenate([part for one in runs for part in (normalised_innovations(one), gap)], axis=1)
     errors = np.concatenate([part for one in runs for part in (one.innovation, gap)], axis=1)
     joined = [
-        ChannelInnovations(info.name, info.unit, normalised[row], errors[row])
+        ChannelInnovations(info.name, info.display_unit, normalised[row], errors[row], info.shown(1.0))
         for row, info in enumerate(runs[0].filter_model.model.outputs)
     ]
     return tuple(channel for channel in joined if channel.count)

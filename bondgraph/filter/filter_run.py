@@ -108,7 +108,10 @@ class FilterRun:
         """
         self.raise_if_failed()
         rows = zip(self.filter_model.model.outputs, normalised_innovations(self), self.innovation, strict=True)
-        channels = [ChannelInnovations(info.name, info.unit, values, errors) for info, values, errors in rows]
+        channels = [
+            ChannelInnovations(info.name, info.display_unit, values, errors, info.shown(1.0))
+            for info, values, errors in rows
+        ]
         measured = [channel for channel in channels if channel.count]
         return channel_misfits(measured, (self.log_name,), self.filter_model.measurement_noise)
 

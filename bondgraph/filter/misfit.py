@@ -36,12 +36,14 @@ class ChannelInnovations:
     """Innovations of one channel over several logs, each (n,): over their own deviations, and as they are.
 
     NaN stands where nothing was measured, and in a gap between the logs that no autocorrelation reaches across.
+    ``errors`` are in coherent SI; so many of ``unit``, in which the channel is shown, make one of that.
     """
 
     name: str
     unit: str
     normalised: FloatArray
     errors: FloatArray
+    per_coherent: float = 1.0
 
     @property
     def count(self) -> int:
@@ -50,7 +52,7 @@ class ChannelInnovations:
 
     @property
     def rmse(self) -> float:
-        """Rms of the innovations, in the unit of the channel."""
+        """Rms of the innovations, in coherent SI."""
         return float(np.sqrt(np.nanmean(self.errors**2)))
 
 
@@ -140,7 +142,8 @@ def _tested(
     smallest = min(level, (level / _TAIL) ** (1.0 / _TAIL_POWER))
     white_p = whiteness_p(innovations.normalised)
     return Misfit(
-        innovations.name, innovations.unit, logs, innovations.rmse, noise, squares / count, large_p, white_p,
+        innovations.name, innovations.unit, logs, innovations.rmse * innovations.per_coherent,
+        noise * innovations.per_coherent, squares / count, large_p, white_p,
         is_coloured=not could_be_gain and white_p < smallest, is_large=large_p < level,
     )  # fmt: skip
 

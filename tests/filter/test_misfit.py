@@ -8,6 +8,8 @@ import pytest
 from bondgraph.build import build
 from bondgraph.correct.fits.setup import filter_setup
 from bondgraph.data.log import MatchedLog
+from bondgraph.declare.domains import TRANSLATION
+from bondgraph.declare.graph import BondGraph
 from bondgraph.estimate.initial import initial_states
 from bondgraph.filter.consistency import consistency, joined_innovations, misfits
 from bondgraph.filter.filter_model import FilterModel
@@ -119,3 +121,14 @@ def test_guessed_noises_raise_no_alarm_about_a_right_model_and_hide_no_wrong_one
     assert min(channel.whiteness_p for channel in consistency(record).channels) < 1e-6
     filter_model, log, start = _driven(0, {"m_vehicle": 400.0})
     assert "speed" in {one.channel for one in misfits([run(filter_model, log, x0=start)], guessed=True)}
+
+
+def test_a_misfit_is_told_in_the_unit_in_which_the_channel_is_shown() -> None:
+    g = BondGraph("sled")
+    body = g.one_junction("body", TRANSLATION)
+    g.inertance("mass", g.parameter("m", 80.0, "kg"), at=body, state="v")
+    g.measure_flow("speed", body, unit="km/h")
+    time = 0.1 * np.arange(200)
+    log = MatchedLog("run", time, np.zeros((0, 200)), np.sin(time)[np.newaxis])
+    (found,) = run(FilterModel(build(g).model, {"v": 0.01}, {"speed": 0.05}, {"v": 0.1}), log).misfits
+    assert (found.unit, found.noise) == ("km/h", pytest.approx(0.18))
