@@ -57,7 +57,7 @@ class BuiltModel(Model):
 
 
 def _is_mechanical(state: State, domain: Domain | None) -> bool:
-    """Whether a state is one of mechanics, by its unit where no domain is known; heat in J is no torque in N m."""
+    """True for a state of mechanics, by its unit where no domain is known; heat in J is no torque in N m."""
     mechanical = (TRANSLATION, ROTATION)
     if domain is not None:
         return domain in mechanical

@@ -174,5 +174,5 @@ def in_si(value: Any, unit: str = "") -> Any:
 
 
 def is_quantity(value: Any) -> bool:
-    """Whether a value is a pint quantity, of whatever registry."""
+    """True for a pint quantity of any registry."""
     return isinstance(value, pint.Quantity)

@@ -125,7 +125,7 @@ def _seal(content: bytes) -> bytes:
 
 
 def _is_whole(path: Path) -> bool:
-    """Whether a file is as it was written; a damaged or missing one is not."""
+    """True for a file as it was written, False for a damaged or missing one."""
     try:
         content = path.read_bytes()
     except OSError:

@@ -129,7 +129,7 @@ def load_kernel(*kernels: ModuleType, allocates: bool = False) -> Any:
 
 
 def has_numba() -> bool:
-    """Whether numba is installed and works; that it does not is said once."""
+    """True where numba is installed and works; a broken one is reported once."""
     try:
         found = importlib.util.find_spec("numba") is not None
     except ValueError:  # a module that was blocked or half-loaded has no specification

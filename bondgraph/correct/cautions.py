@@ -1,4 +1,4 @@
-"""What logs leave open whatever the verdict of a loop."""
+"""Cautions: open questions that the logs of a loop leave, whatever its verdict."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What logs say of a correction once it is made: whether they confirm it, contradict it, or leave it open.
+"""Confirmation of a correction by logs: they confirm it, contradict it, or leave it open.
 
 Training logs choose a correction, held-out logs never; both may contradict it. Held-out logs do by their likelihood,
 where it falls by more than its standard error. And both do where a channel is predicted clearly worse: over the horizon
@@ -34,7 +34,7 @@ _DRIVEN = 3.0
 
 @dataclass(frozen=True)
 class Confirmation:
-    """What the logs say of a correction.
+    """Answer of the logs to a correction.
 
     ``gain`` is that of held-out log-likelihood in nats with its standard ``error`` by blocks of time, both not a number
     without held-out logs, the error of logs too short to tell it; predictions run over ``horizon`` seconds.
@@ -55,7 +55,7 @@ class Confirmation:
 
     @property
     def standing(self) -> Standing:
-        """Whether the logs confirm the correction, contradict it, or leave it open."""
+        """Their answer in a word: confirmed, contradicted, or open."""
         if self.contradictions:
             return "contradicted"
         return "confirmed" if self.gain > 0.0 and self.gain > _CONFIRMS * self.error else "open"
