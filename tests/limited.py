@@ -47,10 +47,15 @@ def survey(function: str, inputs: Iterable[Any], seconds: float = SECONDS, memor
     return findings
 
 
-def mutants(make: Callable[[random.Random], Any], name: str, seconds: float, first: int = 0) -> Iterator[Any]:
-    """Inputs made from seeds ``first``, ``first + 1`` .. for some seconds; how far they went is printed."""
+def mutants(
+    make: Callable[[random.Random], Any], name: str, seconds: float, first: int = 0, most: int | None = None
+) -> Iterator[Any]:
+    """Inputs made from seeds ``first``, ``first + 1`` .. for some seconds; how far they went is printed.
+
+    ``most`` ends them earlier, so that a suite repeats what was searched before and a fast machine finds nothing new.
+    """
     ends, seed = time.monotonic() + seconds, first
-    while time.monotonic() < ends:
+    while time.monotonic() < ends and (most is None or seed - first < most):
         yield make(random.Random(f"{name} {seed}"))
         seed += 1
     print(f"{name}: seeds {first} to {seed - 1}")

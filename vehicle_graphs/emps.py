@@ -41,17 +41,17 @@ CHOSEN = (*FOUND_ONE_STEP, *FOUND_BY_LIKELIHOOD, *FOUND_IN_FREE_SIMULATION)
 
 #: Parameters estimated on the training record by the errors one step ahead: the better ones for forces.
 ESTIMATED = {
-    "mass": 94.716, "viscous_friction": 160.3, "c_coulomb_loss_carriage": 13.764,
-    "c_direction_dependent_drag_carriage": -36.957, "c_ripple_sine_carriage": 0.92868,
-    "c_ripple_cosine_carriage": -0.44864, "c_shear_thinning_loss_carriage": 2.6786,
-    "c_travel_dependent_friction_carriage": -3.5335, "c_drifting_load_carriage": -0.019146,
+    "mass": 94.713, "viscous_friction": 158.33, "c_coulomb_loss_carriage": 13.350,
+    "c_direction_dependent_drag_carriage": -36.945, "c_ripple_sine_carriage": 0.95401,
+    "c_ripple_cosine_carriage": -0.44271, "c_shear_thinning_loss_carriage": 2.8224,
+    "c_travel_dependent_friction_carriage": -3.5575, "c_drifting_load_carriage": -0.019247,
 }  # fmt: skip
 #: The same by the error of free simulation: the better ones for the position in open loop.
 ESTIMATED_IN_FREE_SIMULATION = {
-    "mass": 91.515, "viscous_friction": 171.6, "c_coulomb_loss_carriage": 16.018,
-    "c_direction_dependent_drag_carriage": -36.763, "c_ripple_sine_carriage": 0.92868,
-    "c_ripple_cosine_carriage": -0.44864, "c_shear_thinning_loss_carriage": 1.8747,
-    "c_travel_dependent_friction_carriage": -1.7961, "c_drifting_load_carriage": -0.021992,
+    "mass": 91.516, "viscous_friction": 171.76, "c_coulomb_loss_carriage": 16.058,
+    "c_direction_dependent_drag_carriage": -36.756, "c_ripple_sine_carriage": 0.95401,
+    "c_ripple_cosine_carriage": -0.44271, "c_shear_thinning_loss_carriage": 1.8614,
+    "c_travel_dependent_friction_carriage": -1.7940, "c_drifting_load_carriage": -0.021995,
 }  # fmt: skip
 
 

@@ -15,6 +15,7 @@ from bondgraph.declare.functions import table_function
 from bondgraph.declare.graph import BondGraph
 from bondgraph.declare.limits import MOST_PORTS, check_nesting
 from bondgraph.declare.quantities import symbol
+from bondgraph.declare.quantity_checks import is_free_name
 from bondgraph.declare.records import check_keys, count, items, mapping, number, numbers, shown, text
 from bondgraph.declare.starts import Initial, starts_of
 from bondgraph.errors import DeclarationError, suggest
@@ -115,6 +116,11 @@ class _Reader:
             names |= {record["name"]: symbol(record["name"]) for record in self._records(group)}
         for name, record in mapping(self.head, "tables", self.where).items():
             check_keys(record, _TABLE_KEYS, f"{self.where}: table {name}", required=("x", "values"))
+            if not is_free_name(name):
+                raise DeclarationError(
+                    f"{self.where}: table {name!r}: use letters, digits and underscores, and no reserved name",
+                    where=(name,),
+                )
             names[name] = table_function(name, 2 if record.get("y") else 1)
         shared = {record["id"] for record in self.parts if record.get("shared")}
         for part in self.graph.subgraphs:

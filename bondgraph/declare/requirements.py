@@ -67,6 +67,9 @@ def check_requirements(
 
 
 def _value(expression: Expr, given: Mapping[Symbol, float]) -> float:
-    """The value of an expression, NaN where it is not real."""
-    result = complex(expression.subs({name: Float(value) for name, value in given.items()}).evalf())
+    """The value of an expression, NaN where it is not real or computer algebra finds none."""
+    try:
+        result = complex(expression.subs({name: Float(value) for name, value in given.items()}).evalf())
+    except TypeError:
+        return math.nan
     return result.real if abs(result.imag) <= 1e-12 * abs(result) else math.nan

@@ -17,6 +17,7 @@ from typing import Literal
 from bondgraph.declare.elements import LAW_GIVES, STORAGES, TWO_PORTS, Bond, Node
 from bondgraph.declare.functions import switch
 from bondgraph.declare.graph import BondGraph
+from bondgraph.derive.algebra import algebra
 from bondgraph.derive.patterns import Pattern, stroke_patterns
 from bondgraph.derive.refusals import clash, explain_chain, refusal, refuse_law, refuse_rings
 from bondgraph.derive.strokes import ContradictionError, Decision, Reason, ReasonKind, StrokeSearch
@@ -110,7 +111,10 @@ class _Assignment:
 
     def __init__(self, graph: BondGraph) -> None:
         self.graph = graph
-        self.patterns = {node.name: stroke_patterns(node) for node in graph.nodes.values()}
+        self.patterns = {}
+        for node in graph.nodes.values():
+            with algebra(f"{graph.name}: {node.name}"):
+                self.patterns[node.name] = stroke_patterns(node)
         several = {name: allowed for name, allowed in self.patterns.items() if allowed and len(allowed) > 1}
         self.search = StrokeSearch(graph, several)
 

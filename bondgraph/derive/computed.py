@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from sympy import Expr, Symbol
 
 from bondgraph.declare.quantities import symbol
+from bondgraph.derive.algebra import algebra
 from bondgraph.derive.causality import CausalGraph
 from bondgraph.derive.definitions import Definition, Key, Law, Residual
 from bondgraph.derive.equations import Assignment, ImplicitLoop
@@ -41,7 +42,8 @@ class Computed:
     def __init__(self, causal: CausalGraph, smooth: bool = True, free: bool = False) -> None:
         self.causal = causal
         self.smooth = smooth
-        self.variables = bond_variables(causal, smooth, free)
+        with algebra(causal.graph.name):
+            self.variables = bond_variables(causal, smooth, free)
         self.values: dict[Key, Expr] = {}
         self.assignments: list[Assignment | ImplicitLoop] = []
         self.loops: list[Loop] = []

@@ -14,6 +14,7 @@ from sympy import Expr
 
 from bondgraph.declare.expressions import signal
 from bondgraph.declare.quantities import Input, symbol
+from bondgraph.derive.algebra import algebra
 from bondgraph.derive.causality import bond_labels
 from bondgraph.derive.computed import Computed
 from bondgraph.derive.definitions import Key, Residual
@@ -26,7 +27,17 @@ class ContinuousDerivation(Computed):
     """The state equations between events."""
 
     def equations(self, bonds: bool = False, signals: bool = False) -> StateEquations:
-        """All state derivatives and outputs."""
+        """All state derivatives and outputs.
+
+        Raises
+        ------
+        DerivationError
+            If they cannot be found; also where computer algebra fails at a law.
+        """
+        with algebra(self.causal.graph.name):
+            return self._equations(bonds, signals)
+
+    def _equations(self, bonds: bool, signals: bool) -> StateEquations:
         graph, variables = self.causal.graph, self.variables
         rates = [("d", ("x", state.symbol.name)) for state in variables.states]
         measured = [(output, variables.law(output.expression)) for output in graph.outputs]

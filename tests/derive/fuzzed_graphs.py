@@ -264,6 +264,12 @@ def _bearing(**laws: str) -> dict[str, Any]:
     }  # fmt: skip
 
 
+def _measured(expression: str) -> dict[str, Any]:
+    """The rotor on a plain bearing, and an output of this expression."""
+    graph = _bearing(effort="r*flow")
+    return {**graph, "graph": {**graph["graph"], "outputs": [{"name": "y", "is": expression}]}}
+
+
 #: What searches found, made small.
 FOUND = {
     "a condition compares a complex branch": _bearing(
@@ -273,5 +279,17 @@ FOUND = {
         effort="Piecewise((r, not tan(1e-9) > 1e9), (m**2, True))",
         flow="Piecewise((switch(effort, t), Or((9 if effort < 0 and t > 1 else sinh(-1)) <= 1e-9, m < 1)), (1, True))",
     ),
+    "a switch without width inside a condition": _measured(
+        "Piecewise(((1e-9 + 1), switch(0, 0) < t), ((flow(shaft) * v), True))"
+    ),
+    "a condition without a variable in a slope": _bearing(
+        flow="clip(max(Mod(clip(0, m, 2), (effort if t == m else pi)), Heaviside(maximum(pi, 2), abs(t))),"
+        " ceiling(floor((1e-9 - -1))), 1e-9)"
+    ),
+    "a table whose name no program can print": {
+        "graph": {"name": "g", "tables": {"T\0": {"x": [0, 1], "values": [0, 2]}}},
+        "nodes": [],
+        "bonds": [],
+    },
     "a name without end": {"graph": {"name": "g", "x" * 5000: 1}, "nodes": [], "bonds": []},
 }
