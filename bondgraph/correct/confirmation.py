@@ -73,7 +73,7 @@ class Confirmation:
 def confirmation(
     nominal: Fit, corrected: Fit, before: Sequence[Assessment], after: Sequence[Assessment]
 ) -> Confirmation:
-    """What training and held-out logs say of a correction, by its assessments on both kinds (in this order)."""
+    """The answer of training and held-out logs to a correction, from its assessments on both kinds, in this order."""
     held = [log.filtered for log in before[1].logs], [log.filtered for log in after[1].logs]
     gain, error = gain_interval(*held) if held[0] else (math.nan, math.nan)
     seconds = horizon(corrected, [log.log for log in after[0].logs])

@@ -207,7 +207,7 @@ def close_loop(
 
 
 def _withdrawn(before: Progress, after: Rest) -> bool:
-    """Whether an effect turned out to be needless at the end, which makes room for another."""
+    """True where an effect turned out to be needless at the end, which makes room for another."""
     return len(after.state.added) < len(before.added)
 
 

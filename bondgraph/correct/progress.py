@@ -67,7 +67,7 @@ class Progress:
 
     @property
     def laws(self) -> tuple[Trial, ...]:
-        """What was added to the declaration: everything but events."""
+        """Effects that were added to the declaration: everything but events."""
         return tuple(trial for trial in self.added if trial.gate is None)
 
 

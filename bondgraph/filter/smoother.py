@@ -22,15 +22,12 @@ from bondgraph.arrays import FloatArray
 from bondgraph.errors import FilterError, suggest
 from bondgraph.filter.beliefs_shown import belief_columns, belief_table
 from bondgraph.filter.filter_model import FilterModel
-from bondgraph.filter.filter_run import FilterRun
+from bondgraph.filter.filter_run import FilterRun, solved
 from bondgraph.frames import frame
 from bondgraph.text import count
 
 if TYPE_CHECKING:
     import pandas
-
-#: Eigenvalues of a correlation matrix below this share of the largest are rounding.
-_ROUNDING = 1e-11
 
 
 @dataclass(frozen=True, repr=False)
@@ -166,12 +163,5 @@ def _gain(cross_cov: FloatArray, predicted_cov: FloatArray) -> FloatArray:
     that are known up to rounding (fast states that have forgotten where they were) say nothing about the sample before:
     they take no part either.
     """
-    variance: FloatArray = np.diag(predicted_cov)
-    known = variance <= 0
-    scale: FloatArray = np.where(known, 0.0, 1.0 / np.sqrt(np.where(known, 1.0, variance)))
-    correlation = scale[:, np.newaxis] * predicted_cov * scale
-    scaled = cross_cov * scale
-    values, vectors = np.linalg.eigh(correlation)
-    inverse = np.where(values > _ROUNDING * values[-1], 1.0 / np.where(values > 0.0, values, 1.0), 0.0)
-    result: FloatArray = ((scaled @ vectors) * inverse) @ vectors.T * scale
-    return result
+    gain: FloatArray = solved(predicted_cov[np.newaxis], cross_cov.T[np.newaxis])[0].T
+    return gain

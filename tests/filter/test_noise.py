@@ -14,6 +14,7 @@ from bondgraph.data.log import MatchedLog
 from bondgraph.errors import FilterError
 from bondgraph.estimate.estimation import Settings, estimate
 from bondgraph.estimate.problem import pose
+from bondgraph.filter.discretisation import step_times_rate
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.filterpy_bridge import filterpy_run
 from bondgraph.filter.gradient import Directions, innovation_tangents
@@ -279,7 +280,7 @@ def test_panels_are_as_many_as_the_rate_asks_for(interval: float, steps: int) ->
     log = drawn_exactly(seed=3, interval=interval, count=60)
     model = with_noise_steps(forgetful(substeps=max(1, int(interval * RATE * 2))), [log])
     assert model.noise_steps >= steps
-    variance = run(model, log).predicted_cov[0, 0, 30] - 0.0
+    variance = run(model, log).predicted_cov[0, 0, 30]
     keep = np.exp(-2.0 * RATE * interval)
     before = run(model, log).filtered_cov[0, 0, 29]
     assert variance == pytest.approx(keep * before + (1.0 - keep) / (2.0 * RATE), rel=0.01)
@@ -304,8 +305,6 @@ def test_halved_steps_halve_the_panels_too() -> None:
 
 def test_the_longest_interval_of_an_uneven_log_decides() -> None:
     """Evenly chosen samples missed a gap; the free run over it diverged unseen."""
-    from bondgraph.filter.discretisation import step_times_rate
-
     model = forgetful(substeps=1)
     time = np.concatenate([np.arange(100) * 0.01, 0.99 + np.arange(1, 4) * 0.0149, 1.1 + np.arange(100) * 0.01])
     log = unmeasured(time)

@@ -73,7 +73,7 @@ def squares(
 
 
 def judged(one: Errors, random: bool, count: int) -> Compared:
-    """Whether a channel is clearly worse after the correction, ``count`` comparisons being made."""
+    """True for a channel that is clearly worse after the correction, among ``count`` comparisons."""
     if not one.weight.size:
         return Compared(one.data, one.kind, one.channel, math.nan, math.nan, 1.0, False)
     before, after = (float(np.average(values, weights=one.weight)) for values in (one.before, one.after))

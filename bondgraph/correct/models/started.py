@@ -56,7 +56,7 @@ def with_declared_starts(
 
 
 def start_cautions(states: Sequence[str]) -> list[str]:
-    """What a simulation of the corrected declaration must be told, since no single signal of a log says it."""
+    """Start values that a simulation of the corrected declaration needs and no single signal of a log gives."""
     if not states:
         return []
     return [
