@@ -20,6 +20,8 @@ import numpy as np
 from bondgraph.build import BuiltModel, build
 from bondgraph.correct.cautions import cautions_of
 from bondgraph.correct.confirmation import Confirmation, confirmation
+from bondgraph.correct.evidence.certified import doubts, refined
+from bondgraph.correct.evidence.trials import Detectable, Trial
 from bondgraph.correct.fits.assess import Assessment, assess
 from bondgraph.correct.fits.declared import free_parameters
 from bondgraph.correct.fits.fit import Fit, Report, fit, no_report
@@ -36,8 +38,6 @@ from bondgraph.correct.models.started import start_cautions, with_declared_start
 from bondgraph.correct.places.structure import Structure, structure
 from bondgraph.correct.places.unexplained import Unexplained
 from bondgraph.correct.progress import Decision, Progress, advance, without_events
-from bondgraph.correct.refits.certified import doubts, refined
-from bondgraph.correct.refits.trials import Detectable, Trial
 from bondgraph.correct.rest import Rest, settle
 from bondgraph.correct.round import Round, RoundSettings, one_round, round_cautions
 from bondgraph.data.log import MatchedLog
@@ -72,7 +72,7 @@ class LoopSettings:
 
     level: float = 0.01
     max_effects: int = 3
-    refits: int = 6
+    refits: int = 12
     process_noise: str = "free"
     free: tuple[str, ...] = ()
     faults: bool = True

@@ -9,15 +9,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from bondgraph.build import BuiltModel, build
+from bondgraph.correct.evidence.certified import refined
+from bondgraph.correct.evidence.context import Context, at_optimum
+from bondgraph.correct.evidence.decide import judge, robust_p_value
+from bondgraph.correct.evidence.trials import Trial
 from bondgraph.correct.fits.fit import Fit, fit, restricted
 from bondgraph.correct.fits.starts import with_starts
 from bondgraph.correct.models.candidates import candidates
-from bondgraph.correct.refits.certified import refined
-from bondgraph.correct.refits.decide import judge, robust_p_value
-from bondgraph.correct.refits.refit import Ground, at_optimum, refit_alone
-from bondgraph.correct.refits.trials import Trial
 from bondgraph.correct.round import Round, RoundSettings
 from bondgraph.correct.scores.gates import Constancy, Gate, When, constancy, gated, with_gate
+from bondgraph.correct.search.refit import refit_from
 from bondgraph.data.log import MatchedLog
 from bondgraph.declare.graph import BondGraph
 from bondgraph.errors import DeclarationError, EstimationError
@@ -148,11 +149,11 @@ def _in_time(
     found = constancy(chosen.fit, effect.coefficients[0])
     if found.p_value > settings.level:
         return chosen, state.train
-    ground = Ground(
+    context = Context(
         state.built, state.fit, state.train, turn.tried, settings.level, 0.0, settings.journal
     )  # fmt: skip
     trials = [
-        trial for when in _sides(found) for trial in _gated_refit(chosen, Gate(when, found.log, found.time), ground)
+        trial for when in _sides(found) for trial in _gated_refit(chosen, Gate(when, found.log, found.time), context)
     ]
     best = min(trials, key=lambda trial: np.inf if trial.fit is None else trial.fit.nll, default=None)
     measured = sum(int(np.isfinite(log.y).sum()) for log in state.train)
@@ -173,16 +174,16 @@ def _sides(found: Constancy) -> tuple[When, ...]:
     return ("from",) if abs(found.before) < abs(found.after) else ("until",)
 
 
-def _gated_refit(chosen: Trial, gate: Gate, ground: Ground) -> list[Trial]:
+def _gated_refit(chosen: Trial, gate: Gate, context: Context) -> list[Trial]:
     fitted = chosen.fit
-    function = gated(chosen.candidate.function, gate, ground.train)
-    made, _ = candidates(ground.built, [function], [chosen.candidate.place])
+    function = gated(chosen.candidate.function, gate, context.train)
+    made, _ = candidates(context.built, [function], [chosen.candidate.place])
     if not made or fitted is None:
         return []
-    train = with_gate(ground.train, made[0].effect, gate)
+    train = with_gate(context.train, made[0].effect, gate)
     start = [fitted.values[name] for name in chosen.candidate.effect.coefficients]
     trial = replace(chosen, candidate=made[0], gate=gate, stands_for=())
-    tried = trial.attempted(lambda: refit_alone(trial, start, replace(ground, train=train)))
+    tried = trial.attempted(lambda: refit_from(trial, start, replace(context, train=train)))
     return [] if tried.failed else [tried]
 
 

@@ -7,6 +7,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from bondgraph.correct.evidence.certified import refined
+from bondgraph.correct.evidence.context import Context
+from bondgraph.correct.evidence.trials import Trial
 from bondgraph.correct.models.candidates import candidates, places
 from bondgraph.correct.models.failures import FAILURES, attempted, reason
 from bondgraph.correct.places.located import locate
@@ -21,11 +24,9 @@ from bondgraph.correct.places.unexplained import (
     unexplained,
 )
 from bondgraph.correct.progress import Decision, Progress, without
-from bondgraph.correct.refits.certified import refined
-from bondgraph.correct.refits.refit import Ground, refit_alone
-from bondgraph.correct.refits.trials import Trial
 from bondgraph.correct.round import Round, RoundSettings
 from bondgraph.correct.scores.scoring import Linearisation, linearisation
+from bondgraph.correct.search.refit import refit_from
 
 #: Functions without a law are tried at so many places.
 _SUSPECTS = 8
@@ -110,10 +111,10 @@ def _with_table(state: Progress, found: Unexplained, number: int, settings: Roun
     made, _ = candidates(state.built, [table_effect(found)], [found.place])
     if not made:
         return state
-    ground = Ground(
+    context = Context(
         state.built, state.fit, state.train, 1, settings.level, 0.0, settings.journal
     )  # fmt: skip
-    trial = refit_alone(Trial(made[0], found.gain), [float(value) for value in found.values], ground)
+    trial = refit_from(Trial(made[0], found.gain), [float(value) for value in found.values], context)
     if trial.fit is None or trial.built is None:
         return state
     why = f"asked for: {found.variable} as a function of {found.signal}, {found.knots.size} points"

@@ -7,12 +7,12 @@ from collections.abc import Mapping
 from typing import Any
 
 from bondgraph.correct.confirmation import Confirmation
+from bondgraph.correct.evidence.transfer import Transfer
+from bondgraph.correct.evidence.trials import Trial
 from bondgraph.correct.fits.assess import Assessment, ChannelError
 from bondgraph.correct.fits.compared import Compared
 from bondgraph.correct.fits.fit import Fit
 from bondgraph.correct.loop import Added, ClosedLoop
-from bondgraph.correct.refits.transfer import Transfer
-from bondgraph.correct.refits.trials import Trial
 from bondgraph.estimate.certify import NEGLIGIBLE_SHIFT, Check
 from bondgraph.estimate.result import quantity_of, unit_of
 from bondgraph.simulate.quantities import OutputInfo

@@ -7,43 +7,34 @@ but not in size where an effect is large.
 from __future__ import annotations
 
 import functools
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from bondgraph.build import BuiltModel
 from bondgraph.correct.advice import separation
+from bondgraph.correct.evidence.confirm import confirmed, transferred
+from bondgraph.correct.evidence.context import Context
+from bondgraph.correct.evidence.decide import alternatives, choose, detectable, hurdle
+from bondgraph.correct.evidence.resolved import resolved
+from bondgraph.correct.evidence.trials import Alternative, Detectable, Trial
 from bondgraph.correct.fits.fit import Fit, Report, no_report
 from bondgraph.correct.fits.journal import Journal
-from bondgraph.correct.fits.whiteness import is_white
 from bondgraph.correct.models.absent import absent_when_zero
-from bondgraph.correct.models.candidates import Candidate, Refused, candidates, places
+from bondgraph.correct.models.candidates import Refused, candidates, places
 from bondgraph.correct.models.failures import attempted
 from bondgraph.correct.models.untried import nothing_to_try, refused_everywhere
 from bondgraph.correct.places.located import LocatedAt, locate
 from bondgraph.correct.places.probes import Probe, Signal, probes, signals
-from bondgraph.correct.refits.beneath import also_elsewhere, beneath_noise
-from bondgraph.correct.refits.confirm import confirmed, transferred
-from bondgraph.correct.refits.decide import alternatives, choose, detectable, hurdle
-from bondgraph.correct.refits.declared_starts import also_from_declared, declared_scores
-from bondgraph.correct.refits.gated_refits import also_throughout, gated_trials
-from bondgraph.correct.refits.refit import Ground, refit_best, worth_quiet
-from bondgraph.correct.refits.resolved import resolved
-from bondgraph.correct.refits.rivals import rivals
-from bondgraph.correct.refits.runoff import runoff
-from bondgraph.correct.refits.simpler import also_simpler
-from bondgraph.correct.refits.stiff_refits import ABREAST, refit_stiff
-from bondgraph.correct.refits.storages import Look, look, refit_storage, try_storage
-from bondgraph.correct.refits.trials import Alternative, Detectable, Trial
-from bondgraph.correct.refits.widths import at_any_width, is_due
 from bondgraph.correct.scores.gates import gate_samples
-from bondgraph.correct.scores.quiet import Quiet, quiet_scores
 from bondgraph.correct.scores.scoring import Linearisation, Scored, linearisation, score_candidates
+from bondgraph.correct.search.opening import Scoring, opened
+from bondgraph.correct.search.search import left_out, searched
+from bondgraph.correct.search.widths import at_any_width, is_due
 from bondgraph.data.log import MatchedLog
 from bondgraph.declare.effect import EffectFunction, Place
 from bondgraph.errors import DataError
-from bondgraph.filter.compiled import in_threads
 
 #: For so many of the effects that are not told from the chosen one it is said what would tell them apart.
 _ADVISED = 3
@@ -54,7 +45,7 @@ class RoundSettings:
     """The level of false alarms, how many refits at most, and the work's report and journal."""
 
     level: float = 0.01
-    refits: int = 6
+    refits: int = 12
     report: Report = no_report
     journal: Journal = field(default_factory=Journal)
 
@@ -64,7 +55,8 @@ class Round:
     """What was tried on a fitted model, what was decided, and what could have been seen.
 
     ``located`` ranks the places; ``linear``, ``probed`` and ``signals`` are what the scores were made of. ``untried``
-    says why no effect could be tried at all.
+    says why no effect could be tried at all; ``left_out`` names candidates that might have been the best, had there
+    been refits left.
     """
 
     base: Fit
@@ -80,6 +72,7 @@ class Round:
     signals: tuple[Signal, ...]
     tried: int
     untried: str = ""
+    left_out: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
         chosen = "nothing" if self.chosen is None else self.chosen.candidate.label
@@ -118,63 +111,43 @@ def one_round(
     tried = scored.tests + sum(len(one.variants) for one in stateful)
     need = hurdle(train, tried, settings.level)
     settings.report("score the candidates", 1, 1)
-    ground = Ground(built, base, tuple(train), tried, settings.level, need, settings.journal)
-    trials = _trials(scored, tried)
-    stiff = base.problem.filter_model.is_stiff
-    quiet = None if stiff else quiet_scores(base, train, vanishing, settings.journal, gate_samples(train))
-    ground = replace(ground, quiet=None if quiet is None else quiet.fit)
-    looks = _looks(stateful, ground, settings, bool(present))
-    first = _refitted_first(looks, trials, ground)
-    ahead = 0.0 if first is None or choose([first], settings.level) is None else first.gain
-    trials = (
-        refit_stiff(trials, scored, ground, settings.refits, settings.report, ahead)
-        if stiff
-        else _refitted(trials, scored, ground, settings, quiet, bool(present))
-    )
-    trials = _with_storages(trials, stateful, linear, quiet, ground, settings, looks, first)
-    if stiff:
-        trials += gated_trials([(linear, scored)], ground, settings.report, ahead, most=1)
-        trials, ground = beneath_noise(trials, scored, stateful, ground, settings.report)
-        trials = _searched_again(trials, linear, ground, settings.report)
-    else:
-        looks_at = [(linear, scored), *(() if quiet is None else ((quiet.linear, quiet.scored),))]
-        trials += gated_trials(looks_at, ground, settings.report)
-    trials, chosen = _chosen(rivals(trials, scored, ground), ground)
+    context = Context(built, base, tuple(train), tried, settings.level, need, settings.journal)
+    scoring = Scoring(linear, scored, tuple(_trials(scored, tried)), tuple(stateful))
+    search = opened(scoring, context, bool(present), settings.report)
+    trials = searched(search, settings.refits, settings.report)
+    trials, chosen = _chosen(trials, search.context)
     others = alternatives(chosen, trials, scored.scores, settings.level)
     others = _with_advice(built, base, chosen, others, scored)
     seen = detectable(vanishing, scored.scores, need)
     return Round(
-        base, tuple(trials), tuple(refused), scored, chosen, tuple(others), seen, located, linear, probed, known, tried
+        base,
+        tuple(trials),
+        tuple(refused),
+        scored,
+        chosen,
+        tuple(others),
+        seen,
+        located,
+        linear,
+        probed,
+        known,
+        tried,
+        left_out=tuple(left_out(search)),
     )
 
 
-def _refitted(
-    trials: Sequence[Trial], scored: Scored, ground: Ground, settings: RoundSettings, quiet: Quiet | None, named: bool
-) -> list[Trial]:
-    """The trials, the best refitted from the fit without them, and while no effect is named from declared values."""
-    done = refit_best(trials, scored, ground, settings.refits, settings.report, quiet)
-    declared = None if named else declared_scores(ground, scored.candidates)
-    return also_from_declared(done, declared, ground, settings.refits, settings.report)
-
-
-def _searched_again(trials: Sequence[Trial], linear: Linearisation, ground: Ground, report: Report) -> list[Trial]:
-    """The trials of a stiff model and what its scores underrate: the best law throughout, elsewhere, without a part."""
-    found = also_elsewhere(also_throughout(trials, ground), linear, ground, report)
-    return runoff(also_simpler(found, ground), ground, ABREAST)
-
-
-def _chosen(trials: Sequence[Trial], ground: Ground) -> tuple[list[Trial], Trial | None]:
+def _chosen(trials: Sequence[Trial], context: Context) -> tuple[list[Trial], Trial | None]:
     """The trials, those that would be chosen after a second look at them, and the one that stays the best."""
     done, looked, widened = list(trials), set[int](), set[int]()
-    while (best := choose(done, ground.level)) is not None:
+    while (best := choose(done, context.level)) is not None:
         index = next(k for k, trial in enumerate(done) if trial is best)
         if index in looked:
             break
-        if index not in widened and is_due(best, done, ground):
+        if index not in widened and is_due(best, done, context):
             widened.add(index)
-            done = at_any_width(best, done, ground)
+            done = at_any_width(best, done, context)
             continue
-        sure = _second_look(best, ground)
+        sure = _second_look(best, context)
         for k, trial in enumerate(done):
             if trial.candidate.label in sure.stands_for and trial.gate == sure.gate:
                 done[k] = replace(trial, evidence=sure.evidence, transfer=sure.transfer)
@@ -183,20 +156,20 @@ def _chosen(trials: Sequence[Trial], ground: Ground) -> tuple[list[Trial], Trial
     return done, best
 
 
-def _second_look(best: Trial, ground: Ground) -> Trial:
+def _second_look(best: Trial, context: Context) -> Trial:
     """The trial after a second look at its steps and its noise; where that fails it is not chosen."""
     assert best.evidence is not None  # it would be chosen
     doubted = replace(best, evidence=replace(best.evidence, p_robust=1.0))
-    return attempted(lambda: _looked_at(best, ground), lambda why: replace(doubted, failed=why))
+    return attempted(lambda: _looked_at(best, context), lambda why: replace(doubted, failed=why))
 
 
-def _looked_at(best: Trial, ground: Ground) -> Trial:
+def _looked_at(best: Trial, context: Context) -> Trial:
     """The trial with steps that resolve it, and as long as it passes, after each costlier look."""
-    sure = resolved(best, ground)
+    sure = resolved(best, context)
     for look_again in (confirmed, transferred):
-        if sure.evidence is None or not sure.evidence.accepted(ground.level):
+        if sure.evidence is None or not sure.evidence.accepted(context.level):
             break
-        sure = look_again(sure, ground)
+        sure = look_again(sure, context)
     return sure
 
 
@@ -229,87 +202,6 @@ def _trials(scored: Scored, tried: int) -> list[Trial]:
         )
         for j, one in enumerate(scored.candidates)
     ]  # fmt: skip
-
-
-def _looks(stateful: Sequence[Candidate], ground: Ground, settings: RoundSettings, named: bool) -> dict[str, Look]:
-    """By label: storages of a stiff model that nothing but a trial can test, at the size that suits the logs best.
-
-    Only as long as no effect is named, and where innovations are not white: each has to be compiled.
-    """
-    due = [one for one in stateful if not one.followed]
-    if not ground.base.problem.filter_model.is_stiff or named or not due or is_white(ground.base, ground.level):
-        return {}
-    found: dict[str, Look] = {}
-
-    def work(k: int) -> None:
-        trial = Trial(due[k], 0.0)
-        found[due[k].label] = attempted(lambda: look(trial, ground), lambda why: Look.failed(trial, why))
-
-    settings.report("look at storages", 0, len(due))
-    in_threads(ABREAST, work, range(len(due)))
-    settings.report("look at storages", len(due), len(due))
-    return {one.label: found[one.label] for one in due}
-
-
-def _refitted_first(looks: Mapping[str, Look], trials: Sequence[Trial], ground: Ground) -> Trial | None:
-    """The storage that promises more than all scores, refitted: if it passes, few others are worth a refit."""
-    best = max(looks.values(), key=lambda one: one.trial.score_gain, default=None)
-    if best is None or best.trial.score_gain <= max((one.score_gain for one in trials), default=0.0):
-        return None
-    return best.trial.attempted(lambda: refit_storage(best, ground, np.inf))
-
-
-def _with_storages(
-    trials: list[Trial],
-    stateful: Sequence[Candidate],
-    linear: Linearisation,
-    quiet: Quiet | None,
-    ground: Ground,
-    settings: RoundSettings,
-    looks: Mapping[str, Look],
-    first: Trial | None,
-) -> list[Trial]:
-    """The trials, and those with a state of their own; lags and late sensors only where their score asks for it.
-
-    A sensor that comes late can explain coloured noise by its memory; its score is that of the mean alone. Storages of
-    a stiff model go on from ``looks`` if these promise about as much as what is ahead; ``first`` is already refitted.
-    """
-    done = [*trials, *(() if first is None else (first,))]
-    followed = score_candidates(linear, [one for one in stateful if one.followed])
-    silent = None if quiet is None else quiet.of(followed.candidates)
-    least = np.inf if quiet is None else worth_quiet(quiet.scored.scores, ground.need)
-    stiff = ground.base.problem.filter_model.is_stiff
-    known = dict(zip((one.label for one in followed.candidates), range(len(followed.candidates)), strict=True))
-    for count, one in enumerate(stateful):
-        settings.report("try storages", count, len(stateful))
-        if first is not None and one.label == first.candidate.label:
-            continue
-        trial = Trial(one, 0.0)
-        best = choose(done, ground.level)
-        worth = max(0.5 * ground.need, 0.4 * (0.0 if best is None else best.gain))
-        beat = np.inf if best is None or best.fit is None else best.fit.nll
-        if one.followed:
-            k = known[one.label]
-            p_value = min(1.0, float(followed.scores.p_value[k]) * ground.tried)
-            trial = Trial(
-                one, float(followed.scores.gain[k]), tuple(map(float, followed.scores.steps[k])), score_p=p_value
-            )
-            loud = trial.score_gain >= worth and p_value <= ground.level
-            if not loud and (silent is None or silent.scored.scores.gain[k] < least):
-                done.append(trial)
-                continue
-        elif stiff:
-            seen = looks.get(one.label)
-            asked = seen is not None and seen.trial.score_gain >= worth
-            done.append(trial if seen is None else _refitted_storage(seen, ground, beat) if asked else seen.trial)
-            continue
-        own = None if silent is None else (silent, known.get(one.label))
-        done.append(trial.attempted(functools.partial(try_storage, trial, ground, beat, own)))
-    return done
-
-
-def _refitted_storage(seen: Look, ground: Ground, beat: float) -> Trial:
-    return seen.trial.attempted(lambda: refit_storage(seen, ground, beat))
 
 
 def _moving_places(built: BuiltModel, base: Fit, linear: Linearisation, train: Sequence[MatchedLog]) -> list[Place]:

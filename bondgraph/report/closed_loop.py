@@ -10,11 +10,11 @@ from pathlib import Path
 from typing import Any
 
 from bondgraph.correct.confirmation import Confirmation
+from bondgraph.correct.evidence.transfer import Transfer
 from bondgraph.correct.fits.assess import Assessment
 from bondgraph.correct.fits.fit import Fit
 from bondgraph.correct.loop import Added, ClosedLoop
 from bondgraph.correct.places.unexplained import Unexplained
-from bondgraph.correct.refits.transfer import Transfer
 from bondgraph.correct.result import intervals, result_json
 from bondgraph.declare.files import write_graph
 from bondgraph.files import write_text

@@ -10,10 +10,10 @@ import pytest
 import sympy
 
 from bondgraph.build import build
+from bondgraph.correct.evidence.decide import robust_p_value
 from bondgraph.correct.fits.fit import fit
 from bondgraph.correct.loop import LoopSettings, close_loop
 from bondgraph.correct.models.candidates import candidates
-from bondgraph.correct.refits.decide import robust_p_value
 from bondgraph.declare.domains import ROTATION
 from bondgraph.declare.editing import copy, handle
 from bondgraph.declare.effect import Effect, EffectFunction, Place, Scale, effect_functions, is_for

@@ -9,9 +9,9 @@ import pytest
 from sympy import tanh
 
 from bondgraph.build import build
+from bondgraph.correct.evidence.context import coefficients
 from bondgraph.correct.fits.setup import filter_setup
 from bondgraph.correct.models.candidates import candidates, places, superset
-from bondgraph.correct.refits.refit import coefficients
 from bondgraph.data.log import MatchedLog
 from bondgraph.declare.domains import TRANSLATION
 from bondgraph.declare.editing import handle

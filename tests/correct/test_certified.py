@@ -9,18 +9,19 @@ import numpy as np
 import pytest
 
 from bondgraph.build import build
+from bondgraph.correct.evidence import certified
+from bondgraph.correct.evidence.certified import certify, doubts, refined, resolving, step_gain
+from bondgraph.correct.evidence.context import Context
+from bondgraph.correct.evidence.resolved import resolved
+from bondgraph.correct.evidence.trials import Trial
 from bondgraph.correct.fits.fit import Fit, expand, fit
 from bondgraph.correct.fits.setup import filter_setup
 from bondgraph.correct.loop import LoopSettings, close_loop, free_parameters
 from bondgraph.correct.models.candidates import candidates, places
 from bondgraph.correct.progress import Progress
 from bondgraph.correct.progress import certified as in_certified_steps
-from bondgraph.correct.refits import certified
-from bondgraph.correct.refits.certified import certify, doubts, refined, resolving, step_gain
-from bondgraph.correct.refits.refit import Ground, refit_alone
-from bondgraph.correct.refits.resolved import resolved
-from bondgraph.correct.refits.trials import Trial
 from bondgraph.correct.round import RoundSettings
+from bondgraph.correct.search.refit import refit_from
 from bondgraph.declare.editing import with_values
 from bondgraph.estimate.certify import NEGLIGIBLE_SHIFT, check
 from bondgraph.filter.discretisation import NEGLIGIBLE
@@ -133,13 +134,13 @@ def test_a_candidate_that_gained_by_making_up_for_steps_loses_it() -> None:
     log = rough.problem.logs[0]
     where = [one for one in places(own, [log], rough.runs([log]), rough.theta) if one.label == "motor"]
     (loss,), _ = candidates(own, [effects.quadratic_loss], where)
-    ground = Ground(own, rough, (log,), 24, 0.01, 10.0)
-    found = refit_alone(Trial(loss, 0.0), [1e-6], ground)
-    sure = resolved(found, ground)
+    context = Context(own, rough, (log,), 24, 0.01, 10.0)
+    found = refit_from(Trial(loss, 0.0), [1e-6], context)
+    sure = resolved(found, context)
     assert found.gain > 5.0 and found.fit is not None and sure.fit is not None
     assert abs(sure.gain) < 3.0 and sure.evidence is not None and not sure.evidence.accepted(0.01)
     assert f"instead of {found.gain:.1f}" in sure.remark
-    assert resolved(sure, replace(ground, base=refined(rough)[0])) is sure
+    assert resolved(sure, replace(context, base=refined(rough)[0])) is sure
 
 
 def test_a_decision_that_refinement_would_change_is_withdrawn() -> None:
@@ -147,7 +148,7 @@ def test_a_decision_that_refinement_would_change_is_withdrawn() -> None:
     log = rough.problem.logs[0]
     where = [one for one in places(own, [log], rough.runs([log]), rough.theta) if one.label == "motor"]
     (loss,), _ = candidates(own, [effects.quadratic_loss], where)
-    chosen = refit_alone(Trial(loss, 0.0), [1e-6], Ground(own, rough, (log,), 24, 0.01, 10.0))
+    chosen = refit_from(Trial(loss, 0.0), [1e-6], Context(own, rough, (log,), 24, 0.01, 10.0))
     assert chosen.fit is not None and chosen.built is not None and chosen.gain > 5.0
     before = Progress(fan.fan(), chosen.built, chosen.fit, (log,), (chosen,))
     after = in_certified_steps(before, 1, RoundSettings())

@@ -7,12 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from bondgraph.correct.evidence import confirm
+from bondgraph.correct.evidence.confirm import confirmed
 from bondgraph.correct.fits.excerpts import excerpt
 from bondgraph.correct.fits.fit import Fit, fit
 from bondgraph.correct.loop import free_parameters
-from bondgraph.correct.refits import confirm
-from bondgraph.correct.refits.confirm import confirmed
-from bondgraph.correct.refits.refit import refit_alone
+from bondgraph.correct.search.refit import refit_from
 from tests.correct.test_stiff import rivals
 from tests.correct.winch import drawn, fitted, setup_of
 
@@ -29,16 +29,16 @@ def test_a_fit_without_the_law_that_ended_too_early_is_found_from_where_the_refi
     monkeypatch: pytest.MonkeyPatch, samples: int | None
 ) -> None:
     """On the whole log, and by way of its beginning; what is gained over the better fit is what counts."""
-    trials, _, ground = rivals()
-    drag = refit_alone(trials[0], trials[0].step, ground)
+    trials, _, context = rivals()
+    drag = refit_from(trials[0], trials[0].step, context)
     assert drag.fit is not None and drag.evidence is not None
     monkeypatch.setattr(confirm, "_is_clear", lambda *given: False)
-    monkeypatch.setattr(confirm, "_in_free_simulation", lambda refit, trial, evidence, ground: evidence)
+    monkeypatch.setattr(confirm, "_in_free_simulation", lambda refit, trial, evidence, context: evidence)
     monkeypatch.setattr(confirm, "excerpt", lambda problem: None if samples is None else excerpt(problem, samples))
-    early = worse(ground.base, 0.1)
-    assert early.nll > ground.base.nll + 10.0
-    fair = drag.fit.nll - ground.base.nll
-    looked = confirmed(drag, replace(ground, base=early))
+    early = worse(context.base, 0.1)
+    assert early.nll > context.base.nll + 10.0
+    fair = drag.fit.nll - context.base.nll
+    looked = confirmed(drag, replace(context, base=early))
     assert looked.evidence is not None
     assert looked.evidence.delta_nll == pytest.approx(-fair, abs=1.0)
 

@@ -10,10 +10,10 @@ import pytest
 from bondgraph.correct import rest
 from bondgraph.correct.fits.fit import standard_deviations
 from bondgraph.correct.loop import ClosedLoop, LoopSettings, close_loop
-from bondgraph.correct.refits import refit, storages
 from bondgraph.correct.result import result_json
 from bondgraph.correct.scores import scoring
 from bondgraph.correct.scores.score import scores, solve
+from bondgraph.correct.search import search, storages
 from bondgraph.errors import EstimationError
 from bondgraph.estimate.objective import Expansion
 from bondgraph.estimate.steps import damped_step, newton_decrement
@@ -75,14 +75,14 @@ def closed(functions: tuple[object, ...] = FUNCTIONS, **named: object) -> Closed
 
 
 def test_a_candidate_whose_refit_fails_is_listed_with_its_reason(monkeypatch: pytest.MonkeyPatch) -> None:
-    known = refit._refit
+    known = search.refit
 
-    def failing(index: int, trial: object, *given: object) -> object:
+    def failing(trial: object, *given: object) -> object:
         if trial.candidate.effect.name == "added_inertia":  # type: ignore[attr-defined]
             raise np.linalg.LinAlgError("Eigenvalues did not converge")
-        return known(index, trial, *given)  # type: ignore[arg-type]
+        return known(trial, *given)  # type: ignore[arg-type]
 
-    monkeypatch.setattr(refit, "_refit", failing)
+    monkeypatch.setattr(search, "refit", failing)
     monkeypatch.setattr(rest, "_look", lambda *given: (None, None, ()))
     found = closed()
     named = [one for one in found.rounds[0].alternatives if "Eigenvalues did not converge" in one.why]

@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 
 from bondgraph.build import BuiltModel, build
+from bondgraph.correct.evidence.context import Context
+from bondgraph.correct.evidence.trials import Trial
 from bondgraph.correct.fits.assess import assess
 from bondgraph.correct.fits.fit import Fit, fit
 from bondgraph.correct.fits.setup import filter_setup
@@ -15,9 +17,7 @@ from bondgraph.correct.loop import free_parameters
 from bondgraph.correct.models.candidates import Candidate, candidates, places
 from bondgraph.correct.models.followers import followers
 from bondgraph.correct.models.started import with_declared_starts
-from bondgraph.correct.refits.refit import Ground
-from bondgraph.correct.refits.storages import try_storage
-from bondgraph.correct.refits.trials import Trial
+from bondgraph.correct.search.refit import refit
 from bondgraph.data.log import Log, LogChannel, MatchedLog
 from bondgraph.declare.domains import ROTATION
 from bondgraph.declare.graph import BondGraph
@@ -143,8 +143,8 @@ def test_the_free_simulation_of_a_log_that_begins_in_motion_starts_right() -> No
     train, unseen = (running(1), running(2)), running(3)
     base = fitted(1, 2)
     candidate = next(one for one in offered() if one.effect.name == "added_compliance")
-    ground = Ground(built(), base, train, 10, 0.01, 5.0)
-    found = try_storage(Trial(candidate, 0.0), ground, np.inf)
+    context = Context(built(), base, train, 10, 0.01, 5.0)
+    found = refit(Trial(candidate, 0.0), [], context)
     assert found.fit is not None and found.gain > 50.0
     problem = found.fit.problem
     row = problem.filter_model.model.index("state", "w_fan")

@@ -7,11 +7,11 @@ import math
 
 import pytest
 
+from bondgraph.correct.evidence.decide import detectable
+from bondgraph.correct.evidence.trials import Trial
 from bondgraph.correct.models.candidates import Candidate, candidates
-from bondgraph.correct.refits.decide import detectable
-from bondgraph.correct.refits.refit import alike
-from bondgraph.correct.refits.trials import Trial
 from bondgraph.correct.scores.scoring import Scored, linearisation, score_candidates
+from bondgraph.correct.search.groups import alike
 from bondgraph.declare.editing import handle
 from bondgraph.declare.effect import Place, Scale
 from bondgraph.report.html import Power

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from bondgraph.build import build
+from bondgraph.correct.evidence.context import at_optimum, coefficients
 from bondgraph.correct.fits.fit import fit
 from bondgraph.correct.loop import ClosedLoop, close_loop
 from bondgraph.correct.models.faults import SENSOR_FAULTS
 from bondgraph.correct.places.missing import missing_effort
-from bondgraph.correct.refits.refit import at_optimum, coefficients
 from bondgraph.correct.round import one_round
 from bondgraph.data.log import MatchedLog
 from bondgraph.declare.editing import handle

@@ -5,12 +5,12 @@ from __future__ import annotations
 import pytest
 
 from bondgraph.build import build
+from bondgraph.correct.evidence.context import at_optimum, coefficients
+from bondgraph.correct.evidence.trials import Trial
 from bondgraph.correct.fits.fit import fit
 from bondgraph.correct.loop import LoopSettings, close_loop
 from bondgraph.correct.models.candidates import candidates
 from bondgraph.correct.progress import Progress, without
-from bondgraph.correct.refits.refit import at_optimum, coefficients
-from bondgraph.correct.refits.trials import Trial
 from bondgraph.correct.rest import Rest
 from bondgraph.correct.round import RoundSettings
 from bondgraph.declare.editing import handle

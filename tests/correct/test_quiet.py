@@ -8,18 +8,19 @@ import numpy as np
 import pytest
 
 from bondgraph.build import build
+from bondgraph.correct.evidence import confirm
+from bondgraph.correct.evidence.confirm import confirmed
+from bondgraph.correct.evidence.context import Context, at_optimum
+from bondgraph.correct.evidence.trials import Trial
 from bondgraph.correct.fits.fit import Fit, fit
 from bondgraph.correct.fits.noise_starts import noisy_starts
 from bondgraph.correct.fits.setup import filter_setup
 from bondgraph.correct.fits.whiteness import whiteness
 from bondgraph.correct.loop import LoopSettings, close_loop, free_parameters
 from bondgraph.correct.models.candidates import candidates, places
-from bondgraph.correct.refits import confirm
-from bondgraph.correct.refits.confirm import confirmed
-from bondgraph.correct.refits.refit import Ground, at_optimum, coefficients, refit_alone
-from bondgraph.correct.refits.trials import Trial
-from bondgraph.correct.scores.quiet import annealed_fit, quiet_fit, quiet_scores, quiet_starts
+from bondgraph.correct.scores.quiet import annealed_fit, quiet_fit, quiet_scores
 from bondgraph.correct.scores.scoring import linearisation, score_candidates
+from bondgraph.correct.search.refit import refit_from
 from bondgraph.data.log import MatchedLog
 from bondgraph.simulate.simulation import simulate
 from tests.correct.sled import FUNCTIONS, added, built, fitted, pull, sled
@@ -55,29 +56,15 @@ def test_quiet_scores_find_the_size_that_process_noise_hides(base: Fit, log: Mat
     assert quiet.scored.scores.step[0] == pytest.approx(DRAG, rel=0.15)
 
 
-def test_a_start_from_the_quiet_fit_is_nearly_the_refit() -> None:
-    log = pull(added(effects.quadratic_loss, "runner", 0.1 * DRAG), 5)
-    base = fitted([log])
-    (candidate,) = offered(base, log)
-    quiet = quiet_scores(base, [log], [candidate])
-    assert quiet is not None
-    ground = Ground(built(), base, (log,), 10, 0.01, 5.0)
-    refit = refit_alone(Trial(candidate, 0.0), [0.1 * DRAG], ground)
-    assert refit.fit is not None
-    starts = quiet_starts(base, quiet, 0, coefficients(candidate, refit.fit.problem.filter_model))
-    values = refit.fit.problem.nll(np.array(starts).T)
-    assert float(np.min(values)) - refit.fit.nll < 0.3 * (base.nll - refit.fit.nll)
-
-
 def test_no_process_noise_leaves_nothing_to_be_held_low(base: Fit, log: MatchedLog) -> None:
     free = [one for one in at_optimum(base) if one.target.kind != "process"]
     assert quiet_fit(fit(base.problem.filter_model, [log], free), [log]) is None
 
 
 def test_what_the_data_need_stands_the_second_look(base: Fit, log: MatchedLog) -> None:
-    ground = Ground(built(), base, (log,), 10, 0.01, 5.0)
-    trial = refit_alone(Trial(offered(base, log)[0], 0.0), [DRAG], ground)
-    sure = confirmed(trial, ground)
+    context = Context(built(), base, (log,), 10, 0.01, 5.0)
+    trial = refit_from(Trial(offered(base, log)[0], 0.0), [DRAG], context)
+    sure = confirmed(trial, context)
     assert sure.evidence is not None and sure.evidence.accepted(0.01)
 
 
@@ -88,15 +75,15 @@ def test_under_coloured_noise_a_free_simulation_must_gain_over_the_quiet_fit_wit
     base = fitted([log])
     without = quiet_fit(base, [log])
     assert without is not None
-    ground = Ground(built(), base, (log,), 10, 0.01, 5.0, quiet=without)
-    trial = refit_alone(Trial(offered(base, log)[0], 0.0), [DRAG], ground)
-    sure = confirmed(trial, ground)
+    context = Context(built(), base, (log,), 10, 0.01, 5.0, quiet=without)
+    trial = refit_from(Trial(offered(base, log)[0], 0.0), [DRAG], context)
+    sure = confirmed(trial, context)
     assert sure.evidence is not None and sure.evidence.accepted(0.01)
     assert trial.fit is not None
     alone = quiet_fit(trial.fit, [log])
     assert alone is not None
     monkeypatch.setattr(confirm, "_is_clear", lambda *given: False)  # as if its white channels said too little
-    as_good = replace(ground, quiet=replace(without, nll=alone.nll))
+    as_good = replace(context, quiet=replace(without, nll=alone.nll))
     doubted = confirmed(trial, as_good)
     assert doubted.evidence is not None and doubted.evidence.p_robust == 1.0
 

@@ -9,12 +9,12 @@ import pytest
 from scipy.linalg import expm
 
 from bondgraph.compile.machine_code import has_numba
+from bondgraph.correct.evidence.context import coefficients
 from bondgraph.correct.models.candidates import Candidate, candidates, places, superset
 from bondgraph.correct.models.faults import SENSOR_FAULTS
 from bondgraph.correct.places.located import locate
 from bondgraph.correct.places.probes import hats, probes, signals
 from bondgraph.correct.places.structure import structure
-from bondgraph.correct.refits.refit import coefficients
 from bondgraph.correct.responses.recursion import _carried, _in_numpy
 from bondgraph.correct.responses.response import Change, _phi
 from bondgraph.correct.scores.gates import best_gated, gate_samples

@@ -7,13 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from bondgraph.correct.evidence.context import at_optimum
+from bondgraph.correct.evidence.decide import alternatives, choose
+from bondgraph.correct.evidence.transfer import Transfer, folds, left_out, transfer
+from bondgraph.correct.evidence.trials import Trial
 from bondgraph.correct.fits.compared import Compared
 from bondgraph.correct.fits.fit import Fit, fit
 from bondgraph.correct.loop import ClosedLoop, close_loop
-from bondgraph.correct.refits.decide import alternatives, choose
-from bondgraph.correct.refits.refit import at_optimum
-from bondgraph.correct.refits.transfer import Transfer, folds, left_out, transfer
-from bondgraph.correct.refits.trials import Trial
 from bondgraph.correct.result import result_json
 from bondgraph.data.log import MatchedLog
 from bondgraph.declare.graph import BondGraph

@@ -9,9 +9,9 @@ import pytest
 from sympy import exp
 
 from bondgraph.build import build
+from bondgraph.correct.evidence.context import at_optimum
 from bondgraph.correct.fits.fit import fit
 from bondgraph.correct.loop import ClosedLoop, LoopSettings, close_loop
-from bondgraph.correct.refits.refit import at_optimum
 from bondgraph.correct.result import result_json
 from bondgraph.correct.scores.gates import Constancy, Gate, constancy, gate_samples, gates
 from bondgraph.data.log import MatchedLog

@@ -6,11 +6,11 @@ from dataclasses import replace
 
 import pytest
 
+from bondgraph.correct.evidence.context import Context
+from bondgraph.correct.evidence.trials import Evidence, Trial
 from bondgraph.correct.loop import ClosedLoop, LoopSettings, close_loop
-from bondgraph.correct.refits.refit import Ground
-from bondgraph.correct.refits.trials import Evidence, Trial
-from bondgraph.correct.refits.widths import at_any_width, is_due
 from bondgraph.correct.round import one_round
+from bondgraph.correct.search.widths import at_any_width, is_due
 from bondgraph.declare.effect import EffectFunction
 from tests.correct import sled
 from tests.correct.drive import DRAG, FRICTION, WIDTH, drive, turned
@@ -59,25 +59,25 @@ def test_friction_that_rises_towards_standstill_is_still_found_as_such() -> None
 
 
 @pytest.fixture(scope="module")
-def rubbed() -> tuple[Ground, list[Trial]]:
+def rubbed() -> tuple[Context, list[Trial]]:
     """A sled that never stands still, with the dry friction of the dictionary, and what was tried of it."""
     train = [sled.pull(sled.added(effects.coulomb_loss, "runner", 3.0), seed, name=f"run{seed}") for seed in (1, 2)]
     base = sled.fitted(train)
     turn = one_round(sled.built(), base, train, (effects.coulomb_loss, effects.stribeck_loss))
-    return Ground(sled.built(), base, tuple(train), turn.tried, 0.01, 10.0), list(turn.trials)
+    return Context(sled.built(), base, tuple(train), turn.tried, 0.01, 10.0), list(turn.trials)
 
 
-def test_a_width_that_the_logs_do_not_ask_for_stays(rubbed: tuple[Ground, list[Trial]]) -> None:
-    ground, trials = rubbed
+def test_a_width_that_the_logs_do_not_ask_for_stays(rubbed: tuple[Context, list[Trial]]) -> None:
+    context, trials = rubbed
     best = max((one for one in trials if one.fit is not None), key=lambda one: one.gain)
-    assert is_due(best, trials, ground)
-    done = at_any_width(best, trials, ground)
+    assert is_due(best, trials, context)
+    done = at_any_width(best, trials, context)
     assert all("instead of" not in one.remark for one in done)
     assert all("w_" not in name for one in done for name in one.candidate.effect.parameters)
 
 
-def test_of_two_that_do_as_well_the_simpler_is_left_as_the_best(rubbed: tuple[Ground, list[Trial]]) -> None:
-    ground, trials = rubbed
+def test_of_two_that_do_as_well_the_simpler_is_left_as_the_best(rubbed: tuple[Context, list[Trial]]) -> None:
+    context, trials = rubbed
     simple = next(one for one in trials if one.candidate.effect.name == "coulomb_loss" and one.fit is not None)
     place = simple.candidate.place.label
     complex_ = next(
@@ -85,10 +85,10 @@ def test_of_two_that_do_as_well_the_simpler_is_left_as_the_best(rubbed: tuple[Gr
     )
     assert simple.evidence is not None
     worth = simple.evidence.bic_gain
-    seems = Evidence(simple.gain + 12.0, 0.0, 0.0, worth + 1.0, ground.tried)
+    seems = Evidence(simple.gain + 12.0, 0.0, 0.0, worth + 1.0, context.tried)
     fancy = replace(complex_, fit=simple.fit, built=simple.built, evidence=seems)
     trials = [simple, fancy]
-    done = at_any_width(fancy, trials, ground)
+    done = at_any_width(fancy, trials, context)
     assert done[0].evidence is not None and done[1].evidence is not None
     assert done[0].evidence.bic_gain > done[1].evidence.bic_gain
     assert "does as well" in done[1].remark

@@ -58,7 +58,7 @@ WITHIN_REACH = 60.0
 #: Process noise this share of the way up from its lower bound stands in for nothing.
 _LITTLE = 0.2
 #: A search on a part of the logs ends where a further step promises less than so many nats.
-_ROUGH, _ROUGH_ITERATIONS = 2.0, 30
+ROUGH, ROUGH_ITERATIONS = 2.0, 30
 
 Report = Callable[[str, int, int], None]
 
@@ -235,8 +235,8 @@ def fit(
     journal
         Finished fits, from which this one is taken if it is there, and where it is noted if not.
     first
-        Where the search of a stiff model begins (n,), on the beginnings of long logs; ``starts`` are searched from only
-        if one of them is better than where that ended.
+        Where a rough search begins (n,) whatever its value, of a stiff model on the beginnings of long logs; ``starts``
+        are searched from only if one of them is better than where that ended.
     reach
         The search of a stiff model is finished by exact derivatives only if it ends behind ``beat`` by less than this
         (ahead of it by more, if negative).
@@ -288,6 +288,9 @@ def _search(
     if is_linearised(problem):
         return _linear_search(problem, iterations, tolerance, starts, beat, first, reach)
     settings = GaussNewtonSettings(iterations=iterations, tolerance=tolerance)
+    if first is not None:
+        begun = _search(problem, ROUGH_ITERATIONS, ROUGH, [first], np.inf, None, reach)[0]
+        starts = [*(starts or [problem.start]), begun.point]
     start, evaluations = _best_start(problem, starts)
     differences = _Expansions()
     state = initial_starts(problem, start, settings)
@@ -315,12 +318,12 @@ def _linear_search(
     reach: float,
 ) -> tuple[Fit, FloatArray]:
     """The fit of a stiff model; its expansions need no difference steps."""
-    polishes, part = tolerance < _ROUGH, excerpt(problem)
+    polishes, part = tolerance < ROUGH, excerpt(problem)
     if first is None:
         best, evaluations = _best_start(problem, starts)
         start = best[:, 0]
     else:
-        rough = _rough(part or problem, _ROUGH_ITERATIONS, first, starts)
+        rough = _rough(part or problem, ROUGH_ITERATIONS, first, starts)
         if part is None and not polishes:  # nothing is left to do
             return _fit_of(problem, rough)
         start, evaluations = rough.point, rough.evaluations
@@ -337,11 +340,11 @@ def _fit_of(problem: EstimationProblem, found: Reached) -> tuple[Fit, FloatArray
 
 def _rough(problem: EstimationProblem, iterations: int, first: FloatArray, starts: Sequence[FloatArray]) -> Reached:
     """Where a rough search from the first start or, if that is better, from another one ends."""
-    found = linear_search(problem, first, iterations, _ROUGH, np.inf, _HOPELESS)
+    found = linear_search(problem, first, iterations, ROUGH, np.inf, _HOPELESS)
     evaluations = found.evaluations + len(starts)
     other, _ = _best_start(problem, starts)
     if starts and not problem.nll(other)[0] > found.nll:
-        again = linear_search(problem, other[:, 0], iterations, _ROUGH, np.inf, _HOPELESS)
+        again = linear_search(problem, other[:, 0], iterations, ROUGH, np.inf, _HOPELESS)
         evaluations += again.evaluations
         found = again if again.nll < found.nll else found
     return replace(found, evaluations=evaluations)

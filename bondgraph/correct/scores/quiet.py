@@ -13,7 +13,6 @@ Geophysics 22.
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -23,7 +22,7 @@ from bondgraph.correct.fits.fit import Fit, fit
 from bondgraph.correct.fits.journal import Journal
 from bondgraph.correct.models.candidates import Candidate
 from bondgraph.correct.scores.scoring import Linearisation, Scored, linearisation, score_candidates
-from bondgraph.data.log import FloatArray, MatchedLog
+from bondgraph.data.log import MatchedLog
 from bondgraph.errors import EstimationError, FilterError
 from bondgraph.estimate.free import FreeParameter
 from bondgraph.estimate.problem import EstimationProblem
@@ -36,12 +35,6 @@ _NOISIER = (1.0, 5.0, 25.0, 125.0)
 #: factors on the noise of the sensors, which has to rise where that of the process falls.
 _DESCENT = (0.2, 0.4, 0.6, 0.8, 1.0)
 _RISING = tuple(5.0**k for k in range(9))
-#: Shares of a score's step at which a refit is tried.
-_STRIDES = (1.0, 0.5)
-#: How far process noise is lowered from the fit without an effect to its bound, on its logarithmic scale.
-_LOWERED = (1.0, 0.5, 0.0)
-#: Coefficients start this share of their range away from a bound.
-_MARGIN = 1e-6
 
 
 @dataclass(frozen=True)
@@ -141,58 +134,3 @@ def is_driven(fitted: Fit, least: float) -> bool:
     What is worth less stands in for no more than that.
     """
     return not fitted.driven < least
-
-
-def quiet_starts(base: Fit, quiet: Quiet, index: int, own: Sequence[FreeParameter]) -> list[FloatArray]:
-    """Starts of the refit of one candidate, from the quiet fit along its step there, at several levels of noise.
-
-    What a quiet fit leaves unexplained counts as noise of the sensors; that of the other fit may be nearer the truth.
-
-    Parameters
-    ----------
-    base
-        The fit without it, whose free parameters come first.
-    quiet
-        Scores on the quiet fit.
-    index
-        Which candidate.
-    own
-        Its coefficients, then its shapes.
-    """
-    problem, fitted = base.problem, quiet.fit
-    rows = {name: k for k, name in enumerate(problem.names)}
-    into = [rows[name] for name in fitted.problem.names]
-    process = np.array([one.target.kind == "process" for one in problem.free])
-    moving = np.array([one.target.kind == "parameter" for one in fitted.problem.free])
-    step, follows = quiet.scored.scores.steps[index], np.zeros(fitted.point.size)
-    follows[~fitted.held] = quiet.scored.scores.follows(index)
-    shapes = quiet.scored.variants[index].shapes
-    found = []
-    for share in _STRIDES:
-        reached = [one.coordinate(_inside(one, share * value)) for one, value in zip(own, step, strict=False)]
-        rest = [one.coordinate(shapes.get(one.name, one.start)) for one in own[step.size :]]
-        for lowered, sensors in itertools.product(_LOWERED, (fitted.point, base.point[into])):
-            point = base.point.copy()
-            point[into] = np.where(moving, fitted.point + share * follows, sensors)
-            point[process] = base.point[process] + lowered * (problem.lower - base.point)[process]
-            found.append(np.concatenate([point, reached, rest]))
-    return found
-
-
-def lowered_starts(base: Fit, quiet: Fit | None) -> list[FloatArray]:
-    """Points (n,) of the free parameters of a fit: its own, with less process noise, and that of the quiet fit."""
-    problem = base.problem
-    process = np.array([one.target.kind == "process" for one in problem.free])
-    found = [np.where(process, base.point + share * (problem.lower - base.point), base.point) for share in _LOWERED]
-    if quiet is not None:
-        rows = {name: k for k, name in enumerate(problem.names)}
-        point = found[0].copy()
-        moving = [k for k, one in enumerate(quiet.problem.free) if one.target.kind == "parameter"]
-        point[[rows[quiet.problem.names[k]] for k in moving]] = quiet.point[moving]
-        found.append(point)
-    return found
-
-
-def _inside(coefficient: FreeParameter, value: float) -> float:
-    margin = _MARGIN * (coefficient.upper - coefficient.lower)
-    return float(np.clip(value, coefficient.lower + margin, coefficient.upper - margin))

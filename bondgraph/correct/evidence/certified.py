@@ -15,9 +15,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from bondgraph.correct.evidence.context import at_optimum
 from bondgraph.correct.fits.fit import Fit, expand, fit, restricted
 from bondgraph.correct.fits.journal import Journal
-from bondgraph.correct.refits.refit import at_optimum
 from bondgraph.correct.scores.score import solve
 from bondgraph.data.log import FloatArray
 from bondgraph.errors import EstimationError

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from bondgraph.correct.refits.certified import resolving, with_steps
-from bondgraph.correct.refits.decide import judge
-from bondgraph.correct.refits.refit import Ground
-from bondgraph.correct.refits.trials import Trial
+from bondgraph.correct.evidence.certified import resolving, with_steps
+from bondgraph.correct.evidence.context import Context
+from bondgraph.correct.evidence.decide import judge
+from bondgraph.correct.evidence.trials import Trial
 
 
-def resolved(trial: Trial, ground: Ground) -> Trial:
+def resolved(trial: Trial, context: Context) -> Trial:
     """The trial with its gain at steps that resolve it, against the fit without it at the same steps.
 
     The fit without it is certified before anything is scored; an effect may make a model faster (a soft shaft, dry
@@ -21,7 +21,7 @@ def resolved(trial: Trial, ground: Ground) -> Trial:
     steps = resolving(trial.fit)
     if steps is trial.fit.problem.filter_model:
         return trial
-    fitted, base = (with_steps(one, steps, ground.journal) for one in (trial.fit, ground.base))
+    fitted, base = (with_steps(one, steps, context.journal) for one in (trial.fit, context.base))
     evidence = judge(base, fitted, trial.candidate.effect, trial.evidence.tried, trial.gate is not None)
     sure = replace(evidence, p_robust=max(evidence.p_robust, trial.evidence.p_robust))
     said = f"with {steps.substeps} integration steps between samples it gains {sure.delta_nll:.1f} nats instead of"

@@ -1,4 +1,4 @@
-"""Exchanging an effect that was found for another: what the fit with it says a fit with another instead would reach.
+"""Swaps: what the fit with one candidate says a fit with another in its place would reach.
 
 Scores at the fit without any effect rank candidates roughly: that fit hides what it lacks in its noise and in
 parameters far from their truth. At the fit with one of them in place, noise and parameters are about right, whichever
@@ -14,11 +14,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from bondgraph.correct.evidence.context import coefficients, inside
+from bondgraph.correct.evidence.trials import Trial
 from bondgraph.correct.models.candidates import Candidate, Variant
-from bondgraph.correct.refits.refit import coefficients, inside
-from bondgraph.correct.refits.trials import Trial
 from bondgraph.correct.responses.response import Change, Path, model_change, together
-from bondgraph.correct.scores.gates import Gate
 from bondgraph.correct.scores.score import best_step, project, solve
 from bondgraph.correct.scores.scoring import Linearisation, linearisation
 from bondgraph.data.log import FloatArray, MatchedLog
@@ -31,7 +30,7 @@ _ABREAST = 8
 
 
 @dataclass(frozen=True)
-class Exchange:
+class Swap:
     """One candidate in the place of an effect that was found.
 
     ``loss`` is by how many nats its fit would be worse, ``starts`` are points, each (n,), from which to refit it.
@@ -41,16 +40,16 @@ class Exchange:
     starts: tuple[FloatArray, ...]
 
 
-def exchanges(
+def swaps(
     found: Trial, others: Sequence[Candidate], variants: Sequence[Variant], train: Sequence[MatchedLog], shared: int
-) -> list[Exchange | None]:
+) -> list[Swap | None]:
     """What each of some candidates would do in the place of a refitted one; None where nothing can be said.
 
     Parameters
     ----------
     found
         The refitted candidate; nothing can be said without a refit, with its coefficients on a bound, or where it
-        brings a state (a deflection) that the others have no place for. If it acts in part of the data, so do they.
+        brings a state (a deflection) that the others have no place for.
     others, variants
         The candidates, which bring no storage of their own, and how each is tried.
     train
@@ -65,7 +64,7 @@ def exchanges(
     if not all(states <= set(one.model.names("state")) for one in others):
         return [None] * len(others)
     linear = linearisation(fitted, train)
-    expansion = linear.expansion(_columns(linear, found.gate, others, variants, train))
+    expansion = linear.expansion(_columns(linear, others, variants))
     kept = np.flatnonzero(~fitted.held)
     common = np.flatnonzero(kept < shared)
     own = np.flatnonzero(kept >= shared)[: len(found.candidate.effect.coefficients)]
@@ -78,7 +77,7 @@ def exchanges(
     back = -solve(moved.information[: common.size, : common.size], moved.gradient[: common.size, np.newaxis])[:, 0]
     removal = 0.5 * float(away @ (expansion.gradient[own] + gradient[own]))
     removal += 0.5 * float(moved.gradient[: common.size] @ back)
-    results: list[Exchange | None] = []
+    results: list[Swap | None] = []
     first = 0
     for one, how in zip(others, variants, strict=True):
         mine = list(range(first, first + len(one.effect.coefficients)))
@@ -90,17 +89,11 @@ def exchanges(
         reached = [inside(parameter, value) for parameter, value in zip(free, step, strict=False)]
         shapes = [parameter.coordinate(parameter.start) for parameter in free[step.size :]]
         ends = [fitted.point[:shared] + share * shift for share in _STRIDES]
-        results.append(Exchange(removal - gain, tuple(np.concatenate([end, reached, shapes]) for end in ends)))
+        results.append(Swap(removal - gain, tuple(np.concatenate([end, reached, shapes]) for end in ends)))
     return results
 
 
-def _columns(
-    linear: Linearisation,
-    gate: Gate | None,
-    others: Sequence[Candidate],
-    variants: Sequence[Variant],
-    train: Sequence[MatchedLog],
-) -> FloatArray:
+def _columns(linear: Linearisation, others: Sequence[Candidate], variants: Sequence[Variant]) -> FloatArray:
     """Responses to all coefficients of candidates, a lane each; all of them do nothing where these are zero."""
     model, paths = others[0].model, [log.path for log in linear.logs]
     absent = [model_change(path, model, model.theta(**path.parameters(model)), 1.0) for path in paths]
@@ -108,17 +101,10 @@ def _columns(
 
     def some(part: int, log: int) -> Change:
         own = range(firsts[part], min(firsts[part] + _ABREAST, len(others)))
-        change = together([_change(paths[log], others[k], variants[k], absent[log]) for k in own])
-        return change if gate is None else _in_part(change, paths[log], gate, train)
+        return together([_change(paths[log], others[k], variants[k], absent[log]) for k in own])
 
     sizes = [len(one.effect.coefficients) for one in others]
     return linear.responses([sum(sizes[first : first + _ABREAST]) for first in firsts], some)[0]
-
-
-def _in_part(change: Change, path: Path, gate: Gate, logs: Sequence[MatchedLog]) -> Change:
-    """The changes of candidates that act from a time on, or until it."""
-    on = gate.acts(path.time, path.log.name, logs)[:, np.newaxis]
-    return Change(change.start * on[:-1], change.end * on[1:], change.outputs * on)
 
 
 def _change(path: Path, candidate: Candidate, variant: Variant, absent: Change) -> Change:

@@ -13,10 +13,10 @@ from collections.abc import Sequence
 import numpy as np
 from scipy import stats
 
+from bondgraph.correct.evidence.trials import Alternative, Detectable, Evidence, Trial
 from bondgraph.correct.fits.fit import BLOCKS, Fit, restricted
 from bondgraph.correct.fits.times import summed, term_times
 from bondgraph.correct.models.candidates import Candidate
-from bondgraph.correct.refits.trials import Alternative, Detectable, Evidence, Trial
 from bondgraph.correct.scores.score import Scores, robust_variance, solve
 from bondgraph.data.log import FloatArray, MatchedLog
 from bondgraph.declare.effect import Effect

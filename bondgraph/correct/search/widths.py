@@ -14,12 +14,13 @@ from dataclasses import replace
 
 import numpy as np
 
+from bondgraph.correct.evidence.certified import resolving, with_steps
+from bondgraph.correct.evidence.context import Context, at_optimum
+from bondgraph.correct.evidence.decide import CLOSE, judge
+from bondgraph.correct.evidence.trials import Trial
 from bondgraph.correct.fits.fit import Fit, fit
 from bondgraph.correct.models.failures import attempted
-from bondgraph.correct.refits.certified import resolving, with_steps
-from bondgraph.correct.refits.decide import CLOSE, judge
-from bondgraph.correct.refits.refit import Ground, at_optimum, refit_alone
-from bondgraph.correct.refits.trials import Trial
+from bondgraph.correct.search.refit import refit_from
 from bondgraph.estimate.free import FreeParameter
 
 #: Shares of the declared width at which a search with a free width begins: what changes over more sharply is the rule.
@@ -31,14 +32,14 @@ _ITERATIONS, _TOLERANCE = 30, 0.05
 _ROUNDS = 3
 
 
-def is_due(best: Trial, trials: Sequence[Trial], ground: Ground) -> bool:
+def is_due(best: Trial, trials: Sequence[Trial], context: Context) -> bool:
     """Whether widths are to be freed before a trial is chosen; of a stiff model where a simpler law may do as well."""
     if best.gate is not None or best.fit is None or not best.candidate.effect.widths:
         return False
-    return bool(_simpler(best, trials)) or not ground.base.problem.filter_model.is_stiff
+    return bool(_simpler(best, trials)) or not context.base.problem.filter_model.is_stiff
 
 
-def at_any_width(best: Trial, trials: Sequence[Trial], ground: Ground) -> list[Trial]:
+def at_any_width(best: Trial, trials: Sequence[Trial], context: Context) -> list[Trial]:
     """The trials, the best and the simpler ones at its place with free widths where these explain more.
 
     Of those that gain as much, to a few nats beyond their number of parameters, the simpler one is left as the best.
@@ -46,7 +47,7 @@ def at_any_width(best: Trial, trials: Sequence[Trial], ground: Ground) -> list[T
     done = list(trials)
     due = [k for k, one in enumerate(done) if one is best or one in _simpler(best, trials)]
     for k in due:
-        freed = attempted(lambda one=done[k]: _freed(one, ground), lambda why: None)  # type: ignore[misc]
+        freed = attempted(lambda one=done[k]: _freed(one, context), lambda why: None)  # type: ignore[misc]
         if freed is not None and _worth(freed) > _worth(done[k]):
             done[k] = freed
     simplest = max(due, key=lambda k: (_worth(done[k]) > max(_worth(done[j]) for j in due) - CLOSE, -_size(done[k])))
@@ -72,10 +73,10 @@ def _simpler(best: Trial, trials: Sequence[Trial]) -> list[Trial]:
     ]
 
 
-def _freed(trial: Trial, ground: Ground) -> Trial:
+def _freed(trial: Trial, context: Context) -> Trial:
     """The trial refitted with its widths free, its steps short enough for the width that is found."""
     if trial.fit is None:
-        trial = refit_alone(trial, trial.step, ground)
+        trial = refit_from(trial, trial.step, context)
     assert trial.fit is not None and trial.built is not None  # it was refitted
     effect = trial.candidate.effect
     model = trial.built.model
@@ -86,11 +87,11 @@ def _freed(trial: Trial, ground: Ground) -> Trial:
         np.concatenate([trial.fit.point, [one.coordinate(share * one.start) for one in own]]) for share in _SHARES
     ]
     free = (*at_optimum(trial.fit), *own)
-    fitted = fit(filter_model, ground.train, free, _ITERATIONS, _TOLERANCE, starts, journal=ground.journal)
-    fitted = _resolved(fitted, ground.base.problem.filter_model.substeps, ground)
-    base = with_steps(ground.base, fitted.problem.filter_model, ground.journal)
+    fitted = fit(filter_model, context.train, free, _ITERATIONS, _TOLERANCE, starts, journal=context.journal)
+    fitted = _resolved(fitted, context.base.problem.filter_model.substeps, context)
+    base = with_steps(context.base, fitted.problem.filter_model, context.journal)
     effect = replace(effect, shapes=(*effect.shapes, *effect.widths), widths=())
-    evidence = judge(base, fitted, effect, ground.tried)
+    evidence = judge(base, fitted, effect, context.tried)
     widths = ", ".join(f"{name} = {fitted.values[name]:.3g} instead of {value:.3g}" for name, value in declared.items())
     remark = f"with {widths}"
     return replace(
@@ -99,13 +100,13 @@ def _freed(trial: Trial, ground: Ground) -> Trial:
     )  # fmt: skip
 
 
-def _resolved(fitted: Fit, least: int, ground: Ground) -> Fit:
+def _resolved(fitted: Fit, least: int, context: Context) -> Fit:
     """The fit with steps that resolve the width it ends with; ``least`` are those from which halvings are counted."""
     for _ in range(_ROUNDS):
         steps = resolving(fitted, least)
         if steps is fitted.problem.filter_model:
             break
-        fitted = with_steps(fitted, steps, ground.journal)
+        fitted = with_steps(fitted, steps, context.journal)
     return fitted
 
 

@@ -16,17 +16,17 @@ from dataclasses import replace
 import numpy as np
 from scipy import stats
 
+from bondgraph.correct.evidence.certified import with_steps
+from bondgraph.correct.evidence.context import Context, at_optimum
+from bondgraph.correct.evidence.decide import channel_shares, judge, robust_p_value, robust_ratio_p_value
+from bondgraph.correct.evidence.transfer import transfer
+from bondgraph.correct.evidence.trials import Evidence, Trial
 from bondgraph.correct.fits.assess import gain_p_value
 from bondgraph.correct.fits.excerpts import excerpt
 from bondgraph.correct.fits.fit import Fit, fit
 from bondgraph.correct.fits.linear_steps import is_linearised
 from bondgraph.correct.fits.whiteness import whiteness
 from bondgraph.correct.models.candidates import Candidate
-from bondgraph.correct.refits.certified import with_steps
-from bondgraph.correct.refits.decide import channel_shares, judge, robust_p_value, robust_ratio_p_value
-from bondgraph.correct.refits.refit import Ground, at_optimum
-from bondgraph.correct.refits.transfer import transfer
-from bondgraph.correct.refits.trials import Evidence, Trial
 from bondgraph.correct.scores.quiet import annealed_fit, quiet_fit
 from bondgraph.errors import EstimationError
 
@@ -37,7 +37,7 @@ _ROUGH = 2.0
 _LONGEST = 0.97
 
 
-def confirmed(trial: Trial, ground: Ground) -> Trial:
+def confirmed(trial: Trial, context: Context) -> Trial:
     """The trial with its evidence after a second look.
 
     A trial that stands by its white channels alone is left as it is on stiff models, whose fits are costly. Neither the
@@ -50,26 +50,26 @@ def confirmed(trial: Trial, ground: Ground) -> Trial:
     if trial.fit is None or trial.evidence is None:
         return trial
     candidate = trial.candidate
-    if ground.base.problem.filter_model.is_stiff:
-        if _is_clear(trial.fit, trial.evidence, candidate, ground.level):
+    if context.base.problem.filter_model.is_stiff:
+        if _is_clear(trial.fit, trial.evidence, candidate, context.level):
             return trial
         if candidate.effect.adds_state and not candidate.followed:
-            along = gain_p_value(ground.base.own_runs, trial.fit.own_runs)
+            along = gain_p_value(context.base.own_runs, trial.fit.own_runs)
             return replace(trial, evidence=replace(trial.evidence, p_robust=max(trial.evidence.p_robust, along)))
-    base = _from_there(ground.base, trial.fit, ground)
+    base = _from_there(context.base, trial.fit, context)
     evidence = judge(base, trial.fit, trial.candidate.effect, trial.evidence.tried, trial.gate is not None)
-    return replace(trial, evidence=_in_free_simulation(trial.fit, trial, evidence, ground))
+    return replace(trial, evidence=_in_free_simulation(trial.fit, trial, evidence, context))
 
 
-def transferred(trial: Trial, ground: Ground) -> Trial:
+def transferred(trial: Trial, context: Context) -> Trial:
     """The trial with how it transfers to data that it was not estimated from; an event, which is no law, has none."""
     if trial.fit is None or trial.gate is not None:
         return trial
-    base = with_steps(ground.base, trial.fit.problem.filter_model, ground.journal)
+    base = with_steps(context.base, trial.fit.problem.filter_model, context.journal)
     return replace(trial, transfer=transfer(base, trial.fit, trial.candidate.effect))
 
 
-def _from_there(base: Fit, refit: Fit, ground: Ground) -> Fit:
+def _from_there(base: Fit, refit: Fit, context: Context) -> Fit:
     """The fit without the effect, or a better one that is found from where the refit with it ended."""
     known = refit.values
     free = [
@@ -80,11 +80,11 @@ def _from_there(base: Fit, refit: Fit, ground: Ground) -> Fit:
     part = excerpt(problem) if is_linearised(problem) else None
     try:
         if part is not None:
-            begun = fit(problem.filter_model, part.logs, free, _MOST_ITERATIONS, _ROUGH, journal=ground.journal)
+            begun = fit(problem.filter_model, part.logs, free, _MOST_ITERATIONS, _ROUGH, journal=context.journal)
             if begun.nll > float(part.nll(base.point[:, np.newaxis])[0]):
                 return base  # it explains the beginnings of long logs less well already
             free = list(at_optimum(begun))
-        other = fit(problem.filter_model, problem.logs, free, _MOST_ITERATIONS, _TOLERANCE, journal=ground.journal)
+        other = fit(problem.filter_model, problem.logs, free, _MOST_ITERATIONS, _TOLERANCE, journal=context.journal)
     except EstimationError:
         return base
     return other if other.nll < base.nll else base
@@ -101,18 +101,18 @@ def _is_clear(refit: Fit, evidence: Evidence, candidate: Candidate, level: float
     return robust_p_value(refit, names, share=max(0.0, 1.0 - coloured)) * evidence.tried < level
 
 
-def _in_free_simulation(refit: Fit, trial: Trial, evidence: Evidence, ground: Ground) -> Evidence:
+def _in_free_simulation(refit: Fit, trial: Trial, evidence: Evidence, context: Context) -> Evidence:
     """The evidence; where the innovations stay coloured with the p-value that the free simulation gives."""
     driven = any(one.target.kind == "process" for one in refit.problem.free)
-    if not driven or _is_clear(refit, evidence, trial.candidate, ground.level):
+    if not driven or _is_clear(refit, evidence, trial.candidate, context.level):
         return evidence
-    quiet = _quietest(refit, quiet_fit(refit, refit.problem.logs, ground.journal), ground)
+    quiet = _quietest(refit, quiet_fit(refit, refit.problem.logs, context.journal), context)
     if quiet is None:  # no simulation with it stays near the logs
         return replace(evidence, p_robust=1.0)
     names = trial.candidate.effect.coefficients
     p_value = robust_p_value(quiet, names, uneven=True)
-    still = ground.quiet or quiet_fit(ground.base, ground.train, ground.journal)
-    without = _quietest(ground.base, still, ground)
+    still = context.quiet or quiet_fit(context.base, context.train, context.journal)
+    without = _quietest(context.base, still, context)
     if without is not None:
         gain = without.nll - quiet.nll
         p_value = max(p_value, robust_ratio_p_value(gain, quiet, names))
@@ -121,9 +121,9 @@ def _in_free_simulation(refit: Fit, trial: Trial, evidence: Evidence, ground: Gr
     return replace(evidence, p_robust=max(evidence.p_robust, min(1.0, p_value * evidence.tried)))
 
 
-def _quietest(loud: Fit, quiet: Fit | None, ground: Ground) -> Fit | None:
+def _quietest(loud: Fit, quiet: Fit | None, context: Context) -> Fit | None:
     """The likelier of a quiet fit and the one that lowering the process noise of a fit by steps leads to."""
-    annealed = annealed_fit(loud, loud.problem.logs, ground.journal)
+    annealed = annealed_fit(loud, loud.problem.logs, context.journal)
     return min((one for one in (quiet, annealed) if one is not None), key=lambda one: one.nll, default=None)
 
 

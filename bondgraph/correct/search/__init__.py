@@ -1,0 +1,1 @@
+"""Search: which candidates are refitted, from where, and when that ends."""

@@ -1,0 +1,181 @@
+"""The opening of a search: every candidate with what the first incumbents predict of it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from bondgraph.correct.evidence.context import Context
+from bondgraph.correct.evidence.trials import Trial
+from bondgraph.correct.fits.fit import Report
+from bondgraph.correct.fits.whiteness import is_white
+from bondgraph.correct.models.candidates import Candidate
+from bondgraph.correct.models.failures import attempted
+from bondgraph.correct.scores.gates import gate_samples
+from bondgraph.correct.scores.quiet import Quiet, is_driven, quiet_scores
+from bondgraph.correct.scores.scoring import Linearisation, Scored, score_candidates
+from bondgraph.correct.search.events import Event, events
+from bondgraph.correct.search.groups import alike
+from bondgraph.correct.search.incumbents import (
+    Prediction,
+    predicted_by_scores,
+    scaled,
+    scored_at_declared_values,
+)
+from bondgraph.correct.search.search import Entry, Search
+from bondgraph.correct.search.storages import TrialSize, trial_size
+from bondgraph.filter.compiled import in_threads
+
+#: Storages that are looked at side by side, whatever the machine, and events of each fit that may be refitted.
+_ABREAST, _EVENTS = 2, 2
+
+
+@dataclass(frozen=True)
+class Scoring:
+    """Candidates without a zero and those with one, scored on the linearised fit of the declared model.
+
+    ``trials`` are those of the scored candidates, in their order; ``stateful`` bring a state of their own.
+    """
+
+    linear: Linearisation
+    scored: Scored
+    trials: tuple[Trial, ...]
+    stateful: tuple[Candidate, ...]
+
+
+def opened(given: Scoring, context: Context, named: bool, report: Report) -> Search:
+    """The search with everything that is known before the first refit.
+
+    Parameters
+    ----------
+    given
+        Scores at the fit of the declared model.
+    context
+        What all refits share.
+    named
+        Whether an effect was found before: then the fit has the effects found so far, and the declared values matter no
+        more.
+    report
+        Called with a stage and its progress.
+    """
+    quiet = _quiet(given, context, report)
+    context = context if quiet is None else replace(context, quiet=quiet.fit)
+    search = Search([Entry(trial) for trial in given.trials], given.scored, context)
+    base = predicted_by_scores(context.base, given.linear, given.scored, context)
+    best = max((one.gain for one in base if one is not None), default=0.0)
+    told = [(given.scored, base)]
+    if quiet is not None:
+        own = predicted_by_scores(quiet.fit, quiet.linear, quiet.scored, context)
+        told.append((quiet.scored, scaled(own, max(best, context.required))))
+    if not named and not context.base.problem.filter_model.is_stiff:  # of stiff ones every search begins there too
+        told.append((given.scored, scored_at_declared_values(context, given.scored.candidates)))
+    _predict(search, told)
+    _add_storages(search, given, quiet, named, report)
+    loud = events(given.linear, given.scored, context, _EVENTS)
+    _add_events(search, loud, 1.0)
+    if quiet is not None:
+        silent = events(quiet.linear, quiet.scored, context, _EVENTS)
+        most = max((one.trial.score_gain for one in silent), default=1.0)
+        _add_events(search, silent, max(best, context.required, *(one.trial.score_gain for one in loud)) / most)
+    return search
+
+
+def _quiet(given: Scoring, context: Context, report: Report) -> Quiet | None:
+    """Scores with the process noise held low; of a stiff model, whose fits are costly, only where it drives a state."""
+    if context.base.problem.filter_model.is_stiff and not is_driven(context.base, context.required):
+        return None
+    report("look beneath the process noise", 0, 1)
+    found = quiet_scores(
+        context.base, context.train, given.scored.candidates, context.journal, gate_samples(context.train)
+    )
+    report("look beneath the process noise", 1, 1)
+    return found
+
+
+def _predict(search: Search, told: Sequence[tuple[Scored, Sequence[Prediction | None]]]) -> None:
+    """Note predictions at the first of each group of equals."""
+    first: dict[int, int] = {}
+    for scored, predictions in told:
+        for group in alike(search.trials, scored.scores, 0.0):
+            known = next((first[j] for j in group if j in first), group[0])
+            new = [j for j in group if j not in first]
+            first |= dict.fromkeys(new, known)
+            entry = search.entries[known]
+            entry.twins += tuple(j for j in new if j != known)
+            own = predictions[known]
+            if own is not None:
+                entry.pending.append(own)
+
+
+def _add_storages(search: Search, given: Scoring, quiet: Quiet | None, named: bool, report: Report) -> None:
+    """Entries of candidates with a state: lags and late sensors by their scores, others by trial sizes.
+
+    A sensor that comes late can explain coloured noise by its memory; its score is that of the mean alone.
+    """
+    context = search.context
+    followed = [one for one in given.stateful if one.followed]
+    scored = score_candidates(given.linear, followed)
+    chances = [min(1.0, float(p) * context.tried) for p in scored.scores.p_value]
+    trials = [
+        Trial(one, float(scored.scores.gain[k]), tuple(map(float, scored.scores.steps[k])), score_p=chances[k])
+        for k, one in enumerate(followed)
+    ]
+    base = predicted_by_scores(context.base, given.linear, scored, context)
+    silent: Sequence[Prediction | None] = [None] * len(followed)
+    if quiet is not None:
+        own = quiet.of(followed)
+        among = max(float(one.scores.gain.max(initial=0.0)) for one in (quiet.scored, own.scored))
+        best = max((one.predicted for one in search.entries), default=0.0)
+        share = max(best, context.required) / among if among > 0.0 else 0.0
+        silent = [
+            None if one is None else replace(one, gain=share * one.gain)
+            for one in predicted_by_scores(quiet.fit, quiet.linear, own.scored, context)
+        ]
+    for trial, one, other in zip(trials, base, silent, strict=True):
+        loud = one if trial.score_p <= context.level else None
+        search.entries.append(Entry(trial, [found for found in (loud, other) if found is not None]))
+    search.entries.extend(_sized(given, context, named, report))
+
+
+def _sized(given: Scoring, context: Context, named: bool, report: Report) -> list[Entry]:
+    """Entries of storages at the size that suits the logs best.
+
+    Of a stiff model only as long as no effect is named, and where innovations are not white: each has to be compiled.
+    """
+    due = [one for one in given.stateful if not one.followed]
+    stiff = context.base.problem.filter_model.is_stiff
+    if not due or (stiff and (named or is_white(context.base, context.level))):
+        return [Entry(Trial(one, 0.0)) for one in due]
+    found: dict[int, TrialSize] = {}
+
+    def work(k: int) -> None:
+        trial = Trial(due[k], 0.0)
+        found[k] = attempted(
+            lambda: trial_size(trial, context), lambda why: TrialSize(replace(trial, failed=why), None)
+        )
+
+    report("look at storages", 0, len(due))
+    in_threads(_ABREAST, work, range(len(due)))
+    report("look at storages", len(due), len(due))
+    sized: Mapping[int, TrialSize] = found
+    return [
+        Entry(one.trial, [] if one.start is None else [Prediction(one.trial.score_gain, (one.start,))])
+        for one in (sized[k] for k in range(len(due)))
+    ]
+
+
+def _add_events(search: Search, found: Sequence[Event], scale: float) -> None:
+    """Entries of what acts in part of a log, each after the same law throughout; their gains count ``scale`` times.
+
+    A fit far from the truth may show an effect in a part of the data alone.
+    """
+    known = {(one.trial.candidate.label, one.trial.gate) for one in search.entries}
+    for event in found:
+        if (event.trial.candidate.label, event.trial.gate) in known:
+            continue
+        start = np.concatenate([search.context.base.point, [event.step]])
+        told = Prediction(scale * event.trial.score_gain, (start,))
+        search.entries.append(Entry(event.trial, [told], tried=event.tried))
+        search.entries[event.throughout].pending.append(told)

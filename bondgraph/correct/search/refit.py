@@ -1,0 +1,165 @@
+"""A refit: one candidate estimated with everything else that is free, from all the points where it may start.
+
+Successive halving (Jamieson and Talwalkar 2016, AISTATS): all starts by their value on the beginnings of long logs, a
+rough search there from the best of them and from little process noise, and the whole logs only for what is not clearly
+behind.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from bondgraph.build import BuiltModel, build
+from bondgraph.correct.evidence.context import Context, at_optimum, coefficients, declared_point, inside
+from bondgraph.correct.evidence.decide import judge
+from bondgraph.correct.evidence.trials import Trial
+from bondgraph.correct.fits.excerpts import excerpt
+from bondgraph.correct.fits.fit import ROUGH, ROUGH_ITERATIONS, WITHIN_REACH, Fit, fit
+from bondgraph.correct.fits.noise_starts import quiet_start
+from bondgraph.correct.search.storages import sizes, storage_problem
+from bondgraph.data.log import FloatArray
+from bondgraph.estimate.problem import EstimationProblem
+from bondgraph.filter.filter_model import FilterModel
+
+#: Candidates are compared to this many nats; the chosen one is then estimated to the end.
+_TOLERANCE, _MOST_ITERATIONS = 0.05, 25
+#: Shares of a predicted step at which a fit may start: expansions are right in direction more than in size.
+SHARES = (1.0, 0.5, 0.1)
+#: Shares of the way down to its bounds (logarithms) at which process noise starts: what it stood in for is explained.
+_LOWERED = (0.0, 0.5, 1.0)
+#: Multiples of a predicted coefficient at which a law may start that is not smooth, or much larger than predicted.
+_MULTIPLES = (4.0, 16.0)
+
+
+def refit(
+    trial: Trial,
+    starts: Sequence[FloatArray],
+    context: Context,
+    lead: Fit | None = None,
+    shared: FilterModel | None = None,
+    tried: int | None = None,
+) -> Trial:
+    """The trial with its fit and its evidence, or with the remark that it is clearly behind.
+
+    Parameters
+    ----------
+    trial
+        The candidate.
+    starts
+        Points (n,) of everything that is free, the candidate's coefficients and shapes last. None: its declared ones.
+    context
+        What is shared by all refits.
+    lead
+        The best fit so far: what is clearly behind it on the beginnings of the logs is given up.
+    shared
+        A compiled filter whose model has this candidate and others.
+    tried
+        How many candidates it was picked from, if not what the round tried.
+
+    Raises
+    ------
+    BondGraphError
+        If its model is refused or diverges at every start.
+    """
+    built, problem = prepared(trial, context, shared)
+    points = _spread(starts or [problem.start], problem, trial, context)
+    first = _quiet_beginning(problem, context)
+    part = excerpt(problem)
+    if part is not None:
+        begun = _fit(part, points, context, ROUGH_ITERATIONS, ROUGH, first=first)
+        if lead is not None and begun.nll > _on_beginnings(lead) + context.required + _left_open(problem):
+            gain = context.base.nll - lead.nll
+            remark = f"given up on the beginnings of the logs, clearly behind what gains {gain:.1f} nats"
+            return replace(trial, built=built, remark=remark)
+        points, first = [begun.point, *starts[:1]], None
+    beat = np.inf if lead is None else lead.nll
+    fitted = _fit(problem, points, context, _MOST_ITERATIONS, _TOLERANCE, beat, first)
+    evidence = judge(context.base, fitted, trial.candidate.effect, tried or context.tried, trial.gate is not None)
+    return replace(trial, built=built, fit=fitted, evidence=evidence, failed="")
+
+
+def prepared(trial: Trial, context: Context, shared: FilterModel | None = None) -> tuple[BuiltModel, EstimationProblem]:
+    """The model with a candidate in it, and the problem of its refit."""
+    built = build(trial.candidate.apply(context.built.graph))
+    if trial.candidate.effect.adds_state:
+        return built, storage_problem(trial, built, context)
+    filter_model = shared or replace(context.base.problem.filter_model, model=built.model)
+    free = (*at_optimum(context.base), *coefficients(trial.candidate, filter_model))
+    return built, EstimationProblem(filter_model, context.train, free)
+
+
+def refit_from(trial: Trial, values: Sequence[float], context: Context, tried: int | None = None) -> Trial:
+    """The trial refitted from values of its coefficients, and from smaller ones, all else at the fit without it."""
+    filter_model = replace(context.base.problem.filter_model, model=trial.candidate.model)
+    own = coefficients(trial.candidate, filter_model)
+    rest = [one.coordinate(one.start) for one in own[len(values) :]]
+    starts = [
+        np.concatenate(
+            [context.base.point, [inside(one, share * v) for one, v in zip(own, values, strict=False)], rest]
+        )
+        for share in SHARES
+    ]
+    return refit(trial, starts, context, tried=tried)
+
+
+def _fit(
+    problem: EstimationProblem,
+    points: Sequence[FloatArray],
+    context: Context,
+    iterations: int,
+    tolerance: float,
+    beat: float = np.inf,
+    first: FloatArray | None = None,
+) -> Fit:
+    return fit(
+        problem.filter_model, problem.logs, problem.free, iterations, tolerance, points, beat, context.journal, first
+    )  # fmt: skip
+
+
+def _spread(
+    starts: Sequence[FloatArray], problem: EstimationProblem, trial: Trial, context: Context
+) -> list[FloatArray]:
+    """The starts, and others that owe less to where they come from: with less process noise, with other sizes."""
+    shared, effect = context.base.point.size, trial.candidate.effect
+    found = list(starts)
+    if effect.adds_state:
+        found += sizes(problem, trial, context)
+    for start in starts[:1]:
+        first = start[shared]
+        other = [many * first for many in _MULTIPLES] if effect.coefficients else []
+        if effect.amplitudes:
+            signs = (1.0,) if trial.candidate.lower[0] >= 0.0 else (1.0, -1.0)
+            other += [sign * one.sizes[0] for one in trial.candidate.variants for sign in signs]
+        for value in dict.fromkeys(other):
+            point = np.concatenate([context.base.point, start[shared:]])
+            point[shared] = value
+            found.append(point)
+    process = np.array([one.target.kind == "process" for one in problem.free])
+    if process.any():
+        found = [point + share * np.where(process, problem.lower - point, 0.0) for share in _LOWERED for point in found]
+    return [np.clip(point, problem.lower, problem.upper) for point in found]
+
+
+def _quiet_beginning(problem: EstimationProblem, context: Context) -> FloatArray | None:
+    """Where a search with little process noise begins, parameters as declared; None where noise stands in for nothing.
+
+    A model that lacks something drives its parameters to bounds and its noise up, and from there a long way leads back.
+    """
+    if context.base.driven < context.required:
+        return None
+    own = problem.start[context.base.point.size :]
+    return quiet_start(problem.free, np.concatenate([declared_point(context.base), own]))
+
+
+def _on_beginnings(best: Fit) -> float:
+    """The negative log-likelihood of the beginnings of the logs at the optimum of them all."""
+    part = excerpt(best.problem) or best.problem
+    return float(part.nll(best.point[:, np.newaxis])[0])
+
+
+def _left_open(problem: EstimationProblem) -> float:
+    """Nats that a rough search may leave: by the linearised filter of a stiff model far more than by differences."""
+    return WITHIN_REACH if problem.filter_model.is_stiff else ROUGH

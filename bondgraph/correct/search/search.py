@@ -1,0 +1,238 @@
+"""The search: candidates are refitted in the order of what finished fits predict of them, until none can matter.
+
+incumbents = the fit of the declared model, the same with little process noise, the declared values
+while the best bound is near the best gain: refit it from all that incumbents predict; if it leads, it is an incumbent
+
+A bound is what incumbents predict times an optimism: the upper quantile of what fits of its class achieved over what
+was predicted of them in this search. So a class of which predictions are poor (laws that are not smooth, storages) is
+searched more widely, as far as this search shows that it must be. What is left when the refits are spent is named.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from bondgraph.correct.evidence.context import Context
+from bondgraph.correct.evidence.decide import CLOSE, choose
+from bondgraph.correct.evidence.trials import Trial
+from bondgraph.correct.fits.fit import Report
+from bondgraph.correct.models.candidates import superset
+from bondgraph.correct.models.failures import FAILURES, reason
+from bondgraph.correct.scores.scoring import Scored
+from bondgraph.correct.search.events import context_in_part
+from bondgraph.correct.search.incumbents import Prediction, predicted_by_swap
+from bondgraph.correct.search.refit import refit
+from bondgraph.data.log import FloatArray
+from bondgraph.filter.compiled import in_threads
+from bondgraph.filter.filter_model import FilterModel
+
+#: What fits achieve over what is predicted of them, before this search has shown it: scores of smooth laws are right to
+#: a factor of two or three; those of dry friction have been too small sevenfold.
+OPTIMISM: Mapping[str, float] = {"smooth": 2.5, "switching": 7.0, "storage": 2.5, "event": 2.5}
+#: The quantile of these ratios that bounds count with.
+_UPPER = 0.9
+#: Candidates of stiff models that are refitted at once, whatever the machine, so that results do not depend on it.
+_ABREAST = 2
+#: Responses less alike than this do not take each other's place.
+_STRANGE = 0.2
+
+
+@dataclass
+class Entry:
+    """A candidate of the search: its trial, what incumbents predict since its last refit, and its equals.
+
+    ``twins`` are positions of the candidates whose response is the same to rounding; ``tried`` how many it was picked
+    from, None: as many as the round tried.
+    """
+
+    trial: Trial
+    pending: list[Prediction] = field(default_factory=list)
+    twins: tuple[int, ...] = ()
+    tried: int | None = None
+
+    @property
+    def kind(self) -> str:
+        """The class of which predictions are comparable."""
+        effect = self.trial.candidate.effect
+        if self.trial.gate is not None:
+            return "event"
+        return "storage" if effect.adds_state else "switching" if effect.amplitudes else "smooth"
+
+    @property
+    def predicted(self) -> float:
+        """The largest gain that is predicted, in nats."""
+        return max((one.gain for one in self.pending), default=0.0)
+
+    @property
+    def starts(self) -> list[FloatArray]:
+        """Points from which a refit may start, those of the most promising prediction first."""
+        ranked = sorted(self.pending, key=lambda one: -one.gain)
+        return [start for one in ranked for start in one.starts]
+
+
+@dataclass
+class Search:
+    """What is known while candidates are refitted.
+
+    ``ratios`` holds what was achieved over what was predicted, by class.
+    """
+
+    entries: list[Entry]
+    scored: Scored
+    context: Context
+    ratios: dict[str, list[float]] = field(default_factory=lambda: {kind: [x] for kind, x in OPTIMISM.items()})
+    spent: int = 0
+    shared: FilterModel | None = None
+
+    @property
+    def trials(self) -> list[Trial]:
+        """All trials, in the order of the entries."""
+        return [one.trial for one in self.entries]
+
+    def bound(self, entry: Entry) -> float:
+        """Nats that a refit may gain; of one that was refitted, what an incumbent predicts beyond that."""
+        if not entry.pending or entry.trial.failed:
+            return 0.0
+        if entry.trial.evidence is not None:
+            beyond = entry.predicted - entry.trial.gain
+            return entry.predicted if beyond > CLOSE else 0.0
+        return self.optimism(entry.kind) * entry.predicted
+
+    def optimism(self, kind: str) -> float:
+        """The factor on predictions of a class."""
+        return float(np.quantile(self.ratios[kind], _UPPER))
+
+
+def searched(search: Search, most: int, report: Report) -> list[Trial]:
+    """The trials, those refitted that could be the best, ``most`` of them at most."""
+    abreast = _ABREAST if search.context.base.problem.filter_model.is_stiff else 1
+    search.shared = search.shared or _shared(search, most)
+    leader: Trial | None = None
+    while search.spent < most:
+        due = _due(search)[: min(abreast, most - search.spent)]
+        if not due:
+            break
+        report("refit the best candidates", search.spent, most)
+        _refit(search, due)
+        best = choose(search.trials, search.context.level)
+        if best is not None and best is not leader:
+            leader = best
+            _renew(search, best)
+    report("refit the best candidates", most, most)
+    return _grouped(search, leader)
+
+
+def left_out(search: Search) -> list[str]:
+    """Candidates that might have been the best, had there been refits left."""
+    return [search.entries[j].trial.candidate.label for j in _due(search)]
+
+
+def _due(search: Search) -> list[int]:
+    """Positions of the candidates whose bound is near the best gain, the best first."""
+    best = choose(search.trials, search.context.level)
+    least = max(search.context.required, -np.inf if best is None else best.gain - CLOSE)
+    bounds = [search.bound(one) for one in search.entries]
+    return sorted((j for j, bound in enumerate(bounds) if bound >= least), key=lambda j: (-bounds[j], j))
+
+
+def _refit(search: Search, due: Sequence[int]) -> None:
+    """Refit some candidates from all that is predicted of them, and learn how right that was."""
+    best = choose(search.trials, search.context.level)
+    lead = None if best is None else best.fit
+    found: dict[int, Trial] = {}
+
+    def work(k: int) -> None:
+        entry = search.entries[due[k]]
+        trial, context = entry.trial, search.context
+        if trial.gate is not None:
+            context = context_in_part(trial.candidate, trial.gate, context)
+        shared = search.shared if search.shared is not None and _holds(search.shared, trial) else None
+        try:
+            found[due[k]] = refit(trial, entry.starts, context, lead, shared, entry.tried)
+        except FAILURES as error:  # it diverges wherever it starts
+            found[due[k]] = trial if trial.fit is not None else replace(trial, failed=reason(error))
+
+    in_threads(len(due), work, range(len(due)))
+    for j in due:  # not in the order in which threads ended
+        entry, trial = search.entries[j], found[j]
+        predicted, entry.pending = entry.predicted, []
+        search.spent += 1
+        before = entry.trial
+        if trial.evidence is None or (before.evidence is not None and before.gain >= trial.gain):
+            entry.trial = trial if before.evidence is None else before
+            continue
+        if before.evidence is None:
+            search.ratios[entry.kind].append(max(trial.gain, 0.0) / predicted)
+        named = tuple(search.entries[k].trial.candidate.label for k in entry.twins) or trial.stands_for
+        entry.trial = replace(trial, stands_for=named)
+        for k in entry.twins:
+            twin = search.entries[k]
+            twin.trial, twin.pending = replace(twin.trial, evidence=trial.evidence), []
+
+
+def _renew(search: Search, best: Trial) -> None:
+    """What the fit with the best candidate in it predicts of others in its place."""
+    if best.gate is not None:  # it is no law, and takes no law's place
+        return
+    others = _comparable(search, best)
+    told = predicted_by_swap(
+        best, [search.scored.candidates[j] for j in others], [search.scored.variants[j] for j in others], search.context
+    )  # fmt: skip
+    for j, one in zip(others, told, strict=True):
+        if one is None:
+            continue
+        entry = search.entries[j]
+        entry.trial = replace(entry.trial, instead=(best.candidate.label, best.gain - one.gain))
+        if entry.trial is not best:
+            entry.pending.append(one)
+
+
+def _comparable(search: Search, best: Trial) -> list[int]:
+    """Candidates that may take the place of the best: each that stands for its equals, and explains something alike."""
+    labels = [one.label for one in search.scored.candidates]
+    own = labels.index(best.candidate.label) if best.candidate.label in labels else None
+    twins = {k for one in search.entries for k in one.twins}
+    alike = search.scored.scores.correlation
+    return [
+        j
+        for j in range(len(labels))
+        if j not in twins
+        and search.entries[j].trial is not best
+        and (own is None or abs(float(alike[own, j])) > _STRANGE)
+    ]
+
+
+def _grouped(search: Search, leader: Trial | None) -> list[Trial]:
+    """The trials; what is told in the place of another than the best says nothing."""
+    label = None if leader is None else leader.candidate.label
+    return [
+        one if one.instead is None or one.instead[0] == label else replace(one, instead=None) for one in search.trials
+    ]
+
+
+def _shared(search: Search, most: int) -> FilterModel | None:
+    """The filter of one model that holds the most promising candidates, so that it is compiled once.
+
+    None where they do not fit beside each other, and of stiff models, whose filters are costly to run.
+    """
+    context = search.context
+    if context.base.problem.filter_model.is_stiff:
+        return None
+    ranked = [search.entries[j].trial for j in _due(search)]
+    plain = [one.candidate for one in ranked if one.gate is None and not one.candidate.effect.adds_state][:most]
+    if len(plain) < 2:
+        return None
+    try:
+        return replace(context.base.problem.filter_model, model=superset(context.built, plain).model)
+    except FAILURES:
+        return None
+
+
+def _holds(filter_model: FilterModel, trial: Trial) -> bool:
+    """Whether a model has a candidate in it, which may not fit beside the others."""
+    effect = trial.candidate.effect
+    known = set(filter_model.model.names("parameter"))
+    return trial.gate is None and not effect.adds_state and set(effect.parameters) <= known

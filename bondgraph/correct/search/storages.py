@@ -1,0 +1,163 @@
+"""Storages: candidates that bring a state of their own, and so have no zero at which a score could test them.
+
+A storage is tried at several sizes. Towards no size at all (a rigid shaft, a command that is followed at once) it is
+the model without it, only stiffer the closer it gets there; sizes that steps do not resolve are left out and named.
+From the best size one expansion says what a fit would gain at most.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from bondgraph.build import BuiltModel, build
+from bondgraph.correct.evidence.context import Context, at_optimum, coefficients
+from bondgraph.correct.evidence.trials import Trial
+from bondgraph.correct.fits.excerpts import excerpt
+from bondgraph.correct.fits.fit import Fit, expand
+from bondgraph.correct.fits.linear_steps import filter_runs, is_linearised, linear_expansion, value_of
+from bondgraph.correct.fits.setup import filter_setup
+from bondgraph.correct.models.followers import followers
+from bondgraph.data.log import FloatArray
+from bondgraph.estimate.gauss_newton import GaussNewtonSettings
+from bondgraph.estimate.objective import Expansion
+from bondgraph.estimate.problem import EstimationProblem
+from bondgraph.estimate.steps import newton_decrement
+from bondgraph.filter.filter_run import FilterRun
+from bondgraph.filter.follows import Follow
+
+#: Where a storage is tried first, as shares of its bounds on a logarithmic scale.
+SIZES = (0.125, 0.25, 0.375, 0.5, 0.625, 0.75, 0.875)
+#: The steps that a storage is given at most, as a multiple of those of the model without it.
+_MOST_STEPS = 4
+#: One that loses this many times what an effect must gain, at every size that is tried, is not refitted: towards no
+#: size at all it loses nothing, and those that the data asked for gained at some size with all else as it was.
+_LOSES = 5.0
+_NO_DERIVATIVES = "the derivatives of the likelihood at the best of its sizes are not finite"
+
+
+@dataclass(frozen=True)
+class TrialSize:
+    """A storage at the size that suits the logs best, before anything is fitted.
+
+    ``trial`` holds what a fit would gain at most as its score; ``start`` (n,) is where that fit begins, None where it
+    promises nothing.
+    """
+
+    trial: Trial
+    start: FloatArray | None
+
+
+def trial_size(trial: Trial, context: Context) -> TrialSize:
+    """The best of several sizes of a storage, and the gain in nats that an expansion promises from there."""
+    extended = build(trial.candidate.apply(context.built.graph))
+    problem = storage_problem(trial, extended, context)
+    starts, remark = _worth_a_run(problem, trial, context)
+    trial = replace(trial, built=extended, remark=remark)
+    if not starts.size:
+        return TrialSize(trial, None)
+    runs = filter_runs(problem, starts[:, 0]) if is_linearised(problem) and starts.shape[1] == 1 else None
+    values = problem.nll(starts) if runs is None else np.array([value_of(problem, starts[:, 0], runs)])
+    best = int(np.argmin(np.where(np.isfinite(values), values, np.inf)))
+    loss = float(values[best]) - context.base.nll
+    trial = replace(
+        trial, remark=remark or _remark(problem, starts, values, len(problem.free) - context.base.point.size)
+    )
+    if not loss < _LOSES * context.required:
+        return TrialSize(trial, None)
+    further = _further(problem, starts[:, best], context.base, runs)
+    if not np.isfinite(further):
+        return TrialSize(replace(trial, failed=_NO_DERIVATIVES), None)
+    return TrialSize(replace(trial, score_gain=max(further - loss, 0.0)), starts[:, best])
+
+
+def storage_problem(trial: Trial, extended: BuiltModel, context: Context) -> EstimationProblem:
+    """The problem that is fitted: the model with the storage, with steps of its own if it needs finer ones."""
+    base, own = context.base.problem.filter_model, filter_setup(extended.model, extended.driven, context.train)
+    most = _MOST_STEPS * base.substeps
+    alike = own.filter_model.is_stiff == base.is_stiff  # else its steps are those of another method
+    filter_model = replace(
+        base,
+        model=extended.model,
+        initial_std={**own.filter_model.initial_std, **_estimated_starts(context.base)},
+        substeps=max(min(own.filter_model.substeps, most), base.substeps) if alike else most,
+        follows={**base.follows, **_followers(context, extended)},
+    )
+    free = (*at_optimum(context.base), *coefficients(trial.candidate, filter_model))
+    return EstimationProblem(filter_model, context.train, free)
+
+
+def sizes(problem: EstimationProblem, trial: Trial, context: Context) -> list[FloatArray]:
+    """Points (n,) with the storage at each of its sizes, everything else at the fit without it."""
+    size, added = context.base.point.size, problem.free[context.base.point.size :]
+    lower, upper = problem.lower[size:], problem.upper[size:]
+    of_size = np.array([one.name in trial.candidate.effect.coefficients for one in added])
+    own = [np.where(of_size, lower + share * (upper - lower), problem.start[size:]) for share in SIZES]
+    return [np.concatenate([context.base.point, one]) for one in own]
+
+
+def _further(
+    problem: EstimationProblem, point: FloatArray, base: Fit, runs: Sequence[FilterRun] | None = None
+) -> float:
+    """What a step from a point (n,) promises beyond what one from the fit without the storage does.
+
+    ``runs`` are those of the filter there, if somebody has them.
+
+    That of a stiff model ends where its likelihood jumps by tenths of a nat, and its linearised filter may promise some
+    nats there for ever: those are no gain of the storage's. NaN where derivatives are not finite.
+    """
+    if not is_linearised(problem):
+        steps = GaussNewtonSettings().difference * (problem.upper - problem.lower)
+        return _promise(problem, point, expand(problem, point, steps))
+    # what an exact expansion costs is for what is refitted
+    return _promise(problem, point, linear_expansion(problem, point, runs)) - base.linear_promise
+
+
+def _promise(problem: EstimationProblem, point: FloatArray, expansion: Expansion) -> float:
+    return newton_decrement(problem, point, expansion) if expansion.is_finite else float("nan")
+
+
+def _followers(context: Context, extended: BuiltModel) -> dict[str, Follow]:
+    """Where the states of a candidate start, by where the first log begins, at the size in the middle of its bounds."""
+    base, log = context.base, context.train[0]
+    first = base.runs(context.train)[0].filtered_mean[: len(context.built.model.states), 0]
+    values = dict(zip(base.problem.filter_model.model.names("parameter"), map(float, base.theta), strict=True))
+    return followers(context.built, extended, first, log.u[:, 0], values | dict(log.theta_overrides))
+
+
+def _worth_a_run(problem: EstimationProblem, trial: Trial, context: Context) -> tuple[FloatArray, str]:
+    """Points (n, sizes) at which the storage is worth a look at all of the logs, and a remark on sizes left out.
+
+    Of a stiff model the beginnings of long logs choose the size; none is left if all lose too much there.
+    """
+    added = len(problem.free) - context.base.point.size
+    points = np.array(sizes(problem, trial, context)).T
+    starts = np.clip(points, problem.lower[:, np.newaxis], problem.upper[:, np.newaxis])
+    part = excerpt(problem) if is_linearised(problem) else None
+    if part is None:
+        return starts, ""
+    values = part.nll(starts)
+    without = replace(context.base.problem, logs=part.logs)
+    lost = values - float(without.nll(context.base.point[:, np.newaxis])[0])
+    lost = np.where(np.isfinite(lost), lost, np.inf)
+    kept = [int(np.argmin(lost))] if lost.min() < _LOSES * context.required else []
+    return starts[:, kept], _remark(problem, starts, values, added)
+
+
+def _remark(problem: EstimationProblem, points: FloatArray, values: FloatArray, count: int) -> str:
+    """Which sizes of a storage its steps do not resolve; points (n, sizes), of which the last ``count`` are its own."""
+    left_out = problem.values(points)[-count][~np.isfinite(values)]
+    if not left_out.size:
+        return ""
+    return (
+        f"{problem.names[-count]} of {left_out.min():.3g} to {left_out.max():.3g} was not tried, for which "
+        f"{problem.filter_model.substeps} steps from sample to sample are too few"
+    )
+
+
+def _estimated_starts(base: Fit) -> dict[str, float]:
+    """How unsure the filter is of states whose starts are estimated."""
+    estimated = {one.target.name for one in base.problem.free if one.target.kind == "x0"}
+    return {name: std for name, std in base.problem.filter_model.initial_std.items() if name in estimated}
