@@ -122,7 +122,9 @@ def _all_in_kernel(
     workers = thread_count(threads)
     for_each = math.ceil(workers / len(runs))  # several logs share them
     tasks = [
-        (index, block) for index, batch in enumerate(batches) for block in compiled_filter.blocks(batch.size, for_each)
+        (index, block)
+        for index, batch in enumerate(batches)
+        for block in compiled_filter.blocks(batch.size, runs[index].samples, for_each)
     ]
 
     def filter_block(task: tuple[int, tuple[int, int]]) -> None:

@@ -199,7 +199,7 @@ def _in_kernel(
         current = Verdicts(*(array[members] for array in verdicts))  # type: ignore[arg-type]
         part = Part(int(begin), int(end), mean, lower)
         filter_block = functools.partial(compiled.run, log, part, own, current, record)
-        in_threads(workers, filter_block, compiled.blocks(members.size, workers))
+        in_threads(workers, filter_block, compiled.blocks(members.size, samples, workers))
         _put(verdicts, members, current)
     return verdicts
 

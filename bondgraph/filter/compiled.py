@@ -26,9 +26,12 @@ from bondgraph.filter.samples import Samples
 from bondgraph.filter.sigma_points import PIVOT_FLOOR
 from bondgraph.filter.ukf import scaled
 
-#: A member by itself, with its sigma points side by side, costs about a block of lanes over this share of the calls
-#: that it saves.
-_GAIN = 0.6
+#: A call of the functions of a model for a block of eight costs this share of one for the points of a member alone,
+#: which may fill sixteen lanes.
+_SHARE = 0.6
+#: What the filter itself costs per node, by itself and by states, in rows of a model's work buffer, each of which costs
+#: about as much for a step: from times of machines of 2 and 11 states with 1 to 32 steps.
+_OWN, _OWN_BY_STATE = 2250.0, 375.0
 
 _Task = TypeVar("_Task")
 
@@ -56,28 +59,52 @@ def available_cores() -> int:
         return os.cpu_count() or 1
 
 
-def blocks(members: int, points: int, threads: int) -> list[tuple[int, int]]:
+def blocks(members: int, alone: float, threads: int) -> list[tuple[int, int]]:
     """Blocks of members that are filtered side by side, so that threads end together.
 
-    As many whole blocks, of as many members as there are lanes, as all threads have work with. A block takes a call of
-    the model's functions for each of its sigma points, a member by itself one for as many points as there are lanes: a
-    small rest is filtered one by one, a larger one in equal blocks.
+    As many whole blocks, of as many members as there are lanes, as all threads have work with. Of the rest as many as
+    ``alone`` take as long one by one as a block; more are filtered in equal blocks.
 
     Examples
     --------
-    >>> blocks(18, points=9, threads=1), blocks(22, points=9, threads=1)
+    >>> blocks(18, alone=5.4, threads=1), blocks(22, alone=5.4, threads=1)
     ([(0, 16), (16, 17), (17, 18)], [(0, 16), (16, 22)])
-    >>> blocks(48, points=9, threads=2)
+    >>> blocks(48, alone=5.4, threads=2)
     [(0, 16), (16, 32), (32, 40), (40, 48)]
     """
     whole = members // (LANES * threads) * LANES * threads
     blocks = [(first, first + LANES) for first in range(0, whole, LANES)]
     rest = members - whole
-    if rest < threads * _GAIN * points / math.ceil(points / LANES):
+    if rest == 1 or rest < threads * alone:
         return blocks + [(m, m + 1) for m in range(whole, members)]
     count = min(threads, math.ceil(rest / (LANES // 2)))
     edges = [whole + rest * k // count for k in range(count + 1)]
     return blocks + list(itertools.pairwise(edges))
+
+
+def as_long_as_a_block(states: int, rows: int, substeps: float) -> float:
+    """How many members take as long one by one as a block of them.
+
+    A block takes a call of the model's functions for each of its sigma points, a member by itself one for as many
+    points as there are lanes; what the filter itself does costs a block about as much as one member.
+
+    Parameters
+    ----------
+    states
+        Of the filter.
+    rows
+        Of the model's work buffer: what one step of it costs.
+    substeps
+        Steps from node to node.
+
+    Examples
+    --------
+    >>> round(as_long_as_a_block(2, 16, 1.0), 1), round(as_long_as_a_block(11, 353, 12.0), 1)
+    (1.0, 4.4)
+    """
+    points, own = 2 * states + 1, _OWN + _OWN_BY_STATE * states
+    steps = rows * substeps
+    return (own + _SHARE * steps * points) / (own + steps * math.ceil(points / LANES))
 
 
 @dataclass(frozen=True)
@@ -97,9 +124,10 @@ class CompiledFilter:
         functions = load_kernel(kernel, kernel_algebra, kernel_alone, kernel_channels, kernel_record)
         return cls(filter_model, functions.filter_members, load_lanes(filter_model.model, filter_model.is_stiff))
 
-    def blocks(self, members: int, threads: int) -> list[tuple[int, int]]:
-        """Blocks of members that are filtered side by side, for as many threads."""
-        return blocks(members, 2 * self.filter_model.points.n + 1, threads)
+    def blocks(self, members: int, samples: Samples, threads: int) -> list[tuple[int, int]]:
+        """Blocks of members that are filtered side by side over a log, for as many threads."""
+        substeps = float(np.mean(samples.substeps)) if samples.substeps.size else 1.0
+        return blocks(members, as_long_as_a_block(self.filter_model.points.n, self.lanes.rows, substeps), threads)
 
     def run(
         self, log: Log, part: Part, batch: MemberBatch, verdicts: Verdicts, record: Record, block: tuple[int, int]

@@ -83,6 +83,7 @@ def test_a_candidate_whose_refit_fails_is_listed_with_its_reason(monkeypatch: py
         return known(trial, *given)  # type: ignore[arg-type]
 
     monkeypatch.setattr(search, "refit", failing)
+    monkeypatch.setattr(search.Search, "optimism", lambda self, kind: 1e3)  # so that all of them are refitted
     monkeypatch.setattr(rest, "_look", lambda *given: (None, None, ()))
     found = closed()
     named = [one for one in found.rounds[0].alternatives if "Eigenvalues did not converge" in one.why]

@@ -140,5 +140,5 @@ def test_a_coefficient_that_only_a_fold_shows_is_nothing_without_it(closed: Clos
     moving, scales = terms.innovations.copy(), terms.log_scales.copy()
     moving[2 * size :, 1 + k] = scales[2 * size :, 1 + k] = 0.0  # two channels of the first log
     expansion = replace(trial.fit.expansion, terms=Terms(moving, scales))
-    points = left_out(replace(trial.fit, expansion=expansion), cut, [name])
+    points = left_out(replace(trial.fit, expansion=expansion), cut, [name]).points
     assert points[k, 0] == 0.0 and points[k, 1] == pytest.approx(trial.fit.point[k], rel=0.3)

@@ -37,8 +37,8 @@ _BLOCKS, _LOGS = 6, 3
 _LEVEL = 0.05
 #: Information of a coefficient that is left without a fold, as a share of all of it, below which nothing is known.
 _NOTHING = 1e-6
-#: A step that makes the data it is made for less likely is halved so often at most.
-_HALVINGS = 6
+#: A step that makes the data it is made for less likely by more nats than a fit is known to is halved, so often at most.
+_HALVINGS, _CLEARLY = 6, 0.5
 
 
 @dataclass(frozen=True)
@@ -93,7 +93,7 @@ def transfer(base: Fit, refit: Fit, effect: Effect) -> Transfer:
     logs = refit.problem.logs
     cut = folds(logs)
     without, with_it = left_out(base, cut, ()), left_out(refit, cut, effect.coefficients)
-    series = _likelihoods(refit, with_it, cut) - _likelihoods(base, without, cut)
+    series = with_it.likelihoods - without.likelihoods
     gains = tuple(float(series[rows].sum()) for rows in _rows(logs, cut))
     blocks = term_times(refit.problem).block
     sums = summed(series[:, np.newaxis], blocks, int(blocks.max()) + 1)[:, 0]
@@ -101,7 +101,7 @@ def transfer(base: Fit, refit: Fit, effect: Effect) -> Transfer:
     fold_error = float(np.std(gains, ddof=1)) * math.sqrt(len(gains))
     p_value = float(stats.t.sf(sum(gains) / error, sums.size - 1)) if error > 0.0 and math.isfinite(error) else 1.0
     names = tuple(one.name for one in cut)
-    return Transfer(names, gains, error, fold_error, p_value, _ahead(base, refit, without, with_it, cut))
+    return Transfer(names, gains, error, fold_error, p_value, _ahead(base, refit, without.points, with_it.points, cut))
 
 
 def folds(logs: Sequence[MatchedLog]) -> tuple[Fold, ...]:
@@ -132,68 +132,75 @@ def _rows(logs: Sequence[MatchedLog], cut: Sequence[Fold]) -> list[slice]:
     return [slice(int(starts[one.log]) + one.first, int(starts[one.log]) + one.last + 1) for one in cut]
 
 
-def left_out(fitted: Fit, cut: Sequence[Fold], coefficients: Sequence[str]) -> FloatArray:
-    """Where the fit would be without each fold, shape (n, folds).
+@dataclass(frozen=True)
+class LeftOut:
+    """Where a fit would be without each fold, and how it predicts that fold there.
 
-    ``coefficients`` of which nothing is known without a fold are zero there.
+    ``points`` (n, folds); ``likelihoods`` (samples,) of each sample but for their constants, at the point made without
+    its fold.
     """
+
+    points: FloatArray
+    likelihoods: FloatArray
+
+
+def left_out(fitted: Fit, cut: Sequence[Fold], coefficients: Sequence[str]) -> LeftOut:
+    """A fit without each fold; ``coefficients`` of which nothing is known without a fold are zero there."""
     problem, terms = fitted.problem, fitted.expansion.terms
     assert terms is not None  # every fit of a loop has them
-    sample, free = term_times(problem).sample, ~fitted.held
-    inside = np.full(int(sample.max()) + 1, -1)
+    times, free = term_times(problem), ~fitted.held
+    inside = np.full(int(times.sample.max()) + 1, -1)
     for k, rows in enumerate(_rows(problem.logs, cut)):
         inside[rows] = k
-    of_term = np.where(sample >= 0, inside[sample], -1)
+    of_term = np.where(times.sample >= 0, inside[times.sample], -1)
     points = np.repeat(fitted.point[:, np.newaxis], len(cut), axis=1)
-    known = np.empty(points.shape)
+    zero = np.zeros(points.shape, dtype=bool)
+    of_effect = [problem.names.index(name) for name in coefficients]
     for k in range(len(cut)):
         rest = of_term != k
         left = expansion_of(terms.innovations[rest], terms.log_scales[rest], 0)
         step = np.zeros(fitted.point.size)
         step[free] = -solve(left.information[np.ix_(free, free)], left.gradient[free][:, np.newaxis])[:, 0]
         points[:, k] = np.clip(fitted.point + step, problem.lower, problem.upper)
-        known[:, k] = np.diag(left.information)
-    points = _towards_likelier(fitted, points, of_term)
-    for name in coefficients:
-        k = problem.names.index(name)
-        if problem.lower[k] <= 0.0:
-            points[k, known[k] < _NOTHING * fitted.expansion.information[k, k]] = 0.0
-    return points
-
-
-def _towards_likelier(fitted: Fit, points: FloatArray, of_term: np.ndarray) -> FloatArray:
-    """The points (n, folds), their steps halved until what each was made for is no less likely than at the optimum.
-
-    Far from the optimum the step of a likelihood that is not quadratic may lead anywhere.
-    """
-    problem, count = fitted.problem, points.shape[1]
-    start = fitted.point[:, np.newaxis]
-    least = _without(problem.terms(start), of_term, count)
-    for _ in range(_HALVINGS):
-        worse = ~(_without(problem.terms(points), of_term, count) <= least + 1e-9 * np.abs(least))
-        if not worse.any():
-            break
-        points = np.where(worse, 0.5 * (points + start), points)
-    return points
-
-
-def _without(terms: Terms, of_term: np.ndarray, count: int) -> FloatArray:
-    """Negative log-likelihood of everything but each fold, shape (folds,): of the k-th member, or the only one."""
-    nll = 0.5 * terms.innovations**2 + terms.log_scales
-    nll = np.broadcast_to(nll, (nll.shape[0], count))
-    return np.array([float(nll[of_term != k, k].sum()) for k in range(count)])
-
-
-def _likelihoods(fitted: Fit, points: FloatArray, cut: Sequence[Fold]) -> FloatArray:
-    """Log-likelihood of each sample but for its constant, at the point made without its fold; shape (samples,)."""
-    problem = fitted.problem
-    terms = problem.terms(points)
-    times = term_times(problem)
-    series = times.series(-(0.5 * terms.innovations**2 + terms.log_scales))
+        known = np.diag(left.information) >= _NOTHING * np.diag(fitted.expansion.information)
+        zero[of_effect, k] = ~known[of_effect] & (problem.lower[of_effect] <= 0.0)
+    points[zero] = 0.0
+    points, seen = _towards_likelier(fitted, points, of_term, zero)
+    series = times.series(-(0.5 * seen.innovations**2 + seen.log_scales))
     found = np.empty(series.shape[0])
     for k, rows in enumerate(_rows(problem.logs, cut)):
         found[rows] = series[rows, k]
-    return found
+    return LeftOut(points, found)
+
+
+def _towards_likelier(
+    fitted: Fit, points: FloatArray, of_term: np.ndarray, zero: np.ndarray
+) -> tuple[FloatArray, Terms]:
+    """The points (n, folds) and what is seen there, steps halved that make what each was made for clearly less likely.
+
+    Far from the optimum the step of a likelihood that is not quadratic may lead anywhere. What is ``zero`` stays so.
+    """
+    problem, terms = fitted.problem, fitted.expansion.terms
+    assert terms is not None  # as above
+    start = np.where(zero, 0.0, fitted.point[:, np.newaxis])
+    least = _without(terms.members(np.zeros(points.shape[1], dtype=int)), of_term)
+    least = np.where(zero.any(axis=0), np.inf, least)  # without the effect it may be less likely
+    points, seen = points.copy(), problem.terms(points)
+    for _ in range(_HALVINGS):
+        worse = np.flatnonzero(~(_without(seen, of_term) <= least + _CLEARLY))
+        if not worse.size:
+            break
+        points[:, worse] = 0.5 * (points + start)[:, worse]
+        again = problem.terms(points[:, worse])
+        for name in ("innovations", "log_scales"):
+            getattr(seen, name)[:, worse] = getattr(again, name)
+    return points, seen
+
+
+def _without(terms: Terms, of_term: np.ndarray) -> FloatArray:
+    """Negative log-likelihood of everything but each fold, shape (folds,), of the member made without it."""
+    nll = 0.5 * terms.innovations**2 + terms.log_scales
+    return np.array([float(nll[of_term != k, k].sum()) for k in range(nll.shape[1])])
 
 
 def _ahead(
