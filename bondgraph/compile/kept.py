@@ -110,7 +110,12 @@ class _SealedFiles(caching.IndexDataCacheFile):  # type: ignore[misc]
             file.write(content.getvalue() + _seal(content.getvalue()))
 
     def _load_index(self) -> dict[Any, Any]:
-        return dict(super()._load_index()) if _is_whole(Path(self._index_path)) else {}
+        if not _is_whole(Path(self._index_path)):
+            return {}
+        try:
+            return dict(super()._load_index())
+        except (AttributeError, ImportError):  # of another version of this package, whose types are not these
+            return {}
 
     def _load_data(self, name: str) -> Any:
         path = Path(self._data_path(name))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import os
 import pickle
 import subprocess
@@ -69,6 +70,20 @@ def test_planted_pickles_without_a_seal_are_not_unpickled(tmp_path: Path) -> Non
         file.write_bytes(pickle.dumps("0") + pickle.dumps(_Runs(planted)))
     assert _answer(_run(folder)) == ["8.0 2.0", "0 1"]
     assert not planted.exists()
+
+
+@pytest.mark.parametrize("lacking", [b"cbondgraph.arrays\nNoSuchType\n.", b"cbondgraph.no_such_module\nAny\n."])
+def test_machine_code_of_another_version_is_compiled_anew(lacking: bytes, tmp_path: Path) -> None:
+    """AttributeError: Can't get attribute 'Robustness' on <module 'bondgraph.filter.kernel_types'>."""
+    folder = tmp_path / "cache"
+    assert _answer(_run(folder)) == ["8.0 2.0", "0 1"]
+    for file in (folder / "__pycache__").glob("*.nbi"):
+        with file.open("rb") as opened:
+            version = pickle.load(opened)
+        content = pickle.dumps(version) + lacking
+        file.write_bytes(content + hashlib.sha256(content).digest())
+    run = _run(folder)
+    assert _answer(run) == ["8.0 2.0", "0 1"] and run.stderr == ""
 
 
 class _Runs:

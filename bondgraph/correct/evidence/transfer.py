@@ -37,7 +37,7 @@ _BLOCKS, _LOGS = 6, 3
 _LEVEL = 0.05
 #: Information of a coefficient that is left without a fold, as a share of all of it, below which nothing is known.
 _NOTHING = 1e-6
-#: A step that makes the data it is made for less likely by more nats than a fit is known to is halved, so often at most.
+#: A step that makes its data less likely by more nats than a fit is known to is halved, so often at most.
 _HALVINGS, _CLEARLY = 6, 0.5
 
 
