@@ -29,8 +29,8 @@ from bondgraph.correct.places.located import LocatedAt, locate
 from bondgraph.correct.places.probes import Probe, Signal, probes, signals
 from bondgraph.correct.scores.gates import gate_samples
 from bondgraph.correct.scores.scoring import Linearisation, Scored, linearisation, score_candidates
-from bondgraph.correct.search.opening import Scoring, opened
-from bondgraph.correct.search.search import left_out, searched
+from bondgraph.correct.search.opening import Scoring, is_driven_still, look_beneath_noise, opened
+from bondgraph.correct.search.search import Search, left_out, searched
 from bondgraph.correct.search.widths import at_any_width, is_due
 from bondgraph.data.log import MatchedLog
 from bondgraph.declare.effect import EffectFunction, Place
@@ -114,8 +114,8 @@ def one_round(
     context = Context(built, base, tuple(train), tried, settings.level, need, settings.journal)
     scoring = Scoring(linear, scored, tuple(_trials(scored, tried)), tuple(stateful))
     search = opened(scoring, context, bool(present), settings.report)
-    trials = searched(search, settings.refits, settings.report)
-    trials, chosen = _chosen(trials, search.context)
+    trials = _searched(search, scoring, settings)
+    trials, chosen = _chosen(trials, search.context, settings.report)
     others = alternatives(chosen, trials, scored.scores, settings.level)
     others = _with_advice(built, base, chosen, others, scored)
     seen = detectable(vanishing, scored.scores, need)
@@ -136,7 +136,23 @@ def one_round(
     )
 
 
-def _chosen(trials: Sequence[Trial], context: Context) -> tuple[list[Trial], Trial | None]:
+def _searched(search: Search, scoring: Scoring, settings: RoundSettings) -> list[Trial]:
+    """The trials, refitted as far as they could be the best, also by what shows with little process noise only.
+
+    The fit with little process noise costs little where a model is not stiff; of a stiff model it is the costly part of
+    a round, and looked at where what leads still needs noise that drives a state.
+    """
+    if not search.context.base.problem.filter_model.is_stiff:
+        look_beneath_noise(search, scoring, settings.report)
+        return searched(search, settings.refits, settings.report)
+    trials = searched(search, settings.refits - settings.refits // 3, settings.report)
+    if not is_driven_still(search):
+        return trials
+    look_beneath_noise(search, scoring, settings.report)
+    return searched(search, settings.refits, settings.report)
+
+
+def _chosen(trials: Sequence[Trial], context: Context, report: Report) -> tuple[list[Trial], Trial | None]:
     """The trials, those that would be chosen after a second look at them, and the one that stays the best."""
     done, looked, widened = list(trials), set[int](), set[int]()
     while (best := choose(done, context.level)) is not None:
@@ -145,9 +161,12 @@ def _chosen(trials: Sequence[Trial], context: Context) -> tuple[list[Trial], Tri
             break
         if index not in widened and is_due(best, done, context):
             widened.add(index)
+            report(f"free the width of {best.candidate.label}", 0, 1)
             done = at_any_width(best, done, context)
             continue
+        report(f"look again at {best.candidate.label}", 0, 1)
         sure = _second_look(best, context)
+        report(f"look again at {best.candidate.label}", 1, 1)
         for k, trial in enumerate(done):
             if trial.candidate.label in sure.stands_for and trial.gate == sure.gate:
                 done[k] = replace(trial, evidence=sure.evidence, transfer=sure.transfer)

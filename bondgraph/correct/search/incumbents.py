@@ -47,9 +47,7 @@ def predicted_by_scores(
 ) -> list[Prediction | None]:
     """Predictions of a fit without any candidate, for each of those that were scored on it.
 
-    Gains count from the fit of the declared model. A fit whose process noise is held low ranks candidates by what noise
-    stands in for; how much of that they keep once noise is free again it cannot say. So its best counts as much as the
-    best of the other, or as what passes the tests.
+    Gains count from the fit of the declared model; those of a fit with fewer free coordinates from itself.
     """
     free_gain = _free_gain(linear)
     held = len(fitted.problem.free) < len(context.base.problem.free)

@@ -8,13 +8,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from bondgraph.correct.evidence.context import Context
+from bondgraph.correct.evidence.decide import choose
 from bondgraph.correct.evidence.trials import Trial
 from bondgraph.correct.fits.fit import Report
 from bondgraph.correct.fits.whiteness import is_white
 from bondgraph.correct.models.candidates import Candidate
 from bondgraph.correct.models.failures import attempted
 from bondgraph.correct.scores.gates import gate_samples
-from bondgraph.correct.scores.quiet import Quiet, is_driven, quiet_scores
+from bondgraph.correct.scores.quiet import is_driven, quiet_scores
 from bondgraph.correct.scores.scoring import Linearisation, Scored, score_candidates
 from bondgraph.correct.search.events import Event, events
 from bondgraph.correct.search.groups import alike
@@ -60,43 +61,61 @@ def opened(given: Scoring, context: Context, named: bool, report: Report) -> Sea
     report
         Called with a stage and its progress.
     """
-    quiet = _quiet(given, context, report)
-    context = context if quiet is None else replace(context, quiet=quiet.fit)
     search = Search([Entry(trial) for trial in given.trials], given.scored, context)
-    base = predicted_by_scores(context.base, given.linear, given.scored, context)
-    best = max((one.gain for one in base if one is not None), default=0.0)
-    told = [(given.scored, base)]
-    if quiet is not None:
-        own = predicted_by_scores(quiet.fit, quiet.linear, quiet.scored, context)
-        told.append((quiet.scored, scaled(own, max(best, context.required))))
+    told = [(given.scored, predicted_by_scores(context.base, given.linear, given.scored, context))]
     if not named and not context.base.problem.filter_model.is_stiff:  # of stiff ones every search begins there too
         told.append((given.scored, scored_at_declared_values(context, given.scored.candidates)))
     _predict(search, told)
-    _add_storages(search, given, quiet, named, report)
-    loud = events(given.linear, given.scored, context, _EVENTS)
-    _add_events(search, loud, 1.0)
-    if quiet is not None:
-        silent = events(quiet.linear, quiet.scored, context, _EVENTS)
-        most = max((one.trial.score_gain for one in silent), default=1.0)
-        _add_events(search, silent, max(best, context.required, *(one.trial.score_gain for one in loud)) / most)
+    _add_storages(search, given, named, report)
+    _add_events(search, events(given.linear, given.scored, context, _EVENTS), 1.0)
     return search
 
 
-def _quiet(given: Scoring, context: Context, report: Report) -> Quiet | None:
-    """Scores with the process noise held low; of a stiff model, whose fits are costly, only where it drives a state."""
-    if context.base.problem.filter_model.is_stiff and not is_driven(context.base, context.required):
-        return None
+def look_beneath_noise(search: Search, given: Scoring, report: Report) -> None:
+    """Add what a fit with little process noise predicts, and what it says of the candidates with a state.
+
+    That fit ranks candidates by what noise stands in for; how much of that they keep once noise is free again it cannot
+    say. So its best counts as much as the best of the other, or as what passes the tests.
+    """
+    context = search.context
     report("look beneath the process noise", 0, 1)
-    found = quiet_scores(
+    quiet = quiet_scores(
         context.base, context.train, given.scored.candidates, context.journal, gate_samples(context.train)
     )
     report("look beneath the process noise", 1, 1)
-    return found
+    if quiet is None:
+        return
+    search.context = replace(context, quiet=quiet.fit)
+    best = max((one.trial.gain for one in search.entries if one.trial.gate is None), default=0.0)
+    own = predicted_by_scores(quiet.fit, quiet.linear, quiet.scored, context)
+    followed = [k for k, one in enumerate(search.entries) if _is_followed(one)]
+    other = quiet.of([search.entries[k].trial.candidate for k in followed])
+    late = predicted_by_scores(quiet.fit, quiet.linear, other.scored, context)
+    told = scaled([*own, *late], max(best, context.required))
+    _predict(search, [(quiet.scored, told[: len(own)])])
+    for k, one in zip(followed, told[len(own) :], strict=True):
+        if one is not None:
+            search.entries[k].pending.append(one)
+    silent = events(quiet.linear, quiet.scored, context, _EVENTS)
+    most = max((one.trial.score_gain for one in silent), default=1.0)
+    loudest = max((one.trial.score_gain for one in search.entries if one.trial.gate is not None), default=0.0)
+    _add_events(search, silent, max(best, context.required, loudest) / most)
+
+
+def is_driven_still(search: Search) -> bool:
+    """Whether what leads the search, or the fit without any candidate, needs noise that drives a state."""
+    best = choose(search.trials, search.context.level)
+    leads = search.context.base if best is None or best.fit is None else best.fit
+    return is_driven(leads, search.context.required)
+
+
+def _is_followed(entry: Entry) -> bool:
+    return entry.trial.candidate.effect.adds_state and entry.trial.candidate.followed and entry.trial.gate is None
 
 
 def _predict(search: Search, told: Sequence[tuple[Scored, Sequence[Prediction | None]]]) -> None:
     """Note predictions at the first of each group of equals."""
-    first: dict[int, int] = {}
+    first = {k: j for j, one in enumerate(search.entries) for k in (j, *one.twins) if one.twins}
     for scored, predictions in told:
         for group in alike(search.trials, scored.scores, 0.0):
             known = next((first[j] for j in group if j in first), group[0])
@@ -109,7 +128,7 @@ def _predict(search: Search, told: Sequence[tuple[Scored, Sequence[Prediction | 
                 entry.pending.append(own)
 
 
-def _add_storages(search: Search, given: Scoring, quiet: Quiet | None, named: bool, report: Report) -> None:
+def _add_storages(search: Search, given: Scoring, named: bool, report: Report) -> None:
     """Entries of candidates with a state: lags and late sensors by their scores, others by trial sizes.
 
     A sensor that comes late can explain coloured noise by its memory; its score is that of the mean alone.
@@ -122,20 +141,9 @@ def _add_storages(search: Search, given: Scoring, quiet: Quiet | None, named: bo
         Trial(one, float(scored.scores.gain[k]), tuple(map(float, scored.scores.steps[k])), score_p=chances[k])
         for k, one in enumerate(followed)
     ]
-    base = predicted_by_scores(context.base, given.linear, scored, context)
-    silent: Sequence[Prediction | None] = [None] * len(followed)
-    if quiet is not None:
-        own = quiet.of(followed)
-        among = max(float(one.scores.gain.max(initial=0.0)) for one in (quiet.scored, own.scored))
-        best = max((one.predicted for one in search.entries), default=0.0)
-        share = max(best, context.required) / among if among > 0.0 else 0.0
-        silent = [
-            None if one is None else replace(one, gain=share * one.gain)
-            for one in predicted_by_scores(quiet.fit, quiet.linear, own.scored, context)
-        ]
-    for trial, one, other in zip(trials, base, silent, strict=True):
-        loud = one if trial.score_p <= context.level else None
-        search.entries.append(Entry(trial, [found for found in (loud, other) if found is not None]))
+    for trial, one in zip(trials, predicted_by_scores(context.base, given.linear, scored, context), strict=True):
+        loud = one is not None and trial.score_p <= context.level
+        search.entries.append(Entry(trial, [one] if loud and one is not None else []))
     search.entries.extend(_sized(given, context, named, report))
 
 

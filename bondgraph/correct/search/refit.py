@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import TypeAlias
 
 import numpy as np
 
@@ -34,12 +35,16 @@ _LOWERED = (0.0, 0.5, 1.0)
 _MULTIPLES = (4.0, 16.0)
 
 
+#: A model with a candidate in it, and the problem that is fitted.
+Prepared: TypeAlias = tuple[BuiltModel, EstimationProblem]
+
+
 def refit(
     trial: Trial,
     starts: Sequence[FloatArray],
     context: Context,
     lead: Fit | None = None,
-    shared: FilterModel | None = None,
+    ready: Prepared | None = None,
     tried: int | None = None,
 ) -> Trial:
     """The trial with its fit and its evidence, or with the remark that it is clearly behind.
@@ -54,8 +59,8 @@ def refit(
         What is shared by all refits.
     lead
         The best fit so far: what is clearly behind it on the beginnings of the logs is given up.
-    shared
-        A compiled filter whose model has this candidate and others.
+    ready
+        What :func:`prepared` gave for it, if somebody has it.
     tried
         How many candidates it was picked from, if not what the round tried.
 
@@ -64,7 +69,7 @@ def refit(
     BondGraphError
         If its model is refused or diverges at every start.
     """
-    built, problem = prepared(trial, context, shared)
+    built, problem = ready or prepared(trial, context)
     points = _spread(starts or [problem.start], problem, trial, context)
     first = _quiet_beginning(problem, context)
     part = excerpt(problem)

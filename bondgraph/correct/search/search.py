@@ -15,18 +15,20 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from bondgraph.compile.machine_code import has_numba
 from bondgraph.correct.evidence.context import Context
 from bondgraph.correct.evidence.decide import CLOSE, choose
 from bondgraph.correct.evidence.trials import Trial
 from bondgraph.correct.fits.fit import Report
 from bondgraph.correct.models.candidates import superset
-from bondgraph.correct.models.failures import FAILURES, reason
+from bondgraph.correct.models.failures import FAILURES, attempted
 from bondgraph.correct.scores.scoring import Scored
 from bondgraph.correct.search.events import context_in_part
 from bondgraph.correct.search.incumbents import Prediction, predicted_by_swap
-from bondgraph.correct.search.refit import refit
+from bondgraph.correct.search.refit import Prepared, prepared, refit
 from bondgraph.data.log import FloatArray
-from bondgraph.filter.compiled import in_threads
+from bondgraph.estimate.exact import compile_exact
+from bondgraph.filter.compiled import CompiledFilter, in_threads
 from bondgraph.filter.filter_model import FilterModel
 
 #: What fits achieve over what is predicted of them, before this search has shown it: scores of smooth laws are right to
@@ -110,7 +112,7 @@ def searched(search: Search, most: int, report: Report) -> list[Trial]:
     """The trials, those refitted that could be the best, ``most`` of them at most."""
     abreast = _ABREAST if search.context.base.problem.filter_model.is_stiff else 1
     search.shared = search.shared or _shared(search, most)
-    leader: Trial | None = None
+    leader = choose(search.trials, search.context.level)
     while search.spent < most:
         due = _due(search)[: min(abreast, most - search.spent)]
         if not due:
@@ -121,7 +123,7 @@ def searched(search: Search, most: int, report: Report) -> list[Trial]:
         if best is not None and best is not leader:
             leader = best
             _renew(search, best)
-    report("refit the best candidates", most, most)
+    report("refit the best candidates", search.spent, search.spent)
     return _grouped(search, leader)
 
 
@@ -142,18 +144,20 @@ def _refit(search: Search, due: Sequence[int]) -> None:
     """Refit some candidates from all that is predicted of them, and learn how right that was."""
     best = choose(search.trials, search.context.level)
     lead = None if best is None else best.fit
+    contexts = [_context(search, search.entries[j].trial) for j in due]
+    made = [_prepared(search, search.entries[j].trial, one) for j, one in zip(due, contexts, strict=True)]
     found: dict[int, Trial] = {}
 
     def work(k: int) -> None:
-        entry = search.entries[due[k]]
-        trial, context = entry.trial, search.context
-        if trial.gate is not None:
-            context = context_in_part(trial.candidate, trial.gate, context)
-        shared = search.shared if search.shared is not None and _holds(search.shared, trial) else None
-        try:
-            found[due[k]] = refit(trial, entry.starts, context, lead, shared, entry.tried)
-        except FAILURES as error:  # it diverges wherever it starts
-            found[due[k]] = trial if trial.fit is not None else replace(trial, failed=reason(error))
+        entry, ready = search.entries[due[k]], made[k]
+        trial = entry.trial
+        if isinstance(ready, str):
+            found[due[k]] = replace(trial, failed=ready)
+            return
+        found[due[k]] = attempted(  # it may diverge wherever it starts
+            lambda: refit(trial, entry.starts, contexts[k], lead, ready, entry.tried),
+            lambda why: trial if trial.fit is not None else replace(trial, failed=why),
+        )
 
     in_threads(len(due), work, range(len(due)))
     for j in due:  # not in the order in which threads ended
@@ -171,6 +175,29 @@ def _refit(search: Search, due: Sequence[int]) -> None:
         for k in entry.twins:
             twin = search.entries[k]
             twin.trial, twin.pending = replace(twin.trial, evidence=trial.evidence), []
+
+
+def _context(search: Search, trial: Trial) -> Context:
+    """The context of a refit, whose logs know when an event acts."""
+    return search.context if trial.gate is None else context_in_part(trial.candidate, trial.gate, search.context)
+
+
+def _prepared(search: Search, trial: Trial, context: Context) -> Prepared | str:
+    """The model and the problem of a refit, compiled before threads start, or why there is none.
+
+    Compiling parses Python text, which CPython 3.11 cannot do in two threads at once.
+    """
+
+    def make() -> Prepared | str:
+        shared = search.shared if search.shared is not None and _holds(search.shared, trial) else None
+        ready = prepared(trial, context, shared)
+        if has_numba():
+            CompiledFilter.of(ready[1].filter_model)
+            if ready[1].filter_model.is_stiff:
+                compile_exact(ready[1])
+        return ready
+
+    return attempted(make, lambda why: why)
 
 
 def _renew(search: Search, best: Trial) -> None:
