@@ -78,7 +78,7 @@ def _suspicions(estimate: Estimate) -> list[str]:
         for log in estimate.problem.logs
         for one in (
             *sampling_suspicions(model, log, initial),
-            *(unit_suspicions(estimate.filter_model, log, initial) if estimate.misfits or estimate.at_bound else ()),
+            *unit_suspicions(estimate.filter_model, log, initial),
         )
     ]
 
