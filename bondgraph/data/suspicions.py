@@ -102,11 +102,12 @@ def agreement(measured: FloatArray, modelled: FloatArray | None) -> Agreement | 
     y, m = measured[both], modelled[both]
     if y.size < _FEWEST or not np.any(y) or not np.any(m):
         return None
-    slope = float(y @ m / (m @ m))
+    power = float(np.sum(m * m))  # not by a BLAS, whose number of threads shows in last digits
+    slope = float(np.sum(y * m)) / power
     edges = np.linspace(0, y.size, _BLOCKS + 1).astype(int)[:-1]
     scores = np.add.reduceat(m * (y - slope * m), edges)
-    deviation = math.sqrt(_BLOCKS / (_BLOCKS - 1) * float(scores @ scores)) / float(m @ m)
-    squares = np.add.reduceat((y - m) ** 2, edges) / float(y @ y)
+    deviation = math.sqrt(_BLOCKS / (_BLOCKS - 1) * float(scores @ scores)) / power
+    squares = np.add.reduceat((y - m) ** 2, edges) / float(np.sum(y * y))
     return Agreement(slope, deviation, math.sqrt(float(squares.sum())), squares)
 
 

@@ -118,6 +118,6 @@ def test_an_estimate_without_a_finite_point_tells_log_values_and_law(method: Met
     assert found.outcome is SearchOutcome.NO_FINITE_POINT
     assert found.end.startswith("failed: the likelihood has a finite value at no point tried; emptied, at c = 1e-05: a")
     assert "Q_hole = c * np.sqrt(pressure_level) is nan" in found.end and found.end in found.summary()
-    told = write_estimate(found, tmp_path, Provenance("test", 0, {}, (), (), 1.0))
+    told = write_estimate(found, tmp_path, Provenance("test", 0, (), (), (), 1.0))
     assert told.verdict == "not estimated" and found.end in told.explanation
     assert json.loads((tmp_path / "result.json").read_text())["outcome"] == found.end
