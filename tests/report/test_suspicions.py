@@ -52,7 +52,9 @@ def driven(seed: int, gusts: float, unit: float = 1.0, samples: int = 600) -> Ma
     blown[rows[1]] = chance.standard_normal(samples)
     speed, drift = (simulate(model, time, u, theta, method="rk4", compiled=True).y[0] for u in (pushed, blown))
     size = float(np.sqrt(np.mean(speed**2)))
-    speed = speed + gusts * size * drift / np.sqrt(np.mean(drift**2)) + 0.02 * size * chance.standard_normal(samples)
+    speed = (
+        speed + gusts * size / float(np.sqrt(np.mean(drift**2))) * drift + 0.02 * size * chance.standard_normal(samples)
+    )
     return MatchedLog("run", time, pushed, unit * speed[np.newaxis])
 
 
