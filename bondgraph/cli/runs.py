@@ -102,7 +102,7 @@ def estimate(options: argparse.Namespace) -> int:
         found = run_estimate(problem, settings, progress=work.trace, folder=folder, resume=options.resume)
     data = write_estimate(found, folder, _provenance(options, found.seconds))
     print(text_of(parameter_table(data.parameters)), end="")
-    print(f"{found.outcome.value}\nnegative log-likelihood {found.nll:.4f} after {found.evaluations} evaluations")
+    print(f"{found.end}\nnegative log-likelihood {found.nll:.4f} after {found.evaluations} evaluations")
     print(f"integrated by {found.certification}", noise_sentence(problem.filter_model), sep="\n")
     if not found.is_smooth:
         print(rough_note(found))

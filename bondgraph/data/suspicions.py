@@ -34,12 +34,18 @@ FACTORS: tuple[tuple[float, tuple[str, ...], str], ...] = (
     (1000.0, _ANY, "a unit a thousand times smaller (mm, mV, g) read as the unit itself"),
     (0.001, _ANY, "a unit a thousand times larger (km, kN, kPa) read as the unit itself"),
 )
-#: Measured over modelled must differ by more than this factor before anything is suspected, and agree within this one
-#: with the suspected ratio; parameters are seldom better known, and the nearest two ratios, 6.28 and 9.55, stay apart.
+#: Measured over modelled must surely differ by more than this factor before anything is suspected; and under the
+#: suspected unit they must agree within this one, as far as can be told: parameters are seldom better known, and the
+#: nearest two ratios, 6.28 and 9.55, stay apart.
 _FAR, _NEAR = 2.0, 1.15
-#: Largest share of the measured values (rms) that may be left after the suspected ratio is taken out, and the largest
-#: share of the error without it.
-_LEFT, _BETTER = 0.3, 0.5
+#: Largest share of the error with times as read that may be left with times in ms, and of the measured values (rms).
+_BETTER, _LEFT = 0.5, 0.3
+#: Blocks of a log, whose scatter tells the error of a ratio whatever the colour of the noise, and Student's t of nine
+#: degrees of freedom at 99 %, two-sided. Ten blocks and so few degrees hold their level where noise is correlated
+#: over a tenth of the log or less (Ibragimov and Mueller 2010, J. Bus. Econ. Stat. 28(4)).
+_BLOCKS, _STUDENT = 10, 3.25
+#: Errors below this share (of the squares) are rounding.
+_ROUNDING = 1e-12
 #: Fewer common samples tell nothing.
 _FEWEST = 20
 #: A gap is an interval so many times the usual one, and 0.5 s at least.
@@ -52,24 +58,43 @@ _NAMED = 3
 
 @dataclass(frozen=True)
 class Agreement:
-    """Of measured against modelled values: slope of the regression through zero, rest after it, and error without."""
+    """Of measured against modelled values: slope of the regression through zero with its deviation, and errors.
+
+    ``error`` is the rms difference, as a share of the rms of the measured values; ``squares`` (blocks,) holds what each
+    block of the log adds to its square.
+    """
 
     slope: float
-    rest: float
+    deviation: float
     error: float
+    squares: FloatArray
+
+    @property
+    def sure(self) -> tuple[float, float]:
+        """Between which values the slope lies, at 99 %."""
+        return self.slope - _STUDENT * self.deviation, self.slope + _STUDENT * self.deviation
+
+    def is_surely_better_than(self, other: Agreement) -> bool:
+        """Whether its errors are smaller by more than the scatter between blocks, at 99 %.
+
+        A paired test of two forecasts (Diebold and Mariano 1995, J. Bus. Econ. Stat. 13(3)), of the logarithms of the
+        blocks' squares, since blocks in which the machine hardly moves would say nothing beside the others.
+        """
+        gains = np.log((other.squares + _ROUNDING) / (self.squares + _ROUNDING))
+        return bool(gains.mean() > _STUDENT * gains.std(ddof=1) / math.sqrt(gains.size))
 
 
 def agreement(measured: FloatArray, modelled: FloatArray | None) -> Agreement | None:
     """How measured values (n,) agree with modelled ones; None where there are too few, or none differ from zero.
 
-    Rest and error are rms values as shares of that of the measured values.
+    The deviation of the slope comes from the scatter of its equation between blocks of the log.
 
     Examples
     --------
     >>> wave = np.sin(np.arange(50.0))
-    >>> found = agreement(3.6 * wave, wave)
-    >>> round(found.slope, 3), round(found.rest, 3), round(found.error, 3)
-    (3.6, 0.0, 0.722)
+    >>> found = agreement(3.6 * wave + 0.1 * np.cos(7.0 * np.arange(50.0)), wave)
+    >>> round(found.slope, 2), round(found.deviation, 3), round(found.error, 3)
+    (3.61, 0.023, 0.723)
     """
     if modelled is None:
         return None
@@ -77,9 +102,13 @@ def agreement(measured: FloatArray, modelled: FloatArray | None) -> Agreement | 
     y, m = measured[both], modelled[both]
     if y.size < _FEWEST or not np.any(y) or not np.any(m):
         return None
-    slope = float(y @ m / (m @ m))
-    size = float(np.sqrt(y @ y))
-    return Agreement(slope, float(np.linalg.norm(y - slope * m)) / size, float(np.linalg.norm(y - m)) / size)
+    power = float(np.sum(m * m))  # not by a BLAS, whose number of threads shows in last digits
+    slope = float(np.sum(y * m)) / power
+    edges = np.linspace(0, y.size, _BLOCKS + 1).astype(int)[:-1]
+    scores = np.add.reduceat(m * (y - slope * m), edges)
+    deviation = math.sqrt(_BLOCKS / (_BLOCKS - 1) * float(scores @ scores)) / power
+    squares = np.add.reduceat((y - m) ** 2, edges) / float(np.sum(y * y))
+    return Agreement(slope, deviation, math.sqrt(float(squares.sum())), squares)
 
 
 def scale_suspicion(name: str, unit: str, measured: FloatArray, answer: Answer) -> str | None:
@@ -95,26 +124,36 @@ def scale_suspicion(name: str, unit: str, measured: FloatArray, answer: Answer) 
         What the model says at the samples when its start follows the channel divided by a factor.
     """
     as_read = agreement(measured, answer(1.0))
-    if as_read is None or (as_read.slope > 0.0 and abs(math.log(as_read.slope)) < math.log(_FAR)):
+    if as_read is None or _may_be_one(as_read):
         return None
     found = []
     for factor, dimensions, suggestion in FACTORS:
         if dimensions and not any(units.dimension(unit) == units.dimension(one) for one in dimensions):
             continue
         scaled = agreement(measured / factor, answer(factor))
-        if scaled is not None and _agrees(scaled) and scaled.error < _BETTER * as_read.error:
-            found.append((scaled.error, factor * scaled.slope, suggestion))
-    if not found:
+        if scaled is not None and _is_one(scaled):
+            found.append((scaled.error, factor, scaled, suggestion))
+    if not any(scaled.is_surely_better_than(as_read) for _, _, scaled, _ in found):
         return None
-    _, ratio, suggestion = min(found)
+    found.sort(key=lambda one: one[0])
+    _, factor, scaled, _ = found[0]
+    ratio, spread = factor * scaled.slope, factor * _STUDENT * scaled.deviation
     return (
-        f"output {name!r}: measured values are {ratio:.4g} times the modelled ones, which suggests {suggestion} - "
-        "check the unit in the header of the column"
+        f"output {name!r}: measured values are {ratio:.4g} +- {spread:.2g} times the modelled ones, which suggests "
+        f"{', or '.join(suggestion for *_, suggestion in found)} - check the unit in the header of the column"
     )
 
 
-def _agrees(scaled: Agreement) -> bool:
-    return scaled.slope > 0.0 and abs(math.log(scaled.slope)) < math.log(_NEAR) and scaled.rest < _LEFT
+def _may_be_one(found: Agreement) -> bool:
+    """Whether measured over modelled may be one but for parameters that are not well known."""
+    lower, upper = found.sure
+    return lower < _FAR and upper > 1.0 / _FAR
+
+
+def _is_one(found: Agreement) -> bool:
+    """Whether measured over modelled agrees with one, and with nothing that is far from it."""
+    lower, upper = found.sure
+    return 1.0 / _FAR < lower < _NEAR and 1.0 / _NEAR < upper < _FAR
 
 
 def looks_like_milliseconds(time: FloatArray) -> bool:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import math
 import random
 from collections.abc import Mapping, Sequence
 
-from sympy import Expr, Float, Symbol
+from sympy import Expr, Symbol
 
 from bondgraph.declare.elements import ENERGY_VARIABLE, LAW_GIVES, Node
-from bondgraph.declare.functions import TableFunction
+from bondgraph.declare.floats import NoFloatError, float_value
 from bondgraph.declare.quantities import Parameter, symbol
 from bondgraph.errors import DeclarationError
 
@@ -36,44 +37,38 @@ def check_both_forms(node: Node, parameters: Sequence[Parameter], graph: str) ->
     if node.kind not in ("R", "C", "I") or not {gives, stored} <= laws.keys():
         return
     first, second, own = laws[gives], laws[stored], symbol(stored)
-    if _substituted(second, {symbol(gives): first}) == own or first.has(TableFunction) or second.has(TableFunction):
-        return
-    declared = {quantity.symbol: Float(quantity.value, 30) for quantity in parameters}
-    wrong: list[tuple[Expr, Expr, Expr]] = []
+    declared = {quantity.symbol: quantity.value for quantity in parameters}
+    wrong: list[tuple[float, float, float]] = []
     for size in (*_SIZES, *(-s for s in _SIZES)):
-        at = _point(first, second, declared) | {own: Float(repr(size), 30)}
+        at = _point(first, second, declared) | {own: size}
         there = _real(first, at)
         back = None if there is None else _real(second, {**at, symbol(gives): there})
         if there is None or back is None:
             continue
-        if abs(back - at[own]) <= 1e-3 * (abs(back) + abs(at[own])):
+        if abs(back - size) <= 1e-3 * (abs(back) + abs(size)):
             return
-        wrong.append((at[own], there, back))
+        wrong.append((size, there, back))
     if len(wrong) >= _FEWEST:
-        x, there, back = (f"{float(value):.6g}" for value in wrong[0])
+        x, there, back = wrong[0]
         raise DeclarationError(
-            f"{graph}: {node.name}: its two laws contradict each other: at {stored} {x} the {gives} is {there}, but at "
-            f"{gives} {there} the {stored} is {back} - correct one of them, or give one only",
+            f"{graph}: {node.name}: its two laws contradict each other: at {stored} {x:.6g} the {gives} is"
+            f" {there:.6g}, but at {gives} {there:.6g} the {stored} is {back:.6g} - correct one of them, or give one"
+            " only",
             where=(node.name,),
         )
 
 
-def _point(first: Expr, second: Expr, declared: Mapping[Symbol, Expr]) -> dict[Symbol, Expr]:
+def _point(first: Expr, second: Expr, declared: Mapping[Symbol, float]) -> dict[Symbol, float]:
     """Parameters at their values, whatever else the laws use at random ones."""
     draw = random.Random(0)
     used = sorted(first.free_symbols | second.free_symbols, key=str)
-    return {name: declared.get(name, Float(draw.uniform(0.5, 1.5), 30)) for name in used}
+    return {name: declared.get(name, draw.uniform(0.5, 1.5)) for name in used}
 
 
-def _real(law: Expr, at: Mapping[Symbol, Expr]) -> Expr | None:
-    value = _substituted(law, at)
-    number = None if value is None else value.evalf(30)
-    return number if number is not None and number.is_Float and number.is_finite else None
-
-
-def _substituted(law: Expr, values: Mapping[Symbol, Expr]) -> Expr | None:
-    """A law with these values, None where sympy has none: a condition may compare what is complex there."""
+def _real(law: Expr, at: Mapping[Symbol, float]) -> float | None:
+    """The value of a law; None where it has none, or uses a table."""
     try:
-        return law.xreplace(dict(values))
-    except (AttributeError, LookupError, TypeError, ValueError):
+        value = float(float_value(law, at))
+    except NoFloatError:
         return None
+    return value if math.isfinite(value) else None

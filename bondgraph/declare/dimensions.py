@@ -110,7 +110,7 @@ class DimensionReader:
             return self._same(value, value.args, "compares")
         if isinstance(value, Piecewise):
             for _, condition in value.args:
-                for relation in condition.atoms(Relational):
+                for relation in sorted(condition.atoms(Relational), key=str):
                     self._same(relation, relation.args, "compares")
             return self._same(value, [branch for branch, _ in value.args], "chooses between")
         if isinstance(value, sympy.Abs):

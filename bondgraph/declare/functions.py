@@ -6,6 +6,7 @@ symbolic ones and orders them by an internal key; the two-argument forms here ke
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable
 from typing import Any
 
 import sympy
@@ -14,6 +15,12 @@ from sympy import Expr, Float, Function, Integer, Piecewise
 
 def _is_number(*values: Expr) -> bool:
     return all(value.is_Number for value in values)
+
+
+def _evaluated(function: Callable[..., Expr], arguments: Iterable[Expr], prec: int) -> Expr | None:
+    """A function of arguments such as ``pi`` at a precision in bits, as sympy asks for; None of what is no number."""
+    values = [argument._evalf(prec) for argument in arguments]
+    return function(*values) if _is_number(*values) else None
 
 
 class minimum(Function):  # type: ignore[misc]  # noqa: N801 - a function, printed under this name
@@ -36,6 +43,9 @@ class minimum(Function):  # type: ignore[misc]  # noqa: N801 - a function, print
         if a == b:
             return a
         return sympy.Min(a, b) if _is_number(a, b) else None
+
+    def _eval_evalf(self, prec: int) -> Expr | None:
+        return _evaluated(sympy.Min, self.args, prec)
 
     def fdiff(self, argindex: int = 1) -> Expr:
         """One where the argument is the smaller, zero elsewhere."""
@@ -62,6 +72,9 @@ class maximum(Function):  # type: ignore[misc]  # noqa: N801 - a function, print
         if a == b:
             return a
         return sympy.Max(a, b) if _is_number(a, b) else None
+
+    def _eval_evalf(self, prec: int) -> Expr | None:
+        return _evaluated(sympy.Max, self.args, prec)
 
     def fdiff(self, argindex: int = 1) -> Expr:
         """One where the argument is the larger, zero elsewhere."""
@@ -96,6 +109,7 @@ class switch(Function):  # type: ignore[misc]  # noqa: N801 - a function, printe
 
     nargs = 2
     is_real = True
+    is_number = False  # of numbers, too: see TableFunction
 
     def fdiff(self, argindex: int = 1) -> Expr:
         """Derivative of the smooth step."""
@@ -129,13 +143,15 @@ def jump(value: Expr, width: Expr) -> Expr:
 class TableFunction(Function):  # type: ignore[misc]
     """A declared table used in a law: ``name(argument)`` or ``name(argument_1, argument_2)``.
 
-    Subclasses are made by :func:`table_function`; ``slope_of`` holds the name of the table and ``argument`` which
-    derivative is meant (0: the value itself).
+    Subclasses are made by :func:`table_function`; ``table_name`` holds the name of the table and ``derivative`` how
+    often it is differentiated in each argument. Like sympy's undefined functions it is no number where its arguments
+    are: sympy would try to evaluate a condition on it, and divides by zero in doing so.
     """
 
     table_name: str = ""
     derivative: tuple[int, ...] = ()
     is_real = True
+    is_number = False
 
     def fdiff(self, argindex: int = 1) -> Expr:
         """The slope of the table in one argument, again a table function."""

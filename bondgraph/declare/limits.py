@@ -12,6 +12,7 @@ from typing import Any
 
 from sympy import Expr, Float, Function, I, Piecewise, Pow, Rational, Symbol, nan, oo, zoo
 
+from bondgraph.declare.floats import NoFloatError, float_value
 from bondgraph.errors import DeclarationError
 
 #: Letters of one law; the longest of the corrected vehicle models has some thousands.
@@ -155,8 +156,12 @@ def unreal_part(law: Expr, values: Mapping[Symbol, float]) -> Expr | None:
         if not used or not used <= values.keys():
             continue
         if isinstance(part, Function) or (isinstance(part, Pow) and not part.exp.is_integer):
-            number = part.xreplace({name: Float(values[name]) for name in used}).evalf(15)
-            if number.is_number and number.is_real is False and number.is_finite:
+            try:
+                given = [float_value(argument, values) for argument in part.args]
+                value = float_value(part, values)
+            except NoFloatError:
+                continue
+            if math.isnan(value) and all(map(math.isfinite, given)):
                 return part
     return None
 

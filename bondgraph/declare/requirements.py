@@ -5,9 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping
 
-from sympy import Expr, Float, Symbol
+from sympy import Expr, Symbol
 
 from bondgraph.declare.expressions import to_text
+from bondgraph.declare.floats import NoFloatError, float_value
 from bondgraph.declare.quantities import Parameter, Requirement
 from bondgraph.errors import DeclarationError
 
@@ -67,9 +68,8 @@ def check_requirements(
 
 
 def _value(expression: Expr, given: Mapping[Symbol, float]) -> float:
-    """The value of an expression, NaN where it is not real or computer algebra finds none."""
+    """The value of an expression, NaN where it is not real or none is known."""
     try:
-        result = complex(expression.subs({name: Float(value) for name, value in given.items()}).evalf())
-    except TypeError:
+        return float(float_value(expression, given))
+    except NoFloatError:
         return math.nan
-    return result.real if abs(result.imag) <= 1e-12 * abs(result) else math.nan

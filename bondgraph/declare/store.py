@@ -9,8 +9,7 @@ from typing import Any, Self
 from sympy import Expr, Symbol
 
 from bondgraph.declare.elements import STORAGES, Bond, Node, check_node, foreign_locals, own_variables
-from bondgraph.declare.expressions import is_local, signal_name
-from bondgraph.declare.functions import TableFunction
+from bondgraph.declare.expressions import is_local, signal_name, symbols_in, tables_in
 from bondgraph.declare.handles import At, Handle, SubGraph
 from bondgraph.declare.laws import as_expression
 from bondgraph.declare.limits import NoValueError, check_numbers, unreal_part
@@ -209,10 +208,10 @@ class GraphStore:
                 "declare it as a parameter, input or signal first",
                 where=(where,),
             )
-        for function in result.atoms(TableFunction):
-            if not isinstance(self._quantities.get(function.table_name), Table):
+        for name in tables_in(result):
+            if not isinstance(self._quantities.get(name), Table):
                 raise DeclarationError(
-                    f"{self.name}: {where}: table {function.table_name!r} is not declared in this graph", where=(where,)
+                    f"{self.name}: {where}: table {name!r} is not declared in this graph", where=(where,)
                 )
         return result
 
@@ -224,7 +223,7 @@ class GraphStore:
                 where=(where,),
             )
         self._check_numbers(result, where)
-        for used in result.free_symbols:
+        for used in symbols_in(result):
             if isinstance(self._quantities.get(used.name), Table):
                 raise DeclarationError(
                     f"{self.name}: {where}: {used.name} is a table - write {used.name}(argument)", where=(where,)

@@ -7,11 +7,10 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-import sympy
 from sympy import Expr, Symbol
 
 from bondgraph.declare.expressions import to_text
-from bondgraph.declare.functions import TableFunction, maximum, minimum
+from bondgraph.declare.floats import NoFloatError, float_value
 from bondgraph.declare.quantities import Table, symbol
 from bondgraph.derive.equations import Assignment, ImplicitLoop, StateEquations
 from bondgraph.derive.jacobian import Row, gradient
@@ -24,16 +23,6 @@ Given = Mapping[str, float] | Sequence[float] | FloatArray | None
 Values = dict[Symbol, Any]
 #: Residuals of some unknowns, and their Jacobian.
 Residuals = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
-
-_UFUNCS: dict[Any, Callable[..., Any]] = {
-    sympy.sin: np.sin, sympy.cos: np.cos, sympy.tan: np.tan, sympy.asin: np.arcsin, sympy.acos: np.arccos,
-    sympy.atan: np.arctan, sympy.atan2: np.arctan2, sympy.sinh: np.sinh, sympy.cosh: np.cosh, sympy.tanh: np.tanh,
-    sympy.asinh: np.arcsinh, sympy.acosh: np.arccosh, sympy.atanh: np.arctanh, sympy.exp: np.exp, sympy.log: np.log,
-    sympy.Abs: np.abs, sympy.sign: np.sign, sympy.floor: np.floor, sympy.ceiling: np.ceil,
-    minimum: np.minimum, maximum: np.maximum, sympy.Pow: np.power,
-    sympy.Gt: np.greater, sympy.Ge: np.greater_equal, sympy.Lt: np.less, sympy.Le: np.less_equal,
-    sympy.Eq: np.equal, sympy.Ne: np.not_equal, sympy.Not: np.logical_not,
-}  # fmt: skip
 
 
 class Evaluator:
@@ -98,33 +87,15 @@ class Evaluator:
         with np.errstate(all="ignore"):
             return np.float64(self._value(expression, values))
 
-    def _value(self, node: Any, values: Values) -> Any:
-        if isinstance(node, Symbol):
-            return values[node]
-        if isinstance(node, sympy.Add):
-            return sum(self._value(term, values) for term in node.args)
-        if isinstance(node, sympy.Mul):
-            return np.prod([self._value(factor, values) for factor in node.args])
-        if node.is_number and not node.is_Boolean:
-            return np.float64(node)
-        if isinstance(node, sympy.Piecewise):
-            chosen = (branch for branch, condition in node.args if self._value(condition, values))
-            return self._value(next(chosen, sympy.nan), values)
-        if isinstance(node, TableFunction):
-            arguments = [self._value(argument, values) for argument in node.args]
-            return self.tables[node.table_name](arguments, node.derivative or (0,) * len(arguments))
-        if isinstance(node, sympy.And | sympy.Or):
-            return (all if isinstance(node, sympy.And) else any)(self._value(part, values) for part in node.args)
-        if node in (sympy.true, sympy.false):
-            return bool(node)
-        function = _UFUNCS.get(node.func)
-        if function is None:
+    def _value(self, expression: Expr, values: Values) -> Any:
+        try:
+            return float_value(expression, values, self.tables)
+        except NoFloatError as error:
             raise DerivationError(
-                f"{self.equations.name}: {to_text(node)} has no numeric value - write the law with arithmetic, tables "
-                "and the functions of laws",
+                f"{self.equations.name}: {to_text(error.args[0])} has no numeric value - write the law with arithmetic,"
+                " tables and the functions of laws",
                 where=(self.equations.name,),
-            )
-        return function(*(self._value(argument, values) for argument in node.args))
+            ) from None
 
     # ------------------------------------------------------------------ algebraic loops
 

@@ -12,6 +12,7 @@ from __future__ import annotations
 import functools
 import operator
 import random
+import sys
 from collections.abc import Callable
 from fractions import Fraction
 from typing import Any
@@ -26,6 +27,8 @@ _PRIME = (1 << 61) - 1
 _TRIALS = 3
 _POINTS = 8
 _PRECISION = 60
+#: The largest float.
+_LARGEST = sys.float_info.max
 
 
 def is_zero(expression: Expr) -> bool:
@@ -273,13 +276,24 @@ def _sign(value: Any) -> Any:
     raise _UnboundedError
 
 
+def _periodic(function: Callable[[Any], Any]) -> Callable[[Any], Any]:
+    """A function that is asked for no larger argument than a float: its period must be known to all digits of that."""
+
+    def enclosed(value: Any) -> Any:
+        if not abs(value) < _LARGEST:
+            raise _UnboundedError
+        return function(value)
+
+    return enclosed
+
+
 def _tanh(value: Any) -> Any:
     grown = mpmath.iv.exp(2 * value)
     return (grown - 1) / (grown + 1)
 
 
 _ENCLOSED: dict[type, Callable[..., Any]] = {
-    sympy.sin: mpmath.iv.sin, sympy.cos: mpmath.iv.cos, sympy.tan: mpmath.iv.tan,
+    sympy.sin: _periodic(mpmath.iv.sin), sympy.cos: _periodic(mpmath.iv.cos), sympy.tan: _periodic(mpmath.iv.tan),
     sympy.exp: mpmath.iv.exp, sympy.log: mpmath.iv.log, sympy.tanh: _tanh,
     sympy.cosh: lambda x: (mpmath.iv.exp(x) + mpmath.iv.exp(-x)) / 2,
     sympy.sinh: lambda x: (mpmath.iv.exp(x) - mpmath.iv.exp(-x)) / 2,

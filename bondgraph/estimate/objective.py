@@ -58,7 +58,10 @@ class SearchOutcome(enum.Enum):
         "stopped where rounding moves the likelihood: its differences to other points mean nothing"
         " - use more substeps, or method 'auto', which plans them"
     )
-    NO_FINITE_POINT = "failed: the model diverges at every point tried - narrow the bounds or use more substeps"
+    NO_FINITE_POINT = (
+        "failed: the likelihood has a finite value at no point tried"
+        " - declare values near which the model follows the logs, narrow the bounds, or use more substeps"
+    )
 
     @property
     def succeeded(self) -> bool:

@@ -27,6 +27,7 @@ from bondgraph.filter.filter_run import FilterRun
 from bondgraph.filter.misfit import Misfit
 from bondgraph.filter.runs import run
 from bondgraph.frames import frame
+from bondgraph.simulate.outcome import Outcome
 from bondgraph.text import count, few, number, text_table
 
 if TYPE_CHECKING:
@@ -101,6 +102,15 @@ class Estimate:
     way: tuple[Stage, ...] = ()
     abandoned: int = 0
 
+    @cached_property
+    def end(self) -> str:
+        """How the search ended, in words; of one that never began, what ended the filter at its start."""
+        failed = next((one for one in self.runs if one.outcome is not Outcome.OK), None)
+        if self.outcome is not SearchOutcome.NO_FINITE_POINT or failed is None:
+            return self.outcome.value
+        at = few([f"{one.name} = {number(self._shown(one)[0])}" for one in self.problem.free])
+        return f"{self.outcome.value.partition(' - ')[0]}; {failed.log_name}, at {at}: {failed.end}"
+
     def __repr__(self) -> str:
         end = f"NLL {self.nll:.6g}, {count(self.evaluations, 'evaluation')}; {self.outcome.value.partition(' - ')[0]}"
         values = [f"{one.name} = {number(self._shown(one)[0])}" for one in self.problem.free]
@@ -118,7 +128,7 @@ class Estimate:
         ]
         table = text_table(("parameter", "unit", "value", "std", "2.5 %", "97.5 %", ""), rows)
         data = f"{few([log.name for log in self.problem.logs])}: NLL {self.nll:.6g}"
-        return "\n".join([self.outcome.value, f"{data}, {self.certification.verdict} steps", table])
+        return "\n".join([self.end, f"{data}, {self.certification.verdict} steps", table])
 
     def to_dataframe(self) -> pandas.DataFrame:
         """The estimates in declared units, a row for each free parameter.
@@ -317,7 +327,7 @@ class Estimate:
                 for i, name in enumerate(names)
             },
             "not_identifiable": [list(group) for group in self.not_identifiable],
-            "outcome": self.outcome.value,
+            "outcome": self.end,
             "converged": self.outcome.succeeded,
             "uncertainty": self.uncertainty_outcome.value,
             "roughness": _number(self.roughness),

@@ -6,8 +6,6 @@ of a pressure) some of them may lie beyond, although every true state does not; 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-
 import numpy as np
 
 from bondgraph.arrays import FloatArray
@@ -16,8 +14,9 @@ from bondgraph.filter.samples import Samples
 from bondgraph.filter.sigma_points import lower_factor
 from bondgraph.filter.ukf import Member
 from bondgraph.simulate.integrators import RK4
-from bondgraph.simulate.stiff import ModelEquations, Rosenbrock
+from bondgraph.simulate.stiff import Rosenbrock
 from bondgraph.simulate.undefined import Undefined, first_undefined
+from bondgraph.simulate.watched import WatchedEquations
 
 _ADVICE = (
     "write a law that goes on beyond (as sign(x)*sqrt(abs(x)) does for sqrt(x)), or make the filter surer of the state"
@@ -65,7 +64,7 @@ def _on_the_way(
         substeps = int(samples.substeps[k - 1])
         stiff = filter_model.is_stiff
         used = Rosenbrock(filter_model.method, substeps, float(samples.grading[k - 1])) if stiff else RK4(substeps)
-        watched = _Watched(model, theta)
+        watched = WatchedEquations(model, theta)
         state = used.init(float(samples.time[k - 1]), points)
         moved, _ = used.step(watched, samples.segment(k), samples.time[k : k + 1], state)
         if watched.found:
@@ -74,17 +73,3 @@ def _on_the_way(
     if not np.isfinite(points).all():
         return None
     return first_undefined(model, "output", float(samples.time[k]), points, samples.u[:, k], theta)
-
-
-@dataclass(frozen=True)
-class _Watched(ModelEquations):
-    """Equations that note the first assignment without a value."""
-
-    found: list[Undefined] = field(default_factory=list)
-
-    def __call__(self, t: float, x: FloatArray, u: FloatArray) -> FloatArray:
-        slopes = self.model.rhs(t, x, u, self.theta)
-        if not self.found and np.isfinite(x).all() and not np.isfinite(slopes).all():
-            first = first_undefined(self.model, "rhs", t, x, u, self.theta)
-            self.found.extend([] if first is None else [first])
-        return slopes

@@ -63,8 +63,13 @@ class FilterRun:
     cause: str = ""
     nodes: NodeRecord | None = None
 
+    @property
+    def end(self) -> str:
+        """How the run ended, in words."""
+        return self.cause or describe_end(self.outcome, self.ended_at)
+
     def __repr__(self) -> str:
-        end = (self.cause or describe_end(self.outcome, self.ended_at)).partition(" - ")[0]
+        end = self.end.partition(" - ")[0]
         sizes = f"{count(self.time.size, 'sample')}, {count(len(self.filter_model.state_names), 'state')}"
         value = f", NLL {self.nll:.6g}" if self.outcome is Outcome.OK else ""
         return f"<FilterRun {self.filter_model.model.name}, {self.log_name}: {sizes}{value}; {end}>"
@@ -174,8 +179,7 @@ class FilterRun:
             If it did not, saying when it ended and why.
         """
         if self.outcome is not Outcome.OK:
-            why = self.cause or describe_end(self.outcome, self.ended_at)
-            raise FilterError(f"{self.log_name}: {why}", where=(self.log_name,))
+            raise FilterError(f"{self.log_name}: {self.end}", where=(self.log_name,))
         return self
 
     def _row(self, name: str) -> int:

@@ -10,7 +10,7 @@ from sympy.printing.str import StrPrinter
 
 from bondgraph.declare.domains import UNDECLARED_PREFIXES, Domain
 from bondgraph.declare.elements import Node
-from bondgraph.declare.expressions import is_local, signal_name
+from bondgraph.declare.expressions import is_local, signal_name, symbols_in
 from bondgraph.declare.graph import BondGraph
 from bondgraph.declare.quantities import Integral, NamedSignal, symbol
 from bondgraph.derive.causality import CausalGraph
@@ -175,7 +175,7 @@ def _collect(
 ) -> None:
     """Add the nodes that an expression reads, directly or through named quantities."""
     used: Symbol
-    for used in law.free_symbols:
+    for used in symbols_in(law):  # in order of names, not of their hashes: arrows are drawn in this order
         signal = signal_name(used)
         if signal is not None:
             read[signal.node] = None

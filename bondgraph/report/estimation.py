@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 from bondgraph.correct.responses.intervals import simulation_steps
@@ -51,8 +52,8 @@ def estimate_report(estimate: Estimate, made: Provenance) -> ReportData:
         series += channel_series(model, log, Runs(None, before), Runs(run, after), noise)
     return ReportData(
         title=model.name,
-        verdict="estimated, but not explained" if estimate.misfits else "estimated",
-        explanation=" ".join(misfit_sentences(estimate.misfits)) or estimate.outcome.value,
+        verdict=_verdict(estimate),
+        explanation=" ".join(misfit_sentences(estimate.misfits)) or estimate.end,
         errors=channel_errors(series),
         series=tuple(series),
         parameters=parameter_changes(model, declared, estimate.values, estimate.ci95, estimate.at_bound),
@@ -63,6 +64,12 @@ def estimate_report(estimate: Estimate, made: Provenance) -> ReportData:
     )
 
 
+def _verdict(estimate: Estimate) -> str:
+    if not math.isfinite(estimate.nll):
+        return "not estimated"
+    return "estimated, but not explained" if estimate.misfits else "estimated"
+
+
 def _suspicions(estimate: Estimate) -> list[str]:
     """What is suspected of the units, times and sampling of the logs, at the declared values of the model."""
     model, initial = estimate.filter_model.model, estimate.problem.initial
@@ -71,7 +78,7 @@ def _suspicions(estimate: Estimate) -> list[str]:
         for log in estimate.problem.logs
         for one in (
             *sampling_suspicions(model, log, initial),
-            *(unit_suspicions(estimate.filter_model, log, initial) if estimate.misfits or estimate.at_bound else ()),
+            *unit_suspicions(estimate.filter_model, log, initial),
         )
     ]
 
@@ -80,7 +87,7 @@ def _notes(estimate: Estimate) -> list[str]:
     """How far the estimate can be trusted: steps, other optima, bounds, what the data do not tell."""
     certification = estimate.certification
     notes = [
-        f"The search: {estimate.outcome.value}.",
+        f"The search: {estimate.end}.",
         f"Negative log-likelihood {estimate.nll:.4f} after {estimate.evaluations} evaluations.",
         f"Integrated by {certification.method} with {certification.substeps} steps between samples: "
         f"{certification.verdict}.",

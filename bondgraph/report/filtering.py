@@ -74,7 +74,7 @@ def filter_logs(
         result[log.name] |= {"channels": _channels(found), "misfits": [one.to_dict() for one in misfit]}
         found_misfits += misfit
         suspected += [f"{log.name}: {one}" for one in sampling_suspicions(model, log, initial)]
-        suspected += [f"{log.name}: {one}" for one in unit_suspicions(filter_model, log, initial)] if misfit else []
+        suspected += [f"{log.name}: {one}" for one in unit_suspicions(filter_model, log, initial)]
         series += channel_series(model, log, Runs(record), noise_std=filter_model.measurement_noise)
         lines.append(
             f"{log.name}: NLL {shown(record.nll, 6)}, NIS "

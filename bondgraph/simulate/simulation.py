@@ -19,6 +19,7 @@ from bondgraph.simulate.outcome import Outcome
 from bondgraph.simulate.stiff import Rosenbrock
 from bondgraph.simulate.task import Inputs, Task, Vector, refusal, refuse_modes
 from bondgraph.simulate.trajectory import Trajectory
+from bondgraph.simulate.watched import WatchedEquations
 
 #: Tolerance of the pilot run that finds the size of each state.
 _PILOT_RTOL = 1e-4
@@ -100,7 +101,7 @@ def simulate(
     if isinstance(integrator, Adaptive) and integrator.atol is None and integrator.scale is None:
         integrator = replace(integrator, scale=_reached_sizes(rhs, integrator, task))
     x, outcome, ended_at = _integrate(rhs, integrator, task)
-    return _trajectory(task, x, outcome, ended_at)
+    return _trajectory(task, integrator, x, outcome, ended_at)
 
 
 def _hybrid(
@@ -134,14 +135,36 @@ def _fixed(task: Task, integrator: RK4 | Rosenbrock, compiled: bool) -> Trajecto
         task.model, task.times, task.signal, task.theta, task.x0,
         method=method, substeps=integrator.substeps, compiled=compiled,
     )  # fmt: skip
-    return _trajectory(task, batch.x[..., 0], batch.outcomes[0], float(batch.ended_at[0]))
+    return _trajectory(task, integrator, batch.x[..., 0], batch.outcomes[0], float(batch.ended_at[0]))
 
 
-def _trajectory(task: Task, x: FloatArray, outcome: Outcome, ended_at: float) -> Trajectory:
+def _trajectory(
+    task: Task, integrator: AbstractIntegrator, x: FloatArray, outcome: Outcome, ended_at: float
+) -> Trajectory:
     u = task.signal.at(task.times)
     y = task.model.output(task.times, x, u, task.theta)
     y[:, ~np.isfinite(x).all(axis=0)] = np.nan
-    return Trajectory(task.model, task.times, x, y, u, outcome, ended_at)
+    cause = _cause(task, integrator, x, ended_at) if outcome in (Outcome.DIVERGED, Outcome.NON_FINITE) else ""
+    return Trajectory(task.model, task.times, x, y, u, outcome, ended_at, cause=cause)
+
+
+def _cause(task: Task, integrator: AbstractIntegrator, x: FloatArray, ended_at: float) -> str:
+    """The law without a value that ended an integration, in words; empty where it was none.
+
+    The same integrator goes once more from the last finite sample to the one after the end, with equations that watch.
+    """
+    last = max(int(np.isfinite(x).all(axis=0).cumprod().sum()) - 1, 0)
+    beyond = min(int(np.searchsorted(task.times, ended_at, side="right")), task.times.size - 1)
+    watched = WatchedEquations(task.model, task.theta)
+    with np.errstate(all="ignore"):
+        if beyond > last:
+            _integrate(watched, integrator, replace(task, times=task.times[last : beyond + 1], x0=x[:, last]))
+    if not watched.found:
+        return ""
+    return (
+        f"a law has no value, after t = {float(task.times[last]):.6g} s: {watched.found[0]} - write a law that goes on"
+        " beyond (as sign(x)*sqrt(abs(x)) does for sqrt(x)), or other parameters, inputs or initial state"
+    )
 
 
 def _reached_sizes(rhs: Equations, integrator: Adaptive, task: Task) -> tuple[float, ...]:

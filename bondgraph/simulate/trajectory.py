@@ -43,7 +43,7 @@ class Trajectory:
 
     ``x`` (n_x, n), ``y`` (n_y, n) and ``u`` (n_u, n) are at ``time`` (n,), s. After ``ended_at`` x and y are NaN.
     ``events`` are in order of time (only of a model with modes, whose held inputs are in ``u``); at the very time of an
-    event the states are those before it.
+    event the states are those before it. ``cause`` names the law that ended the run, if one did.
     """
 
     model: Model
@@ -54,11 +54,17 @@ class Trajectory:
     outcome: Outcome
     ended_at: float
     events: tuple[EventRecord, ...] = ()
+    cause: str = ""
+
+    @property
+    def end(self) -> str:
+        """How the run ended, in words."""
+        return self.cause or describe_end(self.outcome, self.ended_at)
 
     def __repr__(self) -> str:
         events = f", {count(len(self.events), 'event')}" if self.events else ""
         span = f"{number(float(self.time[0]))} to {number(float(self.time[-1]))} s"
-        end = describe_end(self.outcome, self.ended_at).partition(" - ")[0]
+        end = self.end.partition(" - ")[0]
         return f"<Trajectory {self.model.name}: {count(self.time.size, 'time')}, {span}{events}; {end}>"
 
     def summary(self) -> str:
@@ -115,7 +121,7 @@ class Trajectory:
         """
         if self.outcome is not Outcome.OK:
             name = self.model.name
-            raise ModelError(f"{name}: {describe_end(self.outcome, self.ended_at)}", where=(name,))
+            raise ModelError(f"{name}: {self.end}", where=(name,))
         return self
 
 

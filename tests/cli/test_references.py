@@ -109,7 +109,10 @@ def push(folder: Path) -> np.ndarray:
 @pytest.mark.parametrize(
     ("scales", "said"),
     [
-        ((1.0, 3.6), r"output 'speed': measured values are 3\.[56]\d* times the modelled ones, .* km/h read as m/s"),
+        (
+            (1.0, 3.6),
+            r"output 'speed': measured values are 3\.[56]\d* \+- \S+ times the modelled ones, .* km/h read as m/s",
+        ),
         ((1000.0, 1.0), r"times are 100 s apart, but the model follows the log as if they were 100 ms"),
         ((1.0, 1.0), ""),
     ],

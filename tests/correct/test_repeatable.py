@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import itertools
 import os
+import subprocess
+import sys
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -58,6 +60,30 @@ def test_a_jacobian_asked_for_by_many_threads_is_the_same() -> None:
     for thread in threads:
         thread.join()
     assert all(np.array_equal(found[k], expected) for k in range(6))
+
+
+_LONG_SUMS = """
+import hashlib
+import numpy as np
+from bondgraph.correct.fits.times import Times
+from bondgraph.correct.scores.scoring import Linearisation
+from bondgraph.filter.whiteness import ljung_box
+rng = np.random.default_rng(0)
+free, columns = rng.standard_normal((30_001, 3)), rng.standard_normal((30_001, 16))
+scores = Linearisation(None, None, (), (), free, 0.1 * free, Times(*[np.zeros(1, dtype=int)] * 3)).each_alone(columns)
+found = b"".join(values.tobytes() for values in scores) + repr(ljung_box(free[:, 0])).encode()
+print(hashlib.sha256(found).hexdigest())
+"""
+
+
+def test_the_threads_of_a_blas_change_no_bit() -> None:
+    # scores of candidates and whiteness were summed over samples by a BLAS, in as many parts as it had threads
+    def digest(threads: int) -> str:
+        environment = {**os.environ, "OPENBLAS_NUM_THREADS": str(threads), "PYTHONPATH": os.getcwd()}
+        command = [sys.executable, "-c", _LONG_SUMS]
+        return subprocess.run(command, env=environment, capture_output=True, text=True, check=True).stdout
+
+    assert digest(1) == digest(2)
 
 
 @contextmanager

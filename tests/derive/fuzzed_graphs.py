@@ -286,6 +286,21 @@ FOUND = {
         flow="clip(max(Mod(clip(0, m, 2), (effort if t == m else pi)), Heaviside(maximum(pi, 2), abs(t))),"
         " ceiling(floor((1e-9 - -1))), 1e-9)"
     ),
+    "a switch of numbers beside a number in a condition": _bearing(
+        effort="cos(0)",
+        flow="(Piecewise(((0.5)**2, Or(switch(effort, effort) != effort, m < 1)), ((r)**0.5, True))"
+        " if flow(shaft) == effort else 1e9)",
+    ),
+    "a smaller one of a number and pi beside a number in a condition": _measured(
+        "Piecewise((Piecewise((v, Or(minimum(pi, 2) != 1, m < 1)), (1, True)), flow(shaft) > 1), (0, True))"
+    ),
+    "the sine of a power without end in laws of both forms": _bearing(
+        effort="flow**1e9 / (flow(shaft) / 0.5)", flow="1/sin(effort**(1/3))"
+    ),
+    "the sine of a power without end of a parameter": _bearing(effort="flow*sin(m**1e9)"),
+    "the sine of a power without end in a loop": _bearing(residual="effort*sin(r**1e9) - flow*cos(m**1e9)"),
+    "a step of a root that is not real at the declared value": _measured("Heaviside((-m)**0.5)"),
+    "a remainder by zero at the declared value": _measured("clip(Mod(1e-9, m - 2), (1e-9)**0.5, 1)"),
     "a table whose name no program can print": {
         "graph": {"name": "g", "tables": {"T\0": {"x": [0, 1], "values": [0, 2]}}},
         "nodes": [],

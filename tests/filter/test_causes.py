@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import json
+from pathlib import Path
+
 import numpy as np
 import pytest
 from sympy import sqrt
@@ -11,10 +14,15 @@ from bondgraph.correct.fits.fit import fit
 from bondgraph.data.log import MatchedLog
 from bondgraph.declare.domains import ELECTRICAL, HYDRAULIC
 from bondgraph.declare.graph import BondGraph
-from bondgraph.errors import EstimationError, FilterError
+from bondgraph.errors import EstimationError, FilterError, ModelError
+from bondgraph.estimate.estimation import Method, Settings, estimate
 from bondgraph.estimate.free import declared_free
+from bondgraph.estimate.objective import SearchOutcome
+from bondgraph.estimate.problem import pose
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.runs import run
+from bondgraph.report.estimation import write_estimate
+from bondgraph.report.html import Provenance
 from bondgraph.simulate.outcome import Outcome
 from bondgraph.simulate.simulation import simulate
 
@@ -88,3 +96,28 @@ def test_a_model_without_states_is_told_that_a_filter_needs_some() -> None:
     model = build(divider()).model
     with pytest.raises(FilterError, match=r"divider: the model has no states.* - .*simulate, or declare a storage"):
         FilterModel(model, {}, {"current": 0.1}, {})
+
+
+@pytest.mark.parametrize("method", ["adaptive", "rk4", "ros3p"])
+def test_a_simulation_that_ends_names_the_law_and_its_values(method: str) -> None:
+    # "the state grew without bound ... use more substeps": no substep gives the root of a negative level a value
+    found = simulate(emptied()[0].model, np.arange(200.0), {"inflow": 0.0}, method=method, substeps=3)
+    with pytest.raises(ModelError) as told:
+        found.raise_if_failed()
+    message = str(told.value)
+    assert message.startswith("tank: a law has no value, after t = ") and "substeps" not in message
+    assert "Q_hole = c * np.sqrt(pressure_level) is nan" in message and "pressure_level = -" in message
+    assert "no value" in repr(found)
+
+
+@pytest.mark.parametrize("method", ["gradient", "both"])
+def test_an_estimate_without_a_finite_point_tells_log_values_and_law(method: Method, tmp_path: Path) -> None:
+    # "the model diverges at every point tried", under the heading "estimated"
+    filter_model, log = emptied()
+    found = estimate(pose(filter_model, log, ["c"]), Settings(method=method, starts=2))
+    assert found.outcome is SearchOutcome.NO_FINITE_POINT
+    assert found.end.startswith("failed: the likelihood has a finite value at no point tried; emptied, at c = 1e-05: a")
+    assert "Q_hole = c * np.sqrt(pressure_level) is nan" in found.end and found.end in found.summary()
+    told = write_estimate(found, tmp_path, Provenance("test", 0, (), (), (), 1.0))
+    assert told.verdict == "not estimated" and found.end in told.explanation
+    assert json.loads((tmp_path / "result.json").read_text())["outcome"] == found.end

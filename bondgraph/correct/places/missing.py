@@ -26,6 +26,7 @@ from bondgraph.declare.effect import Place
 from bondgraph.derive.causality import bond_labels
 from bondgraph.errors import EstimationError, OptionError
 from bondgraph.estimate.initial import initial_states
+from bondgraph.estimate.objective import over_terms
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.likelihood import likelihood
 from bondgraph.filter.runs import run
@@ -156,7 +157,8 @@ def _walk(linear: LinearLog, probed: Model, name: str, size: float) -> tuple[Flo
     columns = np.concatenate(
         [respond(linear, shaped(change, courses[k : k + _LANES]))[0] for k in range(0, count, _LANES)], axis=1
     )
-    information, score = columns.T @ columns, -columns.T @ linear.whitened.reshape(-1)
+    information = over_terms(columns, columns)
+    score = -over_terms(columns, linear.whitened.reshape(-1, 1))[:, 0]
     steps = np.diff(np.eye(count), axis=0)
     best: tuple[float, FloatArray, FloatArray] | None = None
     for share in _WALKS:

@@ -121,8 +121,9 @@ def distinct(known: Sequence[Signal]) -> list[Signal]:
     shapes: list[FloatArray] = []
     for one in known:
         values = np.concatenate(one.values)
-        shape = (values - values.mean()) / max(float(np.linalg.norm(values - values.mean())), np.finfo(float).tiny)
-        if all(abs(float(shape @ other)) < SAME for other in shapes):
+        centred = values - values.mean()
+        shape = centred / max(math.sqrt(np.sum(centred**2)), np.finfo(float).tiny)
+        if all(abs(float(np.sum(shape * other))) < SAME for other in shapes):
             kept.append(one)
             shapes.append(shape)
     return kept

@@ -112,7 +112,7 @@ class Linearisation:
         share = solve(inner, across)
         own = np.einsum("ij,ij->j", columns, columns)
         left = own - np.einsum("ij,ij->j", across, share)
-        score = -(z @ columns - share.T @ gradient)
+        score = -(over_terms(columns, z[:, np.newaxis])[:, 0] - share.T @ gradient)
         return score, np.where(left > LEFT * np.maximum(own, np.finfo(float).tiny), left, 0.0)
 
     def projected(self, columns: FloatArray) -> Projected:
