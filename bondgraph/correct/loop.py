@@ -37,9 +37,10 @@ from bondgraph.correct.models.resting import RESTING, with_resting_state, withou
 from bondgraph.correct.models.started import start_cautions, with_declared_starts
 from bondgraph.correct.places.structure import Structure, structure
 from bondgraph.correct.places.unexplained import Unexplained
-from bondgraph.correct.progress import Decision, Progress, advance, without_events
+from bondgraph.correct.progress import Decision, Progress, advance, with_disturbance, without_events
 from bondgraph.correct.rest import Rest, settle
 from bondgraph.correct.round import Round, RoundSettings, one_round, round_cautions
+from bondgraph.correct.search.disturbances import DISTURBANCE
 from bondgraph.data.log import MatchedLog
 from bondgraph.declare.editing import handle, with_bounds, with_values, without_input_rates
 from bondgraph.declare.effect import EffectFunction, Place, Scale
@@ -56,8 +57,9 @@ _TOLERANCE = 0.05
 _MOST_ITERATIONS = 60
 
 Verdict = Literal[
-    "effect found", "effect not confirmed", "sensor fault suspected", "unexplained residual", "no missing effect"
-]
+    "effect found", "effect not confirmed", "disturbance", "sensor fault suspected", "unexplained residual",
+    "no missing effect",
+]  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -203,6 +205,11 @@ def close_loop(
     while _withdrawn(state, rest) and len(state.added) == settings.max_effects and not settings.tables:
         state, rounds, reason = _rounds(rest.state, every, own, settings.max_effects, rounds)
         rest = settle(state, rounds, own, settings.tables)
+    if not rest.unexplained and settings.process_noise == "free":
+        disturbed = with_disturbance(rest.state, own)
+        if disturbed is not rest.state:  # what it hid may show now
+            state, rounds, reason = _rounds(disturbed, every, own, settings.max_effects, rounds)
+            rest = settle(state, rounds, own, settings.tables)
     return _result(built, start, rest, rounds, holdout, told, reason, settings, report)
 
 
@@ -220,7 +227,7 @@ def _rounds(
     takes one out for good, so that they end.
     """
     rounds = list(earlier)
-    while len(state.laws) < most and len(rounds) - len(earlier) < 2 * most + 1:
+    while _named(state) < most and len(rounds) - len(earlier) < 2 * most + 1:
         try:
             turn = one_round(state.built, state.fit, state.train, functions, own, state.present)
             rounds.append(turn)
@@ -228,7 +235,8 @@ def _rounds(
                 further = "further " if state.added else ""
                 passes = f"no {further}candidate passes the tests" if turn.trials else "no effect could be tried"
                 return state, rounds, passes
-            state = advance(state, turn, own)
+            disturbed = _explained_at_random(state, turn.chosen, own)
+            state = advance(state, turn, own) if disturbed is state else disturbed
         except FAILURES as error:
             number = len(rounds) + (not rounds or rounds[-1].base is not state.fit)
             if not rounds:
@@ -238,6 +246,22 @@ def _rounds(
                 raise EstimationError(f"{why} - check units, initial states and declared values") from error
             return state, rounds, f"round {number} could not be finished: {reason_of(error)}"
     return state, rounds, f"the limit of {most} effects was reached"
+
+
+def _named(state: Progress) -> int:
+    """How many laws were added; a disturbance is none."""
+    return sum(one.candidate.effect.kind != DISTURBANCE for one in state.laws)
+
+
+def _explained_at_random(state: Progress, chosen: Trial, own: RoundSettings) -> Progress:
+    """The state with a disturbance that explains more than a candidate with a memory of its own, if there is one.
+
+    A lag, a storage and a late sensor explain coloured innovations by their memory, whatever coloured them.
+    """
+    effect, known = chosen.candidate.effect, {one.candidate.effect.kind for one in state.added}
+    if DISTURBANCE in known or not (effect.adds_state or effect.channel) or chosen.evidence is None:
+        return state
+    return with_disturbance(state, own, chosen.evidence.bic_gain)
 
 
 def _result(
@@ -358,11 +382,14 @@ def _verdict(
 ) -> tuple[Verdict, str]:
     coloured = [test.channel for test in residual if test.p_value * len(residual) < level]
     said = f"; the innovations of {', '.join(coloured)} stay coloured" if coloured else ""
-    named = [one for one in added if one.trial.candidate.effect.name != "table"]
+    random = [one for one in added if one.trial.candidate.effect.kind == DISTURBANCE]
+    named = [one for one in added if one.trial.candidate.effect.name != "table" and one not in random]
     if named and logs is not None and logs.contradictions:
         return "effect not confirmed", reason + said
     if named and all(one.trial.candidate.effect.channel for one in named):
         return "sensor fault suspected", reason + said
     if named:
         return "effect found", reason + said
+    if random and not left:
+        return "disturbance", reason + said
     return "unexplained residual" if coloured or left or added else "no missing effect", reason + said

@@ -18,6 +18,7 @@ from bondgraph.correct.fits.starts import with_starts
 from bondgraph.correct.models.candidates import candidates
 from bondgraph.correct.round import Round, RoundSettings
 from bondgraph.correct.scores.gates import Constancy, Gate, When, constancy, gated, with_gate
+from bondgraph.correct.search.disturbances import described, disturbances
 from bondgraph.correct.search.refit import refit_from
 from bondgraph.data.log import MatchedLog
 from bondgraph.declare.graph import BondGraph
@@ -34,7 +35,8 @@ _STAYS = 0.01
 class Decision:
     """One decision: its round, what was done, and why.
 
-    ``action`` is ``"added"``, ``"event"``, ``"not constant"``, ``"dropped"``, ``"withdrawn"`` or ``"stopped"``.
+    ``action`` is ``"added"``, ``"event"``, ``"not constant"``, ``"dropped"``, ``"withdrawn"``,
+    ``"disturbance"`` or ``"stopped"``.
     """
 
     round: int
@@ -190,13 +192,41 @@ def _gated_refit(chosen: Trial, gate: Gate, context: Context) -> list[Trial]:
 def _without_needless(state: Progress, number: int, settings: RoundSettings) -> Progress:
     """Backward elimination: earlier effects that are no longer needed beside the later ones go."""
     while len(state.added) > 1:
-        doubts = [robust_p_value(state.fit, trial.candidate.effect.coefficients) for trial in state.added[:-1]]
+        doubts = [_doubt(state.fit, trial) for trial in state.added[:-1]]
         worst = int(np.argmax(doubts))
         if doubts[worst] < _STAYS:
             break
         why = f"p = {doubts[worst]:.2g} beside {state.added[-1].candidate.label}"
         state = without(state, worst, "dropped", why, number, settings)
     return state
+
+
+def _doubt(fitted: Fit, trial: Trial) -> float:
+    """The p-value of an effect that is there; none of a disturbance, whose intensity has no zero to be tested at."""
+    coefficients = trial.candidate.effect.coefficients
+    return robust_p_value(fitted, coefficients) if coefficients else 0.0
+
+
+def with_disturbance(state: Progress, settings: RoundSettings, worth: float = 0.0) -> Progress:
+    """The state with the disturbance that explains most, if innovations are coloured and one passes its tests.
+
+    It must gain more than ``worth`` nats beyond the penalty for its parameters.
+    """
+    settings.report("look for a disturbance", 0, 1)
+    found = disturbances(state.built, state.fit, state.train, settings.level, settings.journal)
+    settings.report("look for a disturbance", 1, 1)
+    if found is None or found.fit is None or found.built is None or found.evidence is None:
+        return state
+    if found.evidence.bic_gain <= worth:
+        return state
+    number = _rounds(state) + 1
+    why = f"{described(found, found.fit)}; gains {found.evidence.delta_nll:.1f} nats, p = {found.p_value:.2g}"
+    decision = Decision(number, "disturbance", found.candidate.label, why)
+    fitted, check = refined(found.fit, settings.journal)
+    return replace(
+        state, built=found.built, fit=fitted, check=check, added=(*state.added, found),
+        history=(*state.history, decision),
+    )  # fmt: skip
 
 
 def without_events(state: Progress) -> Progress:

@@ -164,6 +164,38 @@ def replace_input(graph: BondGraph, name: str, expression: Expr) -> None:
     _replace_everywhere(graph, {symbol(name): expression})
 
 
+def replace_signal(graph: BondGraph, name: str, expression: Expr) -> None:
+    """Write an expression in the place of an integral or a named signal wherever the graph itself uses it.
+
+    What it integrates stays as it is, so that the expression may follow from it.
+
+    Raises
+    ------
+    DeclarationError
+        If there is no such quantity.
+
+    Examples
+    --------
+    >>> g = BondGraph("cart")
+    >>> body = g.one_junction("body")
+    >>> slope = g.integral("slope", g.input("bend", "rad/s"), "rad")
+    >>> wave = g.integral("wave", lambda x: -x / 2, "rad")
+    >>> _ = g.effort_source("weight", -9.81 * slope, at=body)
+    >>> replace_signal(g, "slope", slope + wave)
+    >>> g.nodes["weight"].law("effort")
+    -9.81*slope - 9.81*wave
+    """
+    if name not in graph._quantities:
+        raise DeclarationError(f"{graph.name}: no signal {name!r}{suggest(name, graph._quantities)}", where=(name,))
+    values = {symbol(name): expression}
+    own = graph._quantities[name]
+    _replace_everywhere(graph, values)
+    graph._quantities[name] = own
+    for part in list(graph._subgraphs.values()):
+        bind = tuple((inner, given.xreplace(values)) for inner, given in part.bind)
+        graph._subgraphs[part.name] = dataclasses.replace(part, bind=bind)
+
+
 def _replace_everywhere(graph: BondGraph, values: Mapping[Symbol, Expr]) -> None:
     """Replace symbols in the laws, signals and outputs of a graph; integrals keep what they integrate."""
     _replace_in_laws(graph, values)

@@ -37,8 +37,9 @@ _BLOCKS, _LOGS = 6, 3
 _LEVEL = 0.05
 #: Information of a coefficient that is left without a fold, as a share of all of it, below which nothing is known.
 _NOTHING = 1e-6
-#: A step that makes its data less likely by more nats than a fit is known to is halved, so often at most.
-_HALVINGS, _CLEARLY = 6, 0.5
+#: A step that makes its data less likely by more nats than a fit is known to is cut to a quarter; if that does too, the
+#: fit stays where it is.
+_CLEARLY, _SHARES = 0.5, (0.25, 0.0)
 
 
 @dataclass(frozen=True)
@@ -176,25 +177,30 @@ def left_out(fitted: Fit, cut: Sequence[Fold], coefficients: Sequence[str]) -> L
 def _towards_likelier(
     fitted: Fit, points: FloatArray, of_term: np.ndarray, zero: np.ndarray
 ) -> tuple[FloatArray, Terms]:
-    """The points (n, folds) and what is seen there, steps halved that make what each was made for clearly less likely.
+    """The points (n, folds) and what is seen there, steps cut that make what each was made for clearly less likely.
 
     Far from the optimum the step of a likelihood that is not quadratic may lead anywhere. What is ``zero`` stays so.
     """
     problem, terms = fitted.problem, fitted.expansion.terms
     assert terms is not None  # as above
     start = np.where(zero, 0.0, fitted.point[:, np.newaxis])
-    least = _without(terms.members(np.zeros(points.shape[1], dtype=int)), of_term)
+    least = _without(_repeated(terms, points.shape[1]), of_term)
     least = np.where(zero.any(axis=0), np.inf, least)  # without the effect it may be less likely
     points, seen = points.copy(), problem.terms(points)
-    for _ in range(_HALVINGS):
+    for share in _SHARES:
         worse = np.flatnonzero(~(_without(seen, of_term) <= least + _CLEARLY))
         if not worse.size:
             break
-        points[:, worse] = 0.5 * (points + start)[:, worse]
-        again = problem.terms(points[:, worse])
+        points[:, worse] = (start + share * (points - start))[:, worse]
+        again = problem.terms(points[:, worse]) if share or zero[:, worse].any() else _repeated(terms, worse.size)
         for name in ("innovations", "log_scales"):
             getattr(seen, name)[:, worse] = getattr(again, name)
     return points, seen
+
+
+def _repeated(terms: Terms, count: int) -> Terms:
+    """The terms at the point of an expansion, so many times."""
+    return terms.members(np.zeros(count, dtype=np.intp))
 
 
 def _without(terms: Terms, of_term: np.ndarray) -> FloatArray:

@@ -1,0 +1,253 @@
+"""Disturbances: efforts, flows and signals that nothing measures and that wander at random with a memory of their own.
+
+A filter takes what it does not know of for white noise, which has no memory: then a wind that lasts for seconds leaves
+its innovations coloured for ever, and no law explains it. As a shaping filter that white noise drives it has a spectrum
+with a corner,
+
+    dx/dt = -x/T + noise,
+
+whose intensity and time T are estimated like everything else. References: Maybeck (1979), Stochastic Models,
+Estimation, and Control, volume 1, section 4.11; Gelb (1974), Applied Optimal Estimation, section 2.5.
+
+It is tried where noise drives a state of the fitted model and innovations stay coloured although no law passes the
+tests. It is no law: it says how large and how long-lived the unknown is, and where it acts.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy import stats
+
+from bondgraph.build import BuiltModel, build
+from bondgraph.correct.evidence.context import at_optimum
+from bondgraph.correct.evidence.trials import Evidence, Trial
+from bondgraph.correct.fits.assess import gain_p_value
+from bondgraph.correct.fits.excerpts import excerpt
+from bondgraph.correct.fits.fit import Fit, fit
+from bondgraph.correct.fits.journal import Journal
+from bondgraph.correct.fits.setup import filter_setup
+from bondgraph.correct.fits.whiteness import whiteness
+from bondgraph.correct.models.candidates import Candidate, placed
+from bondgraph.correct.models.failures import attempted
+from bondgraph.data.log import FloatArray, MatchedLog
+from bondgraph.declare.editing import copy, handle
+from bondgraph.declare.effect import Effect, EffectFunction, Place, Scale
+from bondgraph.declare.elements import Node
+from bondgraph.declare.graph import BondGraph
+from bondgraph.declare.revision import replace_signal
+from bondgraph.errors import DataError
+from bondgraph.estimate.free import FreeParameter
+from bondgraph.estimate.problem import EstimationProblem
+
+#: Kind of effect of a disturbance.
+DISTURBANCE = "disturbance"
+#: Corner times that are tried, as shares of the logarithm from a sample to the length of the longest log.
+_TIMES = (0.15, 0.3, 0.45, 0.6, 0.75, 0.9)
+#: Its noise carries as much as the white noise in its place, or a tenth or ten times that.
+_INTENSITIES = (0.1, 1.0, 10.0)
+_ITERATIONS, _TOLERANCE = 40, 0.05
+_REFERENCE = "Maybeck (1979), Stochastic Models, Estimation, and Control 1, section 4.11"
+
+
+@dataclass(frozen=True)
+class Disturbance:
+    """A disturbance that was estimated: its trial, the state that it is, its corner time in s, its size (std)."""
+
+    trial: Trial
+    state: str
+    seconds: float
+    size: float
+    unit: str
+
+    def __str__(self) -> str:
+        where = self.trial.candidate.place.label
+        return f"{where}: std {self.size:.3g} {self.unit}, correlation time {self.seconds:.3g} s"
+
+
+def disturbances(
+    built: BuiltModel, base: Fit, train: Sequence[MatchedLog], level: float, journal: Journal | None = None
+) -> Trial | None:
+    """The disturbance that explains most, if it passes its tests; None where innovations are white or nothing passes.
+
+    Parameters
+    ----------
+    built, base, train
+        The model without it, its fit and the logs of that.
+    level
+        Chance of a false alarm over all that are tried.
+    journal
+        Finished fits.
+    """
+    tests = whiteness(base, train)
+    if not any(test.p_value * len(tests) < level for test in tests):
+        return None
+    states = _driven_states(base)
+    made = [one for one in (_candidate(built, base, train, name) for name in states) if one is not None]
+    trials = [
+        attempted(
+            lambda one=one, state=state: _estimated(  # type: ignore[misc]
+                built, one, state, base, train, len(made), journal
+            ),
+            lambda why, one=one: Trial(one, 0.0, failed=why),  # type: ignore[misc]
+        )
+        for one, state in made
+    ]
+    passed = [one for one in trials if one.evidence is not None and one.evidence.accepted(level)]
+    return max(passed, key=lambda one: one.gain, default=None)
+
+
+def described(trial: Trial, fitted: Fit) -> Disturbance:
+    """What a fit says of a disturbance that it has."""
+    state = trial.candidate.effect.element
+    time = fitted.values[trial.candidate.effect.shapes[0]]
+    noise = fitted.values[f"process({state})"]
+    unit = next(one.unit for one in fitted.problem.filter_model.model.states if one.name == state)
+    return Disturbance(trial, state, time, noise * float(np.sqrt(0.5 * time)), unit)
+
+
+def _driven_states(base: Fit) -> list[str]:
+    """States whose noise the fit needs, those that it needs most first."""
+    problem = base.problem
+    rows = [k for k, one in enumerate(problem.free) if one.target.kind == "process"]
+    if not rows:
+        return []
+    points = np.repeat(base.point[:, np.newaxis], len(rows), axis=1)
+    points[rows, range(len(rows))] = problem.lower[rows]
+    lost = problem.nll(points) - base.nll
+    need = 0.5 * float(stats.chi2.isf(0.01 / len(rows), 1))
+    order = sorted(range(len(rows)), key=lambda k: -float(lost[k]))
+    return [problem.free[rows[k]].target.name for k in order if not lost[k] < need]
+
+
+def _candidate(built: BuiltModel, base: Fit, train: Sequence[MatchedLog], state: str) -> tuple[Candidate, str] | None:
+    """The disturbance in the place of the white noise of a state; None where there is no place for it."""
+    node = _storage_of(built, state)
+    place = _place_of(built, state, node)
+    if place is None:
+        return None
+    function = _function(state, node, _times(train))
+    graph = copy(built.graph)
+    effect = attempted(lambda: function(graph, placed(graph, place)), lambda why: None)
+    if effect is None:
+        return None
+    model = attempted(lambda: build(graph).model, lambda why: None)
+    return None if model is None else (Candidate(function, place, effect, model), state)
+
+
+def _storage_of(built: BuiltModel, state: str) -> Node | None:
+    """The storage whose state it is; None for an integral of a signal."""
+    found = next((one.element for one in built.equations.states if one.symbol.name == state), None)
+    return built.causal.graph.nodes.get(found) if found is not None else None
+
+
+def _place_of(built: BuiltModel, state: str, node: Node | None) -> Place | None:
+    one = Scale(1.0, 1.0)
+    if node is None:
+        known = state in {integral.name for integral in built.graph.flatten().integrals}
+        return Place.sensor(state, one) if known else None
+    bonds = [bond for bond in built.causal.graph.bonds if node.name in (bond.source, bond.target)]
+    ends = [bond.target if bond.source == node.name else bond.source for bond in bonds]
+    junctions = [end for end in ends if built.causal.graph.nodes[end].is_junction]
+    return Place(handle(built.graph, junctions[0]), one) if len(junctions) == 1 else None
+
+
+def _function(state: str, node: Node | None, times: tuple[float, float]) -> EffectFunction:
+    """The effect function of a disturbance that acts on a state."""
+    lower, upper = times
+
+    def disturbance(g: BondGraph, at: Place) -> Effect | None:
+        name = f"{DISTURBANCE}_{state}".replace(".", "_")
+        flat = g.flatten()
+        time = g.parameter(f"T_{name}", float(np.sqrt(lower * upper)), "s", "correlation time", (lower, upper))
+        if node is None:
+            unit = next(one.unit for one in flat.integrals if one.name == state)
+            own = g.integral(name, lambda x: -x / time, unit, f"what wanders beside {state}")
+            replace_signal(g, state, own)
+            law = f"{state} + x, dx/dt = -x/T + noise"
+        else:
+            domain, at_flow = at.domain, flat.nodes[at.junction.name].kind == "1"
+            unit = "" if domain is None else domain.effort_unit if at_flow else domain.flow_unit
+            own = g.integral(name, lambda x: -x / time, unit, f"what nothing measures at {at.label}")
+            source = g.effort_source if at_flow else g.flow_source
+            source(f"{name}_source", own, at=at.junction)
+            law = f"{'effort' if at_flow else 'flow'} = x, dx/dt = -x/T + noise"
+        return Effect(
+            DISTURBANCE, name, law, (), adds_state=True, shapes=(time.name,), reference=_REFERENCE, kind=DISTURBANCE
+        )
+
+    return disturbance
+
+
+def _times(train: Sequence[MatchedLog]) -> tuple[float, float]:
+    """From the time between samples to the length of the longest log, s."""
+    return (
+        min(float(np.median(np.diff(log.time))) for log in train),
+        max(float(log.time[-1] - log.time[0]) for log in train),
+    )
+
+
+def _estimated(
+    built: BuiltModel, candidate: Candidate, state: str, base: Fit, train: Sequence[MatchedLog], tried: int,
+    journal: Journal | None,
+) -> Trial:  # fmt: skip
+    """The trial of a disturbance, estimated with everything else."""
+    extended = build(candidate.apply(built.graph))
+    problem = _problem(extended, candidate, base, train)
+    points = _starts(problem, candidate, state, base)
+    part = excerpt(problem) or problem
+    values = part.nll(np.array(points).T)
+    best = points[int(np.argmin(np.where(np.isfinite(values), values, np.inf)))]
+    fitted = fit(problem.filter_model, train, problem.free, _ITERATIONS, _TOLERANCE, [best], journal=journal)
+    gain = base.nll - fitted.nll
+    measured = sum(int(np.isfinite(log.y).sum()) for log in train)
+    ratio = float(stats.chi2.sf(2.0 * max(gain, 0.0), 2))  # its intensity and its time
+    along = gain_p_value(base.own_runs, fitted.own_runs)
+    worth = gain - float(np.log(max(measured, 2))) - float(np.log(tried))
+    evidence = Evidence(gain, min(1.0, ratio * tried), min(1.0, along * tried), worth, tried)
+    return Trial(candidate, gain, built=extended, fit=fitted, evidence=evidence)
+
+
+def _problem(extended: BuiltModel, candidate: Candidate, base: Fit, train: Sequence[MatchedLog]) -> EstimationProblem:
+    """What is fitted: the model with a disturbance, its noise and its time free beside everything else."""
+    own = candidate.effect.element
+    setup = filter_setup(extended.model, [own], train)
+    level = next((one for one in setup.noise if one.name == f"process({own})"), None)
+    if level is None:
+        raise DataError(f"{candidate.label}: no channel of the logs shows it - measure a quantity that it moves")
+    used = base.problem.filter_model
+    filter_model = replace(
+        used,
+        model=extended.model,
+        process_noise={**used.process_noise, own: setup.filter_model.process_noise[own]},
+        initial_std={**used.initial_std, own: setup.filter_model.initial_std[own]},
+    )
+    (name,) = candidate.effect.shapes
+    lower, upper = candidate.bounds(name)
+    time = FreeParameter(name, lower, upper, float(np.sqrt(lower * upper)), scale="log")
+    return EstimationProblem(filter_model, tuple(train), (*at_optimum(base), time, level))
+
+
+def _starts(problem: EstimationProblem, candidate: Candidate, state: str, base: Fit) -> list[FloatArray]:
+    """Points (n,) at several times and intensities, the white noise in its place as low as it may be."""
+    own, model = candidate.effect.element, problem.filter_model.model
+    row, column = model.index("state", state), model.index("state", own)
+    (run, log), theta = (base.own_runs[0], problem.logs[0]), problem.batch(problem.start[:, np.newaxis]).theta[:, 0]
+    middle = log.time.size // 2
+    x = np.zeros(len(model.states))
+    x[: run.filtered_mean.shape[0]] = run.filtered_mean[:, middle][: x.size]
+    push = abs(float(model.jacobian_x(float(log.time[middle]), x, log.u[:, middle], theta)[row, column]))
+    white = base.values[f"process({state})"]
+    time, level = problem.free[-2], problem.free[-1]
+    quiet = base.point.copy()
+    quiet[problem.names.index(f"process({state})")] = problem.lower[problem.names.index(f"process({state})")]
+    found = []
+    for share in _TIMES:
+        seconds = float(time.lower * (time.upper / time.lower) ** share)
+        alike = white / push / seconds if push > 0.0 else white
+        for many in _INTENSITIES:
+            ends = [time.coordinate(seconds), level.coordinate(float(np.clip(many * alike, level.lower, level.upper)))]
+            found.append(np.concatenate([quiet, ends]))
+    return found

@@ -1,0 +1,85 @@
+"""What wanders at random with a memory of its own is described as such: no law, and no rest without a word."""
+
+from __future__ import annotations
+
+import functools
+
+import numpy as np
+import pytest
+from scipy.linalg import expm
+
+from bondgraph.correct.loop import ClosedLoop, LoopSettings, close_loop
+from bondgraph.correct.search.disturbances import DISTURBANCE, described
+from bondgraph.data.log import FloatArray, MatchedLog
+from bondgraph.declare.domains import TRANSLATION
+from bondgraph.declare.graph import BondGraph
+from vehicle_graphs import effects
+
+#: Mass, drag, standard deviation and correlation time of the wind of the cart below, and the noise of its sensor.
+MASS, DRAG, GUST, LASTS, NOISE = 20.0, 8.0, 6.0, 3.0, 0.01
+STEP = 0.05
+
+
+def cart() -> BondGraph:
+    """A cart that is pushed; nobody measures the wind."""
+    g = BondGraph("cart")
+    push = g.input("push", "N")
+    body = g.one_junction("body", TRANSLATION)
+    g.effort_source("hand", push, at=body)
+    g.inertance("mass", g.parameter("m", MASS, "kg", "", (10.0, 40.0)), at=body, state="v")
+    c = g.parameter("c", DRAG, "N s/m", "", (1.0, 30.0))
+    g.resistance("drag", lambda v: c * v, at=body)
+    g.measure_flow("speed", body)
+    return g
+
+
+def driven(seed: int, gust: float, samples: int = 1200) -> MatchedLog:
+    """A log of the cart, its speed and the wind integrated exactly over a tenth of a sample each time.
+
+    The wind is an Ornstein-Uhlenbeck process, of the standard deviation ``gust``.
+    """
+    rng, step = np.random.default_rng(seed), 0.1 * STEP
+    a = np.array([[-DRAG / MASS, 1.0 / MASS, 1.0 / MASS], [0.0, -1.0 / LASTS, 0.0], [0.0, 0.0, 0.0]])
+    noise = np.diag([0.0, 2.0 * gust**2 / LASTS, 0.0])
+    loan = expm(step * np.block([[-a, noise], [np.zeros((3, 3)), a.T]]))  # Van Loan (1978), IEEE Trans. AC 23(3)
+    move = loan[3:, 3:].T
+    root = np.linalg.cholesky((move @ loan[:3, 3:])[:2, :2] + 1e-18 * np.eye(2)) if gust else np.zeros((2, 2))
+    tones = [(rng.uniform(0.05, 0.6), rng.uniform(0.0, 6.0), rng.uniform(5.0, 20.0)) for _ in range(6)]
+
+    def push(t: FloatArray) -> FloatArray:
+        return sum((size * np.sin(rate * t + phase) for rate, phase, size in tones), np.zeros_like(t))
+
+    x, speed = np.array([0.0, gust * rng.standard_normal(), 0.0]), np.empty(samples)
+    pushed = push(step * (np.arange(10 * samples) + 0.5))
+    for k in range(10 * samples):
+        if k % 10 == 0:
+            speed[k // 10] = x[0]
+        x[2] = pushed[k]
+        x = move @ x
+        x[:2] += root @ rng.standard_normal(2)
+    time = STEP * np.arange(samples)
+    shown = speed + NOISE * rng.standard_normal(samples)
+    return MatchedLog(f"run{seed}", time, push(time)[np.newaxis], shown[np.newaxis])
+
+
+@functools.cache
+def closed(gust: float) -> ClosedLoop:
+    functions = (effects.quadratic_loss, effects.coulomb_loss, effects.constant_effort)
+    return close_loop(cart(), [driven(1, gust), driven(2, gust)], [driven(3, gust)], functions, LoopSettings())
+
+
+def test_a_wind_that_lasts_is_described_with_its_size_and_its_correlation_time() -> None:
+    found = closed(GUST)
+    assert found.verdict == "disturbance"
+    (added,) = found.added
+    assert added.trial.candidate.effect.kind == DISTURBANCE
+    told = described(added.trial, found.corrected)
+    assert told.size == pytest.approx(GUST, rel=0.3) and told.unit == "N"
+    assert told.seconds == pytest.approx(LASTS, rel=0.5)
+    assert "correlation time" in str(told)
+    assert found.corrected.values["m"] == pytest.approx(MASS, rel=0.1)
+    assert all(test.p_value > 0.01 for test in found.whiteness)
+
+
+def test_without_a_wind_there_is_none() -> None:
+    assert closed(0.0).verdict == "no missing effect" and not closed(0.0).added
