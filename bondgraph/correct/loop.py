@@ -194,11 +194,11 @@ def close_loop(
         setup.filter_model, train, free, _MOST_ITERATIONS, _TOLERANCE, noisy_starts(free), journal=settings.journal,
         first=quiet_start(free, np.array([one.coordinate(one.start) for one in free])),
     )  # fmt: skip
-    nominal, check = refined(nominal, settings.journal)  # before anything is scored
+    nominal, check = refined(nominal, settings.journal, setup.filter_model.substeps)  # before anything is scored
     report("fit the declared model", 1, 1)
     offered = (*functions, *(SENSOR_FAULTS if settings.faults else ()))
     every = tuple(one for one in offered if one.__name__ not in settings.without)
-    own = RoundSettings(settings.level, settings.refits, report, settings.journal)
+    own = RoundSettings(settings.level, settings.refits, report, settings.journal, setup.filter_model.substeps)
     start = Progress(graph, built, nominal, tuple(train), check=check)
     state, rounds, reason = _rounds(start, every, own, settings.max_effects)
     rest = settle(state, rounds, own, settings.tables)

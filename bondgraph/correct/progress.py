@@ -105,7 +105,7 @@ def certified(state: Progress, number: int, settings: RoundSettings) -> Progress
 
     Where that takes shorter ones, what was added last is judged again with these, and withdrawn if it fails then.
     """
-    fitted, check = refined(state.fit, settings.journal)
+    fitted, check = refined(state.fit, settings.journal, settings.substeps)
     finer = replace(state, fit=fitted, check=check)
     if fitted is state.fit or not state.added or state.added[-1].evidence is None:
         return finer
@@ -222,7 +222,7 @@ def with_disturbance(state: Progress, settings: RoundSettings, worth: float = 0.
     number = _rounds(state) + 1
     why = f"{described(found, found.fit)}; gains {found.evidence.delta_nll:.1f} nats, p = {found.p_value:.2g}"
     decision = Decision(number, "disturbance", found.candidate.label, why)
-    fitted, check = refined(found.fit, settings.journal)
+    fitted, check = refined(found.fit, settings.journal, settings.substeps)
     return replace(
         state, built=found.built, fit=fitted, check=check, added=(*state.added, found),
         history=(*state.history, decision),
@@ -254,7 +254,7 @@ def without(state: Progress, index: int, action: str, why: str, number: int, set
     reduced = _reduced(state, [trial for k, trial in enumerate(state.added) if k != index])
     problem = reduced.problem
     fitted = fit(problem.filter_model, problem.logs, problem.free, journal=settings.journal)
-    fitted, check = refined(fitted, settings.journal)
+    fitted, check = refined(fitted, settings.journal, settings.substeps)
     beside = f"has nothing to act on without {gone.candidate.label}"
     history = [
         Decision(number, action, gone.candidate.label, why),

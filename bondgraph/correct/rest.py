@@ -118,7 +118,7 @@ def _with_table(state: Progress, found: Unexplained, number: int, settings: Roun
     if trial.fit is None or trial.built is None:
         return state
     why = f"asked for: {found.variable} as a function of {found.signal}, {found.knots.size} points"
-    fitted, check = refined(trial.fit, settings.journal)
+    fitted, check = refined(trial.fit, settings.journal, settings.substeps)
     return replace(
         state, built=trial.built, fit=fitted, check=check, added=(*state.added, trial),
         history=(*state.history, Decision(number, "added", trial.candidate.label, why)),

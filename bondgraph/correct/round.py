@@ -42,12 +42,16 @@ _ADVISED = 3
 
 @dataclass(frozen=True)
 class RoundSettings:
-    """The level of false alarms, how many refits at most, and the work's report and journal."""
+    """The level of false alarms, how many refits at most, and the work's report and journal.
+
+    ``substeps`` are the steps from which halvings are counted.
+    """
 
     level: float = 0.01
     refits: int = 12
     report: Report = no_report
     journal: Journal = field(default_factory=Journal)
+    substeps: int | None = None
 
 
 @dataclass(frozen=True, repr=False)
@@ -111,7 +115,9 @@ def one_round(
     tried = scored.tests + sum(len(one.variants) for one in stateful)
     need = hurdle(train, tried, settings.level)
     settings.report("score the candidates", 1, 1)
-    context = Context(built, base, tuple(train), tried, settings.level, need, settings.journal)
+    context = Context(
+        built, base, tuple(train), tried, settings.level, need, settings.journal, substeps=settings.substeps
+    )
     scoring = Scoring(linear, scored, tuple(_trials(scored, tried)), tuple(stateful))
     search = opened(scoring, context, bool(present), settings.report)
     trials = _searched(search, scoring, settings)

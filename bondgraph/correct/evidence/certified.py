@@ -39,15 +39,15 @@ _SURE = 0.5
 _LEVELS: tuple[Kind, ...] = ("process", "std")
 
 
-def refined(fitted: Fit, journal: Journal | None = None) -> tuple[Fit, Check]:
+def refined(fitted: Fit, journal: Journal | None = None, least: int | None = None) -> tuple[Fit, Check]:
     """The fit with steps so short that halving them changes it no more, if few halvings do that, and its last check.
 
-    A fit that its steps do not disturb is returned as it is.
+    A fit that its steps do not disturb is returned as it is. ``least`` as for :func:`resolving`.
     """
-    least = fitted.problem.filter_model.substeps
+    most = _most(fitted, least)
     fitted = with_steps(fitted, resolving(fitted, least), journal)
     found = certify(fitted)
-    while found.shift > NEGLIGIBLE_SHIFT and fitted.problem.filter_model.substeps < least << _most(fitted):
+    while found.shift > NEGLIGIBLE_SHIFT and fitted.problem.filter_model.substeps < most:
         before = fitted
         fitted = with_steps(fitted, fitted.problem.filter_model.with_halved_steps(), journal)
         if fitted is before:
@@ -59,11 +59,11 @@ def refined(fitted: Fit, journal: Journal | None = None) -> tuple[Fit, Check]:
 def resolving(fitted: Fit, least: int | None = None) -> FilterModel:
     """The filter of a fit, its steps halved until no effect could gain noticeably by making up for them.
 
-    ``least`` are the steps from which halvings are counted; None: those of the fit.
+    ``least`` are the steps from which halvings are counted, those with which a loop began; None, and where a model
+    with an effect takes another method: those of the fit.
     """
     problem, seen = fitted.problem, _seen(fitted)
-    used = problem.filter_model
-    most = (used.substeps if least is None else least) << _most(fitted)
+    used, most = problem.filter_model, _most(fitted, least)
     while used.substeps < most:
         finer = used.with_halved_steps()
         again = replace(problem, filter_model=finer).terms(fitted.point[:, np.newaxis])
@@ -94,16 +94,23 @@ def with_steps(fitted: Fit, filter_model: FilterModel, journal: Journal | None =
     alike = (used.substeps, used.grading, used.plan) == (filter_model.substeps, filter_model.grading, filter_model.plan)
     if filter_model is used or (used.method == filter_model.method and alike):
         return fitted
-    problem, free = fitted.problem, at_optimum(fitted)
     finer = replace(used, substeps=filter_model.substeps, grading=filter_model.grading, plan=filter_model.plan)
-    try:
-        return fit(finer, problem.logs, free, _ITERATIONS, _TOLERANCE, journal=journal)
-    except EstimationError:
-        return fitted
+    known = fitted.with_other_steps
+    key = (finer.substeps, finer.grading, finer.plan)
+    if key not in known:  # every candidate that is judged with finer steps asks for the fit without it
+        try:
+            known[key] = fit(finer, fitted.problem.logs, at_optimum(fitted), _ITERATIONS, _TOLERANCE, journal=journal)
+        except EstimationError:
+            known[key] = fitted
+    return known[key]
 
 
-def _most(fitted: Fit) -> int:
-    return _MOST_STIFF_HALVINGS if fitted.problem.filter_model.is_stiff else _MOST_HALVINGS
+def _most(fitted: Fit, least: int | None) -> int:
+    """The most steps that halvings may lead to."""
+    used = fitted.problem.filter_model
+    halvings = _MOST_STIFF_HALVINGS if used.is_stiff else _MOST_HALVINGS
+    begun = used.substeps if least is None or used.substeps > least << halvings else least
+    return begun << halvings
 
 
 def _seen(fitted: Fit) -> Terms:

@@ -21,7 +21,8 @@ class Context:
     """What all refits of a round share.
 
     ``base`` is the fit without any candidate, ``tried`` how many were tried, ``required`` the gain in nats that passes
-    the tests (:func:`bondgraph.correct.evidence.decide.hurdle`), ``quiet`` the fit with little process noise.
+    the tests (:func:`bondgraph.correct.evidence.decide.hurdle`), ``quiet`` the fit with little process noise,
+    ``substeps`` the steps from which halvings are counted, see :func:`bondgraph.correct.evidence.certified.resolving`.
     """
 
     built: BuiltModel
@@ -32,6 +33,7 @@ class Context:
     required: float
     journal: Journal = field(default_factory=Journal)
     quiet: Fit | None = None
+    substeps: int | None = None
 
 
 def coefficients(

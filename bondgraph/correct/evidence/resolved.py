@@ -18,7 +18,7 @@ def resolved(trial: Trial, context: Context) -> Trial:
     """
     if trial.fit is None or trial.evidence is None:
         return trial
-    steps = resolving(trial.fit)
+    steps = resolving(trial.fit, context.substeps)
     if steps is trial.fit.problem.filter_model:
         return trial
     fitted, base = (with_steps(one, steps, context.journal) for one in (trial.fit, context.base))

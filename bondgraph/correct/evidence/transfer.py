@@ -221,6 +221,10 @@ def _ahead(
     for k, fold in enumerate(cut):
         own, before = logs[fold.log], base.problem.logs[fold.log]
         parts = [(a, b) for a, b in windows(own, seconds) if fold.first <= (a + b) // 2 <= fold.last]
+        if not parts:
+            continue
+        needed = np.arange(own.time.size) <= parts[-1][1]
+        own, before = own.rows(needed), before.rows(needed)
         shown = [
             _predicted(replace(base, point=without[:, k]), before, parts),
             _predicted(replace(refit, point=with_it[:, k]), own, parts),
@@ -229,7 +233,7 @@ def _ahead(
             pieces.setdefault(name, []).extend(squares(own.y[row], [y[row] for y in shown], parts))
     found = []
     for row, name in enumerate(names):
-        told = np.array(pieces[name], dtype=np.float64).reshape(-1, 3)
+        told = np.array(pieces.get(name, []), dtype=np.float64).reshape(-1, 3)
         if told.size:
             found.append(Errors("left-out", "prediction", name, told[:, 0], told[:, 1], told[:, 2], float(noise[row])))
     return tuple(judged(one, False, len(found)) for one in found)

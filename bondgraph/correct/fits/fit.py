@@ -138,6 +138,11 @@ class Fit:
         return tuple(linearise(one.raise_if_failed(), log, self.theta) for one, log in pairs)
 
     @functools.cached_property
+    def with_other_steps(self) -> dict[tuple[object, ...], Fit]:
+        """The same fit with other integration steps, as far as somebody has made it."""
+        return {}
+
+    @functools.cached_property
     def linear_promise(self) -> float:
         """Nats that one more step promises by the filter of a stiff model, linearised along itself."""
         expansion = expansion_along(self.problem, self.point, self.own_runs, self.linear_logs)
