@@ -36,11 +36,12 @@ import numpy as np
 from scipy import signal
 
 from bondgraph.build import BuiltModel, build
+from bondgraph.correct.evidence.certified import refined
 from bondgraph.correct.fits.declared import free_parameters
-from bondgraph.correct.fits.fit import Fit, fit
+from bondgraph.correct.fits.fit import fit
+from bondgraph.correct.fits.fitted import Fit
 from bondgraph.correct.fits.noise_starts import noisy_starts
 from bondgraph.correct.fits.setup import filter_setup
-from bondgraph.correct.evidence.certified import refined
 from bondgraph.data.log import Log, MatchedLog
 from bondgraph.data.matching import match
 from bondgraph.data.read import read_log

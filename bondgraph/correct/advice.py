@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from bondgraph.build import BuiltModel
-from bondgraph.correct.fits.fit import Fit
+from bondgraph.correct.fits.fitted import Fit
 from bondgraph.correct.models.bonds import bond_model
 from bondgraph.correct.models.candidates import Candidate, Variant
 from bondgraph.correct.responses.intervals import integrator, simulation_steps

@@ -6,7 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from bondgraph.correct.fits.fit import BLOCKS, Fit
+from bondgraph.correct.fits.fit import BLOCKS
+from bondgraph.correct.fits.fitted import Fit
 from bondgraph.correct.round import Round
 from bondgraph.estimate.free import FreeParameter
 

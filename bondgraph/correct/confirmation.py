@@ -20,7 +20,7 @@ import numpy as np
 
 from bondgraph.correct.fits.assess import WINDOWS, Assessment, LogAssessment, gain_interval
 from bondgraph.correct.fits.compared import Compared, Data, Errors, Kind, judged, squares
-from bondgraph.correct.fits.fit import Fit
+from bondgraph.correct.fits.fitted import Fit
 from bondgraph.correct.fits.horizon import horizon, predicted, windows
 from bondgraph.data.log import FloatArray
 

@@ -24,7 +24,8 @@ from bondgraph.correct.evidence.certified import doubts, refined
 from bondgraph.correct.evidence.trials import Detectable, Trial
 from bondgraph.correct.fits.assess import Assessment, assess
 from bondgraph.correct.fits.declared import free_parameters
-from bondgraph.correct.fits.fit import Fit, Report, fit, no_report
+from bondgraph.correct.fits.fit import Report, fit, no_report
+from bondgraph.correct.fits.fitted import Fit
 from bondgraph.correct.fits.journal import Journal
 from bondgraph.correct.fits.noise_starts import noisy_starts, quiet_start
 from bondgraph.correct.fits.rates import rated, with_followed_rates

@@ -13,7 +13,8 @@ from bondgraph.correct.evidence.certified import refined
 from bondgraph.correct.evidence.context import Context, at_optimum
 from bondgraph.correct.evidence.decide import judge, robust_p_value
 from bondgraph.correct.evidence.trials import Trial
-from bondgraph.correct.fits.fit import Fit, fit, restricted
+from bondgraph.correct.fits.fit import fit
+from bondgraph.correct.fits.fitted import Fit, restricted
 from bondgraph.correct.fits.starts import with_starts
 from bondgraph.correct.models.candidates import candidates
 from bondgraph.correct.round import Round, RoundSettings

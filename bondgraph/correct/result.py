@@ -11,7 +11,7 @@ from bondgraph.correct.evidence.transfer import Transfer
 from bondgraph.correct.evidence.trials import Trial
 from bondgraph.correct.fits.assess import Assessment, ChannelError
 from bondgraph.correct.fits.compared import Compared
-from bondgraph.correct.fits.fit import Fit
+from bondgraph.correct.fits.fitted import Fit
 from bondgraph.correct.loop import Added, ClosedLoop
 from bondgraph.estimate.certify import NEGLIGIBLE_SHIFT, Check
 from bondgraph.estimate.result import quantity_of, unit_of

@@ -19,7 +19,8 @@ from bondgraph.correct.evidence.context import Context
 from bondgraph.correct.evidence.decide import alternatives, choose, detectable, hurdle
 from bondgraph.correct.evidence.resolved import resolved
 from bondgraph.correct.evidence.trials import Alternative, Detectable, Trial
-from bondgraph.correct.fits.fit import Fit, Report, no_report
+from bondgraph.correct.fits.fit import Report, no_report
+from bondgraph.correct.fits.fitted import Fit
 from bondgraph.correct.fits.journal import Journal
 from bondgraph.correct.models.absent import absent_when_zero
 from bondgraph.correct.models.candidates import Refused, candidates, places

@@ -12,7 +12,7 @@ from typing import Any
 from bondgraph.correct.confirmation import Confirmation
 from bondgraph.correct.evidence.transfer import Transfer
 from bondgraph.correct.fits.assess import Assessment
-from bondgraph.correct.fits.fit import Fit
+from bondgraph.correct.fits.fitted import Fit
 from bondgraph.correct.loop import Added, ClosedLoop
 from bondgraph.correct.places.unexplained import Unexplained
 from bondgraph.correct.result import intervals, result_json

@@ -7,7 +7,7 @@ import time
 import numpy as np
 
 from bondgraph.build import build
-from bondgraph.correct.fits.fit import Fit
+from bondgraph.correct.fits.fitted import Fit
 from bondgraph.correct.loop import LoopSettings, close_loop
 from bondgraph.data.log import MatchedLog
 from bondgraph.declare.editing import copy, handle, with_values

@@ -14,7 +14,8 @@ from bondgraph.correct.evidence.certified import certify, doubts, refined, resol
 from bondgraph.correct.evidence.context import Context
 from bondgraph.correct.evidence.resolved import resolved
 from bondgraph.correct.evidence.trials import Trial
-from bondgraph.correct.fits.fit import Fit, expand, fit
+from bondgraph.correct.fits.fit import expand, fit
+from bondgraph.correct.fits.fitted import Fit
 from bondgraph.correct.fits.setup import filter_setup
 from bondgraph.correct.loop import LoopSettings, close_loop, free_parameters
 from bondgraph.correct.models.candidates import candidates, places

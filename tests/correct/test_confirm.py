@@ -10,7 +10,8 @@ import pytest
 from bondgraph.correct.evidence import confirm
 from bondgraph.correct.evidence.confirm import confirmed
 from bondgraph.correct.fits.excerpts import excerpt
-from bondgraph.correct.fits.fit import Fit, fit
+from bondgraph.correct.fits.fit import fit
+from bondgraph.correct.fits.fitted import Fit
 from bondgraph.correct.loop import free_parameters
 from bondgraph.correct.search.refit import refit_from
 from tests.correct.test_stiff import rivals

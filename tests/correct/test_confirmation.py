@@ -10,7 +10,7 @@ import pytest
 
 from bondgraph.correct.confirmation import Confirmation, confirmation
 from bondgraph.correct.fits.assess import assess
-from bondgraph.correct.fits.fit import Fit
+from bondgraph.correct.fits.fitted import Fit
 from bondgraph.correct.fits.horizon import horizon, predicted, windows
 from bondgraph.correct.loop import ClosedLoop, close_loop
 from bondgraph.correct.result import result_json

@@ -10,7 +10,8 @@ import pytest
 
 from bondgraph.correct.fits import fit as fitting
 from bondgraph.correct.fits.excerpts import excerpt
-from bondgraph.correct.fits.fit import Fit, fit
+from bondgraph.correct.fits.fit import fit
+from bondgraph.correct.fits.fitted import Fit
 from bondgraph.correct.fits.linear_steps import linear_search
 from bondgraph.correct.fits.noise_starts import quiet_start
 from bondgraph.correct.loop import free_parameters

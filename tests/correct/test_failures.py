@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from bondgraph.correct import rest
-from bondgraph.correct.fits.fit import standard_deviations
+from bondgraph.correct.fits.fitted import standard_deviations
 from bondgraph.correct.loop import ClosedLoop, LoopSettings, close_loop
 from bondgraph.correct.result import result_json
 from bondgraph.correct.scores import scoring

@@ -9,7 +9,8 @@ import pytest
 
 from bondgraph.correct.fits import polish
 from bondgraph.correct.fits.differences import forward_differences
-from bondgraph.correct.fits.fit import fit, restricted, standard_deviations
+from bondgraph.correct.fits.fit import fit
+from bondgraph.correct.fits.fitted import restricted, standard_deviations
 from bondgraph.correct.fits.linear_steps import Reached
 from bondgraph.correct.fits.noise_starts import noisy_starts, quiet_start
 from bondgraph.data.log import MatchedLog

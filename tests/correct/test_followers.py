@@ -11,7 +11,8 @@ from bondgraph.build import BuiltModel, build
 from bondgraph.correct.evidence.context import Context
 from bondgraph.correct.evidence.trials import Trial
 from bondgraph.correct.fits.assess import assess
-from bondgraph.correct.fits.fit import Fit, fit
+from bondgraph.correct.fits.fit import fit
+from bondgraph.correct.fits.fitted import Fit
 from bondgraph.correct.fits.setup import filter_setup
 from bondgraph.correct.loop import free_parameters
 from bondgraph.correct.models.candidates import Candidate, candidates, places

@@ -6,7 +6,8 @@ import pytest
 
 from bondgraph.build import build
 from bondgraph.correct.fits import starts
-from bondgraph.correct.fits.fit import Fit, fit
+from bondgraph.correct.fits.fit import fit
+from bondgraph.correct.fits.fitted import Fit
 from bondgraph.correct.fits.noise_starts import noisy_starts
 from bondgraph.correct.fits.setup import filter_setup
 from bondgraph.correct.fits.starts import with_starts

@@ -12,7 +12,8 @@ from bondgraph.correct.evidence.decide import alternatives, choose
 from bondgraph.correct.evidence.transfer import Transfer, folds, left_out, transfer
 from bondgraph.correct.evidence.trials import Trial
 from bondgraph.correct.fits.compared import Compared
-from bondgraph.correct.fits.fit import Fit, fit
+from bondgraph.correct.fits.fit import fit
+from bondgraph.correct.fits.fitted import Fit
 from bondgraph.correct.loop import ClosedLoop, close_loop
 from bondgraph.correct.result import result_json
 from bondgraph.data.log import MatchedLog

@@ -8,7 +8,8 @@ import numpy as np
 from sympy import tanh
 
 from bondgraph.build import BuiltModel, build
-from bondgraph.correct.fits.fit import Fit, fit
+from bondgraph.correct.fits.fit import fit
+from bondgraph.correct.fits.fitted import Fit
 from bondgraph.correct.fits.setup import FilterSetup, filter_setup
 from bondgraph.correct.loop import free_parameters
 from bondgraph.data.log import MatchedLog

@@ -16,7 +16,8 @@ from dataclasses import replace
 import numpy as np
 
 from bondgraph.correct.evidence.context import at_optimum
-from bondgraph.correct.fits.fit import Fit, expand, fit, restricted
+from bondgraph.correct.fits.fit import expand, fit
+from bondgraph.correct.fits.fitted import Fit, restricted
 from bondgraph.correct.fits.journal import Journal
 from bondgraph.correct.scores.score import solve
 from bondgraph.data.log import FloatArray

@@ -23,7 +23,8 @@ from bondgraph.correct.evidence.transfer import transfer
 from bondgraph.correct.evidence.trials import Evidence, Trial
 from bondgraph.correct.fits.assess import gain_p_value
 from bondgraph.correct.fits.excerpts import excerpt
-from bondgraph.correct.fits.fit import Fit, fit
+from bondgraph.correct.fits.fit import fit
+from bondgraph.correct.fits.fitted import Fit
 from bondgraph.correct.fits.linear_steps import is_linearised
 from bondgraph.correct.fits.whiteness import whiteness
 from bondgraph.correct.models.candidates import Candidate

@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 
 from bondgraph.build import BuiltModel
-from bondgraph.correct.fits.fit import Fit
+from bondgraph.correct.fits.fitted import Fit
 from bondgraph.correct.fits.journal import Journal
 from bondgraph.correct.models.candidates import Candidate, Variant
 from bondgraph.data.log import FloatArray, MatchedLog

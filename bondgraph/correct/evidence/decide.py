@@ -14,7 +14,8 @@ import numpy as np
 from scipy import stats
 
 from bondgraph.correct.evidence.trials import Alternative, Detectable, Evidence, Trial
-from bondgraph.correct.fits.fit import BLOCKS, Fit, restricted
+from bondgraph.correct.fits.fit import BLOCKS
+from bondgraph.correct.fits.fitted import Fit, restricted
 from bondgraph.correct.fits.times import summed, term_times
 from bondgraph.correct.models.candidates import Candidate
 from bondgraph.correct.scores.score import Scores, robust_variance, solve

@@ -23,7 +23,7 @@ import numpy as np
 from scipy import stats
 
 from bondgraph.correct.fits.compared import Compared, Errors, judged, squares
-from bondgraph.correct.fits.fit import Fit
+from bondgraph.correct.fits.fitted import Fit
 from bondgraph.correct.fits.horizon import horizon, predicted, windows
 from bondgraph.correct.fits.times import summed, term_times
 from bondgraph.correct.scores.score import solve

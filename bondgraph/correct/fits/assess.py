@@ -12,7 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import stats
 
-from bondgraph.correct.fits.fit import BLOCKS, Fit
+from bondgraph.correct.fits.fit import BLOCKS
+from bondgraph.correct.fits.fitted import Fit
 from bondgraph.correct.responses.intervals import integrator, simulation_steps
 from bondgraph.data.log import FloatArray, MatchedLog
 from bondgraph.filter.filter_run import FilterRun

@@ -15,7 +15,8 @@ from dataclasses import replace
 import numpy as np
 from scipy import stats
 
-from bondgraph.correct.fits.fit import Fit, fit
+from bondgraph.correct.fits.fit import fit
+from bondgraph.correct.fits.fitted import Fit
 from bondgraph.correct.fits.journal import Journal
 from bondgraph.data.log import FloatArray
 from bondgraph.errors import EstimationError

@@ -18,7 +18,7 @@ from typing import Literal
 
 import numpy as np
 
-from bondgraph.correct.fits.fit import Fit, restricted
+from bondgraph.correct.fits.fitted import Fit, restricted
 from bondgraph.correct.fits.times import summed
 from bondgraph.correct.models.candidates import Candidate, Variant
 from bondgraph.correct.responses.recursion import decay

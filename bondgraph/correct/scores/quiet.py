@@ -18,7 +18,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from bondgraph.correct.fits.fit import Fit, fit
+from bondgraph.correct.fits.fit import fit
+from bondgraph.correct.fits.fitted import Fit
 from bondgraph.correct.fits.journal import Journal
 from bondgraph.correct.models.candidates import Candidate
 from bondgraph.correct.scores.scoring import Linearisation, Scored, linearisation, score_candidates

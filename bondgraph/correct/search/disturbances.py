@@ -26,7 +26,8 @@ from bondgraph.correct.evidence.context import at_optimum
 from bondgraph.correct.evidence.trials import Evidence, Trial
 from bondgraph.correct.fits.assess import gain_p_value
 from bondgraph.correct.fits.excerpts import excerpt
-from bondgraph.correct.fits.fit import Fit, fit
+from bondgraph.correct.fits.fit import fit
+from bondgraph.correct.fits.fitted import Fit
 from bondgraph.correct.fits.journal import Journal
 from bondgraph.correct.fits.setup import filter_setup
 from bondgraph.correct.fits.whiteness import whiteness

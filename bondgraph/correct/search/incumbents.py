@@ -16,7 +16,8 @@ import numpy as np
 
 from bondgraph.correct.evidence.context import Context, coefficients, declared_point, inside
 from bondgraph.correct.evidence.trials import Trial
-from bondgraph.correct.fits.fit import Fit, expand, fit
+from bondgraph.correct.fits.fit import expand, fit
+from bondgraph.correct.fits.fitted import Fit
 from bondgraph.correct.fits.noise_starts import noisy_starts
 from bondgraph.correct.models.candidates import Candidate, Variant
 from bondgraph.correct.models.failures import FAILURES

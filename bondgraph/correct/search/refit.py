@@ -18,7 +18,8 @@ from bondgraph.correct.evidence.context import Context, at_optimum, coefficients
 from bondgraph.correct.evidence.decide import judge
 from bondgraph.correct.evidence.trials import Trial
 from bondgraph.correct.fits.excerpts import excerpt
-from bondgraph.correct.fits.fit import ROUGH, ROUGH_ITERATIONS, WITHIN_REACH, Fit, fit
+from bondgraph.correct.fits.fit import ROUGH, ROUGH_ITERATIONS, WITHIN_REACH, fit
+from bondgraph.correct.fits.fitted import Fit
 from bondgraph.correct.fits.noise_starts import quiet_start
 from bondgraph.correct.search.storages import sizes, storage_problem
 from bondgraph.data.log import FloatArray

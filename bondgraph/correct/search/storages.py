@@ -16,7 +16,8 @@ from bondgraph.build import BuiltModel, build
 from bondgraph.correct.evidence.context import Context, at_optimum, coefficients
 from bondgraph.correct.evidence.trials import Trial
 from bondgraph.correct.fits.excerpts import excerpt
-from bondgraph.correct.fits.fit import Fit, expand
+from bondgraph.correct.fits.fit import expand
+from bondgraph.correct.fits.fitted import Fit
 from bondgraph.correct.fits.linear_steps import filter_runs, is_linearised, linear_expansion, value_of
 from bondgraph.correct.fits.setup import filter_setup
 from bondgraph.correct.models.followers import followers

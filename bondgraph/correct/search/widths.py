@@ -18,7 +18,8 @@ from bondgraph.correct.evidence.certified import resolving, with_steps
 from bondgraph.correct.evidence.context import Context, at_optimum
 from bondgraph.correct.evidence.decide import CLOSE, judge
 from bondgraph.correct.evidence.trials import Trial
-from bondgraph.correct.fits.fit import Fit, fit
+from bondgraph.correct.fits.fit import fit
+from bondgraph.correct.fits.fitted import Fit
 from bondgraph.correct.models.failures import attempted
 from bondgraph.correct.search.refit import refit_from
 from bondgraph.estimate.free import FreeParameter
