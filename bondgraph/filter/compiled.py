@@ -17,7 +17,7 @@ from bondgraph.compile.lanes.load import LaneModel, load_lanes
 from bondgraph.compile.lanes.text import LANES
 from bondgraph.compile.machine_code import load_kernel
 from bondgraph.compile.rosenbrock import TABLEAUS
-from bondgraph.filter import kernel, kernel_algebra, kernel_alone, kernel_channels, kernel_record
+from bondgraph.filter import kernel, kernel_algebra, kernel_alone, kernel_channels, kernel_record, kernel_robust
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.kernel_record import Record
 from bondgraph.filter.kernel_types import Alone, Log, Members, Part, Rules, Verdicts, Work
@@ -94,7 +94,7 @@ class CompiledFilter:
     @classmethod
     def of(cls, filter_model: FilterModel) -> CompiledFilter:
         """Compiled, or from the cache."""
-        functions = load_kernel(kernel, kernel_algebra, kernel_alone, kernel_channels, kernel_record)
+        functions = load_kernel(kernel, kernel_algebra, kernel_alone, kernel_channels, kernel_record, kernel_robust)
         return cls(filter_model, functions.filter_members, load_lanes(filter_model.model, filter_model.is_stiff))
 
     def blocks(self, members: int, threads: int) -> list[tuple[int, int]]:
@@ -136,6 +136,7 @@ def filter_rules(filter_model: FilterModel, lanes: LaneModel) -> Rules:
         theta=lanes.theta,
         x=lanes.x,
         y=lanes.y,
+        robust=filter_model.robustness,
     )
 
 
@@ -183,6 +184,8 @@ def _work(filter_model: FilterModel, lanes: LaneModel, width: int) -> Work:
         "output_cov": (n_y, n_y),
         "joint": (n_y + n_s, n_y + n_s),
         "innovation": (n_y,),
+        "residual": (n_y,),
+        "log_scale": (n_y,),
         "nll": (),
         "pivot": (),
     }

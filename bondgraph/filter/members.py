@@ -118,6 +118,12 @@ def member_batches(
         matrices("process_correlation", filter_model.process_correlations),
         matrices("noise_correlation", filter_model.noise_correlations),
     )
+    if filter_model.robust and np.any(correlations[2] != filter_model.noise_correlations[:, :, np.newaxis]):
+        raise FilterError(
+            f"{model.name}: noise_correlation with robust={filter_model.robust.kind!r} - outliers are judged channel by"
+            " channel, so sensors must be independent: leave one of both out",
+            where=(model.name, "noise_correlation"),
+        )
     return tuple(
         MemberBatch(
             samples.theta(filter_model, parameters),
