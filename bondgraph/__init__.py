@@ -39,6 +39,8 @@ if TYPE_CHECKING:
     from bondgraph.estimate.problem import pose as pose
     from bondgraph.estimate.sensitivities import sensitivity as sensitivity
     from bondgraph.filter.filter_model import FilterModel as FilterModel
+    from bondgraph.filter.online import OnlineFilter as OnlineFilter
+    from bondgraph.filter.robust import Robust as Robust
     from bondgraph.filter.smoother import smooth as smooth
     from bondgraph.report.correction import close_loop as close_loop
     from bondgraph.report.drawing import draw as draw
@@ -67,6 +69,8 @@ else:
             "estimate.problem": "pose",
             "estimate.sensitivities": "sensitivity",
             "filter.filter_model": "FilterModel",
+            "filter.online": "OnlineFilter",
+            "filter.robust": "Robust",
             "filter.smoother": "smooth",
             "report.correction": "close_loop",
             "report.drawing": "draw",

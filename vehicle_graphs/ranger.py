@@ -126,7 +126,7 @@ def _vehicle(g: BondGraph, body: BondGraph, tyre: Tyre, bind: dict[str, Expr] | 
 
 def _wheels(g: BondGraph, end: End, tyre: BondGraph) -> None:
     """Tyres between an axle and the ground."""
-    radius = symbol("r_d")
+    radius = symbol("r_d") * symbol(f"radius_gain_{end[0]}")
     speeds = {"rolling": radius * signal("flow", f"{end}_axle.hub"), "ground": signal("flow", "body.ground")}
     bind = {"load": symbol(f"N_{end[0]}")} | {name: value for name, value in speeds.items() if name in tyre.quantities}
     g.include(f"{end}_tyre", tyre, {"contact": "contact"}, bind, shared=True)

@@ -171,15 +171,15 @@ def update(
         factor, known, residuals, scales = _robust_factor(joint, innovation[measured], noise, robust)
     else:
         factor = lower_factor(joint, required=m)
-        known = residuals = scales = np.zeros(m)
+        known, residuals, scales = np.zeros((3, m))
         if factor.outcome is Outcome.OK:
-            known = residuals = np.linalg.solve(factor.lower[:m, :m], innovation[measured])
+            known[...] = residuals[...] = np.linalg.solve(factor.lower[:m, :m], innovation[measured])
             scales = np.log(np.diag(factor.lower)[:m])
     s_lower, a, p_lower = factor.lower[:m, :m], factor.lower[m:, :m], factor.lower[m:, m:]
     gain = np.full(a.shape, np.nan)
     if factor.outcome is Outcome.OK:
         whitened[measured], log_scales[measured] = residuals, scales
-        gain = np.linalg.lstsq(s_lower.T, a.T)[0].T if robust.kind else np.linalg.solve(s_lower.T, a.T).T
+        gain[...] = np.linalg.lstsq(s_lower.T, a.T)[0].T if robust.kind else np.linalg.solve(s_lower.T, a.T).T
     mean = belief.mean + a @ known
     after = belief if m == 0 else Belief(mean, p_lower @ p_lower.T, p_lower)
     return Update(

@@ -117,7 +117,7 @@ class CompiledFilter:
             part,
             verdicts,
             record,
-            _work(self.filter_model, self.lanes, side_by_side),
+            scratch(self.filter_model, self.lanes, side_by_side),
         )
 
 
@@ -168,7 +168,7 @@ def whole_log(samples: Samples) -> Part:
     return Part(0, samples.time.size, np.empty((0, 0)), np.empty((0, 0, 0)))
 
 
-def _work(filter_model: FilterModel, lanes: LaneModel, width: int) -> Work:
+def scratch(filter_model: FilterModel, lanes: LaneModel, width: int) -> Work:
     """Scratch for ``width`` members side by side."""
     model = filter_model.model
     n_s, n_y = len(filter_model.state_names), len(model.outputs)

@@ -70,7 +70,10 @@ def filter_members(
         _go_on(part, verdicts, work)
     for k in range(part.begin, part.end):
         if k > 0:
-            _predict(equations, log, rules, members, record, k, first, work)
+            if log.time[k] > log.time[k - 1]:
+                _predict(equations, log, rules, members, record, k, first, work)
+            else:
+                _spread(work)  # on line, measurements of one time may come one after the other
         if _retire(equations, rules, members, first, end, verdicts, work) == 0:
             break
         measured = _find_measured(log.y, k, work.channels)

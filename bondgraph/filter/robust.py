@@ -56,7 +56,7 @@ class Robust:
 
     Examples
     --------
-    >>> import bondgraph as bg
+    >>> import bondgraph as bg, numpy as np
     >>> from bondgraph.simulate.example import pendulum
     >>> swing = bg.FilterModel(
     ...     pendulum(), {"rate": 0.1}, {"deflection": 0.05}, {"angle": 0.1, "rate": 0.1}, robust=bg.Robust("student")
