@@ -27,7 +27,17 @@ from vehicle_graphs.ranger_scenarios import PANELS, SCENARIOS
 from vehicle_graphs.terrain import terrain
 from vehicle_graphs.tyres import Tyre, tanh_tyre
 
-__all__ = ["NOISE", "PANELS", "SCENARIOS", "coast_down", "coast_down_quasi_static", "filter_model", "full", "full_awd"]
+__all__ = [
+    "NOISE",
+    "PANELS",
+    "SCENARIOS",
+    "coast_down",
+    "coast_down_quasi_static",
+    "filter_model",
+    "full",
+    "full_awd",
+    "monitored",
+]
 
 #: A function that declares a part.
 Part = Callable[[], BondGraph]
@@ -35,6 +45,7 @@ Part = Callable[[], BondGraph]
 ENDS: tuple[End, ...] = ("rear", "front")
 
 _FULL = """Ranger-class vehicle with rubber-belt CVT, rear drive: the whole vehicle."""
+_MONITORED = """Ranger-class vehicle with rubber-belt CVT, rear drive, with speed sensors at both axles."""
 _ALL_WHEELS = """Ranger-class vehicle with rubber-belt CVT, both axles geared to the secondary shaft."""
 _COASTING = """Ranger-class vehicle coasting in neutral: axles, tyres, body and ground, nothing of engine and CVT."""
 _QUASI_STATIC = """Ranger-class vehicle coasting in neutral on a suspension that follows at once."""
@@ -70,6 +81,20 @@ def full_awd(engine: Part = engine, tyre: Tyre = tanh_tyre) -> BondGraph:
     _measure(g, engine_too=True)
     g.bond("gearbox.output", "rear_axle.hub")
     g.bond("gearbox.output", "front_axle.hub")
+    return g
+
+
+def monitored(engine: Part = engine, tyre: Tyre = tanh_tyre) -> BondGraph:
+    """The whole vehicle with rear drive and a speed sensor at its front axle too, for a monitor of its tyres.
+
+    Examples
+    --------
+    >>> [output.name for output in monitored().outputs][-1]
+    'front_axle_speed'
+    """
+    g = full(engine, tyre)
+    g.name, g.doc = "ranger_monitored", _MONITORED
+    g.measure("front_axle_speed", signal("flow", "front_axle.hub"), "rad/s", "front axle speed")
     return g
 
 
