@@ -63,8 +63,9 @@ class FilterModel:
     alpha, beta, kappa
         Spread of the sigma points, see :class:`bondgraph.filter.sigma_points.MerweScaled`.
     appended
-        Parameters that are followed as states, with the standard deviation per sqrt(s) of their random walk; zero for a
-        constant that is learnt. Their start value is the one in ``theta``, its uncertainty stands in ``initial_std``.
+        Parameters that drift and are followed as states, with the standard deviation per sqrt(s) of their random walk;
+        zero for a constant that is learnt. Their start value is the one in ``theta``, its uncertainty stands in
+        ``initial_std``. An estimation frees a drift as ``process(name)``.
     plan
         Steps of every interval of some logs in place of ``substeps`` and ``grading``, for the method it was made for,
         see :func:`bondgraph.filter.planning.plan_steps`.
@@ -185,6 +186,12 @@ class FilterModel:
         if self.noise_scheme == "sampled" or not self.is_driven:
             return ("sampled", 0, 1.0)
         return (self.noise_scheme, self.noise_steps, self.noise_grading if self.noise_steps > 1 else 1.0)
+
+    def with_process(self, levels: Mapping[str, float]) -> FilterModel:
+        """The same filter with other levels, per sqrt(s), of what drives states and appended parameters, by name."""
+        walks = {name: level for name, level in levels.items() if name in self.appended}
+        driven = {name: level for name, level in levels.items() if name not in walks}
+        return replace(self, process_noise={**self.process_noise, **driven}, appended={**self.appended, **walks})
 
     def with_halved_steps(self) -> FilterModel:
         """The same filter with every step cut in two, of the integration and of the process noise.
