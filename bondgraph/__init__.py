@@ -38,6 +38,7 @@ if TYPE_CHECKING:
     from bondgraph.estimate.estimation import Settings as Settings
     from bondgraph.estimate.problem import pose as pose
     from bondgraph.estimate.sensitivities import sensitivity as sensitivity
+    from bondgraph.filter.detector import ChangeDetector as ChangeDetector
     from bondgraph.filter.filter_model import FilterModel as FilterModel
     from bondgraph.filter.online import OnlineFilter as OnlineFilter
     from bondgraph.filter.robust import Robust as Robust
@@ -68,6 +69,7 @@ else:
             "estimate.estimation": "Settings",
             "estimate.problem": "pose",
             "estimate.sensitivities": "sensitivity",
+            "filter.detector": "ChangeDetector",
             "filter.filter_model": "FilterModel",
             "filter.online": "OnlineFilter",
             "filter.robust": "Robust",

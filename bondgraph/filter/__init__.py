@@ -7,6 +7,8 @@ from bondgraph.lazy import exported
 if TYPE_CHECKING:
     from bondgraph.filter.adaptive import AdaptiveNoise as AdaptiveNoise
     from bondgraph.filter.choice import choose_method as choose_method
+    from bondgraph.filter.detector import ChangeDetector as ChangeDetector
+    from bondgraph.filter.detector import Detection as Detection
     from bondgraph.filter.filter_model import FilterModel as FilterModel
     from bondgraph.filter.filter_run import FilterRun as FilterRun
     from bondgraph.filter.noise import Noise as Noise
@@ -23,6 +25,7 @@ else:
         {
             "filter.adaptive": "AdaptiveNoise",
             "filter.choice": "choose_method",
+            "filter.detector": "ChangeDetector Detection",
             "filter.filter_model": "FilterModel",
             "filter.filter_run": "FilterRun",
             "filter.noise": "Noise",

@@ -22,9 +22,11 @@ from bondgraph.compile.machine_code import has_numba
 from bondgraph.errors import FilterError, suggest
 from bondgraph.filter.adaptive import AdaptiveNoise, NoiseBelief, updated
 from bondgraph.filter.filter_model import FilterModel
+from bondgraph.filter.filter_run import FilterRun
 from bondgraph.filter.online_interval import Intervals
 from bondgraph.filter.online_state import FilterStep, OnlineState, Remembered
 from bondgraph.filter.online_steps import CompiledSteps, Moved, NumpySteps, StepEngine
+from bondgraph.filter.samples import MeasuredLog
 from bondgraph.filter.ukf import Member
 from bondgraph.simulate.outcome import Outcome
 
@@ -135,6 +137,19 @@ class OnlineFilter:
         if state.interval != self._intervals.interval:
             self._intervals = replace(self._intervals, interval=state.interval)
 
+    def adopt(self, state: OnlineState) -> None:
+        """Go on from what a filter of the same model with other parameters believes; the sum of its nll is kept.
+
+        Raises
+        ------
+        FilterError
+            If its states are others.
+        """
+        size = len(self.filter_model.state_names)
+        if any(one.mean.size != size for one in state.remembered):
+            raise FilterError(f"{self.filter_model.model.name}: the state belongs to a filter with other states")
+        self._remembered = list(state.remembered)
+
     def step(self, t: float, u: Vector = None, y: Vector = None) -> FilterStep:
         """Take a sample.
 
@@ -166,6 +181,44 @@ class OnlineFilter:
         if self._remembered and time < self.time:
             return self._late(time, u, measured)
         return self._append(time, self._inputs(u, self._remembered[-1].u if self._remembered else None), measured)
+
+    def follow(self, log: MeasuredLog) -> FilterRun:
+        """Take all samples of a log as a stream, and keep what each gave.
+
+        Raises
+        ------
+        FilterError
+            If the log does not fit the model, or a sample is not accepted.
+
+        Examples
+        --------
+        >>> import bondgraph as bg
+        >>> from bondgraph.simulate.example import pendulum
+        >>> swing = bg.FilterModel(
+        ...     pendulum(), {"rate": 0.1}, {"deflection": 0.05}, {"angle": 0.1, "rate": 0.1, "length": 0.1}, 2,
+        ...     appended={"length": 0.01},  # per sqrt(s): it drifts
+        ... )
+        >>> time = np.arange(40) * 0.05
+        >>> log = bg.MatchedLog("swing", time, np.zeros((1, 40)), 0.1 * np.cos(3.1 * time)[np.newaxis])
+        >>> run = bg.OnlineFilter(swing, interval=0.05, compiled=False).follow(log)
+        >>> run.plot("length").get_ylabel()
+        'length [m]'
+        """
+        steps = []
+        for k, t in enumerate(log.time):
+            steps.append(self.step(float(t), log.u[:, k], log.y[:, k]))
+            if not steps[-1].accepted:
+                raise FilterError(f"{log.name}: the sample at {t:.6g} s is not accepted: {steps[-1].reason}")
+
+        def stacked(name: str) -> FloatArray:
+            return np.stack([getattr(step, name) for step in steps], axis=-1)
+
+        cov = stacked("cov")
+        return FilterRun(
+            self.filter_model, log.name, np.array(log.time), np.array(log.y), stacked("predicted_mean"),
+            stacked("predicted_cov"), stacked("mean"), cov, np.full_like(cov, np.nan), stacked("output_mean"),
+            stacked("output_cov"), stacked("whitened"), stacked("log_scales"), 0, Outcome.OK, float(log.time[-1]),
+        )  # fmt: skip
 
     def _append(self, time: float, u: FloatArray, y: FloatArray) -> FilterStep:
         """Take a sample that is not older than the latest one."""

@@ -17,6 +17,7 @@ from bondgraph.filter.online import OnlineFilter
 from bondgraph.filter.online_state import FilterStep, OnlineState
 from bondgraph.filter.robust import Robust
 from bondgraph.filter.runs import run
+from bondgraph.filter.smoother import smooth
 from bondgraph.simulate.outcome import Outcome
 from tests.filter.logs import (
     PlainLog,
@@ -215,3 +216,18 @@ def test_bad_input_is_refused_with_what_to_do() -> None:
     robust = replace(model, robust=Robust("gate"))
     with pytest.raises(FilterError, match="outliers would be noise - choose one"):
         OnlineFilter(robust, interval=0.1, adaptive=AdaptiveNoise(1.0))
+
+
+def test_a_stream_of_a_log_is_shown_as_a_run_and_not_smoothed() -> None:
+    model = driveline_filter(appended={"tau_grip": 2.0}, initial_std={"omega_engine": 10.0, "tau_grip": 5.0})
+    log = simulated_log(model, np.arange(12) * 0.025, seed=7)
+    found = online_for(model, log).follow(log)
+    assert found.nll == pytest.approx(run(model, log).nll, rel=1e-12)
+    assert "tau_grip" in found.summary()
+    axes = found.plot()
+    assert axes.get_ylabel() == "tau_grip [N m]"
+    assert found.plot("v_body", axes) is axes
+    with pytest.raises(FilterError, match="no state 'v_bdoy'; did you mean 'v_body'"):
+        found.plot("v_bdoy")
+    with pytest.raises(FilterError, match="filtered on line"):
+        smooth(found)
