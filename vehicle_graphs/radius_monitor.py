@@ -10,8 +10,10 @@ filters have. The false alarms count against the rate that the detector declares
 from __future__ import annotations
 
 import argparse
+import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -37,6 +39,9 @@ RATE = 40.0
 FALSE_ALARM_EVERY = 3.6e5
 #: Runge-Kutta steps per sample of the truth; the gripping belt has a rate of up to 12000 1/s.
 _TRUE_STEPS = 300
+#: How the filters are integrated between samples: as a first search integrates a stiff model, at a fifth of the cost of
+#: Runge-Kutta steps that the gripping belt leaves stable.
+_METHOD: dict[str, Any] = {"method": "ros3p", "substeps": 12, "grading": 1.35}
 #: Seconds between two random settings of the throttle, and their range.
 _SETTING, _THROTTLE = 2.5, (0.1, 0.8)
 
@@ -57,6 +62,17 @@ class Watched:
     def is_false(self) -> bool:
         """An alarm without a change before it."""
         return bool(self.detection.alarm) and not self.delay >= 0.0
+
+
+def monitor() -> FilterModel:
+    """The filter of the monitor, with the noises of the sensors and of the road.
+
+    Examples
+    --------
+    >>> monitor().method
+    'ros3p'
+    """
+    return filter_model(monitored(), **_METHOD)
 
 
 def drive(model: FilterModel, seed: int, seconds: float, change: Mapping[str, float] | None = None) -> MatchedLog:
@@ -98,7 +114,7 @@ def watch(model: FilterModel, seed: int, seconds: float, change: str = "") -> Wa
     log = drive(model, seed, seconds, CHANGES[change] if change else None)
     detector = ChangeDetector(model, CHANGES, false_alarm_every=FALSE_ALARM_EVERY, interval=1.0 / RATE)
     changed_at = log.time[log.time.size // 2] if change else np.nan
-    return Watched(detector.watch(log), float(changed_at))
+    return Watched(detector.watch(log, until_alarm=True), float(changed_at))
 
 
 def row(change: str, found: Sequence[Watched]) -> list[str]:
@@ -113,17 +129,21 @@ def main(arguments: Sequence[str] | None = None) -> None:
     """Count and print a table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--runs", type=int, default=50, help="drives of each kind (default: 50)")
-    parser.add_argument("--seconds", type=float, default=20.0, help="length of a drive, s (default: 20)")
+    parser.add_argument("--seconds", type=float, default=12.0, help="length of a drive, s (default: 12)")
     parser.add_argument("--first-seed", type=int, default=0, help="the same seeds give the same drives (default: 0)")
     parser.add_argument(
         "--changes", nargs="*", default=["front"], choices=[*CHANGES], help="changes to make (default: front)"
     )
     options = parser.parse_args(arguments)
-    model = filter_model(monitored())
+    model = monitor()
     rows = []
     for change in ("", *options.changes):
         seeds = range(options.first_seed, options.first_seed + options.runs)
-        rows.append(row(change, [watch(model, seed, options.seconds, change) for seed in seeds]))
+        found = []
+        for seed in seeds:
+            found.append(watch(model, seed, options.seconds, change))
+            print(f"{change or 'nothing'}, {found[-1].detection!r}", file=sys.stderr, flush=True)
+        rows.append(row(change, found))
     print(text_table(("what changes", "drives", "found and named", "false", "median delay [s]", "longest [s]"), rows))
 
 

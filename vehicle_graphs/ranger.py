@@ -8,6 +8,7 @@ is the one of P. M. Auby's thesis (2016), rebuilt from textbook physics where th
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 from sympy import Expr
 
@@ -127,15 +128,15 @@ def coast_down_quasi_static(tyre: Tyre = tanh_tyre) -> BondGraph:
     return g
 
 
-def filter_model(graph: BondGraph) -> FilterModel:
-    """The filter of one of these graphs, with the noises of its sensors and of the road.
+def filter_model(graph: BondGraph, **changes: Any) -> FilterModel:
+    """The filter of one of these graphs, with the noises of its sensors and of the road; ``changes`` are other fields.
 
     Examples
     --------
     >>> filter_model(coast_down()).process_noise
     {'inclination': 0.007}
     """
-    return NOISE[graph.name].filter_model(build(graph).model)
+    return NOISE[graph.name].filter_model(build(graph).model, **changes)
 
 
 def _vehicle(g: BondGraph, body: BondGraph, tyre: Tyre, bind: dict[str, Expr] | None = None) -> None:

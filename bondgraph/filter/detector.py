@@ -151,19 +151,23 @@ class ChangeDetector:
         alarm = likeliest if self._evidence[likeliest] >= self.threshold else ""
         return DetectorStep(nominal, dict(self._evidence), alarm)
 
-    def watch(self, log: MeasuredLog) -> Detection:
-        """Take all samples of a log, as a stream.
+    def watch(self, log: MeasuredLog, *, until_alarm: bool = False) -> Detection:
+        """Take all samples of a log as a stream, or those up to the first alarm.
 
         Raises
         ------
         FilterError, ModelError
             If the log does not fit the model.
         """
-        steps = [self.step(float(t), log.u[:, k], log.y[:, k]) for k, t in enumerate(log.time)]
+        steps: list[DetectorStep] = []
+        for k, t in enumerate(log.time):
+            steps.append(self.step(float(t), log.u[:, k], log.y[:, k]))
+            if until_alarm and steps[-1].alarm:
+                break
         evidence = {name: np.array([step.evidence[name] for step in steps]) for name in self._changed}
         first = next((step for step in steps if step.alarm), None)
         return Detection(
-            log.name, np.array(log.time), evidence, self.threshold, first.alarm if first else "",
+            log.name, np.array(log.time[: len(steps)]), evidence, self.threshold, first.alarm if first else "",
             first.step.time if first else math.nan,
         )  # fmt: skip
 

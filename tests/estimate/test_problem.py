@@ -229,7 +229,9 @@ def test_the_drift_of_a_followed_parameter_is_estimated() -> None:
     free = declared_free("process(R_wire)", unknown)
     assert (free.lower, free.start, free.upper, free.scale) == (1e-4, 0.01, 1.0, "log")
     matched = MatchedLog("wire", log.time, log.u, log.y)
-    found = estimate(pose(unknown, [matched], ["process(R_wire)"], "model"), Settings("gradient", starts=1, certify="none"))
+    found = estimate(
+        pose(unknown, [matched], ["process(R_wire)"], "model"), Settings("gradient", starts=1, certify="none")
+    )
     ratio = found.values["process(R_wire)"] / drift
     assert 0.6 < ratio < 1.6
     assert found.filter_model.appended["R_wire"] == found.values["process(R_wire)"]

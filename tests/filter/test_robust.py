@@ -13,6 +13,7 @@ from scipy.integrate import quad
 
 import bondgraph as bg
 from bondgraph.errors import FilterError
+from bondgraph.filter.degrees import with_likeliest_degrees
 from bondgraph.filter.draw import draw_logs
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.gradient import Directions, innovation_tangents
@@ -182,3 +183,14 @@ def test_a_robust_filter_model_says_so_and_is_another_one() -> None:
     plain, robust = driveline_filter(), driveline_filter(robust=Robust("huber"))
     assert "huber" in repr(robust)
     assert plain.digest != robust.digest != driveline_filter(robust=Robust("huber", 2.0)).digest
+
+
+def test_degrees_of_freedom_are_those_of_the_noise() -> None:
+    model = pendulum_filter(process_noise={"rate": 0.02})
+    log, chance = simulated_log(model, np.arange(900) * 0.05, seed=5), np.random.default_rng(6)
+    gaussian = with_likeliest_degrees(model, log).robust
+    assert gaussian is not None and gaussian.value > 12.0
+    tailed = replace(log, y=log.y + 0.15 * chance.standard_t(2.5, log.y.shape))
+    wider = replace(model, measurement_noise={"deflection": 0.2})
+    student = with_likeliest_degrees(wider, tailed).robust
+    assert student is not None and 1.7 < student.value < 5.0
