@@ -145,8 +145,7 @@ def _add_simulate(commands: Any) -> None:
     c.add_argument("--plot", metavar="FILE", help="picture of states and outputs: .png, .svg or .pdf")
 
 
-def _add_run_commands(commands: Any) -> None:
-    _add_simulate(commands)
+def _add_filter(commands: Any) -> None:
     c = _command(
         commands, "filter", "filter logs with a model: states with bands, innovations, consistency",
         "  bondgraph filter vehicle_graphs.driveline:driveline --data run.csv --smooth --out filtered\n"
@@ -158,6 +157,10 @@ def _add_run_commands(commands: Any) -> None:
     c.add_argument("--smooth", action="store_true", help="states given the whole log instead of the past only")
     c.add_argument("--out", default="filtered", metavar="DIR", help="folder to write (default: filtered)")
 
+
+def _add_run_commands(commands: Any) -> None:
+    _add_simulate(commands)
+    _add_filter(commands)
     c = _command(
         commands, "estimate", "estimate parameters that make measured logs most likely",
         "  bondgraph estimate vehicle_graphs.driveline:driveline --data run1.csv run2.csv --free tau_grip,F_roll "
@@ -265,8 +268,8 @@ def _add_robust(command: argparse.ArgumentParser) -> None:
         "--robust", metavar="LOSS",
         help="sensors that now and then read something else (default: Gaussian, one reading of 20 sigma in a hundred "
         "doubles an estimated noise). student[:DEGREES], heavy tails, 4 degrees of freedom unless given: for outliers "
-        "of any size and unknown noise levels; huber[:SIGMA], straight beyond 1.345 sigma: for outliers that are few "
-        "and not far, whose size still tells a little; gate[:PROBABILITY], readings that a good one passes with "
+        "of any size and unknown noise levels; huber[:SIGMA], straight beyond 1.345 sigma: for outliers of "
+        "some sigma (with such of 20 sigma in a hundred an estimated noise still grows by a fifth); gate[:PROBABILITY], readings that a good one passes with "
         "probability 0.999 are used and the others are not: for noise levels that are known roughly. Outliers are "
         "judged channel by channel",
     )  # fmt: skip

@@ -7,6 +7,7 @@ from bondgraph.lazy import exported
 if TYPE_CHECKING:
     from bondgraph.filter.adaptive import AdaptiveNoise as AdaptiveNoise
     from bondgraph.filter.choice import choose_method as choose_method
+    from bondgraph.filter.degrees import with_likeliest_degrees as with_likeliest_degrees
     from bondgraph.filter.detector import ChangeDetector as ChangeDetector
     from bondgraph.filter.detector import Detection as Detection
     from bondgraph.filter.filter_model import FilterModel as FilterModel
@@ -25,6 +26,7 @@ else:
         {
             "filter.adaptive": "AdaptiveNoise",
             "filter.choice": "choose_method",
+            "filter.degrees": "with_likeliest_degrees",
             "filter.detector": "ChangeDetector Detection",
             "filter.filter_model": "FilterModel",
             "filter.filter_run": "FilterRun",

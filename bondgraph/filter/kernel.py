@@ -188,6 +188,9 @@ def _copy_lane(work: Work, lane: int, source: int) -> None:
         work.output_mean[a, lane] = work.output_mean[a, source]
         for b in range(work.output_mean.shape[0]):
             work.output_cov[a, b, lane] = work.output_cov[a, b, source]
+        work.innovation[a, lane] = work.innovation[a, source]
+        work.residual[a, lane] = work.residual[a, source]
+        work.log_scale[a, lane] = work.log_scale[a, source]
     for i in range(work.joint.shape[0]):
         for j in range(work.joint.shape[0]):
             work.joint[i, j, lane] = work.joint[i, j, source]

@@ -11,7 +11,6 @@ from __future__ import annotations
 import bisect
 import hashlib
 import math
-from collections.abc import Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -19,15 +18,15 @@ import numpy as np
 
 from bondgraph.arrays import FloatArray
 from bondgraph.compile.machine_code import has_numba
-from bondgraph.errors import FilterError, suggest
+from bondgraph.errors import FilterError
 from bondgraph.filter.adaptive import AdaptiveNoise, NoiseBelief, updated
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.filter_run import FilterRun
+from bondgraph.filter.online_given import check_options, given_inputs, given_member, given_outputs
 from bondgraph.filter.online_interval import Intervals
 from bondgraph.filter.online_state import FilterStep, OnlineState, Remembered
 from bondgraph.filter.online_steps import CompiledSteps, Moved, NumpySteps, StepEngine
 from bondgraph.filter.samples import MeasuredLog
-from bondgraph.filter.ukf import Member
 from bondgraph.simulate.outcome import Outcome
 
 if TYPE_CHECKING:
@@ -86,13 +85,9 @@ class OnlineFilter:
         adaptive: AdaptiveNoise | None = None,
         compiled: bool = True,
     ) -> None:
-        _check(filter_model, interval, history, adaptive)
-        model = filter_model.model
-        parameters = model.theta(**theta) if isinstance(theta, Mapping) else theta
-        start = model.x0(**x0) if isinstance(x0, Mapping) else x0
+        check_options(filter_model, interval, history, adaptive)
         self.filter_model = filter_model
-        self.member = Member.of(filter_model, *(None if one is None else _vector(one) for one in (parameters, start)))
-        _check_size(filter_model, self.member)
+        self.member = given_member(filter_model, theta, x0)
         self.history, self.adaptive = float(history), adaptive
         fast = compiled and has_numba()
         engine = CompiledSteps if fast else NumpySteps
@@ -177,10 +172,14 @@ class OnlineFilter:
         name = self.filter_model.model.name
         if not math.isfinite(t):
             raise FilterError(f"{name}: step at t = {t!r} - give a finite time", where=(name, "t"))
-        time, measured = float(t), self._measured(y)
+        time, measured = float(t), given_outputs(self.filter_model.model, self.member.noise_std, y)
         if self._remembered and time < self.time:
             return self._late(time, u, measured)
-        return self._append(time, self._inputs(u, self._remembered[-1].u if self._remembered else None), measured)
+        return self._append(
+            time,
+            given_inputs(self.filter_model.model, u, self._remembered[-1].u if self._remembered else None),
+            measured,
+        )
 
     def follow(self, log: MeasuredLog) -> FilterRun:
         """Take all samples of a log as a stream, and keep what each gave.
@@ -280,7 +279,7 @@ class OnlineFilter:
         before, later = self._remembered[:place], self._remembered[place:]
         everything = self._remembered
         self._remembered = before
-        samples = [(time, self._inputs(u, self._between(before[-1], later[0], time)), y)]
+        samples = [(time, given_inputs(self.filter_model.model, u, self._between(before[-1], later[0], time)), y)]
         for sample in samples + [(one.time, one.u, one.y) for one in later]:
             step = self._append(*sample)
             if not step.accepted:
@@ -319,84 +318,3 @@ class OnlineFilter:
         numbers = b"".join(np.ascontiguousarray(one).tobytes() for one in (self.member.theta, self.member.x0))
         text = f"{self.filter_model.digest} {self.adaptive}"
         return hashlib.sha256(text.encode() + numbers).hexdigest()[:24]
-
-    def _inputs(self, given: Vector, kept: FloatArray | None) -> FloatArray:
-        """Inputs (n_u,) with those given in the place of those kept."""
-        model = self.filter_model.model
-        found = model.u0() if kept is None else kept.copy()
-        if isinstance(given, Mapping):
-            for name, value in given.items():
-                found[model.index("input", name)] = model.input_value(name, value)
-        elif given is not None:
-            found = _sized(_vector(given), found.size, f"{model.name}: u")
-        bad = np.flatnonzero(~np.isfinite(found))
-        if bad.size:
-            name = model.names("input")[bad[0]]
-            raise FilterError(f"{model.name}: input {name!r} has no finite value - give one", where=(model.name, name))
-        return found
-
-    def _measured(self, given: Vector) -> FloatArray:
-        """Measurements (n_y,), NaN where missing."""
-        model = self.filter_model.model
-        names = model.names("output")
-        found = np.full(len(names), np.nan)
-        if isinstance(given, Mapping):
-            for name, value in given.items():
-                if name not in names:
-                    raise FilterError(
-                        f"{model.name}: no output {name!r}{suggest(name, names)} - it has {', '.join(names)}",
-                        where=(model.name, name),
-                    )
-                found[names.index(name)] = value
-        elif given is not None:
-            found = _sized(_vector(given), found.size, f"{model.name}: y")
-        for row in np.flatnonzero(~np.isnan(found) & np.isnan(self.member.noise_std)):
-            raise FilterError(
-                f"{model.name}: output {names[row]!r} is measured but measurement_noise does not name it"
-                " - name it, or leave the channel out",
-                where=(model.name, names[row]),
-            )
-        return found
-
-
-def _check(filter_model: FilterModel, interval: float | None, history: float, adaptive: AdaptiveNoise | None) -> None:
-    name = filter_model.model.name
-
-    def require(condition: bool, problem: str, *where: str) -> None:
-        if not condition:
-            raise FilterError(f"{name}: {problem}", where=(name, *where))
-
-    require(
-        filter_model.method != "auto",
-        "method 'auto' chooses along logs - choose one with choose_method(filter_model, logs) first", "method",
-    )  # fmt: skip
-    require(
-        interval is None or (math.isfinite(interval) and interval > 0.0),
-        f"interval is {interval!r} s - give a positive time", "interval",
-    )  # fmt: skip
-    require(math.isfinite(history) and history >= 0.0, f"history is {history!r} s - give a time from zero", "history")
-    if adaptive is not None:
-        require(interval is not None, "adaptive needs the interval between samples - give it", "interval")
-        require(filter_model.robust is None, "adaptive with robust: outliers would be noise - choose one", "adaptive")
-        require(
-            not filter_model.measurement_correlation, "adaptive noises are independent - declare no correlation",
-            "measurement_correlation",
-        )  # fmt: skip
-
-
-def _check_size(filter_model: FilterModel, member: Member) -> None:
-    model = filter_model.model
-    _sized(member.theta, len(model.parameters), f"{model.name}: theta")
-    _sized(member.x0, len(model.states), f"{model.name}: x0")
-
-
-def _sized(vector: FloatArray, size: int, what: str) -> FloatArray:
-    if vector.shape != (size,):
-        raise FilterError(
-            f"{what} has shape {vector.shape}, not ({size},) - give one number each, or a mapping of names"
-        )
-    return vector
-
-
-def _vector(given: object) -> FloatArray:
-    return np.array(given, dtype=np.float64)

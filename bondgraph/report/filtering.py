@@ -12,6 +12,7 @@ from bondgraph.data.log import Log, LogChannel, MatchedLog
 from bondgraph.data.write import write_log
 from bondgraph.estimate.initial import Initial, initial_states
 from bondgraph.filter.consistency import Consistency, consistency, misfits
+from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.filter_run import FilterRun
 from bondgraph.filter.misfit import LEVEL, Misfit
 from bondgraph.filter.noise import Noise
@@ -58,8 +59,7 @@ def filter_logs(
     Writes ``NAME_states.csv`` and
     ``NAME_states.png`` per log, one ``result.json`` and one ``report.html``.
     """
-    declared = noise.filter_model(model) if noise else filter_setup(model, driven, logs).filter_model
-    filter_model = replace(declared, robust=robust)
+    filter_model = _filter_model(model, driven, logs, noise, robust)
     folder.mkdir(parents=True, exist_ok=True)
     lines, result = [], {}
     series: list[ChannelSeries] = []
@@ -104,6 +104,14 @@ def filter_logs(
     )
     write_report(data, folder / "report.html")
     return Filtered("\n".join([*lines, *sentences, *suspected, f"written: {folder}"]), tuple(found_misfits))
+
+
+def _filter_model(
+    model: Model, driven: Sequence[str], logs: Sequence[MatchedLog], noise: Noise | None, robust: Robust | None
+) -> FilterModel:
+    """The filter with the declared noises, or with those that the logs show."""
+    declared = noise.filter_model(model) if noise else filter_setup(model, driven, logs).filter_model
+    return replace(declared, robust=robust)
 
 
 def _smoothed(record: FilterRun) -> FilterRun:
