@@ -266,12 +266,12 @@ def _add_strict(command: argparse.ArgumentParser) -> None:
 def _add_robust(command: argparse.ArgumentParser) -> None:
     command.add_argument(
         "--robust", metavar="LOSS",
-        help="sensors that now and then read something else (default: Gaussian, one reading of 20 sigma in a hundred "
+        help="sensors that now and then read something else (default: Gaussian; one reading of 20 sigma in a hundred "
         "doubles an estimated noise). student[:DEGREES], heavy tails, 4 degrees of freedom unless given: for outliers "
-        "of any size and unknown noise levels; huber[:SIGMA], straight beyond 1.345 sigma: for outliers of "
-        "some sigma (with such of 20 sigma in a hundred an estimated noise still grows by a fifth); gate[:PROBABILITY], readings that a good one passes with "
-        "probability 0.999 are used and the others are not: for noise levels that are known roughly. Outliers are "
-        "judged channel by channel",
+        "of any size and unknown noise levels; huber[:SIGMA], straight beyond 1.345 sigma: for outliers of a few sigma "
+        "(one of 20 in a hundred still raises an estimated noise by a fifth); gate[:PROBABILITY]: readings that a good "
+        "one passes with probability 0.999 are used and the others are not, for noise levels that are known roughly. "
+        "Outliers are judged channel by channel",
     )  # fmt: skip
 
 

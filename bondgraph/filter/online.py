@@ -203,6 +203,14 @@ class OnlineFilter:
         >>> run.plot("length").get_ylabel()
         'length [m]'
         """
+        known = self.filter_model.model.theta(**dict(log.theta_overrides))
+        rows = [self.filter_model.model.index("parameter", name) for name in log.theta_overrides]
+        if np.any(known[rows] != self.member.theta[rows]):
+            raise FilterError(
+                f"{log.name}: the log knows {', '.join(log.theta_overrides)}, and the filter has other values"
+                " - make the filter with theta as the log has it",
+                where=(log.name, *log.theta_overrides),
+            )
         steps = []
         for k, t in enumerate(log.time):
             steps.append(self.step(float(t), log.u[:, k], log.y[:, k]))

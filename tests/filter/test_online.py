@@ -231,3 +231,7 @@ def test_a_stream_of_a_log_is_shown_as_a_run_and_not_smoothed() -> None:
         found.plot("v_bdoy")
     with pytest.raises(FilterError, match="filtered on line"):
         smooth(found)
+    loaded = replace(log, theta_overrides={"m_vehicle": 300.0})
+    with pytest.raises(FilterError, match="the log knows m_vehicle, and the filter has other values"):
+        online_for(model, log).follow(loaded)
+    assert online_for(model, log, theta={"m_vehicle": 300.0}).follow(loaded).time.size == 12

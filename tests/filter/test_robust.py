@@ -16,6 +16,7 @@ from bondgraph.errors import FilterError
 from bondgraph.filter.degrees import with_likeliest_degrees
 from bondgraph.filter.draw import draw_logs
 from bondgraph.filter.filter_model import FilterModel
+from bondgraph.filter.filterpy_bridge import filterpy_run
 from bondgraph.filter.gradient import Directions, innovation_tangents
 from bondgraph.filter.kernel_robust import _loss, _precision, _precision_slope, _residual, _residual_slope, _score
 from bondgraph.filter.likelihood import likelihood
@@ -175,6 +176,8 @@ def test_texts_and_impossible_losses() -> None:
     with pytest.raises(FilterError, match="so sensors must be independent"):
         driveline_filter(robust=Robust("gate"), measurement_correlation=correlated)
     log = simulated_log(driveline_filter(), np.arange(9) * 0.025, seed=7)
+    with pytest.raises(FilterError, match="filterpy has no robust='gate' - leave it out"):
+        filterpy_run(driveline_filter(robust=Robust("gate")), log)
     with pytest.raises(FilterError, match="noise_correlation with robust='gate'"):
         run(driveline_filter(robust=Robust("gate")), log, noise_correlation=np.eye(3)[::-1])
 
