@@ -38,7 +38,10 @@ if TYPE_CHECKING:
     from bondgraph.estimate.estimation import Settings as Settings
     from bondgraph.estimate.problem import pose as pose
     from bondgraph.estimate.sensitivities import sensitivity as sensitivity
+    from bondgraph.filter.detector import ChangeDetector as ChangeDetector
     from bondgraph.filter.filter_model import FilterModel as FilterModel
+    from bondgraph.filter.online import OnlineFilter as OnlineFilter
+    from bondgraph.filter.robust import Robust as Robust
     from bondgraph.filter.smoother import smooth as smooth
     from bondgraph.report.correction import close_loop as close_loop
     from bondgraph.report.drawing import draw as draw
@@ -66,7 +69,10 @@ else:
             "estimate.estimation": "Settings",
             "estimate.problem": "pose",
             "estimate.sensitivities": "sensitivity",
+            "filter.detector": "ChangeDetector",
             "filter.filter_model": "FilterModel",
+            "filter.online": "OnlineFilter",
+            "filter.robust": "Robust",
             "filter.smoother": "smooth",
             "report.correction": "close_loop",
             "report.drawing": "draw",

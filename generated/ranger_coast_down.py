@@ -1,6 +1,6 @@
 # Generated from vehicle_graphs/ranger.py -- do not edit.
 # Regenerate with:  bondgraph generate vehicle_graphs.ranger:coast_down
-# Generator: bondgraph 0.1.0, sympy 1.14.0.  Equations: 1663db97c1524828
+# Generator: bondgraph 0.1.0, sympy 1.14.0.  Equations: 288fbc917c3ae2ac
 """Ranger-class vehicle coasting in neutral: axles, tyres, body and ground, nothing of engine and CVT.
 
 States x:
@@ -19,32 +19,34 @@ Inputs u:
       1  brake             [1]  brake pedal, 0 to 1
 
 Parameters theta:
-      0  th_off       [rad]  offset of the measured pitch
-      1  m            [kg]  vehicle 1040 kg with a payload of 160 kg
-      2  g            [m/s^2]  gravity
-      3  a            [m]  centre of mass to the front axle
-      4  b            [m]  centre of mass to the rear axle
-      5  r_z          [m]  height of the centre of mass over the ground
-      6  spring_gain  [1]  spring rates relative to k_f and k_r: the pitch stiffness
-      7  k_f          [N/m]  front springs
-      8  k_r          [N/m]  rear springs
-      9  I            [kg m^2]  inertia of the body in pitch
-     10  c_f          [N s/m]  front dampers
-     11  c_r          [N s/m]  rear dampers
-     12  rho          [kg/m^3]  air density
-     13  CdA          [m^2]  drag coefficient times frontal area
-     14  J_r          [kg m^2]  rear axle with wheels
-     15  brake_gain   [1]  brake torque relative to its nominal value, both axles
-     16  T_br_max     [N m]  largest brake torque of the rear axle
-     17  w_brake      [rad/s]  axle speed at which the brake reaches 76 % (smoothing)
-     18  f_r          [1]  rolling resistance coefficient
-     19  w_roll       [rad/s]  axle speed at which rolling resistance reaches 76 % (smoothing)
-     20  r_d          [m]  dynamic tyre radius
-     21  J_f          [kg m^2]  front axle with wheels
-     22  T_bf_max     [N m]  largest brake torque of the front axle
-     23  mu           [1]  friction of tyre on gravel
-     24  C_k          [1]  force over load per slip, small slip
-     25  v_low        [m/s]  speed below which slip refers to it (standstill)
+      0  th_off         [rad]  offset of the measured pitch
+      1  m              [kg]  vehicle 1040 kg with a payload of 160 kg
+      2  g              [m/s^2]  gravity
+      3  a              [m]  centre of mass to the front axle
+      4  b              [m]  centre of mass to the rear axle
+      5  r_z            [m]  height of the centre of mass over the ground
+      6  spring_gain    [1]  spring rates relative to k_f and k_r: the pitch stiffness
+      7  k_f            [N/m]  front springs
+      8  k_r            [N/m]  rear springs
+      9  I              [kg m^2]  inertia of the body in pitch
+     10  c_f            [N s/m]  front dampers
+     11  c_r            [N s/m]  rear dampers
+     12  rho            [kg/m^3]  air density
+     13  CdA            [m^2]  drag coefficient times frontal area
+     14  J_r            [kg m^2]  rear axle with wheels
+     15  brake_gain     [1]  brake torque relative to its nominal value, both axles
+     16  T_br_max       [N m]  largest brake torque of the rear axle
+     17  w_brake        [rad/s]  axle speed at which the brake reaches 76 % (smoothing)
+     18  f_r            [1]  rolling resistance coefficient
+     19  w_roll         [rad/s]  axle speed at which rolling resistance reaches 76 % (smoothing)
+     20  r_d            [m]  dynamic tyre radius
+     21  radius_gain_r  [1]  dynamic radius of the rear tyres relative to r_d
+     22  J_f            [kg m^2]  front axle with wheels
+     23  T_bf_max       [N m]  largest brake torque of the front axle
+     24  radius_gain_f  [1]  dynamic radius of the front tyres relative to r_d
+     25  mu             [1]  friction of tyre on gravel
+     26  C_k            [1]  force over load per slip, small slip
+     27  v_low          [m/s]  speed below which slip refers to it (standstill)
 
 Outputs y:
       0  axle_speed        [rad/s]  rear axle speed
@@ -98,8 +100,10 @@ PARAMETERS = (
     ("f_r", "1", 0.035, 0.01, 0.08, "rolling resistance coefficient"),
     ("w_roll", "rad/s", 0.3, None, None, "axle speed at which rolling resistance reaches 76 % (smoothing)"),
     ("r_d", "m", 0.315, 0.27, 0.36, "dynamic tyre radius"),
+    ("radius_gain_r", "1", 1.0, None, None, "dynamic radius of the rear tyres relative to r_d"),
     ("J_f", "kg m^2", 2.0, None, None, "front axle with wheels"),
     ("T_bf_max", "N m", 1800.0, None, None, "largest brake torque of the front axle"),
+    ("radius_gain_f", "1", 1.0, None, None, "dynamic radius of the front tyres relative to r_d"),
     ("mu", "1", 0.65, None, None, "friction of tyre on gravel"),
     ("C_k", "1", 10.0, None, None, "force over load per slip, small slip"),
     ("v_low", "m/s", 1.0, None, None, "speed below which slip refers to it (standstill)"),
@@ -145,41 +149,45 @@ def rhs(t, x, u, theta):
     f_r = theta[18]
     w_roll = theta[19]
     r_d = theta[20]
-    J_f = theta[21]
-    T_bf_max = theta[22]
-    mu = theta[23]
-    C_k = theta[24]
-    v_low = theta[25]
+    radius_gain_r = theta[21]
+    J_f = theta[22]
+    T_bf_max = theta[23]
+    radius_gain_f = theta[24]
+    mu = theta[25]
+    C_k = theta[26]
+    v_low = theta[27]
     F_body_air = (1/2)*rho*CdA*forward_velocity*np.abs(forward_velocity)  # [N] effort of body.air
     F_body_gravity = -m*g*np.sin(inclination)  # [N] effort of body.gravity
     N_r0 = m*g*a/(a + b)  # [N] static load of the rear springs
     F_body_rear_strut = c_r*(heave_rate - b*pitch_rate)  # [N] effort of body.rear_strut
     S_r = N_r0 - spring_gain*k_r*(heave - b*pitch) - F_body_rear_strut  # [N] force of the rear suspension
     N_r = np.maximum(S_r, 0.0)  # [N] load of the rear tyres
+    m_rear_wheels = r_d*radius_gain_r  # modulus of rear_wheels
     v_body_ground = forward_velocity + r_z*pitch_rate  # [m/s] flow of body.ground
-    slip_speed_r = np.maximum(np.maximum(np.abs(v_body_ground), np.abs(r_d*rear_axle_speed)), v_low)  # [m/s] speed that the slip of the rear tyres refers to
-    F_rear_tyre_contact = mu*N_r*np.tanh(C_k*(r_d*rear_axle_speed - v_body_ground)/(mu*slip_speed_r))  # [N] effort of rear_tyre.contact
+    slip_speed_r = np.maximum(np.maximum(np.abs(v_body_ground), np.abs(r_d*radius_gain_r*rear_axle_speed)), v_low)  # [m/s] speed that the slip of the rear tyres refers to
+    F_rear_tyre_contact = mu*N_r*np.tanh(C_k*(rear_axle_speed*m_rear_wheels - v_body_ground)/(mu*slip_speed_r))  # [N] effort of rear_tyre.contact
     N_f0 = m*g*b/(a + b)  # [N] static load of the front springs
     F_body_front_strut = c_f*(heave_rate + a*pitch_rate)  # [N] effort of body.front_strut
     S_f = N_f0 - spring_gain*k_f*(heave + a*pitch) - F_body_front_strut  # [N] force of the front suspension
     N_f = np.maximum(S_f, 0.0)  # [N] load of the front tyres
-    slip_speed_f = np.maximum(np.maximum(np.abs(v_body_ground), np.abs(r_d*front_axle_speed)), v_low)  # [m/s] speed that the slip of the front tyres refers to
-    F_front_tyre_contact = mu*N_f*np.tanh(C_k*(r_d*front_axle_speed - v_body_ground)/(mu*slip_speed_f))  # [N] effort of front_tyre.contact
+    m_front_wheels = r_d*radius_gain_f  # modulus of front_wheels
+    slip_speed_f = np.maximum(np.maximum(np.abs(v_body_ground), np.abs(r_d*radius_gain_f*front_axle_speed)), v_low)  # [m/s] speed that the slip of the front tyres refers to
+    F_front_tyre_contact = mu*N_f*np.tanh(C_k*(front_axle_speed*m_front_wheels - v_body_ground)/(mu*slip_speed_f))  # [N] effort of front_tyre.contact
     F_body_thrust = F_rear_tyre_contact + F_front_tyre_contact  # [N] effort of body.thrust
     F_body_weight = -m*g*np.cos(inclination)  # [N] effort of body.weight
     F_body_springs1 = spring_gain*k_f*(heave + a*pitch) + spring_gain*k_r*(heave - b*pitch) - N_r0 - N_f0  # [N] effort of body.springs1
     tau_body_springs2 = b*(N_r0 - spring_gain*k_r*(heave - b*pitch)) - a*(N_f0 - spring_gain*k_f*(heave + a*pitch))  # [N m] effort of body.springs2
     tau_rear_axle_brake_discs = brake_gain*T_br_max*brake*np.tanh(rear_axle_speed/w_brake)  # [N m] effort of rear_axle.brake_discs
-    tau_rear_axle_rolling = f_r*r_d*N_r*np.tanh(rear_axle_speed/w_roll)  # [N m] effort of rear_axle.rolling
+    tau_rear_axle_rolling = f_r*r_d*radius_gain_r*N_r*np.tanh(rear_axle_speed/w_roll)  # [N m] effort of rear_axle.rolling
     tau_front_axle_brake_discs = brake_gain*T_bf_max*brake*np.tanh(front_axle_speed/w_brake)  # [N m] effort of front_axle.brake_discs
-    tau_front_axle_rolling = f_r*r_d*N_f*np.tanh(front_axle_speed/w_roll)  # [N m] effort of front_axle.rolling
+    tau_front_axle_rolling = f_r*r_d*radius_gain_f*N_f*np.tanh(front_axle_speed/w_roll)  # [N m] effort of front_axle.rolling
     dx0 = (F_body_gravity + F_body_thrust - F_body_air)/m  # d(forward_velocity)/dt
     dx1 = (F_body_weight - F_body_rear_strut - F_body_front_strut - F_body_springs1)/m  # d(heave_rate)/dt
     dx2 = (b*F_body_rear_strut + r_z*F_body_thrust - a*F_body_front_strut - tau_body_springs2)/I  # d(pitch_rate)/dt
     dx3 = heave_rate  # d(heave)/dt
     dx4 = pitch_rate  # d(pitch)/dt
-    dx5 = (-r_d*F_rear_tyre_contact - tau_rear_axle_brake_discs - tau_rear_axle_rolling)/J_r  # d(rear_axle_speed)/dt
-    dx6 = (-r_d*F_front_tyre_contact - tau_front_axle_brake_discs - tau_front_axle_rolling)/J_f  # d(front_axle_speed)/dt
+    dx5 = (-m_rear_wheels*F_rear_tyre_contact - tau_rear_axle_brake_discs - tau_rear_axle_rolling)/J_r  # d(rear_axle_speed)/dt
+    dx6 = (-m_front_wheels*F_front_tyre_contact - tau_front_axle_brake_discs - tau_front_axle_rolling)/J_f  # d(front_axle_speed)/dt
     dx7 = inclination_rate  # d(inclination)/dt
     dx8 = forward_velocity*np.sin(inclination)  # d(height)/dt
     return _stack(x, (dx0, dx1, dx2, dx3, dx4, dx5, dx6, dx7, dx8))

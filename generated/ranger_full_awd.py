@@ -1,6 +1,6 @@
 # Generated from vehicle_graphs/ranger.py -- do not edit.
 # Regenerate with:  bondgraph generate vehicle_graphs.ranger:full_awd
-# Generator: bondgraph 0.1.0, sympy 1.14.0.  Equations: 9e213b2c279f10fb
+# Generator: bondgraph 0.1.0, sympy 1.14.0.  Equations: ff782712bb6d127a
 """Ranger-class vehicle with rubber-belt CVT, both axles geared to the secondary shaft.
 
 States x:
@@ -22,70 +22,72 @@ Inputs u:
       3  gear              [1]  gear lever
 
 Parameters theta:
-      0  th_off       [rad]  offset of the measured pitch
-      1  m            [kg]  vehicle 1040 kg with a payload of 160 kg
-      2  g            [m/s^2]  gravity
-      3  a            [m]  centre of mass to the front axle
-      4  b            [m]  centre of mass to the rear axle
-      5  r_z          [m]  height of the centre of mass over the ground
-      6  spring_gain  [1]  spring rates relative to k_f and k_r: the pitch stiffness
-      7  k_f          [N/m]  front springs
-      8  k_r          [N/m]  rear springs
-      9  I            [kg m^2]  inertia of the body in pitch
-     10  c_f          [N s/m]  front dampers
-     11  c_r          [N s/m]  rear dampers
-     12  rho          [kg/m^3]  air density
-     13  CdA          [m^2]  drag coefficient times frontal area
-     14  J_r          [kg m^2]  rear axle with wheels
-     15  brake_gain   [1]  brake torque relative to its nominal value, both axles
-     16  T_br_max     [N m]  largest brake torque of the rear axle
-     17  w_brake      [rad/s]  axle speed at which the brake reaches 76 % (smoothing)
-     18  f_r          [1]  rolling resistance coefficient
-     19  w_roll       [rad/s]  axle speed at which rolling resistance reaches 76 % (smoothing)
-     20  r_d          [m]  dynamic tyre radius
-     21  J_f          [kg m^2]  front axle with wheels
-     22  T_bf_max     [N m]  largest brake torque of the front axle
-     23  mu           [1]  friction of tyre on gravel
-     24  C_k          [1]  force over load per slip, small slip
-     25  v_low        [m/s]  speed below which slip refers to it (standstill)
-     26  J_e          [kg m^2]  engine with primary clutch
-     27  b_d          [N m s]  drag of auxiliaries
-     28  w_idle       [rad/s]  idle speed of the governor (1200 rpm)
-     29  T_f0         [N m]  friction of the engine at standstill
-     30  T_f1         [N m s]  friction of the engine per speed
-     31  T_pk         [N m]  largest shaft torque
-     32  w_pk         [rad/s]  speed of the largest torque (5000 rpm)
-     33  a_t          [1]  curvature of the torque over speed
-     34  w_max        [rad/s]  speed at which the limiter begins
-     35  w_cut        [rad/s]  range over which the limiter closes
-     36  k_u          [1]  filling per opening at the reference speed
-     37  w_ref        [rad/s]  reference speed of the filling
-     38  w_fill       [rad/s]  speed below which the filling grows no further
-     39  x_max        [m]  travel of the primary sheave between its stops
-     40  k_st         [N/m]  stiffness of the end stops
-     41  c_x          [N s/m]  resistance to shifting: belt, bushings
-     42  m_fw         [kg]  flyweights, all together; stands for m_fw r_f0 td0
-     43  r_f0         [m]  radius of the flyweights, sheave open
-     44  r_f1         [m]  growth of that radius over the travel
-     45  td0          [1]  axial force per centrifugal force, sheave open
-     46  td1          [1]  change of that ratio over the travel
-     47  F_p0         [N]  preload of the pressure spring
-     48  k_p          [N/m]  rate of the pressure spring
-     49  al           [rad]  half of the groove angle (13 deg)
-     50  C            [m]  distance of the pulleys' axes
-     51  r_p_min      [m]  belt radius on the primary, sheave open
-     52  r_s0         [m]  belt radius on the secondary then; fixes the length of the belt
-     53  mu_b         [1]  friction of belt on sheave
-     54  v_s          [m/s]  slip at which the belt carries 76 % of what it can
-     55  F_s0         [N]  preload of the spring
-     56  k_s          [N/m]  rate of the spring, per travel of the primary
-     57  r_h          [m]  radius of the helix; stands for r_h tan_h
-     58  tan_h        [1]  tangent of the helix angle
-     59  G_H          [1]  shaft over axle speed in high gear
-     60  G_L          [1]  shaft over axle speed in low gear
-     61  G_R          [1]  shaft over axle speed in reverse
-     62  eta          [1]  share of the belt's torque that arrives at the axle
-     63  J_s          [kg m^2]  secondary clutch and shaft
+      0  th_off         [rad]  offset of the measured pitch
+      1  m              [kg]  vehicle 1040 kg with a payload of 160 kg
+      2  g              [m/s^2]  gravity
+      3  a              [m]  centre of mass to the front axle
+      4  b              [m]  centre of mass to the rear axle
+      5  r_z            [m]  height of the centre of mass over the ground
+      6  spring_gain    [1]  spring rates relative to k_f and k_r: the pitch stiffness
+      7  k_f            [N/m]  front springs
+      8  k_r            [N/m]  rear springs
+      9  I              [kg m^2]  inertia of the body in pitch
+     10  c_f            [N s/m]  front dampers
+     11  c_r            [N s/m]  rear dampers
+     12  rho            [kg/m^3]  air density
+     13  CdA            [m^2]  drag coefficient times frontal area
+     14  J_r            [kg m^2]  rear axle with wheels
+     15  brake_gain     [1]  brake torque relative to its nominal value, both axles
+     16  T_br_max       [N m]  largest brake torque of the rear axle
+     17  w_brake        [rad/s]  axle speed at which the brake reaches 76 % (smoothing)
+     18  f_r            [1]  rolling resistance coefficient
+     19  w_roll         [rad/s]  axle speed at which rolling resistance reaches 76 % (smoothing)
+     20  r_d            [m]  dynamic tyre radius
+     21  radius_gain_r  [1]  dynamic radius of the rear tyres relative to r_d
+     22  J_f            [kg m^2]  front axle with wheels
+     23  T_bf_max       [N m]  largest brake torque of the front axle
+     24  radius_gain_f  [1]  dynamic radius of the front tyres relative to r_d
+     25  mu             [1]  friction of tyre on gravel
+     26  C_k            [1]  force over load per slip, small slip
+     27  v_low          [m/s]  speed below which slip refers to it (standstill)
+     28  J_e            [kg m^2]  engine with primary clutch
+     29  b_d            [N m s]  drag of auxiliaries
+     30  w_idle         [rad/s]  idle speed of the governor (1200 rpm)
+     31  T_f0           [N m]  friction of the engine at standstill
+     32  T_f1           [N m s]  friction of the engine per speed
+     33  T_pk           [N m]  largest shaft torque
+     34  w_pk           [rad/s]  speed of the largest torque (5000 rpm)
+     35  a_t            [1]  curvature of the torque over speed
+     36  w_max          [rad/s]  speed at which the limiter begins
+     37  w_cut          [rad/s]  range over which the limiter closes
+     38  k_u            [1]  filling per opening at the reference speed
+     39  w_ref          [rad/s]  reference speed of the filling
+     40  w_fill         [rad/s]  speed below which the filling grows no further
+     41  x_max          [m]  travel of the primary sheave between its stops
+     42  k_st           [N/m]  stiffness of the end stops
+     43  c_x            [N s/m]  resistance to shifting: belt, bushings
+     44  m_fw           [kg]  flyweights, all together; stands for m_fw r_f0 td0
+     45  r_f0           [m]  radius of the flyweights, sheave open
+     46  r_f1           [m]  growth of that radius over the travel
+     47  td0            [1]  axial force per centrifugal force, sheave open
+     48  td1            [1]  change of that ratio over the travel
+     49  F_p0           [N]  preload of the pressure spring
+     50  k_p            [N/m]  rate of the pressure spring
+     51  al             [rad]  half of the groove angle (13 deg)
+     52  C              [m]  distance of the pulleys' axes
+     53  r_p_min        [m]  belt radius on the primary, sheave open
+     54  r_s0           [m]  belt radius on the secondary then; fixes the length of the belt
+     55  mu_b           [1]  friction of belt on sheave
+     56  v_s            [m/s]  slip at which the belt carries 76 % of what it can
+     57  F_s0           [N]  preload of the spring
+     58  k_s            [N/m]  rate of the spring, per travel of the primary
+     59  r_h            [m]  radius of the helix; stands for r_h tan_h
+     60  tan_h          [1]  tangent of the helix angle
+     61  G_H            [1]  shaft over axle speed in high gear
+     62  G_L            [1]  shaft over axle speed in low gear
+     63  G_R            [1]  shaft over axle speed in reverse
+     64  eta            [1]  share of the belt's torque that arrives at the axle
+     65  J_s            [kg m^2]  secondary clutch and shaft
 
 Outputs y:
       0  engine_speed      [rad/s]  crankshaft speed
@@ -143,8 +145,10 @@ PARAMETERS = (
     ("f_r", "1", 0.035, 0.01, 0.08, "rolling resistance coefficient"),
     ("w_roll", "rad/s", 0.3, None, None, "axle speed at which rolling resistance reaches 76 % (smoothing)"),
     ("r_d", "m", 0.315, 0.27, 0.36, "dynamic tyre radius"),
+    ("radius_gain_r", "1", 1.0, None, None, "dynamic radius of the rear tyres relative to r_d"),
     ("J_f", "kg m^2", 2.0, None, None, "front axle with wheels"),
     ("T_bf_max", "N m", 1800.0, None, None, "largest brake torque of the front axle"),
+    ("radius_gain_f", "1", 1.0, None, None, "dynamic radius of the front tyres relative to r_d"),
     ("mu", "1", 0.65, None, None, "friction of tyre on gravel"),
     ("C_k", "1", 10.0, None, None, "force over load per slip, small slip"),
     ("v_low", "m/s", 1.0, None, None, "speed below which slip refers to it (standstill)"),
@@ -257,70 +261,74 @@ def rhs(t, x, u, theta):
     f_r = theta[18]
     w_roll = theta[19]
     r_d = theta[20]
-    J_f = theta[21]
-    T_bf_max = theta[22]
-    mu = theta[23]
-    C_k = theta[24]
-    v_low = theta[25]
-    J_e = theta[26]
-    b_d = theta[27]
-    w_idle = theta[28]
-    T_f0 = theta[29]
-    T_f1 = theta[30]
-    T_pk = theta[31]
-    w_pk = theta[32]
-    a_t = theta[33]
-    w_max = theta[34]
-    w_cut = theta[35]
-    k_u = theta[36]
-    w_ref = theta[37]
-    w_fill = theta[38]
-    x_max = theta[39]
-    k_st = theta[40]
-    c_x = theta[41]
-    m_fw = theta[42]
-    r_f0 = theta[43]
-    r_f1 = theta[44]
-    td0 = theta[45]
-    td1 = theta[46]
-    F_p0 = theta[47]
-    k_p = theta[48]
-    al = theta[49]
-    C = theta[50]
-    r_p_min = theta[51]
-    r_s0 = theta[52]
-    mu_b = theta[53]
-    v_s = theta[54]
-    F_s0 = theta[55]
-    k_s = theta[56]
-    r_h = theta[57]
-    tan_h = theta[58]
-    G_H = theta[59]
-    G_L = theta[60]
-    G_R = theta[61]
-    eta = theta[62]
-    J_s = theta[63]
+    radius_gain_r = theta[21]
+    J_f = theta[22]
+    T_bf_max = theta[23]
+    radius_gain_f = theta[24]
+    mu = theta[25]
+    C_k = theta[26]
+    v_low = theta[27]
+    J_e = theta[28]
+    b_d = theta[29]
+    w_idle = theta[30]
+    T_f0 = theta[31]
+    T_f1 = theta[32]
+    T_pk = theta[33]
+    w_pk = theta[34]
+    a_t = theta[35]
+    w_max = theta[36]
+    w_cut = theta[37]
+    k_u = theta[38]
+    w_ref = theta[39]
+    w_fill = theta[40]
+    x_max = theta[41]
+    k_st = theta[42]
+    c_x = theta[43]
+    m_fw = theta[44]
+    r_f0 = theta[45]
+    r_f1 = theta[46]
+    td0 = theta[47]
+    td1 = theta[48]
+    F_p0 = theta[49]
+    k_p = theta[50]
+    al = theta[51]
+    C = theta[52]
+    r_p_min = theta[53]
+    r_s0 = theta[54]
+    mu_b = theta[55]
+    v_s = theta[56]
+    F_s0 = theta[57]
+    k_s = theta[58]
+    r_h = theta[59]
+    tan_h = theta[60]
+    G_H = theta[61]
+    G_L = theta[62]
+    G_R = theta[63]
+    eta = theta[64]
+    J_s = theta[65]
     F_body_air = (1/2)*rho*CdA*forward_velocity*np.abs(forward_velocity)  # [N] effort of body.air
     F_body_gravity = -m*g*np.sin(inclination)  # [N] effort of body.gravity
     N_r0 = m*g*a/(a + b)  # [N] static load of the rear springs
     F_body_rear_strut = c_r*(heave_rate - b*pitch_rate)  # [N] effort of body.rear_strut
     S_r = N_r0 - spring_gain*k_r*(heave - b*pitch) - F_body_rear_strut  # [N] force of the rear suspension
     N_r = np.maximum(S_r, 0.0)  # [N] load of the rear tyres
+    m_rear_wheels = r_d*radius_gain_r  # modulus of rear_wheels
     v_body_ground = forward_velocity + r_z*pitch_rate  # [m/s] flow of body.ground
-    slip_speed_r = np.maximum(np.maximum(np.abs(v_body_ground), np.abs(r_d*rear_axle_speed)), v_low)  # [m/s] speed that the slip of the rear tyres refers to
-    F_rear_tyre_contact = mu*N_r*np.tanh(C_k*(r_d*rear_axle_speed - v_body_ground)/(mu*slip_speed_r))  # [N] effort of rear_tyre.contact
+    slip_speed_r = np.maximum(np.maximum(np.abs(v_body_ground), np.abs(r_d*radius_gain_r*rear_axle_speed)), v_low)  # [m/s] speed that the slip of the rear tyres refers to
+    F_rear_tyre_contact = mu*N_r*np.tanh(C_k*(rear_axle_speed*m_rear_wheels - v_body_ground)/(mu*slip_speed_r))  # [N] effort of rear_tyre.contact
     N_f0 = m*g*b/(a + b)  # [N] static load of the front springs
     F_body_front_strut = c_f*(heave_rate + a*pitch_rate)  # [N] effort of body.front_strut
     S_f = N_f0 - spring_gain*k_f*(heave + a*pitch) - F_body_front_strut  # [N] force of the front suspension
     N_f = np.maximum(S_f, 0.0)  # [N] load of the front tyres
-    slip_speed_f = np.maximum(np.maximum(np.abs(v_body_ground), np.abs(r_d*rear_axle_speed)), v_low)  # [m/s] speed that the slip of the front tyres refers to
-    F_front_tyre_contact = mu*N_f*np.tanh(C_k*(r_d*rear_axle_speed - v_body_ground)/(mu*slip_speed_f))  # [N] effort of front_tyre.contact
+    m_front_wheels = r_d*radius_gain_f  # modulus of front_wheels
+    slip_speed_f = np.maximum(np.maximum(np.abs(v_body_ground), np.abs(r_d*radius_gain_f*rear_axle_speed)), v_low)  # [m/s] speed that the slip of the front tyres refers to
+    F_front_tyre_contact = mu*N_f*np.tanh(C_k*(rear_axle_speed*m_front_wheels - v_body_ground)/(mu*slip_speed_f))  # [N] effort of front_tyre.contact
     F_body_thrust = F_rear_tyre_contact + F_front_tyre_contact  # [N] effort of body.thrust
     F_body_weight = -m*g*np.cos(inclination)  # [N] effort of body.weight
     F_body_springs1 = spring_gain*k_f*(heave + a*pitch) + spring_gain*k_r*(heave - b*pitch) - N_r0 - N_f0  # [N] effort of body.springs1
     tau_body_springs2 = b*(N_r0 - spring_gain*k_r*(heave - b*pitch)) - a*(N_f0 - spring_gain*k_f*(heave + a*pitch))  # [N m] effort of body.springs2
     tau_rear_axle_brake_discs = brake_gain*T_br_max*brake*np.tanh(rear_axle_speed/w_brake)  # [N m] effort of rear_axle.brake_discs
-    tau_rear_axle_rolling = f_r*r_d*N_r*np.tanh(rear_axle_speed/w_roll)  # [N m] effort of rear_axle.rolling
+    tau_rear_axle_rolling = f_r*r_d*radius_gain_r*N_r*np.tanh(rear_axle_speed/w_roll)  # [N m] effort of rear_axle.rolling
     G = np.where(gear > 16, G_L, np.where(gear > 5, G_H, np.where(gear < -5, G_R, 0.0)))  # [1] ratio of the engaged gear, 0 in neutral
     omega_gearbox_shaft = rear_axle_speed*G  # [rad/s] flow of gearbox.shaft
     L_b = np.pi*(r_p_min + r_s0) + 2*np.sqrt(C**2 - (r_s0 - r_p_min)**2) + np.arcsin((r_s0 - r_p_min)/C)*(2*r_s0 - 2*r_p_min)  # [m] length of the belt
@@ -344,11 +352,11 @@ def rhs(t, x, u, theta):
     F_belt_length_secondary_sheave = -F_secondary_spring - F_secondary_helix  # [N] effort of bond belt_length -> secondary.sheave
     tau_gearbox_mesh_loss = G*r_s*F_belt_belt*(eta - 1)  # [N m] effort of gearbox.mesh_loss
     tau_front_axle_brake_discs = brake_gain*T_bf_max*brake*np.tanh(rear_axle_speed/w_brake)  # [N m] effort of front_axle.brake_discs
-    tau_front_axle_rolling = f_r*r_d*N_f*np.tanh(rear_axle_speed/w_roll)  # [N m] effort of front_axle.rolling
-    d_rear_axle_speed_part = (-r_d*F_rear_tyre_contact - tau_rear_axle_brake_discs - tau_rear_axle_rolling)/J_r  # part of rate of flow of rear_axle.inertia
+    tau_front_axle_rolling = f_r*r_d*radius_gain_f*N_f*np.tanh(rear_axle_speed/w_roll)  # [N m] effort of front_axle.rolling
+    d_rear_axle_speed_part = (-m_rear_wheels*F_rear_tyre_contact - tau_rear_axle_brake_discs - tau_rear_axle_rolling)/J_r  # part of rate of flow of rear_axle.inertia
     tau_gearbox_output_rear_axle_hub_part = -J_f/J_r - J_s*G**2/J_r  # part of effort of bond gearbox.output -> rear_axle.hub
-    tau_gearbox_output_rear_axle_hub_part_2 = tau_gearbox_mesh_loss + G*(r_s*F_belt_belt - J_s*G*d_rear_axle_speed_part) - r_d*F_front_tyre_contact - tau_front_axle_brake_discs - tau_front_axle_rolling - J_f*d_rear_axle_speed_part  # part of effort of bond gearbox.output -> rear_axle.hub
-    d_rear_axle_speed = (tau_gearbox_output_rear_axle_hub_part_2/(1 - tau_gearbox_output_rear_axle_hub_part) - r_d*F_rear_tyre_contact - tau_rear_axle_brake_discs - tau_rear_axle_rolling)/J_r  # rate of flow of rear_axle.inertia
+    tau_gearbox_output_rear_axle_hub_part_2 = tau_gearbox_mesh_loss + G*(r_s*F_belt_belt - J_s*G*d_rear_axle_speed_part) - m_front_wheels*F_front_tyre_contact - tau_front_axle_brake_discs - tau_front_axle_rolling - J_f*d_rear_axle_speed_part  # part of effort of bond gearbox.output -> rear_axle.hub
+    d_rear_axle_speed = (tau_gearbox_output_rear_axle_hub_part_2/(1 - tau_gearbox_output_rear_axle_hub_part) - m_rear_wheels*F_rear_tyre_contact - tau_rear_axle_brake_discs - tau_rear_axle_rolling)/J_r  # rate of flow of rear_axle.inertia
     tau_engine_drag = b_d*engine_speed  # [N m] effort of engine.drag
     T_f = T_f0 + T_f1*engine_speed  # [N m] friction torque
     T_w = T_pk*np.minimum(np.maximum((w_max + w_cut - engine_speed)/w_cut, 0.0), 1.0)*(1 - a_t*(engine_speed - w_pk)**2/w_pk**2)  # [N m] wide-open torque

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import Literal
 
-from sympy import Symbol, tanh
+from sympy import Expr, tanh
 
 from bondgraph.declare.domains import ROTATION
 from bondgraph.declare.graph import BondGraph
@@ -18,9 +18,17 @@ _INERTIA = {"front": ("J_f", "front_axle_speed"), "rear": ("J_r", "rear_axle_spe
 _BRAKE = {"front": ("T_bf_max", 1800.0), "rear": ("T_br_max", 1200.0)}
 
 
-def tyre_radius(g: BondGraph) -> Symbol:
-    """Dynamic radius of the tyres, which all axles and tyres share."""
-    return g.parameter("r_d", 0.315, "m", "dynamic tyre radius", (0.27, 0.36))
+def tyre_radius(g: BondGraph, end: End) -> Expr:
+    """Dynamic radius of the tyres of an axle: what all axles share times a gain of its own, below one where air leaks.
+
+    Examples
+    --------
+    >>> tyre_radius(BondGraph("wheels"), "front")
+    r_d*radius_gain_f
+    """
+    r_d = g.parameter("r_d", 0.315, "m", "dynamic tyre radius", (0.27, 0.36))
+    gain = g.parameter(f"radius_gain_{end[0]}", 1.0, "1", f"dynamic radius of the {end} tyres relative to r_d")
+    return r_d * gain
 
 
 def axle(end: End) -> BondGraph:
@@ -46,6 +54,6 @@ def axle(end: End) -> BondGraph:
     g.resistance("brake_discs", lambda w: brake * gain * T_b * tanh(w / w_b), at=hub)
     f_r = g.parameter("f_r", 0.035, "1", "rolling resistance coefficient", (0.01, 0.08))
     w_r = g.parameter("w_roll", 0.3, "rad/s", "axle speed at which rolling resistance reaches 76 % (smoothing)")
-    r_d = tyre_radius(g)
-    g.resistance("rolling", lambda w: f_r * load * r_d * tanh(w / w_r), at=hub)
+    radius = tyre_radius(g, end)
+    g.resistance("rolling", lambda w: f_r * load * radius * tanh(w / w_r), at=hub)
     return g

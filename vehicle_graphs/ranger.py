@@ -8,6 +8,7 @@ is the one of P. M. Auby's thesis (2016), rebuilt from textbook physics where th
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 from sympy import Expr
 
@@ -27,7 +28,17 @@ from vehicle_graphs.ranger_scenarios import PANELS, SCENARIOS
 from vehicle_graphs.terrain import terrain
 from vehicle_graphs.tyres import Tyre, tanh_tyre
 
-__all__ = ["NOISE", "PANELS", "SCENARIOS", "coast_down", "coast_down_quasi_static", "filter_model", "full", "full_awd"]
+__all__ = [
+    "NOISE",
+    "PANELS",
+    "SCENARIOS",
+    "coast_down",
+    "coast_down_quasi_static",
+    "filter_model",
+    "full",
+    "full_awd",
+    "monitored",
+]
 
 #: A function that declares a part.
 Part = Callable[[], BondGraph]
@@ -35,6 +46,7 @@ Part = Callable[[], BondGraph]
 ENDS: tuple[End, ...] = ("rear", "front")
 
 _FULL = """Ranger-class vehicle with rubber-belt CVT, rear drive: the whole vehicle."""
+_MONITORED = """Ranger-class vehicle with rubber-belt CVT, rear drive, with speed sensors at both axles."""
 _ALL_WHEELS = """Ranger-class vehicle with rubber-belt CVT, both axles geared to the secondary shaft."""
 _COASTING = """Ranger-class vehicle coasting in neutral: axles, tyres, body and ground, nothing of engine and CVT."""
 _QUASI_STATIC = """Ranger-class vehicle coasting in neutral on a suspension that follows at once."""
@@ -73,6 +85,20 @@ def full_awd(engine: Part = engine, tyre: Tyre = tanh_tyre) -> BondGraph:
     return g
 
 
+def monitored(engine: Part = engine, tyre: Tyre = tanh_tyre) -> BondGraph:
+    """The whole vehicle with rear drive and a speed sensor at its front axle too, for a monitor of its tyres.
+
+    Examples
+    --------
+    >>> [output.name for output in monitored().outputs][-1]
+    'front_axle_speed'
+    """
+    g = full(engine, tyre)
+    g.name, g.doc = "ranger_monitored", _MONITORED
+    g.measure("front_axle_speed", signal("flow", "front_axle.hub"), "rad/s", "front axle speed")
+    return g
+
+
 def coast_down(tyre: Tyre = tanh_tyre) -> BondGraph:
     """The vehicle in neutral: what coast-downs are filtered with.
 
@@ -102,15 +128,15 @@ def coast_down_quasi_static(tyre: Tyre = tanh_tyre) -> BondGraph:
     return g
 
 
-def filter_model(graph: BondGraph) -> FilterModel:
-    """The filter of one of these graphs, with the noises of its sensors and of the road.
+def filter_model(graph: BondGraph, **changes: Any) -> FilterModel:
+    """The filter of one of these graphs, with the noises of its sensors and of the road; ``changes`` are other fields.
 
     Examples
     --------
     >>> filter_model(coast_down()).process_noise
     {'inclination': 0.007}
     """
-    return NOISE[graph.name].filter_model(build(graph).model)
+    return NOISE[graph.name].filter_model(build(graph).model, **changes)
 
 
 def _vehicle(g: BondGraph, body: BondGraph, tyre: Tyre, bind: dict[str, Expr] | None = None) -> None:
@@ -126,7 +152,7 @@ def _vehicle(g: BondGraph, body: BondGraph, tyre: Tyre, bind: dict[str, Expr] | 
 
 def _wheels(g: BondGraph, end: End, tyre: BondGraph) -> None:
     """Tyres between an axle and the ground."""
-    radius = symbol("r_d")
+    radius = symbol("r_d") * symbol(f"radius_gain_{end[0]}")
     speeds = {"rolling": radius * signal("flow", f"{end}_axle.hub"), "ground": signal("flow", "body.ground")}
     bind = {"load": symbol(f"N_{end[0]}")} | {name: value for name, value in speeds.items() if name in tyre.quantities}
     g.include(f"{end}_tyre", tyre, {"contact": "contact"}, bind, shared=True)

@@ -10,6 +10,8 @@ from bondgraph.filter.noise import Noise
 
 #: Standard deviations of the sensors [rad/s, rad/s, m/s, m, rad].
 SENSORS = {"engine_speed": 2.0, "axle_speed": 0.1, "forward_velocity": 0.05, "height": 0.05, "pitch": 0.003}
+#: With one like it at the front axle, rad/s.
+BOTH_AXLES = {**SENSORS, "front_axle_speed": SENSORS["axle_speed"]}
 
 #: The random walk of the inclination, rad per sqrt(s). A road is smoother than any random walk; at this intensity the
 #: predictions of the recorded coast-downs are as uncertain as they are wrong (with estimated parameters NIS 0.99 and
@@ -28,11 +30,13 @@ START = {
 #: tyre at standstill in neutral, up to 12000 1/s of the gripping belt.
 _COASTING = Noise(SENSORS, {"inclination": INCLINATION_WALK}, START, substeps=40)
 _DRIVING = Noise(SENSORS, {"inclination": INCLINATION_WALK}, START, substeps=120)
+_MONITORED = Noise(BOTH_AXLES, {"inclination": INCLINATION_WALK}, START, substeps=120)
 
 #: By name of the graph.
 NOISE = {
     "ranger_full": _DRIVING,
     "ranger_full_awd": _DRIVING,
+    "ranger_monitored": _MONITORED,
     "ranger_coast_down": _COASTING,
     "ranger_coast_down_quasi_static": _COASTING,
 }

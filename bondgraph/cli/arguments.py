@@ -145,17 +145,22 @@ def _add_simulate(commands: Any) -> None:
     c.add_argument("--plot", metavar="FILE", help="picture of states and outputs: .png, .svg or .pdf")
 
 
-def _add_run_commands(commands: Any) -> None:
-    _add_simulate(commands)
+def _add_filter(commands: Any) -> None:
     c = _command(
         commands, "filter", "filter logs with a model: states with bands, innovations, consistency",
-        "  bondgraph filter vehicle_graphs.driveline:driveline --data run.csv --smooth --out filtered",
+        "  bondgraph filter vehicle_graphs.driveline:driveline --data run.csv --smooth --out filtered\n"
+        "  bondgraph filter vehicle_graphs.driveline:driveline --data run.csv --robust gate:0.9999",
     )  # fmt: skip
     _add_data(c)
     _add_strict(c)
+    _add_robust(c)
     c.add_argument("--smooth", action="store_true", help="states given the whole log instead of the past only")
     c.add_argument("--out", default="filtered", metavar="DIR", help="folder to write (default: filtered)")
 
+
+def _add_run_commands(commands: Any) -> None:
+    _add_simulate(commands)
+    _add_filter(commands)
     c = _command(
         commands, "estimate", "estimate parameters that make measured logs most likely",
         "  bondgraph estimate vehicle_graphs.driveline:driveline --data run1.csv run2.csv --free tau_grip,F_roll "
@@ -180,6 +185,7 @@ def _add_run_commands(commands: Any) -> None:
         "the likelihood is rugged (default: none)",
     )  # fmt: skip
     _add_strict(c)
+    _add_robust(c)
     c.add_argument("--seed", type=_seed, default=0, help="seed of the swarm (default: 0)")
     c.add_argument("--out", default="estimate", metavar="DIR", help="folder to write (default: estimate)")
     c.add_argument("--resume", action="store_true", help="go on from the checkpoint in --out")
@@ -254,6 +260,18 @@ def _add_strict(command: argparse.ArgumentParser) -> None:
         "--strict", action="store_true",
         help="exit status 1 where the model does not explain the logs: its innovations are coloured, or larger than "
         "the filter expects",
+    )  # fmt: skip
+
+
+def _add_robust(command: argparse.ArgumentParser) -> None:
+    command.add_argument(
+        "--robust", metavar="LOSS",
+        help="sensors that now and then read something else (default: Gaussian; one reading of 20 sigma in a hundred "
+        "doubles an estimated noise). student[:DEGREES], heavy tails, 4 degrees of freedom unless given: for outliers "
+        "of any size and unknown noise levels; huber[:SIGMA], straight beyond 1.345 sigma: for outliers of a few sigma "
+        "(one of 20 in a hundred still raises an estimated noise by a fifth); gate[:PROBABILITY]: readings that a good "
+        "one passes with probability 0.999 are used and the others are not, for noise levels that are known roughly. "
+        "Outliers are judged channel by channel",
     )  # fmt: skip
 
 

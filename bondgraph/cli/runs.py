@@ -6,6 +6,7 @@ import argparse
 import json
 import math
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 from bondgraph.build import build
@@ -22,6 +23,7 @@ from bondgraph.estimate.estimation import Settings
 from bondgraph.estimate.estimation import estimate as run_estimate
 from bondgraph.estimate.sensitivities import sensitivity as find_sensitivity
 from bondgraph.files import output_file, output_folder
+from bondgraph.filter.robust import parse_robust
 from bondgraph.report.collect import versions
 from bondgraph.report.estimation import rough_note, write_estimate
 from bondgraph.report.events import events_text, mark_events
@@ -85,7 +87,8 @@ def filter(options: argparse.Namespace) -> int:
     model, driven, logs = _model_and_logs(options)
     noise = None if is_model_file(options.model) else declared_noise(options.model, model.name)
     made, folder = _provenance(options, math.nan), output_folder(Path(options.out))
-    found = filter_logs(model, driven, logs, folder, options.smooth, options.start, noise, made)
+    robust = parse_robust(options.robust) if options.robust else None
+    found = filter_logs(model, driven, logs, folder, options.smooth, options.start, noise, made, robust)
     print(found.text)
     return 1 if options.strict and found.misfits else 0
 
@@ -94,6 +97,8 @@ def estimate(options: argparse.Namespace) -> int:
     """Estimate parameters from logs."""
     model, driven, logs = _model_and_logs(options)
     problem = declared_problem(model, driven, logs, names(options.free), options.process_noise, options.start)
+    if options.robust:
+        problem = replace(problem, filter_model=replace(problem.filter_model, robust=parse_robust(options.robust)))
     folder = output_folder(Path(options.out))
     settings = Settings(
         method=options.method, seed=options.seed, certify=options.certify, continuation=options.continuation

@@ -32,6 +32,11 @@ def jit(function: Callable[..., Any]) -> Any:
     return _keeping(_njit(nogil=True, **_UNCOUNTED)(function))
 
 
+def unfused(function: Callable[..., Any]) -> Any:
+    """As :func:`jit`, but every product is rounded before it is added to anything, as numpy does."""
+    return _keeping(_njit(nogil=True, **{**_UNCOUNTED, "fastmath": False})(function))
+
+
 def inner(function: Callable[..., Any]) -> Any:
     """The same for a function that only compiled ones call: the wrappers for Python take half of the compile time."""
     return _keeping(_njit(nogil=True, no_cpython_wrapper=True, no_cfunc_wrapper=True, **_UNCOUNTED)(function))

@@ -41,6 +41,7 @@ import math
 import numpy as np
 
 from bondgraph.compile.kept import allocating as _allocating, callback as _callback, inner as _inner, jit as _jit
+from bondgraph.compile.kept import unfused as _unfused
 from bondgraph.compile.pointer import CompiledFunction
 '''
 
@@ -105,7 +106,7 @@ def model_source(text: str, name: str) -> str:
 
 
 @functools.cache
-def load_kernel(*kernels: ModuleType, allocates: bool = False) -> Any:
+def load_kernel(*kernels: ModuleType, allocates: bool = False, fused: bool = True) -> Any:
     """The functions of kernel modules, compiled together; kernels take the functions of a model as arguments.
 
     Parameters
@@ -114,6 +115,8 @@ def load_kernel(*kernels: ModuleType, allocates: bool = False) -> Any:
         The modules.
     allocates
         Whether they make arrays; those that work on what they are given only are faster.
+    fused
+        Whether a product and a sum may be rounded as one; if not, what they give has numpy's bits.
 
     Raises
     ------
@@ -124,8 +127,21 @@ def load_kernel(*kernels: ModuleType, allocates: bool = False) -> Any:
         raise ModelError(f"{kernels[0].__name__}: numba is not installed - install the package 'numba'")
     title = f"Compiled form of {', '.join(kernel.__name__ for kernel in kernels)}"
     outer, within = ("@_allocating\n",) * 2 if allocates else ("@_jit\n", "@_inner\n")
+    if not fused:
+        outer = within = "@_unfused\n"
     parts = [HEADER.format(title=title), *(part for kernel in kernels for part in _functions(kernel, outer, within))]
     return load_compiled("\n\n".join(parts) + "\n")
+
+
+def prepared_call(function: Any, *arguments: Any) -> Callable[[], None]:
+    """A call of a compiled function with arguments whose contents change and not their kinds, as fast as it can be.
+
+    numba finds out the type of every argument at every call, which takes longer than a short step of a filter where
+    there are many arrays; here it does so once.
+    """
+    typeof = importlib.import_module("numba").typeof
+    entry = function.compile(tuple(typeof(argument) for argument in arguments))
+    return functools.partial(entry, *arguments)
 
 
 def has_numba() -> bool:

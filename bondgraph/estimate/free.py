@@ -1,9 +1,9 @@
 """Free parameters: what an estimation may move, by name, within bounds.
 
 A name is that of a model parameter, or ``std(output)`` for the standard deviation of a measured output,
-``process(state)`` for that of the noise that drives a state, ``x0(state)`` for an initial state shared by all logs, or
-``x0(state, log)`` for that of one log. ``x0_std(state)`` is the uncertainty of an initial state; ``corr(output,
-output)``, ``process_corr(state, state)`` and ``x0_corr(state, state)`` are correlations of two noises.
+``process(state)`` for that of the noise that drives a state or a followed parameter, ``x0(state)`` for an initial state
+shared by all logs, or ``x0(state, log)`` for that of one log. ``x0_std(state)`` is the uncertainty of an initial state;
+``corr(output, output)``, ``process_corr(state, state)`` and ``x0_corr(state, state)`` are correlations of two noises.
 """
 
 from __future__ import annotations
@@ -218,7 +218,7 @@ def _declared_level(
     name: str, target: Target, filter_model: FilterModel, start: float | None, logs: Sequence[MatchedLog]
 ) -> FreeParameter:
     groups = {
-        "std": filter_model.measurement_noise, "process": filter_model.process_noise,
+        "std": filter_model.measurement_noise, "process": {**filter_model.process_noise, **filter_model.appended},
         "x0_std": filter_model.initial_std,
     }  # fmt: skip
     level = groups[target.kind].get(target.name, 0.0) if start is None else start
@@ -237,7 +237,7 @@ def _declared_level(
 
 def _shown_bounds(target: Target, filter_model: FilterModel, logs: Sequence[MatchedLog]) -> tuple[float, float] | None:
     model = filter_model.model
-    if not logs or target.kind == "x0_std":
+    if not logs or target.kind == "x0_std" or target.name in filter_model.appended:
         return None
     if target.kind == "std":
         return sensor_bounds(logs, model.index("output", target.name))
@@ -291,7 +291,9 @@ def require_known(target: Target, name: str, filter_model: FilterModel) -> None:
     """
     model = filter_model.model
     kind, word = _NAMED[target.kind]
-    known = model.names(kind)
+    # a parameter that is followed as a state has the noises of one
+    followed = target.kind in ("process", "x0_std", "process_corr", "x0_corr")
+    known = filter_model.state_names if followed else model.names(kind)
     for part in (target.name, *(() if target.other is None else (target.other,))):
         if part not in known:
             raise EstimationError(

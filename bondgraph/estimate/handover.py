@@ -73,11 +73,8 @@ def without_noise_levels(problem: EstimationProblem) -> EstimationProblem:
         return problem
     starts = {kind: {p.target.name: p.start for p in problem.free if p.target.kind == kind} for kind in _LEVELS}
     declared = problem.filter_model
-    held = replace(
-        declared,
-        measurement_noise={**declared.measurement_noise, **starts["std"]},
-        process_noise={**declared.process_noise, **starts["process"]},
-    )
+    held = replace(declared, measurement_noise={**declared.measurement_noise, **starts["std"]})
+    held = held.with_process(starts["process"])
     return replace(problem, filter_model=held, free=others)
 
 

@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Literal
 
 import numpy as np
 
@@ -147,10 +146,11 @@ class EstimationProblem:
             if target.kind == "parameter":
                 theta[model.index("parameter", target.name)] = row
             elif target.kind in levels:
-                levels[target.kind][model.index("output" if target.kind == "std" else "state", target.name)] = row
+                names = model.names("output") if target.kind == "std" else own.state_names
+                levels[target.kind][names.index(target.name)] = row
             elif target.other is not None:
-                kind: Literal["output", "state"] = "output" if target.kind == "corr" else "state"
-                i, j = model.index(kind, target.name), model.index(kind, target.other)
+                names = model.names("output") if target.kind == "corr" else own.state_names
+                i, j = names.index(target.name), names.index(target.other)
                 pairs[target.kind][i, j] = pairs[target.kind][j, i] = row
             else:
                 for log, start in zip(self.logs, x0, strict=True):

@@ -218,19 +218,17 @@ class Estimate:
         declared, model = self.problem.filter_model, self.problem.filter_model.model
         free = {(parameter.target.kind, parameter.target.name): parameter.name for parameter in self.problem.free}
         noise = {name: self.values[free["std", name]] for name in model.names("output") if ("std", name) in free}
-        process = {
-            name: self.values[free["process", name]] for name in model.names("state") if ("process", name) in free
-        }
-        start = {name: self.values[free["x0_std", name]] for name in model.names("state") if ("x0_std", name) in free}
+        states = declared.state_names
+        process = {name: self.values[free["process", name]] for name in states if ("process", name) in free}
+        start = {name: self.values[free["x0_std", name]] for name in states if ("x0_std", name) in free}
 
         def pairs(kind: str) -> dict[tuple[str, str], float]:
             targets = [(p.target, p.name) for p in self.problem.free if p.target.kind == kind]
             return {(target.name, target.other or ""): self.values[name] for target, name in targets}
 
         return replace(
-            declared,
+            declared.with_process(process),
             measurement_noise={**declared.measurement_noise, **noise},
-            process_noise={**declared.process_noise, **process},
             initial_std={**declared.initial_std, **start},
             measurement_correlation={**declared.measurement_correlation, **pairs("corr")},
             process_correlation={**declared.process_correlation, **pairs("process_corr")},
@@ -358,6 +356,8 @@ def quantity_of(problem: EstimationProblem, parameter: FreeParameter) -> Display
         return model.parameters[model.index("parameter", target.name)]
     if target.kind == "std":
         return model.outputs[model.index("output", target.name)]
+    if target.name in problem.filter_model.appended:
+        return model.parameters[model.index("parameter", target.name)]
     return model.states[model.index("state", target.name)]
 
 

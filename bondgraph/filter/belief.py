@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
 from bondgraph.arrays import FloatArray
-from bondgraph.filter.sigma_points import MerweScaled, lower_factor
+from bondgraph.filter.kernel_robust import _precision, _residual
+from bondgraph.filter.kernel_types import Robustness
+from bondgraph.filter.robust import PLAIN
+from bondgraph.filter.sigma_points import PIVOT_FLOOR, Factor, MerweScaled, lower_factor
 from bondgraph.simulate.outcome import Outcome
 
 #: Propagates points (n, 2 n + 1) to points (rows, 2 n + 1).
@@ -114,7 +118,12 @@ def predict(
 
 
 def update(
-    belief: Belief, y: FloatArray, measurement: PointFunction, measurement_noise_cov: FloatArray, points: MerweScaled
+    belief: Belief,
+    y: FloatArray,
+    measurement: PointFunction,
+    measurement_noise_cov: FloatArray,
+    points: MerweScaled,
+    robust: Robustness = PLAIN,
 ) -> Update:
     """The belief after a measurement; the sigma points are drawn anew from the belief, process noise included.
 
@@ -137,6 +146,9 @@ def update(
         Covariance of the noise (n_y, n_y).
     points
         Sigma points.
+    robust
+        Loss of innovations; of one that is not Gaussian, ``whitened`` are the residuals whose half squares are the
+        losses, see :mod:`bondgraph.filter.robust`.
 
     Examples
     --------
@@ -152,17 +164,54 @@ def update(
     measured = np.flatnonzero(~np.isnan(y))
     used = cross_cov[:, measured]
     joint = np.block([[output_cov[np.ix_(measured, measured)], used.T], [used, belief.cov]])
-    factor = lower_factor(joint, required=measured.size)
     m = measured.size
-    s_lower, a, p_lower = factor.lower[:m, :m], factor.lower[m:, :m], factor.lower[m:, m:]
     whitened, log_scales = np.zeros(y.size), np.zeros(y.size)
+    if robust.kind:
+        noise = np.diag(measurement_noise_cov)[measured]
+        factor, known, residuals, scales = _robust_factor(joint, innovation[measured], noise, robust)
+    else:
+        factor = lower_factor(joint, required=m)
+        known, residuals, scales = np.zeros((3, m))
+        if factor.outcome is Outcome.OK:
+            known[...] = residuals[...] = np.linalg.solve(factor.lower[:m, :m], innovation[measured])
+            scales = np.log(np.diag(factor.lower)[:m])
+    s_lower, a, p_lower = factor.lower[:m, :m], factor.lower[m:, :m], factor.lower[m:, m:]
     gain = np.full(a.shape, np.nan)
     if factor.outcome is Outcome.OK:
-        whitened[measured] = np.linalg.solve(s_lower, innovation[measured])
-        log_scales[measured] = np.log(np.diag(s_lower))
-        gain = np.linalg.solve(s_lower.T, a.T).T
-    mean = belief.mean + a @ whitened[measured]
+        whitened[measured], log_scales[measured] = residuals, scales
+        gain[...] = np.linalg.lstsq(s_lower.T, a.T)[0].T if robust.kind else np.linalg.solve(s_lower.T, a.T).T
+    mean = belief.mean + a @ known
     after = belief if m == 0 else Belief(mean, p_lower @ p_lower.T, p_lower)
     return Update(
         after, output_mean, output_cov, innovation, whitened, log_scales, gain, factor.floored, factor.outcome
     )
+
+
+def _robust_factor(
+    joint: FloatArray, innovation: FloatArray, noise: FloatArray, robust: Robustness
+) -> tuple[Factor, FloatArray, FloatArray, FloatArray]:
+    """Factor of the joint covariance, each channel's noise as its innovation asks; what each innovation says.
+
+    Channel by channel, as :func:`bondgraph.filter.kernel_robust._factor_robust`: innovations over the standard
+    deviations with which they count, residuals whose half squares are the losses, and log scales. A channel that does
+    not count at all has a column of zeros.
+    """
+    rest, lower = joint.copy(), np.zeros(joint.shape)
+    m = innovation.size
+    known, residuals, scales = np.zeros(m), np.zeros(m), np.zeros(m)
+    for j in range(m):
+        if not np.isfinite(rest[j, j]) or rest[j, j] <= PIVOT_FLOOR * joint[j, j]:
+            outcome = Outcome.NOT_POSITIVE if np.isfinite(rest[j, j]) else Outcome.DIVERGED
+            return Factor(lower, 0, outcome), known, residuals, scales
+        std = math.sqrt(rest[j, j])
+        value = innovation[j] - lower[j, :j] @ known[:j]
+        residuals[j], scales[j] = _residual(robust, value / std), math.log(std) + robust.constant
+        precision = _precision(robust, value / std)
+        variance = (precision * (rest[j, j] - noise[j]) + noise[j]) / precision if precision > 0.0 else math.inf
+        known[j] = value / math.sqrt(variance)
+        lower[j, j] = math.sqrt(variance) if precision > 0.0 else 0.0
+        lower[j + 1 :, j] = rest[j + 1 :, j] / math.sqrt(variance)
+        rest[j + 1 :, j + 1 :] -= np.outer(lower[j + 1 :, j], lower[j + 1 :, j])
+    factor = lower_factor(rest[m:, m:])
+    lower[m:, m:] = factor.lower
+    return Factor(lower, factor.floored, factor.outcome), known, residuals, scales

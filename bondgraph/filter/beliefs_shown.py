@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from bondgraph.arrays import FloatArray
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.simulate.quantities import ParameterInfo, StateInfo
 from bondgraph.text import number, text_table
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 
 def belief_columns(filter_model: FilterModel, mean: FloatArray, cov: FloatArray) -> dict[str, FloatArray]:
@@ -42,3 +47,26 @@ def _infos(filter_model: FilterModel) -> list[StateInfo | ParameterInfo]:
     """States, then appended parameters."""
     model = filter_model.model
     return [*model.states, *(model.parameters[model.index("parameter", name)] for name in filter_model.appended)]
+
+
+def axes_of(ax: Axes | None) -> Axes:
+    """These axes, or new ones on a figure of their own."""
+    if ax is not None:
+        return ax
+    from matplotlib.figure import Figure  # here: only those who draw load it
+
+    return Figure(figsize=(6.0, 3.2), layout="constrained").subplots()
+
+
+def belief_axes(
+    filter_model: FilterModel, name: str, time: FloatArray, mean: FloatArray, std: FloatArray, ax: Axes | None
+) -> Axes:
+    """Mean (n,) of a state or appended parameter over time with two standard deviations, in its declared unit."""
+    axes = axes_of(ax)
+    info = _infos(filter_model)[filter_model.state_names.index(name)]
+    shown, reach = info.shown(mean), 2.0 * info.shown(std)
+    axes.fill_between(time, shown - reach, shown + reach, alpha=0.25, linewidth=0.0, label="two deviations")
+    axes.plot(time, shown, label=name)
+    axes.set(xlabel="time [s]", ylabel=f"{name} [{info.display_unit or 1}]")
+    axes.legend(loc="best", fontsize="small")
+    return axes

@@ -6,10 +6,11 @@ is expected of them, is positive semi-definite, and R is the covariance of their
 
     z' z / 2 + m log(2 pi)/2 + (log det S)/2   >=   m log(2 pi)/2 + (log det R)/2
 
-whatever the sample holds. Summed over all samples to come, those of later logs too, that is what the negative
-log-likelihood must still grow by at least. A member is given up where what it has gathered and this together exceed its
-ceiling by more than rounding. So every value below a ceiling is found, and is the same in every bit as without
-ceilings; it does not matter that the noises differ between members.
+whatever the sample holds. A robust loss is not negative either, and adds the constant of its norm. Summed over all
+samples to come, those of later logs too, that is what the negative log-likelihood must still grow by at least. A member
+is given up where what it has gathered and this together exceed its ceiling by more than rounding. So every value below
+a ceiling is found, and is the same in every bit as without ceilings; it does not matter that the noises differ between
+members.
 
 H is what its sigma points make it, W sum E_i E_i' + c d d' with d = W sum E_i (see ``sigma_points``). For a negative
 c = beta - alpha^2 it is still positive semi-definite where 2 n W c >= -1, by the inequality of Cauchy and Schwarz: for
@@ -147,7 +148,7 @@ def _least_terms(filter_model: FilterModel, batch: MemberBatch) -> FloatArray:
     """The least that one measured value adds to the negative log-likelihood, by channel and member, (n_y, members)."""
     variances = _conditional_variances(batch)
     with np.errstate(divide="ignore", invalid="ignore"):
-        terms = 0.5 * math.log(2.0 * math.pi) + 0.5 * np.log(variances)
+        terms = 0.5 * math.log(2.0 * math.pi) + filter_model.robustness.constant + 0.5 * np.log(variances)
     bounded = np.isfinite(terms) & _keeps_sign(filter_model.points)
     return np.where(bounded, terms, _NO_BOUND)
 

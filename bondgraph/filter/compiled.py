@@ -17,7 +17,7 @@ from bondgraph.compile.lanes.load import LaneModel, load_lanes
 from bondgraph.compile.lanes.text import LANES
 from bondgraph.compile.machine_code import load_kernel
 from bondgraph.compile.rosenbrock import TABLEAUS
-from bondgraph.filter import kernel, kernel_algebra, kernel_alone, kernel_channels, kernel_record
+from bondgraph.filter import kernel, kernel_algebra, kernel_alone, kernel_channels, kernel_record, kernel_robust
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.kernel_record import Record
 from bondgraph.filter.kernel_types import Alone, Log, Members, Part, Rules, Verdicts, Work
@@ -121,7 +121,7 @@ class CompiledFilter:
     @classmethod
     def of(cls, filter_model: FilterModel) -> CompiledFilter:
         """Compiled, or from the cache."""
-        functions = load_kernel(kernel, kernel_algebra, kernel_alone, kernel_channels, kernel_record)
+        functions = load_kernel(kernel, kernel_algebra, kernel_alone, kernel_channels, kernel_record, kernel_robust)
         return cls(filter_model, functions.filter_members, load_lanes(filter_model.model, filter_model.is_stiff))
 
     def blocks(self, members: int, samples: Samples, threads: int) -> list[tuple[int, int]]:
@@ -145,7 +145,7 @@ class CompiledFilter:
             part,
             verdicts,
             record,
-            _work(self.filter_model, self.lanes, side_by_side),
+            scratch(self.filter_model, self.lanes, side_by_side),
         )
 
 
@@ -164,6 +164,7 @@ def filter_rules(filter_model: FilterModel, lanes: LaneModel) -> Rules:
         theta=lanes.theta,
         x=lanes.x,
         y=lanes.y,
+        robust=filter_model.robustness,
     )
 
 
@@ -195,7 +196,7 @@ def whole_log(samples: Samples) -> Part:
     return Part(0, samples.time.size, np.empty((0, 0)), np.empty((0, 0, 0)))
 
 
-def _work(filter_model: FilterModel, lanes: LaneModel, width: int) -> Work:
+def scratch(filter_model: FilterModel, lanes: LaneModel, width: int) -> Work:
     """Scratch for ``width`` members side by side."""
     model = filter_model.model
     n_s, n_y = len(filter_model.state_names), len(model.outputs)
@@ -211,6 +212,8 @@ def _work(filter_model: FilterModel, lanes: LaneModel, width: int) -> Work:
         "output_cov": (n_y, n_y),
         "joint": (n_y + n_s, n_y + n_s),
         "innovation": (n_y,),
+        "residual": (n_y,),
+        "log_scale": (n_y,),
         "nll": (),
         "pivot": (),
     }

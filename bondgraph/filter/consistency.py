@@ -117,7 +117,9 @@ def consistency(run: FilterRun, confidence: float = 0.95) -> Consistency:
             white = whiteness_p(normalised[row])
             channels.append(ChannelConsistency(info.name, info.display_unit, count, info.shown(rmse), nis, band, white))
     values = int(run.measured_channels.sum())
-    joint = float(np.sum(run.whitened**2) / values) if values else np.nan
+    # of robust measurements whitened innovations are residuals, whose squares have another mean
+    squares = normalised[~np.isnan(normalised)] if run.filter_model.robust else run.whitened
+    joint = float(np.sum(squares**2) / values) if values else np.nan
     return Consistency(tuple(channels), joint, nis_band(values, values, confidence))
 
 

@@ -15,7 +15,9 @@ from bondgraph.arrays import FloatArray, IntArray
 from bondgraph.compile.rosenbrock import TABLEAUS
 from bondgraph.errors import FilterError, suggest
 from bondgraph.filter.follows import Follow
+from bondgraph.filter.kernel_types import Robustness
 from bondgraph.filter.plan import NoisePanels, StepPlan
+from bondgraph.filter.robust import PLAIN, Robust
 from bondgraph.filter.sigma_points import MerweScaled
 from bondgraph.simulate.model import Model
 from bondgraph.simulate.task import refuse_modes
@@ -61,8 +63,9 @@ class FilterModel:
     alpha, beta, kappa
         Spread of the sigma points, see :class:`bondgraph.filter.sigma_points.MerweScaled`.
     appended
-        Parameters that are followed as states, with the standard deviation per sqrt(s) of their random walk; zero for a
-        constant that is learnt. Their start value is the one in ``theta``, its uncertainty stands in ``initial_std``.
+        Parameters that drift and are followed as states, with the standard deviation per sqrt(s) of their random walk;
+        zero for a constant that is learnt. Their start value is the one in ``theta``, its uncertainty stands in
+        ``initial_std``. An estimation frees a drift as ``process(name)``.
     plan
         Steps of every interval of some logs in place of ``substeps`` and ``grading``, for the method it was made for,
         see :func:`bondgraph.filter.planning.plan_steps`.
@@ -79,6 +82,8 @@ class FilterModel:
     follows
         States that start where others stand, where a problem takes starts from measurements, see
         :class:`bondgraph.filter.follows.Follow`; names that the model does not have mean nothing.
+    robust
+        Loss of innovations where sensors have outliers, see :class:`bondgraph.filter.robust.Robust`; None: Gaussian.
 
     Raises
     ------
@@ -116,6 +121,7 @@ class FilterModel:
     measurement_correlation: Correlations = field(default_factory=dict)
     initial_correlation: Correlations = field(default_factory=dict)
     follows: Mapping[str, Follow] = field(default_factory=dict)
+    robust: Robust | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "model", self.model.model)  # a filter is run-time code and holds no graph
@@ -136,15 +142,21 @@ class FilterModel:
     def __repr__(self) -> str:
         appended = f", appended {few(tuple(self.appended))}" if self.appended else ""
         steps = f"{self.method} with {count(self.typical_substeps, 'step')}"
-        return f"<FilterModel {self.model.name}: measured {few(tuple(self.measurement_noise))}{appended}, {steps}>"
+        robust = f", {self.robust.kind}" if self.robust else ""
+        return (
+            f"<FilterModel {self.model.name}: measured {few(tuple(self.measurement_noise))}{appended}, {steps}{robust}>"
+        )
 
     @functools.cached_property
     def digest(self) -> str:
         """Digest of all that a filter run depends on, equal for equal filter models."""
         own = {one.name: getattr(self, one.name) for one in fields(self)}
-        plain = [(name, _plain(value)) for name, value in own.items() if name not in ("model", "plan", "follows")]
+        plain = [
+            (name, _plain(value)) for name, value in own.items() if name not in ("model", "plan", "follows", "robust")
+        ]
         starts = [(name, one.constant, one.slopes) for name, one in self.follows.items()]
-        content = (self.model.text, None if self.plan is None else self.plan.content, starts, plain)
+        content: tuple[object, ...] = (self.model.text, None if self.plan is None else self.plan.content, starts, plain)
+        content += () if self.robust is None else ((self.robust.kind, self.robust.value),)
         return hashlib.sha256(repr(content).encode()).hexdigest()
 
     @functools.cached_property
@@ -175,6 +187,12 @@ class FilterModel:
             return ("sampled", 0, 1.0)
         return (self.noise_scheme, self.noise_steps, self.noise_grading if self.noise_steps > 1 else 1.0)
 
+    def with_process(self, levels: Mapping[str, float]) -> FilterModel:
+        """The same filter with other levels, per sqrt(s), of what drives states and appended parameters, by name."""
+        walks = {name: level for name, level in levels.items() if name in self.appended}
+        driven = {name: level for name, level in levels.items() if name not in walks}
+        return replace(self, process_noise={**self.process_noise, **driven}, appended={**self.appended, **walks})
+
     def with_halved_steps(self) -> FilterModel:
         """The same filter with every step cut in two, of the integration and of the process noise.
 
@@ -190,6 +208,11 @@ class FilterModel:
     def points(self) -> MerweScaled:
         """The sigma points of the filter's state."""
         return MerweScaled(len(self.state_names), self.alpha, self.beta, self.kappa)
+
+    @property
+    def robustness(self) -> Robustness:
+        """The loss of innovations as kernels read it."""
+        return self.robust.numbers if self.robust else PLAIN
 
     @functools.cached_property
     def appended_index(self) -> IntArray:
@@ -311,6 +334,12 @@ class FilterModel:
                         " - name two different quantities and a number between -1 and 1",
                         where=(self.model.name, group, *pair),
                     )
+            if given and self.robust and group == "measurement_correlation":
+                raise FilterError(
+                    f"{self.model.name}: {group} with robust={self.robust.kind!r} - outliers are judged channel by"
+                    " channel, so sensors must be independent: leave one of both out",
+                    where=(self.model.name, group, "robust"),
+                )
             if given and np.linalg.eigvalsh(correlation_matrix(names, given))[0] <= 0.0:
                 raise FilterError(
                     f"{self.model.name}: {group} {given} cannot hold together: the matrix of correlations has no"

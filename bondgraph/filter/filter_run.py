@@ -14,7 +14,7 @@ import numpy as np
 
 from bondgraph.arrays import FloatArray, IntArray
 from bondgraph.errors import FilterError, suggest
-from bondgraph.filter.beliefs_shown import belief_columns, belief_table
+from bondgraph.filter.beliefs_shown import belief_axes, belief_columns, belief_table
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.misfit import ChannelInnovations, Misfit, channel_misfits
 from bondgraph.filter.samples import Samples
@@ -24,6 +24,7 @@ from bondgraph.text import count, number, text_table
 
 if TYPE_CHECKING:
     import pandas
+    from matplotlib.axes import Axes
 
 #: Eigenvalues of a correlation matrix below this share of the largest are rounding.
 ROUNDING = 1e-11
@@ -170,6 +171,24 @@ class FilterRun:
             columns[f"{info.name}_predicted [{info.display_unit or 1}]"] = info.shown(predicted)
         return frame(columns, self.time, "time [s]")
 
+    def plot(self, name: str | None = None, ax: Axes | None = None) -> Axes:
+        """A state or followed parameter over time with two standard deviations, in its declared unit.
+
+        Parameters
+        ----------
+        name
+            Which; None: the last one, a followed parameter where there is one.
+        ax
+            Axes to draw on; None: new ones. Needs matplotlib.
+
+        Raises
+        ------
+        FilterError
+            If the filter has no such state.
+        """
+        known = self.filter_model.state_names[-1] if name is None else name
+        return belief_axes(self.filter_model, known, self.time, self.mean(known), self.std(known), ax)
+
     def raise_if_failed(self) -> FilterRun:
         """The run itself, if it reached the end of the log.
 
@@ -298,7 +317,10 @@ def solved(cov: FloatArray, cross: FloatArray) -> FloatArray:
 
 
 def normalised_innovations(run: FilterRun) -> FloatArray:
-    """Innovations over their own standard deviations, shape (n_y, n), NaN where nothing was measured."""
-    variance = np.einsum("iik->ik", run.output_cov)
+    """Innovations over their own standard deviations, shape (n_y, n), NaN where nothing was measured.
+
+    Outliers are as large as they count, where measurements are robust.
+    """
+    variance, robust = np.einsum("iik->ik", run.output_cov), run.filter_model.robust
     normalised: FloatArray = np.where(np.isnan(run.y), np.nan, run.innovation / np.sqrt(variance))
-    return normalised
+    return robust.counted(normalised) if robust else normalised

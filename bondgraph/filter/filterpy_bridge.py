@@ -38,9 +38,14 @@ def filterpy_filter(filter_model: FilterModel, theta: npt.ArrayLike | None = Non
     Raises
     ------
     FilterError
-        If filterpy 2.0.0 or later is not installed.
+        If filterpy 2.0.0 or later is not installed, or measurements are robust.
     """
     kalman = _import_filterpy()
+    if filter_model.robust:
+        raise FilterError(
+            f"{filter_model.model.name}: filterpy has no robust={filter_model.robust.kind!r} - leave it out to compare",
+            where=(filter_model.model.name, "robust"),
+        )
     n_s, n_y = len(filter_model.state_names), len(filter_model.model.outputs)
     points = kalman.MerweScaledSigmaPoints(n_s, filter_model.alpha, filter_model.beta, filter_model.kappa)
     ukf = kalman.UnscentedKalmanFilter(n_s, n_y, dt=0.0, hx=_measure, fx=_move, points=points)

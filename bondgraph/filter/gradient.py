@@ -21,7 +21,7 @@ from bondgraph.compile.lanes.text import LANES
 from bondgraph.compile.machine_code import has_numba, load_kernel
 from bondgraph.compile.rosenbrock import TABLEAUS
 from bondgraph.errors import FilterError
-from bondgraph.filter import gradient_algebra, gradient_kernel, kernel_channels
+from bondgraph.filter import gradient_algebra, gradient_kernel, gradient_robust, kernel_channels, kernel_robust
 from bondgraph.filter.compiled import log_rows, thread_count
 from bondgraph.filter.conditioning import depends_on_rounding
 from bondgraph.filter.filter_model import FilterModel
@@ -125,7 +125,8 @@ def innovation_tangents(
         )
     moving = np.flatnonzero(np.any([np.any(each.theta != 0.0, axis=1) for each in directions], axis=0))
     tangents = load_tangents(filter_model.model, tuple(int(position) for position in moving), filter_model.method)
-    run = load_kernel(gradient_kernel, gradient_algebra, kernel_channels).filter_with_tangents
+    kernels = (gradient_kernel, gradient_algebra, gradient_robust, kernel_channels, kernel_robust)
+    run = load_kernel(*kernels).filter_with_tangents
     samples = [Samples.of(filter_model, log) for log in logs]
 
     def one(part: tuple[int, slice]) -> InnovationTangents:
@@ -217,6 +218,7 @@ def _rules(filter_model: FilterModel, tangents: TangentLanes) -> TangentRules:
         y=layout.y,
         din=layout.din,
         dy=layout.dy,
+        robust=filter_model.robustness,
     )
 
 
@@ -281,6 +283,7 @@ def _scratch(filter_model: FilterModel, tangents: TangentLanes, count: int) -> S
         "output_mean": (n_y,),
         "output_cov": (n_y, n_y),
         "joint": (n_y + n_s, n_y + n_s),
+        "known": (n_y,),
     }
     values = {name: np.zeros(shape) for name, shape in shapes.items()}
     derivatives = {f"d_{name}": np.zeros((*shape, count)) for name, shape in shapes.items()}

@@ -12,6 +12,7 @@ import math
 
 from bondgraph.arrays import FloatArray
 from bondgraph.filter.gradient_algebra import _cov_of_factor, _factor, _moments
+from bondgraph.filter.gradient_robust import _condition_robust_tangents, _factor_robust_tangents
 from bondgraph.filter.gradient_types import Found, Prior, Scratch, TangentEquations, TangentRules
 from bondgraph.filter.kernel_channels import _find_measured
 from bondgraph.filter.kernel_types import Log
@@ -46,10 +47,16 @@ def filter_with_tangents(
         if measured > 0:
             _expect(equations, log, rules, prior, k, work)
             _join(rules, measured, work)
-            code = _factor(work.joint, work.d_joint, measured + n_s, measured, rules.pivot_floor, work.d_pivot)
+            if rules.robust.kind > 0:
+                code = _factor_robust_tangents(log.y, k, measured, rules, prior, found, work)
+            else:
+                code = _factor(work.joint, work.d_joint, measured + n_s, measured, rules.pivot_floor, work.d_pivot)
             if code > 0:
                 return code
-            _condition(log.y, k, measured, found, work)
+            if rules.robust.kind > 0:
+                _condition_robust_tangents(measured, work)
+            else:
+                _condition(log.y, k, measured, found, work)
     return 0
 
 

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 from bondgraph.arrays import FloatArray, IntArray
+from bondgraph.filter.kernel_types import Robustness
 
 
 class TangentEquations(NamedTuple):
@@ -31,6 +32,7 @@ class TangentRules(NamedTuple):
     y: int
     din: int
     dy: int
+    robust: Robustness
 
 
 class Prior(NamedTuple):
@@ -72,6 +74,7 @@ class Scratch(NamedTuple):
     output_mean: FloatArray
     output_cov: FloatArray
     joint: FloatArray
+    known: FloatArray
     d_mean: FloatArray
     d_lower: FloatArray
     d_points: FloatArray
@@ -81,6 +84,7 @@ class Scratch(NamedTuple):
     d_output_mean: FloatArray
     d_output_cov: FloatArray
     d_joint: FloatArray
+    d_known: FloatArray
     d_pivot: FloatArray
     channels: IntArray
     buffer: FloatArray

@@ -40,6 +40,7 @@ from bondgraph.filter.kernel_record import (
     _keep_innovations,
     _keep_outputs,
 )
+from bondgraph.filter.kernel_robust import _condition_robust, _factor_robust
 from bondgraph.filter.kernel_types import Log, Members, Part, Rules, Verdicts, Work
 
 
@@ -69,7 +70,10 @@ def filter_members(
         _go_on(part, verdicts, work)
     for k in range(part.begin, part.end):
         if k > 0:
-            _predict(equations, log, rules, members, record, k, first, work)
+            if log.time[k] > log.time[k - 1]:
+                _predict(equations, log, rules, members, record, k, first, work)
+            else:
+                _spread(work)  # on line, measurements of one time may come one after the other
         if _retire(equations, rules, members, first, end, verdicts, work) == 0:
             break
         measured = _find_measured(log.y, k, work.channels)
@@ -79,12 +83,15 @@ def filter_members(
             _measure_points(equations, log, rules, members, k, work)
             _expect(rules, members, work)
         if measured > 0:
-            _factor_joint(rules, measured, work)
+            _factor_joint(log.y, k, rules, members, measured, work)
             if _retire(equations, rules, members, first, end, verdicts, work) == 0:
                 break
-            _condition(log.y, k, measured, work)
+            if rules.robust.kind > 0:
+                _condition_robust(measured, work)
+            else:
+                _condition(log.y, k, measured, work)
         if record.depth > 0:
-            _keep_innovations(record, k, first, end, measured, work)
+            _keep_innovations(rules, record, k, first, end, measured, work)
         if record.depth > 1:
             _keep_outputs(record, k, first, end, work)
             _keep_belief(record.filtered_mean, record.filtered_cov, k, first, end, work)
@@ -181,6 +188,9 @@ def _copy_lane(work: Work, lane: int, source: int) -> None:
         work.output_mean[a, lane] = work.output_mean[a, source]
         for b in range(work.output_mean.shape[0]):
             work.output_cov[a, b, lane] = work.output_cov[a, b, source]
+        work.innovation[a, lane] = work.innovation[a, source]
+        work.residual[a, lane] = work.residual[a, source]
+        work.log_scale[a, lane] = work.log_scale[a, source]
     for i in range(work.joint.shape[0]):
         for j in range(work.joint.shape[0]):
             work.joint[i, j, lane] = work.joint[i, j, source]
@@ -243,14 +253,19 @@ def _factor_driven(rules: Rules, members: Members, seconds: float, work: Work) -
         _factor(work.lower, work.mean.shape[0], 0, rules.pivot_floor, work)
 
 
-def _factor_joint(rules: Rules, measured: int, work: Work) -> None:
+def _factor_joint(y: FloatArray, k: int, rules: Rules, members: Members, measured: int, work: Work) -> None:
     """Factor the joint covariance of measured channels and state."""
     size = measured + work.mean.shape[0]
-    if work.mean.shape[1] == 1:
+    alone = work.mean.shape[1] == 1
+    if alone:
         _join_alone(rules, measured, work.alone)
-        _factor_alone(work.alone.joint, size, measured, rules.pivot_floor, work)
     else:
         _join(rules, measured, work)
+    if rules.robust.kind > 0:
+        _factor_robust(y, k, measured, rules, members, work)
+    elif alone:
+        _factor_alone(work.alone.joint, size, measured, rules.pivot_floor, work)
+    else:
         _factor(work.joint, size, measured, rules.pivot_floor, work)
 
 

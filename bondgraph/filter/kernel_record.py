@@ -56,15 +56,20 @@ def _keep_belief(mean: FloatArray, cov: FloatArray, k: int, first: int, end: int
                 cov[j, i, k, m] = total
 
 
-def _keep_innovations(record: Record, k: int, first: int, end: int, measured: int, work: Work) -> None:
+def _keep_innovations(rules: Rules, record: Record, k: int, first: int, end: int, measured: int, work: Work) -> None:
     for m in range(first, end):
         lane = m - first
         for a in range(work.output_mean.shape[0]):
             record.whitened[a, k, m] = 0.0
             record.log_scales[a, k, m] = 0.0
         for row in range(measured):
-            record.whitened[work.channels[row], k, m] = work.innovation[row, lane]
-            record.log_scales[work.channels[row], k, m] = math.log(work.joint[row, row, lane])
+            channel = work.channels[row]
+            if rules.robust.kind > 0:
+                record.whitened[channel, k, m] = work.residual[row, lane]
+                record.log_scales[channel, k, m] = work.log_scale[row, lane]
+            else:
+                record.whitened[channel, k, m] = work.innovation[row, lane]
+                record.log_scales[channel, k, m] = math.log(work.joint[row, row, lane])
 
 
 def _keep_outputs(record: Record, k: int, first: int, end: int, work: Work) -> None:

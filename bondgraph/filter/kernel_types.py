@@ -24,12 +24,24 @@ class Log(NamedTuple):
     noise_end: FloatArray
 
 
+class Robustness(NamedTuple):
+    """A loss in place of half a square: its kind (0: none) and numbers, see :mod:`bondgraph.filter.kernel_robust`.
+
+    ``constant`` is what its norm adds to that of a Gaussian, nats per value.
+    """
+
+    kind: int
+    first: float
+    second: float
+    constant: float
+
+
 class Rules(NamedTuple):
     """Numbers of the sigma points and of the method, and where vectors are in the work buffer of the model.
 
     ``appended`` holds the positions of the appended parameters in theta, ``pivot_floor`` the share of a pivot that is
     rounding; ``tableau`` the coefficients of a stiff method, empty for Runge-Kutta; ``theta``, ``x``, ``y`` the first
-    rows of these vectors in the buffer of ``lanes`` lanes.
+    rows of these vectors in the buffer of ``lanes`` lanes; ``robust`` the loss of innovations.
     """
 
     spread: float
@@ -43,6 +55,7 @@ class Rules(NamedTuple):
     theta: int
     x: int
     y: int
+    robust: Robustness
 
 
 class Members(NamedTuple):
@@ -106,7 +119,8 @@ class Work(NamedTuple):
     """Scratch of one thread; the last axis of the first part is the lane.
 
     The belief: mean (n_s, L), cov and its lower factor (n_s, n_s, L). Points (2 n_s + 1, n_s, L) and their outputs
-    (2 n_s + 1, n_y, L). Per lane: likelihood so far, floored pivots, code of a failure, and whose numbers it has. The
+    (2 n_s + 1, n_y, L). ``residual`` and ``log_scale`` (n_y, L) serve robust
+    measurements. Per lane: likelihood so far, floored pivots, code of a failure, and whose numbers it has. The
     model's own: ``buffer``, ``clock`` (2,), ``inputs`` (2 n_u,). ``alone`` shares the memory of the belief.
     """
 
@@ -121,6 +135,8 @@ class Work(NamedTuple):
     output_cov: FloatArray
     joint: FloatArray
     innovation: FloatArray
+    residual: FloatArray
+    log_scale: FloatArray
     nll: FloatArray
     pivot: FloatArray
     floored: IntArray

@@ -118,6 +118,7 @@ def member_batches(
         matrices("process_correlation", filter_model.process_correlations),
         matrices("noise_correlation", filter_model.noise_correlations),
     )
+    _check_independent(filter_model, correlations[2])
     return tuple(
         MemberBatch(
             samples.theta(filter_model, parameters),
@@ -129,6 +130,17 @@ def member_batches(
         )
         for i, samples in enumerate(logs)
     )
+
+
+def _check_independent(filter_model: FilterModel, correlation: FloatArray) -> None:
+    """Refuse correlated sensors (n_y, n_y, members) where outliers are judged channel by channel."""
+    name, robust = filter_model.model.name, filter_model.robust
+    if robust and np.any(correlation != filter_model.noise_correlations[:, :, np.newaxis]):
+        raise FilterError(
+            f"{name}: noise_correlation with robust={robust.kind!r} - outliers are judged channel by channel, so"
+            " sensors must be independent: leave one of both out",
+            where=(name, "noise_correlation"),
+        )
 
 
 def per_log(

@@ -84,7 +84,7 @@ def continuous_nodes(time: FloatArray, steps: int, grading: float) -> NoiseNodes
     lengths = np.diff(time)
     multiples = np.maximum(1, np.rint(lengths / _median(time))).astype(np.int64)
     kinds, kind = np.unique(multiples, return_inverse=True)
-    tables = [_interval(int(multiple), steps, grading) for multiple in kinds]
+    tables = [interval_nodes(int(multiple), steps, grading) for multiple in kinds]
     hops = np.array([start.size for _, start, _ in tables], dtype=np.int64)
     counts = hops[kind]
     sample = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
@@ -103,10 +103,17 @@ def continuous_nodes(time: FloatArray, steps: int, grading: float) -> NoiseNodes
     return NoiseNodes(nodes, sample, interval, share, start * lengths[interval], end * lengths[interval])
 
 
-def _interval(multiple: int, steps: int, grading: float) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Nodes of an interval as shares of it, and noise before and after each step as shares of its length.
+def interval_nodes(multiple: int, steps: int, grading: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Nodes (m,) of an interval of so many medians as shares of it, and noise before and after each step (m-1,).
 
-    What two panels leave at the node between them enters once, after the first.
+    Noise in shares of the interval's length; panels as for :func:`continuous_nodes`. What two panels leave at the node
+    between them enters once, after the first.
+
+    Examples
+    --------
+    >>> edges, before, after = interval_nodes(1, 1, 1.0)
+    >>> edges.tolist(), before.round(3).tolist(), after.round(3).tolist()
+    ([0.0, 0.5, 1.0], [0.167, 0.0], [0.667, 0.167])
     """
     edges, start, end = [0.0], [], []
     for piece in _pieces(multiple):

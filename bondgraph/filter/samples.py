@@ -157,13 +157,26 @@ def _steps(filter_model: FilterModel, time: FloatArray, nodes: NoiseNodes, key: 
         if plan.panels == filter_model.noise_panels:
             return planned
         return transferred(planned, noise_nodes(plan.panels, time).time, nodes.time)
-    grading = np.full(nodes.share.size, filter_model.grading if filter_model.is_stiff else 1.0)
-    whole = np.full(nodes.share.size, filter_model.substeps, dtype=np.int64)
-    parts = cut_steps(whole, grading, np.minimum(nodes.share, 1.0))
+    return uniform_steps(filter_model, nodes.share)
+
+
+def uniform_steps(filter_model: FilterModel, share: FloatArray) -> IntervalSteps:
+    """Steps of a filter model that plans none, between nodes (m-1,) that are such shares of a median interval apart.
+
+    Examples
+    --------
+    >>> from bondgraph.simulate.example import pendulum
+    >>> swing = FilterModel(pendulum(), {"rate": 0.1}, {"deflection": 0.05}, {}, substeps=8)
+    >>> uniform_steps(swing, np.array([0.5, 3.0])).substeps.tolist()
+    [4, 24]
+    """
+    grading = np.full(share.size, filter_model.grading if filter_model.is_stiff else 1.0)
+    whole = np.full(share.size, filter_model.substeps, dtype=np.int64)
+    parts = cut_steps(whole, grading, np.minimum(share, 1.0))
     # a step longer than a median interval takes more, and no steps grow beyond those of one
-    long = nodes.share > 1.0
+    long = share > 1.0
     return IntervalSteps(
-        np.where(long, np.ceil(whole * nodes.share - 1e-9).astype(np.int64), parts), np.where(long, 1.0, grading)
+        np.where(long, np.ceil(whole * share - 1e-9).astype(np.int64), parts), np.where(long, 1.0, grading)
     )
 
 

@@ -96,7 +96,7 @@ def smooth(run: FilterRun) -> SmootherRun:
     Raises
     ------
     FilterError
-        If the filter did not reach the end of the log.
+        If the filter did not reach the end of the log, or took it sample by sample.
 
     Examples
     --------
@@ -110,6 +110,12 @@ def smooth(run: FilterRun) -> SmootherRun:
     True
     """
     run.raise_if_failed()
+    if run.nodes is None:
+        raise FilterError(
+            f"{run.log_name}: filtered on line, where nothing is kept of how samples depend on each other"
+            " - filter the log as a whole to smooth it",
+            where=(run.log_name,),
+        )
     mean, cov = run.filtered_mean.copy(), run.filtered_cov.copy()
     for k in range(run.time.size - 2, -1, -1):
         mean[:, k], cov[..., k] = smooth_step(

@@ -152,7 +152,9 @@ def _run(filter_model: FilterModel, samples: Samples, member: Member, highest: F
         if prediction.outcome is not Outcome.OK:
             return record.finish(prediction.outcome)
         measure = measurement(filter_model, samples, k, member.theta)
-        updated = update(prediction.belief, samples.y[:, k], measure, member.noise_cov, filter_model.points)
+        updated = update(
+            prediction.belief, samples.y[:, k], measure, member.noise_cov, filter_model.points, filter_model.robustness
+        )
         if updated.outcome is not Outcome.OK:
             return record.finish(updated.outcome)
         record.add(k, prediction, updated)

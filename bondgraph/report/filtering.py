@@ -12,9 +12,11 @@ from bondgraph.data.log import Log, LogChannel, MatchedLog
 from bondgraph.data.write import write_log
 from bondgraph.estimate.initial import Initial, initial_states
 from bondgraph.filter.consistency import Consistency, consistency, misfits
+from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.filter_run import FilterRun
 from bondgraph.filter.misfit import LEVEL, Misfit
 from bondgraph.filter.noise import Noise
+from bondgraph.filter.robust import Robust
 from bondgraph.filter.runs import run
 from bondgraph.filter.smoother import smooth
 from bondgraph.report.closed_loop import write_json
@@ -49,13 +51,15 @@ def filter_logs(
     initial: Initial = "measured",
     noise: Noise | None = None,
     made: Provenance | None = None,
+    robust: Robust | None = None,
 ) -> Filtered:
     """Filter logs with a model at its declared parameters and write states, innovations and consistency.
 
-    Noises are the declared ones, or else taken from the logs as for an estimation. Writes ``NAME_states.csv`` and
+    Noises are the declared ones, or else taken from the logs as for an estimation; ``robust`` is the loss of outliers.
+    Writes ``NAME_states.csv`` and
     ``NAME_states.png`` per log, one ``result.json`` and one ``report.html``.
     """
-    filter_model = noise.filter_model(model) if noise else filter_setup(model, driven, logs).filter_model
+    filter_model = _filter_model(model, driven, logs, noise, robust)
     folder.mkdir(parents=True, exist_ok=True)
     lines, result = [], {}
     series: list[ChannelSeries] = []
@@ -100,6 +104,14 @@ def filter_logs(
     )
     write_report(data, folder / "report.html")
     return Filtered("\n".join([*lines, *sentences, *suspected, f"written: {folder}"]), tuple(found_misfits))
+
+
+def _filter_model(
+    model: Model, driven: Sequence[str], logs: Sequence[MatchedLog], noise: Noise | None, robust: Robust | None
+) -> FilterModel:
+    """The filter with the declared noises, or with those that the logs show."""
+    declared = noise.filter_model(model) if noise else filter_setup(model, driven, logs).filter_model
+    return replace(declared, robust=robust)
 
 
 def _smoothed(record: FilterRun) -> FilterRun:

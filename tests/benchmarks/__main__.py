@@ -11,6 +11,7 @@ less CPU time this toolkit takes. The whole takes about half an hour on two core
     methods    stiff methods against Runge-Kutta at a certified shift of the estimate, on the vehicle's driveline
     failures   members that are not finite, over the box of the parameters and four spreads of the sigma points
     gradient   the gradient against values
+    online     samples taken one by one against the same samples as a log
     growth     time against states, samples and members
     loop       a whole closed loop, the dictionary of effects on a drive
     search     the thesis' swarm of 8080 evaluations and the gradient search, eight parameters, 90 s of data
@@ -32,10 +33,11 @@ from tests.benchmarks.gradient_rows import gradient
 from tests.benchmarks.likelihood_rows import against_c, against_others, growth, growth_of_work
 from tests.benchmarks.loop_rows import loop
 from tests.benchmarks.method_rows import failures, methods
+from tests.benchmarks.online_rows import online
 from tests.benchmarks.search_rows import ITERATIONS, search
 from tests.benchmarks.start_rows import start
 
-PARTS = ("start", "others", "c", "jax", "methods", "failures", "gradient", "growth", "loop", "search")
+PARTS = ("start", "others", "c", "jax", "methods", "failures", "gradient", "online", "growth", "loop", "search")
 
 
 def main() -> None:
@@ -113,6 +115,10 @@ def _gradient(quick: bool, rounds: int) -> dict[str, object]:
     return {"gradient": show_numbers("gradient", gradient(ranger(5.0 if quick else 20.0), rounds))}
 
 
+def _online(quick: bool, rounds: int) -> dict[str, object]:
+    return {"online": show_rows("a stream against a log, one thread", online(ranger(5.0 if quick else 20.0), rounds))}
+
+
 def _growth(quick: bool, rounds: int) -> dict[str, object]:
     chains = (5, 10) if quick else (5, 10, 20, 50)
     return {
@@ -132,7 +138,7 @@ def _search(quick: bool, iterations: int) -> dict[str, object]:
 
 _PARTS: dict[str, Callable[[bool, int], dict[str, object]]] = {
     "start": _start, "others": _others, "c": _c, "jax": _jax, "methods": _methods, "failures": _failures,
-    "gradient": _gradient, "growth": _growth, "loop": _loop,
+    "gradient": _gradient, "online": _online, "growth": _growth, "loop": _loop,
 }  # fmt: skip
 
 

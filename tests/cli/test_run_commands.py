@@ -235,3 +235,29 @@ def test_a_log_that_the_model_does_not_explain_is_told(
     capsys.readouterr()
     assert main([*words, "--strict", "--data", str(run_file)]) == 0
     assert "does not explain" not in capsys.readouterr().out + (out / "report.html").read_text(encoding="utf-8")
+
+
+def spoilt(run_file: Path) -> Path:
+    """The run with every fiftieth reading far off."""
+    header, *rows = run_file.read_text(encoding="utf-8").splitlines()
+    rows = [f"{row.rpartition(',')[0]},900.0" if k % 50 == 25 else row for k, row in enumerate(rows)]
+    path = run_file.with_name("spoilt.csv")
+    path.write_text("\n".join([header, *rows]) + "\n", encoding="utf-8")
+    return path
+
+
+def test_robust_commands_are_not_led_astray(
+    motor_file: Path, run_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    data = str(spoilt(run_file))
+    command = ["estimate", str(motor_file), "--data", data, "--free", "b", "--method", "gradient", "--certify", "none"]
+    assert main([*command, "--robust", "student", "--out", str(tmp_path / "fit")]) == 0
+    result = json.loads((tmp_path / "fit" / "result.json").read_text(encoding="utf-8"))
+    low, high = result["parameters"]["b"]["ci95"]
+    assert low < 0.12 < high and high - low < 0.02
+    filtered = ["filter", str(motor_file), "--data", data, "--set", "b=0.12", "--out", str(tmp_path / "filtered")]
+    assert main([*filtered, "--robust", "gate"]) == 0
+    capsys.readouterr()
+    for text, said in (("cauchy", "kind 'cauchy' is not known"), ("gate:2", "give a number from 0.5 to 1")):
+        assert main([*filtered, "--robust", text]) == 2
+        assert said in capsys.readouterr().err

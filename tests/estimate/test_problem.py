@@ -9,6 +9,7 @@ import pytest
 
 from bondgraph.data.log import MatchedLog
 from bondgraph.errors import EstimationError
+from bondgraph.estimate.estimation import Settings, estimate
 from bondgraph.estimate.free import FreeParameter, declared_free, parse_target
 from bondgraph.estimate.initial import directly_measured, initial_states
 from bondgraph.estimate.likelihoods import FilterLikelihood
@@ -16,6 +17,7 @@ from bondgraph.estimate.problem import pose
 from bondgraph.simulate.example import pendulum
 from bondgraph.simulate.model import Model
 from tests.estimate.linear import ExactLikelihood, lag, simulated
+from tests.filter.logs import circuit_filter, simulated_log
 from tests.module_text import STACK
 
 LOGS = (simulated("run1", 1, {}), simulated("run2", 2, {}, x0=1.0, load=0.5))
@@ -213,3 +215,26 @@ def output(t, x, u, theta):
 '''
     + STACK
 )
+
+
+def test_the_drift_of_a_followed_parameter_is_estimated() -> None:
+    """A wire whose resistance wanders, as the filter believes it does; its drift is found within its interval."""
+    drift = 0.08
+    followed = circuit_filter(
+        appended={"R_wire": drift}, initial_std={"i_coil": 0.1, "u_capacitor": 0.1, "R_wire": 0.05},
+        process_noise={"i_coil": 0.02}, measurement_noise={"current": 0.02, "voltage": 0.02},
+    )  # fmt: skip
+    log = simulated_log(followed, np.arange(300) * 0.05, seed=12)
+    unknown = replace(followed, appended={"R_wire": 0.01})
+    free = declared_free("process(R_wire)", unknown)
+    assert (free.lower, free.start, free.upper, free.scale) == (1e-4, 0.01, 1.0, "log")
+    matched = MatchedLog("wire", log.time, log.u, log.y)
+    found = estimate(
+        pose(unknown, [matched], ["process(R_wire)"], "model"), Settings("gradient", starts=1, certify="none")
+    )
+    ratio = found.values["process(R_wire)"] / drift
+    assert 0.6 < ratio < 1.6
+    assert found.filter_model.appended["R_wire"] == found.values["process(R_wire)"]
+    assert "(ohm)/s^0.5" in found.summary()
+    with pytest.raises(EstimationError, match="has no state 'R_wires'; did you mean 'R_wire'"):
+        pose(unknown, [matched], ["process(R_wires)"])

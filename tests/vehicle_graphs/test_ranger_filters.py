@@ -122,7 +122,8 @@ def test_the_command_filters_with_the_declared_noise(
 
 
 def test_every_declared_noise_fits_a_graph() -> None:
-    assert set(NOISE) == {"ranger_full", "ranger_full_awd", "ranger_coast_down", "ranger_coast_down_quasi_static"}
+    names = ("full", "full_awd", "monitored", "coast_down", "coast_down_quasi_static")
+    assert set(NOISE) == {f"ranger_{name}" for name in names}
 
 
 #: Maximum likelihood of both recorded coast-downs, by gradient search with this filter; NLL -32724.7, 511 evaluations.
