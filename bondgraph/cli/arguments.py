@@ -271,9 +271,9 @@ def _add_problem(command: argparse.ArgumentParser) -> None:
 def _add_loop(command: argparse.ArgumentParser) -> None:
     _add_problem(command)
     command.add_argument(
-        "--effects", nargs="+", default=["vehicle_graphs.effects"], metavar="EFFECT",
+        "--effects", nargs="+", default=["bondgraph.effects"], metavar="EFFECT",
         help="effects to try: modules or files of effect functions, single ones as module:name, names of shipped ones "
-        "(default: vehicle_graphs.effects)",
+        "(default: bondgraph.effects)",
     )  # fmt: skip
     command.add_argument(
         "--without", nargs="+", default=[], metavar="NAME", help="effects or sensor faults that are not to be tried"

@@ -123,7 +123,7 @@ class Effect:
 EffectFunction = Callable[[BondGraph, Place], Effect | None]
 
 #: Module of the effect functions that are tried where none are named.
-EFFECTS = "vehicle_graphs.effects"
+EFFECTS = "bondgraph.effects"
 
 
 def sensor_fault(function: EffectFunction) -> EffectFunction:
@@ -140,7 +140,7 @@ def is_for(function: EffectFunction, place: Place) -> bool:
 def effect_functions(module: ModuleType) -> tuple[EffectFunction, ...]:
     """The effect functions of a module or of the modules of a package, in order of definition or import.
 
-    A module that defines none offers those that it imports.
+    A module that defines none offers those that it imports; one that has ``__all__`` offers what that lists.
 
     Examples
     --------
@@ -152,7 +152,8 @@ def effect_functions(module: ModuleType) -> tuple[EffectFunction, ...]:
     >>> [function.__name__ for function in effect_functions(module)]
     ['no_effect']
     """
-    public = [one for name, one in vars(module).items() if not name.startswith("_") and inspect.isfunction(one)]
+    names = getattr(module, "__all__", [name for name in vars(module) if not name.startswith("_")])
+    public = [one for name in names if inspect.isfunction(one := getattr(module, name, None))]
     own = tuple(one for one in public if _defined_in(module, one) and is_effect_function(one))
     return own or tuple(filter(is_effect_function, public))
 

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from bondgraph import effects
 from bondgraph.build import build
 from bondgraph.correct.fits.fit import Fit, expand, fit
 from bondgraph.correct.fits.setup import filter_setup
@@ -27,7 +28,6 @@ from bondgraph.filter.discretisation import NEGLIGIBLE
 from tests.correct import fan
 from tests.correct.sled import fitted, pull, sled
 from tests.correct.test_stiff import drawn, setup_of
-from vehicle_graphs import effects
 
 
 def test_a_resolved_fit_is_certified() -> None:

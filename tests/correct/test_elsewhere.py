@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from sympy import tanh
 
+from bondgraph import effects
 from bondgraph.build import build
 from bondgraph.correct.fits.fit import no_report
 from bondgraph.correct.models.candidates import Candidate, candidates, places
@@ -27,7 +28,6 @@ from bondgraph.declare.editing import handle
 from bondgraph.simulate.simulation import simulate
 from tests.correct.test_stiff import rivals
 from tests.correct.winch import NOISE, built, drawn, fitted, fitted_to, winch
-from vehicle_graphs import effects
 
 
 def test_the_law_that_does_best_is_searched_at_other_places_though_an_exchange_says_nothing(

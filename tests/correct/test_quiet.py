@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from bondgraph import effects
 from bondgraph.build import build
 from bondgraph.correct.fits.fit import Fit, fit
 from bondgraph.correct.fits.noise_starts import noisy_starts
@@ -23,7 +24,7 @@ from bondgraph.correct.scores.scoring import linearisation, score_candidates
 from bondgraph.data.log import MatchedLog
 from bondgraph.simulate.simulation import simulate
 from tests.correct.sled import FUNCTIONS, added, built, fitted, pull, sled
-from vehicle_graphs import effects, emps
+from vehicle_graphs import emps
 from vehicle_graphs.effect_study.cases import Case
 from vehicle_graphs.effect_study.generate import draw
 from vehicle_graphs.effect_study.machines import BENCH

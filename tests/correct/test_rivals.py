@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from bondgraph import effects
 from bondgraph.build import build
 from bondgraph.correct.models.candidates import candidates, places
 from bondgraph.correct.refits.decide import CLOSE, alternatives, choose
@@ -26,7 +27,6 @@ from bondgraph.simulate.simulation import simulate
 from tests.correct.test_stiff import cubic_loss
 from tests.correct.test_stiff import rivals as drags
 from tests.correct.winch import NOISE, built, drawn, fitted_to, winch
-from vehicle_graphs import effects
 
 SWITCH = 11.0
 

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from bondgraph import effects
 from bondgraph.correct.fits import setup as filter_setups
 from bondgraph.correct.fits.fit import Fit, fit, no_report
 from bondgraph.correct.fits.linear_steps import Reached, filter_runs, is_linearised, linear_expansion
@@ -15,7 +16,6 @@ from bondgraph.correct.fits.setup import unknown_drives
 from bondgraph.correct.fits.whiteness import is_white
 from bondgraph.correct.loop import free_parameters
 from bondgraph.correct.models.candidates import candidates, places
-from bondgraph.correct.models.faults import sensor_delay
 from bondgraph.correct.places.missing import missing_effort
 from bondgraph.correct.refits import confirm
 from bondgraph.correct.refits.confirm import confirmed
@@ -36,11 +36,11 @@ from bondgraph.correct.scores.score import Scores
 from bondgraph.correct.scores.scoring import Scored, linearisation, score_candidates
 from bondgraph.declare.effect import Effect, Place, Scale
 from bondgraph.declare.graph import BondGraph
+from bondgraph.effects.sensors import sensor_delay
 from bondgraph.errors import FilterError
 from bondgraph.estimate.objective import SearchOutcome, central_differences
 from bondgraph.filter.samples import Samples
 from tests.correct.winch import built, drawn, fitted, setup_of
-from vehicle_graphs import effects
 
 
 def test_the_method_and_what_walks_are_found_from_model_and_logs() -> None:

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from bondgraph import effects
 from bondgraph.correct.fits.compared import Compared
 from bondgraph.correct.fits.fit import Fit, fit
 from bondgraph.correct.loop import ClosedLoop, close_loop
@@ -19,7 +20,6 @@ from bondgraph.data.log import MatchedLog
 from bondgraph.declare.graph import BondGraph
 from bondgraph.estimate.objective import Terms
 from tests.correct.sled import FUNCTIONS, added, fitted, pull, sled
-from vehicle_graphs import effects
 
 DRAG = 0.05
 

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import pytest
 
+from bondgraph import effects
 from bondgraph.correct.loop import ClosedLoop, LoopSettings, close_loop
 from bondgraph.correct.refits.refit import Ground
 from bondgraph.correct.refits.trials import Evidence, Trial
@@ -14,7 +15,6 @@ from bondgraph.correct.round import one_round
 from bondgraph.declare.effect import EffectFunction
 from tests.correct import sled
 from tests.correct.drive import DRAG, FRICTION, WIDTH, drive, turned
-from vehicle_graphs import effects
 
 LAWS: tuple[EffectFunction, ...] = (
     effects.viscous_loss, effects.coulomb_loss, effects.stribeck_loss, effects.quadratic_loss,

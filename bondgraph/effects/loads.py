@@ -6,16 +6,27 @@ Modeling and Control of Internal Combustion Engine Systems, chapter 2, for the l
 
 from __future__ import annotations
 
-from sympy import Abs, Function
+from sympy import Abs, Function, cos, sin
 
 from bondgraph.declare.effect import Effect, Place
 from bondgraph.declare.elements import Node
 from bondgraph.declare.graph import BondGraph
 from bondgraph.declare.quantities import Input, symbol
 from bondgraph.declare.revision import replace_input, revise_law
-from vehicle_graphs.effects.common import commanded, commands, effort_unit, elements_at, flow_unit, is_speed
+from bondgraph.effects.places import (
+    commanded,
+    commands,
+    effort_unit,
+    elements_at,
+    flow_unit,
+    is_speed,
+    over,
+    position_at,
+)
 
 _ENGINE = "Guzzella, Onder (2010), Modeling and Control of Internal Combustion Engine Systems, chapter 2"
+#: Time in which a drifting load may become as large as the efforts at its place [s].
+LONGEST_DRIFT = 100.0
 
 
 def constant_effort(g: BondGraph, at: Place) -> Effect | None:
@@ -92,3 +103,50 @@ def _is_square(node: Node) -> bool:
     others = dict.fromkeys(law.free_symbols - {own}, 1.0)
     once, twice, back = (float(law.subs(others | {own: point})) for point in (1.0, 2.0, -1.0))
     return once != 0.0 and abs(twice - 4.0 * once) < 1e-9 * abs(once) and abs(back + once) < 1e-9 * abs(once)
+
+
+def position_stiffness(g: BondGraph, at: Place) -> Effect | None:
+    """A load proportional to the position that a graph integrates from the flow here: a cable, an inclined bed."""
+    position = position_at(g, at)
+    if position is None:
+        return None
+    name = f"position_stiffness_{at.name}"
+    travel, unit = position
+    limit = 10.0 * at.scale.effort
+    rate = g.parameter(f"c_{name}", 0.0, over(effort_unit(at), unit), "load per position", (-limit, limit))
+    g.effort_source(name, -rate * travel, at=at.junction)
+    return Effect("position_stiffness", name, "effort = c*position", (f"c_{name}",))
+
+
+def drifting_load(g: BondGraph, at: Place) -> Effect | None:
+    """A load that grows with time: the zero of an amplifier that warms up, a leak, a slowly tightening bearing."""
+    if not is_speed(at):
+        return None
+    name = f"drifting_load_{at.name}"
+    limit = at.scale.effort / LONGEST_DRIFT
+    unit = over(effort_unit(at), "s")
+    rate = g.parameter(f"c_{name}", 0.0, unit, f"load gained per time at {at.label}", (-limit, limit))
+    g.effort_source(name, -rate * symbol("t"), at=at.junction)
+    return Effect("drifting_load", name, "effort = c*t", (f"c_{name}",))
+
+
+def ripple_sine(g: BondGraph, at: Place) -> Effect | None:
+    """The sine part of a load that repeats with every turn of a screw, whose parameter ``screw_lead`` the graph has."""
+    return _ripple(g, at, "ripple_sine", sin)
+
+
+def ripple_cosine(g: BondGraph, at: Place) -> Effect | None:
+    """The cosine part of a load that repeats with every turn of a screw."""
+    return _ripple(g, at, "ripple_cosine", cos)
+
+
+def _ripple(g: BondGraph, at: Place, effect: str, wave: type[sin] | type[cos]) -> Effect | None:
+    position = position_at(g, at)
+    lead = next((p for p in g.parameters if p.name == "screw_lead"), None)
+    if position is None or lead is None:
+        return None
+    name = f"{effect}_{at.name}"
+    limit = at.scale.effort
+    size = g.parameter(f"c_{name}", 0.0, effort_unit(at), "amplitude of the load per turn", (-limit, limit))
+    g.effort_source(name, -size * wave(6.283185307179586 * position[0] / lead.symbol), at=at.junction)
+    return Effect(effect, name, f"effort = c*{wave.__name__}(2 pi position/lead)", (f"c_{name}",))

@@ -2,14 +2,16 @@
 
 References: Armstrong-Helouvry, Dupont, Canudas de Wit (1994), Automatica 30(7), a survey of models; Stribeck (1902),
 VDI-Zeitschrift 46; Dahl (1976), AIAA Journal 14(12), for hysteresis; Wong (2008), Theory of Ground Vehicles, section
-1.2, for rolling resistance; Heywood (1988), Internal Combustion Engine Fundamentals, chapter 13, for warm oil.
+1.2, for rolling resistance; Heywood (1988), Internal Combustion Engine Fundamentals, chapter 13, for warm oil; Eyring
+(1936), J. Chem. Phys. 4, for lubricants that thin under shear; Janot, Gautier, Brunot (2019), Data Set and Reference
+Models of EMPS, for drag that differs by direction.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 
-from sympy import Abs, Expr, exp, tanh
+from sympy import Abs, Expr, asinh, exp, tanh
 
 from bondgraph.declare.domains import ROTATION, TRANSLATION
 from bondgraph.declare.effect import Effect, Place
@@ -19,7 +21,7 @@ from bondgraph.declare.graph import BondGraph
 from bondgraph.declare.quantities import symbol
 from bondgraph.declare.revision import revise_laws
 from bondgraph.derive.laws import linear_coefficient
-from vehicle_graphs.effects.common import (
+from bondgraph.effects.places import (
     coefficient,
     direction,
     effort_unit,
@@ -27,10 +29,13 @@ from vehicle_graphs.effects.common import (
     flow_unit,
     is_speed,
     over,
+    position_at,
     yielding,
 )
 
+#: Where laws of friction are compared.
 _SURVEY = "Armstrong-Helouvry, Dupont, Canudas de Wit (1994), Automatica 30(7)"
+_EYRING = "Eyring (1936), J. Chem. Phys. 4, 283"
 #: Speed to which speed-dependent rolling resistance is referred, m/s (100 km/h).
 _ROLLING_SPEED = 100.0 / 3.6
 #: Sliding over this many seconds at the largest flow reverses friction with hysteresis.
@@ -160,3 +165,52 @@ def hysteresis_loss(g: BondGraph, at: Place) -> Effect | None:
 
 def _way(at: Place) -> str:
     return "" if at.domain is None else at.domain.displacement_unit
+
+
+def direction_dependent_drag(g: BondGraph, at: Place) -> Effect | None:
+    """Viscous drag that differs by direction: what a screw or belt loses more in one direction than in the other."""
+    if not is_speed(at):
+        return None
+    unit = over(effort_unit(at), flow_unit(at))
+    name, c = coefficient(g, at, "direction_dependent_drag", "half the difference of drags", unit, 1, signed=True)
+    g.resistance(name, lambda flow: c * Abs(flow), at=at.junction)
+    return Effect("direction_dependent_drag", name, "effort = c*|flow|", (c.name,))
+
+
+def cubic_loss(g: BondGraph, at: Place) -> Effect | None:
+    """Drag that grows with the cube of the flow: a damping that stiffens with amplitude."""
+    if not is_speed(at):
+        return None
+    unit = over(effort_unit(at), flow_unit(at), 3)
+    name, c = coefficient(g, at, "cubic_loss", "cubic coefficient", unit, power=3)
+    g.resistance(name, lambda flow: c * flow**3, at=at.junction)
+    return Effect("cubic_loss", name, "effort = c*flow^3", (c.name,), dissipative=True)
+
+
+def shear_thinning_loss(g: BondGraph, at: Place) -> Effect | None:
+    """Friction of a lubricant that thins under shear: it grows with the flow, and ever less, as Eyring's law has it."""
+    if not is_speed(at):
+        return None
+    name, c = coefficient(g, at, "shear_thinning_loss", "friction per e-fold of the flow", effort_unit(at), power=0)
+    around = g.parameter(
+        f"v_{name}", at.smoothing * at.scale.flow, flow_unit(at), "flow above which the friction grows by its logarithm"
+    )
+    g.resistance(name, lambda flow: c * asinh(flow / around), at=at.junction)
+    return Effect(
+        "shear_thinning_loss", name, "effort = c*asinh(flow/v)", (c.name,), reference=_EYRING, dissipative=True
+    )
+
+
+def travel_dependent_friction(g: BondGraph, at: Place) -> Effect | None:
+    """Dry friction that changes along the travel: a guide out of true, a screw whose preload is uneven."""
+    position = position_at(g, at)
+    if position is None:
+        return None
+    name = f"travel_dependent_friction_{at.name}"
+    travel, unit = position
+    limit = 10.0 * at.scale.effort
+    rise = g.parameter(f"c_{name}", 0.0, over(effort_unit(at), unit), "dry friction gained per travel", (-limit, limit))
+    w = direction(g, at, name)
+    g.resistance(name, lambda flow: rise * travel * tanh(flow / w), at=at.junction)
+    law = "effort = c*position*tanh(flow/w)"
+    return Effect("travel_dependent_friction", name, law, (rise.name,), reference=_SURVEY, widths=(w.name,))

@@ -1,11 +1,14 @@
 """Faults of sensors: what a sensor shows beside what it should, as effects that change an output of the graph.
 
-They are candidates beside missing physics, tried on every measured output. A fault is told from missing physics only as
-far as other sensors contradict it. Reference: Isermann (2006), Fault-Diagnosis Systems, chapter 3; Blanke, Kinnaert,
-Lunze, Staroswiecki (2016), Diagnosis and Fault-Tolerant Control, chapter 5.
+Those of ``SENSOR_FAULTS`` are candidates beside missing physics, tried on every measured output; the others are tried
+where they are asked for. A fault is told from missing physics only as far as other sensors contradict it. Reference:
+Isermann (2006), Fault-Diagnosis Systems, chapter 3; Blanke, Kinnaert, Lunze, Staroswiecki (2016), Diagnosis and
+Fault-Tolerant Control, chapter 5.
 """
 
 from __future__ import annotations
+
+from sympy import Abs
 
 from bondgraph.declare.effect import Effect, EffectFunction, Place, sensor_fault
 from bondgraph.declare.graph import BondGraph
@@ -60,6 +63,31 @@ def sensor_delay(g: BondGraph, at: Place) -> Effect | None:
     return Effect(
         "sensor_delay", at.output, "shown = true, late by T (two lags of T/2)", (name,), adds_state=True,
         amplitudes=(0.4, 0.7), reference=_REFERENCE, channel=at.output, kind="delay",
+    )  # fmt: skip
+
+
+@sensor_fault
+def sensor_magnitude(g: BondGraph, at: Place) -> Effect | None:
+    """A sensor that does not see the direction: a pulse counter, a tachometer behind a rectifier."""
+    name = f"magnitude_{at.name}"
+    share = g.parameter(name, 0.0, "1", f"share of {at.output} shown without its sign", (0.0, 1.5))
+    revise_output(g, at.output, lambda shown: (1 - share) * shown + share * Abs(shown))
+    return Effect(
+        "sensor_magnitude", at.output, "shown = (1 - s)*true + s*|true|", (name,), amplitudes=(0.3, 0.67),
+        channel=at.output, kind="magnitude",
+    )  # fmt: skip
+
+
+@sensor_fault
+def sensor_square(g: BondGraph, at: Place) -> Effect | None:
+    """A sensor that shows the square of what it senses: an orifice, a rectified and smoothed oscillation, a power."""
+    name = f"square_{at.name}"
+    share = g.parameter(name, 0.0, "1", f"share of {at.output} shown as its square", (0.0, 1.5))
+    size = g.parameter(f"true_at_{at.name}", at.scale.effort, _unit(g, at), f"where the square of {at.output} is right")
+    revise_output(g, at.output, lambda shown: (1 - share) * shown + share * shown**2 / size)
+    return Effect(
+        "sensor_square", at.output, "shown = (1 - s)*true + s*true^2/size", (name,), amplitudes=(0.3, 0.67),
+        channel=at.output, kind="square",
     )  # fmt: skip
 
 

@@ -14,7 +14,7 @@ from bondgraph.declare.expressions import signal
 from bondgraph.declare.functions import maximum
 from bondgraph.declare.graph import BondGraph, Handle
 from bondgraph.declare.revision import revise_law
-from vehicle_graphs.effects.common import (
+from bondgraph.effects.places import (
     direction,
     effort_unit,
     elements_at,

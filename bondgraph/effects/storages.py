@@ -15,9 +15,11 @@ from bondgraph.declare.graph import BondGraph, Handle
 from bondgraph.declare.quantities import symbol
 from bondgraph.declare.revision import revise_law
 from bondgraph.derive.laws import linear_coefficient
-from vehicle_graphs.effects.common import effort_unit, elements_at, flow_unit, is_speed, over
+from bondgraph.effects.places import effort_unit, elements_at, flow_unit, is_speed, over
 
 _STORAGES = "Karnopp, Margolis, Rosenberg (2012), System Dynamics, chapter 4"
+#: Time in which the effort of a place brings an inertia to its flow that is as large as it may be [s].
+LONGEST_RUN_UP = 2.0
 
 
 def added_inertia(g: BondGraph, at: Place) -> Effect | None:
@@ -114,3 +116,20 @@ def _inertance_beside(g: BondGraph, junction: Handle) -> tuple[float, str] | Non
             unit = "" if domain is None else f"{domain.momentum_unit}/({domain.flow_unit})"
             return 1.0 / float(reciprocal.subs(values)), used[0].unit if len(used) == 1 else unit
     return None
+
+
+def uncounted_inertia(g: BondGraph, at: Place) -> Effect | None:
+    """Inertia where none was declared: a crankshaft at a measured speed, a rotor taken as a mere source.
+
+    ``added_inertia`` is for junctions that have one; here the efforts and flows of the place say how large it can be:
+    an inertia that the effort would bring to the flow in ``LONGEST_RUN_UP``.
+    """
+    if not is_speed(at) or elements_at(g, at, "I"):
+        return None
+    name = f"uncounted_inertia_{at.name}"
+    unit = "" if at.domain is None else f"{at.domain.momentum_unit}/({at.domain.flow_unit})"
+    limit = LONGEST_RUN_UP * at.scale.effort / at.scale.flow
+    inertia = g.parameter(f"inertia_{name}", 0.0, unit, f"inertia of what turns or moves at {at.label}", (0.0, limit))
+    g.inertance(name, inertia, at=at.junction)
+    law = "effort = c*d(flow)/dt"
+    return Effect("uncounted_inertia", name, law, (inertia.name,), reference=_STORAGES)

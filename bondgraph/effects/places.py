@@ -1,4 +1,4 @@
-"""What the effects share: where they make sense, how large their coefficients may be, and in which units."""
+"""What effects share: where they make sense, how large their coefficients may be, and in which units."""
 
 from __future__ import annotations
 
@@ -130,3 +130,11 @@ def _gives_flow(g: BondGraph, resistance: str) -> bool:
     causal = assign_causality(g)
     own = next(k for k, bond in enumerate(causal.bonds) if resistance in (bond.source, bond.target))
     return causal.receives_effort(own, resistance)
+
+
+def position_at(g: BondGraph, at: Place) -> tuple[Expr, str] | None:
+    """The declared integral of the flow of a junction, and its unit."""
+    if not is_speed(at):
+        return None
+    found = next((i for i in g.integrals if i.of == signal("flow", at.junction.name)), None)
+    return None if found is None else (symbol(found.name), found.unit)
