@@ -1,5 +1,7 @@
 """Effects of vehicles, by the name that they had before they moved to :mod:`bondgraph.effects`."""
 
+from bondgraph.effects.actuators import actuator_lag as actuator_lag
+from bondgraph.effects.actuators import actuator_scale as actuator_scale
 from bondgraph.effects.friction import coulomb_loss as coulomb_loss
 from bondgraph.effects.friction import hysteresis_loss as hysteresis_loss
 from bondgraph.effects.friction import quadratic_loss as quadratic_loss
@@ -7,8 +9,6 @@ from bondgraph.effects.friction import rolling_speed_loss as rolling_speed_loss
 from bondgraph.effects.friction import stribeck_loss as stribeck_loss
 from bondgraph.effects.friction import viscous_loss as viscous_loss
 from bondgraph.effects.friction import warm_up_loss as warm_up_loss
-from bondgraph.effects.loads import actuator_lag as actuator_lag
-from bondgraph.effects.loads import actuator_scale as actuator_scale
 from bondgraph.effects.loads import constant_effort as constant_effort
 from bondgraph.effects.loads import headwind as headwind
 from bondgraph.effects.losses import centrifugal_tension as centrifugal_tension

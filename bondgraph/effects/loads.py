@@ -1,48 +1,75 @@
-"""Loads from outside, and the actuators that drive: constant forces, wind, wrong maps, lags.
+"""Loads from outside: constant, drifting, wind, by position, with every turn.
 
-References: Hucho (1998), Aerodynamics of Road Vehicles, chapter 4, for wind; Guzzella, Onder (2010), Introduction to
-Modeling and Control of Internal Combustion Engine Systems, chapter 2, for the lag of an engine's torque.
+References: Hucho (1998), Aerodynamics of Road Vehicles, chapter 4, for wind; Hanselman (2003), Brushless
+Permanent-Magnet Motor Design, chapter 7, for cogging.
 """
 
 from __future__ import annotations
 
 from sympy import Abs, Function, cos, sin
 
+from bondgraph.declare.domains import ROTATION
 from bondgraph.declare.effect import Effect, Place
 from bondgraph.declare.elements import Node
 from bondgraph.declare.graph import BondGraph
-from bondgraph.declare.quantities import Input, symbol
-from bondgraph.declare.revision import replace_input, revise_law
+from bondgraph.declare.quantities import symbol
+from bondgraph.declare.revision import revise_law
 from bondgraph.effects.places import (
-    commanded,
-    commands,
+    Words,
     effort_unit,
     elements_at,
     flow_unit,
+    has_effort,
+    has_flow,
+    is_motion,
     is_speed,
     over,
     position_at,
 )
 
-_ENGINE = "Guzzella, Onder (2010), Modeling and Control of Internal Combustion Engine Systems, chapter 2"
+_BOND_GRAPHS = "Karnopp, Margolis, Rosenberg (2012), System Dynamics, chapter 3"
+_COGGING = "Hanselman (2003), Brushless Permanent-Magnet Motor Design, chapter 7"
+#: What laws are called in each domain.
+_CONSTANT = Words("constant_effort", "offset_voltage", "static_pressure")
+_CONSTANT_FLOW = Words("", "offset_current", "constant_inflow", "constant_heat", "constant_supply")
+#: Periods in a turn at which a load that repeats is tried.
+_ORDERS = tuple(float(order) for order in range(1, 13))
 #: Time in which a drifting load may become as large as the efforts at its place [s].
 LONGEST_DRIFT = 100.0
 
 
 def constant_effort(g: BondGraph, at: Place) -> Effect | None:
-    """A constant load of unknown sign: a grade, an inclined mounting, a bias of a torque map."""
-    if not is_speed(at):
+    """A constant effort of unknown sign: a grade, a bias of a torque map, the zero of an amplifier, a height."""
+    word = _CONSTANT.at(at)
+    if not has_flow(at) or not word:
         return None
-    name = f"constant_effort_{at.name}"
+    name = f"{word}_{at.name}"
     limit = 2.0 * at.scale.effort
     load = g.parameter(f"load_{name}", 0.0, effort_unit(at), f"constant load on {at.label}", (-limit, limit))
     g.effort_source(name, -load, at=at.junction)
-    return Effect("constant_effort", name, "effort = -load", (f"load_{name}",))
+    return Effect(
+        word, name, "effort = -load", (f"load_{name}",), reference=_BOND_GRAPHS,
+        manoeuvre="rest, or runs in both directions",
+    )  # fmt: skip
+
+
+def constant_flow(g: BondGraph, at: Place) -> Effect | None:
+    """A constant flow of unknown sign: the offset of a pump, a current that leaks in, heat from a neighbour."""
+    word = _CONSTANT_FLOW.at(at)
+    if not has_effort(at) or not word:
+        return None
+    name = f"{word}_{at.name}"
+    limit = 2.0 * at.scale.flow
+    flow = g.parameter(f"flow_{name}", 0.0, flow_unit(at), f"constant flow out of {at.label}", (-limit, limit))
+    g.flow_source(name, -flow, at=at.junction)
+    return Effect(
+        word, name, "flow = -constant", (flow.name,), reference=_BOND_GRAPHS, manoeuvre="rest with nothing driven"
+    )  # fmt: skip
 
 
 def headwind(g: BondGraph, at: Place) -> Effect | None:
     """Wind against the motion: a drag that is declared with the square of the speed acts at speed and wind."""
-    drags = [node for node in elements_at(g, at, "R") if _is_square(node)] if is_speed(at) else []
+    drags = [node for node in elements_at(g, at, "R") if _is_square(node)] if is_motion(at) else []
     if len(drags) != 1:
         return None
     name = f"headwind_{at.name}"
@@ -52,45 +79,8 @@ def headwind(g: BondGraph, at: Place) -> Effect | None:
     return Effect(
         "headwind", drags[0].name, "drag at flow + w", (wind.name,),
         reference="Hucho (1998), Aerodynamics of Road Vehicles, chapter 4",
+        manoeuvre="fast runs in both directions",
     )  # fmt: skip
-
-
-def actuator_scale(g: BondGraph, at: Place) -> Effect | None:
-    """A source or brake whose map is wrong by a factor: a torque model, a calibration."""
-    found = commanded(g, at)
-    if not found:
-        return None
-    node = found[0][0]
-    name = f"actuator_scale_{at.name}"
-    share = g.parameter(f"s_{name}", 0.0, "1", f"share by which {node.name} is stronger", (-0.6, 0.6))
-    revise_law(g, node.name, "effort", lambda old: (1 + share) * old)
-    return Effect("actuator_scale", node.name, "effort = (1 + s)*declared", (share.name,), reference=_ENGINE)
-
-
-def actuator_lag(g: BondGraph, at: Place) -> Effect | None:
-    """A command that acts late, by a first-order lag: manifold filling, brake pressure, a current controller."""
-    found = commanded(g, at)
-    if not found or found[0][0].name != _first_follower(g, found[0][1]):
-        return None
-    node, command = found[0]
-    name = f"actuator_lag_{at.name}"
-    lag = g.parameter(f"T_{name}", 0.1, "s", f"time in which {node.name} follows its command", (5e-3, 2.0))
-    own = command.symbol
-    given = g.integral(
-        f"given_{name}", lambda x: (own - x) / lag, command.unit, f"{command.name} as {node.name} gives it"
-    )
-    replace_input(g, command.name, given)
-    return Effect(
-        "actuator_lag", node.name, "command follows by dx/dt = (u - x)/T", (lag.name,), adds_state=True,
-        amplitudes=(0.35, 0.65), reference=_ENGINE,
-    )  # fmt: skip
-
-
-def _first_follower(g: BondGraph, command: Input) -> str:
-    """The first element that follows a command: it stands for all of them."""
-    nodes = g.flatten().nodes.values()
-    followers = (node.name for node in nodes if node.kind in ("Se", "R") and command in commands(g, node))
-    return next(followers, "")
 
 
 def _is_square(node: Node) -> bool:
@@ -115,7 +105,10 @@ def position_stiffness(g: BondGraph, at: Place) -> Effect | None:
     limit = 10.0 * at.scale.effort
     rate = g.parameter(f"c_{name}", 0.0, over(effort_unit(at), unit), "load per position", (-limit, limit))
     g.effort_source(name, -rate * travel, at=at.junction)
-    return Effect("position_stiffness", name, "effort = c*position", (f"c_{name}",))
+    return Effect(
+        "position_stiffness", name, "effort = c*position", (f"c_{name}",), reference=_BOND_GRAPHS,
+        manoeuvre="rest at several positions",
+    )  # fmt: skip
 
 
 def drifting_load(g: BondGraph, at: Place) -> Effect | None:
@@ -127,7 +120,34 @@ def drifting_load(g: BondGraph, at: Place) -> Effect | None:
     unit = over(effort_unit(at), "s")
     rate = g.parameter(f"c_{name}", 0.0, unit, f"load gained per time at {at.label}", (-limit, limit))
     g.effort_source(name, -rate * symbol("t"), at=at.junction)
-    return Effect("drifting_load", name, "effort = c*t", (f"c_{name}",))
+    return Effect(
+        "drifting_load", name, "effort = c*t", (f"c_{name}",), reference=_BOND_GRAPHS,
+        manoeuvre="the same short run at the start and at the end of a long log",
+    )  # fmt: skip
+
+
+def ripple(g: BondGraph, at: Place) -> Effect | None:
+    """A torque that repeats with the angle: cogging of magnets, a bent shaft, teeth, a universal joint.
+
+    The angle is the declared integral of the speed; where a rotor has none it is added, and starts at zero.
+    """
+    if not has_flow(at) or at.domain != ROTATION:
+        return None
+    angle = position_at(g, at)
+    if angle is None and not elements_at(g, at, "I"):
+        return None
+    name = f"ripple_{at.name}"
+    turned = g.integral(f"angle_{name}", at.junction.flow, "rad", f"angle of {at.label}") if angle is None else angle[0]
+    limit = at.scale.effort
+    unit, bounds = effort_unit(at), (-limit, limit)
+    sine = g.parameter(f"sine_{name}", 0.0, unit, "amplitude of the sine", bounds)
+    cosine = g.parameter(f"cosine_{name}", 0.0, unit, "amplitude of the cosine", bounds)
+    order = g.parameter(f"order_{name}", 1.0, "1", "periods in a turn", (0.5, 2.0 * _ORDERS[-1]))
+    g.effort_source(name, -sine * sin(order * turned) - cosine * cos(order * turned), at=at.junction)
+    return Effect(
+        "ripple", name, "effort = a*sin(n*angle) + b*cos(n*angle)", (sine.name, cosine.name), shapes=(order.name,),
+        grids=((order.name, _ORDERS),), reference=_COGGING, manoeuvre="slow turning without load, over several turns",
+    )  # fmt: skip
 
 
 def ripple_sine(g: BondGraph, at: Place) -> Effect | None:
@@ -149,4 +169,6 @@ def _ripple(g: BondGraph, at: Place, effect: str, wave: type[sin] | type[cos]) -
     limit = at.scale.effort
     size = g.parameter(f"c_{name}", 0.0, effort_unit(at), "amplitude of the load per turn", (-limit, limit))
     g.effort_source(name, -size * wave(6.283185307179586 * position[0] / lead.symbol), at=at.junction)
-    return Effect(effect, name, f"effort = c*{wave.__name__}(2 pi position/lead)", (f"c_{name}",))
+    law = f"effort = c*{wave.__name__}(2 pi position/lead)"
+    manoeuvre = "slow travel over several turns of the screw"
+    return Effect(effect, name, law, (f"c_{name}",), reference=_COGGING, manoeuvre=manoeuvre)

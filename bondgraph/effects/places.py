@@ -1,12 +1,16 @@
-"""What effects share: where they make sense, how large their coefficients may be, and in which units."""
+"""What effects share: what they are called, where they make sense, how large their coefficients are, in which units."""
 
 from __future__ import annotations
 
-from sympy import Expr, Symbol
+import re
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
-from bondgraph.declare.domains import CHEMICAL, THERMAL
+from sympy import Expr, Rational, Symbol
+
+from bondgraph.declare.domains import CHEMICAL, ELECTRICAL, HYDRAULIC, THERMAL
 from bondgraph.declare.effect import Place
-from bondgraph.declare.elements import Node
+from bondgraph.declare.elements import TWO_PORTS, Node
 from bondgraph.declare.expressions import signal
 from bondgraph.declare.graph import BondGraph, Handle
 from bondgraph.declare.quantities import Input, symbol
@@ -14,14 +18,55 @@ from bondgraph.derive.causality import assign_causality
 from bondgraph.derive.laws import linear_coefficient
 
 
+@dataclass(frozen=True)
+class Words:
+    """What one law is called in each domain; empty where it has no meaning there.
+
+    Mechanical words serve rotation, translation and junctions whose domain is not declared or not the toolkit's own.
+    """
+
+    mechanical: str = ""
+    electrical: str = ""
+    hydraulic: str = ""
+    thermal: str = ""
+    chemical: str = ""
+
+    def at(self, at: Place) -> str:
+        """The name of the law at a place.
+
+        Examples
+        --------
+        >>> from bondgraph.declare.domains import HYDRAULIC
+        >>> from bondgraph.declare.effect import Scale
+        >>> Words("creep", hydraulic="leakage").at(Place(Handle("tank", "0", HYDRAULIC), Scale(1e5, 1e-4)))
+        'leakage'
+        """
+        domain = at.domain
+        return self.mechanical if domain is None or domain not in _FAMILIES else getattr(self, _FAMILIES[domain])
+
+
+#: Domains whose words differ from those of mechanics.
+_FAMILIES = {ELECTRICAL: "electrical", HYDRAULIC: "hydraulic", THERMAL: "thermal", CHEMICAL: "chemical"}
+
+
+def has_flow(at: Place) -> bool:
+    """A 1-junction of any domain: a loss there takes an effort."""
+    return at.bond is None and at.junction.kind == "1"
+
+
+def has_effort(at: Place) -> bool:
+    """A 0-junction of any domain: a loss there takes a flow."""
+    return at.bond is None and at.junction.kind == "0"
+
+
+def is_motion(at: Place) -> bool:
+    """A 1-junction whose flow is a speed, or has no declared domain."""
+    return has_flow(at) and at.domain not in _FAMILIES
+
+
 def is_speed(at: Place) -> bool:
     """Losses and loads act on a 1-junction of a domain in which flow is a motion or current."""
     return at.bond is None and at.junction.kind == "1" and at.domain not in (THERMAL, CHEMICAL)
-
-
-def is_force(at: Place) -> bool:
-    """Slip and leakage act on a 0-junction of such a domain."""
-    return at.bond is None and at.junction.kind == "0" and at.domain not in (THERMAL, CHEMICAL)
 
 
 def effort_unit(at: Place) -> str:
@@ -38,7 +83,8 @@ def over(unit: str, other: str, power: int = 1) -> str:
     """A unit over a power of another; empty where one is not known."""
     if not unit or not other:
         return ""
-    return f"{unit}/({other})" + (f"^{power}" if power > 1 else "")
+    below = f"({other})" if re.search(r"\W", other) else other
+    return f"{unit}/{below}" + (f"^{power}" if power > 1 else "")
 
 
 def coefficient(
@@ -51,10 +97,59 @@ def coefficient(
     return name, g.parameter(f"c_{name}", 0.0, unit, f"{meaning} at {at.label}", (lower, limit))
 
 
+def conductance(g: BondGraph, at: Place, effect: str, meaning: str, unit: str, power: int) -> tuple[str, Expr]:
+    """A coefficient whose largest value takes half of the flow at this place."""
+    name = f"{effect}_{at.name}"
+    limit = 0.5 * at.scale.flow / at.scale.effort**power
+    return name, g.parameter(f"c_{name}", 0.0, unit, f"{meaning} at {at.label}", (0.0, limit))
+
+
 def direction(g: BondGraph, at: Place, name: str) -> Expr:
     """The flow over which smoothed dry friction changes sign; its parameter is ``w_`` and the name."""
     meaning = "flow at which the friction reaches 76 %"
     return g.parameter(f"w_{name}", at.smoothing * at.scale.flow, flow_unit(at), meaning)
+
+
+#: Law of a flow through a sharp opening; the width keeps its slope finite where the pressures are equal.
+ROOT_LAW = "flow = c*x/(x^2 + w^2)^(1/4), x = effort/e"
+#: Share of its largest pressure below which flow through an opening is laminar.
+_LAMINAR = 1e-3
+
+
+@dataclass(frozen=True)
+class RootFlow:
+    """A flow with the root of an effort: its law, and the name of its coefficient."""
+
+    law: Callable[[Expr], Expr]
+    coefficient: str
+
+
+def root_flow(g: BondGraph, at: Place, name: str) -> RootFlow:
+    """A flow through a sharp opening; its coefficient is the flow at the largest effort of the place.
+
+    Below a small share of that effort it is laminar, which keeps its slope finite (Merritt 1967, section 3-4).
+    """
+    flow, size = at.scale.flow, at.scale.effort
+    c = g.parameter(f"c_{name}", 0.0, flow_unit(at), f"flow at {size:.3g} {effort_unit(at)}", (0.0, 0.5 * flow))
+    at_most = g.parameter(f"e_{name}", size, effort_unit(at), "effort of that flow")
+
+    def law(effort: Expr) -> Expr:
+        x = effort / at_most
+        return c * x / (x**2 + _LAMINAR**2) ** Rational(1, 4)
+
+    return RootFlow(law, c.name)
+
+
+def ceiling(value: Expr, c: Expr) -> Expr:
+    """A value that nears 1/c and never exceeds it; itself where c is zero.
+
+    Examples
+    --------
+    >>> from sympy import Integer, Rational
+    >>> ceiling(Integer(1), Integer(0)), round(float(ceiling(Integer(100), Rational(1, 2))), 6)
+    (1, 2.0)
+    """
+    return value / (1 + (c * value) ** 4) ** Rational(1, 4)
 
 
 def elements_at(g: BondGraph, at: Place, kind: str) -> list[Node]:
@@ -74,7 +169,7 @@ def transmitted(g: BondGraph, at: Place) -> Expr | None:
 
     That is the effort that arrives; at the head of a chain, where only a source drives, the one that leaves.
     """
-    if not is_speed(at):
+    if not is_motion(at):
         return None
     flat = g.flatten()
     for index, _ in sorted(flat.incidence()[at.junction.name], key=lambda end: not end[1]):
@@ -102,12 +197,26 @@ def commands(g: BondGraph, node: Node) -> list[Input]:
     return [one for one in flat.inputs if one.symbol in reached and not one.is_held]
 
 
-def commanded(g: BondGraph, at: Place) -> list[tuple[Node, Input]]:
-    """Sources and resistances at a junction that follow an input, each with the first such input."""
-    if not is_speed(at):
+def commanded(g: BondGraph, at: Place, kinds: Sequence[str]) -> list[tuple[Node, Input]]:
+    """Elements of some kinds at a junction that follow an input, each with the first such input.
+
+    A transformer or gyrator belongs to the junction that its first bond comes from. A temperature that is given is no
+    actuator's.
+    """
+    kinds = [kind for kind in kinds if kind != "Se" or at.domain != THERMAL]
+    if at.bond is not None or at.junction.kind not in ("0", "1"):
         return []
-    nodes = [*elements_at(g, at, "Se"), *elements_at(g, at, "R")]
-    return [(node, found[0]) for node in nodes if node.law("effort") is not None and (found := commands(g, node))]
+    nodes = [
+        node for kind in kinds for node in (driven_from(g, at, kind) if kind in TWO_PORTS else elements_at(g, at, kind))
+    ]
+    return [(node, inputs[0]) for node in nodes if (inputs := commands(g, node))]
+
+
+def driven_from(g: BondGraph, at: Place, kind: str) -> list[Node]:
+    """The transformers or gyrators whose first bond comes from a junction."""
+    flat = g.flatten()
+    ends = (flat.nodes[bond.target] for bond in flat.bonds if bond.source == at.junction.name)
+    return [node for node in ends if node.kind == kind]
 
 
 def yielding(g: BondGraph, at: Place) -> tuple[Node, Expr] | None:

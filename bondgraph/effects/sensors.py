@@ -11,9 +11,11 @@ from __future__ import annotations
 from sympy import Abs
 
 from bondgraph.declare.effect import Effect, EffectFunction, Place, sensor_fault
+from bondgraph.declare.functions import clip
 from bondgraph.declare.graph import BondGraph
 from bondgraph.declare.quantities import symbol
 from bondgraph.declare.revision import revise_output
+from bondgraph.effects.places import ceiling, over
 
 _REFERENCE = "Isermann (2006), Fault-Diagnosis Systems, chapter 3"
 #: Longest delay of a sensor that is tried, s.
@@ -26,7 +28,7 @@ def sensor_bias(g: BondGraph, at: Place) -> Effect | None:
     limit = 2.0 * at.scale.effort
     bias = g.parameter(f"bias_{at.name}", 0.0, _unit(g, at), f"bias of {at.output}", (-limit, limit))
     revise_output(g, at.output, lambda shown: shown + bias)
-    return _fault("bias", at, "shown = true + b", bias.name)
+    return _fault("bias", at, "shown = true + b", bias.name, "rest")
 
 
 @sensor_fault
@@ -34,7 +36,7 @@ def sensor_scale(g: BondGraph, at: Place) -> Effect | None:
     """A wrong factor: a tyre radius, a number of teeth, an amplifier."""
     error = g.parameter(f"scale_{at.name}", 0.0, "1", f"relative error of scale of {at.output}", (-0.6, 0.6))
     revise_output(g, at.output, lambda shown: (1 + error) * shown)
-    return _fault("scale", at, "shown = (1 + s)*true", error.name)
+    return _fault("scale", at, "shown = (1 + s)*true", error.name, "small and large values")
 
 
 @sensor_fault
@@ -43,7 +45,7 @@ def sensor_drift(g: BondGraph, at: Place) -> Effect | None:
     limit, unit = 0.5 * at.scale.effort, _unit(g, at)
     drift = g.parameter(f"drift_{at.name}", 0.0, f"{unit}/s" if unit else "", f"drift of {at.output}", (-limit, limit))
     revise_output(g, at.output, lambda shown: shown + drift * symbol("t"))
-    return _fault("drift", at, "shown = true + d*t", drift.name)
+    return _fault("drift", at, "shown = true + d*t", drift.name, "rest at both ends of a long log")
 
 
 @sensor_fault
@@ -63,6 +65,32 @@ def sensor_delay(g: BondGraph, at: Place) -> Effect | None:
     return Effect(
         "sensor_delay", at.output, "shown = true, late by T (two lags of T/2)", (name,), adds_state=True,
         amplitudes=(0.4, 0.7), reference=_REFERENCE, channel=at.output, kind="delay",
+        manoeuvre="quick changes",
+    )  # fmt: skip
+
+
+@sensor_fault
+def sensor_ceiling(g: BondGraph, at: Place) -> Effect | None:
+    """A range that ends: what exceeds it is shown as its end, an amplifier's supply or a converter's last number."""
+    name = f"ceiling_{at.name}"
+    unit = over("1", _unit(g, at))
+    c = g.parameter(name, 0.0, unit, f"1 over the ceiling of {at.output}", (0.0, 3.0 / at.scale.effort))
+    revise_output(g, at.output, lambda shown: ceiling(shown, c))
+    return Effect(
+        "sensor_ceiling", at.output, "shown = x/(1 + (c*x)^4)^(1/4), x true", (name,), amplitudes=(0.3, 0.6),
+        reference=_REFERENCE, channel=at.output, kind="ceiling", manoeuvre="values up to the end of the range",
+    )  # fmt: skip
+
+
+@sensor_fault
+def sensor_dead_zone(g: BondGraph, at: Place) -> Effect | None:
+    """A sensor that shows nothing of small values: a threshold against noise, a pick-up that needs speed."""
+    name = f"dead_zone_{at.name}"
+    b = g.parameter(name, 0.0, _unit(g, at), f"what {at.output} must exceed to be seen", (0.0, at.scale.effort))
+    revise_output(g, at.output, lambda shown: shown - clip(shown, -b, b))
+    return Effect(
+        "sensor_dead_zone", at.output, "shown = x - clip(x, -b, b), x true", (name,), amplitudes=(0.03, 0.1, 0.3),
+        reference=_REFERENCE, channel=at.output, kind="dead zone", manoeuvre="small values of both signs",
     )  # fmt: skip
 
 
@@ -75,6 +103,7 @@ def sensor_magnitude(g: BondGraph, at: Place) -> Effect | None:
     return Effect(
         "sensor_magnitude", at.output, "shown = (1 - s)*true + s*|true|", (name,), amplitudes=(0.3, 0.67),
         channel=at.output, kind="magnitude",
+        reference=_REFERENCE, manoeuvre="values of both signs",
     )  # fmt: skip
 
 
@@ -88,15 +117,21 @@ def sensor_square(g: BondGraph, at: Place) -> Effect | None:
     return Effect(
         "sensor_square", at.output, "shown = (1 - s)*true + s*true^2/size", (name,), amplitudes=(0.3, 0.67),
         channel=at.output, kind="square",
+        reference=_REFERENCE, manoeuvre="small and large values",
     )  # fmt: skip
 
 
 #: All faults, in the order in which they are preferred where data do not tell them apart.
-SENSOR_FAULTS: tuple[EffectFunction, ...] = (sensor_bias, sensor_scale, sensor_drift, sensor_delay)
+SENSOR_FAULTS: tuple[EffectFunction, ...] = (
+    sensor_bias, sensor_scale, sensor_drift, sensor_delay, sensor_ceiling, sensor_dead_zone,
+)  # fmt: skip
 
 
-def _fault(kind: str, at: Place, law: str, coefficient: str) -> Effect:
-    return Effect(f"sensor_{kind}", at.output, law, (coefficient,), reference=_REFERENCE, channel=at.output, kind=kind)
+def _fault(kind: str, at: Place, law: str, coefficient: str, manoeuvre: str) -> Effect:
+    return Effect(
+        f"sensor_{kind}", at.output, law, (coefficient,), reference=_REFERENCE, channel=at.output, kind=kind,
+        manoeuvre=manoeuvre,
+    )  # fmt: skip
 
 
 def _unit(g: BondGraph, at: Place) -> str:
