@@ -93,7 +93,7 @@ def circuit() -> Bench:
     body = g.zero_junction("body", THERMAL)
     resistance = next(one for one in g.parameters if one.name == "R").symbol
     g.flow_source("heat", resistance * loop.flow**2, at=body)
-    g.compliance("warm", 1 / g.parameter("C_T", 50.0, "J/K", "heat capacity"), at=body, state="Q")
+    g.compliance("warm", 1 / g.parameter("C_T", 50.0, "J/K", "heat capacity"), at=body, state="Q_wire")
     g.resistance("air", g.parameter("R_T", 2.0, "K/W", "to what is around"), at=body)
     g.measure_flow("current", loop, "current")
     return Bench(g, {"electrical": Scale(20.0, 2.0), "thermal": Scale(40.0, 10.0)})

@@ -6,6 +6,7 @@ called the same in several domains stands in the table once.
 
 from __future__ import annotations
 
+import functools
 import importlib
 import inspect
 import pkgutil
@@ -89,6 +90,7 @@ def every_effect() -> dict[str, EffectFunction]:
     return found
 
 
+@functools.cache
 def catalogue() -> tuple[Entry, ...]:
     """The rows of the table, those of one function together.
 
