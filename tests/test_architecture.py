@@ -21,7 +21,7 @@ VISIBLE = {"pyproject.toml", "bondgraph", "vehicle_graphs", "generated", "tests"
 FOUNDATION = ("version", "text", "errors", "lazy", "files", "frames", "units", "coherent", "arrays")
 DESIGN_TIME = ("declare", "derive", "generate")
 RUN_TIME = ("compile", "data", "simulate", "filter", "estimate")
-ON_TOP = ("correct", "report", "cli")
+ON_TOP = ("effects", "correct", "report", "cli")
 #: Single files above the halves: from a graph to a model.
 FRONT = ("build", "verbs")
 ROOMS = (*DESIGN_TIME, *RUN_TIME, *ON_TOP)
@@ -43,6 +43,7 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
     "build": (*FOUNDATION, *DESIGN_TIME, "compile", "simulate"),
     "verbs": (*FOUNDATION, *RUN_TIME, "correct"),
     **{room: (*FOUNDATION, *DESIGN_TIME, *RUN_TIME, "build", *ON_TOP[:i]) for i, room in enumerate(ON_TOP)},
+    "effects": (*FOUNDATION, "declare", "derive"),
 }
 
 #: Rooms inside ``compile`` and which others each may import; a front differentiates what it has read by a pass.

@@ -17,12 +17,13 @@ from collections.abc import Sequence
 import numpy as np
 from sympy import Expr, tan, tanh
 
+from bondgraph import effects
 from bondgraph.declare.domains import ROTATION, TRANSLATION
 from bondgraph.declare.editing import with_values
 from bondgraph.declare.effect import Scale
 from bondgraph.declare.functions import TableFunction, clip, maximum, minimum
 from bondgraph.declare.graph import BondGraph, Handle
-from vehicle_graphs import effects, machine_effects
+from vehicle_graphs import machine_effects
 from vehicle_graphs.cvt import BeltRadii, belt_radii, belt_traction, flyweights, torque_feedback_gain
 from vehicle_graphs.cvt_geometry import BeltGeometry, FlyweightRamp, rounded, secondary_radius
 from vehicle_graphs.named_effects import Extension, acting_at, with_effects

@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from bondgraph import effects
 from bondgraph.build import build
 from bondgraph.data.log import Log, LogChannel
 from bondgraph.data.write import write_log
@@ -22,7 +23,6 @@ from bondgraph.declare.graph import BondGraph
 from bondgraph.errors import OptionError
 from bondgraph.simulate.model import Model
 from bondgraph.simulate.simulation import simulate
-from vehicle_graphs import effects
 from vehicle_graphs.driveline import driveline
 
 #: The declaration that the loop is closed on.

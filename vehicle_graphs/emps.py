@@ -13,11 +13,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from bondgraph import effects
 from bondgraph.declare.domains import TRANSLATION
 from bondgraph.declare.editing import with_values
 from bondgraph.declare.effect import Scale, effect_functions
 from bondgraph.declare.graph import BondGraph
-from vehicle_graphs import effects, machine_effects
+from vehicle_graphs import machine_effects
 from vehicle_graphs.named_effects import Extension, acting_at, with_effects
 
 #: Drive force and carriage speed that scale the bounds of added effects: 4 V of 10 V, and the fastest planned motion.
@@ -79,7 +80,7 @@ def start() -> BondGraph:
     return g
 
 
-#: Effects that may be added to the carriage, by name: those of ``vehicle_graphs.effects`` and ``machine_effects``.
+#: Effects that may be added to the carriage, by name: those of ``bondgraph.effects`` and ``machine_effects``.
 EFFECTS: dict[str, Extension] = {
     function.__name__: acting_at(function, "carriage", SCALE)
     for module in (effects, machine_effects)

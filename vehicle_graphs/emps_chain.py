@@ -2,7 +2,7 @@ r"""The correction of the EMPS declaration step by step: errors in force and ope
 
 Usage, after ``python -m vehicle_graphs.emps_logs FOLDER --out LOGS``::
 
-    bondgraph close-loop vehicle_graphs.emps:start --effects vehicle_graphs.effects vehicle_graphs.machine_effects \
+    bondgraph close-loop vehicle_graphs.emps:start --effects bondgraph.effects vehicle_graphs.machine_effects \
         --data LOGS/train_slow.csv --holdout LOGS/test_slow.csv --max-effects 6 --out loop
     python -m vehicle_graphs.emps_chain LOGS
 

@@ -16,13 +16,13 @@ from collections.abc import Sequence
 
 from sympy import Expr, tanh
 
+from bondgraph import effects
 from bondgraph.declare.domains import ROTATION, TRANSLATION
 from bondgraph.declare.editing import with_values
 from bondgraph.declare.effect import Effect, Place, Scale
 from bondgraph.declare.functions import maximum
 from bondgraph.declare.graph import BondGraph
 from bondgraph.declare.quantities import symbol
-from vehicle_graphs import effects
 from vehicle_graphs.named_effects import Extension, acting_at, with_effects
 
 #: Curb mass of the data sheet (1195 kg) and two persons or one with luggage.

@@ -37,7 +37,7 @@ def acting_at(function: EffectFunction, junction: str, scale: Scale) -> Extensio
     Examples
     --------
     >>> from bondgraph.declare.domains import TRANSLATION
-    >>> from vehicle_graphs.effects import quadratic_loss
+    >>> from bondgraph.effects import quadratic_loss
     >>> g = BondGraph("sled")
     >>> body = g.one_junction("body", TRANSLATION)
     >>> acting_at(quadratic_loss, "body", Scale(100.0, 10.0))(g)
@@ -66,7 +66,7 @@ def with_effects(graph: BondGraph, effects: Mapping[str, Extension], names: Sequ
     Examples
     --------
     >>> from vehicle_graphs.driveline import driveline
-    >>> from vehicle_graphs.effects import constant_effort, viscous_loss
+    >>> from bondgraph.effects import constant_effort, viscous_loss
     >>> crank = Scale(100.0, 300.0)
     >>> effects = {name: acting_at(function, "primary", crank)
     ...            for name, function in (("load", constant_effort), ("drag", viscous_loss))}

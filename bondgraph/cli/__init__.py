@@ -30,6 +30,7 @@ COMMANDS = {
     "estimate": "runs",
     "sensitivity": "runs",
     "close-loop": "loops",
+    "effects": "dictionary",
     "demo": "loops",
 }
 

@@ -31,6 +31,7 @@ def parser() -> argparse.ArgumentParser:
     _add_linearise(commands)
     _add_run_commands(commands)
     _add_loop_commands(commands)
+    _add_effects(commands)
     return top
 
 
@@ -40,6 +41,21 @@ def _command(commands: Any, name: str, summary: str, examples: str) -> argparse.
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )  # fmt: skip
     return added
+
+
+def _add_effects(commands: Any) -> None:
+    c = _command(
+        commands, "effects", "list the effects that a loop can try, or show one with its law and picture",
+        "  bondgraph effects\n  bondgraph effects --domain hydraulic\n"
+        "  bondgraph effects relief_valve --picture relief.svg",
+    )  # fmt: skip
+    c.add_argument("name", nargs="?", default="", metavar="NAME", help="an effect, by its name in any domain")
+    c.add_argument(
+        "--domain", default="", choices=("mechanical", "electrical", "hydraulic", "thermal", "chemical"),
+        help="effects of one domain",
+    )  # fmt: skip
+    c.add_argument("--json", action="store_true", help="print the table as JSON")
+    c.add_argument("--picture", metavar="FILE", help="draw the law over its variable (.svg, .png, .pdf)")
 
 
 def _add_graph_commands(commands: Any) -> None:
@@ -289,9 +305,9 @@ def _add_problem(command: argparse.ArgumentParser) -> None:
 def _add_loop(command: argparse.ArgumentParser) -> None:
     _add_problem(command)
     command.add_argument(
-        "--effects", nargs="+", default=["vehicle_graphs.effects"], metavar="EFFECT",
+        "--effects", nargs="+", default=["bondgraph.effects"], metavar="EFFECT",
         help="effects to try: modules or files of effect functions, single ones as module:name, names of shipped ones "
-        "(default: vehicle_graphs.effects)",
+        "(default: bondgraph.effects)",
     )  # fmt: skip
     command.add_argument(
         "--without", nargs="+", default=[], metavar="NAME", help="effects or sensor faults that are not to be tried"

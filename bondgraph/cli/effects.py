@@ -6,13 +6,13 @@ from collections.abc import Mapping, Sequence
 from types import ModuleType
 
 from bondgraph.cli.values import names
-from bondgraph.correct.models.faults import SENSOR_FAULTS
 from bondgraph.declare.effect import EffectFunction, effect_functions
 from bondgraph.declare.loading import load_module, split_reference
+from bondgraph.effects.sensors import SENSOR_FAULTS
 from bondgraph.errors import DeclarationError, OptionError, suggest
 
 #: The effects that are tried where nothing else is said, and whose names may be given alone.
-SHIPPED = "vehicle_graphs.effects"
+SHIPPED = "bondgraph.effects"
 
 
 def chosen_effects(given: Sequence[str], without: Sequence[str] = ()) -> tuple[EffectFunction, ...]:
@@ -33,7 +33,7 @@ def chosen_effects(given: Sequence[str], without: Sequence[str] = ()) -> tuple[E
 
     Examples
     --------
-    >>> [one.__name__ for one in chosen_effects(["backlash", "vehicle_graphs.effects:creep"])]
+    >>> [one.__name__ for one in chosen_effects(["backlash", "bondgraph.effects:creep"])]
     ['backlash', 'creep']
     """
     found = {function: None for one in names(given) for function in _functions(one)}

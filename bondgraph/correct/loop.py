@@ -33,7 +33,6 @@ from bondgraph.correct.fits.setup import FilterSetup, filter_setup
 from bondgraph.correct.fits.whiteness import Whiteness, whiteness
 from bondgraph.correct.models.failures import FAILURES
 from bondgraph.correct.models.failures import reason as reason_of
-from bondgraph.correct.models.faults import SENSOR_FAULTS
 from bondgraph.correct.models.resting import RESTING, with_resting_state, without_resting_state
 from bondgraph.correct.models.started import start_cautions, with_declared_starts
 from bondgraph.correct.places.structure import Structure, structure
@@ -46,6 +45,7 @@ from bondgraph.data.log import MatchedLog
 from bondgraph.declare.editing import handle, with_bounds, with_values, without_input_rates
 from bondgraph.declare.effect import EffectFunction, Place, Scale
 from bondgraph.declare.graph import BondGraph
+from bondgraph.effects.sensors import SENSOR_FAULTS
 from bondgraph.errors import BondGraphError, DataError, EstimationError, OptionError
 from bondgraph.estimate.certify import Check
 from bondgraph.estimate.free import FreeParameter, parse_target

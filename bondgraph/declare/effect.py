@@ -39,8 +39,10 @@ class Scale:
 
 @dataclass(frozen=True)
 class Place:
-    """Where an effect may be added: a junction, a bond between two nodes (then ``junction`` is its tail), or a sensor.
+    """Where an effect may be added: a junction, a bond (then ``junction`` is its tail), two junctions, or a sensor.
 
+    Two junctions of one kind and domain, between which something may leak or rub, are ``junction`` and ``other``; then
+    the scale holds the difference of what they have in common, efforts or flows, and ``bond`` is none of the graph's.
     A sensor is named by ``output``; its ``junction`` is then no node, and its scale holds the size of what it shows
     (``effort``) and how far that moves from its mean (``flow``), both in the sensor's unit. Laws that turn round with
     the flow are smoothed over a share ``smoothing`` of its scale, which explicit integration needs.
@@ -51,6 +53,18 @@ class Place:
     bond: Bond | None = None
     output: str = ""
     smoothing: float = SMOOTHING
+    other: Handle | None = None
+
+    @classmethod
+    def between(cls, first: Handle, second: Handle, scale: Scale, smoothing: float = SMOOTHING) -> Place:
+        """Two junctions of one kind and domain.
+
+        Examples
+        --------
+        >>> Place.between(Handle("a", "0", None), Handle("b", "0", None), Scale(1e5, 1e-4)).label
+        'a and b'
+        """
+        return cls(first, scale, Bond(first.name, second.name), smoothing=smoothing, other=second)
 
     @classmethod
     def sensor(cls, output: str, scale: Scale) -> Place:
@@ -74,6 +88,8 @@ class Place:
         """The place as a person reads it."""
         if self.output:
             return f"sensor {self.output}"
+        if self.other is not None:
+            return f"{self.junction.name} and {self.other.name}"
         return self.junction.name if self.bond is None else str(self.bond)
 
     @property
@@ -93,7 +109,9 @@ class Effect:
     ``widths`` are parameters that only smooth the law, flows over which it changes its sign: they keep their values
     unless the logs ask for others. ``dissipative``: a positive coefficient takes energy out of the machine, so that a
     negative one is no such law.
-    ``reference`` says where the law comes from. A fault of a sensor names its ``channel`` and ``kind``.
+    ``grids`` holds the values at which shapes are tried that are tried at values of their own, such as whole numbers.
+    ``reference`` says where the law comes from, ``manoeuvre`` what shows it in a log. A fault of a sensor names its
+    ``channel`` and ``kind``.
 
     The bounds of a coefficient scale the search for it, and are widened where that ends on one; only zero is kept.
     """
@@ -110,6 +128,8 @@ class Effect:
     kind: str = ""
     dissipative: bool = False
     widths: tuple[str, ...] = ()
+    manoeuvre: str = ""
+    grids: tuple[tuple[str, tuple[float, ...]], ...] = ()
 
     def __post_init__(self) -> None:
         check_name(self.name, lambda problem: DeclarationError(f"effect: {problem}", where=(self.name,)))
@@ -123,7 +143,7 @@ class Effect:
 EffectFunction = Callable[[BondGraph, Place], Effect | None]
 
 #: Module of the effect functions that are tried where none are named.
-EFFECTS = "vehicle_graphs.effects"
+EFFECTS = "bondgraph.effects"
 
 
 def sensor_fault(function: EffectFunction) -> EffectFunction:
@@ -132,15 +152,22 @@ def sensor_fault(function: EffectFunction) -> EffectFunction:
     return function
 
 
+def between_junctions(function: EffectFunction) -> EffectFunction:
+    """Mark an effect function as one between two junctions: it is offered every such pair, and nothing else."""
+    function.__dict__["for_pairs"] = True
+    return function
+
+
 def is_for(function: EffectFunction, place: Place) -> bool:
     """Whether an effect function is to be offered a place."""
-    return bool(place.output) == getattr(function, "for_sensors", False)
+    for_sensors, for_pairs = (getattr(function, mark, False) for mark in ("for_sensors", "for_pairs"))
+    return (bool(place.output), place.other is not None) == (for_sensors, for_pairs)
 
 
 def effect_functions(module: ModuleType) -> tuple[EffectFunction, ...]:
     """The effect functions of a module or of the modules of a package, in order of definition or import.
 
-    A module that defines none offers those that it imports.
+    A module that defines none offers those that it imports; one that has ``__all__`` offers what that lists.
 
     Examples
     --------
@@ -152,7 +179,8 @@ def effect_functions(module: ModuleType) -> tuple[EffectFunction, ...]:
     >>> [function.__name__ for function in effect_functions(module)]
     ['no_effect']
     """
-    public = [one for name, one in vars(module).items() if not name.startswith("_") and inspect.isfunction(one)]
+    names = getattr(module, "__all__", [name for name in vars(module) if not name.startswith("_")])
+    public = [one for name in names if inspect.isfunction(one := getattr(module, name, None))]
     own = tuple(one for one in public if _defined_in(module, one) and is_effect_function(one))
     return own or tuple(filter(is_effect_function, public))
 

@@ -6,6 +6,7 @@ import time
 
 import numpy as np
 
+from bondgraph import effects
 from bondgraph.build import build
 from bondgraph.correct.fits.fitted import Fit
 from bondgraph.correct.loop import LoopSettings, close_loop
@@ -14,7 +15,7 @@ from bondgraph.declare.editing import copy, handle, with_values
 from bondgraph.declare.effect import Effect, Place, Scale, effect_functions
 from bondgraph.simulate.simulation import simulate
 from bondgraph.simulate.stiff import Rosenbrock
-from vehicle_graphs import effects, ranger
+from vehicle_graphs import ranger
 from vehicle_graphs.ranger_filters import SENSORS
 
 #: What is estimated beside the effect: those that a thesis on this vehicle estimated.

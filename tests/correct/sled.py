@@ -6,6 +6,7 @@ import functools
 
 import numpy as np
 
+from bondgraph import effects
 from bondgraph.build import BuiltModel, build
 from bondgraph.correct.fits.fit import fit
 from bondgraph.correct.fits.fitted import Fit
@@ -17,7 +18,6 @@ from bondgraph.declare.editing import handle, with_values
 from bondgraph.declare.effect import Effect, EffectFunction, Place, Scale
 from bondgraph.declare.graph import BondGraph
 from bondgraph.simulate.simulation import simulate
-from vehicle_graphs import effects
 
 NOISE = {"speed": 0.02, "force": 1.5}
 #: Quick to try, and each of another shape.

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from bondgraph import effects
 from bondgraph.build import build
 from bondgraph.correct.fits.fit import fit
 from bondgraph.correct.fits.setup import filter_setup
@@ -14,7 +15,6 @@ from bondgraph.correct.models.candidates import candidates, places
 from bondgraph.data.log import MatchedLog
 from bondgraph.declare.domains import ROTATION, TRANSLATION
 from bondgraph.declare.graph import BondGraph
-from vehicle_graphs import effects
 
 
 def geared_hub() -> BondGraph:

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 import sympy
 
+from bondgraph import effects
 from bondgraph.build import build
 from bondgraph.correct.evidence.decide import robust_p_value
 from bondgraph.correct.fits.fit import fit
@@ -23,7 +24,7 @@ from bondgraph.declare.json_writer import graph_to_json
 from bondgraph.estimate.free import FreeParameter
 from tests.correct import sled
 from tests.correct.buggy import AIR, LOSS, RADIUS, buggy, coast
-from vehicle_graphs import effects, machine_effects
+from vehicle_graphs import machine_effects
 
 LAWS: tuple[EffectFunction, ...] = (
     effects.constant_effort, effects.viscous_loss, effects.coulomb_loss, effects.quadratic_loss,

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from sympy import tanh
 
+from bondgraph import effects
 from bondgraph.build import build
 from bondgraph.correct.evidence.context import coefficients
 from bondgraph.correct.fits.setup import filter_setup
@@ -22,7 +23,6 @@ from bondgraph.declare.revision import revise_law
 from bondgraph.errors import DeclarationError, EstimationError, OptionError
 from bondgraph.filter.runs import run
 from tests.correct.sled import built, fitted, pull, sled
-from vehicle_graphs import effects
 from vehicle_graphs.driveline import driveline
 
 

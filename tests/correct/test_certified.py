@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from bondgraph import effects
 from bondgraph.build import build
 from bondgraph.correct.evidence import certified
 from bondgraph.correct.evidence.certified import certify, doubts, refined, resolving, step_gain
@@ -29,7 +30,6 @@ from bondgraph.filter.discretisation import NEGLIGIBLE
 from tests.correct import fan
 from tests.correct.sled import fitted, pull, sled
 from tests.correct.test_stiff import drawn, setup_of
-from vehicle_graphs import effects
 
 
 def test_a_resolved_fit_is_certified() -> None:

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from bondgraph import effects
 from bondgraph.correct.confirmation import Confirmation, confirmation
 from bondgraph.correct.fits.assess import assess
 from bondgraph.correct.fits.fitted import Fit
@@ -19,7 +20,6 @@ from bondgraph.report.closed_loop import explanation
 from bondgraph.report.closed_loop import report_data as data_of
 from bondgraph.report.html import Provenance
 from tests.correct.sled import FUNCTIONS, added, built, fitted, pull, sled
-from vehicle_graphs import effects
 
 DRAG = 1.2
 

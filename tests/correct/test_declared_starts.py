@@ -7,13 +7,13 @@ import functools
 import numpy as np
 import pytest
 
+from bondgraph import effects
 from bondgraph.build import build
 from bondgraph.correct.loop import ClosedLoop, LoopSettings, close_loop
 from bondgraph.data.log import MatchedLog
 from bondgraph.declare.domains import TRANSLATION
 from bondgraph.declare.graph import BondGraph
 from bondgraph.simulate.simulation import simulate
-from vehicle_graphs import effects
 
 #: Name, value, unit, and bounds that somebody is sure of or is not.
 PARAMETERS = (

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
+from bondgraph import effects
 from bondgraph.correct.loop import ClosedLoop, LoopSettings, close_loop
 from bondgraph.correct.search.disturbances import DISTURBANCE, described
 from bondgraph.data.log import FloatArray, MatchedLog
 from bondgraph.declare.domains import TRANSLATION
 from bondgraph.declare.graph import BondGraph
-from vehicle_graphs import effects
 
 #: Mass, drag, standard deviation and correlation time of the wind of the cart below, and the noise of its sensor.
 MASS, DRAG, GUST, LASTS, NOISE = 20.0, 8.0, 6.0, 3.0, 0.01

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from bondgraph import effects
 from bondgraph.build import build
 from bondgraph.correct.loop import ClosedLoop, close_loop
 from bondgraph.correct.result import result_json
@@ -17,7 +18,6 @@ from bondgraph.report.closed_loop import explanation, report_data
 from bondgraph.report.html import Provenance
 from bondgraph.simulate.simulation import simulate
 from tests.correct.sled import FUNCTIONS, NOISE, added, pull, sled
-from vehicle_graphs import effects
 
 WHEN, DRAG, PUSH = 22.0, 1.2, 30.0
 

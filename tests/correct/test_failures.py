@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from bondgraph import effects
 from bondgraph.correct import rest
 from bondgraph.correct.fits.fitted import standard_deviations
 from bondgraph.correct.loop import ClosedLoop, LoopSettings, close_loop
@@ -19,7 +20,6 @@ from bondgraph.estimate.objective import Expansion
 from bondgraph.estimate.steps import damped_step, newton_decrement
 from bondgraph.estimate.symmetric import informed, scaled_eigen
 from tests.correct.sled import FUNCTIONS, added, pull, sled
-from vehicle_graphs import effects
 
 
 class Box:

@@ -8,19 +8,19 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from bondgraph import effects
 from bondgraph.build import build
 from bondgraph.correct.fits.fit import fit
 from bondgraph.correct.fits.journal import Journal
 from bondgraph.correct.fits.setup import filter_setup
 from bondgraph.correct.loop import LoopSettings, close_loop, free_parameters
-from bondgraph.correct.models.faults import sensor_bias
 from bondgraph.correct.result import result_json
 from bondgraph.correct.round import one_round
 from bondgraph.data.log import FloatArray, MatchedLog
 from bondgraph.declare.editing import handle
+from bondgraph.effects.sensors import sensor_bias
 from bondgraph.errors import EstimationError
 from tests.correct.sled import FUNCTIONS, NOISE, pull, sled
-from vehicle_graphs import effects
 
 FAULTS = {
     "bias": (lambda y, t: y + 0.15, 0.15),

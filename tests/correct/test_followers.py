@@ -7,6 +7,7 @@ import functools
 import numpy as np
 import pytest
 
+from bondgraph import effects
 from bondgraph.build import BuiltModel, build
 from bondgraph.correct.evidence.context import Context
 from bondgraph.correct.evidence.trials import Trial
@@ -27,7 +28,6 @@ from bondgraph.declare.json_writer import graph_to_json
 from bondgraph.filter.follows import with_followers
 from bondgraph.report.simulation import SimulationOptions, simulate_graph
 from bondgraph.simulate.simulation import simulate
-from vehicle_graphs import effects
 
 RATIO, J_M, J_F, DRAG, SOFT = 4.0, 4e-4, 0.02, 4e-4, 6.0
 

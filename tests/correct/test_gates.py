@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from bondgraph import effects
 from bondgraph.build import build
 from bondgraph.correct.scores.gates import Gate, gated
 from bondgraph.data.log import MatchedLog
@@ -12,7 +13,6 @@ from bondgraph.declare.editing import copy, handle, with_values
 from bondgraph.declare.effect import Place, Scale
 from bondgraph.simulate.simulation import simulate
 from tests.correct.sled import added, pull, sled
-from vehicle_graphs import effects
 
 SWITCH, MASS = 13.0, 25.0
 

@@ -7,6 +7,7 @@ import math
 
 import pytest
 
+from bondgraph import effects
 from bondgraph.correct.evidence.decide import detectable
 from bondgraph.correct.evidence.trials import Trial
 from bondgraph.correct.models.candidates import Candidate, candidates
@@ -17,7 +18,6 @@ from bondgraph.declare.effect import Place, Scale
 from bondgraph.report.html import Power
 from bondgraph.report.tables import power_table, text_of
 from tests.correct.sled import added, built, fitted, pull, sled
-from vehicle_graphs import effects
 
 
 def scored_at(**flows: float) -> tuple[list[Candidate], Scored]:

@@ -8,11 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from bondgraph import effects
 from bondgraph.build import build
 from bondgraph.correct.evidence.context import at_optimum, coefficients
 from bondgraph.correct.fits.fit import fit
 from bondgraph.correct.loop import ClosedLoop, close_loop
-from bondgraph.correct.models.faults import SENSOR_FAULTS
 from bondgraph.correct.places.missing import missing_effort
 from bondgraph.correct.round import one_round
 from bondgraph.data.log import MatchedLog
@@ -20,10 +20,10 @@ from bondgraph.declare.editing import handle
 from bondgraph.declare.effect import Place, Scale, effect_functions
 from bondgraph.declare.files import read_graph, write_graph
 from bondgraph.declare.graph import BondGraph
+from bondgraph.effects.sensors import SENSOR_FAULTS
 from bondgraph.errors import DataError, OptionError
 from bondgraph.estimate.certify import NEGLIGIBLE_SHIFT
 from tests.correct.sled import FUNCTIONS, added, built, fitted, pull, sled
-from vehicle_graphs import effects
 
 QUADRATIC = 1.2
 

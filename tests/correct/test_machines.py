@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from bondgraph import effects
 from bondgraph.build import build
 from bondgraph.correct.loop import LoopSettings, close_loop
 from bondgraph.data.log import MatchedLog
@@ -14,7 +15,6 @@ from bondgraph.declare.graph import BondGraph
 from bondgraph.report.closed_loop import explanation, report_data, summary
 from bondgraph.report.html import Provenance
 from bondgraph.simulate.simulation import simulate
-from vehicle_graphs import effects
 
 MADE = Provenance("close-loop", None, {}, (), (), 0.0)
 

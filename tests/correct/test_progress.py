@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 
+from bondgraph import effects
 from bondgraph.build import build
 from bondgraph.correct.evidence.context import at_optimum, coefficients
 from bondgraph.correct.evidence.trials import Trial
@@ -16,7 +17,6 @@ from bondgraph.correct.round import RoundSettings
 from bondgraph.declare.editing import handle
 from bondgraph.declare.effect import Place, Scale
 from tests.correct.sled import added, built, fitted, pull, sled
-from vehicle_graphs import effects
 
 
 def test_a_wind_on_a_drag_that_is_withdrawn_goes_with_it() -> None:

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from bondgraph import effects
 from bondgraph.build import build
 from bondgraph.correct.evidence import confirm
 from bondgraph.correct.evidence.confirm import confirmed
@@ -25,7 +26,7 @@ from bondgraph.correct.search.refit import refit_from
 from bondgraph.data.log import MatchedLog
 from bondgraph.simulate.simulation import simulate
 from tests.correct.sled import FUNCTIONS, added, built, fitted, pull, sled
-from vehicle_graphs import effects, emps
+from vehicle_graphs import emps
 from vehicle_graphs.effect_study.cases import Case
 from vehicle_graphs.effect_study.generate import draw
 from vehicle_graphs.effect_study.machines import BENCH

@@ -17,10 +17,10 @@ from bondgraph.declare.domains import TRANSLATION
 from bondgraph.declare.editing import handle, with_input_rates, with_values, without_input_rates
 from bondgraph.declare.effect import Effect, Place, Scale
 from bondgraph.declare.graph import BondGraph
+from bondgraph.effects import constant_effort, quadratic_loss
 from bondgraph.errors import DeclarationError
 from bondgraph.simulate.simulation import simulate
 from tests.correct.sled import sled
-from vehicle_graphs.effects import constant_effort, quadratic_loss
 from vehicle_graphs.machine_effects import uncounted_inertia
 
 NOISE = np.array([[0.3], [0.01]])

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
+from bondgraph import effects
 from bondgraph.compile.machine_code import has_numba
 from bondgraph.correct.evidence.context import coefficients
 from bondgraph.correct.models.candidates import Candidate, candidates, places, superset
-from bondgraph.correct.models.faults import SENSOR_FAULTS
 from bondgraph.correct.places.located import locate
 from bondgraph.correct.places.probes import hats, probes, signals
 from bondgraph.correct.places.structure import structure
@@ -20,10 +20,10 @@ from bondgraph.correct.responses.response import Change, _phi
 from bondgraph.correct.scores.gates import best_gated, gate_samples
 from bondgraph.correct.scores.scoring import Linearisation, linearisation, score_candidates
 from bondgraph.data.log import MatchedLog
+from bondgraph.effects.sensors import SENSOR_FAULTS
 from bondgraph.estimate.objective import central_differences
 from bondgraph.estimate.problem import EstimationProblem
 from tests.correct.sled import FUNCTIONS, added, built, fitted, pull, sled
-from vehicle_graphs import effects
 
 
 @pytest.fixture(scope="module")

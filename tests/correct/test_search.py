@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from sympy import tanh
 
+from bondgraph import effects
 from bondgraph.build import build
 from bondgraph.correct.evidence.context import Context
 from bondgraph.correct.evidence.decide import CLOSE, alternatives, choose
@@ -16,7 +17,6 @@ from bondgraph.correct.evidence.trials import Trial
 from bondgraph.correct.fits.fit import fit, no_report
 from bondgraph.correct.loop import free_parameters
 from bondgraph.correct.models.candidates import candidates, places
-from bondgraph.correct.models.faults import sensor_delay
 from bondgraph.correct.round import Round, one_round
 from bondgraph.correct.scores.gates import Gate, _peers, best_gated, gate_samples, gated
 from bondgraph.correct.scores.scoring import Scored, linearisation, score_candidates
@@ -25,12 +25,12 @@ from bondgraph.correct.search.search import OPTIMISM, Entry, Search, left_out, s
 from bondgraph.data.log import MatchedLog
 from bondgraph.declare.editing import handle, with_values
 from bondgraph.declare.effect import EffectFunction, Place, Scale
+from bondgraph.effects.sensors import sensor_delay
 from bondgraph.errors import FilterError
 from bondgraph.simulate.simulation import simulate
 from tests.correct.test_stiff import cubic_loss
 from tests.correct.test_stiff import rivals as drags
 from tests.correct.winch import NOISE, built, drawn, fitted_to, setup_of, winch
-from vehicle_graphs import effects
 
 SWITCH = 11.0
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 
+from bondgraph import effects
 from bondgraph.build import build
 from bondgraph.correct.fits import starts
 from bondgraph.correct.fits.fit import fit
@@ -16,7 +17,6 @@ from bondgraph.data.log import MatchedLog
 from bondgraph.declare.editing import copy, handle, with_values
 from bondgraph.declare.effect import Place
 from bondgraph.declare.graph import BondGraph
-from vehicle_graphs import effects
 from vehicle_graphs.effect_study.cases import Case
 from vehicle_graphs.effect_study.generate import Drawn, draw, settled
 from vehicle_graphs.effect_study.machines import BENCH

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from bondgraph import effects
 from bondgraph.correct.evidence import confirm
 from bondgraph.correct.evidence.confirm import confirmed
 from bondgraph.correct.evidence.context import Context
@@ -30,7 +31,6 @@ from bondgraph.declare.graph import BondGraph
 from bondgraph.estimate.objective import SearchOutcome, central_differences
 from bondgraph.filter.samples import Samples
 from tests.correct.winch import built, drawn, fitted, setup_of
-from vehicle_graphs import effects
 
 
 def test_the_method_and_what_walks_are_found_from_model_and_logs() -> None:

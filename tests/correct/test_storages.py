@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from bondgraph import effects
 from bondgraph.build import build
 from bondgraph.correct.evidence import confirm
 from bondgraph.correct.evidence.context import Context
@@ -32,7 +33,6 @@ from bondgraph.declare.elements import Bond
 from bondgraph.declare.graph import BondGraph
 from bondgraph.simulate.simulation import simulate
 from tests.correct.winch import NOISE, winch
-from vehicle_graphs import effects
 from vehicle_graphs.effect_study.cases import Case
 from vehicle_graphs.effect_study.generate import draw
 from vehicle_graphs.effect_study.machines import BENCH

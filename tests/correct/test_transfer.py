@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from bondgraph import effects
 from bondgraph.correct.evidence.context import at_optimum
 from bondgraph.correct.evidence.decide import alternatives, choose
 from bondgraph.correct.evidence.transfer import Transfer, folds, left_out, transfer
@@ -20,7 +21,6 @@ from bondgraph.data.log import MatchedLog
 from bondgraph.declare.graph import BondGraph
 from bondgraph.estimate.objective import Terms
 from tests.correct.sled import FUNCTIONS, added, fitted, pull, sled
-from vehicle_graphs import effects
 
 DRAG = 0.05
 

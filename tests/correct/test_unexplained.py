@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from sympy import exp
 
+from bondgraph import effects
 from bondgraph.build import build
 from bondgraph.correct.evidence.context import at_optimum
 from bondgraph.correct.fits.fit import fit
@@ -22,7 +23,6 @@ from bondgraph.declare.quantities import symbol
 from bondgraph.report.missing import missing_efforts
 from bondgraph.simulate.simulation import simulate
 from tests.correct.sled import FUNCTIONS, NOISE, added, fitted, pull, sled
-from vehicle_graphs import effects
 
 #: Its nearest relatives are offered, and none of them is it.
 OFFERED: tuple[EffectFunction, ...] = (*FUNCTIONS, effects.coulomb_loss)

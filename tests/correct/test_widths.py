@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import pytest
 
+from bondgraph import effects
 from bondgraph.correct.evidence.context import Context
 from bondgraph.correct.evidence.trials import Evidence, Trial
 from bondgraph.correct.loop import ClosedLoop, LoopSettings, close_loop
@@ -14,7 +15,6 @@ from bondgraph.correct.search.widths import at_any_width, is_due
 from bondgraph.declare.effect import EffectFunction
 from tests.correct import sled
 from tests.correct.drive import DRAG, FRICTION, WIDTH, drive, turned
-from vehicle_graphs import effects
 
 LAWS: tuple[EffectFunction, ...] = (
     effects.viscous_loss, effects.coulomb_loss, effects.stribeck_loss, effects.quadratic_loss,

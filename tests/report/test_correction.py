@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 import bondgraph as bg
+from bondgraph import effects
 from bondgraph.build import build
 from bondgraph.data.log import Log, LogChannel
 from tests.correct.sled import FUNCTIONS, added, pull, sled
-from vehicle_graphs import effects
 
 
 def as_read(log: bg.MatchedLog) -> Log:

@@ -7,12 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from bondgraph import effects
 from bondgraph.build import build
 from bondgraph.correct.loop import ClosedLoop, close_loop
 from bondgraph.data.matching import match
 from bondgraph.data.read import read_log
 from bondgraph.declare.effect import effect_functions
-from vehicle_graphs import effects
 from vehicle_graphs.demo import MISSING, SENSOR_NOISE, Missing, Truth, pick, write_drives
 from vehicle_graphs.driveline import driveline
 

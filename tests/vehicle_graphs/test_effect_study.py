@@ -15,10 +15,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from bondgraph import effects
 from bondgraph.correct.loop import ClosedLoop, close_loop
-from bondgraph.correct.models import faults
+from bondgraph.effects import sensors
 from bondgraph.errors import DataError, OptionError
-from vehicle_graphs import effects
 from vehicle_graphs.effect_study import __main__ as command
 from vehicle_graphs.effect_study import generate, tables
 from vehicle_graphs.effect_study import study as running
@@ -117,7 +117,7 @@ def test_noise_has_unit_variance_and_the_promised_shape() -> None:
 
 @pytest.mark.parametrize("machine", MACHINES.values(), ids=lambda machine: machine.name)
 def test_every_effect_of_a_machine_makes_sense_at_its_place(machine: StudyMachine) -> None:
-    known = {function.__name__ for function in (*machine.functions, *faults.SENSOR_FAULTS)}
+    known = {function.__name__ for function in (*machine.functions, *sensors.SENSOR_FAULTS)}
     assert len(machine.kinds) >= 12 and len({kind.label for kind in machine.kinds}) == len(machine.kinds)
     if machine is BENCH:  # deriving the vehicle so often takes minutes; the slow test does
         for kind in (*machine.kinds, *machine.faults):

@@ -8,13 +8,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from bondgraph import effects
 from bondgraph.build import BuiltModel, build
 from bondgraph.declare.editing import copy, handle, with_values
 from bondgraph.declare.effect import Effect, EffectFunction, Place, Scale
 from bondgraph.declare.files import read_graph, write_graph
 from bondgraph.declare.graph import BondGraph
 from bondgraph.simulate.model import Model
-from vehicle_graphs import effects, ranger
+from vehicle_graphs import ranger
 
 SCALE = Scale(500.0, 20.0)
 

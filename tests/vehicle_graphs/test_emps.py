@@ -9,6 +9,7 @@ import pandas as pd
 import pytest
 from numpy.testing import assert_allclose
 
+from bondgraph import effects
 from bondgraph.build import build
 from bondgraph.data.log import Log
 from bondgraph.data.matching import match
@@ -16,7 +17,7 @@ from bondgraph.data.read import read_log
 from bondgraph.declare.effect import effect_functions
 from bondgraph.errors import DataError, OptionError
 from bondgraph.simulate.simulation import simulate
-from vehicle_graphs import effects, emps, emps_chain, emps_logs, machine_effects
+from vehicle_graphs import emps, emps_chain, emps_logs, machine_effects
 
 RECORDINGS = ("measured", "emps")
 

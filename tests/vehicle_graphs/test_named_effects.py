@@ -9,9 +9,9 @@ import pytest
 from bondgraph.declare.domains import ROTATION, TRANSLATION
 from bondgraph.declare.effect import Scale
 from bondgraph.declare.graph import BondGraph
+from bondgraph.effects import added_inertia, quadratic_loss, viscous_loss
 from bondgraph.errors import OptionError
 from vehicle_graphs import baja, emps, i3
-from vehicle_graphs.effects import added_inertia, quadratic_loss, viscous_loss
 from vehicle_graphs.named_effects import Extension, acting_at, with_effects
 
 SCALE = Scale(100.0, 10.0)

@@ -11,12 +11,12 @@ import numpy as np
 
 from bondgraph.build import build
 from bondgraph.correct.loop import LoopSettings
-from bondgraph.correct.models.faults import SENSOR_FAULTS
 from bondgraph.data.log import FloatArray
 from bondgraph.declare.editing import copy, handle
 from bondgraph.declare.effect import Effect, EffectFunction, Place, Scale
 from bondgraph.declare.elements import Bond
 from bondgraph.declare.graph import BondGraph
+from bondgraph.effects.sensors import SENSOR_FAULTS
 from bondgraph.errors import OptionError, suggest
 from bondgraph.simulate.model import Model
 from bondgraph.simulate.quantities import ParameterInfo
@@ -50,7 +50,7 @@ class Kind:
 
     Examples
     --------
-    >>> from vehicle_graphs.effects import quadratic_loss
+    >>> from bondgraph.effects import quadratic_loss
     >>> Kind(quadratic_loss, "body", 0.1).label
     'quadratic_loss at body'
     """

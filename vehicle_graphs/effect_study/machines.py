@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
+from bondgraph import effects
 from bondgraph.correct.loop import LoopSettings
-from bondgraph.correct.models import faults
 from bondgraph.data.log import FloatArray
 from bondgraph.declare.effect import Scale, effect_functions
+from bondgraph.effects import sensors
 from bondgraph.simulate.model import Model
-from vehicle_graphs import effects, ranger
+from vehicle_graphs import ranger
 from vehicle_graphs.demo import SENSOR_NOISE
 from vehicle_graphs.driveline import driveline
 from vehicle_graphs.effect_study.machine import Kind, StudyMachine
@@ -93,13 +94,13 @@ BENCH = StudyMachine(
             "speed": (0.05, 0.01, 0.002, 0.02),
         }.items()
         for fault, guess in zip(
-            (faults.sensor_bias, faults.sensor_scale, faults.sensor_drift, faults.sensor_delay), sizes, strict=True
+            (sensors.sensor_bias, sensors.sensor_scale, sensors.sensor_drift, sensors.sensor_delay), sizes, strict=True
         )
     ),
     pairs=(
         (Kind(effects.quadratic_loss, "body", 0.05), Kind(effects.slip, "belt", 1e-4)),
         (Kind(effects.coulomb_loss, "axle", 10.0), Kind(effects.actuator_scale, "primary", -0.02)),
-        (Kind(effects.added_inertia, "body", 20.0), Kind(faults.sensor_scale, "axle_speed", 0.01)),
+        (Kind(effects.added_inertia, "body", 20.0), Kind(sensors.sensor_scale, "axle_speed", 0.01)),
     ),
     masking=(
         (Kind(effects.actuator_scale, "primary", 0.02), Kind(effects.torque_proportional_loss, "axle", 0.02)),
@@ -151,11 +152,11 @@ RANGER = StudyMachine(
             "forward_velocity": (0.1, 0.01, 0.005, 0.03),
         }.items()
         for fault, guess in zip(
-            (faults.sensor_bias, faults.sensor_scale, faults.sensor_drift, faults.sensor_delay), sizes, strict=True
+            (sensors.sensor_bias, sensors.sensor_scale, sensors.sensor_drift, sensors.sensor_delay), sizes, strict=True
         )
     ),
     pairs=((Kind(effects.quadratic_loss, "body.forward", 0.2), Kind(effects.creep, "rear_tyre.contact", 1e-4)),),
-    masking=((Kind(effects.added_inertia, "body.forward", 60.0), Kind(faults.sensor_scale, "axle_speed", 0.01)),),
+    masking=((Kind(effects.added_inertia, "body.forward", 60.0), Kind(sensors.sensor_scale, "axle_speed", 0.01)),),
     noise=SENSORS,
     excite=vehicle_drive,
     scale=Scale(1000.0, 20.0),

@@ -10,6 +10,7 @@ import numpy as np
 
 from bondgraph.build import BuiltModel, build, model_of
 from bondgraph.correct.models.bonds import bond_model
+from bondgraph.correct.models.pairs import pairs, sizes
 from bondgraph.data.log import FloatArray, MatchedLog
 from bondgraph.declare.editing import copy, handle
 from bondgraph.declare.effect import SMOOTHING, Effect, EffectFunction, Place, Scale, is_for
@@ -92,7 +93,8 @@ class Candidate:
     @property
     def variants(self) -> tuple[Variant, ...]:
         """The shapes and amplitudes at which the effect is tried; one, without shapes, where it is linear."""
-        grids = [self._values(name) for name in self.effect.shapes]
+        own = dict(self.effect.grids)
+        grids = [own.get(name) or self._values(name) for name in self.effect.shapes]
         shapes = [dict(zip(self.effect.shapes, values, strict=True)) for values in itertools.product(*grids)]
         small = _PROBE * (self.upper - self.lower)
         first = [self._amplitude(share) for share in self.effect.amplitudes] or [small[0]]
@@ -138,7 +140,10 @@ class Variant:
 
 def placed(graph: BondGraph, place: Place) -> Place:
     """The same place of another graph."""
-    return place if place.output else replace(place, junction=handle(graph, place.junction.name))
+    if place.output:
+        return place
+    other = None if place.other is None else handle(graph, place.other.name)
+    return replace(place, junction=handle(graph, place.junction.name), other=other)
 
 
 @dataclass(frozen=True)
@@ -151,7 +156,7 @@ class Refused:
 
 
 def places(built: BuiltModel, logs: Sequence[MatchedLog], runs: Sequence[FilterRun], theta: FloatArray) -> list[Place]:
-    """All junctions, bonds and sensors with the size of effort and flow that the filtered runs show there.
+    """All junctions, bonds, pairs of junctions and sensors with the size of effort and flow in the filtered runs.
 
     A place where nothing moves, or no effort acts, in any log is left out: no effect could be seen there. Stiff methods
     bear friction that turns round at once, so that no start from rest is taken for motion without friction.
@@ -159,7 +164,8 @@ def places(built: BuiltModel, logs: Sequence[MatchedLog], runs: Sequence[FilterR
     graph = built.graph
     flat = built.causal.graph
     labels = bond_labels(built.causal)
-    effort, flow = _bond_sizes(built, logs, runs, theta)
+    values = _bond_values(built, logs, runs, theta)
+    effort, flow = sizes(values[0]), sizes(values[1])
     incidence = flat.incidence()
     smoothing = _STEEP if any(run.filter_model.is_stiff for run in runs) else SMOOTHING
     found = []
@@ -174,7 +180,7 @@ def places(built: BuiltModel, logs: Sequence[MatchedLog], runs: Sequence[FilterR
         if index >= 0 and min(effort[index], flow[index]) > 0.0:
             scale = Scale(effort[index], flow[index])
             found.append(Place(handle(graph, bond.source), scale, bond, smoothing=smoothing))
-    return found + _sensors(built.model, logs)
+    return [*found, *pairs(built.graph, flat, values, smoothing), *_sensors(built.model, logs)]
 
 
 def _sensors(model: Model, logs: Sequence[MatchedLog]) -> list[Place]:
@@ -188,10 +194,10 @@ def _sensors(model: Model, logs: Sequence[MatchedLog]) -> list[Place]:
     return found
 
 
-def _bond_sizes(
+def _bond_values(
     built: BuiltModel, logs: Sequence[MatchedLog], runs: Sequence[FilterRun], theta: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """The 99th percentile of each bond's effort and flow over all logs; single spikes set no scale."""
+    """Each bond's effort and flow along all logs, (bonds, samples); what is not finite counts as zero."""
     model = bond_model(built.causal)
     own = len(built.equations.outputs)
     pieces = []
@@ -201,12 +207,11 @@ def _bond_sizes(
             known[model.index("parameter", name)] = value
         with np.errstate(all="ignore"):
             outputs = model.output(log.time, run.filtered_mean[: len(model.states)], log.u, known)
-        pieces.append(np.abs(outputs[own:]))
+        pieces.append(outputs[own:])
     together = np.concatenate(pieces, axis=1)
     together[~np.isfinite(together)] = 0.0
-    sizes = np.percentile(together, 99.0, axis=1)
     count = len(built.causal.graph.bonds)
-    return sizes[:count], sizes[count:]
+    return together[:count], together[count:]
 
 
 def candidates(
@@ -247,7 +252,7 @@ def candidates(
             if why is not None:
                 refused.append(Refused(effect.name, place.label, why))
                 continue
-            beside = place.bond is None and not place.output and _beside_storage(built, place.junction.name)
+            beside = _beside_storage(built, place)
             own = {state.symbol.name for state in built.equations.states}
             followed = all(s.variable == "integral" or s.symbol.name in own for s in equations.states)
             model = model_of(equations, f"{built.graph.name} with {effect.name}", own=True)
@@ -320,9 +325,12 @@ def _passive(flat: BondGraph, effect: Effect) -> bool:
     return all(bound is not None and bound[0] >= 0.0 for bound in known)
 
 
-def _beside_storage(built: BuiltModel, junction: str) -> bool:
+def _beside_storage(built: BuiltModel, place: Place) -> bool:
+    if place.output or (place.bond is not None and place.other is None):
+        return False
     flat = built.causal.graph
-    ends = {end for bond in flat.bonds if junction in (bond.source, bond.target) for end in (bond.source, bond.target)}
+    at = {place.junction.name} if place.other is None else {place.junction.name, place.other.name}
+    ends = {end for bond in flat.bonds if at & {bond.source, bond.target} for end in (bond.source, bond.target)}
     return any(flat.nodes[end].kind in STORAGES for end in ends)
 
 

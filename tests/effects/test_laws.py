@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from bondgraph import effects
 from bondgraph.build import BuiltModel, build
 from bondgraph.correct.models.bonds import bond_model
 from bondgraph.correct.models.candidates import Candidate, candidates
@@ -14,9 +15,9 @@ from bondgraph.declare.effect import SMOOTHING, Effect, EffectFunction, Place, S
 from bondgraph.declare.graph import BondGraph
 from bondgraph.declare.quantities import symbol
 from bondgraph.derive.causality import bond_labels
+from bondgraph.effects.catalogue import catalogue, every_effect
 from bondgraph.report.missing import law_curve
 from bondgraph.simulate.simulation import simulate
-from vehicle_graphs import effects
 from vehicle_graphs.driveline import driveline
 
 LOSSES = (effects.viscous_loss, effects.coulomb_loss, effects.quadratic_loss, effects.torque_proportional_loss)
@@ -125,10 +126,9 @@ def test_effects_are_refused_where_they_make_no_sense() -> None:
     graph = BondGraph("mixed")
     hot, wall = graph.one_junction("hot", THERMAL), graph.zero_junction("wall", THERMAL)
     shaft = graph.one_junction("shaft", ROTATION)
-    sources = [Place(node, Scale(1.0, 1.0)) for node in (hot, wall)]
     before = copy(graph)
-    for function in effect_functions(effects):
-        assert [function(graph, at) for at in sources] == [None, None]
+    for function in (effects.coulomb_loss, effects.stribeck_loss, effects.creep, effects.slip, effects.end_stop):
+        assert [function(graph, Place(node, Scale(1.0, 1.0))) for node in (hot, wall)] == [None, None]
     assert effects.added_inertia(graph, Place(shaft, Scale(1.0, 1.0))) is None  # nothing is declared to add to
     assert effects.added_compliance(graph, Place(shaft, Scale(1.0, 1.0))) is None
     assert graph == before
@@ -154,8 +154,8 @@ def test_coefficients_have_the_units_of_their_domain(domain: object, units: tupl
 
 def test_the_package_lists_the_effects_of_its_modules() -> None:
     names = [function.__name__ for function in effect_functions(effects)]
-    assert set(names) == set(effects.__all__)
-    assert len(names) == len(set(names)) == 19
+    assert len(names) == len(set(names)) == 44
+    assert set(names) <= set(every_effect())
 
 
 EVERYWHERE = [(name, Scale(200.0, 20.0)) for name in ("primary", "belt", "axle", "shaft", "twist", "wheel", "body")]
@@ -174,9 +174,10 @@ def offered() -> list[Candidate]:
     return everywhere()
 
 
-def test_every_effect_but_those_of_bonds_has_a_junction_in_the_driveline(offered: list[Candidate]) -> None:
+def test_every_mechanical_effect_of_junctions_has_one_in_the_driveline(offered: list[Candidate]) -> None:
     names = {candidate.effect.name for candidate in offered}
-    assert names == {function.__name__ for function in effect_functions(effects)} - {"added_compliance"}
+    mechanical = {row.name for row in catalogue() if row.default and "mechanical" in row.domains}
+    assert names == {row.name for row in catalogue() if row.name in mechanical and row.place[1:] == "-junction"}
 
 
 def test_every_effect_says_where_its_law_comes_from_and_how_large_it_may_be(offered: list[Candidate]) -> None:

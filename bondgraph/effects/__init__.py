@@ -1,0 +1,64 @@
+"""Effects that a declared machine may lack: each a function that extends a graph at a place.
+
+Every function adds one element, or changes one, with coefficients that are zero when the effect is absent. The signs
+are those of a loss: a positive coefficient takes energy out of the machine. A law is called in the words of the domain
+in which it acts: ``creep`` is a leakage in a tank and a shunt in a circuit. Where two effects cannot be told apart the
+earlier one is preferred. What is imported here is tried where nothing else is said; the modules hold further effects.
+
+friction     what takes an effort: viscous, dry, Stribeck, quadratic, rolling at speed, cold oil, hysteresis
+losses       in proportion to the load, by direction, creep, slip, leaks, thresholds, centrifugal belt tension
+thermal      heat given away by conduction, convection, radiation; a heat capacity that changes
+between      leaks and friction between two junctions of one domain
+loads        constant efforts and flows, headwind, ripple
+actuators    wrong scale, lag, ceiling, dead zone, rate of what follows a command
+storages     added inertia, capacity, compliance; backlash, stops, springs that harden, iron that saturates
+fading       resistances that change with temperature
+sensors      faults of sensors, which the loop itself tries beside these
+"""
+
+# isort: off
+# the order is that of preference
+from bondgraph.effects.friction import coulomb_loss as coulomb_loss
+from bondgraph.effects.friction import electrode_loss as electrode_loss
+from bondgraph.effects.friction import heating_resistance as heating_resistance
+from bondgraph.effects.friction import hysteresis_loss as hysteresis_loss
+from bondgraph.effects.friction import quadratic_loss as quadratic_loss
+from bondgraph.effects.friction import rolling_speed_loss as rolling_speed_loss
+from bondgraph.effects.friction import stribeck_loss as stribeck_loss
+from bondgraph.effects.friction import viscous_loss as viscous_loss
+from bondgraph.effects.friction import warm_up_loss as warm_up_loss
+from bondgraph.effects.actuators import actuator_lag as actuator_lag
+from bondgraph.effects.actuators import actuator_scale as actuator_scale
+from bondgraph.effects.loads import constant_effort as constant_effort
+from bondgraph.effects.loads import constant_flow as constant_flow
+from bondgraph.effects.loads import headwind as headwind
+from bondgraph.effects.loads import ripple as ripple
+from bondgraph.effects.losses import centrifugal_tension as centrifugal_tension
+from bondgraph.effects.losses import creep as creep
+from bondgraph.effects.losses import directional_loss as directional_loss
+from bondgraph.effects.losses import orifice_leak as orifice_leak
+from bondgraph.effects.losses import relief as relief
+from bondgraph.effects.losses import slip as slip
+from bondgraph.effects.losses import torque_proportional_loss as torque_proportional_loss
+from bondgraph.effects.thermal import heat_loss as heat_loss
+from bondgraph.effects.thermal import convection as convection
+from bondgraph.effects.thermal import radiation as radiation
+from bondgraph.effects.thermal import varying_heat_capacity as varying_heat_capacity
+from bondgraph.effects.storages import added_capacity as added_capacity
+from bondgraph.effects.storages import added_compliance as added_compliance
+from bondgraph.effects.storages import added_inertia as added_inertia
+from bondgraph.effects.storages import backlash as backlash
+from bondgraph.effects.storages import end_stop as end_stop
+from bondgraph.effects.storages import hardening_spring as hardening_spring
+from bondgraph.effects.storages import magnetic_saturation as magnetic_saturation
+from bondgraph.effects.storages import one_sided_stop as one_sided_stop
+from bondgraph.effects.storages import progressive_spring as progressive_spring
+from bondgraph.effects.actuators import actuator_ceiling as actuator_ceiling
+from bondgraph.effects.actuators import actuator_dead_zone as actuator_dead_zone
+from bondgraph.effects.actuators import actuator_rate_limit as actuator_rate_limit
+from bondgraph.effects.between import leak_between as leak_between
+from bondgraph.effects.between import orifice_between as orifice_between
+from bondgraph.effects.between import drag_between as drag_between
+from bondgraph.effects.between import friction_between as friction_between
+from bondgraph.effects.thermal import radiation_between as radiation_between
+from bondgraph.effects.fading import temperature_dependence as temperature_dependence

@@ -1,0 +1,144 @@
+"""Actuators that do not give what they are told: wrong maps, lags, ceilings, dead zones, slow rates.
+
+An actuator is a source, a resistance, a transformer or a gyrator whose law follows an input of the graph: a motor's
+torque, a heater, a brake, a valve, a ratio. Levers and switches, which are held between samples, are none.
+
+References: Guzzella, Onder (2010), Introduction to Modeling and Control of Internal Combustion Engine Systems, chapter
+2, for the lag of an engine's torque; Tao, Kokotovic (1996), Adaptive Control of Systems with Actuator and Sensor
+Nonlinearities, chapter 2, for dead zones; Hippe (2006), Windup in Control, chapter 1, for ceilings.
+"""
+
+from __future__ import annotations
+
+from sympy import tanh
+
+from bondgraph.declare.effect import Effect, Place
+from bondgraph.declare.elements import TWO_PORTS, Node
+from bondgraph.declare.functions import clip
+from bondgraph.declare.graph import BondGraph
+from bondgraph.declare.quantities import Input
+from bondgraph.declare.revision import replace_input, revise_law
+from bondgraph.effects.places import ceiling, commanded, commands, effort_unit, flow_unit, over
+
+_ENGINE = "Guzzella, Onder (2010), Modeling and Control of Internal Combustion Engine Systems, chapter 2"
+_CEILING = "Hippe (2006), Windup in Control, chapter 1"
+_DEAD_ZONE = "Tao, Kokotovic (1996), Adaptive Control of Systems with Actuator and Sensor Nonlinearities, chapter 2"
+#: What an element of each kind gives.
+_GIVES = {"Se": "effort", "Sf": "flow", "R": "effort", "TF": "modulus", "GY": "modulus"}
+#: Within this share of its range a rate-limited command follows by a lag and not at its largest rate.
+_NEAR = 0.02
+
+
+def actuator_scale(g: BondGraph, at: Place) -> Effect | None:
+    """An actuator whose map is wrong by a factor: a torque model, a calibration, a ratio."""
+    found = [node for node, _ in commanded(g, at, tuple(_GIVES)) if node.law(_GIVES[node.kind]) is not None]
+    if not found:
+        return None
+    node = found[0]
+    name = f"actuator_scale_{at.name}"
+    share = g.parameter(f"s_{name}", 0.0, "1", f"share by which {node.name} is stronger", (-0.6, 0.6))
+    given = _GIVES[node.kind]
+    revise_law(g, node.name, given, lambda old: (1 + share) * old)
+    return Effect(
+        "actuator_scale", node.name, f"{given} = (1 + s)*declared", (share.name,), reference=_ENGINE,
+        manoeuvre="the command at several levels",
+    )  # fmt: skip
+
+
+def actuator_lag(g: BondGraph, at: Place) -> Effect | None:
+    """A command that acts late, by a first-order lag: manifold filling, brake pressure, a current controller."""
+    found = _first(g, at)
+    if found is None:
+        return None
+    node, command = found
+    name = f"actuator_lag_{at.name}"
+    lag = g.parameter(f"T_{name}", 0.1, "s", f"time in which {node.name} follows its command", (5e-3, 2.0))
+    own = command.symbol
+    given = g.integral(
+        f"given_{name}", lambda x: (own - x) / lag, command.unit, f"{command.name} as {node.name} gives it",
+        initial=_start(node, command),
+    )  # fmt: skip
+    replace_input(g, command.name, given)
+    return Effect(
+        "actuator_lag", node.name, "command follows by dx/dt = (u - x)/T", (lag.name,), adds_state=True,
+        amplitudes=(0.35, 0.65), reference=_ENGINE, manoeuvre="steps of the command",
+    )  # fmt: skip
+
+
+def actuator_ceiling(g: BondGraph, at: Place) -> Effect | None:
+    """A source that cannot give more than so much: a current limit, a saturated amplifier, a pump at its largest."""
+    found = _source(g, at)
+    if found is None:
+        return None
+    node, given, unit, size = found
+    name = f"actuator_ceiling_{at.name}"
+    meaning = f"1 over the ceiling of {node.name}"
+    c = g.parameter(f"c_{name}", 0.0, over("1", unit), meaning, (0.0, 3.0 / size))
+    revise_law(g, node.name, given, lambda old: ceiling(old, c))
+    return Effect(
+        "actuator_ceiling", node.name, f"{given} = x/(1 + (c*x)^4)^(1/4), x declared", (c.name,),
+        amplitudes=(0.3, 0.6), reference=_CEILING, manoeuvre="commands small and at their largest",
+    )  # fmt: skip
+
+
+def actuator_dead_zone(g: BondGraph, at: Place) -> Effect | None:
+    """A source that gives nothing until its command exceeds a threshold: a valve's overlap, a motor's driver."""
+    found = _source(g, at)
+    if found is None:
+        return None
+    node, given, unit, size = found
+    name = f"actuator_dead_zone_{at.name}"
+    b = g.parameter(f"b_{name}", 0.0, unit, f"what {node.name} must exceed before it acts", (0.0, size))
+    revise_law(g, node.name, given, lambda old: old - clip(old, -b, b))
+    return Effect(
+        "actuator_dead_zone", node.name, f"{given} = x - clip(x, -b, b), x declared", (b.name,),
+        amplitudes=(0.03, 0.1, 0.3), reference=_DEAD_ZONE, manoeuvre="small commands of both signs",
+    )  # fmt: skip
+
+
+def actuator_rate_limit(g: BondGraph, at: Place) -> Effect | None:
+    """A source that follows its command no faster than at a largest rate: a servo valve, a stepper, a slow heater."""
+    found = _source(g, at)
+    if found is None:
+        return None
+    node, given, unit, size = found
+    name = f"actuator_rate_limit_{at.name}"
+    slow = g.parameter(f"T_{name}", 0.5, "s", f"time in which {node.name} goes through {size:.3g} {unit}", (0.02, 20.0))
+    whole = g.parameter(f"range_{name}", size, unit, "range that takes that time")
+    wanted = node.law(given)
+    reached = g.integral(
+        f"reached_{name}",
+        lambda x: whole / slow * tanh((wanted - x) / (_NEAR * whole)),
+        unit,
+        f"what {node.name} gives",
+    )
+    revise_law(g, node.name, given, reached)
+    return Effect(
+        "actuator_rate_limit", node.name, f"d({given})/dt = r/T*tanh((x - {given})/(0.02*r)), x declared", (slow.name,),
+        adds_state=True, amplitudes=(0.35, 0.65), reference=_CEILING, manoeuvre="small and large steps of the command",
+    )  # fmt: skip
+
+
+def _first(g: BondGraph, at: Place) -> tuple[Node, Input] | None:
+    """The first element here that follows a command, where no element before it does: it stands for all of them."""
+    nodes = g.flatten().nodes.values()
+    for node, command in commanded(g, at, tuple(_GIVES)):
+        followers = (one.name for one in nodes if one.kind in _GIVES and command in commands(g, one))
+        if next(followers, "") == node.name:
+            return node, command
+    return None
+
+
+def _start(node: Node, command: Input) -> object:
+    """Where the lagging command starts: a ratio must not start at zero, where nothing is transmitted."""
+    return (command.name, command.default or 1.0) if node.kind in TWO_PORTS else 0.0
+
+
+def _source(g: BondGraph, at: Place) -> tuple[Node, str, str, float] | None:
+    """The source here that follows an input, what it gives, the unit of that, and its size."""
+    for node, _ in commanded(g, at, ("Se", "Sf")):
+        if "." not in node.name:
+            if node.kind == "Se":
+                return node, "effort", effort_unit(at), at.scale.effort
+            return node, "flow", flow_unit(at), at.scale.flow
+    return None

@@ -1,0 +1,159 @@
+"""Small machines of every domain, at which every effect of the dictionary can act: what its table is made from.
+
+Their numbers are round ones of laboratory benches; nothing depends on them but the bounds of coefficients.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from math import pi
+
+from sympy import Abs
+
+from bondgraph.declare.domains import CHEMICAL, ELECTRICAL, HYDRAULIC, ROTATION, THERMAL, TRANSLATION
+from bondgraph.declare.editing import handle
+from bondgraph.declare.effect import Place, Scale
+from bondgraph.declare.graph import BondGraph
+from bondgraph.declare.validation import node_domains
+
+
+@dataclass(frozen=True)
+class Bench:
+    """A machine, and the sizes of effort and flow at its junctions by name of the domain."""
+
+    graph: BondGraph
+    scales: Mapping[str, Scale]
+
+    def places(self) -> list[Place]:
+        """All its junctions, bonds, pairs of junctions of one kind and domain, and sensors."""
+        g = self.graph
+        known = {name: domain for name, domain in node_domains(g).items() if g.nodes[name].is_junction}
+        found = [Place(handle(g, name), self._scale(name)) for name in known]
+        found += [
+            Place(handle(g, bond.source), self._scale(bond.source), bond) for bond in g.bonds if bond.source in known
+        ]
+        for k, first in enumerate(known):
+            for second in list(known)[k + 1 :]:
+                if known[first] == known[second] and g.nodes[first].kind == g.nodes[second].kind:
+                    found.append(Place.between(handle(g, first), handle(g, second), self._scale(first)))
+        return found + [Place.sensor(output.name, Scale(10.0, 5.0)) for output in g.outputs]
+
+    def _scale(self, junction: str) -> Scale:
+        domain = handle(self.graph, junction).domain
+        return self.scales[domain.name if domain else ""]
+
+
+def drive() -> Bench:
+    """A motor that moves a carriage through a gear, an elastic shaft, a belt that may slip and a screw."""
+    g = BondGraph("drive")
+    torque = g.input("torque", "N m", "command of the motor")
+    ratio = g.input("ratio", "1", "ratio of the gear", default=2.0)
+    rotor, twist = g.one_junction("rotor", ROTATION), g.one_junction("twist", ROTATION)
+    shaft, belt = g.zero_junction("shaft", ROTATION), g.zero_junction("belt", ROTATION)
+    spindle, carriage = g.one_junction("spindle", ROTATION), g.one_junction("carriage", TRANSLATION)
+    lead = g.parameter("screw_lead", 0.01, "m", "travel per turn")
+    g.effort_source("motor", torque, at=rotor)
+    g.inertance("inertia", g.parameter("J", 0.01, "kg m^2", "rotor"), at=rotor, state="omega")
+    g.resistance("bearing", g.parameter("d", 0.01, "N m s", "bearing"), at=rotor)
+    g.transformer("gear", 1 / ratio, rotor, shaft)
+    g.bond(shaft, twist)
+    g.compliance("spring", g.parameter("k", 100.0, "N m", "stiffness of the shaft"), at=twist, state="wound")
+    g.resistance("damping", g.parameter("d_k", 0.1, "N m s", "its damping"), at=twist)
+    g.bond(shaft, spindle)
+    g.inertance("pulley", g.parameter("J_s", 0.02, "kg m^2", "spindle"), at=spindle, state="omega_s")
+    g.bond(spindle, belt)
+    g.transformer("screw", lead / (2 * pi), belt, carriage)
+    grip = g.parameter("grip", 2.0, "N m s", "creep of the belt")
+    g.resistance("tension", lambda flow: grip * flow, at=belt)
+    g.inertance("mass", g.parameter("m", 20.0, "kg", "carriage"), at=carriage, state="v")
+    drag = g.parameter("drag", 3.0, "N s^2/m^2", "air")
+    g.resistance("air", lambda flow: drag * flow * Abs(flow), at=carriage)
+    g.measure("position", g.integral("x", carriage.flow, "m", "position of the carriage"), "m")
+    g.integral("angle", rotor.flow, "rad", "angle of the rotor")
+    g.measure_flow("speed", rotor, "speed of the rotor")
+    return Bench(g, {"rotation": Scale(10.0, 20.0), "translation": Scale(50.0, 0.5)})
+
+
+def circuit() -> Bench:
+    """A coil with a condenser, whose wire warms a body."""
+    g = BondGraph("circuit")
+    voltage = g.input("voltage", "V", "command of the amplifier")
+    loop, node = g.one_junction("loop", ELECTRICAL), g.zero_junction("node", ELECTRICAL)
+    load, tail = g.one_junction("load", ELECTRICAL), g.zero_junction("tail", ELECTRICAL)
+    g.effort_source("amplifier", voltage, at=loop)
+    g.inertance("coil", g.parameter("L", 0.1, "V s/A", "inductance"), at=loop, state="i")
+    g.resistance("wire", g.parameter("R", 2.0, "V/A", "wire"), at=loop)
+    g.bond(loop, node)
+    g.compliance("condenser", 1 / g.parameter("C", 1e-3, "A s/V", "capacitance"), at=node, state="q")
+    g.bond(node, load)
+    g.resistance("lamp", g.parameter("R_l", 20.0, "V/A", "lamp"), at=load)
+    g.bond(load, tail)
+    g.compliance("second", 1 / g.parameter("C_2", 2e-3, "A s/V", "second condenser"), at=tail, state="q_2")
+    body = g.zero_junction("body", THERMAL)
+    resistance = next(one for one in g.parameters if one.name == "R").symbol
+    g.flow_source("heat", resistance * loop.flow**2, at=body)
+    g.compliance("warm", 1 / g.parameter("C_T", 50.0, "J/K", "heat capacity"), at=body, state="Q_wire")
+    g.resistance("air", g.parameter("R_T", 2.0, "K/W", "to what is around"), at=body)
+    g.measure_flow("current", loop, "current")
+    return Bench(g, {"electrical": Scale(20.0, 2.0), "thermal": Scale(40.0, 10.0)})
+
+
+def tanks() -> Bench:
+    """A pump that fills a tank, from which a second one is filled through a pipe."""
+    g = BondGraph("tanks")
+    inflow = g.input("inflow", "m^3/s", "command of the pump")
+    first, pipe = g.zero_junction("first", HYDRAULIC), g.one_junction("pipe", HYDRAULIC)
+    second, outlet = g.zero_junction("second", HYDRAULIC), g.one_junction("outlet", HYDRAULIC)
+    g.flow_source("pump", inflow, at=first)
+    g.compliance("level", g.parameter("k", 1e6, "Pa/m^3", "pressure per volume"), at=first, state="V")
+    g.bond(first, pipe)
+    g.resistance("bore", g.parameter("R", 1e8, "Pa s/m^3", "pipe"), at=pipe)
+    g.inertance("column", g.parameter("I", 1e6, "Pa s^2/m^3", "fluid in the pipe"), at=pipe, state="Q_pipe")
+    g.bond(pipe, second)
+    g.compliance("level_2", g.parameter("k_2", 2e6, "Pa/m^3", "pressure per volume"), at=second, state="V_2")
+    g.bond(second, outlet)
+    g.resistance("valve", g.parameter("R_v", 2e8, "Pa s/m^3", "valve"), at=outlet)
+    g.measure_effort("pressure", second, "pressure in the second tank")
+    return Bench(g, {"hydraulic": Scale(1e5, 1e-3)})
+
+
+def oven() -> Bench:
+    """A heated plate in a case that gives its heat to a room."""
+    g = BondGraph("oven")
+    power, room = g.input("power", "W", "heater"), g.input("room", "K", "temperature of the room", default=293.0)
+    plate, gap = g.zero_junction("plate", THERMAL), g.one_junction("gap", THERMAL)
+    case, wall = g.zero_junction("case", THERMAL), g.one_junction("wall", THERMAL)
+    g.flow_source("heater", power, at=plate)
+    g.compliance("heat", 1 / g.parameter("C", 500.0, "J/K", "plate"), at=plate, state="Q", initial=500.0 * 293.0)
+    g.bond(plate, gap)
+    g.resistance("filling", g.parameter("R", 0.5, "K/W", "filling"), at=gap)
+    g.bond(gap, case)
+    g.compliance("heat_2", 1 / g.parameter("C_2", 900.0, "J/K", "case"), at=case, state="Q_2", initial=900.0 * 293.0)
+    g.bond(case, wall)
+    g.resistance("air", g.parameter("R_a", 0.3, "K/W", "air"), at=wall)
+    g.bond(wall, g.effort_source("hall", room))
+    g.measure_effort("temperature", plate, "temperature of the plate")
+    return Bench(g, {"thermal": Scale(400.0, 300.0)})
+
+
+def reactor() -> Bench:
+    """A substance that is fed, and turns into another."""
+    g = BondGraph("reactor")
+    feed = g.input("feed", "mol/s", "what is fed")
+    educt, product = g.zero_junction("educt", CHEMICAL), g.zero_junction("product", CHEMICAL)
+    reaction = g.one_junction("reaction", CHEMICAL)
+    g.flow_source("inlet", feed, at=educt)
+    g.compliance("amount", g.parameter("k", 100.0, "J/mol^2", "potential per amount"), at=educt, state="n")
+    g.bond(educt, reaction)
+    g.resistance("barrier", g.parameter("R", 1e3, "J s/mol^2", "barrier"), at=reaction)
+    g.bond(reaction, product)
+    g.compliance("amount_2", g.parameter("k_2", 50.0, "J/mol^2", "potential per amount"), at=product, state="n_2")
+    g.measure_effort("potential", product, "potential of the product")
+    return Bench(g, {"chemical": Scale(1e3, 0.5)})
+
+
+#: All benches, by the word for their domain.
+BENCHES: Mapping[str, Callable[[], Bench]] = {
+    "mechanical": drive, "electrical": circuit, "hydraulic": tanks, "thermal": oven, "chemical": reactor,
+}  # fmt: skip

@@ -1,0 +1,99 @@
+"""Laws between two junctions of one domain: what leaks from one chamber into another, or rubs between two shafts.
+
+Between two 0-junctions, whose efforts differ, something flows; between two 1-junctions, whose flows differ, an effort
+acts on both. Reference: Karnopp, Margolis, Rosenberg (2012), System Dynamics, chapters 3 and 4.
+"""
+
+from __future__ import annotations
+
+from sympy import tanh
+
+from bondgraph.declare.domains import HYDRAULIC
+from bondgraph.declare.effect import Effect, Place, between_junctions
+from bondgraph.declare.graph import BondGraph, Handle
+from bondgraph.effects.places import (
+    ROOT_LAW,
+    Words,
+    coefficient,
+    conductance,
+    direction,
+    effort_unit,
+    flow_unit,
+    over,
+    root_flow,
+)
+
+_BOND_GRAPHS = "Karnopp, Margolis, Rosenberg (2012), System Dynamics, chapter 4"
+_ORIFICE = "Merritt (1967), Hydraulic Control Systems, chapter 3"
+_SURVEY = "Armstrong-Helouvry, Dupont, Canudas de Wit (1994), Automatica 30(7)"
+#: What a flow in proportion to a difference of efforts is called.
+_LEAK = Words("", "leakage_between", "leakage_between", "heat_bridge", "exchange_between")
+#: What an effort in proportion to a difference of speeds is called.
+_DRAG = Words("drag_between")
+
+
+@between_junctions
+def leak_between(g: BondGraph, at: Place) -> Effect | None:
+    """Flow from the higher effort to the lower: a piston's leak, a bad insulation, a heat bridge, an exchange."""
+    word = _LEAK.at(at)
+    if at.junction.kind != "0" or not word:
+        return None
+    name, c = conductance(g, at, word, word.replace("_", " "), over(flow_unit(at), effort_unit(at)), 1)
+    g.resistance(name, flow=lambda effort: c * effort, at=path(g, at, name))
+    return Effect(
+        word, name, "flow = c*(first effort - second effort)", (c.name,), reference=_BOND_GRAPHS, dissipative=True,
+        manoeuvre="one effort held high, the other low",
+    )  # fmt: skip
+
+
+@between_junctions
+def orifice_between(g: BondGraph, at: Place) -> Effect | None:
+    """Flow through an opening between two chambers, with the root of the difference in pressure."""
+    if at.junction.kind != "0" or at.domain != HYDRAULIC:
+        return None
+    name = f"orifice_between_{at.name}"
+    leak = root_flow(g, at, name)
+    g.resistance(name, flow=leak.law, at=path(g, at, name))
+    return Effect(
+        "orifice_between", name, f"{ROOT_LAW}, effort = first - second", (leak.coefficient,), reference=_ORIFICE,
+        dissipative=True, manoeuvre="small and large differences in pressure",
+    )  # fmt: skip
+
+
+@between_junctions
+def drag_between(g: BondGraph, at: Place) -> Effect | None:
+    """Drag in proportion to the difference of two speeds: oil between two discs, the damping of a coupling."""
+    word = _DRAG.at(at)
+    if at.junction.kind != "1" or not word:
+        return None
+    unit = over(effort_unit(at), flow_unit(at))
+    name, c = coefficient(g, at, word, "drag per difference of speeds", unit, power=1)
+    g.resistance(name, lambda flow: c * flow, at=path(g, at, name))
+    return Effect(
+        word, name, "effort = c*(first flow - second flow)", (c.name,), reference=_BOND_GRAPHS, dissipative=True,
+        manoeuvre="runs in which both speeds differ much and little",
+    )  # fmt: skip
+
+
+@between_junctions
+def friction_between(g: BondGraph, at: Place) -> Effect | None:
+    """Dry friction between two speeds: a dragging clutch, a seal that turns with one part, a synchroniser."""
+    if at.junction.kind != "1" or not _DRAG.at(at):
+        return None
+    name, level = coefficient(g, at, "friction_between", "dry friction between them", effort_unit(at), power=0)
+    w = direction(g, at, name)
+    g.resistance(name, lambda flow: level * tanh(flow / w), at=path(g, at, name))
+    return Effect(
+        "friction_between", name, "effort = c*tanh(flow/w), flow = first - second", (level.name,), reference=_SURVEY,
+        dissipative=True, widths=(w.name,), manoeuvre="each of the two speeds the faster one in turn",
+    )  # fmt: skip
+
+
+def path(g: BondGraph, at: Place, name: str) -> Handle:
+    """The junction at which the difference of two junctions acts, bonded from the first and to the second."""
+    assert at.other is not None  # such effects are offered pairs alone
+    add = g.one_junction if at.junction.kind == "0" else g.zero_junction
+    middle = add(f"path_{name}", at.domain)
+    g.bond(at.junction, middle)
+    g.bond(middle, at.other)
+    return middle

@@ -1,0 +1,65 @@
+"""Losses that change with the temperature of a body in the graph: copper that warms, oil that thins, a hot brake.
+
+Reference: Linden, Reddy (2011), Handbook of Batteries, chapter 3, for cells; Incropera, DeWitt, Bergman, Lavine (2007),
+Fundamentals of Heat and Mass Transfer, appendix A, for metals and oils.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import networkx as nx
+from sympy import Expr, Integer
+
+from bondgraph.declare.domains import THERMAL
+from bondgraph.declare.editing import handle
+from bondgraph.declare.effect import Effect, Place, Scale
+from bondgraph.declare.graph import BondGraph, Handle
+from bondgraph.declare.quantities import symbol
+from bondgraph.declare.revision import revise_laws
+from bondgraph.effects.places import elements_at
+from bondgraph.effects.thermal import ROOM, surroundings
+
+#: Largest relative change per kelvin that is tried; copper has 0.004, a thermistor 0.05.
+_STEEPEST = 0.05
+
+
+def temperature_dependence(g: BondGraph, at: Place) -> Effect | None:
+    """A resistance that changes with the temperature of the nearest body of the graph, straight around a reference."""
+    resistances = elements_at(g, at, "R") if at.bond is None and at.domain != THERMAL else []
+    body = _nearest_body(g, at) if len(resistances) == 1 else None
+    if body is None or "." in resistances[0].name:
+        return None
+    node = resistances[0]
+    name = f"temperature_dependence_{at.name}"
+    a = g.parameter(f"a_{name}", 0.0, "1/K", f"relative rise of {node.name} per kelvin", (-_STEEPEST, _STEEPEST))
+    known = surroundings(g, Place(body, Scale(0.0, 0.0)))
+    absolute = known is not None and known.zero == 0.0
+    reference = g.parameter(f"at_{name}", ROOM, "K", "where it is as declared") if absolute else Integer(0)
+    factor = 1 + a * (body.effort - reference)
+
+    def warmer(laws: Mapping[str, Expr]) -> dict[str, Expr]:
+        effort = symbol("effort")
+        return {
+            given: factor * law if given == "effort" else law.xreplace({effort: effort / factor})
+            for given, law in laws.items()
+        }
+
+    revise_laws(g, node.name, warmer)
+    return Effect(
+        "temperature_dependence", node.name, "effort = declared*(1 + a*(T - T0))", (a.name,),
+        reference="Incropera, DeWitt, Bergman, Lavine (2007), Fundamentals of Heat and Mass Transfer, appendix A",
+        manoeuvre="the same run cold and warm",
+    )  # fmt: skip
+
+
+def _nearest_body(g: BondGraph, at: Place) -> Handle | None:
+    """The thermal junction with a heat capacity that is fewest bonds away, the first where none is connected."""
+    flat = g.flatten()
+    handles = [handle(g, node.name) for node in flat.nodes.values() if node.kind == "0" and node.domain == THERMAL]
+    bodies = [one for one in handles if elements_at(g, Place(one, Scale(0.0, 0.0)), "C")]
+    if not bodies:
+        return None
+    network: nx.Graph[str] = nx.Graph((bond.source, bond.target) for bond in flat.bonds)
+    away = nx.single_source_shortest_path_length(network, at.junction.name) if at.junction.name in network else {}
+    return min(bodies, key=lambda one: away.get(one.name, len(flat.nodes)))

@@ -1,0 +1,249 @@
+"""What effects share: what they are called, where they make sense, how large their coefficients are, in which units."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+from sympy import Expr, Rational, Symbol
+
+from bondgraph.declare.domains import CHEMICAL, ELECTRICAL, HYDRAULIC, THERMAL
+from bondgraph.declare.effect import Place
+from bondgraph.declare.elements import TWO_PORTS, Node
+from bondgraph.declare.expressions import signal
+from bondgraph.declare.graph import BondGraph, Handle
+from bondgraph.declare.quantities import Input, symbol
+from bondgraph.derive.causality import assign_causality
+from bondgraph.derive.laws import linear_coefficient
+
+
+@dataclass(frozen=True)
+class Words:
+    """What one law is called in each domain; empty where it has no meaning there.
+
+    Mechanical words serve rotation, translation and junctions whose domain is not declared or not the toolkit's own.
+    """
+
+    mechanical: str = ""
+    electrical: str = ""
+    hydraulic: str = ""
+    thermal: str = ""
+    chemical: str = ""
+
+    def at(self, at: Place) -> str:
+        """The name of the law at a place.
+
+        Examples
+        --------
+        >>> from bondgraph.declare.domains import HYDRAULIC
+        >>> from bondgraph.declare.effect import Scale
+        >>> Words("creep", hydraulic="leakage").at(Place(Handle("tank", "0", HYDRAULIC), Scale(1e5, 1e-4)))
+        'leakage'
+        """
+        domain = at.domain
+        return self.mechanical if domain is None or domain not in _FAMILIES else getattr(self, _FAMILIES[domain])
+
+
+#: Domains whose words differ from those of mechanics.
+_FAMILIES = {ELECTRICAL: "electrical", HYDRAULIC: "hydraulic", THERMAL: "thermal", CHEMICAL: "chemical"}
+
+
+def has_flow(at: Place) -> bool:
+    """A 1-junction of any domain: a loss there takes an effort."""
+    return at.bond is None and at.junction.kind == "1"
+
+
+def has_effort(at: Place) -> bool:
+    """A 0-junction of any domain: a loss there takes a flow."""
+    return at.bond is None and at.junction.kind == "0"
+
+
+def is_motion(at: Place) -> bool:
+    """A 1-junction whose flow is a speed, or has no declared domain."""
+    return has_flow(at) and at.domain not in _FAMILIES
+
+
+def is_speed(at: Place) -> bool:
+    """Losses and loads act on a 1-junction of a domain in which flow is a motion or current."""
+    return at.bond is None and at.junction.kind == "1" and at.domain not in (THERMAL, CHEMICAL)
+
+
+def effort_unit(at: Place) -> str:
+    """Unit of the effort there, empty where the domain is not declared."""
+    return "" if at.domain is None else at.domain.effort_unit
+
+
+def flow_unit(at: Place) -> str:
+    """Unit of the flow there, empty where the domain is not declared."""
+    return "" if at.domain is None else at.domain.flow_unit
+
+
+def over(unit: str, other: str, power: int = 1) -> str:
+    """A unit over a power of another; empty where one is not known."""
+    if not unit or not other:
+        return ""
+    below = f"({other})" if re.search(r"\W", other) else other
+    return f"{unit}/{below}" + (f"^{power}" if power > 1 else "")
+
+
+def coefficient(
+    g: BondGraph, at: Place, effect: str, meaning: str, unit: str, power: int, signed: bool = False
+) -> tuple[str, Expr]:
+    """A coefficient whose largest value makes the loss as large as twice the efforts at this place."""
+    name = f"{effect}_{at.name}"
+    limit = 2.0 * at.scale.effort / at.scale.flow**power
+    lower = -limit if signed else 0.0
+    return name, g.parameter(f"c_{name}", 0.0, unit, f"{meaning} at {at.label}", (lower, limit))
+
+
+def conductance(g: BondGraph, at: Place, effect: str, meaning: str, unit: str, power: int) -> tuple[str, Expr]:
+    """A coefficient whose largest value takes half of the flow at this place."""
+    name = f"{effect}_{at.name}"
+    limit = 0.5 * at.scale.flow / at.scale.effort**power
+    return name, g.parameter(f"c_{name}", 0.0, unit, f"{meaning} at {at.label}", (0.0, limit))
+
+
+def direction(g: BondGraph, at: Place, name: str) -> Expr:
+    """The flow over which smoothed dry friction changes sign; its parameter is ``w_`` and the name."""
+    meaning = "flow at which the friction reaches 76 %"
+    return g.parameter(f"w_{name}", at.smoothing * at.scale.flow, flow_unit(at), meaning)
+
+
+#: Law of a flow through a sharp opening; the width keeps its slope finite where the pressures are equal.
+ROOT_LAW = "flow = c*x/(x^2 + w^2)^(1/4), x = effort/e"
+#: Share of its largest pressure below which flow through an opening is laminar.
+_LAMINAR = 1e-3
+
+
+@dataclass(frozen=True)
+class RootFlow:
+    """A flow with the root of an effort: its law, and the name of its coefficient."""
+
+    law: Callable[[Expr], Expr]
+    coefficient: str
+
+
+def root_flow(g: BondGraph, at: Place, name: str) -> RootFlow:
+    """A flow through a sharp opening; its coefficient is the flow at the largest effort of the place.
+
+    Below a small share of that effort it is laminar, which keeps its slope finite (Merritt 1967, section 3-4).
+    """
+    flow, size = at.scale.flow, at.scale.effort
+    c = g.parameter(f"c_{name}", 0.0, flow_unit(at), f"flow at {size:.3g} {effort_unit(at)}", (0.0, 0.5 * flow))
+    at_most = g.parameter(f"e_{name}", size, effort_unit(at), "effort of that flow")
+
+    def law(effort: Expr) -> Expr:
+        x = effort / at_most
+        return c * x / (x**2 + _LAMINAR**2) ** Rational(1, 4)
+
+    return RootFlow(law, c.name)
+
+
+def ceiling(value: Expr, c: Expr) -> Expr:
+    """A value that nears 1/c and never exceeds it; itself where c is zero.
+
+    Examples
+    --------
+    >>> from sympy import Integer, Rational
+    >>> ceiling(Integer(1), Integer(0)), round(float(ceiling(Integer(100), Rational(1, 2))), 6)
+    (1, 2.0)
+    """
+    return value / (1 + (c * value) ** 4) ** Rational(1, 4)
+
+
+def elements_at(g: BondGraph, at: Place, kind: str) -> list[Node]:
+    """The one-ports of a kind at a junction."""
+    flat = g.flatten()
+    found = []
+    for index, inward in flat.incidence()[at.junction.name]:
+        bond = flat.bonds[index]
+        node = flat.nodes[bond.source if inward else bond.target]
+        if node.kind == kind and node.ports == 1:
+            found.append(node)
+    return found
+
+
+def transmitted(g: BondGraph, at: Place) -> Expr | None:
+    """The effort that a junction passes on through a two-port or a 0-junction, as a signal.
+
+    That is the effort that arrives; at the head of a chain, where only a source drives, the one that leaves.
+    """
+    if not is_motion(at):
+        return None
+    flat = g.flatten()
+    for index, _ in sorted(flat.incidence()[at.junction.name], key=lambda end: not end[1]):
+        bond = flat.bonds[index]
+        other = bond.target if bond.source == at.junction.name else bond.source
+        if flat.nodes[other].kind == "0":
+            return Handle(other, "0", at.domain).effort
+        if flat.nodes[other].kind in ("TF", "GY"):
+            port = 1 + [i for i, _ in flat.incidence()[other]].index(index)
+            return signal("effort", other, port)
+    return None
+
+
+def commands(g: BondGraph, node: Node) -> list[Input]:
+    """The inputs, other than levers and switches, on which the laws of an element depend, through signals too."""
+    flat = g.flatten()
+    named = {symbol(one.name): one.expression for one in flat.signals}
+    reached: set[Symbol] = set()
+    waiting = [used for _, law in node.laws for used in law.free_symbols]
+    while waiting:
+        used = waiting.pop()
+        if used not in reached:
+            reached.add(used)
+            waiting += named[used].free_symbols if used in named else ()
+    return [one for one in flat.inputs if one.symbol in reached and not one.is_held]
+
+
+def commanded(g: BondGraph, at: Place, kinds: Sequence[str]) -> list[tuple[Node, Input]]:
+    """Elements of some kinds at a junction that follow an input, each with the first such input.
+
+    A transformer or gyrator belongs to the junction that its first bond comes from. A temperature that is given is no
+    actuator's.
+    """
+    kinds = [kind for kind in kinds if kind != "Se" or at.domain != THERMAL]
+    if at.bond is not None or at.junction.kind not in ("0", "1"):
+        return []
+    nodes = [
+        node for kind in kinds for node in (driven_from(g, at, kind) if kind in TWO_PORTS else elements_at(g, at, kind))
+    ]
+    return [(node, inputs[0]) for node in nodes if (inputs := commands(g, node))]
+
+
+def driven_from(g: BondGraph, at: Place, kind: str) -> list[Node]:
+    """The transformers or gyrators whose first bond comes from a junction."""
+    flat = g.flatten()
+    ends = (flat.nodes[bond.target] for bond in flat.bonds if bond.source == at.junction.name)
+    return [node for node in ends if node.kind == kind]
+
+
+def yielding(g: BondGraph, at: Place) -> tuple[Node, Expr] | None:
+    """The viscous resistance that sets the flow of a junction without inertia, and its coefficient.
+
+    There the forces decide how fast something gives way; friction must hold them before it moves at all.
+    """
+    if not is_speed(at) or elements_at(g, at, "I"):
+        return None
+    found = elements_at(g, at, "R")
+    law = found[0].law("effort") if len(found) == 1 else None
+    coefficient = None if law is None else linear_coefficient(law, symbol("flow"))
+    if coefficient is None or not _gives_flow(g, found[0].name):
+        return None
+    return found[0], coefficient
+
+
+def _gives_flow(g: BondGraph, resistance: str) -> bool:
+    """Whether causality lets a resistance give a flow to its junction."""
+    causal = assign_causality(g)
+    own = next(k for k, bond in enumerate(causal.bonds) if resistance in (bond.source, bond.target))
+    return causal.receives_effort(own, resistance)
+
+
+def position_at(g: BondGraph, at: Place) -> tuple[Expr, str] | None:
+    """The declared integral of the flow of a junction, and its unit."""
+    if not is_speed(at):
+        return None
+    found = next((i for i in g.integrals if i.of == signal("flow", at.junction.name)), None)
+    return None if found is None else (symbol(found.name), found.unit)

@@ -1,0 +1,138 @@
+"""Faults of sensors: what a sensor shows beside what it should, as effects that change an output of the graph.
+
+Those of ``SENSOR_FAULTS`` are candidates beside missing physics, tried on every measured output; the others are tried
+where they are asked for. A fault is told from missing physics only as far as other sensors contradict it. Reference:
+Isermann (2006), Fault-Diagnosis Systems, chapter 3; Blanke, Kinnaert, Lunze, Staroswiecki (2016), Diagnosis and
+Fault-Tolerant Control, chapter 5.
+"""
+
+from __future__ import annotations
+
+from sympy import Abs
+
+from bondgraph.declare.effect import Effect, EffectFunction, Place, sensor_fault
+from bondgraph.declare.functions import clip
+from bondgraph.declare.graph import BondGraph
+from bondgraph.declare.quantities import symbol
+from bondgraph.declare.revision import revise_output
+from bondgraph.effects.places import ceiling, over
+
+_REFERENCE = "Isermann (2006), Fault-Diagnosis Systems, chapter 3"
+#: Longest delay of a sensor that is tried, s.
+LONGEST_DELAY = 2.0
+
+
+@sensor_fault
+def sensor_bias(g: BondGraph, at: Place) -> Effect | None:
+    """A constant that the sensor adds: a zero that was not set, an inclined mounting."""
+    limit = 2.0 * at.scale.effort
+    bias = g.parameter(f"bias_{at.name}", 0.0, _unit(g, at), f"bias of {at.output}", (-limit, limit))
+    revise_output(g, at.output, lambda shown: shown + bias)
+    return _fault("bias", at, "shown = true + b", bias.name, "rest")
+
+
+@sensor_fault
+def sensor_scale(g: BondGraph, at: Place) -> Effect | None:
+    """A wrong factor: a tyre radius, a number of teeth, an amplifier."""
+    error = g.parameter(f"scale_{at.name}", 0.0, "1", f"relative error of scale of {at.output}", (-0.6, 0.6))
+    revise_output(g, at.output, lambda shown: (1 + error) * shown)
+    return _fault("scale", at, "shown = (1 + s)*true", error.name, "small and large values")
+
+
+@sensor_fault
+def sensor_drift(g: BondGraph, at: Place) -> Effect | None:
+    """A value that wanders off evenly with time: a strain gauge that warms up, an integrated offset."""
+    limit, unit = 0.5 * at.scale.effort, _unit(g, at)
+    drift = g.parameter(f"drift_{at.name}", 0.0, f"{unit}/s" if unit else "", f"drift of {at.output}", (-limit, limit))
+    revise_output(g, at.output, lambda shown: shown + drift * symbol("t"))
+    return _fault("drift", at, "shown = true + d*t", drift.name, "rest at both ends of a long log")
+
+
+@sensor_fault
+def sensor_delay(g: BondGraph, at: Place) -> Effect | None:
+    """A value that comes late: a filter in the amplifier, a slow bus; as two lags in a row, which is near a delay."""
+    name = f"delay_{at.name}"
+    shown = next(output.expression for output in g.outputs if output.name == at.output)
+    delay = g.parameter(name, 0.05, "s", f"time by which {at.output} comes late", (1e-3, LONGEST_DELAY))
+    half = g.integral(
+        f"half_late_{at.name}", lambda x: 2 * (shown - x) / delay, _unit(g, at), f"{at.output}, half late",
+        initial=at.output,
+    )  # fmt: skip
+    late = g.integral(
+        f"late_{at.name}", lambda x: 2 * (half - x) / delay, _unit(g, at), f"{at.output} as shown", initial=at.output
+    )
+    revise_output(g, at.output, late)
+    return Effect(
+        "sensor_delay", at.output, "shown = true, late by T (two lags of T/2)", (name,), adds_state=True,
+        amplitudes=(0.4, 0.7), reference=_REFERENCE, channel=at.output, kind="delay",
+        manoeuvre="quick changes",
+    )  # fmt: skip
+
+
+@sensor_fault
+def sensor_ceiling(g: BondGraph, at: Place) -> Effect | None:
+    """A range that ends: what exceeds it is shown as its end, an amplifier's supply or a converter's last number."""
+    name = f"ceiling_{at.name}"
+    unit = over("1", _unit(g, at))
+    c = g.parameter(name, 0.0, unit, f"1 over the ceiling of {at.output}", (0.0, 3.0 / at.scale.effort))
+    revise_output(g, at.output, lambda shown: ceiling(shown, c))
+    return Effect(
+        "sensor_ceiling", at.output, "shown = x/(1 + (c*x)^4)^(1/4), x true", (name,), amplitudes=(0.3, 0.6),
+        reference=_REFERENCE, channel=at.output, kind="ceiling", manoeuvre="values up to the end of the range",
+    )  # fmt: skip
+
+
+@sensor_fault
+def sensor_dead_zone(g: BondGraph, at: Place) -> Effect | None:
+    """A sensor that shows nothing of small values: a threshold against noise, a pick-up that needs speed."""
+    name = f"dead_zone_{at.name}"
+    b = g.parameter(name, 0.0, _unit(g, at), f"what {at.output} must exceed to be seen", (0.0, at.scale.effort))
+    revise_output(g, at.output, lambda shown: shown - clip(shown, -b, b))
+    return Effect(
+        "sensor_dead_zone", at.output, "shown = x - clip(x, -b, b), x true", (name,), amplitudes=(0.03, 0.1, 0.3),
+        reference=_REFERENCE, channel=at.output, kind="dead zone", manoeuvre="small values of both signs",
+    )  # fmt: skip
+
+
+@sensor_fault
+def sensor_magnitude(g: BondGraph, at: Place) -> Effect | None:
+    """A sensor that does not see the direction: a pulse counter, a tachometer behind a rectifier."""
+    name = f"magnitude_{at.name}"
+    share = g.parameter(name, 0.0, "1", f"share of {at.output} shown without its sign", (0.0, 1.5))
+    revise_output(g, at.output, lambda shown: (1 - share) * shown + share * Abs(shown))
+    return Effect(
+        "sensor_magnitude", at.output, "shown = (1 - s)*true + s*|true|", (name,), amplitudes=(0.3, 0.67),
+        channel=at.output, kind="magnitude",
+        reference=_REFERENCE, manoeuvre="values of both signs",
+    )  # fmt: skip
+
+
+@sensor_fault
+def sensor_square(g: BondGraph, at: Place) -> Effect | None:
+    """A sensor that shows the square of what it senses: an orifice, a rectified and smoothed oscillation, a power."""
+    name = f"square_{at.name}"
+    share = g.parameter(name, 0.0, "1", f"share of {at.output} shown as its square", (0.0, 1.5))
+    size = g.parameter(f"true_at_{at.name}", at.scale.effort, _unit(g, at), f"where the square of {at.output} is right")
+    revise_output(g, at.output, lambda shown: (1 - share) * shown + share * shown**2 / size)
+    return Effect(
+        "sensor_square", at.output, "shown = (1 - s)*true + s*true^2/size", (name,), amplitudes=(0.3, 0.67),
+        channel=at.output, kind="square",
+        reference=_REFERENCE, manoeuvre="small and large values",
+    )  # fmt: skip
+
+
+#: All faults, in the order in which they are preferred where data do not tell them apart.
+SENSOR_FAULTS: tuple[EffectFunction, ...] = (
+    sensor_bias, sensor_scale, sensor_drift, sensor_delay, sensor_ceiling, sensor_dead_zone,
+)  # fmt: skip
+
+
+def _fault(kind: str, at: Place, law: str, coefficient: str, manoeuvre: str) -> Effect:
+    return Effect(
+        f"sensor_{kind}", at.output, law, (coefficient,), reference=_REFERENCE, channel=at.output, kind=kind,
+        manoeuvre=manoeuvre,
+    )  # fmt: skip
+
+
+def _unit(g: BondGraph, at: Place) -> str:
+    return next((output.unit for output in g.outputs if output.name == at.output), "")

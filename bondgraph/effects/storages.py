@@ -1,0 +1,289 @@
+"""Storages that were not declared, and those whose law is not straight: inertia, elasticity, play, stops, saturation.
+
+References: Karnopp, Margolis, Rosenberg (2012), System Dynamics, chapter 4; Nordin, Gutman (2002), Automatica 38(10),
+for backlash as a dead zone of an elastic shaft; Duffing (1918), Erzwungene Schwingungen, for springs that harden;
+Trutt, Erdelyi, Hopkins (1968), IEEE Trans. PAS 87(3), for the magnetisation of iron.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from sympy import Abs, Expr, Rational, sign
+
+from bondgraph.declare.domains import CHEMICAL, ELECTRICAL, HYDRAULIC, ROTATION, THERMAL, TRANSLATION
+from bondgraph.declare.editing import split_bond
+from bondgraph.declare.effect import Effect, Place
+from bondgraph.declare.elements import Node
+from bondgraph.declare.functions import clip, maximum
+from bondgraph.declare.graph import BondGraph, Handle
+from bondgraph.declare.quantities import symbol
+from bondgraph.declare.revision import revise_law
+from bondgraph.derive.laws import linear_coefficient
+from bondgraph.effects.places import (
+    Words,
+    effort_unit,
+    elements_at,
+    flow_unit,
+    has_effort,
+    has_flow,
+    is_motion,
+    is_speed,
+    over,
+)
+
+_STORAGES = "Karnopp, Margolis, Rosenberg (2012), System Dynamics, chapter 4"
+_DUFFING = "Duffing (1918), Erzwungene Schwingungen bei veränderlicher Eigenfrequenz"
+_STOP = "Karnopp, Margolis, Rosenberg (2012), System Dynamics, chapter 8"
+#: What laws are called in each domain.
+_INERTIA = Words("added_inertia", "added_inductance", "fluid_inertia")
+_CAPACITY = Words("", "stray_capacitance", "added_volume", "added_heat_capacity")
+_CUBIC = Words("hardening_spring", "voltage_dependent_capacitance", "stiffening_volume")
+_PROGRESSIVE = Words("progressive_spring", "charge_dependent_capacitance", "narrowing_tank")
+#: The own variable of a compliance.
+_STRETCH = symbol("displacement")
+#: Time in which the effort of a place brings an inertia to its flow that is as large as it may be [s].
+LONGEST_RUN_UP = 2.0
+
+
+def added_inertia(g: BondGraph, at: Place) -> Effect | None:
+    """Inertia that was not counted: payload, a flywheel, adhering oil, a leakage inductance, fluid in a hose."""
+    declared = _inertance_beside(g, at.junction) if is_speed(at) else None
+    if declared is None:
+        return None
+    word = _INERTIA.at(at)
+    name = f"{word}_{at.name}"
+    size, unit = declared
+    inertia = g.parameter(f"inertia_{name}", 0.0, unit, f"{word.replace('_', ' ')} at {at.label}", (0.0, size))
+    g.inertance(name, inertia, at=at.junction)
+    return Effect(
+        word, name, "effort = c*d(flow)/dt", (f"inertia_{name}",), reference=_STORAGES,
+        manoeuvre="quick changes of the flow",
+    )  # fmt: skip
+
+
+def added_capacity(g: BondGraph, at: Place) -> Effect | None:
+    """Capacity that was not counted: a wall that takes up heat, a hose that swells, gas in oil, a stray capacitance."""
+    word = _CAPACITY.at(at)
+    declared = _capacity_beside(g, at) if has_effort(at) and word else None
+    if declared is None:
+        return None
+    name = f"{word}_{at.name}"
+    size, unit = declared
+    c = g.parameter(f"capacity_{name}", 0.0, unit, f"{word.replace('_', ' ')} at {at.label}", (0.0, size))
+    g.compliance(name, displacement=lambda effort: c * effort, at=at.junction)
+    return Effect(
+        word, name, "flow = c*d(effort)/dt", (c.name,), reference=_STORAGES, manoeuvre="quick changes of the effort"
+    )  # fmt: skip
+
+
+def added_compliance(g: BondGraph, at: Place) -> Effect | None:
+    """An elastic part in a connection declared as rigid: a spring with damping on a bond between two speeds.
+
+    How much damping nobody knows of a part that was forgotten; a wrong one would show as a loss in the part itself.
+    """
+    if at.bond is None or not _joins_speeds(g, at):
+        return None
+    name = f"added_compliance_{at.name}"
+    domain = at.domain
+    unit = "" if domain is None else f"{domain.displacement_unit}/({domain.effort_unit})"
+    softest = 0.5 * at.scale.flow / at.scale.effort
+    bounds = (1e-4 * softest, softest)
+    compliance = g.parameter(f"compliance_{name}", 1e-2 * softest, unit, f"compliance of {at.label}", bounds)
+    matched = at.scale.effort / at.scale.flow
+    damping = g.parameter(
+        f"damping_{name}", 0.05 * matched, over(effort_unit(at), flow_unit(at)), "damping beside that compliance",
+        (1e-3 * matched, matched),
+    )  # fmt: skip
+    junction = split_bond(g, at.bond, Node(f"z_{name}", "0", domain))
+    stretch = g.one_junction(f"stretch_{name}", domain)
+    g.bond(junction, stretch)
+    g.compliance(name, 1 / compliance, at=stretch)
+    g.resistance(f"damper_{name}", damping, at=stretch)
+    return Effect(
+        "added_compliance", name, "effort = displacement/c + d*flow", (f"compliance_{name}",), adds_state=True,
+        shapes=(damping.name,), reference=_STORAGES, manoeuvre="a blow or step that makes both sides swing",
+    )  # fmt: skip
+
+
+def backlash(g: BondGraph, at: Place) -> Effect | None:
+    """Play in front of a declared spring: it carries nothing until the gap is taken up."""
+    spring = _spring(g, at) if is_motion(at) else None
+    if spring is None:
+        return None
+    name = f"backlash_{at.name}"
+    gap = g.parameter(f"gap_{name}", 0.0, spring.unit, f"half of the play at {at.label}", (0.0, 2.0 * spring.way))
+    revise_law(g, spring.name, "effort", lambda old: old.xreplace({_STRETCH: _STRETCH - clip(_STRETCH, -gap, gap)}))
+    return Effect(
+        "backlash", spring.name, "effort = k*(displacement - clip(displacement, -b, b))", (gap.name,),
+        amplitudes=(0.03, 0.1, 0.3), reference="Nordin, Gutman (2002), Automatica 38(10)",
+        manoeuvre="loads that change their sign",
+    )  # fmt: skip
+
+
+def hardening_spring(g: BondGraph, at: Place) -> Effect | None:
+    """A storage whose effort grows with the cube too: a leaf that bends far, a ceramic capacitor; it may soften."""
+    word = _CUBIC.at(at)
+    spring = _spring(g, at) if word else None
+    if spring is None:
+        return None
+    name = f"{word}_{at.name}"
+    limit = spring.effort / spring.way**3
+    c = g.parameter(f"c_{name}", 0.0, over(effort_unit(at), spring.unit, 3), "cubic coefficient", (-limit, limit))
+    revise_law(g, spring.name, "effort", lambda old: old + c * _STRETCH**3)
+    return Effect(
+        word, spring.name, "effort = declared + c*displacement^3", (c.name,), reference=_DUFFING,
+        manoeuvre="small and large swings in one log",
+    )  # fmt: skip
+
+
+def progressive_spring(g: BondGraph, at: Place) -> Effect | None:
+    """A storage whose stiffness grows with its displacement: a conical spring, a tank that narrows upwards."""
+    word = _PROGRESSIVE.at(at)
+    spring = _spring(g, at) if word else None
+    if spring is None:
+        return None
+    name = f"{word}_{at.name}"
+    limit = spring.effort / spring.way**2
+    c = g.parameter(f"c_{name}", 0.0, over(effort_unit(at), spring.unit, 2), "rise of the stiffness", (-limit, limit))
+    revise_law(g, spring.name, "effort", lambda old: old + c * _STRETCH * Abs(_STRETCH))
+    return Effect(
+        word, spring.name, "effort = declared + c*displacement*|displacement|", (c.name,), reference=_DUFFING,
+        manoeuvre="small and large displacements in one log",
+    )  # fmt: skip
+
+
+def end_stop(g: BondGraph, at: Place) -> Effect | None:
+    """Stops on both sides: beyond a displacement a second, stiffer spring acts."""
+    return _stop(g, at, "end_stop", lambda q, gap: q - clip(q, -gap, gap), "q - clip(q, -g, g)", both=True)
+
+
+def one_sided_stop(g: BondGraph, at: Place) -> Effect | None:
+    """A stop on one side: below where its position is positive it is free, above where that is negative."""
+    return _stop(
+        g, at, "one_sided_stop", lambda q, gap: sign(gap) * maximum(sign(gap) * (q - gap), 0),
+        "sign(g)*max(sign(g)*(q - g), 0)", both=False,
+    )  # fmt: skip
+
+
+def _stop(
+    g: BondGraph, at: Place, effect: str, beyond: Callable[[Expr, Expr], Expr], law: str, both: bool
+) -> Effect | None:
+    known = (ROTATION, TRANSLATION, None) if not both else (ROTATION, TRANSLATION, HYDRAULIC, None)
+    spring = _spring(g, at) if at.domain in known else None
+    if spring is None:
+        return None
+    name = f"{effect}_{at.name}"
+    limit = 10.0 * spring.effort / spring.way
+    c = g.parameter(f"c_{name}", 0.0, over(effort_unit(at), spring.unit), "stiffness of the stop", (0.0, limit))
+    lower = 0.05 * spring.way if both else -spring.way
+    gap = g.parameter(f"gap_{name}", 0.5 * spring.way, spring.unit, "where the stop begins", (lower, spring.way))
+    revise_law(g, spring.name, "effort", lambda old: old + c * beyond(_STRETCH, gap))
+    return Effect(
+        effect, spring.name, f"effort = declared + c*({law}), q = displacement", (c.name,), shapes=(gap.name,),
+        reference=_STOP, manoeuvre="swings into the stop and swings that do not reach it",
+    )  # fmt: skip
+
+
+def magnetic_saturation(g: BondGraph, at: Place) -> Effect | None:
+    """An inductance that falls as its iron saturates: a linked flux L*i/sqrt(1 + c*i^2) instead of L*i."""
+    coils = elements_at(g, at, "I") if has_flow(at) and at.domain == ELECTRICAL else []
+    law = coils[0].law("flow") if len(coils) == 1 else None
+    reciprocal = None if law is None else linear_coefficient(law, symbol("momentum"))
+    if reciprocal is None or "." in coils[0].name:
+        return None
+    name = f"magnetic_saturation_{at.name}"
+    limit = 2.0 / at.scale.flow**2
+    c = g.parameter(f"c_{name}", 0.0, over("1", flow_unit(at), 2), "1 over the square of a current", (0.0, limit))
+    inductance = 1 / reciprocal
+    g.inertance(name, momentum=lambda i: inductance * i * ((1 + c * i**2) ** Rational(-1, 2) - 1), at=at.junction)
+    return Effect(
+        "magnetic_saturation", name, "flux = L*flow/sqrt(1 + c*flow^2), L declared", (c.name,),
+        reference="Trutt, Erdelyi, Hopkins (1968), IEEE Trans. PAS 87(3)",
+        manoeuvre="steps or swings of small and of large current",
+    )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class _Spring:
+    """A compliance: its name, the displacement at the effort of its place, that effort, and the displacement's unit."""
+
+    name: str
+    way: float
+    effort: float
+    unit: str
+
+
+def _spring(g: BondGraph, at: Place) -> _Spring | None:
+    """The only compliance at a junction, straight and declared by its effort."""
+    springs = [] if at.bond is not None else elements_at(g, at, "C")
+    if len(springs) != 1 or [given for given, _ in springs[0].laws] != ["effort"]:
+        return None
+    values = {parameter.symbol: parameter.value for parameter in g.flatten().parameters}
+    stiffness = linear_coefficient(springs[0].laws[0][1], _STRETCH)
+    if stiffness is None or not stiffness.free_symbols <= set(values):
+        return None
+    unit = "" if at.domain is None else at.domain.displacement_unit
+    return _Spring(springs[0].name, at.scale.effort / abs(float(stiffness.subs(values))), at.scale.effort, unit)
+
+
+def _joins_speeds(g: BondGraph, at: Place) -> bool:
+    """Whether a bond rigidly joins two speeds, directly or through a transformer (then only its first bond counts)."""
+    if at.bond is None or at.domain in (THERMAL, CHEMICAL):
+        return False
+    flat = g.flatten()
+    first, second = (flat.nodes[end] for end in (at.bond.source, at.bond.target))
+    if first.kind == "TF":
+        before = next(bond.source for bond in flat.bonds if bond.target == first.name)
+        return second.kind == "1" and flat.nodes[before].kind != "1"
+    return first.kind == "1" and second.kind in ("1", "TF")
+
+
+def _capacity_beside(g: BondGraph, at: Place) -> tuple[float, str] | None:
+    """Size and unit of the linear compliance declared at a junction: the natural size of a capacity not counted."""
+    values = {parameter.symbol: parameter.value for parameter in g.flatten().parameters}
+    for node in elements_at(g, at, "C"):
+        law = node.law("effort")
+        stiffness = None if law is None else linear_coefficient(law, _STRETCH)
+        if stiffness is not None and stiffness.free_symbols <= set(values):
+            unit = "" if at.domain is None else over(at.domain.displacement_unit, at.domain.effort_unit)
+            return 1.0 / abs(float(stiffness.subs(values))), unit
+    return None
+
+
+def _inertance_beside(g: BondGraph, junction: Handle) -> tuple[float, str] | None:
+    """Size and unit of the linear inertance declared at a junction: the natural size of one that was forgotten."""
+    flat = g.flatten()
+    declared = {parameter.symbol: parameter for parameter in flat.parameters}
+    values = {symbol: parameter.value for symbol, parameter in declared.items()}
+    for index, _ in flat.incidence()[junction.name]:
+        bond = flat.bonds[index]
+        other = flat.nodes[bond.target if bond.source == junction.name else bond.source]
+        law = other.law("flow") if other.kind == "I" and other.ports == 1 else None
+        reciprocal = None if law is None else linear_coefficient(law, symbol("momentum"))
+        if reciprocal is not None and reciprocal.free_symbols <= set(values) and reciprocal.subs(values).is_finite:
+            used = [declared[name] for name in reciprocal.free_symbols]
+            domain = junction.domain
+            unit = "" if domain is None else f"{domain.momentum_unit}/({domain.flow_unit})"
+            return 1.0 / float(reciprocal.subs(values)), used[0].unit if len(used) == 1 else unit
+    return None
+
+
+def uncounted_inertia(g: BondGraph, at: Place) -> Effect | None:
+    """Inertia where none was declared: a crankshaft at a measured speed, a rotor taken as a mere source.
+
+    ``added_inertia`` is for junctions that have one; here the efforts and flows of the place say how large it can be:
+    an inertia that the effort would bring to the flow in ``LONGEST_RUN_UP``.
+    """
+    if not is_speed(at) or elements_at(g, at, "I"):
+        return None
+    name = f"uncounted_inertia_{at.name}"
+    unit = "" if at.domain is None else f"{at.domain.momentum_unit}/({at.domain.flow_unit})"
+    limit = LONGEST_RUN_UP * at.scale.effort / at.scale.flow
+    inertia = g.parameter(f"inertia_{name}", 0.0, unit, f"inertia of what turns or moves at {at.label}", (0.0, limit))
+    g.inertance(name, inertia, at=at.junction)
+    law = "effort = c*d(flow)/dt"
+    return Effect(
+        "uncounted_inertia", name, law, (inertia.name,), reference=_STORAGES, manoeuvre="quick changes of the speed"
+    )  # fmt: skip

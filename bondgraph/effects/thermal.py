@@ -1,0 +1,195 @@
+"""Heat that a body gives away or takes up: to what is around, by conduction, convection and radiation; its capacity.
+
+Effort is a temperature and flow a heat flow, whose product is no power. Here a loss means that heat flows from hot to
+cold: away from the body while it is warmer than what is around, into it while it is colder. What is around is the
+temperature source next to the body in the graph, or the temperature at which a declared loss of the body vanishes.
+Temperatures may be declared in kelvin, in degrees or as a rise above what is around; their size tells which.
+
+Reference: Incropera, DeWitt, Bergman, Lavine (2007), Fundamentals of Heat and Mass Transfer.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import networkx as nx
+from sympy import Expr, Integer, Rational
+
+from bondgraph.declare.domains import THERMAL
+from bondgraph.declare.effect import Effect, Place, between_junctions
+from bondgraph.declare.expressions import signal
+from bondgraph.declare.graph import BondGraph
+from bondgraph.declare.quantities import symbol
+from bondgraph.derive.laws import affine_parts
+from bondgraph.effects.between import path
+from bondgraph.effects.places import conductance, effort_unit, elements_at, flow_unit, has_effort, over
+
+_HEAT = "Incropera, DeWitt, Bergman, Lavine (2007), Fundamentals of Heat and Mass Transfer"
+#: Temperatures whose size exceeds this are absolute: a body that is never warmer than this is not at room temperature,
+#: and few are this much warmer than what is around [K].
+ABSOLUTE_ABOVE = 200.0
+#: Temperature of a room [K], and of the zero of the Celsius scale.
+ROOM, CELSIUS_ZERO = 293.15, 273.15
+
+
+@dataclass(frozen=True)
+class Around:
+    """What is around a body: its temperature in the graph's own scale, and what that scale's zero is in kelvin."""
+
+    temperature: Expr
+    zero: float
+
+    def absolute(self, g: BondGraph, name: str) -> tuple[Expr, str]:
+        """The zero as an expression, and its parameter; no parameter where temperatures are absolute."""
+        if self.zero == 0.0:
+            return Integer(0), ""
+        zero = g.parameter(f"zero_{name}", self.zero, "K", "absolute temperature at the zero of the graph's scale")
+        return zero, zero.name
+
+
+def heat_loss(g: BondGraph, at: Place) -> Effect | None:
+    """Heat given away in proportion to the difference in temperature: poor insulation, a support that conducts."""
+    around = surroundings(g, at)
+    if around is None:
+        return None
+    name, c = conductance(g, at, "heat_loss", "conductance", over(flow_unit(at), effort_unit(at)), 1)
+    g.resistance(name, flow=lambda effort: c * (effort - around.temperature), at=at.junction)
+    return Effect(
+        "heat_loss", name, "flow = c*(effort - around)", (c.name,), reference=f"{_HEAT}, section 3.1",
+        dissipative=True, manoeuvre="a body that cools with no heat added",
+    )  # fmt: skip
+
+
+def convection(g: BondGraph, at: Place) -> Effect | None:
+    """Heat given to still air, which moves the faster the warmer the body is: the power 5/4 of the difference."""
+    around = surroundings(g, at)
+    if around is None:
+        return None
+    name = f"convection_{at.name}"
+    size = _difference(at)
+    c = g.parameter(f"c_{name}", 0.0, flow_unit(at), f"heat flow at {size:g} K", (0.0, 0.5 * at.scale.flow))
+    reach = g.parameter(f"e_{name}", size, "K", "difference in temperature of that flow")
+    w = at.smoothing
+
+    def law(effort: Expr) -> Expr:
+        x = (effort - around.temperature) / reach
+        return c * x * (x**2 + w**2) ** Rational(1, 8)
+
+    g.resistance(name, flow=law, at=at.junction)
+    return Effect(
+        "convection", name, "flow = c*x*(x^2 + w^2)^(1/8), x = (effort - around)/e", (c.name,),
+        reference=f"{_HEAT}, section 9.6", dissipative=True,
+        manoeuvre="cooling from the highest temperature to that around",
+    )  # fmt: skip
+
+
+def radiation(g: BondGraph, at: Place) -> Effect | None:
+    """Heat radiated: it grows with the fourth power of the absolute temperature."""
+    around = surroundings(g, at)
+    if around is None:
+        return None
+    name = f"radiation_{at.name}"
+    c = _radiating(g, at, name, around.zero)
+    zero, _ = around.absolute(g, name)
+    g.resistance(name, flow=lambda e: c * ((e + zero) ** 4 - (around.temperature + zero) ** 4), at=at.junction)
+    return Effect(
+        "radiation", name, "flow = c*((effort + z)^4 - (around + z)^4)", (c.name,),
+        reference=f"{_HEAT}, section 13.3; Stefan (1879)", dissipative=True,
+        manoeuvre="hot and cool runs, each until the temperature settles",
+    )  # fmt: skip
+
+
+def varying_heat_capacity(g: BondGraph, at: Place) -> Effect | None:
+    """Heat capacity that changes with temperature: metals, oils, a substance about to melt."""
+    around = surroundings(g, at)
+    stores = elements_at(g, at, "C") if around is not None else []
+    law = stores[0].law("effort") if len(stores) == 1 else None
+    parts = None if law is None else affine_parts(law, symbol("displacement"))
+    if around is None or parts is None or "." in stores[0].name or symbol("displacement") in parts[0].free_symbols:
+        return None
+    name = f"varying_heat_capacity_{at.name}"
+    limit = 0.5 / _difference(at)
+    c = g.parameter(f"c_{name}", 0.0, "1/K", "relative rise of the heat capacity per kelvin", (-limit, limit))
+    middle = around.temperature if around.temperature.free_symbols <= _parameters(g) else Integer(0)
+    g.compliance(name, displacement=lambda e: c * (e - middle) ** 2 / (2 * parts[0]), at=at.junction)
+    return Effect(
+        "varying_heat_capacity", name, "capacity = declared*(1 + c*(effort - around))", (c.name,),
+        reference=f"{_HEAT}, section 2.2.2", manoeuvre="equal steps of heat at low and high temperature",
+    )  # fmt: skip
+
+
+@between_junctions
+def radiation_between(g: BondGraph, at: Place) -> Effect | None:
+    """Heat radiated from one body to another beside what conducts between them."""
+    if at.other is None or at.junction.kind != "0" or at.domain != THERMAL or at.other.domain != THERMAL:
+        return None
+    name = f"radiation_between_{at.name}"
+    first, second = at.junction.effort, at.other.effort
+    known = [one for end in (at.junction, at.other) if (one := surroundings(g, Place(end, at.scale))) is not None]
+    around = Around(Integer(0), min(one.zero for one in known))
+    c = _radiating(g, at, name, around.zero)
+    zero, _ = around.absolute(g, name)
+    g.resistance(
+        name, flow=lambda effort: c * ((first + zero) ** 4 - (second + zero) ** 4), at=path(g, at, name)
+    )  # fmt: skip
+    return Effect(
+        "radiation_between", name, "flow = c*((first + z)^4 - (second + z)^4)", (c.name,),
+        reference=f"{_HEAT}, section 13.3; Stefan (1879)", dissipative=True,
+        manoeuvre="one body hot and the other cool, then both warm",
+    )  # fmt: skip
+
+
+def surroundings(g: BondGraph, at: Place) -> Around | None:
+    """What is around a thermal 0-junction, None at any other place."""
+    if not has_effort(at) or at.domain != THERMAL:
+        return None
+    absolute = max(at.scale.effort, _initial_temperature(g, at)) > ABSOLUTE_ABOVE
+    source = _nearest_source(g, at.junction.name)
+    if source is not None:
+        return Around(signal("effort", source), 0.0 if absolute else CELSIUS_ZERO)
+    for node in elements_at(g, at, "R"):
+        law = node.law("flow")
+        parts = None if law is None else affine_parts(law, symbol("effort"))
+        if parts is not None and parts[1] != 0 and "." not in node.name:
+            return Around(-parts[1] / parts[0], 0.0 if absolute else CELSIUS_ZERO)
+    return Around(Integer(0), ROOM)
+
+
+def _initial_temperature(g: BondGraph, at: Place) -> float:
+    """The temperature at which the heat stored at a junction starts, zero where nothing declares it."""
+    values = {parameter.symbol: parameter.value for parameter in g.flatten().parameters}
+    for node in elements_at(g, at, "C"):
+        law = node.law("effort")
+        start = None if law is None else law.subs({**values, symbol("displacement"): node.initial[0]})
+        if start is not None and start.is_number:
+            return abs(float(start))
+    return 0.0
+
+
+def _nearest_source(g: BondGraph, junction: str) -> str | None:
+    """The temperature source nearest to a junction, through thermal junctions alone."""
+    flat = g.flatten()
+    kept = {node.name for node in flat.nodes.values() if node.is_junction or node.kind == "Se"}
+    network = nx.Graph((bond.source, bond.target) for bond in flat.bonds if {bond.source, bond.target} <= kept)
+    if junction not in network:
+        return None
+    away = nx.single_source_shortest_path_length(network, junction)
+    found = [(far, name) for name, far in away.items() if flat.nodes[name].kind == "Se"]
+    return min(found)[1] if found else None
+
+
+def _radiating(g: BondGraph, at: Place, name: str, zero: float) -> Expr:
+    """A coefficient of radiation whose largest value gives off the heat flow of the place at its temperature."""
+    hottest = max(at.scale.effort + zero, ROOM)
+    limit = at.scale.flow / hottest**4
+    return g.parameter(f"c_{name}", 0.0, over(flow_unit(at), "K", 4), "emissivity times area times sigma", (0, limit))
+
+
+def _difference(at: Place) -> float:
+    """A difference in temperature as it may occur: the size of a rise, or what absolute ones exceed a room by."""
+    size = at.scale.effort
+    return size if size <= ABSOLUTE_ABOVE else max(size - ROOM, 0.1 * ROOM)
+
+
+def _parameters(g: BondGraph) -> set[Expr]:
+    return {parameter.symbol for parameter in g.flatten().parameters}
