@@ -220,7 +220,7 @@ def rank(problem: EstimationProblem, point: FloatArray | None = None, jacobian: 
     where = problem.start if point is None else np.asarray(point, dtype=np.float64)
     expansion = fitted_expansion(problem, where, jacobian)
     table = sensitivity_from(problem, where, expansion)
-    widths = _prior_std(problem, where)
+    widths = prior_std(problem, where)
     slopes = np.array([one.slope(value) for one, value in zip(problem.free, problem.values(where), strict=True)])
     scaled = _from_logs(problem, where, expansion.information) * np.outer(widths, widths)
     chosen, order = _successive(scaled)
@@ -240,7 +240,7 @@ def rank(problem: EstimationProblem, point: FloatArray | None = None, jacobian: 
     return Ranking(tuple(rows), combinations(problem, where, expansion.information), table)
 
 
-def _prior_std(problem: EstimationProblem, point: FloatArray) -> FloatArray:
+def prior_std(problem: EstimationProblem, point: FloatArray) -> FloatArray:
     """What is known of each coordinate before, shape (n,): prior, or a uniform law over the bounds."""
     uniform = (problem.upper - problem.lower) / math.sqrt(12.0)
     values = problem.values(point)
