@@ -23,7 +23,7 @@ from bondgraph.estimate.pinned import constrained_minimum
 from bondgraph.estimate.profile import profile_curve
 from bondgraph.estimate.result import Estimate, quantity_of, unit_of
 from bondgraph.frames import frame
-from bondgraph.text import number, text_table
+from bondgraph.text import Table, number
 
 if TYPE_CHECKING:
     import pandas
@@ -158,15 +158,15 @@ def _profile(estimate: Estimate, name: str, level: float) -> LikelihoodProfile:
     )
 
 
-def profile_table(profiles: Sequence[LikelihoodProfile]) -> str:
-    """A line for each profile: estimate, interval by the covariance and by the profile, and what differs."""
+def profile_table(profiles: Sequence[LikelihoodProfile]) -> Table:
+    """Header, and a row for each profile: estimate, interval by the covariance and by the profile, what differs."""
     rows = []
     for one in profiles:
         reach = NormalDist().inv_cdf(0.5 + 0.5 * one.level) * one.std
         ends = (one.value - reach, one.value + reach, *one.interval)
         rows.append([one.name, one.unit, *(number(one.show(v)) for v in (one.value, *ends)), one.verdict])
     header = ("parameter", "unit", "value", "covariance from", "to", "profile from", "to", "")
-    return text_table(header, rows)
+    return header, rows
 
 
 def profile_frame(profiles: Sequence[LikelihoodProfile]) -> pandas.DataFrame:

@@ -24,7 +24,7 @@ from bondgraph.estimate.pictures import own_axes
 from bondgraph.estimate.problem import EstimationProblem
 from bondgraph.estimate.sensitivities import Sensitivity, sensitivity_from
 from bondgraph.frames import frame
-from bondgraph.text import number, text_table
+from bondgraph.text import Table, number, text_table
 
 if TYPE_CHECKING:
     import pandas
@@ -110,14 +110,18 @@ class Ranking:
     def _with_partner(self, one: RankedParameter) -> str:
         return f"{one.name} (taken for {one.partner[0]}, {one.partner[1]:.3f})" if one.partner[0] else one.name
 
-    def summary(self) -> str:
-        """A line for each parameter in declared units, and the advice."""
+    def table(self) -> Table:
+        """Header, and a row for each parameter with standard deviations in declared units."""
         header = ("parameter", "unit", "advice", "nats", "known before", "std alone", "std joint", "std if freed")
         rows = [
             [one.name, unit, one.advice, number(one.influence), *map(number, shown)]
             for one, (unit, shown) in zip(self.parameters, self._shown(), strict=True)
         ]
-        return "\n".join([text_table(header, rows), *self.advice()])
+        return header, rows
+
+    def summary(self) -> str:
+        """A line for each parameter in declared units, and the advice."""
+        return "\n".join([text_table(*self.table()), *self.advice()])
 
     def _shown(self) -> list[tuple[str, list[float]]]:
         """Unit and standard deviations as they are shown."""

@@ -25,7 +25,7 @@ from bondgraph.estimate.problem import EstimationProblem
 from bondgraph.estimate.sensitivities import sensitivity
 from bondgraph.filter.choice import choose_method
 from bondgraph.frames import frame
-from bondgraph.text import number, text_table
+from bondgraph.text import Table, number, text_table
 
 if TYPE_CHECKING:
     import pandas
@@ -93,21 +93,20 @@ class RateTable:
         shows = [one.shown for one in self.quantities]
         return [abs(show(float(std)) - show(0.0)) for show, std in zip(shows, row.std, strict=True)]
 
-    def summary(self) -> str:
-        """A line for each rate: samples, cost, standard deviations in declared units; and the answer."""
+    def table(self) -> Table:
+        """Header, and a row for each rate: samples, cost, standard deviations in declared units."""
         header = ["rate [1/s]", "samples", "work", "CPU [s]"]
         header += [f"{name} [{unit}]" for name, unit in zip(self.names, self.units, strict=True)]
         rows = [
-            [
-                number(row.rate),
-                str(row.samples),
-                number(float(row.work)),
-                number(row.cpu),
-                *map(number, self._shown(row)),
-            ]
+            [number(row.rate), str(row.samples), number(float(row.work)), number(row.cpu)]
+            + [number(value) for value in self._shown(row)]
             for row in self.rows
         ]
-        return f"{text_table(header, rows)}\n{self.verdict}"
+        return header, rows
+
+    def summary(self) -> str:
+        """A line for each rate, and the answer."""
+        return f"{text_table(*self.table())}\n{self.verdict}"
 
     def to_dataframe(self) -> pandas.DataFrame:
         """The table as a data frame with a row for each rate.

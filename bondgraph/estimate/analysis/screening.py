@@ -24,7 +24,7 @@ from bondgraph.estimate.objective import FloatArray
 from bondgraph.estimate.pictures import own_axes
 from bondgraph.estimate.problem import EstimationProblem
 from bondgraph.frames import frame
-from bondgraph.text import count, number, text_table
+from bondgraph.text import Table, count, number, text_table
 
 if TYPE_CHECKING:
     import pandas
@@ -83,17 +83,25 @@ class GlobalSensitivity:
         key = "mu_star" if self.method == "morris" else "total"
         return tuple(int(k) for k in np.argsort(-self.indices[key], kind="stable"))
 
-    def summary(self) -> str:
-        """A line for each parameter, most important first."""
+    def table(self) -> Table:
+        """Header, and a row for each parameter, most important first."""
         columns = _COLUMNS[self.method]
         header = ["parameter", *(name for column in columns for name in self._headed(column))]
         rows = [
             [self.names[k], *(number(float(values[k])) for column in columns for values in self._values(column))]
             for k in self.order
         ]
+        return header, rows
+
+    @property
+    def title(self) -> str:
+        """Response, method, evaluations and failures in a line."""
         note = f"; {self.failed} failed and count as the largest response" if self.failed else ""
-        head = f"{self.response}, {self.method}: {count(self.evaluations, 'evaluation')}{note}"
-        return "\n".join([head, text_table(header, rows)])
+        return f"{self.response}, {self.method}: {count(self.evaluations, 'evaluation')}{note}"
+
+    def summary(self) -> str:
+        """A line for each parameter, most important first."""
+        return f"{self.title}\n{text_table(*self.table())}"
 
     def _headed(self, column: str) -> list[str]:
         return [column, "+-"] if column in self.confidence else [column]

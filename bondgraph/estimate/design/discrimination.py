@@ -32,7 +32,7 @@ from bondgraph.estimate.pictures import own_axes
 from bondgraph.estimate.problem import EstimationProblem
 from bondgraph.estimate.symmetric import scaled_eigen
 from bondgraph.frames import frame
-from bondgraph.text import number, text_table
+from bondgraph.text import Table, number, text_table
 
 if TYPE_CHECKING:
     import pandas
@@ -110,17 +110,19 @@ class DiscriminationTable:
     def __repr__(self) -> str:
         return f"<DiscriminationTable of {', '.join(self.rivals)}; best: {self.rows[0].name}>"
 
+    def table(self) -> Table:
+        """Header, and a row for each manoeuvre."""
+        header = ("manoeuvre", "s", "nats", "nats/s", "decided after [s]", "told worst")
+        rows = []
+        for one in self.rows:
+            decided = number(one.soonest) if math.isfinite(one.soonest) else "not"
+            numbers = (one.duration, float(one.nats[one.worst]), one.rate)
+            rows.append([one.name, *map(number, numbers), decided, self._pair(one)])
+        return header, rows
+
     def summary(self) -> str:
         """A line for each manoeuvre, and the best one in words."""
-        header = ("manoeuvre", "s", "nats", "nats/s", "decided after [s]", "told worst")
-        rows = [
-            [
-                one.name, *map(number, (one.duration, float(one.nats[one.worst]), one.rate)),
-                number(one.soonest) if math.isfinite(one.soonest) else "not", self._pair(one),
-            ]
-            for one in self.rows
-        ]  # fmt: skip
-        return f"{text_table(header, rows)}\n{self.advice}"
+        return f"{text_table(*self.table())}\n{self.advice}"
 
     def _pair(self, one: Discrimination) -> str:
         true, rival = one.worst

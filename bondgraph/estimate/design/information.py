@@ -25,7 +25,7 @@ from bondgraph.estimate.objective import Expand, FloatArray, fitted_expansion
 from bondgraph.estimate.pictures import own_axes
 from bondgraph.estimate.problem import EstimationProblem
 from bondgraph.frames import frame
-from bondgraph.text import number, text_table
+from bondgraph.text import Table, number, text_table
 
 if TYPE_CHECKING:
     import pandas
@@ -84,27 +84,28 @@ class DesignTable:
     def __repr__(self) -> str:
         return f"<DesignTable of {len(self.rows)} manoeuvres; best: {self.rows[0].name}>"
 
-    def summary(self) -> str:
-        """A line for each manoeuvre, and which is the best by each criterion."""
+    def table(self) -> Table:
+        """Header, and a row for each manoeuvre."""
         header = ("manoeuvre", "s", "D [nats]", "nats/s", "A", "E", "told worst")
-        rows = [
-            [
-                one.name,
-                *map(number, (one.duration, one.gain, one.rate, one.mean_left, one.worst_left)),
-                self._worst(one),
-            ]
-            for one in self.rows
-        ]
+        rows = []
+        for one in self.rows:
+            numbers = (one.duration, one.gain, one.rate, one.mean_left, one.worst_left)
+            rows.append([one.name, *map(number, numbers), "+".join(one.worst)])
+        return header, rows
+
+    def advice(self) -> tuple[str, ...]:
+        """The best manoeuvre by each criterion, in sentences."""
         best = {
             "tells most": max(self.rows, key=lambda one: one.gain),
             "tells most per second": max(self.rows, key=lambda one: one.rate),
             "leaves least on average": min(self.rows, key=lambda one: one.mean_left),
             "leaves least of the worst": min(self.rows, key=lambda one: one.worst_left),
         }
-        return "\n".join([text_table(header, rows), *(f"{what}: {one.name}" for what, one in best.items())])
+        return tuple(f"{what}: {one.name}" for what, one in best.items())
 
-    def _worst(self, one: PlannedInformation) -> str:
-        return "+".join(one.worst)
+    def summary(self) -> str:
+        """A line for each manoeuvre, and which is the best by each criterion."""
+        return "\n".join([text_table(*self.table()), *self.advice()])
 
     def to_dataframe(self) -> pandas.DataFrame:
         """The table as a data frame, with a column ``left_NAME`` for each parameter.
