@@ -28,7 +28,8 @@ COMMANDS = {
     "simulate": "runs",
     "filter": "runs",
     "estimate": "runs",
-    "sensitivity": "runs",
+    "sensitivity": "experiments",
+    "design": "experiments",
     "close-loop": "loops",
     "demo": "loops",
 }

@@ -24,6 +24,7 @@ from bondgraph.filter.choice import choose_method
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.samples import Samples
 from bondgraph.simulate.batch import simulate_batch
+from bondgraph.simulate.simulation import simulate
 from bondgraph.simulate.stiff import Rosenbrock
 
 
@@ -169,3 +170,43 @@ def simulated_members(problem: EstimationProblem, points: FloatArray) -> tuple[F
         run = simulate_batch(model, log.time, log.u, theta, x0, method=chosen, substeps=steps)
         found.append(run.y)
     return tuple(found)
+
+
+def expected_problem(problem: EstimationProblem, point: FloatArray) -> EstimationProblem:
+    """The problem on what its sensors would show without noise were a point (n,) the truth.
+
+    Times, inputs, starts and gaps of the logs stay; outputs without a noise are not measured. The Fisher information
+    there is that which such logs hold on average, to first order in the noise.
+
+    Raises
+    ------
+    EstimationError
+        If the model diverges along a log.
+
+    Examples
+    --------
+    >>> import bondgraph as bg
+    >>> from bondgraph.simulate.example import pendulum
+    >>> swing = bg.FilterModel(pendulum(), {"rate": 0.05}, {"deflection": 0.05}, {"angle": 0.1, "rate": 0.1}, 2)
+    >>> log = bg.MatchedLog("swing", np.arange(60) * 0.05, np.zeros((1, 60)), np.zeros((1, 60)))
+    >>> problem = bg.pose(swing, log, ["length"], initial="model")
+    >>> expected_problem(problem, problem.start).logs[0].y[0, :2].round(3).tolist()
+    [0.479, 0.474]
+    """
+    batch, declared = problem.batch(np.asarray(point)[:, np.newaxis]), problem.filter_model
+    model, logs, starts = declared.model, [], []
+    for log, x0 in zip(problem.logs, batch.x0, strict=True):
+        theta = batch.theta[:, 0].copy()
+        for name, value in log.theta_overrides.items():
+            theta[model.index("parameter", name)] = value
+        run = simulate(model, log.time, log.u, theta, x0[:, 0], compiled=True)
+        if not np.isfinite(run.y).all():
+            raise EstimationError(
+                f"{model.name}: the model diverges along {log.name!r} at t = {run.ended_at:.6g} s"
+                " - take a gentler manoeuvre, or check the values of the parameters",
+                where=(log.name,),
+            )
+        seen = np.isfinite(declared.noise_std)[:, np.newaxis] & ~np.isnan(log.y)
+        logs.append(replace(log, y=np.where(seen, run.y, np.nan)))
+        starts.append(dict(zip(model.names("state"), map(float, x0[:, 0]), strict=True)))
+    return replace(problem, logs=tuple(logs), initial=tuple(starts))

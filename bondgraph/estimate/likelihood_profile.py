@@ -152,7 +152,7 @@ def _profile(estimate: Estimate, name: str, level: float) -> LikelihoodProfile:
         interval=(float(lower), float(upper)),
         values=parameter.values(curve.coordinates),
         deviance=curve.deviance,
-        bounded=(interval.lower <= problem.lower[index], interval.upper >= problem.upper[index]),
+        bounded=(bool(interval.lower <= problem.lower[index]), bool(interval.upper >= problem.upper[index])),
         shown=(show(1.0) - show(0.0), show(0.0)),
         evaluations=curve.evaluations,
     )

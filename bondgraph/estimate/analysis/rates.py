@@ -1,7 +1,8 @@
 """Which rate of samples an estimation needs: standard deviations and cost of the same logs at several rates.
 
 Of a log at a lower rate every k-th sample is left, with its noise as it is: nothing is averaged. So what is lost is
-information per sample, and what the inputs did between samples.
+the information of samples, and what the inputs did between them. Information is that expected where the model is right:
+measurements are replaced by what sensors would show without noise, so that no misfit of a start mixes in.
 """
 
 from __future__ import annotations
@@ -19,7 +20,8 @@ from bondgraph.data.log import MatchedLog
 from bondgraph.data.select import decimate
 from bondgraph.errors import OptionError
 from bondgraph.estimate.exact import derivatives, filtering_work
-from bondgraph.estimate.objective import Expand, FloatArray
+from bondgraph.estimate.free_simulation import expected_problem
+from bondgraph.estimate.objective import BoolArray, Expand, FloatArray
 from bondgraph.estimate.pictures import own_axes
 from bondgraph.estimate.problem import EstimationProblem
 from bondgraph.estimate.sensitivities import sensitivity
@@ -58,6 +60,8 @@ class RateTable:
     ----------
     names, units, quantities
         Free parameters and how they are shown.
+    judged
+        Which of them the verdict is about, shape (n,): parameters and initial states, not noise levels.
     rows
         One for each rate.
     """
@@ -65,6 +69,7 @@ class RateTable:
     names: tuple[str, ...]
     units: tuple[str, ...]
     quantities: tuple[Displayed, ...]
+    judged: BoolArray
     rows: tuple[RateRow, ...]
 
     def __repr__(self) -> str:
@@ -72,9 +77,9 @@ class RateTable:
 
     @property
     def sufficient(self) -> float:
-        """The lowest rate in 1/s at which no standard deviation is more than a tenth above that of the highest."""
+        """The lowest rate in 1/s at which no judged deviation is more than a tenth above that of the highest."""
         best, found = self.rows[0].std, self.rows[0].rate
-        known = np.isfinite(best)
+        known = np.isfinite(best) & self.judged
         for row in self.rows[1:]:
             if not (row.std[known] <= (1.0 + _WORSE) * best[known]).all():
                 break
@@ -171,7 +176,7 @@ def rate_table(
     rates
         Samples per second to look at; those above the rate of the logs change nothing.
     point
-        Coordinates, shape (n,); None: where searches start.
+        Coordinates that are taken as true, shape (n,); None: where searches start.
     jacobian
         Gives the information.
 
@@ -198,7 +203,7 @@ def rate_table(
     where = problem.start if point is None else np.asarray(point, dtype=np.float64)
     rows, table = [], None
     for rate in sorted(rates, reverse=True):
-        slower = at_rate(problem, rate)
+        slower = expected_problem(at_rate(problem, rate), where)
         table = sensitivity(slower, where, jacobian)
         used = choose_method(slower.filter_model, slower.logs)
         decided = replace(slower, filter_model=used)
@@ -209,7 +214,8 @@ def rate_table(
         samples = sum(len(log) for log in slower.logs)
         rows.append(RateRow(rate, samples, table.std_joint, filtering_work(decided), spent, used.method))
     assert table is not None  # there is at least one rate
-    return RateTable(table.names, table.units, table.quantities, tuple(rows))
+    judged = np.array([one.target.kind in ("parameter", "x0") for one in problem.free], dtype=np.bool_)
+    return RateTable(table.names, table.units, table.quantities, judged, tuple(rows))
 
 
 def at_rate(problem: EstimationProblem, rate: float) -> EstimationProblem:

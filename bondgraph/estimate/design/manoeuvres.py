@@ -9,12 +9,11 @@ import numpy as np
 
 from bondgraph.arrays import FloatArray
 from bondgraph.data.log import MatchedLog
-from bondgraph.errors import EstimationError
+from bondgraph.estimate.free_simulation import expected_problem
 from bondgraph.estimate.problem import EstimationProblem
 from bondgraph.simulate.inputs import InputSignal
 from bondgraph.simulate.model import Model
 from bondgraph.simulate.scenario import Scenario
-from bondgraph.simulate.simulation import simulate
 
 #: Samples of a manoeuvre of steps, at the rate of the logs, and the share of inputs left out at both ends of a range.
 _SAMPLES, _TAIL = 400, 2.0
@@ -92,21 +91,13 @@ def planned_problem(problem: EstimationProblem, manoeuvre: Manoeuvre, point: Flo
     (1, 40)
     """
     model = problem.filter_model.model
-    theta = problem.batch(np.asarray(point)[:, np.newaxis]).theta[:, 0]
-    x0 = model.x0(**dict(manoeuvre.initial))
-    run = simulate(model, manoeuvre.time, manoeuvre.u, theta, x0, compiled=True)
-    if not np.isfinite(run.y).all():
-        raise EstimationError(
-            f"{model.name}: the model diverges in the manoeuvre {manoeuvre.name!r} at t = {run.ended_at:.6g} s"
-            " - plan a gentler one, or check the values of the parameters",
-            where=(manoeuvre.name,),
-        )
-    seen = np.isfinite(problem.filter_model.noise_std)[:, np.newaxis] & np.ones(run.y.shape, dtype=np.bool_)
-    if manoeuvre.measured is not None:
-        seen &= manoeuvre.measured
-    log = MatchedLog(manoeuvre.name, manoeuvre.time, manoeuvre.u, np.where(seen, run.y, np.nan))
-    kept = tuple(one for one in problem.free if one.target.log is None)
-    return replace(problem, logs=(log,), free=kept, initial=(dict(manoeuvre.initial),))
+    shape = (len(model.outputs), manoeuvre.time.size)
+    measured = np.ones(shape, dtype=np.bool_) if manoeuvre.measured is None else manoeuvre.measured
+    log = MatchedLog(manoeuvre.name, manoeuvre.time, manoeuvre.u, np.where(measured, 0.0, np.nan))
+    kept = [k for k, one in enumerate(problem.free) if one.target.log is None]
+    free = tuple(problem.free[k] for k in kept)
+    silent = replace(problem, logs=(log,), free=free, initial=(dict(manoeuvre.initial),))
+    return expected_problem(silent, np.asarray(point)[kept])
 
 
 def step_manoeuvres(model: Model, logs: Sequence[MatchedLog]) -> tuple[Manoeuvre, ...]:
