@@ -55,7 +55,7 @@ def write_design(answer: DesignAnswer, folder: Path, made: Provenance) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     write_json(folder / "result.json", answer.to_dict())
     table, rows = answer.information, len(answer.information.rows)
-    figure = drawn(table.plot, 4.5 + 0.55 * len(table.names), 1.8 + 0.36 * rows)
+    figure = drawn(table.plot, 6.0 + 0.55 * len(table.names), 1.8 + 0.36 * rows)
     save_figure(figure, folder / "design.png")
     sections = [Section("What each manoeuvre tells", _READING, *table.table(), figure)]
     if answer.discrimination:

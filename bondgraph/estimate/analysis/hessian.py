@@ -71,7 +71,7 @@ def hessian(
     Raises
     ------
     EstimationError
-        If the gradient is not finite there, or the data say nothing about a coordinate.
+        If the gradient is not finite there, the data say nothing about a coordinate, or all of them rest on bounds.
 
     Examples
     --------
@@ -97,6 +97,12 @@ def hessian(
     room = np.minimum(where - problem.lower, problem.upper - where)
     steps = np.minimum(_STEP / np.sqrt(information), 0.4 * room)
     free = np.flatnonzero(steps > 1e-4 * _STEP / np.sqrt(information))
+    if not free.size:
+        raise EstimationError(
+            f"{problem.filter_model.model.name}: every coordinate rests on a bound, so no second derivatives exist"
+            " - widen the bounds, or take a point inside",
+            where=problem.names,
+        )
     slopes, spent = _gradient_slopes(problem, where, steps, free, jacobian)
     short, long = slopes
     best = (4.0 * short - long) / 3.0

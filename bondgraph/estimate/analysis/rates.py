@@ -88,11 +88,18 @@ class RateTable:
 
     @property
     def verdict(self) -> str:
-        """The answer in a sentence."""
-        first, last = self.rows[0].rate, self.sufficient
-        if last == first:
-            return f"{number(first)} 1/s are needed: any lower rate here costs more than {_WORSE:.0%} of a deviation"
-        return f"{number(last)} 1/s are enough: no standard deviation grows by more than {_WORSE:.0%}"
+        """The answer in a sentence, with what the next lower rate would cost and save."""
+        last = self.sufficient
+        lower = next((row for row in self.rows if row.rate < last), None)
+        enough = "is needed" if last == self.rows[0].rate else "is enough"
+        if lower is None:
+            return f"{number(last)} 1/s {enough}: no standard deviation grows by more than {_WORSE:.0%}"
+        base = next(row for row in self.rows if row.rate == last)
+        growth = (lower.std / base.std)[np.isfinite(base.std) & self.judged]
+        told = growth.size > 0 and bool(np.isfinite(growth).all())
+        lost = f"up to {growth.max():.2f} times the standard deviation" if told else "a parameter unknown"
+        saved = f"{lower.work / base.work:.2f} times the work"
+        return f"{number(last)} 1/s {enough}: {number(lower.rate)} 1/s leave {lost} for {saved}"
 
     def _shown(self, row: RateRow) -> list[float]:
         shows = [one.shown for one in self.quantities]
@@ -150,7 +157,8 @@ class RateTable:
                 axes.plot(rates, [row.std[k] / self.rows[0].std[k] for row in self.rows], "o-", label=name)
         axes.plot(rates, [row.work / self.rows[0].work for row in self.rows], "s--", color="0.5", label="cost")
         axes.set_xscale("log")
-        axes.set_yscale("log")
+        axes.set_xticks(rates, [number(rate) for rate in rates])
+        axes.minorticks_off()
         axes.set_xlabel("rate [1/s]")
         axes.set_ylabel("over that at the highest rate")
         axes.legend(loc="best", fontsize="small")

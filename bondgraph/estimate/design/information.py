@@ -145,7 +145,7 @@ class DesignTable:
         axes.set_xticks(range(len(self.names)), self.names, rotation=45, ha="right")
         axes.set_yticks(range(len(self.rows)), [f"{one.name}: {one.gain:.3g} nats" for one in self.rows])
         axes.grid(False)
-        axes.set_title("share of the standard deviation that is left")
+        axes.set_xlabel("standard deviation left")
         return axes
 
 
