@@ -43,6 +43,8 @@ _REDUCTIONS: dict[str, Callable[[FloatArray], FloatArray]] = {
 }
 #: Levels of Morris' grid and the share of failed members above which nothing is said.
 _LEVELS, _MOST_FAILED = 4, 0.2
+#: A response beyond this has run away, and its square is no number any more.
+_RUNAWAY = 1e100
 
 
 @dataclass(frozen=True, repr=False)
@@ -225,7 +227,7 @@ def _sampled(method: Method, space: dict[str, Any], size: int, seed: int) -> Flo
 def _responses(response: Response, points: FloatArray, meaning: str) -> tuple[FloatArray, int]:
     """Responses (members,), failed ones as the largest of the others, and how many failed."""
     values = np.array(response(np.ascontiguousarray(points.T)), dtype=np.float64)
-    finite = np.isfinite(values)
+    finite = np.isfinite(values) & (np.abs(values) < _RUNAWAY)
     failed = int((~finite).sum())
     if failed > _MOST_FAILED * values.size:
         raise EstimationError(
