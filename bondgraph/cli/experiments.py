@@ -21,7 +21,7 @@ from bondgraph.data.read import read_log
 from bondgraph.declare.files import load_graph
 from bondgraph.declare.loading import is_model_file
 from bondgraph.errors import OptionError
-from bondgraph.estimate.analysis.ranking import rank
+from bondgraph.estimate.analysis.ranking import rank_parameters
 from bondgraph.estimate.analysis.rates import rate_table
 from bondgraph.estimate.analysis.screening import (
     GlobalSensitivity,
@@ -32,7 +32,7 @@ from bondgraph.estimate.analysis.screening import (
     problem_bounds,
 )
 from bondgraph.estimate.design.discrimination import DiscriminationTable, Rival, discriminate
-from bondgraph.estimate.design.information import design as find_design
+from bondgraph.estimate.design.information import rank_manoeuvres
 from bondgraph.estimate.design.manoeuvres import Manoeuvre, step_manoeuvres
 from bondgraph.estimate.estimation import Settings
 from bondgraph.estimate.estimation import estimate as run_estimate
@@ -59,7 +59,7 @@ def sensitivity(options: argparse.Namespace) -> int:
     folder = output_folder(Path(options.out))
     screened = tuple(_screened(options, problem)) if options.screen else ()
     answer = SensitivityAnswer(
-        model.name, rank(problem), screened, rate_table(problem, rates) if rates else None
+        model.name, rank_parameters(problem), screened, rate_table(problem, rates) if rates else None
     )  # fmt: skip
     write_sensitivity(answer, folder, provenance(options, math.nan))
     print(json.dumps(finite(answer.to_dict()), indent=1) if options.json else answer.text())
@@ -116,7 +116,7 @@ def design(options: argparse.Namespace) -> int:
     manoeuvres = _manoeuvres(options, first)
     answer = DesignAnswer(
         first.problem.filter_model.model.name,
-        find_design(first.problem, manoeuvres, first.point, first.known),
+        rank_manoeuvres(first.problem, manoeuvres, first.point, first.known),
         _told_apart(options, machines, manoeuvres),
     )
     write_design(answer, folder, provenance(options, math.nan))

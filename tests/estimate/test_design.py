@@ -11,7 +11,7 @@ from scipy.optimize import minimize
 from bondgraph.data.log import MatchedLog
 from bondgraph.errors import OptionError
 from bondgraph.estimate.analysis.rates import rate_table
-from bondgraph.estimate.design.information import design, expected_information
+from bondgraph.estimate.design.information import expected_information, rank_manoeuvres
 from bondgraph.estimate.design.manoeuvres import Manoeuvre
 from bondgraph.estimate.free import FreeParameter
 from bondgraph.estimate.likelihoods import FilterLikelihood
@@ -82,11 +82,13 @@ def test_gain_and_shares_are_those_of_normal_laws() -> None:
     problem = pose(one_sensor(), log, [GAIN], initial="model")
     told = float(expected_information(problem, planned(log), problem.start, central_differences)[0, 0])
     prior = (5.0 - 0.2) ** 2 / 12.0
-    (row,) = design(problem, [planned(log)], jacobian=central_differences).rows
+    (row,) = rank_manoeuvres(problem, [planned(log)], jacobian=central_differences).rows
     assert row.gain == pytest.approx(0.5 * np.log1p(prior * told), rel=1e-9)
     assert row.mean_left == pytest.approx(1.0 / (1.0 + prior * told), rel=1e-9)
     assert row.worst_left == pytest.approx(float(row.std_left[0]), rel=1e-9)
-    (again,) = design(problem, [planned(log)], known=np.array([[3.0 * told]]), jacobian=central_differences).rows
+    (again,) = rank_manoeuvres(
+        problem, [planned(log)], known=np.array([[3.0 * told]]), jacobian=central_differences
+    ).rows
     before = 1.0 + 3.0 * prior * told
     assert again.gain == pytest.approx(0.5 * np.log((before + prior * told) / before), rel=1e-9)
 
@@ -106,7 +108,7 @@ def test_the_best_two_samples_of_a_consecutive_reaction_are_those_of_box_and_luc
     def lost(times: np.ndarray) -> float:
         first, second = sorted(times)
         plan = Manoeuvre("two samples", np.array([0.0, first, second]), np.zeros((0, 3)), {}, measured)
-        return -design(problem, [plan], jacobian=central_differences).rows[0].log_det
+        return -rank_manoeuvres(problem, [plan], jacobian=central_differences).rows[0].log_det
 
     best = minimize(lost, [1.0, 6.0], method="Nelder-Mead", options={"xatol": 5e-3, "fatol": 1e-7})
     assert sorted(best.x) == pytest.approx([1.23, 6.86], abs=0.01)
@@ -144,4 +146,4 @@ def test_rates_that_leave_nothing_are_refused() -> None:
 
 def test_a_design_without_manoeuvres_is_refused() -> None:
     with pytest.raises(OptionError, match="no manoeuvre is planned"):
-        design(pose(one_sensor(), pushed(), [GAIN], initial="model"), [])
+        rank_manoeuvres(pose(one_sensor(), pushed(), [GAIN], initial="model"), [])

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.linalg import qr
 
-from bondgraph.estimate.analysis.ranking import _successive, rank
+from bondgraph.estimate.analysis.ranking import _successive, rank_parameters
 from bondgraph.estimate.free import FreeParameter
 from bondgraph.estimate.objective import central_differences
 from bondgraph.estimate.problem import pose
@@ -31,7 +31,7 @@ def test_the_successive_choice_is_qr_with_column_pivoting(seed: int) -> None:
 def test_of_three_parameters_that_act_as_two_ratios_one_is_to_be_measured() -> None:
     """The acceleration is (gain u - drag v)/mass; the colour acts on nothing."""
     problem = pose(lag(), LOGS, ["mass", "drag", "gain", "colour"], likelihood=ExactLikelihood())
-    found = rank(problem)
+    found = rank_parameters(problem)
     assert len(found.named("free")) == 2 and len(found.named("measure")) == 1
     assert found.named("fix") == ("colour",)
     measured = next(one for one in found.parameters if one.advice == "measure")
@@ -43,15 +43,15 @@ def test_of_three_parameters_that_act_as_two_ratios_one_is_to_be_measured() -> N
 
 def test_a_parameter_weighed_before_is_told_less_by_the_logs() -> None:
     weighed = FreeParameter("mass", 0.5, 8.0, 2.0, prior_mean=2.0, prior_std=1e-4)
-    found = rank(pose(lag(), LOGS, [weighed, "drag"], likelihood=ExactLikelihood()))
+    found = rank_parameters(pose(lag(), LOGS, [weighed, "drag"], likelihood=ExactLikelihood()))
     row = next(one for one in found.parameters if one.name == "mass")
     assert row.advice == "fix" and row.prior_std == pytest.approx(1e-4)
     assert row.std_alone > 10.0 * row.prior_std  # what the logs alone say of it
 
 
 def test_the_standard_deviation_if_freed_is_that_of_a_problem_with_nothing_else_free() -> None:
-    found = rank(pose(lag(), LOGS, ["mass", "drag", "colour"], likelihood=ExactLikelihood()))
-    alone = rank(pose(lag(), LOGS, ["mass", "drag"], likelihood=ExactLikelihood()))
+    found = rank_parameters(pose(lag(), LOGS, ["mass", "drag", "colour"], likelihood=ExactLikelihood()))
+    alone = rank_parameters(pose(lag(), LOGS, ["mass", "drag"], likelihood=ExactLikelihood()))
     freed = {one.name: one.std_freed for one in found.parameters}
     joint = {one.name: one.std_joint for one in alone.parameters}
     assert freed["mass"] == pytest.approx(joint["mass"], rel=1e-6)
@@ -59,7 +59,9 @@ def test_the_standard_deviation_if_freed_is_that_of_a_problem_with_nothing_else_
 
 
 def test_tables_pictures_and_json_hold_every_parameter() -> None:
-    found = rank(pose(lag(), LOGS, ["mass", "drag", "colour"], likelihood=ExactLikelihood()), None, central_differences)
+    found = rank_parameters(
+        pose(lag(), LOGS, ["mass", "drag", "colour"], likelihood=ExactLikelihood()), None, central_differences
+    )
     assert list(found.to_dataframe().index) == [one.name for one in found.parameters]
     written = json.loads(json.dumps(found.to_dict(), allow_nan=False))
     assert written["ranking"]["colour"]["advice"] == "fix" and written["ranking"]["colour"]["std_joint"] is None

@@ -194,7 +194,9 @@ def _json(value: float) -> float | None:
     return float(value) if math.isfinite(value) else None
 
 
-def rank(problem: EstimationProblem, point: FloatArray | None = None, jacobian: Expand = derivatives) -> Ranking:
+def rank_parameters(
+    problem: EstimationProblem, point: FloatArray | None = None, jacobian: Expand = derivatives
+) -> Ranking:
     """Which of the free parameters of a problem its logs can tell, before anything is estimated.
 
     Parameters
@@ -218,7 +220,7 @@ def rank(problem: EstimationProblem, point: FloatArray | None = None, jacobian: 
     >>> swing = bg.FilterModel(pendulum(), {"rate": 0.05}, {"deflection": 0.05}, {"angle": 0.1, "rate": 0.1}, 2)
     >>> time = np.arange(100) * 0.05
     >>> log = bg.MatchedLog("swing", time, np.zeros((1, 100)), 0.45 * np.cos(3.1 * time)[np.newaxis])
-    >>> print(*rank(bg.pose(swing, log, ["length", "damping"])).advice())
+    >>> print(*rank_parameters(bg.pose(swing, log, ["length", "damping"])).advice())
     free length, damping: these logs tell them
     """
     where = problem.start if point is None else np.asarray(point, dtype=np.float64)

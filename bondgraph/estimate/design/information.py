@@ -154,7 +154,7 @@ def _on(share: float) -> str:
     return "white" if share < 0.5 else "black"
 
 
-def design(
+def rank_manoeuvres(
     problem: EstimationProblem,
     manoeuvres: Sequence[Manoeuvre],
     point: FloatArray | None = None,
@@ -192,7 +192,7 @@ def design(
     >>> log = bg.MatchedLog("any", time, np.zeros((1, 60)), np.zeros((1, 60)))
     >>> problem = bg.pose(swing, log, ["length", "damping"], initial="model")
     >>> plans = [Manoeuvre(f"from {angle}", time, np.zeros((1, 60)), {"angle": angle}) for angle in (0.1, 1.0)]
-    >>> [row.name for row in design(problem, plans).rows]
+    >>> [row.name for row in rank_manoeuvres(problem, plans).rows]
     ['from 1.0', 'from 0.1']
     """
     if not manoeuvres:
