@@ -3,6 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import TypeAlias
+
+#: Header and rows of a table, cell by cell.
+Table: TypeAlias = tuple[Sequence[str], Sequence[Sequence[str]]]
 
 #: Names written out in one line; more are counted.
 _SHOWN = 6

@@ -6,6 +6,7 @@ import argparse
 import math
 from typing import Any
 
+from bondgraph.cli.experiment_options import design_options, sensitivity_options
 from bondgraph.version import __version__
 
 GRAPH_HELP = (
@@ -200,18 +201,37 @@ def _add_run_commands(commands: Any) -> None:
         help="lead the gradient searches through filters with more process noise, where the start is so far away that "
         "the likelihood is rugged (default: none)",
     )  # fmt: skip
+    c.add_argument(
+        "--profile", nargs="*", metavar="NAME",
+        help="95 %% intervals by the profile likelihood, with a picture, of these parameters (none: all)",
+    )  # fmt: skip
     _add_strict(c)
     _add_robust(c)
     c.add_argument("--seed", type=_seed, default=0, help="seed of the swarm (default: 0)")
     c.add_argument("--out", default="estimate", metavar="DIR", help="folder to write (default: estimate)")
     c.add_argument("--resume", action="store_true", help="go on from the checkpoint in --out")
 
+    _add_experiments(commands)
+
+
+def _add_experiments(commands: Any) -> None:
     c = _command(
-        commands, "sensitivity", "what logs say about each parameter before anything is estimated",
-        "  bondgraph sensitivity vehicle_graphs.driveline:driveline --data run.csv --free tau_grip,F_roll",
+        commands, "sensitivity", "which parameters logs can tell, before anything is estimated",
+        "  bondgraph sensitivity vehicle_graphs.driveline:driveline --data run.csv --free tau_grip,F_roll\n"
+        "  bondgraph sensitivity MODEL --data run.csv --global sobol --response likelihood speed:last\n"
+        "  bondgraph sensitivity MODEL --data run.csv --rates 40,20,10,5        which rate of samples is enough?",
     )  # fmt: skip
     _add_data(c)
     _add_problem(c)
+    sensitivity_options(c)
+
+    c = _command(
+        commands, "design", "what planned manoeuvres would tell of parameters, and which tells rival models apart",
+        "  bondgraph design vehicle_graphs.ranger:full --scenario full_throttle_launch brake --free m,mu_b --rate 40\n"
+        "  bondgraph design sled.py --inputs slow.csv fast.csv --noise speed=0.02\n"
+        "  bondgraph design sled.py --rival windy.py --data run.csv        which steps tell them apart soonest?",
+    )  # fmt: skip
+    design_options(c, GRAPH_HELP)
 
 
 def _add_loop_commands(commands: Any) -> None:

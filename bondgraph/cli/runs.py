@@ -1,16 +1,15 @@
-"""Commands that run a model: simulate, filter, estimate, sensitivity."""
+"""Commands that run a model: simulate, filter, estimate."""
 
 from __future__ import annotations
 
 import argparse
-import json
 import math
 import sys
 from dataclasses import replace
 from pathlib import Path
 
 from bondgraph.build import build
-from bondgraph.cli.values import assignments, finite, initial, names, set_values
+from bondgraph.cli.values import assignments, initial, names, set_values
 from bondgraph.correct.fits.declared import declared_problem
 from bondgraph.data.log import MatchedLog
 from bondgraph.data.matching import match, read_mapping
@@ -21,7 +20,7 @@ from bondgraph.declare.loading import is_model_file
 from bondgraph.errors import OptionError
 from bondgraph.estimate.estimation import Settings
 from bondgraph.estimate.estimation import estimate as run_estimate
-from bondgraph.estimate.sensitivities import sensitivity as find_sensitivity
+from bondgraph.estimate.likelihood_profile import profile_likelihood, profile_table
 from bondgraph.files import output_file, output_folder
 from bondgraph.filter.robust import parse_robust
 from bondgraph.report.collect import versions
@@ -35,11 +34,13 @@ from bondgraph.report.manoeuvre import manoeuvre_figure
 from bondgraph.report.misfits import misfit_sentences
 from bondgraph.report.noise import noise_sentence
 from bondgraph.report.plots import launch_figure
+from bondgraph.report.profiles import write_profiles
 from bondgraph.report.progress import WorkProgress
 from bondgraph.report.scenarios import declared_noise, declared_panels, declared_scenario
 from bondgraph.report.simulation import SimulationOptions, input_notes, simulate_graph, trajectory_log
 from bondgraph.report.tables import parameter_table, text_of
 from bondgraph.simulate.model import Model
+from bondgraph.text import text_table
 
 
 def simulate(options: argparse.Namespace) -> int:
@@ -84,9 +85,9 @@ def simulate(options: argparse.Namespace) -> int:
 
 def filter(options: argparse.Namespace) -> int:
     """Filter logs and write states with bands, innovations and consistency."""
-    model, driven, logs = _model_and_logs(options)
+    model, driven, logs = model_and_logs(options)
     noise = None if is_model_file(options.model) else declared_noise(options.model, model.name)
-    made, folder = _provenance(options, math.nan), output_folder(Path(options.out))
+    made, folder = provenance(options, math.nan), output_folder(Path(options.out))
     robust = parse_robust(options.robust) if options.robust else None
     found = filter_logs(model, driven, logs, folder, options.smooth, options.start, noise, made, robust)
     print(found.text)
@@ -95,7 +96,7 @@ def filter(options: argparse.Namespace) -> int:
 
 def estimate(options: argparse.Namespace) -> int:
     """Estimate parameters from logs."""
-    model, driven, logs = _model_and_logs(options)
+    model, driven, logs = model_and_logs(options)
     problem = declared_problem(model, driven, logs, names(options.free), options.process_noise, options.start)
     if options.robust:
         problem = replace(problem, filter_model=replace(problem.filter_model, robust=parse_robust(options.robust)))
@@ -105,7 +106,7 @@ def estimate(options: argparse.Namespace) -> int:
     )
     with WorkProgress("estimating", None, "evaluations") as work:
         found = run_estimate(problem, settings, progress=work.trace, folder=folder, resume=options.resume)
-    data = write_estimate(found, folder, _provenance(options, found.seconds))
+    data = write_estimate(found, folder, provenance(options, found.seconds))
     print(text_of(parameter_table(data.parameters)), end="")
     print(f"{found.end}\nnegative log-likelihood {found.nll:.4f} after {found.evaluations} evaluations")
     print(f"integrated by {found.certification}", noise_sentence(problem.filter_model), sep="\n")
@@ -113,18 +114,13 @@ def estimate(options: argparse.Namespace) -> int:
         print(rough_note(found))
     report = folder / "report.html"
     print(*misfit_sentences(found.misfits, report), *data.suspected, f"report: {report}", sep="\n")
+    if options.profile is not None:
+        profiles = profile_likelihood(found, names(options.profile))
+        print(f"{text_table(*profile_table(profiles))}\nprofiles: {write_profiles(profiles, folder)}")
     return 1 if not found.outcome.succeeded or (options.strict and found.misfits) else 0
 
 
-def sensitivity(options: argparse.Namespace) -> int:
-    """Print what the logs say about each parameter."""
-    model, driven, logs = _model_and_logs(options)
-    problem = declared_problem(model, driven, logs, names(options.free), options.process_noise, options.start)
-    print(json.dumps(finite(find_sensitivity(problem).to_dict()), indent=1))
-    return 0
-
-
-def _model_and_logs(options: argparse.Namespace) -> tuple[Model, tuple[str, ...], list[MatchedLog]]:
+def model_and_logs(options: argparse.Namespace) -> tuple[Model, tuple[str, ...], list[MatchedLog]]:
     """The model of a graph or of a generated module, the states that noise may drive, and the matched logs."""
     given: dict[str, float | str]
     if is_model_file(options.model):
@@ -141,6 +137,7 @@ def _model_and_logs(options: argparse.Namespace) -> tuple[Model, tuple[str, ...]
     return model, driven, logs
 
 
-def _provenance(options: argparse.Namespace, duration: float) -> Provenance:
+def provenance(options: argparse.Namespace, duration: float) -> Provenance:
+    """How a report was made, by the options of its command; a duration in s."""
     training = tuple(Path(path).name for path in options.data)
     return Provenance(options.command_line, getattr(options, "seed", None), versions(), training, (), duration)

@@ -1,9 +1,10 @@
 """What would tell two effects apart that these data do not: another sensor, or another manoeuvre.
 
 The correlation of two candidates' responses, free parameters taken out, says how well data can tell them apart; it can
-be computed for data that nobody has measured. Tried are a sensor on every effort and flow that both models have, and
-manoeuvres that step one input while the others rest. The model is then left alone (no gains), with sensors as good as
-those there are. Reference: Fedorov (1972), Theory of Optimal Experiments, for designs that discriminate.
+be computed for data that nobody has measured, see :mod:`bondgraph.estimate.design.likeness`. Tried are a sensor on
+every effort and flow that both models have, and manoeuvres that step one input while the others rest. The model is then
+left alone (no gains), with sensors as good as those there are. Reference: Fedorov (1972), Theory of Optimal
+Experiments, for designs that discriminate.
 """
 
 from __future__ import annotations
@@ -20,11 +21,11 @@ from bondgraph.correct.models.candidates import Candidate, Variant
 from bondgraph.correct.responses.intervals import integrator, simulation_steps
 from bondgraph.correct.responses.recursion import respond
 from bondgraph.correct.responses.response import Path, model_change, open_loop, output_slopes, together
-from bondgraph.correct.scores.score import solve
 from bondgraph.data.log import FloatArray, MatchedLog
 from bondgraph.derive.causality import assign_causality
 from bondgraph.errors import BondGraphError
-from bondgraph.simulate.inputs import InputSignal
+from bondgraph.estimate.design.likeness import likeness
+from bondgraph.estimate.design.manoeuvres import step_manoeuvres
 from bondgraph.simulate.model import Model
 from bondgraph.simulate.simulation import simulate
 
@@ -32,7 +33,6 @@ from bondgraph.simulate.simulation import simulate
 _WORTH = 0.98
 #: Noise of a sensor that is proposed, as a share of the size of what it would show.
 _SENSOR = 0.01
-_SAMPLES = 400
 
 
 @dataclass(frozen=True)
@@ -75,16 +75,16 @@ def separation(
     if here is not None and wide is not None:
         rows, extra = _responses(fitted, here, (a, b), wide)
         for name, row in extra.items():
-            value = _alike(np.concatenate([rows, row]))
+            value = likeness(np.concatenate([rows, row]))
             if abs(value) < _WORTH * abs(best.with_sensor if best.sensor else known):
                 best = replace(best, sensor=_said(name), with_sensor=value)
-    for name, inputs, time in _manoeuvres(fitted, log):
-        path = _simulated(fitted, log, inputs, time)
+    for planned in step_manoeuvres(fitted.problem.filter_model.model, fitted.problem.logs):
+        path = _simulated(fitted, log, planned.u, planned.time)
         if path is None:
             continue
-        value = _alike(_responses(fitted, path, (a, b), None)[0])
+        value = likeness(_responses(fitted, path, (a, b), None)[0])
         if abs(value) < _WORTH * abs(best.with_manoeuvre if best.manoeuvre else known):
-            best = replace(best, manoeuvre=name, with_manoeuvre=value)
+            best = replace(best, manoeuvre=planned.name, with_manoeuvre=value)
     return best
 
 
@@ -108,28 +108,6 @@ def _simulated(fitted: Fit, log: MatchedLog, u: FloatArray, time: FloatArray) ->
         return None
     made = MatchedLog("simulated", time, u, run.y, dict(log.theta_overrides))
     return Path(model, made, time, run.x[:, :-1], run.x[:, 1:], u[:, :-1], u[:, 1:], run.x, u, theta)
-
-
-def _manoeuvres(fitted: Fit, log: MatchedLog) -> list[tuple[str, FloatArray, FloatArray]]:
-    """Each input stepped up and down while the others rest at their medians, and each left at rest, twice as long."""
-    model = fitted.problem.filter_model.model
-    step = float(np.median(np.diff(log.time)))
-    time = log.time[0] + step * np.arange(_SAMPLES)
-    inputs = np.concatenate([one.u for one in fitted.problem.logs], axis=1)
-    middle, low, high = (np.percentile(inputs, q, axis=1) for q in (50.0, 2.0, 98.0))
-    found = []
-    for row, info in enumerate(model.inputs):
-        if info.rate_of or high[row] == low[row]:
-            continue
-        for seconds in (40.0 * step, 120.0 * step):
-            u = np.repeat(middle[:, np.newaxis], time.size, axis=1)
-            up = ((time - time[0]) // seconds).astype(int) % 2 == 0
-            u[row] = np.where(up, high[row], low[row])
-            found.append((f"steps of {info.name} every {seconds:.3g} s, the other inputs at rest", u))
-        u = np.repeat(middle[:, np.newaxis], time.size, axis=1)
-        u[row] = np.where(np.arange(time.size) < time.size // 3, high[row], min(max(low[row], 0.0), high[row]))
-        found.append((f"running out after {info.name} is taken away", u))
-    return [(name, InputSignal.of_table(model, time, u, ()).values, time) for name, u in found]
 
 
 Pair = tuple[tuple[Candidate, Variant], tuple[Candidate, Variant]]
@@ -205,21 +183,3 @@ def _measurable(
         with np.errstate(all="ignore"):
             found[name] = (np.einsum("kx,kxl->kl", slopes[:, row], states) + direct.T) / (_SENSOR * size)
     return found
-
-
-def _alike(rows: FloatArray) -> float:
-    """Correlation of the last two columns once the others have taken their share; 1 where nothing is left of one.
-
-    And 1 where a response runs away: a machine that is not held back tells nothing of small changes.
-    """
-    size = np.abs(rows).max(axis=0, initial=0.0)
-    if not np.isfinite(size).all():
-        return 1.0
-    rows = rows / np.where(size > 0.0, size, 1.0)
-    information = rows.T @ rows
-    inner, outer = slice(0, -2), slice(-2, None)
-    share = solve(information[inner, inner], information[inner, outer])
-    left = information[outer, outer] - information[outer, inner] @ share
-    both = float(np.sqrt(max(left[0, 0], 0.0) * max(left[1, 1], 0.0)))
-    kept = min(left[0, 0] / max(information[-2, -2], 1e-300), left[1, 1] / max(information[-1, -1], 1e-300))
-    return float(left[0, 1]) / both if kept > 1e-6 else 1.0

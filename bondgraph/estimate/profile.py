@@ -1,4 +1,4 @@
-"""Profile-likelihood intervals: how far one coordinate can go while the others make the best of it.
+"""Profile likelihood: how far one coordinate can go while the others make the best of it.
 
 Where the likelihood is not a parabola (sloppy directions, bounds nearby) these intervals keep their level and those
 from a covariance do not. Reference: Venzon and Moolgavkar (1988), A method for computing profile-likelihood-based
@@ -14,62 +14,51 @@ from statistics import NormalDist
 import numpy as np
 
 from bondgraph.errors import EstimationError
-from bondgraph.estimate.gauss_newton import GaussNewtonSettings, gauss_newton
-from bondgraph.estimate.objective import BoolArray, FloatArray, Objective, Terms
-from bondgraph.estimate.steps import known_noise_levels
+from bondgraph.estimate.objective import Expand, FloatArray, Objective, central_differences
+from bondgraph.estimate.pinned import ConstrainedMinimum, constrained_minimum
 
 _ITERATIONS = 12
 _TOLERANCE = 1e-3
+#: Points of a curve on each side, as shares of the way to the end of the interval: one beyond it shows how it goes on.
+_SHARES = (0.25, 0.5, 0.75, 1.0, 1.25)
 
 
 @dataclass(frozen=True)
 class ProfileInterval:
-    """Interval of one coordinate; an end that is a bound was not reached by the likelihood."""
+    """Interval of one coordinate; an end that is a bound was not reached by the likelihood.
+
+    ``lower_point`` and ``upper_point`` (n,) are where the others go at its ends.
+    """
 
     lower: float
     upper: float
     evaluations: int
+    lower_point: FloatArray
+    upper_point: FloatArray
 
 
 @dataclass(frozen=True)
-class _Pinned:
-    """An objective with one coordinate held."""
+class ProfileCurve:
+    """Twice the rise of the negative log-likelihood along one coordinate, the others at their best.
 
-    objective: Objective
-    index: int
-    value: float
+    ``coordinates`` (k,) in order with ``deviance`` (k,), and ``points`` (n, k); zero deviance is the optimum.
+    """
 
-    @property
-    def lower(self) -> FloatArray:
-        """Lower bounds, shape (n,)."""
-        return self._held(self.objective.lower)
-
-    @property
-    def upper(self) -> FloatArray:
-        """Upper bounds, shape (n,)."""
-        return self._held(self.objective.upper)
-
-    @property
-    def noise_levels(self) -> BoolArray:
-        """Coordinates known as noise levels, shape (n,)."""
-        return known_noise_levels(self.objective)
-
-    def _held(self, bounds: FloatArray) -> FloatArray:
-        held = bounds.copy()
-        held[self.index] = self.value
-        return held
-
-    def nll(self, points: FloatArray) -> FloatArray:
-        """Values at points (n, members)."""
-        return self.objective.nll(points)
-
-    def terms(self, points: FloatArray) -> Terms:
-        """Scalar terms at points (n, members)."""
-        return self.objective.terms(points)
+    coordinates: FloatArray
+    deviance: FloatArray
+    points: FloatArray
+    evaluations: int
 
 
 def profile_interval(
-    objective: Objective, point: FloatArray, index: int, std: float, level: float = 0.95
+    objective: Objective,
+    point: FloatArray,
+    index: int,
+    std: float,
+    level: float = 0.95,
+    *,
+    jacobian: Expand = central_differences,
+    direction: FloatArray | None = None,
 ) -> ProfileInterval:
     """Interval of one coordinate by its profile likelihood.
 
@@ -85,6 +74,10 @@ def profile_interval(
         Its standard deviation from a covariance, or any guess: the first step.
     level
         Coverage.
+    jacobian
+        Gradient and Fisher information of the objective, see :func:`bondgraph.estimate.pinned.constrained_minimum`.
+    direction
+        How all coordinates move with this one at first, shape (n,), 1 at ``index``; None: the others stay.
 
     Returns
     -------
@@ -98,6 +91,7 @@ def profile_interval(
 
     Examples
     --------
+    >>> from bondgraph.estimate.objective import Terms
     >>> class Sample:
     ...     lower, upper = np.array([-9.0, -9.0]), np.array([9.0, 9.0])
     ...     def terms(self, points):
@@ -111,42 +105,104 @@ def profile_interval(
     if not (std > 0.0 and math.isfinite(std) and 0.0 < level < 1.0):
         raise EstimationError(f"profile: std {std:g} must be positive and level {level:g} between 0 and 1")
     reach = NormalDist().inv_cdf(0.5 + 0.5 * level)
-    lower, first = _end(objective, point, index, -std, reach)
-    upper, second = _end(objective, point, index, std, reach)
-    return ProfileInterval(lower, upper, first + second)
+    way = _Way(objective, point, index, jacobian, np.eye(point.size)[index] if direction is None else direction)
+    lower, upper = _end(way, -std, reach), _end(way, std, reach)
+    return ProfileInterval(
+        float(lower.point[index]), float(upper.point[index]), lower.evaluations + upper.evaluations,
+        lower.point, upper.point,
+    )  # fmt: skip
 
 
-def _end(objective: Objective, point: FloatArray, index: int, std: float, reach: float) -> tuple[float, int]:
-    """Where the root of twice the rise of the profile, nearly a straight line, reaches ``reach``."""
-    bound = float(objective.upper[index] if std > 0.0 else objective.lower[index])
+def profile_curve(
+    objective: Objective,
+    point: FloatArray,
+    index: int,
+    interval: ProfileInterval,
+    jacobian: Expand = central_differences,
+) -> ProfileCurve:
+    """Profile of one coordinate over an interval and a quarter beyond each of its ends.
+
+    Parameters
+    ----------
+    objective, point, index
+        As for :func:`profile_interval`.
+    interval
+        What that gave.
+    jacobian
+        As there.
+
+    Examples
+    --------
+    >>> from bondgraph.estimate.objective import Terms
+    >>> class Sample:
+    ...     lower, upper = np.array([-9.0]), np.array([9.0])
+    ...     def terms(self, points):
+    ...         return Terms(points.copy(), np.zeros(points.shape))
+    ...     def nll(self, points):
+    ...         return self.terms(points).sums()
+    >>> curve = profile_curve(Sample(), np.zeros(1), 0, profile_interval(Sample(), np.zeros(1), 0, std=1.0))
+    >>> bool(np.allclose(curve.deviance, curve.coordinates**2))
+    True
+    """
     best = float(objective.nll(point[:, np.newaxis])[0])
-    centre, evaluations = float(point[index]), 1
+    found, evaluations = [(point, best)], interval.evaluations + 1
+    for end in (interval.lower_point, interval.upper_point):
+        for share in _SHARES:
+            target = point + share * (end - point)
+            value = float(np.clip(target[index], objective.lower[index], objective.upper[index]))
+            minimum = constrained_minimum(objective, target, {index: value}, jacobian)
+            found.append((minimum.point, minimum.value))
+            evaluations += minimum.evaluations
+    found.sort(key=lambda one: float(one[0][index]))
+    points = np.array([one for one, _ in found]).T
+    deviance = 2.0 * (np.array([value for _, value in found]) - best)
+    _, first = np.unique(points[index], return_index=True)
+    return ProfileCurve(points[index, first], deviance[first], points[:, first], evaluations)
+
+
+@dataclass(frozen=True)
+class _Way:
+    """An optimum (n,), the coordinate that leaves it, and the direction (n,) in which the others follow at first."""
+
+    objective: Objective
+    point: FloatArray
+    index: int
+    jacobian: Expand
+    direction: FloatArray
+
+    def minimum(self, value: float, near: FloatArray) -> ConstrainedMinimum:
+        """The best point with the coordinate at a value, searched from a straight line through a point near."""
+        step = near[self.index] - self.point[self.index]
+        direction = self.direction if step == 0.0 else (near - self.point) / step
+        start = self.point + (value - self.point[self.index]) * direction
+        return constrained_minimum(self.objective, start, {self.index: value}, self.jacobian)
+
+
+def _end(way: _Way, std: float, reach: float) -> ConstrainedMinimum:
+    """Where the root of twice the rise of the profile, nearly a straight line, reaches ``reach``."""
+    objective, index = way.objective, way.index
+    bound = float(objective.upper[index] if std > 0.0 else objective.lower[index])
+    best = float(objective.nll(way.point[:, np.newaxis])[0])
+    centre, evaluations = float(way.point[index]), 1
     near, far = (centre, 0.0), (math.nan, math.nan)
-    trial, current = centre + reach * std, point
-    settings = GaussNewtonSettings(tolerance=1e-5, iterations=30)
+    trial, current = centre + reach * std, way.point
+    found = ConstrainedMinimum(way.point, best, 1)
     for _ in range(_ITERATIONS):
         trial = min(trial, bound) if std > 0.0 else max(trial, bound)
-        state = gauss_newton(_Pinned(objective, index, trial), _with_entry(current, index, trial), settings)
-        evaluations += state.evaluations
-        rise = math.sqrt(max(2.0 * (float(state.values[0]) - best), 0.0))
+        found = way.minimum(trial, current)
+        evaluations += found.evaluations
+        rise = math.sqrt(max(2.0 * (found.value - best), 0.0))
         if abs(rise - reach) < _TOLERANCE or (trial == bound and rise < reach):
             break
         if rise < reach:
-            near, current = (trial, rise), state.points[:, 0]
+            near, current = (trial, rise), found.point
         else:
             far = (trial, rise)
         trial = 2.0 * trial - centre if math.isnan(far[0]) else _between(near, far, reach)
-    return trial, evaluations
+    return ConstrainedMinimum(found.point, found.value, evaluations)
 
 
 def _between(near: tuple[float, float], far: tuple[float, float], reach: float) -> float:
     """Where a straight line between two points of the profile reaches ``reach``, kept off its ends."""
     share = (reach - near[1]) / (far[1] - near[1]) if math.isfinite(far[1]) else 0.5
     return near[0] + min(max(share, 0.05), 0.95) * (far[0] - near[0])
-
-
-def _with_entry(vector: FloatArray, index: int, value: float) -> FloatArray:
-    """A copy of a vector with one entry replaced."""
-    changed = vector.copy()
-    changed[index] = value
-    return changed

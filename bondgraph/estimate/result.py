@@ -14,11 +14,12 @@ from bondgraph.coherent import Displayed
 from bondgraph.errors import EstimationError, suggest
 from bondgraph.estimate.certify import NEGLIGIBLE_SHIFT, Certification
 from bondgraph.estimate.continuation import Stage
+from bondgraph.estimate.exact import derivatives
 from bondgraph.estimate.free import FreeParameter
 from bondgraph.estimate.likelihoods import Batch
 from bondgraph.estimate.objective import FloatArray, SearchOutcome, TraceRow
 from bondgraph.estimate.problem import EstimationProblem
-from bondgraph.estimate.profile import profile_interval
+from bondgraph.estimate.profile import ProfileInterval, profile_interval
 from bondgraph.estimate.uncertainty import UncertaintyOutcome
 from bondgraph.filter.consistency import misfits
 from bondgraph.filter.figure import run_figure
@@ -252,6 +253,8 @@ class Estimate:
     def profile(self, name: str, level: float = 0.95) -> tuple[float, float]:
         """Interval of one value by its profile likelihood; takes some tens of evaluations per free parameter.
 
+        Curves and pictures: :func:`bondgraph.estimate.likelihood_profile.profile_likelihood`.
+
         Parameters
         ----------
         name
@@ -264,6 +267,14 @@ class Estimate:
         EstimationError
             If it is not free, or the data say nothing about it.
         """
+        interval = self.profile_interval(name, level)
+        lower, upper = self.problem.free[self.problem.names.index(name)].values(
+            np.array([interval.lower, interval.upper])
+        )
+        return float(lower), float(upper)
+
+    def profile_interval(self, name: str, level: float = 0.95) -> ProfileInterval:
+        """Interval of one coordinate by its profile likelihood; arguments and errors as for :meth:`profile`."""
         if not math.isfinite(self.std.get(name, math.nan)):
             known = [other for other, std in self.std.items() if math.isfinite(std)]
             raise EstimationError(
@@ -274,9 +285,9 @@ class Estimate:
         index = self.problem.names.index(name)
         parameter = self.problem.free[index]
         std = self.std[name] / parameter.slope(self.values[name])
-        interval = profile_interval(self.problem, self.point, index, std, level)
-        lower, upper = parameter.values(np.array([interval.lower, interval.upper]))
-        return float(lower), float(upper)
+        covariance = np.nan_to_num(self.coordinate_covariance)
+        direction = covariance[:, index] / covariance[index, index]
+        return profile_interval(self.problem, self.point, index, std, level, jacobian=derivatives, direction=direction)
 
     def _interval(self, parameter: FreeParameter) -> tuple[float, float]:
         value, std = self.values[parameter.name], self.std[parameter.name]

@@ -15,7 +15,8 @@ import numpy as np
 
 from bondgraph.coherent import Displayed
 from bondgraph.errors import EstimationError
-from bondgraph.estimate.objective import Expand, FloatArray, central_differences, fitted_expansion
+from bondgraph.estimate.exact import derivatives
+from bondgraph.estimate.objective import Expand, Expansion, FloatArray, fitted_expansion
 from bondgraph.estimate.problem import EstimationProblem
 from bondgraph.estimate.result import quantity_of, unit_of
 from bondgraph.estimate.uncertainty import uncertainty
@@ -107,7 +108,7 @@ def _finite(value: float) -> float | None:
 
 
 def sensitivity(
-    problem: EstimationProblem, point: FloatArray | None = None, jacobian: Expand = central_differences
+    problem: EstimationProblem, point: FloatArray | None = None, jacobian: Expand = derivatives
 ) -> Sensitivity:
     """What the logs of a problem can say about its free parameters.
 
@@ -118,7 +119,7 @@ def sensitivity(
     point
         Coordinates, shape (n,); None: where searches start.
     jacobian
-        Gives the information and the terms it comes from.
+        Gives the information and the terms it comes from; by default exact derivatives where they repay.
 
     Raises
     ------
@@ -136,7 +137,17 @@ def sensitivity(
     ['length', 'damping']
     """
     where = problem.start if point is None else point
-    expansion = fitted_expansion(problem, where, jacobian)
+    return sensitivity_from(problem, where, fitted_expansion(problem, where, jacobian))
+
+
+def sensitivity_from(problem: EstimationProblem, where: FloatArray, expansion: Expansion) -> Sensitivity:
+    """The same from an expansion at a point (n,) that is known already.
+
+    Raises
+    ------
+    EstimationError
+        If the expansion is not finite, or has no terms.
+    """
     terms = expansion.terms
     if terms is None or not np.isfinite(expansion.information).all():
         raise EstimationError(

@@ -83,11 +83,6 @@ def test_what_is_not_measured_can_start_settled(motor_file: Path, tmp_path: Path
     assert starts["settled"] == pytest.approx((12.0 - 0.1 * 60.0) / 1.0, rel=1e-3)
 
 
-def test_sensitivity_answers_in_json(motor_file: Path, run_file: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["sensitivity", str(motor_file), "--data", str(run_file), "--free", "b,R_a"]) == 0
-    assert "b" in capsys.readouterr().out
-
-
 @pytest.mark.parametrize(
     ("options", "said"),
     [
@@ -159,8 +154,7 @@ def test_a_log_without_an_input_is_refused(
 ) -> None:
     """Before, the motor was filtered as if its voltage were zero."""
     out = tmp_path / "out"
-    folder = [] if command == "sensitivity" else ["--out", str(out)]
-    assert main([command, str(motor_file), "--data", str(silent_file), *folder]) == 2
+    assert main([command, str(motor_file), "--data", str(silent_file), "--out", str(out)]) == 2
     said = capsys.readouterr().err
     assert "no values for the input 'u_a' [V] of dc_motor" in said and "--set u_a=0" in said
     assert not out.exists()

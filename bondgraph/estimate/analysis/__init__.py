@@ -1,0 +1,1 @@
+"""What logs say about parameters before anything is estimated: curvature, combinations, ranking, screening, rates."""

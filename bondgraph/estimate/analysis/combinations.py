@@ -1,0 +1,263 @@
+"""What acts only together: directions that logs leave open, said as products or sums of parameters.
+
+Information in the logarithms of the parameters, scaled to a unit diagonal, has eigenvalues that do not depend on units.
+A condition index above 30 names a near dependency, and parameters belong to it that have more than half of their
+variance there: Belsley, Kuh and Welsch (1980), Regression Diagnostics, section 3.2. What the data do tell of such a
+group is the space across from its open directions. In echelon form that space reads as one combination a row: in
+logarithms a product of powers, in the values themselves a weighted sum. Near one point both are the same straight line,
+so the likelihood decides: it is evaluated along both curves, and the one along which it rises least is the law.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+
+import numpy as np
+
+from bondgraph.estimate.objective import FloatArray
+from bondgraph.estimate.problem import EstimationProblem
+from bondgraph.estimate.symmetric import scaled_eigen
+
+#: Condition index and share of variance from which a dependency counts (Belsley, Kuh and Welsch 1980, page 112).
+CONDITION_INDEX, VARIANCE_SHARE = 30.0, 0.5
+#: Exponents are multiples of 1 over these, up to 4: what laws of mechanics have.
+_DENOMINATOR, _LARGEST = 4, 4.0
+#: An exponent this far off a small fraction, relative to the largest of its row, is not that fraction.
+_NEAR = 0.06
+#: Along a curve the first parameter moves by this factor, or to its bounds.
+_FACTOR = 1.15
+#: A law holds if along it the likelihood rises by less than this share of what it rises when one moves alone; of two
+#: along which it rises by less than the second share, which is rounding, the one of simple numbers is said.
+_HOLDS, _EXACT = 3e-4, 1e-7
+
+
+@dataclass(frozen=True)
+class Combination:
+    """A group of parameters of which the logs tell only some combinations.
+
+    Parameters
+    ----------
+    names
+        The group.
+    known
+        What the logs tell, in words: ``"mass*drag"``, ``"a + 2*b"``; one text for each independent combination.
+    law
+        ``"product"``, ``"sum"``, or ``"locally"`` where neither holds away from the point.
+    condition
+        Largest condition index of the group.
+    rise
+        Nats by which the likelihood rises along the law, and by which it rises when one parameter moves as far alone.
+    """
+
+    names: tuple[str, ...]
+    known: tuple[str, ...]
+    law: str
+    condition: float
+    rise: tuple[float, float]
+
+    def __str__(self) -> str:
+        group, told = _listed(self.names), _listed(self.known)
+        if not self.known:
+            return f"{group}: these logs tell nothing of them"
+        near = {"product": "as", "sum": "as", "locally": "near this point as"}[self.law]
+        return f"{group} act only together, {near} {told}"
+
+
+def _listed(names: Sequence[str]) -> str:
+    return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}" if names else ""
+
+
+def combinations(problem: EstimationProblem, point: FloatArray, information: FloatArray) -> tuple[Combination, ...]:
+    """Groups of parameters that act only together.
+
+    Parameters
+    ----------
+    problem
+        Free parameters and logs.
+    point
+        Coordinates, shape (n,).
+    information
+        Fisher information in them, shape (n, n).
+
+    Examples
+    --------
+    >>> import bondgraph as bg
+    >>> from bondgraph.estimate.objective import central_differences, fitted_expansion
+    >>> from bondgraph.simulate.example import pendulum
+    >>> swing = bg.FilterModel(pendulum(), {"rate": 0.05}, {"deflection": 0.05}, {"angle": 0.1, "rate": 0.1}, 2)
+    >>> time = np.arange(100) * 0.05
+    >>> log = bg.MatchedLog("swing", time, np.zeros((1, 100)), 0.45 * np.cos(3.1 * time)[np.newaxis])
+    >>> problem = bg.pose(swing, log, ["length", "damping"])
+    >>> told = fitted_expansion(problem, problem.start, central_differences).information
+    >>> combinations(problem, problem.start, told)
+    ()
+    """
+    values = problem.values(point)
+    kinds = np.array([one.target.kind == "parameter" for one in problem.free])
+    usable = np.flatnonzero(kinds & (values != 0.0) & (np.diag(information) > 0.0))
+    if usable.size < 2:
+        return ()
+    slopes = np.array([one.slope(value) for one, value in zip(problem.free, values, strict=True)])[usable]
+    factor = values[usable] / slopes  # derivative of a coordinate by the logarithm of its value
+    others = np.setdiff1d(np.arange(values.size), usable)
+    relative = _without(information, usable, others) * np.outer(factor, factor)
+    eigen = scaled_eigen(relative)
+    index = np.sqrt(eigen.largest / np.maximum(eigen.values, 1e-15 * eigen.largest))
+    open_ = index > CONDITION_INDEX
+    if not open_.any():
+        return ()
+    directions = eigen.scale[:, np.newaxis] * eigen.vectors[:, open_]
+    groups = _groups(eigen.values, eigen.vectors, open_)
+    return tuple(
+        _combination(problem, point, usable[rows], directions[rows], float(index[open_].max())) for rows in groups
+    )
+
+
+def _without(information: FloatArray, kept: np.ndarray, others: np.ndarray) -> FloatArray:
+    """Information about some coordinates once the others have taken their share, shape (m, m)."""
+    inner: FloatArray = information[np.ix_(kept, kept)]
+    if not others.size:
+        return inner
+    cross = information[np.ix_(others, kept)]
+    share: FloatArray = inner - cross.T @ np.linalg.lstsq(information[np.ix_(others, others)], cross)[0]
+    return share
+
+
+def _groups(values: FloatArray, vectors: FloatArray, open_: np.ndarray) -> list[np.ndarray]:
+    """Rows that have most of their variance in open directions, those that share a direction together."""
+    shares = vectors**2 / np.maximum(values, 1e-15 * values.max())
+    members = np.flatnonzero(shares[:, open_].sum(axis=1) > VARIANCE_SHARE * shares.sum(axis=1))
+    projector = np.abs(vectors[:, open_] @ vectors[:, open_].T)
+    groups: list[set[int]] = []
+    for row in map(int, members):
+        linked = [group for group in groups if any(projector[row, other] > 0.05 for other in group)]
+        groups = [group for group in groups if group not in linked] + [set().union({row}, *linked)]
+    return [np.array(sorted(group)) for group in groups if len(group) > 1]
+
+
+def _combination(
+    problem: EstimationProblem, point: FloatArray, rows: np.ndarray, directions: FloatArray, condition: float
+) -> Combination:
+    values = problem.values(point)[rows]
+    names = tuple(problem.names[row] for row in rows)
+    dimension = int(np.sum(np.linalg.svd(directions, compute_uv=False) > 0.05 * np.linalg.norm(directions, 2)))
+    # Moves of logarithms; moves of the values themselves are these times the values.
+    products = _echelon(directions, dimension)
+    sums = _echelon(directions * values[:, np.newaxis], dimension)
+    alone = _rise(problem, point, rows, values * np.eye(rows.size)[:1], "sum")
+    rises = {
+        "product": _rise(problem, point, rows, _open_moves(products), "product"),
+        "sum": _rise(problem, point, rows, _open_moves(sums), "sum"),
+    }
+    simple = {"product": all(map(_is_simple, products)), "sum": all(map(_is_simple, sums))}
+    law = min(rises, key=lambda one: (max(rises[one], _EXACT * alone), not simple[one]))
+    rise = rises[law]
+    if not rise <= _HOLDS * alone:
+        law = "locally"
+    written = [_written(names, row, law) for row in (sums if law == "sum" else products)]
+    return Combination(names, tuple(written), law, condition, (rise, alone))
+
+
+def _echelon(directions: FloatArray, dimension: int) -> FloatArray:
+    """Reduced echelon form of what is across from some directions (k, m), shape (k - dimension, k).
+
+    Small fractions are taken for the numbers near them, if all of a row are such.
+    """
+    left: FloatArray = np.linalg.svd(directions)[0]
+    rows = left[:, dimension:].T.copy()
+    used: list[int] = []
+    for row in range(rows.shape[0]):
+        sizes = np.abs(rows[row]) * ~np.isin(np.arange(rows.shape[1]), used)
+        column = int(
+            np.argmax(sizes > 0.5 * sizes.max())
+        )  # the first of the large ones, so that names keep their order
+        used.append(column)
+        rows[row] /= rows[row, column]
+        for other in range(rows.shape[0]):
+            if other != row:
+                rows[other] -= rows[other, column] * rows[row]
+    return np.array([_simple(row) for row in rows]).reshape(rows.shape)
+
+
+def _simple(row: FloatArray) -> FloatArray:
+    """A row of small fractions near the one given, or that one."""
+    near = np.array([float(Fraction(float(x)).limit_denominator(_DENOMINATOR)) for x in row])
+    fits = np.abs(near - row).max() < _NEAR * np.abs(row).max() and np.abs(near).max() <= _LARGEST
+    return near if fits else row
+
+
+def _is_simple(row: FloatArray) -> bool:
+    return all(float(Fraction(float(x)).limit_denominator(_DENOMINATOR)) == x for x in row)
+
+
+def _open_moves(exponents: FloatArray) -> FloatArray:
+    """Directions (m, k) along which all combinations (k - m, k) stay as they are."""
+    moves: FloatArray = np.linalg.svd(exponents)[2][exponents.shape[0] :]
+    return moves
+
+
+def _rise(problem: EstimationProblem, point: FloatArray, rows: np.ndarray, moves: FloatArray, law: str) -> float:
+    """Largest change of the likelihood in nats along curves that start in some directions (m, k), to both sides.
+
+    Directions are of the logarithms for a product, of the values for a sum; the parameter that moves most, moves by the
+    same factor in both.
+    """
+    values = problem.values(point)[rows]
+    shares = moves if law == "product" else moves / values
+    shares = shares / np.abs(shares).max(axis=1, keepdims=True)
+    size = math.log(_FACTOR) if law == "product" else _FACTOR - 1.0
+    ends = np.concatenate([size * shares, -size * shares])
+    moved = values * (np.exp(ends) if law == "product" else 1.0 + ends)
+    members = np.repeat(point[:, np.newaxis], len(moved) + 1, axis=1)
+    for k, row in enumerate(rows):
+        parameter = problem.free[row]
+        inside = np.clip(moved[:, k], parameter.lower, parameter.upper)
+        members[row, 1:] = [parameter.coordinate(float(value)) for value in inside]
+    nll = problem.nll(members)
+    return float(np.abs(nll[1:] - nll[0]).max()) if np.isfinite(nll).all() else math.inf
+
+
+def _written(names: Sequence[str], row: FloatArray, law: str) -> str:
+    """A combination in words: a product of powers or a weighted sum; empty where nothing is left."""
+    kept = [(name, float(x)) for name, x in zip(names, row, strict=True) if abs(x) > _NEAR * np.abs(row).max()]
+    return _sum_text(kept) if law == "sum" else _product_text(kept)
+
+
+def _product_text(kept: Sequence[tuple[str, float]]) -> str:
+    """Powers above and below a stroke.
+
+    Examples
+    --------
+    >>> _product_text([("a", 1.0), ("b", -0.5), ("c", 2.0)])
+    'a*c^2/b^(1/2)'
+    """
+    over = [_power(name, x) for name, x in kept if x > 0.0]
+    under = [_power(name, -x) for name, x in kept if x < 0.0]
+    below = under[0] if len(under) == 1 else f"({'*'.join(under)})"
+    return ("*".join(over) or "1") + (f"/{below}" if under else "")
+
+
+def _power(name: str, exponent: float) -> str:
+    if exponent == 1.0:
+        return name
+    fraction = Fraction(exponent).limit_denominator(_DENOMINATOR)
+    if float(fraction) != exponent:
+        return f"{name}^{exponent:.2g}"
+    return f"{name}^{fraction}" if fraction.denominator == 1 else f"{name}^({fraction})"
+
+
+def _sum_text(kept: Sequence[tuple[str, float]]) -> str:
+    """Terms with their weights.
+
+    Examples
+    --------
+    >>> _sum_text([("a", 1.0), ("b", -2.0)])
+    'a - 2*b'
+    """
+    terms = [(f"{abs(x):.3g}*" if abs(x) != 1.0 else "") + name for name, x in kept]
+    signs = ["-" if x < 0.0 else "+" for _, x in kept]
+    first = ("-" if signs[0] == "-" else "") + terms[0]
+    return first + "".join(f" {sign} {term}" for sign, term in zip(signs[1:], terms[1:], strict=True))

@@ -1,0 +1,137 @@
+"""Second derivatives of a likelihood, from its exact gradient, with an error that is measured.
+
+The filter has no second tangents: those of a stiff step would take the third derivatives of every law. Instead the
+exact gradient is differenced, at two step lengths along every coordinate. Their combination is of fourth order
+(Richardson 1911; Abramowitz and Stegun 1964, 25.3.21 once integrated), and two things tell how good it is: what the
+shorter step alone would have given, and how far the matrix is from symmetric, which no formula here enforces.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from bondgraph.errors import EstimationError
+from bondgraph.estimate.exact import exact_derivatives
+from bondgraph.estimate.objective import Expand, FloatArray, fitted_expansion
+from bondgraph.estimate.problem import EstimationProblem
+
+#: Shorter of both steps, in standard deviations of a coordinate given the others. A gradient is right to about 1e-9 of
+#: a nat per standard deviation, so rounding leaves 1e-8, and the fourth order as much of a likelihood of 100 samples.
+_STEP = 0.05
+
+
+@dataclass(frozen=True)
+class Hessian:
+    """Second derivatives of a negative log-likelihood in the coordinates of its problem.
+
+    Parameters
+    ----------
+    names
+        Free parameters.
+    matrix
+        Shape (n, n), symmetric; NaN in rows and columns of coordinates that rest on a bound.
+    error
+        Half of the asymmetry before both halves were averaged, or a fifteenth of the difference to the second order if
+        that is more, shape (n, n).
+    information
+        Fisher information there, shape (n, n), to compare.
+    evaluations
+        Evaluations that it took.
+    """
+
+    names: tuple[str, ...]
+    matrix: FloatArray
+    error: FloatArray
+    information: FloatArray
+    evaluations: int
+
+    @property
+    def relative_error(self) -> float:
+        """Largest error with every coordinate in units of its standard deviation given the others."""
+        scale = 1.0 / np.sqrt(np.diag(self.information))
+        return float(np.nanmax(self.error * np.outer(scale, scale)))
+
+
+def hessian(
+    problem: EstimationProblem, point: FloatArray | None = None, jacobian: Expand = exact_derivatives
+) -> Hessian:
+    """Second derivatives of the negative log-likelihood of a problem.
+
+    Parameters
+    ----------
+    problem
+        Free parameters and logs.
+    point
+        Coordinates, shape (n,); None: where searches start.
+    jacobian
+        Gives the gradient; by default the exact one of the filter.
+
+    Raises
+    ------
+    EstimationError
+        If the gradient is not finite there, the data say nothing about a coordinate, or all of them rest on bounds.
+
+    Examples
+    --------
+    >>> import bondgraph as bg
+    >>> from bondgraph.simulate.example import pendulum
+    >>> swing = bg.FilterModel(pendulum(), {"rate": 0.05}, {"deflection": 0.05}, {"angle": 0.1, "rate": 0.1}, 2)
+    >>> time = np.arange(60) * 0.05
+    >>> log = bg.MatchedLog("swing", time, np.zeros((1, 60)), 0.45 * np.cos(3.1 * time)[np.newaxis])
+    >>> found = hessian(bg.pose(swing, log, ["length", "damping"]))
+    >>> found.matrix.shape, found.relative_error < 1e-5
+    ((2, 2), True)
+    """
+    where = problem.start if point is None else np.asarray(point, dtype=np.float64)
+    expansion = fitted_expansion(problem, where, jacobian)
+    information = np.diag(expansion.information)
+    if not (np.isfinite(information).all() and (information > 0.0).all()):
+        silent = [name for name, told in zip(problem.names, information, strict=True) if not told > 0.0]
+        raise EstimationError(
+            f"{problem.filter_model.model.name}: no second derivatives at this point, the data say nothing about"
+            f" {', '.join(silent)} - fix these, or start where the model does not diverge",
+            where=tuple(silent),
+        )
+    room = np.minimum(where - problem.lower, problem.upper - where)
+    steps = np.minimum(_STEP / np.sqrt(information), 0.4 * room)
+    free = np.flatnonzero(steps > 1e-4 * _STEP / np.sqrt(information))
+    if not free.size:
+        raise EstimationError(
+            f"{problem.filter_model.model.name}: every coordinate rests on a bound, so no second derivatives exist"
+            " - widen the bounds, or take a point inside",
+            where=problem.names,
+        )
+    slopes, spent = _gradient_slopes(problem, where, steps, free, jacobian)
+    short, long = slopes
+    best = (4.0 * short - long) / 3.0
+    size = where.size
+    matrix, error = np.full((size, size), np.nan), np.full((size, size), np.nan)
+    block = np.ix_(free, free)
+    matrix[block] = 0.5 * (best + best.T)
+    error[block] = np.maximum(0.5 * np.abs(best - best.T), np.abs(best - short) / 15.0)
+    return Hessian(problem.names, matrix, error, expansion.information, expansion.evaluations + spent)
+
+
+def _gradient_slopes(
+    problem: EstimationProblem, point: FloatArray, steps: FloatArray, free: np.ndarray, jacobian: Expand
+) -> tuple[tuple[FloatArray, FloatArray], int]:
+    """Central differences of the gradient by the free coordinates, over one step and over two, each (m, m)."""
+    shares = np.array([1.0, -1.0, 2.0, -2.0])
+    points = np.repeat(point[:, np.newaxis], 4 * free.size, axis=1)
+    for k, row in enumerate(free):
+        points[row, 4 * k : 4 * k + 4] += shares * steps[row]
+    widths = np.repeat(0.1 * np.maximum(steps, 1e-300)[:, np.newaxis], points.shape[1], axis=1)
+    found = jacobian(problem, points, widths)
+    gradients = np.array([one.gradient[free] for one in found]).reshape(free.size, 4, free.size)
+    if not np.isfinite(gradients).all():
+        raise EstimationError(
+            f"{problem.filter_model.model.name}: the gradient is not finite around this point"
+            " - use more substeps, or start nearer to plausible values",
+            where=problem.names,
+        )
+    lengths = steps[free][:, np.newaxis]
+    short = (gradients[:, 0] - gradients[:, 1]) / (2.0 * lengths)
+    long = (gradients[:, 2] - gradients[:, 3]) / (4.0 * lengths)
+    return (short.T, long.T), sum(one.evaluations for one in found)

@@ -1,0 +1,321 @@
+"""Global sensitivity over the whole bounds: Morris' elementary effects and Sobol's shares of variance, by SALib.
+
+What is local at one point (:mod:`bondgraph.estimate.analysis.ranking`) may be otherwise elsewhere in the bounds.
+Morris' means of absolute elementary effects tell for few evaluations what does not matter at all; Sobol's indices tell
+which share of the variance of a response a parameter brings alone (first order) and with all others (total).
+References: Morris (1991), Factorial sampling plans for preliminary computational experiments, Technometrics 33(2);
+Saltelli et al. (2010), Variance based sensitivity analysis of model output, Computer Physics Communications 181(2);
+Herman and Usher (2017), SALib: An open-source Python library for sensitivity analysis, JOSS 2(9).
+"""
+
+from __future__ import annotations
+
+import importlib
+import warnings
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Literal, get_args
+
+import numpy as np
+
+from bondgraph.errors import EstimationError, OptionError, suggest
+from bondgraph.estimate.free_simulation import simulated_members
+from bondgraph.estimate.objective import FloatArray
+from bondgraph.estimate.pictures import own_axes
+from bondgraph.estimate.problem import EstimationProblem
+from bondgraph.frames import frame
+from bondgraph.text import Table, count, number, text_table
+
+if TYPE_CHECKING:
+    import pandas
+    from matplotlib.axes import Axes
+
+#: A response at points (n, members): one number for each member, not finite where it fails.
+Response = Callable[[FloatArray], FloatArray]
+Method = Literal["morris", "sobol"]
+Reduction = Literal["rms", "mean", "largest", "last"]
+_COLUMNS: dict[str, tuple[str, ...]] = {"morris": ("mu_star", "mu", "sigma"), "sobol": ("first", "total")}
+_REDUCTIONS: dict[str, Callable[[FloatArray], FloatArray]] = {
+    "rms": lambda y: np.sqrt(np.mean(y**2, axis=0)),
+    "mean": lambda y: np.mean(y, axis=0),
+    "largest": lambda y: np.max(np.abs(y), axis=0),
+    "last": lambda y: y[-1],
+}
+#: Levels of Morris' grid and the share of failed members above which nothing is said.
+_LEVELS, _MOST_FAILED = 4, 0.2
+#: A response beyond this has run away, and its square is no number any more.
+_RUNAWAY = 1e100
+
+
+@dataclass(frozen=True, repr=False)
+class GlobalSensitivity:
+    """Indices of a response over a box.
+
+    Parameters
+    ----------
+    method
+        ``"morris"`` or ``"sobol"``.
+    names
+        Parameters.
+    indices
+        By column: ``mu_star``, ``mu`` and ``sigma`` of elementary effects over the whole width of a bound, or
+        ``first`` and ``total`` shares of variance; each (n,).
+    confidence
+        Half width of the 95 % interval of ``mu_star``, or of ``first`` and ``total``, each (n,).
+    evaluations, failed
+        Members evaluated, and of these how many failed and count as the largest response.
+    response
+        What was asked, in words.
+    """
+
+    method: Method
+    names: tuple[str, ...]
+    indices: Mapping[str, FloatArray]
+    confidence: Mapping[str, FloatArray]
+    evaluations: int
+    failed: int
+    response: str
+
+    def __repr__(self) -> str:
+        return f"<GlobalSensitivity of {self.response}: {self.method}, {count(self.evaluations, 'evaluation')}>"
+
+    @property
+    def order(self) -> tuple[int, ...]:
+        """Positions of the parameters, most important first."""
+        key = "mu_star" if self.method == "morris" else "total"
+        return tuple(int(k) for k in np.argsort(-self.indices[key], kind="stable"))
+
+    def table(self) -> Table:
+        """Header, and a row for each parameter, most important first."""
+        columns = _COLUMNS[self.method]
+        header = ["parameter", *(name for column in columns for name in self._headed(column))]
+        rows = [
+            [self.names[k], *(number(float(values[k])) for column in columns for values in self._values(column))]
+            for k in self.order
+        ]
+        return header, rows
+
+    @property
+    def title(self) -> str:
+        """Response, method, evaluations and failures in a line."""
+        note = f"; {self.failed} failed and count as the largest response" if self.failed else ""
+        return f"{self.response}, {self.method}: {count(self.evaluations, 'evaluation')}{note}"
+
+    def summary(self) -> str:
+        """A line for each parameter, most important first."""
+        return f"{self.title}\n{text_table(*self.table())}"
+
+    def _headed(self, column: str) -> list[str]:
+        return [column, "+-"] if column in self.confidence else [column]
+
+    def _values(self, column: str) -> list[FloatArray]:
+        return [group[column] for group in (self.indices, self.confidence) if column in group]
+
+    def to_dataframe(self) -> pandas.DataFrame:
+        """Indices and half widths of their intervals, a row for each parameter.
+
+        Raises
+        ------
+        DataError
+            If pandas is not installed.
+        """
+        widths = {f"{name}_confidence": values for name, values in self.confidence.items()}
+        return frame({**self.indices, **widths}, self.names, "parameter")
+
+    def to_dict(self) -> dict[str, Any]:
+        """The table as JSON holds it."""
+        rows = {
+            name: {
+                **{column: float(values[k]) for column, values in self.indices.items()},
+                **{f"{column}_confidence": float(values[k]) for column, values in self.confidence.items()},
+            }
+            for k, name in enumerate(self.names)
+        }
+        head = {"method": self.method, "response": self.response}
+        return {**head, "evaluations": self.evaluations, "failed": self.failed, "parameters": rows}
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Bars of Sobol's indices with their intervals, or Morris' plane of mean and spread."""
+        axes = own_axes(ax, 6.0, 1.0 + 0.32 * len(self.names))
+        if self.method == "morris":
+            axes.plot(self.indices["mu_star"], self.indices["sigma"], "o")
+            for k, name in enumerate(self.names):
+                place = (float(self.indices["mu_star"][k]), float(self.indices["sigma"][k]))
+                axes.annotate(name, place, xytext=(4, 3), textcoords="offset points", fontsize="small")
+            axes.set_xlabel("mean of absolute elementary effects")
+            axes.set_ylabel("their standard deviation")
+        else:
+            for shift, column in ((0.2, "first"), (-0.2, "total")):
+                places = [len(self.names) - 1 - rank + shift for rank in range(len(self.names))]
+                values, widths = (group[column][list(self.order)] for group in (self.indices, self.confidence))
+                axes.barh(places, values, 0.36, xerr=widths, label=f"{column} order" if column == "first" else column)
+            axes.set_yticks(range(len(self.names)), [self.names[k] for k in reversed(self.order)])
+            axes.set_xlabel("share of the variance")
+            axes.legend(loc="best", fontsize="small")
+        axes.set_title(self.response)
+        return axes
+
+
+def global_sensitivity(
+    response: Response,
+    bounds: Mapping[str, tuple[float, float]],
+    method: Method = "sobol",
+    *,
+    samples: int = 0,
+    seed: int = 0,
+    meaning: str = "response",
+) -> GlobalSensitivity:
+    """Sensitivity of a response to parameters over their whole bounds.
+
+    Parameters
+    ----------
+    response
+        Gives one number for each member of points (n, members), rows in the order of the bounds.
+    bounds
+        Lower and upper bound of each parameter.
+    method
+        ``"sobol"`` at samples*(n + 2) evaluations, or ``"morris"`` at samples*(n + 1).
+    samples
+        Base samples (a power of two for Sobol) or trajectories; 0: 1024 or 40.
+    seed
+        The same seed gives the same numbers.
+    meaning
+        The response in words.
+
+    Raises
+    ------
+    OptionError
+        If the method is not known, a number does not fit it, or SALib is not installed.
+    EstimationError
+        If more than a fifth of the members fail, or the response does not move.
+
+    Examples
+    --------
+    >>> found = global_sensitivity(lambda x: 2.0 * x[0] + x[1], {"a": (0.0, 1.0), "b": (0.0, 1.0)}, samples=256)
+    >>> found.indices["first"].round(2).tolist()
+    [0.8, 0.2]
+    """
+    if method not in get_args(Method):
+        raise OptionError(
+            f"global sensitivity: method {method!r} is not known{suggest(method, get_args(Method))}"
+            " - choose morris or sobol",
+            where=("method", method),
+        )
+    size = samples or (1024 if method == "sobol" else 40)
+    if size < 2 or (method == "sobol" and size & (size - 1)):
+        raise OptionError(
+            f"global sensitivity: {size} samples - {method} needs "
+            + ("a power of two, such as 256 or 1024" if method == "sobol" else "at least two trajectories"),
+            where=("samples",),
+        )
+    space = {"num_vars": len(bounds), "names": list(bounds), "bounds": [list(pair) for pair in bounds.values()]}
+    points = _sampled(method, space, size, seed)
+    values, failed = _responses(response, points, meaning)
+    indices, confidence = _analysed(method, space, points, values, seed)
+    return GlobalSensitivity(method, tuple(bounds), indices, confidence, values.size, failed, meaning)
+
+
+def _sampled(method: Method, space: dict[str, Any], size: int, seed: int) -> FloatArray:
+    """Points (members, n) of a design."""
+    if method == "sobol":
+        found: FloatArray = _salib("sample.sobol").sample(space, size, calc_second_order=False, seed=seed)
+    else:
+        found = _salib("sample.morris").sample(space, size, num_levels=_LEVELS, seed=seed)
+    return found
+
+
+def _responses(response: Response, points: FloatArray, meaning: str) -> tuple[FloatArray, int]:
+    """Responses (members,), failed ones as the largest of the others, and how many failed."""
+    values = np.array(response(np.ascontiguousarray(points.T)), dtype=np.float64)
+    finite = np.isfinite(values) & (np.abs(values) < _RUNAWAY)
+    failed = int((~finite).sum())
+    if failed > _MOST_FAILED * values.size:
+        raise EstimationError(
+            f"global sensitivity of {meaning}: {failed} of {values.size} members fail inside the bounds"
+            " - narrow the bounds, or use more substeps",
+            where=(meaning,),
+        )
+    values[~finite] = values[finite].max()
+    if np.ptp(values) == 0.0:
+        raise EstimationError(
+            f"global sensitivity of {meaning}: it is {values[0]:.6g} everywhere inside the bounds, so nothing moves it"
+            " - free other parameters, or ask another response",
+            where=(meaning,),
+        )
+    return values, failed
+
+
+def _analysed(
+    method: Method, space: dict[str, Any], points: FloatArray, values: FloatArray, seed: int
+) -> tuple[dict[str, FloatArray], dict[str, FloatArray]]:
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # of pandas and numpy inside the library
+        if method == "sobol":
+            found = _salib("analyze.sobol").analyze(space, values, calc_second_order=False, seed=seed)
+            names, widths = {"first": "S1", "total": "ST"}, {"first": "S1_conf", "total": "ST_conf"}
+        else:
+            found = _salib("analyze.morris").analyze(space, points, values, num_levels=_LEVELS, seed=seed)
+            names, widths = {"mu_star": "mu_star", "mu": "mu", "sigma": "sigma"}, {"mu_star": "mu_star_conf"}
+    return tuple(  # type: ignore[return-value]
+        {own: np.asarray(found[theirs], dtype=np.float64) for own, theirs in group.items()} for group in (names, widths)
+    )
+
+
+def _salib(module: str) -> Any:
+    try:
+        return importlib.import_module(f"SALib.{module}")
+    except ImportError:
+        raise OptionError(
+            "global sensitivity: SALib is not installed - run: pip install 'bondloop[sensitivity]'", where=("SALib",)
+        ) from None
+
+
+def likelihood_response(problem: EstimationProblem) -> Response:
+    """The negative log-likelihood of the logs of a problem, as a response over its coordinates."""
+    return problem.nll
+
+
+def output_response(problem: EstimationProblem, output: str, reduction: Reduction = "rms") -> Response:
+    """One number of a simulated output, as a response over the coordinates of a problem.
+
+    Parameters
+    ----------
+    problem
+        Its model is simulated along its logs, which follow each other.
+    output
+        Name of the output.
+    reduction
+        ``"rms"``, ``"mean"``, ``"largest"`` (by amount) or ``"last"``, in coherent SI.
+
+    Raises
+    ------
+    OptionError
+        If there is no such output or reduction.
+    """
+    known = problem.filter_model.model.names("output")
+    if output not in known:
+        raise OptionError(
+            f"sensitivity of {output!r}: {problem.filter_model.model.name} has no such output{suggest(output, known)}"
+            f" - it has {', '.join(known)}",
+            where=(output,),
+        )
+    if reduction not in _REDUCTIONS:
+        raise OptionError(
+            f"sensitivity of {output}: {reduction!r} is not known{suggest(reduction, _REDUCTIONS)}"
+            f" - choose {', '.join(_REDUCTIONS)}",
+            where=(reduction,),
+        )
+    row, reduce = known.index(output), _REDUCTIONS[reduction]
+
+    def response(points: FloatArray) -> FloatArray:
+        every = np.concatenate([y[row] for y in simulated_members(problem, points)])
+        with np.errstate(invalid="ignore"):
+            return np.where(np.isfinite(every).all(axis=0), reduce(every), np.inf)
+
+    return response
+
+
+def problem_bounds(problem: EstimationProblem) -> dict[str, tuple[float, float]]:
+    """Bounds of the coordinates of a problem by name."""
+    ends = zip(problem.lower, problem.upper, strict=True)
+    return {name: (float(a), float(b)) for name, (a, b) in zip(problem.names, ends, strict=True)}

@@ -1,0 +1,101 @@
+"""Profiles by the exact gradient, likelihood ratios, and their tables."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from bondgraph.errors import EstimationError
+from bondgraph.estimate.estimation import Settings, estimate
+from bondgraph.estimate.exact import exact_derivatives
+from bondgraph.estimate.free import FreeParameter
+from bondgraph.estimate.likelihood_profile import (
+    likelihood_ratio,
+    profile_frame,
+    profile_likelihood,
+    profile_table,
+)
+from bondgraph.estimate.objective import central_differences
+from bondgraph.estimate.pinned import constrained_minimum
+from bondgraph.estimate.problem import pose
+from bondgraph.estimate.result import Estimate
+from tests.estimate.lag_covariance import covariance, one_sensor, pushed, unit_course
+from tests.estimate.linear import ExactLikelihood, lag, simulated
+
+ONE = Settings(method="gradient", starts=1, certify="none")
+
+
+def of_gain() -> Estimate:
+    """A gain of 1.1 is the estimate, its law is normal."""
+    log = pushed()
+    log.y[0] = 1.1 * unit_course(log)
+    return estimate(pose(one_sensor(), log, [FreeParameter("gain", 0.2, 5.0, 1.5)], initial="model"), ONE)
+
+
+def std_of_gain() -> float:
+    course = unit_course(pushed())
+    return float(1.0 / np.sqrt(course @ np.linalg.solve(covariance(pushed()), course)))
+
+
+def test_the_profile_of_a_normal_law_is_a_parabola() -> None:
+    (found,) = profile_likelihood(of_gain(), "gain")
+    std = std_of_gain()
+    np.testing.assert_allclose(found.interval, [1.1 - 1.959964 * std, 1.1 + 1.959964 * std], rtol=2e-3)
+    np.testing.assert_allclose(found.deviance, ((found.values - 1.1) / std) ** 2, atol=1e-4)
+    assert found.verdict == "" and not any(found.bounded)
+
+
+def test_the_likelihood_ratio_of_a_value_is_its_squared_distance() -> None:
+    found = likelihood_ratio(of_gain(), {"gain": 1.1 + 2.5 * std_of_gain()})
+    assert found.statistic == pytest.approx(6.25, rel=1e-4) and found.degrees == 1
+    assert found.p_value == pytest.approx(math.erfc(2.5 / math.sqrt(2.0)), rel=1e-3)
+
+
+@pytest.fixture(scope="module")
+def fit() -> Estimate:
+    return estimate(pose(lag(), simulated("run", 3, {}, 60), ["mass", "drag"], likelihood=ExactLikelihood()), ONE)
+
+
+def test_other_parameters_are_estimated_anew_under_a_held_value(fit: Estimate) -> None:
+    mass = fit.values["mass"] + 2.0 * fit.std["mass"]
+    found = likelihood_ratio(fit, {"mass": mass})
+    drags = np.linspace(fit.values["drag"] - 0.5, fit.values["drag"] + 0.5, 2001)
+    every = fit.problem.nll(np.array([np.full(drags.size, mass), [fit.problem.free[1].coordinate(d) for d in drags]]))
+    assert found.statistic == pytest.approx(2.0 * (every.min() - fit.nll), abs=1e-3)
+    assert found.values["drag"] == pytest.approx(float(drags[np.argmin(every)]), abs=2e-3)
+    both = likelihood_ratio(fit, {"mass": mass, "drag": fit.values["drag"]})
+    assert both.degrees == 2 and both.statistic >= found.statistic
+
+
+def test_tables_and_pictures_of_several_profiles(fit: Estimate) -> None:
+    profiles = profile_likelihood(fit)
+    header, rows = profile_table(profiles)
+    assert [row[0] for row in rows] == ["mass", "drag"] and all(len(row) == len(header) for row in rows)
+    assert set(profile_frame(profiles)["parameter"]) == {"mass", "drag"}
+    assert profiles[0].plot().get_xlabel() == "mass [kg]"
+
+
+def test_held_coordinates_keep_the_exact_gradient(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A profile fell back to differences, since what it searched was no estimation problem any more."""
+    problem = pose(one_sensor(), pushed(), [FreeParameter("gain", 0.2, 5.0, 1.5), "std(speed)"], initial="model")
+    searched = []
+
+    def exact(objective: object, points: np.ndarray, steps: np.ndarray) -> object:
+        searched.append(objective)
+        return exact_derivatives(objective, points, steps)  # type: ignore[arg-type]
+
+    found = constrained_minimum(problem, problem.start, {0: 1.0}, exact)  # type: ignore[arg-type]
+    assert searched and all(one is problem for one in searched)
+    other = constrained_minimum(problem, problem.start, {0: 1.0}, central_differences)
+    assert found.point[0] == 1.0 and found.value == pytest.approx(other.value, abs=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [({}, "no values are given"), ({"mas": 2.0}, "did you mean 'mass'"), ({"mass": 99.0}, "lies outside its bounds")],
+)
+def test_impossible_wishes_are_refused(fit: Estimate, given: dict[str, float], said: str) -> None:
+    with pytest.raises(EstimationError, match=said):
+        likelihood_ratio(fit, given)
