@@ -20,6 +20,10 @@ DONE, FAILED, BAD_INPUT = 0, 1, 2
 
 #: Where each command lives; its module is imported when it is called, so that help comes at once.
 COMMANDS = {
+    "new": "daily",
+    "inspect": "daily",
+    "compare": "daily",
+    "completion": "daily",
     "equations": "graphs",
     "evaluate": "graphs",
     "draw": "graphs",

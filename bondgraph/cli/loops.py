@@ -12,6 +12,7 @@ from pathlib import Path
 
 from bondgraph.build import build
 from bondgraph.cli.effects import chosen_effects
+from bondgraph.cli.log_options import read_given
 from bondgraph.cli.values import names, set_values
 from bondgraph.correct.fits.journal import Journal
 from bondgraph.correct.loop import ClosedLoop, LoopSettings
@@ -31,8 +32,9 @@ def close_loop(options: argparse.Namespace) -> int:
     """Find what a declared graph lacks, from measured logs."""
     graph, given = set_values(load_graph(options.graph), options.set)
     logs = training_and_held_out(
-        build(graph).model, options.data, options.holdout, read_mapping(options.map), options.rate, given
-    )
+        build(graph).model, options.data, options.holdout, read_mapping(options.map), options.rate, given,
+        lambda path: read_given(path, options),
+    )  # fmt: skip
     for line in logs.said:
         print(line, file=sys.stderr)
     closed, made = _closed(options, graph, logs)

@@ -9,11 +9,11 @@ import sys
 from pathlib import Path
 
 from bondgraph.build import build
+from bondgraph.cli.log_options import read_given
 from bondgraph.cli.values import assignments, finite, initial, names, set_values
 from bondgraph.correct.fits.declared import declared_problem
-from bondgraph.data.log import MatchedLog
+from bondgraph.data.log import Log, MatchedLog
 from bondgraph.data.matching import match, read_mapping
-from bondgraph.data.read import read_log
 from bondgraph.data.write import csv_text, write_log
 from bondgraph.declare.files import load_graph
 from bondgraph.declare.loading import is_model_file
@@ -48,13 +48,13 @@ def simulate(options: argparse.Namespace) -> int:
         if file:
             output_file(Path(file))
     graph = load_graph(options.graph)
-    inputs = read_log(options.inputs) if options.inputs else None
+    inputs = _inputs(options)
     scenario = declared_scenario(options.graph, options.scenario) if options.scenario else None
     panels = declared_panels(options.graph) if options.plot else ()
     chosen = SimulationOptions(
         options.until, options.step, assignments(options.set, "--set"), initial(options.initial),
         options.rtol, options.atol, options.all, scenario, signals=bool(panels),
-        smooth=not options.exact,
+        smooth=not options.exact, mapping=read_mapping(options.map), start=options.start,
     )  # fmt: skip
     trajectory = simulate_graph(graph, inputs, chosen)
     if options.exact:
@@ -64,7 +64,7 @@ def simulate(options: argparse.Namespace) -> int:
         names = ", ".join(scenario.left_out(trajectory.model))
         print(f"left out, since {graph.name} does not have them: {names}", file=sys.stderr)
     if scenario is None:
-        for line in input_notes(trajectory.model, inputs, chosen.values or {}):
+        for line in input_notes(trajectory.model, inputs, chosen.values or {}, chosen.mapping):
             print(line, file=sys.stderr)
     log = trajectory_log(trajectory)
     if options.plot:
@@ -80,9 +80,16 @@ def simulate(options: argparse.Namespace) -> int:
     return 0
 
 
+def _inputs(options: argparse.Namespace) -> Log | None:
+    """The table of inputs from ``--from`` on; where it ends, ``--until`` says to the simulation."""
+    if not options.inputs:
+        return None
+    return read_given(options.inputs, argparse.Namespace(**{**vars(options), "until": None}))
+
+
 def filter(options: argparse.Namespace) -> int:
     """Filter logs and write states with bands, innovations and consistency."""
-    model, driven, logs = _model_and_logs(options)
+    model, driven, logs = model_and_logs(options)
     noise = None if is_model_file(options.model) else declared_noise(options.model, model.name)
     made, folder = _provenance(options, math.nan), output_folder(Path(options.out))
     found = filter_logs(model, driven, logs, folder, options.smooth, options.start, noise, made)
@@ -92,7 +99,7 @@ def filter(options: argparse.Namespace) -> int:
 
 def estimate(options: argparse.Namespace) -> int:
     """Estimate parameters from logs."""
-    model, driven, logs = _model_and_logs(options)
+    model, driven, logs = model_and_logs(options)
     problem = declared_problem(model, driven, logs, names(options.free), options.process_noise, options.start)
     folder = output_folder(Path(options.out))
     settings = Settings(
@@ -113,13 +120,13 @@ def estimate(options: argparse.Namespace) -> int:
 
 def sensitivity(options: argparse.Namespace) -> int:
     """Print what the logs say about each parameter."""
-    model, driven, logs = _model_and_logs(options)
+    model, driven, logs = model_and_logs(options)
     problem = declared_problem(model, driven, logs, names(options.free), options.process_noise, options.start)
     print(json.dumps(finite(find_sensitivity(problem).to_dict()), indent=1))
     return 0
 
 
-def _model_and_logs(options: argparse.Namespace) -> tuple[Model, tuple[str, ...], list[MatchedLog]]:
+def model_and_logs(options: argparse.Namespace) -> tuple[Model, tuple[str, ...], list[MatchedLog]]:
     """The model of a graph or of a generated module, the states that noise may drive, and the matched logs."""
     given: dict[str, float | str]
     if is_model_file(options.model):
@@ -130,7 +137,7 @@ def _model_and_logs(options: argparse.Namespace) -> tuple[Model, tuple[str, ...]
         built = build(graph)
         model, driven = built.model, built.driven
     mapping = read_mapping(options.map)
-    logs = [match(read_log(path), model, mapping, given) for path in options.data]
+    logs = [match(read_given(path, options), model, mapping, given) for path in options.data]
     for line in grouped_notes(logs):
         print(line, file=sys.stderr)
     return model, driven, logs

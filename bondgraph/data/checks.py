@@ -121,7 +121,13 @@ def _gaps(time: FloatArray, channel: LogChannel, first_row: int) -> Iterator[Fin
 def _saturation(
     channel: LogChannel, valid: npt.NDArray[np.intp], values: FloatArray, first_row: int
 ) -> Iterator[Finding]:
-    """Longest rest exactly at the largest or smallest value; rest at zero is standstill, not saturation."""
+    """Longest rest exactly at the largest or smallest value; rest at zero is standstill, not saturation.
+
+    A signal that rests as long between its extremes is held there by whoever sets it.
+    """
+    between = (values[1:] == values[:-1]) & (values[1:] < values.max()) & (values[1:] > values.min())
+    if _longest_run(between)[1] >= _CLIPPED_SAMPLES - 1:
+        return
     for extreme, word in ((float(values.max()), "highest"), (float(values.min()), "lowest")):
         start, length = _longest_run(values == extreme)
         if extreme != 0.0 and length >= _CLIPPED_SAMPLES:
@@ -135,6 +141,8 @@ def _longest_run(mask: npt.NDArray[np.bool_]) -> tuple[int, int]:
     """Start and length of the longest run of true values."""
     change = np.flatnonzero(np.diff(np.concatenate(([False], mask, [False])).astype(np.int8)))
     starts, lengths = change[::2], change[1::2] - change[::2]
+    if not lengths.size:
+        return 0, 0
     longest = int(np.argmax(lengths))
     return int(starts[longest]), int(lengths[longest])
 

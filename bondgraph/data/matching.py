@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -81,29 +82,43 @@ def match(
     return MatchedLog(log.name, log.time, u, y, overrides, unmatched, tuple(notes))
 
 
-def match_inputs(
-    log: Log,
-    model: Signals,
-    mapping: Mapping[str, str] | None = None,
-    given: Mapping[str, float | str] | None = None,
-) -> FloatArray:
-    """The inputs of a model as a log has them, shape (n_u, n); what it lacks is as ``given``, or has its default.
+def renamed(log: Log, model: Signals, mapping: Mapping[str, str]) -> Log:
+    """A log whose columns are called as in the model.
 
     Raises
     ------
     DataError
-        If a column is no input of the model, its unit has another dimension, or an input has no value.
+        If the mapping names what the model or the log does not have, or two columns get the same name.
     """
-    channels, renamed = _rename(log, model, mapping or {})
-    known = [quantity.name for quantity in model.inputs]
-    for old, new in renamed.items():
-        if new not in known:
-            raise DataError(
-                f"{log.name}: column {old!r} is no input of {model.name}{suggest(new, known)}"
-                f" - its inputs are {', '.join(known) or 'none'}",
-                where=(log.name, old),
-            )
-    return _inputs(log, channels, model, given or {}, [])
+    return replace(log, channels=_rename(log, model, mapping)[0])
+
+
+def match_inputs(log: Log, model: Signals, given: Mapping[str, float | str] | None = None) -> FloatArray:
+    """The inputs of a model as a log has them, shape (n_u, n); what it lacks is as ``given``, or has its default.
+
+    Whatever else the log holds is left alone.
+
+    Raises
+    ------
+    DataError
+        If a unit has another dimension than the model's, or an input has no value.
+    """
+    return _inputs(log, log.channels, model, given or {}, [])
+
+
+def known_parameters(log: Log, model: Signals) -> dict[str, float]:
+    """The parameters that a log knows: columns called like them that hold one value.
+
+    Raises
+    ------
+    DataError
+        If such a column varies or has another dimension.
+    """
+    return {
+        quantity.name: _known_value(log, log.channels[quantity.name], quantity)
+        for quantity in model.parameters
+        if quantity.name in log.channels
+    }
 
 
 def match_outputs(log: Log, model: Signals) -> FloatArray:
@@ -127,13 +142,7 @@ def match_recorded(log: Log, model: Signals) -> tuple[FloatArray, dict[str, floa
         If a unit has another dimension than the model's, a column called like a parameter varies, or an input has
         neither a column nor a default.
     """
-    channels = dict(log.channels)
-    known = {
-        quantity.name: _known_value(log, channels[quantity.name], quantity)
-        for quantity in model.parameters
-        if quantity.name in channels
-    }
-    return _inputs(log, channels, model, {}, []), known
+    return _inputs(log, log.channels, model, {}, []), known_parameters(log, model)
 
 
 def read_mapping(options: Iterable[str]) -> dict[str, str]:
