@@ -11,10 +11,11 @@ from bondgraph.cli.log_options import LOGS_HELP, add_map, add_reading, add_set, 
 #: Adds a command: all commands, its name, summary and examples.
 AddCommand = Callable[[Any, str, str, str], argparse.ArgumentParser]
 SHELLS = ("bash", "zsh", "tcsh")
+FORMS = ("fmu", "c", "dot", "mermaid", "graphml")
 
 
 def add_daily_commands(commands: Any, command: AddCommand) -> None:
-    """Add ``new``, ``inspect``, ``compare`` and ``completion``."""
+    """Add ``new``, ``inspect``, ``compare``, ``export`` and ``completion``."""
     c = command(
         commands, "new", "begin a machine: a folder with a graph, logs and a script, all of which run",
         "  bondgraph new sled\n  cd sled && bondgraph compare sled.py --data run1.csv",
@@ -46,8 +47,28 @@ def add_daily_commands(commands: Any, command: AddCommand) -> None:
     add_start(c)
     c.add_argument("--out", default="compared", metavar="DIR", help="folder to write (default: compared)")
 
+    _add_export(commands, command)
+
     c = command(
         commands, "completion", "print a script by which a shell completes commands and options",
         "  bondgraph completion bash > ~/.local/share/bash-completion/completions/bondgraph",
     )  # fmt: skip
     c.add_argument("shell", choices=SHELLS, help="shell")
+
+
+def _add_export(commands: Any, command: AddCommand) -> None:
+    c = command(
+        commands, "export", "write a graph for other tools: FMU, C, Graphviz DOT, Mermaid, GraphML",
+        "  bondgraph export motor.json --to fmu\n"
+        "  bondgraph export motor.json --to fmu --fmi 3.0 --kind co-simulation --out motor.fmu\n"
+        "  bondgraph export sled.py --to dot | dot -Tsvg > sled.svg\n"
+        "In Python, bondgraph.exchange has these and to_control, from_control, to_casadi, from_networkx.",
+    )  # fmt: skip
+    c.add_argument("graph", metavar="GRAPH", help="graph of a Python file or module, or graph file")
+    c.add_argument("--to", required=True, choices=FORMS, help="what to write")
+    c.add_argument("--fmi", default="2.0", choices=("2.0", "3.0"), help="version of the standard (default: 2.0)")
+    c.add_argument(
+        "--kind", default="model-exchange", choices=("model-exchange", "co-simulation"),
+        help="FMU that an importer integrates (C, the default) or that integrates itself (Python, extra fmu)",
+    )  # fmt: skip
+    c.add_argument("--out", metavar="FILE", help="file to write (default: NAME.fmu, NAME.graphml; text is printed)")
