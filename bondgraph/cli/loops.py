@@ -26,11 +26,13 @@ from bondgraph.report.collect import versions
 from bondgraph.report.html import Provenance
 from bondgraph.report.logs import Splits, training_and_held_out
 from bondgraph.report.progress import WorkProgress
+from bondgraph.report.python_lines import write_python
 
 
 def close_loop(options: argparse.Namespace) -> int:
     """Find what a declared graph lacks, from measured logs."""
-    graph, given = set_values(load_graph(options.graph), options.set)
+    declared = load_graph(options.graph)
+    graph, given = set_values(declared, options.set)
     logs = training_and_held_out(
         build(graph).model, options.data, options.holdout, read_mapping(options.map), options.rate, given,
         lambda path: read_given(path, options),
@@ -39,6 +41,7 @@ def close_loop(options: argparse.Namespace) -> int:
         print(line, file=sys.stderr)
     closed, made = _closed(options, graph, logs)
     print(summary(write_closed_loop(closed, Path(options.out), made, said=logs.split)))
+    print(*write_python(Path(options.out), declared, closed.corrected_graph, options.graph), sep="\n")
     print(f"report: {Path(options.out) / 'report.html'}")
     return 0
 
