@@ -1,10 +1,11 @@
-"""Exchange with other tools: C and FMUs, python-control, CasADi, networkx and GraphML, DOT and Mermaid."""
+"""Exchange with other tools: C, FMUs, python-control, CasADi, networkx, GraphML, BondGraphTools, DOT and Mermaid."""
 
 from typing import TYPE_CHECKING
 
 from bondgraph.lazy import exported
 
 if TYPE_CHECKING:
+    from bondgraph.exchange.bondgraphtools import read_bondgraphtools as read_bondgraphtools
     from bondgraph.exchange.c_source import c_source as c_source
     from bondgraph.exchange.casadi import to_casadi as to_casadi
     from bondgraph.exchange.control import from_control as from_control
@@ -19,6 +20,7 @@ else:
     __getattr__, __dir__, __all__ = exported(
         __name__,
         {
+            "exchange.bondgraphtools": "read_bondgraphtools",
             "exchange.c_source": "c_source",
             "exchange.casadi": "to_casadi",
             "exchange.control": "from_control to_control",
