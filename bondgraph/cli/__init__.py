@@ -24,6 +24,7 @@ COMMANDS = {
     "inspect": "daily",
     "compare": "daily",
     "completion": "daily",
+    "report": "daily",
     "export": "exchange",
     "equations": "graphs",
     "evaluate": "graphs",

@@ -1,4 +1,4 @@
-"""Commands of daily work: new, inspect, compare, completion."""
+"""Commands of daily work: new, inspect, compare, report, completion."""
 
 from __future__ import annotations
 
@@ -18,6 +18,7 @@ from bondgraph.cli.values import finite
 from bondgraph.files import output_file, output_folder
 from bondgraph.report.comparison import compare_logs, comparison_text, write_comparison
 from bondgraph.report.figures import save_figure
+from bondgraph.report.html import rewrite_report
 from bondgraph.report.inspection import inspect_log, inspection_figure, inspection_text
 
 
@@ -58,6 +59,13 @@ def compare(options: argparse.Namespace) -> int:
     print(comparison_text(compared))
     print(f"written: {folder}")
     return 1 if all(math.isnan(one.rms) for run in compared.runs for one in run.errors) else 0
+
+
+def report(options: argparse.Namespace) -> int:
+    """Write the reports of finished folders again."""
+    for folder in options.folders:
+        print(f"report: {rewrite_report(Path(folder))}")
+    return 0
 
 
 def completion(options: argparse.Namespace) -> int:

@@ -15,7 +15,7 @@ FORMS = ("fmu", "c", "dot", "mermaid", "graphml")
 
 
 def add_daily_commands(commands: Any, command: AddCommand) -> None:
-    """Add ``new``, ``inspect``, ``compare``, ``export`` and ``completion``."""
+    """Add ``new``, ``inspect``, ``compare``, ``report``, ``export`` and ``completion``."""
     c = command(
         commands, "new", "begin a machine: a folder with a graph, logs and a script, all of which run",
         "  bondgraph new sled\n  cd sled && bondgraph compare sled.py --data run1.csv",
@@ -46,6 +46,12 @@ def add_daily_commands(commands: Any, command: AddCommand) -> None:
     add_set(c, "value of an input where the logs have no column of it, or of a parameter of a declared graph")
     add_start(c)
     c.add_argument("--out", default="compared", metavar="DIR", help="folder to write (default: compared)")
+
+    c = command(
+        commands, "report", "write the report of a finished filter, estimate or close-loop again, without computing",
+        "  bondgraph report loop\n  bondgraph report fit1 fit2",
+    )  # fmt: skip
+    c.add_argument("folders", nargs="+", metavar="DIR", help="folders that the commands wrote")
 
     _add_export(commands, command)
 

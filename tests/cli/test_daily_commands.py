@@ -90,6 +90,20 @@ def test_windows_are_parts_of_logs(machine: Path, capsys: pytest.CaptureFixture[
     assert "no samples from 50 s" in capsys.readouterr().err
 
 
+def test_a_report_is_written_again_as_it_was(machine: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["filter", "toboggan.py", "--data", "run1.csv", "--out", "filtered", "--until", "4"]) == 0
+    page = machine / "filtered" / "report.html"
+    before = page.read_text()
+    page.unlink()
+    assert main(["report", "filtered"]) == 0
+    assert page.read_text() == before
+    assert main(["report", "."]) == 2
+    assert "holds no report_data.npz - name the folder of a finished filter" in capsys.readouterr().err
+    (machine / "filtered" / "report_data.npz").write_bytes(b"PK")
+    assert main(["report", "filtered"]) == 2
+    assert "it is damaged or of another version" in capsys.readouterr().err
+
+
 def test_inspect_tells_rates_gaps_and_suspicious_units(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     time = np.arange(400) * 0.05
     speed = 10.0 + np.sin(time)
