@@ -12,6 +12,7 @@ import shtab
 
 from bondgraph.cli.arguments import parser
 from bondgraph.cli.log_options import read_given
+from bondgraph.cli.printing import say
 from bondgraph.cli.runs import model_and_logs
 from bondgraph.cli.scaffold import write_scaffold
 from bondgraph.cli.values import finite
@@ -43,7 +44,7 @@ def inspect(options: argparse.Namespace) -> int:
         output_file(Path(options.plot))
     log = read_given(options.log, options)
     found = inspect_log(log)
-    print(json.dumps(finite(found.to_dict()), indent=1) if options.json else inspection_text(found))
+    say(json.dumps(finite(found.to_dict()), indent=1) if options.json else inspection_text(found))
     if options.plot:
         save_figure(inspection_figure(log), Path(options.plot))
         print(f"picture: {options.plot}", file=sys.stderr)
@@ -56,7 +57,7 @@ def compare(options: argparse.Namespace) -> int:
     folder = output_folder(Path(options.out))
     compared = compare_logs(model, logs, driven, options.start)
     write_comparison(compared, folder)
-    print(comparison_text(compared))
+    say(comparison_text(compared))
     print(f"written: {folder}")
     return 1 if all(math.isnan(one.rms) for run in compared.runs for one in run.errors) else 0
 

@@ -13,6 +13,7 @@ from pathlib import Path
 from bondgraph.build import build
 from bondgraph.cli.effects import chosen_effects
 from bondgraph.cli.log_options import read_given
+from bondgraph.cli.printing import say
 from bondgraph.cli.values import names, set_values
 from bondgraph.correct.fits.journal import Journal
 from bondgraph.correct.loop import ClosedLoop, LoopSettings
@@ -38,9 +39,10 @@ def close_loop(options: argparse.Namespace) -> int:
         lambda path: read_given(path, options),
     )  # fmt: skip
     for line in logs.said:
-        print(line, file=sys.stderr)
+        say(line, sys.stderr)
     closed, made = _closed(options, graph, logs)
-    print(summary(write_closed_loop(closed, Path(options.out), made, said=logs.split)))
+    told = summary(write_closed_loop(closed, Path(options.out), made, said=logs.split))
+    say(told, whole=str(Path(options.out) / "report.html"))
     print(*write_python(Path(options.out), declared, closed.corrected_graph, options.graph), sep="\n")
     print(f"report: {Path(options.out) / 'report.html'}")
     return 0
@@ -78,7 +80,7 @@ def _closed(options: argparse.Namespace, graph: BondGraph, logs: Splits) -> tupl
     with WorkProgress("closing the loop", None) as work:
 
         def report(stage: str, done: int, total: int) -> None:
-            work.describe(f"{stage} ({done}/{total})")
+            work.stage(stage, done, total)
 
         closed = run_loop(graph, logs.training, logs.held_out, functions, settings, report)
     seed = getattr(options, "seed", None)

@@ -10,6 +10,7 @@ from pathlib import Path
 
 from bondgraph.build import build
 from bondgraph.cli.log_options import read_given
+from bondgraph.cli.printing import say
 from bondgraph.cli.values import assignments, finite, initial, names, set_values
 from bondgraph.correct.fits.declared import declared_problem
 from bondgraph.data.log import Log, MatchedLog
@@ -93,7 +94,7 @@ def filter(options: argparse.Namespace) -> int:
     noise = None if is_model_file(options.model) else declared_noise(options.model, model.name)
     made, folder = _provenance(options, math.nan), output_folder(Path(options.out))
     found = filter_logs(model, driven, logs, folder, options.smooth, options.start, noise, made)
-    print(found.text)
+    say(found.text, whole=str(folder / "report.html"))
     return 1 if options.strict and found.misfits else 0
 
 
@@ -139,7 +140,7 @@ def model_and_logs(options: argparse.Namespace) -> tuple[Model, tuple[str, ...],
     mapping = read_mapping(options.map)
     logs = [match(read_given(path, options), model, mapping, given) for path in options.data]
     for line in grouped_notes(logs):
-        print(line, file=sys.stderr)
+        say(line, sys.stderr)
     return model, driven, logs
 
 
