@@ -15,6 +15,10 @@ from hypothesis import strategies as st
 
 import bondgraph as bg
 from bondgraph.data.formats import csv_quick, csv_text
+from bondgraph.data.formats.hdf5 import read_hdf5
+from bondgraph.data.formats.matlab import read_mat
+from bondgraph.data.formats.mdf import read_mdf
+from bondgraph.data.formats.table import Reader
 from bondgraph.data.header import Reading
 from bondgraph.data.log import Log
 from bondgraph.data.read import log_from_table, read_log
@@ -22,6 +26,13 @@ from bondgraph.errors import DataError
 from bondgraph.simulate.example import pendulum
 
 TIME = np.array([0.0, 0.1, 0.25])
+
+
+def _read_here(reader: Reader, path: Path, **said: Any) -> Log:
+    """A log as its reader gives it in this process, without the wait for another."""
+    return log_from_table(reader(path, Reading(**said)), path.name, path.stem, str(path), Reading(**said))
+
+
 SPEED = np.array([36.0, np.nan, 37.5])
 
 
@@ -156,7 +167,7 @@ MATLAB: dict[str, dict[str, Any]] = {
 @pytest.mark.parametrize("kind", ["v5", "v73"])
 @pytest.mark.parametrize("content", MATLAB.values(), ids=MATLAB)
 def test_matlab_structs(tmp_path: Path, kind: str, content: dict[str, Any]) -> None:
-    log = read_log(_matlab(kind, tmp_path / "run.mat", content))
+    log = _read_here(read_mat, _matlab(kind, tmp_path / "run.mat", content))
     if "chassis" not in content:
         _is_the_run(log)
         return
@@ -167,7 +178,7 @@ def test_matlab_structs(tmp_path: Path, kind: str, content: dict[str, Any]) -> N
 def test_what_simulink_writes(tmp_path: Path) -> None:
     signals = np.array([(SPEED, "speed", 1.0), (2.0 * SPEED, "wheel", 1.0)], dtype=[(n, object) for n in ("values", "label", "dimensions")])  # fmt: skip # noqa: E501
     scipy.io.savemat(tmp_path / "run.mat", {"out": {"time": TIME, "signals": signals, "blockName": "scope"}})
-    log = read_log(tmp_path / "run.mat", units={"speed": "km/h", "wheel": "km/h"})
+    log = _read_here(read_mat, tmp_path / "run.mat", units={"speed": "km/h", "wheel": "km/h"})
     _is_the_run(log)
     assert list(log.channels) == ["speed", "wheel"]
 
@@ -182,7 +193,7 @@ def test_mdf_with_a_channel_in_two_groups(tmp_path: Path, version: str) -> None:
         file.append([mdf.Signal(np.array([7.0]), np.array([0.1]), unit="gubbins", name="odd")])
         saved = file.save(tmp_path / "run.mdf", overwrite=True)
     (tmp_path / "given.mdf").write_bytes(Path(saved).read_bytes())
-    log = read_log(tmp_path / "given.mdf")
+    log = _read_here(read_mdf, tmp_path / "given.mdf")
     _is_the_run(log)
     np.testing.assert_array_equal(log.channel("speed@2").values, SPEED + 1.0)
     assert "speed@1" not in log.channels and log.channel("odd").unit == "?"
@@ -197,11 +208,11 @@ def test_hdf5_groups_and_attributes(tmp_path: Path) -> None:
                 file[f"car/{name}"].attrs["units"] = unit
         file["car/gear"] = np.array([b"N", b"H", b""])
         file["picture"] = np.zeros((4, 4))
-    log = read_log(tmp_path / "run.h5")
+    log = _read_here(read_hdf5, tmp_path / "run.h5")
     _is_the_run(log)
     assert log.channel("gear").values.tolist() == ["N", "H", ""] and log.channel("mystery").unit == "?"
     with pytest.raises(DataError, match=r"no data set is called 'stamp' .* there are car/gear, car/mystery, car/speed"):
-        read_log(tmp_path / "run.h5", time="stamp")
+        _read_here(read_hdf5, tmp_path / "run.h5", time="stamp")
 
 
 def test_excel_with_units_in_the_second_row(tmp_path: Path) -> None:
@@ -282,3 +293,16 @@ def test_a_dated_parquet_file(tmp_path: Path) -> None:
 def test_an_unknown_format_says_what_is_read(tmp_path: Path) -> None:
     with pytest.raises(DataError, match=r"\.mcap \(needs the extra 'mcap'\); pip install 'bondloop\[data\]'"):
         read_log(tmp_path / "run.blf")
+
+
+_TEXT = b"time [s],v [m/s]\n0,1\n" * 20
+_WRONG = [(kind, content) for kind in (".xlsx", ".bag", ".mcap", ".parquet") for content in (b"", b"\x00" * 200, _TEXT)]
+
+
+@pytest.mark.parametrize(("kind", "content"), [*_WRONG, (".h5", _TEXT)])
+def test_what_is_no_file_of_its_kind_is_refused(tmp_path: Path, kind: str, content: bytes) -> None:
+    path = tmp_path / f"run{kind}"
+    path.write_bytes(content)
+    with pytest.raises(DataError, match=rf"run{kind}: this is not a readable") as refused:
+        read_log(path)
+    assert len(refused.value.message) < 600
