@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from bondgraph.build import build as build
     from bondgraph.correct.loop import LoopSettings as LoopSettings
     from bondgraph.data.log import Log as Log
+    from bondgraph.data.log import LogChannel as LogChannel
     from bondgraph.data.log import MatchedLog as MatchedLog
     from bondgraph.data.matching import match as match
     from bondgraph.data.read import read_log as read_log
@@ -56,7 +57,7 @@ else:
         {
             "build": "BuiltModel build",
             "correct.loop": "LoopSettings",
-            "data.log": "Log MatchedLog",
+            "data.log": "Log LogChannel MatchedLog",
             "data.matching": "match",
             "data.read": "read_log",
             "data.write": "write_log",

@@ -21,7 +21,7 @@ VISIBLE = {"pyproject.toml", "bondgraph", "vehicle_graphs", "generated", "tests"
 FOUNDATION = ("version", "text", "errors", "lazy", "files", "frames", "units", "coherent", "arrays")
 DESIGN_TIME = ("declare", "derive", "generate")
 RUN_TIME = ("compile", "data", "simulate", "filter", "estimate")
-ON_TOP = ("effects", "correct", "report", "cli")
+ON_TOP = ("effects", "correct", "report", "exchange", "cli")
 #: Single files above the halves: from a graph to a model.
 FRONT = ("build", "verbs")
 ROOMS = (*DESIGN_TIME, *RUN_TIME, *ON_TOP)

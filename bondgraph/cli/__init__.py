@@ -20,6 +20,12 @@ DONE, FAILED, BAD_INPUT = 0, 1, 2
 
 #: Where each command lives; its module is imported when it is called, so that help comes at once.
 COMMANDS = {
+    "new": "daily",
+    "inspect": "daily",
+    "compare": "daily",
+    "completion": "daily",
+    "report": "daily",
+    "export": "exchange",
     "equations": "graphs",
     "evaluate": "graphs",
     "draw": "graphs",

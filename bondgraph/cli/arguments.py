@@ -6,7 +6,9 @@ import argparse
 import math
 from typing import Any
 
+from bondgraph.cli.daily_arguments import add_daily_commands
 from bondgraph.cli.experiment_options import design_options, sensitivity_options
+from bondgraph.cli.log_options import LOGS_HELP, add_map, add_reading, add_set, add_start, add_window
 from bondgraph.version import __version__
 
 GRAPH_HELP = (
@@ -33,6 +35,7 @@ def parser() -> argparse.ArgumentParser:
     _add_run_commands(commands)
     _add_loop_commands(commands)
     _add_effects(commands)
+    add_daily_commands(commands, _command)
     return top
 
 
@@ -143,17 +146,27 @@ def _add_simulate(commands: Any) -> None:
     )  # fmt: skip
     c.add_argument("graph", metavar="GRAPH", help=GRAPH_HELP)
     _add_exact(c)
-    c.add_argument("--inputs", metavar="FILE", help="log with a column per input: 'time [s],u_a [V]'")
+    c.add_argument(
+        "--inputs", metavar="FILE",
+        help="log with a column per input: 'time [s],u_a [V]'; measured columns may stand beside them",
+    )  # fmt: skip
+    add_reading(c)
+    add_map(c)
+    add_window(c, until=False)
+    add_start(c, "model")
     c.add_argument(
         "--scenario", metavar="NAME", help="manoeuvre declared beside the graph (a name that is none lists them)"
     )
     c.add_argument("--until", type=_finite, metavar="T", help="end in s (default: the end of the inputs)")
     c.add_argument("--step", type=_positive, metavar="DT", help="interval of the answer in s")
+    add_set(c, "parameter, or constant input, in its unit")
     c.add_argument(
-        "--set", action="append", default=[], metavar="NAME=VALUE", help="parameter, or constant input, in its unit"
-    )
-    c.add_argument(
-        "--initial", action="append", default=[], metavar="STATE=VALUE", help="start value in its unit, or a JSON file"
+        "--initial",
+        nargs="+",
+        action="extend",
+        default=[],
+        metavar="STATE=VALUE",
+        help="start value in its unit, or a JSON file",
     )
     c.add_argument("--rtol", type=_positive, default=1e-9, help="relative tolerance (default: 1e-9)")
     c.add_argument("--atol", type=_positive, help="absolute tolerance (default: relative to each state's size)")
@@ -245,10 +258,7 @@ def _add_loop_commands(commands: Any) -> None:
     c.add_argument(
         "--holdout", nargs="+", default=[], metavar="FILE", help="held-out logs: assessed, they decide nothing"
     )
-    c.add_argument(
-        "--map", action="append", default=[], metavar="COLUMN=NAME", help="other names, or a JSON file of them"
-    )
-    _add_set(c)
+    _add_given(c)
     c.add_argument("--out", default="loop", metavar="DIR", help="folder to write (default: loop)")
     c.add_argument(
         "--seed", type=_seed, default=0, help="noted in the report; nothing here is drawn at random (default: 0)"
@@ -270,25 +280,17 @@ def _add_loop_commands(commands: Any) -> None:
 
 def _add_data(command: argparse.ArgumentParser) -> None:
     command.add_argument("model", metavar="MODEL", help=MODEL_HELP)
-    command.add_argument(
-        "--data", nargs="+", required=True, metavar="FILE", help="logs: csv, csv.gz, parquet, mat, mf4"
-    )
-    command.add_argument(
-        "--map", action="append", default=[], metavar="COLUMN=NAME", help="other names, or a JSON file of them"
-    )
-    _add_set(command)
-    command.add_argument(
-        "--start", default="measured", choices=("measured", "settled", "model"),
-        help="states at the start of a log: measured ones as measured and the others as declared (default), or where "
-        "they come to rest while the measured ones are held, or all as declared",
-    )  # fmt: skip
+    command.add_argument("--data", nargs="+", required=True, metavar="FILE", help=LOGS_HELP)
+    _add_given(command)
+    add_start(command)
 
 
-def _add_set(command: argparse.ArgumentParser) -> None:
-    command.add_argument(
-        "--set", action="append", default=[], metavar="NAME=VALUE",
-        help="value of an input where the logs have no column of it, or of a parameter of a declared graph",
-    )  # fmt: skip
+def _add_given(command: argparse.ArgumentParser) -> None:
+    """What may be said of logs beside their names."""
+    add_map(command)
+    add_reading(command)
+    add_window(command)
+    add_set(command, "value of an input where the logs have no column of it, or of a parameter of a declared graph")
 
 
 def _add_strict(command: argparse.ArgumentParser) -> None:

@@ -16,7 +16,7 @@ from bondgraph.cli.runs import model_and_logs, provenance
 from bondgraph.cli.values import assignments, finite, names, set_values
 from bondgraph.correct.fits.declared import declared_problem
 from bondgraph.data.log import MatchedLog
-from bondgraph.data.matching import match, match_inputs, match_outputs, read_mapping
+from bondgraph.data.matching import match, match_inputs, match_outputs, read_mapping, renamed
 from bondgraph.data.read import read_log
 from bondgraph.declare.files import load_graph
 from bondgraph.declare.loading import is_model_file
@@ -202,9 +202,9 @@ def _manoeuvres(options: argparse.Namespace, first: Rival) -> list[Manoeuvre]:
     ]
     mapping, given = read_mapping(options.map), set_values(load_graph(options.model), options.set)[1]
     for path in options.inputs:
-        log = read_log(path)
+        log = renamed(read_log(path), model, mapping)
         y = match_outputs(log, model)
-        found.append(Manoeuvre.of_log(MatchedLog(log.name, log.time, match_inputs(log, model, mapping, given), y)))
+        found.append(Manoeuvre.of_log(MatchedLog(log.name, log.time, match_inputs(log, model, given), y)))
     if options.data:
         found += step_manoeuvres(model, first.problem.logs)
     if not found:

@@ -12,6 +12,8 @@ from pathlib import Path
 
 from bondgraph.build import build
 from bondgraph.cli.effects import chosen_effects
+from bondgraph.cli.log_options import read_given
+from bondgraph.cli.printing import say
 from bondgraph.cli.values import names, set_values
 from bondgraph.correct.fits.journal import Journal
 from bondgraph.correct.loop import ClosedLoop, LoopSettings
@@ -25,18 +27,23 @@ from bondgraph.report.collect import versions
 from bondgraph.report.html import Provenance
 from bondgraph.report.logs import Splits, training_and_held_out
 from bondgraph.report.progress import WorkProgress
+from bondgraph.report.python_lines import write_python
 
 
 def close_loop(options: argparse.Namespace) -> int:
     """Find what a declared graph lacks, from measured logs."""
-    graph, given = set_values(load_graph(options.graph), options.set)
+    declared = load_graph(options.graph)
+    graph, given = set_values(declared, options.set)
     logs = training_and_held_out(
-        build(graph).model, options.data, options.holdout, read_mapping(options.map), options.rate, given
-    )
+        build(graph).model, options.data, options.holdout, read_mapping(options.map), options.rate, given,
+        lambda path: read_given(path, options),
+    )  # fmt: skip
     for line in logs.said:
-        print(line, file=sys.stderr)
+        say(line, sys.stderr)
     closed, made = _closed(options, graph, logs)
-    print(summary(write_closed_loop(closed, Path(options.out), made, said=logs.split)))
+    told = summary(write_closed_loop(closed, Path(options.out), made, said=logs.split))
+    say(told, whole=str(Path(options.out) / "report.html"))
+    print(*write_python(Path(options.out), declared, closed.corrected_graph, options.graph), sep="\n")
     print(f"report: {Path(options.out) / 'report.html'}")
     return 0
 
@@ -73,7 +80,7 @@ def _closed(options: argparse.Namespace, graph: BondGraph, logs: Splits) -> tupl
     with WorkProgress("closing the loop", None) as work:
 
         def report(stage: str, done: int, total: int) -> None:
-            work.describe(f"{stage} ({done}/{total})")
+            work.stage(stage, done, total)
 
         closed = run_loop(graph, logs.training, logs.held_out, functions, settings, report)
     seed = getattr(options, "seed", None)

@@ -9,11 +9,12 @@ from dataclasses import replace
 from pathlib import Path
 
 from bondgraph.build import build
+from bondgraph.cli.log_options import read_given
+from bondgraph.cli.printing import say
 from bondgraph.cli.values import assignments, initial, names, set_values
 from bondgraph.correct.fits.declared import declared_problem
-from bondgraph.data.log import MatchedLog
+from bondgraph.data.log import Log, MatchedLog
 from bondgraph.data.matching import match, read_mapping
-from bondgraph.data.read import read_log
 from bondgraph.data.write import csv_text, write_log
 from bondgraph.declare.files import load_graph
 from bondgraph.declare.loading import is_model_file
@@ -51,13 +52,13 @@ def simulate(options: argparse.Namespace) -> int:
         if file:
             output_file(Path(file))
     graph = load_graph(options.graph)
-    inputs = read_log(options.inputs) if options.inputs else None
+    inputs = _inputs(options)
     scenario = declared_scenario(options.graph, options.scenario) if options.scenario else None
     panels = declared_panels(options.graph) if options.plot else ()
     chosen = SimulationOptions(
         options.until, options.step, assignments(options.set, "--set"), initial(options.initial),
         options.rtol, options.atol, options.all, scenario, signals=bool(panels),
-        smooth=not options.exact,
+        smooth=not options.exact, mapping=read_mapping(options.map), start=options.start,
     )  # fmt: skip
     trajectory = simulate_graph(graph, inputs, chosen)
     if options.exact:
@@ -67,7 +68,7 @@ def simulate(options: argparse.Namespace) -> int:
         names = ", ".join(scenario.left_out(trajectory.model))
         print(f"left out, since {graph.name} does not have them: {names}", file=sys.stderr)
     if scenario is None:
-        for line in input_notes(trajectory.model, inputs, chosen.values or {}):
+        for line in input_notes(trajectory.model, inputs, chosen.values or {}, chosen.mapping):
             print(line, file=sys.stderr)
     log = trajectory_log(trajectory)
     if options.plot:
@@ -83,6 +84,13 @@ def simulate(options: argparse.Namespace) -> int:
     return 0
 
 
+def _inputs(options: argparse.Namespace) -> Log | None:
+    """The table of inputs from ``--from`` on; where it ends, ``--until`` says to the simulation."""
+    if not options.inputs:
+        return None
+    return read_given(options.inputs, argparse.Namespace(**{**vars(options), "until": None}))
+
+
 def filter(options: argparse.Namespace) -> int:
     """Filter logs and write states with bands, innovations and consistency."""
     model, driven, logs = model_and_logs(options)
@@ -90,7 +98,7 @@ def filter(options: argparse.Namespace) -> int:
     made, folder = provenance(options, math.nan), output_folder(Path(options.out))
     robust = parse_robust(options.robust) if options.robust else None
     found = filter_logs(model, driven, logs, folder, options.smooth, options.start, noise, made, robust)
-    print(found.text)
+    say(found.text, whole=str(folder / "report.html"))
     return 1 if options.strict and found.misfits else 0
 
 
@@ -131,9 +139,9 @@ def model_and_logs(options: argparse.Namespace) -> tuple[Model, tuple[str, ...],
         built = build(graph)
         model, driven = built.model, built.driven
     mapping = read_mapping(options.map)
-    logs = [match(read_log(path), model, mapping, given) for path in options.data]
+    logs = [match(read_given(path, options), model, mapping, given) for path in options.data]
     for line in grouped_notes(logs):
-        print(line, file=sys.stderr)
+        say(line, sys.stderr)
     return model, driven, logs
 
 

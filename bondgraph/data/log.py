@@ -89,6 +89,8 @@ class Log:
         File the log came from, empty for a simulated one.
     metadata
         Anything else worth keeping (vehicle, date, tune), as text.
+    first_row
+        Row of the first sample in the table from which it was read.
 
     Raises
     ------
@@ -107,12 +109,13 @@ class Log:
     channels: Mapping[str, LogChannel]
     source: str = ""
     metadata: Mapping[str, str] = field(default_factory=dict)
+    first_row: int = FIRST_ROW
 
     def __post_init__(self) -> None:
         _require_name(self.name)
-        _require_increasing(self.name, self.time)
+        _require_increasing(self.name, self.time, self.first_row)
         for channel in self.channels.values():
-            _require_fitting(self.name, channel, self.time.size)
+            _require_fitting(self.name, channel, self.time.size, self.first_row)
 
     def __repr__(self) -> str:
         names = few([f"{channel.name} [{channel.unit}]" for channel in self.channels.values()])
@@ -246,25 +249,26 @@ def _require_name(name: str) -> None:
     check_name(name, lambda problem: DataError(f"log: {problem}", where=(name,)))
 
 
-def _require_increasing(name: str, time: FloatArray) -> None:
+def _require_increasing(name: str, time: FloatArray, first_row: int) -> None:
     if time.ndim != 1 or time.size == 0:
         raise DataError(f"{name}: the log has no samples", where=(name,))
     bad = np.flatnonzero(~np.isfinite(time))
     if bad.size:
         raise DataError(
-            f"{name}: column 'time' has no value in {row_list(bad)} - every sample needs its time", where=(name, "time")
+            f"{name}: column 'time' has no value in {row_list(bad, first_row)} - every sample needs its time",
+            where=(name, "time"),
         )
     back = np.flatnonzero(np.diff(time) <= 0) + 1
     if back.size:
         first = int(back[0])
         raise DataError(
-            f"{name}: time does not increase in {row_list(back)} ({time[first - 1]:.10g} s, then {time[first]:.10g} s)"
-            " - sort the samples and drop repeated ones",
+            f"{name}: time does not increase in {row_list(back, first_row)} ({time[first - 1]:.10g} s, then "
+            f"{time[first]:.10g} s) - sort the samples and drop repeated ones",
             where=(name, "time"),
         )
 
 
-def _require_fitting(name: str, channel: LogChannel, size: int) -> None:
+def _require_fitting(name: str, channel: LogChannel, size: int, first_row: int) -> None:
     if channel.values.shape != (size,):
         raise DataError(
             f"{name}: column {channel.name!r} has {channel.values.size} values for {size} times",
@@ -274,13 +278,13 @@ def _require_fitting(name: str, channel: LogChannel, size: int) -> None:
         infinite = np.flatnonzero(np.isinf(channel.numbers))
         if infinite.size:
             raise DataError(
-                f"{name}: column {channel.name!r} is infinite in {row_list(infinite)}"
+                f"{name}: column {channel.name!r} is infinite in {row_list(infinite, first_row)}"
                 " - leave the cell empty where nothing was measured",
                 where=(name, channel.name),
             )
 
 
-def row_list(indices: npt.NDArray[np.intp], shown: int = 3) -> str:
+def row_list(indices: npt.NDArray[np.intp], first_row: int = FIRST_ROW, shown: int = 3) -> str:
     """Row numbers of samples as one reads them in a table, for messages.
 
     Examples
@@ -288,7 +292,7 @@ def row_list(indices: npt.NDArray[np.intp], shown: int = 3) -> str:
     >>> row_list(np.array([0])), row_list(np.array([3, 4, 8, 9, 11]))
     ('row 2', 'rows 5, 6, 10 and 2 more')
     """
-    rows = [str(int(index) + FIRST_ROW) for index in indices]
+    rows = [str(int(index) + first_row) for index in indices]
     if len(rows) == 1:
         return f"row {rows[0]}"
     more = f" and {len(rows) - shown} more" if len(rows) > shown else ""

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +17,7 @@ from bondgraph.coherent import Displayed
 from bondgraph.data.checks import Finding, check_log
 from bondgraph.data.header import TEXT_UNIT, convert_unit
 from bondgraph.data.lacking import lacking_input, require_inputs
-from bondgraph.data.log import FIRST_ROW, FloatArray, Log, LogChannel, MatchedLog
+from bondgraph.data.log import FloatArray, Log, LogChannel, MatchedLog
 from bondgraph.data.rates import slopes
 from bondgraph.data.signals import InputQuantity, Quantity, Signals, names_of
 from bondgraph.data.suspicions import time_gaps
@@ -67,7 +68,7 @@ def match(
     channels, renamed = _rename(log, model, mapping or {})
     _require_outputs(log, model, channels)
     notes = [finding.message for finding in check_log(log) if _matters(finding, renamed[finding.channel], model)]
-    notes += time_gaps(log.time)
+    notes += time_gaps(log.time, log.first_row)
     u = _inputs(log, channels, model, given or {}, notes)
     y = np.array([_output(log, channels, quantity, notes) for quantity in model.outputs]).reshape(-1, len(log))
     overrides = {
@@ -81,29 +82,43 @@ def match(
     return MatchedLog(log.name, log.time, u, y, overrides, unmatched, tuple(notes))
 
 
-def match_inputs(
-    log: Log,
-    model: Signals,
-    mapping: Mapping[str, str] | None = None,
-    given: Mapping[str, float | str] | None = None,
-) -> FloatArray:
-    """The inputs of a model as a log has them, shape (n_u, n); what it lacks is as ``given``, or has its default.
+def renamed(log: Log, model: Signals, mapping: Mapping[str, str]) -> Log:
+    """A log whose columns are called as in the model.
 
     Raises
     ------
     DataError
-        If a column is no input of the model, its unit has another dimension, or an input has no value.
+        If the mapping names what the model or the log does not have, or two columns get the same name.
     """
-    channels, renamed = _rename(log, model, mapping or {})
-    known = [quantity.name for quantity in model.inputs]
-    for old, new in renamed.items():
-        if new not in known:
-            raise DataError(
-                f"{log.name}: column {old!r} is no input of {model.name}{suggest(new, known)}"
-                f" - its inputs are {', '.join(known) or 'none'}",
-                where=(log.name, old),
-            )
-    return _inputs(log, channels, model, given or {}, [])
+    return replace(log, channels=_rename(log, model, mapping)[0])
+
+
+def match_inputs(log: Log, model: Signals, given: Mapping[str, float | str] | None = None) -> FloatArray:
+    """The inputs of a model as a log has them, shape (n_u, n); what it lacks is as ``given``, or has its default.
+
+    Whatever else the log holds is left alone.
+
+    Raises
+    ------
+    DataError
+        If a unit has another dimension than the model's, or an input has no value.
+    """
+    return _inputs(log, log.channels, model, given or {}, [])
+
+
+def known_parameters(log: Log, model: Signals) -> dict[str, float]:
+    """The parameters that a log knows: columns called like them that hold one value.
+
+    Raises
+    ------
+    DataError
+        If such a column varies or has another dimension.
+    """
+    return {
+        quantity.name: _known_value(log, log.channels[quantity.name], quantity)
+        for quantity in model.parameters
+        if quantity.name in log.channels
+    }
 
 
 def match_outputs(log: Log, model: Signals) -> FloatArray:
@@ -127,13 +142,7 @@ def match_recorded(log: Log, model: Signals) -> tuple[FloatArray, dict[str, floa
         If a unit has another dimension than the model's, a column called like a parameter varies, or an input has
         neither a column nor a default.
     """
-    channels = dict(log.channels)
-    known = {
-        quantity.name: _known_value(log, channels[quantity.name], quantity)
-        for quantity in model.parameters
-        if quantity.name in channels
-    }
-    return _inputs(log, channels, model, {}, []), known
+    return _inputs(log, log.channels, model, {}, []), known_parameters(log, model)
 
 
 def read_mapping(options: Iterable[str]) -> dict[str, str]:
@@ -304,7 +313,7 @@ def _converted(log: Log, channel: LogChannel, quantity: Quantity) -> FloatArray:
         first = int(np.argmax(~channel.missing))
         raise DataError(
             f"{log.name}: column {channel.name!r} holds codes such as {str(channel.values[first])!r} "
-            f"(row {first + FIRST_ROW}) but {quantity.name!r} is a number in {quantity.unit}",
+            f"(row {first + log.first_row}) but {quantity.name!r} is a number in {quantity.unit}",
             where=(log.name, channel.name),
         )
     factor, offset = convert_unit(channel.name, channel.unit, quantity.unit, log.name)
@@ -313,19 +322,18 @@ def _converted(log: Log, channel: LogChannel, quantity: Quantity) -> FloatArray:
 
 def _coded(log: Log, channel: LogChannel, letters: Mapping[str, float]) -> FloatArray:
     """Values of a code signal; numbers are taken as codes where they all are, else as values."""
-    if not channel.is_text:
-        codes = [f"{value:g}" for value in np.unique(channel.numbers[~channel.missing])]
-        if not all(code in letters for code in codes):
-            return channel.numbers.copy()
-    text = channel.values if channel.is_text else np.array([f"{value:g}" for value in channel.numbers])
+    cells, place = np.unique(channel.values[~channel.missing], return_inverse=True)
+    codes = [str(cell) if channel.is_text else f"{cell:g}" for cell in cells]
+    if not channel.is_text and not all(code in letters for code in codes):
+        return channel.numbers.copy()
     values = np.full(len(log), np.nan)
-    values[~channel.missing] = [letters.get(str(code), np.inf) for code in text[~channel.missing]]
+    values[~channel.missing] = np.array([letters.get(code, np.inf) for code in codes])[place]
     unknown = np.flatnonzero(np.isinf(values))
     if unknown.size:
         first = int(unknown[0])
         raise DataError(
-            f"{log.name}: column {channel.name!r} has {str(text[first])!r} (row {first + FIRST_ROW})"
-            f"{suggest(str(text[first]), letters)} - the model knows {', '.join(letters)}",
+            f"{log.name}: column {channel.name!r} has {str(channel.values[first])!r} (row {first + log.first_row})"
+            f"{suggest(str(channel.values[first]), letters)} - the model knows {', '.join(letters)}",
             where=(log.name, channel.name),
         )
     return values

@@ -1,48 +1,84 @@
-"""Read logs: CSV, gzipped CSV, Parquet, MATLAB .mat and ASAM MDF give the same value.
+"""Read logs: files of every format give the same value.
 
-Every format is brought to a table of columns with headers ``name [unit]`` (module ``formats``), and one function turns
+Every format is brought to a table of columns with headers ``name [unit]`` (package ``formats``), and one function turns
 the table into a ``Log``. Errors name the file, the column and the row as a spreadsheet counts them (row 1: headers).
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from bondgraph.data import apart, formats
-from bondgraph.data.header import TEXT_UNIT, convert_unit, require_unit, split_header
-from bondgraph.data.log import FIRST_ROW, FloatArray, Log, LogChannel, TextArray
+from bondgraph.data import apart
+from bondgraph.data.dates import parsed_dates, seconds_since_first, split_date
+from bondgraph.data.formats.csv_quick import read_csv_quick
+from bondgraph.data.formats.csv_text import read_csv_text
+from bondgraph.data.formats.excel import read_excel
+from bondgraph.data.formats.parquet import read_parquet
+from bondgraph.data.formats.ros import read_bag, read_mcap
+from bondgraph.data.formats.table import Coded, Reader, Table, read_whole
+from bondgraph.data.header import (
+    EMPTY,
+    LONGEST_CELL,
+    TEXT_UNIT,
+    UNKNOWN_UNIT,
+    Reading,
+    convert_unit,
+    resolve_headers,
+    split_header,
+)
+from bondgraph.data.log import FloatArray, Log, LogChannel, TextArray
 from bondgraph.errors import DataError
 
-_READERS: dict[str, Callable[[Path], formats.Table]] = {
-    ".csv": formats.read_csv,
-    ".csv.gz": formats.read_csv,
-    ".parquet": formats.read_parquet,
+
+def _read_csv(path: Path, reading: Reading) -> Table:
+    return read_csv_quick(path, reading) or read_csv_text(path, reading)
+
+
+_READERS: dict[str, Reader] = {
+    ".csv": _read_csv,
+    ".csv.gz": _read_csv,
+    ".parquet": read_parquet,
     ".mat": apart.read_mat,
     ".mf4": apart.read_mdf,
+    ".mdf": apart.read_mdf,
+    ".h5": apart.read_hdf5,
+    ".hdf5": apart.read_hdf5,
+    ".xlsx": read_excel,
+    ".bag": read_bag,
+    ".mcap": read_mcap,
 }
+#: The extra that each kind of file needs; none for those that numpy and scipy read.
+EXTRAS = {
+    ".csv": "", ".csv.gz": "", ".parquet": "parquet", ".mat": "matlab", ".mf4": "mdf", ".mdf": "mdf", ".h5": "hdf5",
+    ".hdf5": "hdf5", ".xlsx": "excel", ".bag": "ros", ".mcap": "mcap",
+}  # fmt: skip
 
-#: Letters of a number or a code.
-_LONGEST_CELL = 200
-#: Cells that mean that nothing was measured.
-_EMPTY = ("", "nan", "na", "n/a", "null", "none")
 
-
-def read_log(path: str | Path) -> Log:
+def read_log(path: str | Path, *, units: Mapping[str, str] | None = None, time: str | None = None) -> Log:
     r"""Read a measured log.
 
-    The first column is ``time [s]`` (any unit of time), every other header is ``name [unit]``; ``[1]`` is a number
-    without dimension, ``[text]`` codes. An empty cell is a missing measurement. Values stay in their units; ``match``
-    converts them into those of a model.
+    One column is called ``time`` (any unit of time, or dates like 2024-05-01T12:00:00.250, which count from the first),
+    every other header is ``name [unit]``; ``[1]`` is a number without dimension, ``[text]`` codes. Units may stand in
+    the second row instead. An empty cell is a missing measurement. Values stay in their units; ``match`` converts them
+    into those of a model.
 
     Parameters
     ----------
     path
-        ``.csv``, ``.csv.gz``, ``.parquet``, ``.mat`` (v5 to v7.3: variables ``time``, one per signal, and a struct
-        ``units``) or ``.mf4``. Parquet, MATLAB v7.3 and MDF need the extra ``data``.
+        ``.csv`` or ``.csv.gz`` (separated by commas, semicolons or tabs; with the latter two decimal marks may be
+        commas), ``.mat`` (variables ``time``, one per signal, and a struct ``units``; or structs of these), and with
+        an extra each ``.parquet``, ``.mat`` of version 7.3, ``.mf4`` and ``.mdf``, ``.h5``, ``.xlsx``, ``.bag`` and
+        ``.mcap``.
+    units
+        Units by column, where the file does not say them or is wrong; that of the column of time may be called
+        ``time``.
+    time
+        The column with the time, where it is not called so.
 
     Raises
     ------
@@ -57,109 +93,142 @@ def read_log(path: str | Path) -> Log:
     ...     path = Path(folder) / "run7.csv"
     ...     _ = path.write_text("time [s],speed [km/h],gear [text]\n0.0,36,H\n0.1,,L\n")
     ...     log = bg.read_log(path)
+    ...     _ = path.write_text("stamp;speed\n0,0;36,5\n100,0;\n")
+    ...     other = bg.read_log(path, time="stamp", units={"time": "ms", "speed": "km/h"})
     >>> log.name, log.channel("speed").values.tolist(), log.channel("gear").values.tolist()
     ('run7', [36.0, nan], ['H', 'L'])
+    >>> other.time.tolist(), other.channel("speed").values.tolist()
+    ([0.0, 0.1], [36.5, nan])
     """
     path = Path(path)
     suffix = _suffix(path)
     if not path.is_file():
         raise DataError(f"{path}: there is no such file", where=(str(path),))
-    return log_from_table(
-        formats.read_whole(_READERS[suffix.lower()], path, suffix), path.name, path.name.removesuffix(suffix), str(path)
-    )
+    reading = Reading(dict(units or {}), time)
+    table = read_whole(_READERS[suffix.lower()], path, suffix, reading)
+    return log_from_table(table, path.name, path.name.removesuffix(suffix), str(path), reading)
 
 
-def log_from_table(table: formats.Table, where: str, name: str, source: str = "") -> Log:
+def log_from_table(table: Table, where: str, name: str, source: str = "", reading: Reading | None = None) -> Log:
     """The log in a table of columns with headers ``name [unit]``.
 
     Parameters
     ----------
     table
-        Pairs of header and column; columns are numbers, or text still to be read as numbers or codes.
+        Headers and columns; columns are numbers, or text still to be read as numbers or codes.
     where
         Name of the file in messages.
     name, source
         Of the log.
+    reading
+        Units and the column of time where the headers do not tell.
 
     Raises
     ------
     DataError
         If headers, units or cells are not those of a log.
     """
-    headers = [split_header(header, where) for header, _ in table]
-    _require_headers(headers, where)
-    for column, unit in headers:
-        require_unit(column, unit, where)
-    factor, offset = convert_unit("time", headers[0][1], "s", where)
-    time = _numbers("time", _cells("time", table[0][1], where), where) * factor + offset
+    said = reading or Reading()
+    if table.is_merged:
+        said = Reading({column: unit for column, unit in said.units.items() if column not in ("time", said.time)})
+    named = resolve_headers([header for header, _ in table.columns], said, where)
+    place = _Place(where, table.first_row)
+    position = [column for column, _ in named].index("time")
+    header, cells = table.columns[position]
+    time, start = _time(header, named[position][1], _cells("time", cells, place), place)
     channels = {
-        column: LogChannel(column, unit, _values(column, unit, _cells(column, cells, where), where))
-        for (column, unit), (_, cells) in zip(headers[1:], table[1:], strict=True)
+        column: LogChannel(column, unit or "1", _values(column, unit or "1", _cells(column, cells, place), place))
+        for k, ((column, unit), (_, cells)) in enumerate(zip(named, table.columns, strict=True))
+        if k != position
     }
     try:
-        return Log(name, time, channels, source)
+        return Log(name, time, channels, source, {"start": start} if start else {}, table.first_row)
     except DataError as error:
         raise DataError(where + error.message.removeprefix(name), where=(where, *error.where[1:])) from None
+
+
+@dataclass(frozen=True)
+class _Place:
+    """Where cells stand: the name of the file in messages, and the row of the first sample."""
+
+    where: str
+    first_row: int
 
 
 def _suffix(path: Path) -> str:
     for suffix in _READERS:
         if path.name.lower().endswith(suffix):
             return path.name[-len(suffix) :]
+    kinds = ", ".join(f"{suffix} (needs the extra {name!r})" if name else suffix for suffix, name in EXTRAS.items())
     raise DataError(
-        f"{path.name}: this kind of file is not read - give one of " + ", ".join(_READERS), where=(str(path),)
+        f"{path.name}: this kind of file is not read - give one of {kinds}; pip install 'bondloop[data]' installs all "
+        "extras",
+        where=(str(path),),
     )
 
 
-def _require_headers(headers: list[tuple[str, str]], where: str) -> None:
-    if not headers or headers[0][0] != "time":
-        first = headers[0][0] if headers else ""
-        raise DataError(f"{where}: the first column must be 'time [s]' but is {first!r} (row 1)", where=(where, first))
-    seen: set[str] = set()
-    for column, _ in headers:
-        if column in seen:
-            raise DataError(
-                f"{where}: column {column!r} stands twice (row 1) - rename or drop one", where=(where, column)
-            )
-        seen.add(column)
+def _time(header: str, unit: str | None, cells: Any, place: _Place) -> tuple[FloatArray, str]:
+    """Times (n,) in seconds; of dates also the first, from which they count."""
+    if cells.dtype.kind == "U" and unit in (None, "s", "1", TEXT_UNIT) and split_date(_first_cell(cells)):
+        cells = parsed_dates(cells.tolist(), place.where, place.first_row)
+    if cells.dtype.kind == "M":
+        return seconds_since_first(cells) if cells.size else (np.zeros(0), "")
+    if unit is None:
+        split_header(header, place.where)  # which says that there is none
+    factor, offset = convert_unit("time", unit or "", "s", place.where)
+    return _numbers("time", cells, place) * factor + offset, ""
 
 
-def _cells(name: str, column: Sequence[object] | np.ndarray[Any, Any], where: str) -> FloatArray | TextArray:
-    """A column as floats where it already is numeric, else as stripped text with "" for missing cells."""
+def _first_cell(cells: TextArray) -> str:
+    return next((cell for cell in cells.tolist() if cell), "")
+
+
+def _cells(name: str, column: Sequence[object] | np.ndarray[Any, Any] | Coded, place: _Place) -> Any:
+    """A column as floats or dates where it is already, else as stripped text with "" for missing cells."""
+    if isinstance(column, Coded):
+        texts = np.array([_cleaned(text) for text in column.texts] or [""], dtype=np.str_)
+        return texts[column.index]
     if isinstance(column, np.ndarray) and column.dtype.kind in "fiub":
-        return column.astype(np.float64)
+        return column.astype(np.float64, copy=False)
+    if isinstance(column, np.ndarray) and column.dtype.kind == "M":
+        return column if name == "time" else np.array([str(cell) for cell in column], dtype=np.str_)
     text = ["" if cell is None else str(cell).strip() for cell in column]
     longest = max(range(len(text)), key=lambda row: len(text[row]), default=0)
-    if text and len(text[longest]) > _LONGEST_CELL:  # every cell of a column of text takes the room of the longest
+    if text and len(text[longest]) > LONGEST_CELL:  # every cell of a column of text takes the room of the longest
         raise DataError(
-            f"{where}: column {name!r} has a cell of {len(text[longest])} letters (row {longest + FIRST_ROW}) - codes "
-            f"and numbers have at most {_LONGEST_CELL}",
-            where=(where, name),
+            f"{place.where}: column {name!r} has a cell of {len(text[longest])} letters (row "
+            f"{longest + place.first_row}) - codes and numbers have at most {LONGEST_CELL}",
+            where=(place.where, name),
         )
-    return np.array(["" if cell.lower() in _EMPTY else cell for cell in text], dtype=np.str_)
+    return np.array([_cleaned(cell) for cell in text], dtype=np.str_)
 
 
-def _values(column: str, unit: str, cells: FloatArray | TextArray, where: str) -> FloatArray | TextArray:
+def _cleaned(cell: str) -> str:
+    stripped = cell.strip()
+    return "" if stripped.lower() in EMPTY else stripped
+
+
+def _values(column: str, unit: str, cells: FloatArray | TextArray, place: _Place) -> FloatArray | TextArray:
     if cells.dtype.kind != "U":
         return cells if unit != TEXT_UNIT else np.array([_code(value) for value in cells], dtype=np.str_)
-    if unit == TEXT_UNIT or (unit == "1" and _first_text(cells) is not None):
+    if unit == TEXT_UNIT or (unit in ("1", UNKNOWN_UNIT) and _first_text(cells) is not None):
         return cells
-    return _numbers(column, cells, where)
+    return _numbers(column, cells, place)
 
 
 def _code(value: float) -> str:
     return "" if np.isnan(value) else f"{value:g}"
 
 
-def _numbers(column: str, cells: FloatArray | TextArray, where: str) -> FloatArray:
+def _numbers(column: str, cells: FloatArray | TextArray, place: _Place) -> FloatArray:
     if cells.dtype.kind != "U":
-        return cells.astype(np.float64)
+        return cells.astype(np.float64, copy=False)
     wrong = _first_text(cells)
     if wrong is not None:
         raise DataError(
-            f"{where}: column {column!r} has {str(cells[wrong])!r} (row {wrong + FIRST_ROW}), which is not a number"
-            " - leave the cell empty where nothing was measured, or give codes the unit [text]",
-            where=(where, column),
+            f"{place.where}: column {column!r} has {str(cells[wrong])!r} (row {wrong + place.first_row}), which is not "
+            "a number - leave the cell empty where nothing was measured, or give codes the unit [text]",
+            where=(place.where, column),
         )
     return np.where(cells == "", "nan", cells).astype(np.float64)
 

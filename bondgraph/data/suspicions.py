@@ -181,7 +181,7 @@ def time_suspicion(time: FloatArray, as_read: Sequence[Agreement], scaled: Seque
     )
 
 
-def time_gaps(time: FloatArray) -> list[str]:
+def time_gaps(time: FloatArray, first_row: int = FIRST_ROW) -> list[str]:
     """The sentence on jumps in time (n,) that are much longer than the usual interval; none where there are none.
 
     Examples
@@ -198,7 +198,7 @@ def time_gaps(time: FloatArray) -> list[str]:
     if not found.size:
         return []
     each = [
-        f"{time[k]:.6g} s to {time[k + 1]:.6g} s (row {k + FIRST_ROW} to {k + 1 + FIRST_ROW})" for k in found[:_NAMED]
+        f"{time[k]:.6g} s to {time[k + 1]:.6g} s (row {k + first_row} to {k + 1 + first_row})" for k in found[:_NAMED]
     ]
     more = f" and {found.size - _NAMED} more" if found.size > _NAMED else ""
     return [

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from bondgraph.data.formats import extra
+from bondgraph.data.formats.table import extra
 from bondgraph.data.log import Log, LogChannel
 from bondgraph.errors import DataError
 from bondgraph.files import write_bytes, write_text
@@ -23,7 +23,7 @@ def write_log(path: str | Path, log: Log) -> Path:
     Parameters
     ----------
     path
-        ``.csv``, ``.csv.gz`` or ``.parquet`` (needs the extra ``data``).
+        ``.csv``, ``.csv.gz`` or ``.parquet`` (needs the extra ``parquet``).
     log
         The log.
 
@@ -81,7 +81,7 @@ def _csv_cells(channel: LogChannel) -> list[str]:
 
 
 def _write_parquet(path: Path, log: Log) -> Path:
-    arrow, parquet = extra("pyarrow", path), extra("pyarrow.parquet", path)
+    arrow, parquet = extra("pyarrow", path, "parquet"), extra("pyarrow.parquet", path, "parquet")
     columns = {"time [s]": log.time}
     for channel in log.channels.values():
         # Missing cells are nulls in the file, so that other programs see them as missing too.

@@ -15,6 +15,7 @@ from bondgraph.correct.loop import ClosedLoop, LoopSettings
 from bondgraph.correct.loop import close_loop as close_matched
 from bondgraph.correct.result import intervals
 from bondgraph.data.given import GivenLog, all_matched
+from bondgraph.declare.editing import without_input_rates
 from bondgraph.declare.effect import EFFECTS, EffectFunction, effect_functions
 from bondgraph.declare.files import load_graph
 from bondgraph.declare.graph import BondGraph
@@ -23,6 +24,7 @@ from bondgraph.frames import frame
 from bondgraph.report.closed_loop import report_data, summary, write_closed_loop
 from bondgraph.report.collect import parameter_changes, versions
 from bondgraph.report.html import Provenance
+from bondgraph.report.python_lines import correction_lines, write_python
 
 if TYPE_CHECKING:
     import pandas
@@ -38,6 +40,14 @@ class Correction(ClosedLoop):
     def graph(self) -> BondGraph:
         """The declaration with the added effects and the estimated values."""
         return self.corrected_graph
+
+    def python_lines(self) -> str:
+        """Python lines that make the declared graph, called ``g``, the corrected one; empty where none do so exactly.
+
+        They are pasted before the ``return g`` of a declaration, see
+        :func:`bondgraph.report.python_lines.correction_lines`.
+        """
+        return correction_lines(without_input_rates(self.nominal_built.graph), self.graph)
 
     def summary(self) -> str:
         """Verdict, effects with their intervals, and errors before and after, as text."""
@@ -67,7 +77,7 @@ class Correction(ClosedLoop):
         return frame(columns, [one.name for one in changes], "parameter")
 
     def report(self, folder: str | Path) -> Path:
-        """Write ``report.html``, ``result.json``, the corrected graph, its module and its drawing into a folder.
+        """Write ``report.html``, ``result.json``, the corrected graph, its module, drawing and lines into a folder.
 
         Returns
         -------
@@ -75,6 +85,7 @@ class Correction(ClosedLoop):
             Of ``report.html``.
         """
         write_closed_loop(self, Path(folder), self.made)
+        write_python(Path(folder), without_input_rates(self.nominal_built.graph), self.graph)
         return Path(folder) / "report.html"
 
 

@@ -23,6 +23,7 @@ from bondgraph.report.plots import (
     residual_figure,
     trace_figure,
 )
+from bondgraph.report.saved import NAME, load_data, save_data
 from bondgraph.report.series import (
     ChannelError,
     ChannelSeries,
@@ -154,8 +155,22 @@ def report_html(data: ReportData) -> str:
 
 
 def write_report(data: ReportData, path: Path) -> None:
-    """Write the report to a file."""
+    """Write the report to a file, and what stands in it to another beside it, see :func:`rewrite_report`."""
+    save_data(data, path.with_name(NAME))
     write_text(path, report_html(data))
+
+
+def rewrite_report(folder: Path) -> Path:
+    """Write ``report.html`` of a finished folder again, as this version writes it.
+
+    Raises
+    ------
+    OptionError
+        If the folder holds no data of a report, or of another version.
+    """
+    data: ReportData = load_data(ReportData, folder / NAME)
+    write_text(folder / "report.html", report_html(data))
+    return folder / "report.html"
 
 
 def without_folders(command: str) -> str:

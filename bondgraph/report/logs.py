@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from bondgraph.data.log import MatchedLog
+from bondgraph.data.log import Log, MatchedLog
 from bondgraph.data.matching import match
 from bondgraph.data.read import read_log
 from bondgraph.data.select import decimate, split
@@ -34,10 +34,11 @@ def training_and_held_out(
     mapping: Mapping[str, str],
     rate: float | None = None,
     given: Mapping[str, float | str] | None = None,
+    reader: Callable[[Path | str], Log] = read_log,
 ) -> Splits:
     """Read and match logs; without held-out logs the last quarter of each training log is held out, and this is said.
 
-    ``given`` are values of inputs that the logs lack.
+    ``given`` are values of inputs that the logs lack; ``reader`` makes a log of a file.
 
     Raises
     ------
@@ -54,7 +55,7 @@ def training_and_held_out(
         )
 
     def read(path: Path | str) -> MatchedLog:
-        log = match(read_log(path), model, mapping, given)
+        log = match(reader(path), model, mapping, given)
         return log if rate is None else decimate(log, rate)
 
     training, held_out = [read(path) for path in data], [read(path) for path in holdout]

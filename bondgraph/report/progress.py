@@ -1,4 +1,6 @@
-"""Progress of long work on a terminal: how much is done, how fast, how long it still takes, and the best so far.
+"""Progress of long work on a terminal: how much is done, for how long, how long it still takes, and the best so far.
+
+Each stage that is finished leaves a line that stays.
 
 Nothing is written where the output is not a terminal, so that logs and pipes stay clean.
 """
@@ -6,12 +8,22 @@ Nothing is written where the output is not a terminal, so that logs and pipes st
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from types import TracebackType
 
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn, Task, TextColumn, TimeRemainingColumn
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    SpinnerColumn,
+    Task,
+    TextColumn,
+    TimeElapsedColumn,
+    TimeRemainingColumn,
+)
 from rich.progress import ProgressColumn as RichColumn
 from rich.text import Text
 
@@ -53,6 +65,7 @@ class WorkProgress:
     def __init__(self, what: str, total: int | None, unit: str = "", console: Console | None = None) -> None:
         self.console = console or Console(stderr=True)
         self.done, self.best, self._stage = 0, math.inf, ""
+        self._unit, self._begun, self._stage_begun = unit, time.monotonic(), time.monotonic()
         columns = (
             SpinnerColumn(),
             TextColumn("{task.description}"),
@@ -60,6 +73,8 @@ class WorkProgress:
             MofNCompleteColumn(),
             TextColumn(unit, style="dim"),
             _Rate(),
+            TimeElapsedColumn(),
+            TextColumn("left", style="dim"),
             TimeRemainingColumn(compact=True),
             TextColumn("{task.fields[best]}"),
         )
@@ -74,6 +89,7 @@ class WorkProgress:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
     ) -> None:
+        self._finish_stage()
         self._progress.stop()
 
     def advance(self, steps: int = 1, best: float | None = None) -> None:
@@ -92,6 +108,25 @@ class WorkProgress:
         """Say what is being done now."""
         self._progress.update(self._task, description=what)
 
+    def stage(self, name: str, done: int, total: int) -> None:
+        """So many of the steps of a stage are done; a new name ends the stage before, whose line stays."""
+        if name != self._stage:
+            self._finish_stage()
+            self._stage, self.best = name, math.inf
+            self._progress.reset(self._task, total=total, description=name)
+        self.done = done
+        self._progress.update(self._task, completed=done, total=total)
+
+    def _finish_stage(self) -> None:
+        """Leave a line on the stage that ends: when it ended, what it was, its steps, its time and its best."""
+        now = time.monotonic()
+        if self._stage and self.console.is_terminal:
+            steps = f", {self.done} {self._unit}" if self._unit else f", {self.done} steps"
+            best = f", best {shown(self.best, 6)}" if math.isfinite(self.best) else ""
+            line = f"{_clock(now - self._begun)}  {self._stage}{steps} in {_clock(now - self._stage_begun)}{best}"
+            self._progress.console.print(line, highlight=False, markup=False)
+        self._stage_begun = now
+
     def trace(self, row: TraceRow) -> None:
         """Take over the state of a search; pass this method as the search's ``progress``.
 
@@ -99,9 +134,15 @@ class WorkProgress:
         likelihoods of these do not compare.
         """
         if row.stage != self._stage:
+            self._finish_stage()
             self._stage, self.best = row.stage, math.inf
         self.describe(row.stage)
         self.reach(row.evaluations, row.nll)
+
+
+def _clock(seconds: float) -> str:
+    minutes, rest = divmod(int(seconds), 60)
+    return f"{minutes // 60}:{minutes % 60:02d}:{rest:02d}"
 
 
 @contextmanager

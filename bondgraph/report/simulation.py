@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Container, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from sympy import Expr
 
-from bondgraph.data.log import FloatArray, Log, LogChannel
-from bondgraph.data.matching import match_inputs, match_outputs
+from bondgraph.data.log import FloatArray, Log, LogChannel, MatchedLog
+from bondgraph.data.matching import known_parameters, match_inputs, match_outputs, renamed
+from bondgraph.data.signals import names_of
 from bondgraph.declare.graph import BondGraph
 from bondgraph.declare.requirements import check_requirements
 from bondgraph.errors import OptionError, suggest
+from bondgraph.estimate.initial import InitialRule, initial_states
 from bondgraph.generate.pipeline import render_graph
 from bondgraph.report.energy import energy_states, inertia_value
 from bondgraph.simulate.inputs import InputSignal
@@ -22,6 +24,7 @@ from bondgraph.simulate.scenario import Scenario
 from bondgraph.simulate.simulation import simulate
 from bondgraph.simulate.starts import starts_in
 from bondgraph.simulate.trajectory import Trajectory
+from bondgraph.text import few
 
 #: Points written where neither inputs nor a step say how many.
 _POINTS = 1000
@@ -36,7 +39,8 @@ class SimulationOptions:
     Values and initial states are in the declared units of what they belong to.
     A ``scenario`` gives inputs, start and end; values and initial states given beside it come before its own. With
     ``signals`` the named signals are outputs too. Not ``smooth``: switches, friction and impacts have modes, and events
-    are located.
+    are located. ``mapping`` says which columns of the table have other names in the model, ``start`` by which rule
+    states begin whose values are not given (:func:`bondgraph.estimate.initial.initial_states`).
     """
 
     until: float | None = None
@@ -49,6 +53,8 @@ class SimulationOptions:
     scenario: Scenario | None = None
     signals: bool = False
     smooth: bool = True
+    mapping: Mapping[str, str] = field(default_factory=dict)
+    start: InitialRule = "model"
 
 
 def simulate_graph(graph: BondGraph, inputs: Log | None, options: SimulationOptions) -> Trajectory:
@@ -75,44 +81,45 @@ def simulate_graph(graph: BondGraph, inputs: Log | None, options: SimulationOpti
         graph, smooth=options.smooth, bonds=options.all_variables, signals=options.signals or options.all_variables
     )
     model = Model.from_text(rendered.text, source=graph.name)
+    table = None if inputs is None else renamed(inputs, model, options.mapping)
     theta, constants = _values(model, options.values or {})
+    theta = (known_parameters(table, model) if table else {}) | theta
     flat = graph.flatten()
     check_requirements(flat.requirements, flat.parameters, graph.name, theta)
     initial = _initial(model, energy_states(rendered.derivation.variables), options.initial or {}, theta)
     start = options.scenario.start(model) if options.scenario else {}
-    given, measured = _apart(model, inputs)
-    times, table = _inputs(model, given, constants, options)
-    begun = _begun(model, table, {*constants, *_given_inputs(given, options.scenario)}, measured)
+    times, signal = _inputs(model, table, constants, options)
+    begun = _begun(model, signal, {*constants, *_given_inputs(table, options.scenario)}, table, theta, options.start)
     compiled = options.scenario is not None  # a manoeuvre is run again and again, and its machine code is kept
     return simulate(
-        model, times, table, theta, begun | start | initial, rtol=options.rtol, compiled=compiled,
+        model, times, signal, theta, begun | start | initial, rtol=options.rtol, compiled=compiled,
         atol=None if options.atol is None else (options.atol,) * len(model.states),
     )  # fmt: skip
-
-
-def _apart(model: Model, inputs: Log | None) -> tuple[Log | None, Log | None]:
-    """What a table says of the inputs, and of the outputs, which only a start reads."""
-    outputs = set(model.names("output")) - set(model.names("input"))
-    if inputs is None or not outputs & set(inputs.channels):
-        return inputs, None
-    measured = {name: one for name, one in inputs.channels.items() if name in outputs}
-    rest = {name: one for name, one in inputs.channels.items() if name not in outputs}
-    return replace(inputs, channels=rest), replace(inputs, channels=measured)
 
 
 def _given_inputs(inputs: Log | None, scenario: Scenario | None) -> tuple[str, ...]:
     return (*(() if inputs is None else inputs.channels), *(() if scenario is None else scenario.inputs))
 
 
-def _begun(model: Model, table: InputSignal, given: Container[str], measured: Log | None) -> dict[str, float]:
-    """The states that are declared to start at a signal for which somebody gave values."""
-    y = np.full((len(model.outputs), table.time.size), np.nan)
-    if measured is not None and measured.time.size == table.time.size:
-        y = match_outputs(measured, model)
-    x0, found = starts_in(model, table.time, table.at(table.time[:1]), y)
+def _begun(
+    model: Model,
+    signal: InputSignal,
+    given: Container[str],
+    table: Log | None,
+    theta: Mapping[str, float],
+    rule: InitialRule,
+) -> dict[str, float]:
+    """The states that begin at a signal for which somebody gave values, or by a rule at what was measured."""
+    y = np.full((len(model.outputs), signal.time.size), np.nan)
+    if table is not None and table.time.size == signal.time.size:
+        y = match_outputs(table, model)
+    names = model.names("state")
+    if rule != "model" and table is not None:
+        log = MatchedLog(table.name, signal.time, signal.at(signal.time), y)
+        return dict(zip(names, map(float, initial_states(model, [log], model.theta(**theta), rule)[0]), strict=True))
+    x0, found = starts_in(model, signal.time, signal.at(signal.time[:1]), y)
     inputs = model.names("input")
     unused = {one.state for one in model.starts if one.signal in inputs and one.signal not in given}
-    names = model.names("state")
     return {name: float(x0[k]) for k, name in enumerate(names) if found[k] and name not in unused}
 
 
@@ -215,12 +222,16 @@ def _scenario_inputs(
     return times, InputSignal.of_table(model, signal.time, values, constants)
 
 
-def input_notes(model: Model, inputs: Log | None, given: Container[str]) -> list[str]:
-    """Sentences on the inputs that nobody gave a value: what the table lacks, or without a table what rests at zero."""
+def input_notes(
+    model: Model, inputs: Log | None, given: Container[str], mapping: Mapping[str, str] | None = None
+) -> list[str]:
+    """Sentences on inputs that nobody gave a value, in the table or without one, and on columns that are not used."""
     modes = {mode.input for mode in model.modes}
-    columns = () if inputs is None else inputs.channels
+    columns = [] if inputs is None else [(mapping or {}).get(name, name) for name in inputs.channels]
+    unused = [name for name in columns if name not in names_of(model)]
     lacking = [one for one in model.inputs if not (one.name in given or one.name in columns or one.name in modes)]
-    return [
+    notes = [f"columns the model does not use: {few(unused)}"] if unused else []
+    return notes + [
         f"input {one.name!r} has no value; 0 {one.unit} is taken - give it with --set {one.name}=VALUE"
         if not one.has_default
         else f"input {one.name!r} is not in the table; {one.default:g} {one.unit} is taken from the declaration"

@@ -79,7 +79,7 @@ def test_a_log_may_have_any_letter_in_its_name(name: str, motor_file: Path, tmp_
     out = tmp_path / "out"
     assert main(["filter", str(motor_file), "--data", _log(tmp_path / name), "--out", str(out)]) == 0
     stem = name.removesuffix(".csv")
-    names = {f"{stem}_states.csv", f"{stem}_states.png", "result.json", "report.html"}
+    names = {f"{stem}_states.csv", f"{stem}_states.png", "result.json", "report.html", "report_data.npz"}
     assert {path.name for path in out.iterdir()} == names
 
 

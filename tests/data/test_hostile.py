@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 import scipy.io
 
-from bondgraph.data import apart, formats
+from bondgraph.data import apart
+from bondgraph.data.formats import table
 from bondgraph.data.read import read_log
 from bondgraph.errors import DataError
 from tests.data import fuzzed_logs
@@ -57,7 +58,7 @@ def test_a_file_is_weighed_before_it_is_read(tmp_path: Path) -> None:
 
 
 def test_a_small_file_that_unpacks_to_a_large_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(formats, "_LARGEST", 1 << 20)
+    monkeypatch.setattr(table, "LARGEST", 1 << 20)
     _refused(tmp_path / "bomb.csv.gz", fuzzed_logs.gzip_bomb(4 << 20), "bomb.csv.gz: holds 0.0 GB, at most")
 
 

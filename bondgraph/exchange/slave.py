@@ -1,0 +1,127 @@
+"""Co-simulation FMUs: a library wraps the text of the generated module and an adaptive integrator."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import tempfile
+import xml.etree.ElementTree as ET
+import zipfile
+from pathlib import Path
+
+from bondgraph.errors import GenerationError
+from bondgraph.exchange.fmu_description import variables
+from bondgraph.exchange.libraries import library
+from bondgraph.files import write_bytes
+from bondgraph.simulate.model import Model
+
+#: Relative tolerance of the integration from one communication point to the next, and of the absolute one per state.
+_TOLERANCE = 1e-12
+
+_SCRIPT = '''\
+"""{name} as a co-simulation FMU: a generated module, integrated from one communication point to the next."""
+
+import numpy as np
+from scipy.integrate import solve_ivp
+from {package} import {imported}
+
+import {module} as equations
+
+
+class {name}({base}):
+    def __init__(self, **kwargs):
+        super().__init__(**kwargs)
+        self.x = np.array({x0!r})
+        self.u = np.array({u0!r})
+        self.theta = np.array({theta!r})
+{registrations}
+
+    def {step}(self, current_time, step_size):
+        slope = lambda t, x: equations.rhs(t, x, self.u, self.theta)
+        span = (current_time, current_time + step_size)
+        found = solve_ivp(slope, span, self.x, method="LSODA", rtol={rtol}, atol={atol})
+        self.x = found.y[:, -1]
+        self.now = current_time + step_size
+        return {done}
+
+    def measured(self, k):
+        return float(equations.output(getattr(self, "now", 0.0), self.x, self.u, self.theta)[k])
+
+'''
+
+
+def build_slave(model: Model, path: Path, version: str) -> None:
+    """Write a co-simulation FMU, by pythonfmu (FMI 2.0) or pythonfmu3 (FMI 3.0).
+
+    Raises
+    ------
+    GenerationError
+        If the model has modes, or the library is missing.
+    """
+    if model.modes:
+        raise GenerationError(
+            f"{model.name}: modes are not carried into an FMU - derive the graph smooth (without --exact)",
+            where=(model.name,),
+        )
+    builder = library("pythonfmu.builder" if version == "2.0" else "pythonfmu3.builder", "fmu")
+    with tempfile.TemporaryDirectory() as folder:
+        module = f"{model.name}_equations"
+        script, equations = Path(folder) / f"{model.name}_fmi{version[0]}.py", Path(folder) / f"{module}.py"
+        equations.write_text(model.text, encoding="utf-8")
+        script.write_text(_script(model, module, version), encoding="utf-8")
+        with contextlib.redirect_stdout(io.StringIO()):
+            made = builder.FmuBuilder.build_FMU(script, dest=folder, project_files=[equations])
+        content = Path(made).read_bytes()
+    write_bytes(path, _with_unknowns(content) if version == "2.0" else content)
+
+
+def _with_unknowns(fmu: bytes) -> bytes:
+    """The FMU with the list of outputs computed at the start, which the standard asks for and pythonfmu omits."""
+    made = io.BytesIO()
+    with zipfile.ZipFile(io.BytesIO(fmu)) as old, zipfile.ZipFile(made, "w", zipfile.ZIP_DEFLATED) as new:
+        for member in old.infolist():
+            data = old.read(member)
+            if member.filename == "modelDescription.xml":
+                root = ET.fromstring(data)
+                unknowns = ET.SubElement(next(root.iter("ModelStructure")), "InitialUnknowns")
+                for index, one in enumerate(root.iter("ScalarVariable"), start=1):
+                    if one.get("causality") == "output":
+                        ET.SubElement(unknowns, "Unknown", index=str(index))
+                data = ET.tostring(root, encoding="utf-8", xml_declaration=True)
+            new.writestr(member, data)
+    return made.getvalue()
+
+
+def _script(model: Model, module: str, version: str) -> str:
+    two = version == "2.0"
+    kind, causality, variability = ("Real", "Fmi2Causality", "Fmi2Variability") if two else (
+        "Float64", "Fmi3Causality", "Fmi3Variability")  # fmt: skip
+    bases = ("Fmi2Slave",) if two else ("Fmi3Slave", "Fmi3StepResult")
+    rows = []
+    counts: dict[str, int] = {}
+    for one in variables(model):
+        if one.derivative_of is not None:
+            continue
+        vector = {"local": "x", "input": "u", "parameter": "theta", "output": "y"}[one.causality]
+        k = counts.setdefault(vector, 0)
+        counts[vector] += 1
+        getter = f"lambda: self.measured({k})" if vector == "y" else f"lambda: float(self.{vector}[{k}])"
+        setter = "" if vector in ("x", "y") else f", setter=lambda value: self.{vector}.__setitem__({k}, value)"
+        cause = "output" if vector in ("x", "y") else one.causality
+        initial = f", initial={causality[:4]}Initial.calculated" if cause == "output" else ""
+        rows.append(
+            f"        self.register_variable({kind}({one.name!r}, causality={causality}.{cause}, "
+            f"variability={variability}.{one.variability}{initial}, getter={getter}{setter}))"
+        )
+    if not two:
+        rows.append(
+            '        self.register_variable(Float64("time", causality=Fmi3Causality.independent, '
+            'variability=Fmi3Variability.continuous, getter=lambda: getattr(self, "now", 0.0)))'
+        )
+    return _SCRIPT.format(
+        name=model.name, package="pythonfmu" if two else "pythonfmu3", module=module,
+        imported=", ".join((kind, causality, f"{causality[:4]}Initial", variability, *bases)),
+        base=bases[0], registrations="\n".join(rows),
+        x0=model.x0().tolist(), u0=model.u0().tolist(), theta=model.theta().tolist(),
+        step="do_step", rtol=_TOLERANCE, atol=_TOLERANCE, done="True" if two else "Fmi3StepResult(True, False)",
+    )  # fmt: skip

@@ -1,0 +1,209 @@
+"""A model at given parameters laid over logs: free simulation from the start of each, errors per channel, pictures."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from bondgraph.correct.fits.setup import filter_setup
+from bondgraph.data.log import FloatArray, MatchedLog
+from bondgraph.data.write import write_log
+from bondgraph.errors import BondGraphError
+from bondgraph.estimate.initial import Initial, initial_states
+from bondgraph.report.closed_loop import write_json
+from bondgraph.report.diagram.text import plain
+from bondgraph.report.figures import BEFORE, MEASURED, PANEL_HEIGHT, WIDTH, figure_style, save_figure
+from bondgraph.report.numbers import shown
+from bondgraph.report.plots import thinned
+from bondgraph.report.series import ChannelSeries, Prediction
+from bondgraph.report.simulation import trajectory_log
+from bondgraph.report.suspicions import sampling_suspicions, unit_suspicions
+from bondgraph.simulate.model import Model
+from bondgraph.simulate.simulation import simulate
+from bondgraph.simulate.trajectory import Trajectory
+from bondgraph.text import number, text_table
+
+
+@dataclass(frozen=True)
+class ChannelMisfit:
+    """Measured minus simulated values of a channel, in its declared unit; NaN where the simulation failed.
+
+    ``largest`` is the error of largest size, at ``largest_at`` in s. ``fit`` is 1 - rms error / standard deviation of
+    what was measured: 1 is perfect, 0 no better than the mean (Ljung 1999, System Identification, section 16.4).
+    """
+
+    channel: str
+    unit: str
+    samples: int
+    rms: float
+    mean: float
+    largest: float
+    largest_at: float
+    fit: float
+
+
+@dataclass(frozen=True, repr=False)
+class ComparedLog:
+    """A log with the free simulation of it; ``failure`` says why there is none."""
+
+    log: str
+    errors: tuple[ChannelMisfit, ...]
+    series: tuple[ChannelSeries, ...]
+    trajectory: Trajectory | None
+    failure: str = ""
+
+    def __repr__(self) -> str:
+        return f"<ComparedLog {self.log}: {self.failure or ', '.join(error.channel for error in self.errors)}>"
+
+
+@dataclass(frozen=True)
+class Compared:
+    """A model laid over logs, and what is suspected of the logs."""
+
+    model: str
+    runs: tuple[ComparedLog, ...]
+    suspicions: tuple[str, ...]
+
+
+def compare_logs(
+    model: Model, logs: Sequence[MatchedLog], driven: Sequence[str] = (), initial: Initial = "measured"
+) -> Compared:
+    """Simulate a model over the inputs of logs and compare it with what they measured.
+
+    Parameters
+    ----------
+    model
+        At its declared parameters; those that a log knows have its values.
+    logs
+        Matched logs.
+    driven
+        States that noise may drive, for the integration steps of what is suspected.
+    initial
+        Where states start.
+
+    Examples
+    --------
+    >>> from bondgraph.simulate.example import pendulum
+    >>> time = np.arange(60) * 0.05
+    >>> measured = simulate(pendulum(), time, theta={"length": 1.2}, x0={"angle": 0.4}).y
+    >>> swing = MatchedLog("swing", time, np.zeros((1, 60)), measured)
+    >>> compared = compare_logs(pendulum(), [swing])
+    >>> error = compared.runs[0].errors[0]
+    >>> error.channel, error.samples, error.rms > 0.01
+    ('deflection', 60, True)
+    """
+    suspicions: list[str] = []
+    runs = []
+    steps = filter_setup(model, driven or model.names("state"), logs).filter_model
+    for log in logs:
+        runs.append(_compared(model, log, initial))
+        found = [*sampling_suspicions(model, log, initial), *unit_suspicions(steps, log, initial)]
+        suspicions += [f"{log.name}: {one}" for one in found]
+    return Compared(model.name, tuple(runs), tuple(suspicions))
+
+
+def _compared(model: Model, log: MatchedLog, initial: Initial) -> ComparedLog:
+    theta = model.theta(**dict(log.theta_overrides))
+    run, failure = None, ""
+    try:
+        start = initial_states(model, [log], theta, initial)[0]
+        run = simulate(model, log.time, log.u, theta, start, compiled=True).raise_if_failed()
+    except BondGraphError as error:
+        run, failure = None, error.message
+    errors, series = [], []
+    for row, info in enumerate(model.outputs):
+        if np.isnan(log.y[row]).all():
+            continue
+        measured = np.asarray(info.shown(log.y[row]))
+        simulated = np.full(measured.shape, np.nan) if run is None else np.asarray(info.shown(run.y[row]))
+        unit = info.display_unit or "1"
+        errors.append(_misfit(info.name, unit, log.time, measured, simulated))
+        series.append(ChannelSeries(log.name, info.name, unit, log.time, measured, Prediction(simulated=simulated)))
+    return ComparedLog(log.name, tuple(errors), tuple(series), run, failure)
+
+
+def _misfit(name: str, unit: str, time: FloatArray, measured: FloatArray, simulated: FloatArray) -> ChannelMisfit:
+    both = np.flatnonzero(np.isfinite(measured) & np.isfinite(simulated))
+    samples = int(np.isfinite(measured).sum())
+    if not both.size:
+        return ChannelMisfit(name, unit, samples, *[math.nan] * 5)
+    error = measured[both] - simulated[both]
+    rms, spread = float(np.sqrt(np.mean(error**2))), float(np.std(measured[both]))
+    worst = int(np.argmax(np.abs(error)))
+    fit = 1.0 - rms / spread if spread > 0.0 else math.nan
+    return ChannelMisfit(
+        name, unit, samples, rms, float(error.mean()), float(error[worst]), float(time[both[worst]]), fit
+    )
+
+
+def write_comparison(compared: Compared, folder: Path) -> None:
+    """Write ``result.json`` and for each log ``NAME_compared.png`` and the simulation, ``NAME_simulated.csv``.
+
+    Raises
+    ------
+    OSError
+        If a file cannot be written.
+    """
+    result: dict[str, Any] = {"model": compared.model, "suspicions": list(compared.suspicions), "logs": {}}
+    for run in compared.runs:
+        result["logs"][run.log] = {
+            "channels": {error.channel: _plain(error) for error in run.errors},
+            "failure": run.failure or None,
+        }
+        if run.trajectory is not None:
+            save_figure(comparison_figure(run), folder / f"{run.log}_compared.png")
+            write_log(folder / f"{run.log}_simulated.csv", trajectory_log(run.trajectory))
+    write_json(folder / "result.json", result)
+
+
+def comparison_figure(run: ComparedLog) -> Figure:
+    """Measured and simulated values of each channel on the left, their difference on the right."""
+    rows = len(run.series)
+    with figure_style():
+        figure = Figure(figsize=(WIDTH, 0.9 + PANEL_HEIGHT * rows), layout="constrained")
+        panels = figure.subplots(rows, 2, sharex=True, squeeze=False)
+        for (values, error), one in zip(panels, run.series, strict=True):
+            assert one.before.simulated is not None
+            values.plot(*thinned(one.time, one.measured), ".", color=MEASURED, markersize=3.0, label="measured")
+            values.plot(*thinned(one.time, one.before.simulated), color=BEFORE, label="simulated, as declared")
+            error.plot(*thinned(one.time, one.measured - one.before.simulated), ".", color=BEFORE, markersize=3.0)
+            error.axhline(0.0, color=MEASURED, linewidth=0.8)
+            values.set_ylabel(plain(f"{one.channel}\n[{one.unit}]"))
+        panels[0][0].set_title(plain(run.log))
+        panels[0][1].set_title("measured minus simulated")
+        panels[0][0].legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, borderaxespad=0.0)
+        for axes in panels[-1]:
+            axes.set_xlabel("time [s]")
+    return figure
+
+
+def _plain(error: ChannelMisfit) -> dict[str, Any]:
+    numbers = asdict(error)
+    del numbers["channel"]
+    return {key: None if isinstance(value, float) and math.isnan(value) else value for key, value in numbers.items()}
+
+
+def comparison_text(compared: Compared) -> str:
+    """The errors of all channels as a table, failures and suspicions as sentences."""
+    lines = []
+    for run in compared.runs:
+        if run.failure:
+            lines.append(f"{run.log}: the simulation fails: {run.failure}")
+    rows = [
+        [
+            f"{run.log}: {one.channel} [{one.unit}]", str(one.samples), shown(one.rms), shown(one.mean),
+            f"{shown(one.largest)} at {number(one.largest_at)} s", shown(100.0 * one.fit),
+        ]
+        for run in compared.runs if not run.failure
+        for one in run.errors
+    ]  # fmt: skip
+    if rows:
+        header = ["measured minus simulated", "samples", "rms", "mean", "largest", "fit [%]"]
+        lines.append(text_table(header, rows))
+    return "\n".join([*lines, *compared.suspicions])

@@ -1,0 +1,314 @@
+"""A correction as the Python lines by which a declaration becomes the corrected one, and as a patch of its file.
+
+Lines are run on the declared graph before they are given: those that do not make the corrected graph are withheld.
+"""
+
+from __future__ import annotations
+
+import ast
+import difflib
+import sys
+import tempfile
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import sympy
+
+from bondgraph.declare import functions
+from bondgraph.declare.editing import copy
+from bondgraph.declare.elements import Node
+from bondgraph.declare.expressions import to_text
+from bondgraph.declare.files import load_graph
+from bondgraph.declare.graph import BondGraph
+from bondgraph.declare.loading import is_file_reference, split_reference
+from bondgraph.declare.quantities import Integral, NamedSignal, Parameter
+from bondgraph.errors import BondGraphError
+from bondgraph.files import write_text
+
+#: Own variables of laws by what they give; those of storages first.
+_OWN = {"R": {"effort": "flow", "flow": "effort"}, "C": {"effort": "displacement"}, "I": {"flow": "momentum"}}
+_BUILDERS = {"R": "resistance", "C": "compliance", "I": "inertance", "Se": "effort_source", "Sf": "flow_source"}
+_VARIABLES = ("flow", "effort", "displacement", "momentum")
+_OWN_FUNCTIONS = ("minimum", "maximum", "clip", "switch")
+
+
+class _UnwritableError(Exception):
+    """A change for which there are no lines."""
+
+
+@dataclass
+class _Writer:
+    """Lines while they are collected, with the imports and names that they need."""
+
+    lines: list[str] = field(default_factory=list)
+    imports: dict[str, set[str]] = field(default_factory=dict)
+    known: dict[str, str] = field(default_factory=dict)
+
+    def use(self, module: str, name: str) -> str:
+        """Import a name."""
+        self.imports.setdefault(module, set()).add(name)
+        return name
+
+    def expression(self, value: Any, own: Iterable[str] = ()) -> str:
+        """An expression as Python; quantities that are no variables of the lines yet become some."""
+        tree = ast.parse(to_text(value), mode="eval")
+        text = ast.unparse(_Translator(self, set(own)).visit(tree))
+        return text
+
+    def symbol(self, name: str) -> str:
+        """The variable of a declared quantity."""
+        if name not in self.known:
+            made = self.use("bondgraph.declare.quantities", "symbol")
+            variable = name.replace(".", "_")
+            self.known[name] = variable
+            self.lines.append(f"{variable} = {made}({name!r})")
+        return self.known[name]
+
+    def signal(self, variable: str, node: str) -> str:
+        """The variable of a flow, effort, displacement or momentum elsewhere in the graph."""
+        key = f"{variable}({node})"
+        if key not in self.known:
+            made = self.use("bondgraph.declare.expressions", "signal")
+            self.known[key] = f"{variable}_{node}".replace(".", "_")
+            self.lines.append(f"{self.known[key]} = {made}({variable!r}, {node!r})")
+        return self.known[key]
+
+
+class _Translator(ast.NodeTransformer):
+    def __init__(self, writer: _Writer, own: set[str]) -> None:
+        self._writer, self._own = writer, own
+
+    def visit_Name(self, node: ast.Name) -> ast.AST:
+        return node if node.id in self._own else ast.Name(self._writer.symbol(node.id))
+
+    def visit_Attribute(self, node: ast.Attribute) -> ast.AST:
+        return ast.Name(self._writer.symbol(ast.unparse(node)))
+
+    def visit_Call(self, node: ast.Call) -> ast.AST:
+        name = ast.unparse(node.func)
+        if name in _VARIABLES and len(node.args) == 1:
+            return ast.Name(self._writer.signal(name, ast.unparse(node.args[0])))
+        arguments: list[Any] = [self.visit(argument) for argument in node.args]
+        if name == "Abs":
+            return ast.Call(ast.Name("abs"), arguments, [])
+        if name in _OWN_FUNCTIONS and hasattr(functions, name):
+            return ast.Call(ast.Name(self._writer.use("bondgraph.declare.functions", name)), arguments, [])
+        if not isinstance(getattr(sympy, name, None), sympy.FunctionClass):
+            raise _UnwritableError(name)
+        return ast.Call(ast.Name(self._writer.use("sympy", name)), arguments, [])
+
+
+def correction_lines(before: BondGraph, after: BondGraph) -> str:
+    """Python lines that make one graph, called ``g``, the other; empty where there are none that do so exactly.
+
+    They stand before the ``return g`` of a declaration: what was added with its names, units, meanings and bounds, laws
+    that were changed, and the estimated values.
+
+    Examples
+    --------
+    >>> import bondgraph as bg
+    >>> def sled(loss: float) -> bg.BondGraph:
+    ...     g = bg.BondGraph("sled")
+    ...     body = g.one_junction("body", bg.TRANSLATION)
+    ...     g.inertance("mass", g.parameter("m", 80.0 if loss == 0.0 else 95.0, "kg"), at=body, state="v")
+    ...     if loss:
+    ...         c = g.parameter("c", loss, "N/(m/s)^2", "air", (0.0, 8.0))
+    ...         g.resistance("air", lambda v: c * v * abs(v), at=body)
+    ...     return g
+    >>> print(correction_lines(sled(0.0), sled(1.5)))
+    from bondgraph.declare.editing import with_values
+    <BLANKLINE>
+    c = g.parameter('c', 1.5, 'N/(m/s)^2', 'air', (0.0, 8.0))
+    g.resistance('air', lambda flow: c * flow * abs(flow), at='body')
+    g = with_values(g, {'m': 95.0})
+    """
+    writer = _Writer()
+    try:
+        _write_quantities(writer, before, after)
+        _write_nodes(writer, before, after)
+        _write_values(writer, before, after)
+    except (_UnwritableError, SyntaxError):
+        return ""
+    imports = [f"from {module} import {', '.join(sorted(names))}" for module, names in sorted(writer.imports.items())]
+    text = "\n".join([*imports, *([""] if imports else []), *writer.lines])
+    return text if _gives(text, before, after) else ""
+
+
+def _gives(text: str, before: BondGraph, after: BondGraph) -> bool:
+    names: dict[str, Any] = {"g": copy(before)}
+    try:
+        exec(compile(text, "<correction>", "exec"), names)
+    except (BondGraphError, TypeError, ValueError, NameError):
+        return False
+    return bool(names["g"] == after)
+
+
+def _write_quantities(writer: _Writer, before: BondGraph, after: BondGraph) -> None:
+    known = {quantity.name for quantity in before.parameters}
+    for one in after.parameters:
+        if one.name not in known:
+            writer.known[one.name] = one.name.replace(".", "_")
+            writer.lines.append(f"{writer.known[one.name]} = g.parameter({_parameter(one)})")
+    for group, method in (("integrals", "integral"), ("signals", "signal")):
+        old = {quantity.name for quantity in getattr(before, group)}
+        for quantity in getattr(after, group):
+            if quantity.name not in old:
+                _write_defined(writer, quantity, method)
+    outputs = {output.name: output for output in before.outputs}
+    for output in after.outputs:
+        if output.name in outputs and output != outputs[output.name]:
+            revise = writer.use("bondgraph.declare.revision", "revise_output")
+            writer.lines.append(f"{revise}(g, {output.name!r}, {writer.expression(output.expression)})")
+
+
+def _parameter(one: Parameter) -> str:
+    shown = [repr(one.name), repr(float(one.shown(one.value))), repr(one.display_unit or one.unit), repr(one.meaning)]
+    if one.bounds is not None:
+        shown.append(repr(tuple(float(one.shown(bound)) for bound in one.bounds)))
+    return ", ".join(shown)
+
+
+def _write_defined(writer: _Writer, quantity: Integral | NamedSignal, method: str) -> None:
+    value = quantity.of if isinstance(quantity, Integral) else quantity.expression
+    if isinstance(quantity, NamedSignal) and quantity.guess is not None:
+        raise _UnwritableError(quantity.name)
+    text = writer.expression(value, {quantity.name})
+    own = f"lambda {quantity.name}: " if method == "integral" and quantity.name in text else ""
+    variable = quantity.name.replace(".", "_")
+    writer.known[quantity.name] = variable
+    writer.lines.append(
+        f"{variable} = g.{method}({quantity.name!r}, {own}{text}, {quantity.unit!r}, {quantity.meaning!r})"
+    )
+
+
+def _write_nodes(writer: _Writer, before: BondGraph, after: BondGraph) -> None:
+    if [bond for bond in before.bonds if bond not in after.bonds]:
+        raise _UnwritableError("a bond is parted")
+    for name, node in after.nodes.items():
+        if name not in before.nodes:
+            ends = [bond for bond in after.bonds if name in (bond.source, bond.target)]
+            if len(ends) != 1 or node.kind not in _BUILDERS:
+                raise _UnwritableError(name)
+            junction = ends[0].source if ends[0].target == name else ends[0].target
+            writer.lines.append(f"g.{_BUILDERS[node.kind]}({name!r}, {_laws(writer, node)}, at={junction!r})")
+        elif node != before.nodes[name]:
+            revise = writer.use("bondgraph.declare.revision", "revise_law")
+            for given, law in node.laws:
+                text = writer.expression(law)
+                writer.lines.append(f"{revise}(g, {name!r}, {given!r}, {text})")
+
+
+def _laws(writer: _Writer, node: Node) -> str:
+    own = _OWN.get(node.kind)
+    if own is None:
+        ((_, law),) = node.laws
+        return writer.expression(law)
+    texts = []
+    for given, law in node.laws:
+        if given not in own:
+            raise _UnwritableError(node.name)
+        text = f"lambda {own[given]}: {writer.expression(law, {own[given]})}"
+        first = given == ("flow" if node.kind == "I" else "effort")
+        texts.append(text if first and node.kind != "I" else f"{given}={text}")
+    return ", ".join(texts)
+
+
+def _write_values(writer: _Writer, before: BondGraph, after: BondGraph) -> None:
+    old = {one.name: one for one in before.parameters}
+    same = [one for one in after.parameters if one.name in old]
+    values = {one.name: float(one.value) for one in same if one.value != old[one.name].value}
+    bounds = {one.name: one.bounds for one in same if one.bounds != old[one.name].bounds and one.bounds is not None}
+    for name, changed in (("with_bounds", bounds), ("with_values", values)):
+        if changed:
+            writer.lines.append(f"g = {writer.use('bondgraph.declare.editing', name)}(g, {changed!r})")
+
+
+def declaration_patch(reference: str, before: BondGraph, after: BondGraph) -> str:
+    """A unified diff of the Python file of a declaration; empty where its lines have no one place, or none are known.
+
+    The file is a function that ends in ``return`` of a name, and is left as it is: the patch is for the user to apply,
+    and is given only where the patched file declares the corrected graph.
+
+    Parameters
+    ----------
+    reference
+        ``FILE.py`` or ``FILE.py:function``, as a command got it.
+    before, after
+        The declared graph, as the file gives it, and the corrected one.
+    """
+    if not is_file_reference(reference):
+        return ""
+    path, name = Path(split_reference(reference)[0]), split_reference(reference)[1]
+    text = correction_lines(before, after)
+    source = path.read_text(encoding="utf-8")
+    place = _return_of(source, name or before.name)
+    if not text or place is None:
+        return ""
+    line, variable = place
+    renamed = text if variable == "g" else _renamed(text, variable)
+    lines = source.splitlines(keepends=True)
+    indent = lines[line - 1][: len(lines[line - 1]) - len(lines[line - 1].lstrip())]
+    added = [
+        f"{indent}# found by closing the loop on logs\n",
+        *(f"{indent}{one}\n" for one in renamed.splitlines() if one),
+    ]
+    patched = [*lines[: line - 1], *added, *lines[line - 1 :]]
+    if not _declares("".join(patched), path, name, after):
+        return ""
+    return "".join(difflib.unified_diff(lines, patched, f"a/{path.name}", f"b/{path.name}"))
+
+
+def _return_of(source: str, name: str) -> tuple[int, str] | None:
+    """Line of the only ``return`` of a top-level function, and the name that it returns."""
+    for node in ast.parse(source).body:
+        if isinstance(node, ast.FunctionDef) and node.name == name:
+            returns = [one for one in ast.walk(node) if isinstance(one, ast.Return)]
+            last = node.body[-1]
+            if len(returns) == 1 and isinstance(last, ast.Return) and isinstance(last.value, ast.Name):
+                return last.lineno, last.value.id
+    return None
+
+
+def _renamed(text: str, variable: str) -> str:
+    tree = ast.parse(text)
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Name) and node.id == "g":
+            node.id = variable
+    return ast.unparse(tree)
+
+
+def _declares(source: str, path: Path, name: str, after: BondGraph) -> bool:
+    """Whether a text in the place of a file declares a graph; it is tried beside copies of nothing but itself."""
+    with tempfile.TemporaryDirectory() as folder:
+        tried = Path(folder) / path.name
+        tried.write_text(source, encoding="utf-8")
+        sys.path.insert(0, str(path.parent.resolve()))  # what the file imports beside it
+        try:
+            return bool(load_graph(f"{tried}:{name}" if name else str(tried)) == after)
+        except BondGraphError:
+            return False
+        finally:
+            sys.path.remove(str(path.parent.resolve()))
+
+
+def write_python(folder: Path, declared: BondGraph, corrected: BondGraph, reference: str = "") -> list[str]:
+    """Write ``corrected_lines.py`` and, for the file of a declaration, ``correction.patch``; the sentences on them.
+
+    Raises
+    ------
+    OSError
+        If a file cannot be written.
+    """
+    text = correction_lines(declared, corrected)
+    if not text:
+        return []
+    write_text(folder / "corrected_lines.py", f"# before the return of the declaration, whose graph is g\n{text}\n")
+    said = [f"Python lines for the declaration: {folder / 'corrected_lines.py'}"]
+    patch = declaration_patch(reference, declared, corrected) if reference else ""
+    if patch:
+        write_text(folder / "correction.patch", patch)
+        target = split_reference(reference)[0]
+        said.append(f"as a patch of it: patch {target} {folder / 'correction.patch'}")
+    return said

@@ -1,0 +1,98 @@
+"""Lines and patches that turn a declaration into the corrected one."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+
+import bondgraph as bg
+from bondgraph.declare.editing import copy, with_values
+from bondgraph.declare.effect import EffectFunction, Place, Scale, effect_functions
+from bondgraph.declare.elements import Node
+from bondgraph.declare.handles import Handle
+from bondgraph.declare.revision import revise_output
+from bondgraph.report.python_lines import correction_lines, declaration_patch, write_python
+from vehicle_graphs.effects import friction, loads, losses, storages
+
+DECLARATION = """\
+import bondgraph as bg
+
+
+def sled() -> bg.BondGraph:
+    graph = bg.BondGraph("sled")
+    force = graph.input("force", "N", "push")
+    mass = graph.parameter("mass", 176.0, "lb", "sled", (130.0, 265.0))
+    body = graph.one_junction("body", bg.TRANSLATION)
+    graph.effort_source("push", force, at=body)
+    graph.inertance("sled", mass, at=body, state="v")
+    graph.measure_flow("speed", body)
+    return graph
+"""
+
+
+@pytest.fixture
+def file(tmp_path: Path) -> Path:
+    path = tmp_path / "sled.py"
+    path.write_text(DECLARATION)
+    return path
+
+
+def _effects() -> list[EffectFunction]:
+    return [one for module in (losses, friction, loads, storages) for one in effect_functions(module)]
+
+
+def test_lines_of_every_effect_give_the_corrected_graph(file: Path) -> None:
+    """What is compared is the whole declaration: names, units, bounds, meanings, laws, order."""
+    declared, tried = bg.build(str(file)).graph, set()
+    for effect in _effects():
+        corrected = copy(declared)
+        added = effect(corrected, Place(Handle("body", "1", bg.TRANSLATION), Scale(100.0, 5.0)))
+        if added is None or not added.coefficients:
+            continue  # it belongs to another kind of place
+        corrected = with_values(corrected, {added.coefficients[0]: 0.3, "mass": 91.5})
+        text = correction_lines(declared, corrected)
+        names = {"g": copy(declared)}
+        exec(text, names)
+        assert text and names["g"] == corrected, added.name
+        tried.add(added.name)
+    assert len(tried) >= 9
+
+
+def test_a_patch_makes_the_file_declare_the_corrected_graph(file: Path, tmp_path: Path) -> None:
+    declared, corrected = (bg.build(str(file)).graph for _ in range(2))
+    friction.quadratic_loss(corrected, Place(Handle("body", "1", bg.TRANSLATION), Scale(100.0, 5.0)))
+    corrected = with_values(corrected, {"c_quadratic_loss_body": 1.5, "mass": 95.0})
+    said = write_python(tmp_path, declared, corrected, str(file))
+    assert len(said) == 2 and file.read_text() == DECLARATION
+    if shutil.which("patch"):
+        subprocess.run(["patch", str(file), str(tmp_path / "correction.patch")], check=True, capture_output=True)
+        assert bg.build(str(file)).graph == corrected
+    assert "graph.resistance('quadratic_loss_body'" in (tmp_path / "correction.patch").read_text()
+
+
+@pytest.mark.parametrize(
+    "spoiled",
+    [
+        DECLARATION.replace("    return graph", "    if not force:\n        return graph\n    return graph"),
+        DECLARATION.replace("def sled() -> bg.BondGraph:", "def other() -> bg.BondGraph:"),
+        DECLARATION.replace("return graph", "return graph.flatten()"),
+    ],
+)
+def test_files_without_one_place_for_lines_get_no_patch(spoiled: str, tmp_path: Path) -> None:
+    path = tmp_path / "sled.py"
+    path.write_text(spoiled)
+    graph = bg.build(str(path)).graph
+    assert declaration_patch(str(path), graph, with_values(graph, {"mass": 90.0})) == ""
+    assert declaration_patch("vehicle_graphs.driveline:driveline", graph, graph) == ""
+
+
+def test_a_changed_output_and_what_has_no_lines(file: Path) -> None:
+    declared, corrected = (bg.build(str(file)).graph for _ in range(2))
+    scale = corrected.parameter("scale", 1.2, "1", "of the sensor")
+    revise_output(corrected, "speed", lambda old: scale * old)
+    assert "revise_output(g, 'speed', " in correction_lines(declared, corrected)
+    corrected.add_node(Node("second", "0", bg.TRANSLATION))
+    assert correction_lines(declared, corrected) == ""
