@@ -24,7 +24,7 @@ from bondgraph.correct.scores.score import solve
 from bondgraph.data.log import FloatArray, MatchedLog
 from bondgraph.derive.causality import assign_causality
 from bondgraph.errors import BondGraphError
-from bondgraph.simulate.inputs import InputSignal
+from bondgraph.simulate.inputs import with_rates
 from bondgraph.simulate.model import Model
 from bondgraph.simulate.simulation import simulate
 
@@ -129,7 +129,7 @@ def _manoeuvres(fitted: Fit, log: MatchedLog) -> list[tuple[str, FloatArray, Flo
         u = np.repeat(middle[:, np.newaxis], time.size, axis=1)
         u[row] = np.where(np.arange(time.size) < time.size // 3, high[row], min(max(low[row], 0.0), high[row]))
         found.append((f"running out after {info.name} is taken away", u))
-    return [(name, InputSignal.of_table(model, time, u, ()).values, time) for name, u in found]
+    return [(name, with_rates(model, time, u, ()), time) for name, u in found]
 
 
 Pair = tuple[tuple[Candidate, Variant], tuple[Candidate, Variant]]
