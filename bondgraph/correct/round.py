@@ -40,6 +40,7 @@ from bondgraph.correct.refits.widths import at_any_width, is_due
 from bondgraph.correct.scores.gates import gate_samples
 from bondgraph.correct.scores.quiet import Quiet, quiet_scores
 from bondgraph.correct.scores.scoring import Linearisation, Scored, linearisation, score_candidates
+from bondgraph.correct.shapes.offered import Residual, with_formulas
 from bondgraph.data.log import MatchedLog
 from bondgraph.declare.effect import EffectFunction, Place
 from bondgraph.errors import DataError
@@ -139,13 +140,12 @@ def one_round(
     else:
         looks_at = [(linear, scored), *(() if quiet is None else ((quiet.linear, quiet.scored),))]
         trials += gated_trials(looks_at, ground, settings.report)
+    trials = with_formulas(trials, scored, Residual(built, linear, probed, known, located), ground, settings.report)
     trials, chosen = _chosen(rivals(trials, scored, ground), ground)
     others = alternatives(chosen, trials, scored.scores, settings.level)
     others = _with_advice(built, base, chosen, others, scored)
-    seen = detectable(vanishing, scored.scores, need)
-    return Round(
-        base, tuple(trials), tuple(refused), scored, chosen, tuple(others), seen, located, linear, probed, known, tried
-    )
+    seen, told = detectable(vanishing, scored.scores, need), (located, linear, probed, known, tried)
+    return Round(base, tuple(trials), tuple(refused), scored, chosen, tuple(others), seen, *told)
 
 
 def _refitted(

@@ -110,6 +110,7 @@ class Effect:
     kind: str = ""
     dissipative: bool = False
     widths: tuple[str, ...] = ()
+    formula: bool = False
 
     def __post_init__(self) -> None:
         check_name(self.name, lambda problem: DeclarationError(f"effect: {problem}", where=(self.name,)))

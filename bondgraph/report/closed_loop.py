@@ -20,6 +20,7 @@ from bondgraph.declare.files import write_graph
 from bondgraph.files import write_text
 from bondgraph.report.collect import Runs, added_nodes, channel_series, found_effect, parameter_changes
 from bondgraph.report.drawing import draw_svg, drawing_of
+from bondgraph.report.formulas import formula_rows
 from bondgraph.report.html import Located, Provenance, ReportData, write_report
 from bondgraph.report.logs import grouped_notes
 from bondgraph.report.missing import missing_efforts
@@ -135,6 +136,7 @@ def found_effects(closed: ClosedLoop) -> list[FoundEffect]:
             ("p, block-robust", f"{evidence.p_robust:.1e}"),
             ("candidates tried", str(evidence.tried)),
             *_transfer(added.trial.transfer),
+            *formula_rows(closed, added),
         )
         model = closed.corrected_built.model
         effects.append(found_effect(candidate.effect, candidate.place, model, closed.corrected.values, ci95, said))
