@@ -57,7 +57,7 @@ def part_log(name: str, force: FloatArray, displacement: FloatArray) -> Log:
 
     Examples
     --------
-    >>> part_log("arrow", np.zeros(3), np.zeros(3)).time[1] == 1 / RATE
+    >>> bool(part_log("arrow", np.zeros(3), np.zeros(3)).time[1] == 1 / RATE)
     True
     """
     channels = {

@@ -81,14 +81,15 @@ def with_formulas(
     found = unexplained(functions, measured, ground.level)
     if found is None or found.signal == "time" or found.gain < WORTH * _promised(scored, law):
         return list(trials)
-    options, count = _options(functions, known, left, measured, 1 if law is not None else MOST_TERMS)
+    options, counts = _options(functions, known, left, measured, 1 if law is not None else MOST_TERMS)
     if law is not None and options and _says(law, options[0], scored, left):
         return list(trials)
     done = list(trials)
     for k, (terms, one) in enumerate(options):
         report("refit formulas", k, len(options))
-        done += _refitted(terms.probe, one, left, ground, ground.tried + count)
-        if law is not None and not done[-1].gain > law.gain + CLOSE:
+        made = _refitted(terms.probe, one, left, ground, ground.tried + counts[len(one.terms)])
+        done += made
+        if law is not None and made and not made[0].gain > law.gain + CLOSE:
             break  # the foremost does not beat the law
     report("refit formulas", len(options), len(options))
     return done
@@ -104,22 +105,25 @@ def _promised(scored: Scored, law: Trial | None) -> float:
 
 def _options(
     functions: Sequence[Spline], known: Sequence[Signal], left: Residual, measured: int, most: int
-) -> tuple[list[tuple[Terms, Sum]], int]:
-    """Sums of terms worth a refit, of all places, the most promising first, and how many were tried.
+) -> tuple[list[tuple[Terms, Sum]], dict[int, int]]:
+    """Sums of terms worth a refit, of all places, the most promising first, and what counts as tried by their length.
+
+    Every length has an equal share in the chance of a false alarm, so that short sums are not judged by how many long
+    ones there are.
 
     Each is worth more than the free function, by the Bayesian information criterion: what leaves a part of that is no
     law of the shape.
     """
     found: list[tuple[Terms, Sum]] = []
-    count = 0
+    counts = dict.fromkeys(range(1, most + 1), 0)
     for one in _places(functions):
         signals = [_signal(known, name) for name in _arguments(functions, one)]
         terms = scored_terms(left.linear, one.probe, known, signals)
-        count += sum(tried(terms, size) for size in range(1, most + 1))
+        counts = {size: before + most * tried(terms, size) for size, before in counts.items()}
         free = one.gain - 0.5 * one.knots.size * math.log(max(measured, 2))
         sums = [chosen for chosen in best_sums(terms, measured, most, _ALONE) if chosen.worth > free]
         found += [(terms, chosen) for chosen in _worthwhile(sums)]
-    return sorted(found, key=lambda option: -option[1].worth), count
+    return sorted(found, key=lambda option: -option[1].worth), counts
 
 
 def _says(law: Trial, option: tuple[Terms, Sum], scored: Scored, left: Residual) -> bool:

@@ -16,7 +16,7 @@ _MOVED = 2.0
 #: What a term is called in a domain: by the variable that it is a function of, and by its kind.
 _MECHANICAL = {
     ("own", "line"): "viscous friction", ("own", "signed_square"): "quadratic loss", ("own", "cube"): "cubic loss",
-    ("own", "sign"): "dry friction", ("displacement", "line"): "stiffness",
+    ("own", "sign"): "dry friction", ("own", "saturation"): "dry friction", ("displacement", "line"): "stiffness",
     ("displacement", "cube"): "hardening spring", ("displacement", "ramp_above"): "end stop",
 }  # fmt: skip
 _ELECTRICAL = {("own", "line"): "resistance", ("displacement", "line"): "elastance"}
