@@ -14,6 +14,7 @@ import bondgraph as bg
 from bondgraph.arrays import FloatArray
 from bondgraph.data.band_limited import PIECES, finer, finer_times
 from bondgraph.data.log import MatchedLog
+from bondgraph.declare.editing import with_inputs_between
 from bondgraph.declare.files import read_graph, write_graph
 from bondgraph.declare.quantities import Interpolation
 from bondgraph.errors import DeclarationError, FilterError, ModelError
@@ -144,3 +145,15 @@ def test_the_declaration_is_kept_in_files_and_modules(tmp_path: Path) -> None:
         bg.BondGraph("g").input("u", "1", between="cubic")  # type: ignore[arg-type]
     with pytest.raises(DeclarationError, match="is held between samples, as codes always are"):
         bg.BondGraph("g").input("u", "1", between="linear", hold=True)
+
+
+def test_inputs_of_a_declared_graph_may_run_another_way() -> None:
+    graph = shaker("linear")
+    changed = with_inputs_between(graph, force="band limited")
+    assert changed == shaker("band limited") and graph.inputs[0].interpolation == "linear"
+    with pytest.raises(DeclarationError, match="no input 'forse'; did you mean 'force'"):
+        with_inputs_between(graph, forse="linear")
+    coded = bg.BondGraph("g")
+    coded.input("gear", "1", letters={"H": 1.0})
+    with pytest.raises(DeclarationError, match="input gear cannot be 'linear' between samples - use 'hold'"):
+        with_inputs_between(coded, gear="linear")
