@@ -8,21 +8,23 @@ from bondgraph.correct.shapes.formula import formula_of
 from bondgraph.correct.shapes.words import lies_in, other_words
 
 
-def formula_rows(closed: ClosedLoop, added: Added) -> tuple[tuple[str, str], ...]:
-    """Rows of the evidence of an effect that is a formula; none of a law of the dictionary."""
-    candidate = added.trial.candidate
-    formula = formula_of(candidate.function)
+def formula_sentences(closed: ClosedLoop) -> list[str]:
+    """A sentence for every added effect that is a formula."""
+    return [sentence for added in closed.added if (sentence := _sentence(closed, added))]
+
+
+def _sentence(closed: ClosedLoop, added: Added) -> str:
+    formula = formula_of(added.trial.candidate.function)
     if formula is None:
-        return ()
-    rows = [("law with its numbers", formula.text(closed.corrected.values))]
+        return ""
     known = other_words(formula, closed.corrected.values)
-    if known:
-        rows.append(("in other words", known))
+    said = f"Formula at {formula.place.label}: {formula.text(closed.corrected.values)}"
+    said += f", known as {known}" if known else ""
     turn = round_of(closed, added)
     if turn is not None and added.trial.fit is not None:
         parts = lies_in(turn.base, added.trial.fit, closed.nominal_built.graph)
-        rows += [(f"of it lay in {where}", amount) for where, amount in parts]
-    return tuple(rows)
+        said += "".join(f"; {amount} of it had lain in {where}" for where, amount in parts)
+    return f"{said}."
 
 
 def round_of(closed: ClosedLoop, added: Added) -> Round | None:

@@ -25,6 +25,8 @@ from bondgraph.data.log import MatchedLog
 from bondgraph.declare.domains import TRANSLATION
 from bondgraph.declare.editing import handle
 from bondgraph.declare.effect import Place, Scale
+from bondgraph.report.formulas import formula_sentences
+from bondgraph.report.missing import missing_efforts
 from vehicle_graphs import effects
 
 MASS, STIFFNESS, DAMPING, CUBE = 2.0, 50.0, 3.0, 900.0
@@ -192,6 +194,15 @@ def test_a_formula_wins_over_wrong_relatives_and_names_the_law() -> None:
     assert value["ci95"][0] < CUBE < value["ci95"][1]
     assert entry["formula"]["known_as"] == "hardening spring"
     assert closed.corrected.values["stiffness"] == pytest.approx(STIFFNESS, rel=0.02)
+    (sentence,) = formula_sentences(closed)
+    assert sentence.startswith("Formula at body: effort = ")
+    assert "x the displacement of spring, known as hardening spring" in sentence
+    lay = closed.nominal.values["stiffness"] - STIFFNESS
+    said = float(sentence.partition("; ")[2].partition(" N/m of it had lain in stiffness (spring)")[0])
+    assert said == pytest.approx(lay, rel=0.05)
+    (picture,) = missing_efforts(closed)
+    assert picture.x_label == "displacement of spring [m]" and picture.x.size == picture.missing.size == 500
+    np.testing.assert_allclose(picture.law, value["value"] * picture.law_x**3, rtol=1e-9)
 
 
 @pytest.mark.slow
