@@ -13,9 +13,8 @@ from bondgraph.correct.loop import LoopSettings, close_loop
 from bondgraph.data.log import Log
 from bondgraph.data.matching import match
 from bondgraph.data.read import read_log
-from bondgraph.declare.effect import effect_functions
 from bondgraph.errors import DataError
-from vehicle_graphs import effects, machine_effects, silverbox, silverbox_logs
+from vehicle_graphs import effects, silverbox, silverbox_logs
 
 
 def record(folder: Path, samples: int) -> Path:
@@ -54,13 +53,17 @@ def arrow_error(model: bg.Model, values: dict[str, float], log: Log) -> float:
 @pytest.mark.slow
 @pytest.mark.parametrize(("between", "cube", "error"), [("linear", 3.78, 1.0), ("band limited", 3.90, 0.5)])
 def test_the_cubic_spring_is_found_by_a_formula(shared_data: Path, between: str, cube: float, error: float) -> None:
-    """No law of the dictionary hardens; "backlash at body" was the answer."""
+    """No law that is offered hardens; "backlash at body" was the answer.
+
+    Without process noise the fit is that of the free simulation, in which the wrong course of a force between its
+    samples is an error of 3 % in the coefficient; process noise takes it for noise of the drive.
+    """
     logs = silverbox_logs.read_records(shared_data / "measured" / "silverbox")
     graph = silverbox.start() if between == "band limited" else silverbox.linear_between()
     model = bg.build(graph).model
-    functions = [one for module in (effects, machine_effects) for one in effect_functions(module)]
-    offered = [one for one in functions if one.__name__ != "hardening_spring"]
-    closed = close_loop(graph, [match(logs["training.csv.gz"], model)], [], offered, LoopSettings(max_effects=1))
+    settings = LoopSettings(max_effects=1, process_noise="none")
+    train = [match(logs["training.csv.gz"], model)]
+    closed = close_loop(graph, train, [], (effects.backlash, effects.quadratic_loss), settings)
     (added,) = closed.added
     assert added.trial.candidate.effect.name == "formula_cube_of_displacement_of_spring"
     assert closed.corrected.values[added.coefficients[0]] == pytest.approx(cube, rel=0.02)
