@@ -25,7 +25,7 @@ from bondgraph.correct.places.located import LocatedAt
 from bondgraph.correct.places.probes import Probe, Signal
 from bondgraph.correct.places.unexplained import Spline, distinct, splines, unexplained
 from bondgraph.correct.refits.decide import CLOSE, choose
-from bondgraph.correct.refits.refit import WORTH, Ground, refit_alone
+from bondgraph.correct.refits.refit import Ground, refit_alone
 from bondgraph.correct.refits.trials import Trial
 from bondgraph.correct.scores.score import solve
 from bondgraph.correct.scores.scoring import Linearisation, Scored
@@ -34,6 +34,8 @@ from bondgraph.correct.shapes.subsets import MOST_TERMS, Sum, Terms, best_sums, 
 
 #: Places at which functions are tried while a law of the dictionary passes, and where none does; signals of a formula.
 _PLACES, _ALL_PLACES, _SIGNALS = 3, 8, 4
+#: Scores are right to a factor of two: a function that promises less than this share of a law's gain is behind it.
+_WORTH = 0.4
 #: Places whose best function gains at least this share of the best of all get formulas, at most so many.
 _NEAR, _MOST_PLACES = 0.8, 2
 #: Formulas of one term that are refitted at each place, of those that promise about as much as the best, and of each
@@ -79,7 +81,7 @@ def with_formulas(
     functions = splines(left.linear, _suspects(left, _ALL_PLACES if law is None else _PLACES), known)
     measured = sum(int(np.isfinite(log.y).sum()) for log in ground.train)
     found = unexplained(functions, measured, ground.level)
-    if found is None or found.signal == "time" or found.gain < WORTH * _promised(scored, law):
+    if found is None or found.signal == "time" or found.gain < _WORTH * _promised(scored, law):
         return list(trials)
     options, counts = _options(functions, known, left, measured, 1 if law is not None else MOST_TERMS)
     if law is not None and options and _says(law, options[0], scored, left):
