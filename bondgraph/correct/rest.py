@@ -69,7 +69,7 @@ def _searched(
             spare = [
                 k
                 for k, trial in enumerate(state.added)
-                if not trial.candidate.effect.channel
+                if not (trial.candidate.effect.channel or trial.candidate.effect.formula)
                 and needless(linear, tried, found, trial.candidate.effect.coefficients)
             ]
             if not spare:

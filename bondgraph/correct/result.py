@@ -13,6 +13,8 @@ from bondgraph.correct.fits.assess import Assessment, ChannelError
 from bondgraph.correct.fits.compared import Compared
 from bondgraph.correct.fits.fitted import Fit
 from bondgraph.correct.loop import Added, ClosedLoop
+from bondgraph.correct.shapes.formula import formula_of
+from bondgraph.correct.shapes.words import other_words
 from bondgraph.estimate.certify import NEGLIGIBLE_SHIFT, Check
 from bondgraph.estimate.result import quantity_of, unit_of
 from bondgraph.simulate.quantities import OutputInfo
@@ -142,6 +144,7 @@ def unexplained(closed: ClosedLoop) -> list[dict[str, Any]]:
                 "unit": one.unit,
             },
             "channels": channels, "p_value": one.p_value, "delta_nll": number(one.gain), "like": list(one.like),
+            "taken_by": list(one.taken),
         }
         for one in closed.unexplained
     ]  # fmt: skip
@@ -220,6 +223,7 @@ def _effect(added: Added, corrected: Fit) -> dict[str, Any]:
         "junction": place.label,
         "reference": effect.reference,
         **fault,
+        **_formula(added, corrected),
         "coefficients": {
             name: {
                 "value": infos[name].shown(corrected.values[name]),
@@ -230,6 +234,16 @@ def _effect(added: Added, corrected: Fit) -> dict[str, Any]:
         },
         "evidence": evidence_json(added.trial),
     }
+
+
+def _formula(added: Added, corrected: Fit) -> dict[str, Any]:
+    """The formula of an effect that is one: as a law with its numbers, in other words, and as lines of Python."""
+    formula = formula_of(added.trial.candidate.function)
+    if formula is None:
+        return {}
+    values = corrected.values
+    told = {"text": formula.text(values), "known_as": other_words(formula, values), "python": formula.python(values)}
+    return {"formula": told}
 
 
 def _event(added: Added, fitted: Fit) -> dict[str, Any]:

@@ -33,6 +33,7 @@ from bondgraph.correct.scores.scoring import Linearisation, Scored, linearisatio
 from bondgraph.correct.search.opening import Scoring, is_driven_still, look_beneath_noise, opened
 from bondgraph.correct.search.search import Search, left_out, searched
 from bondgraph.correct.search.widths import at_any_width, is_due
+from bondgraph.correct.shapes.offered import Residual, with_formulas
 from bondgraph.data.log import MatchedLog
 from bondgraph.declare.effect import EffectFunction, Place
 from bondgraph.errors import DataError
@@ -122,6 +123,8 @@ def one_round(
     scoring = Scoring(linear, scored, tuple(_trials(scored, tried)), tuple(stateful))
     search = opened(scoring, context, bool(present), settings.report)
     trials = _searched(search, scoring, settings)
+    left = Residual(built, linear, probed, known, located)
+    trials = with_formulas(trials, scored, left, search.context, settings.report)
     trials, chosen = _chosen(trials, search.context, settings.report)
     others = alternatives(chosen, trials, scored.scores, settings.level)
     others = _with_advice(built, base, chosen, others, scored)

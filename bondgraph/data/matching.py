@@ -278,7 +278,7 @@ def _input(
     values = _coded(log, channel, letters) if letters else _converted(log, channel, quantity)
     missing = np.isnan(values)
     if missing.any():
-        way = "held" if letters or quantity.interpolation != "linear" else "interpolated"
+        way = "held" if letters or quantity.interpolation == "hold" or quantity.rate_of else "interpolated"
         notes.append(f"input {quantity.name!r} is {way} over {int(missing.sum())} of {len(log)} samples")
         values = _filled(log.time, values, held=way == "held")
     return values

@@ -31,7 +31,7 @@ class InputQuantity(Quantity, Protocol):
 
     @property
     def interpolation(self) -> str:
-        """How it runs between samples: ``linear``, ``hold``, or held as the rate of another."""
+        """How it runs between samples: ``linear``, ``hold``, ``band limited``, or held as the rate of another."""
 
     @property
     def rate_of(self) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, get_args
 
 from sympy import Expr
 
@@ -12,7 +12,7 @@ from bondgraph.declare.declared_units import DeclaredUnit
 from bondgraph.declare.elements import Bond, Node
 from bondgraph.declare.expressions import signal
 from bondgraph.declare.graph import BondGraph, Handle
-from bondgraph.declare.quantities import Parameter
+from bondgraph.declare.quantities import Interpolation, Parameter
 from bondgraph.declare.quantity_checks import check_quantity
 from bondgraph.declare.requirements import check_requirements
 from bondgraph.declare.validation import node_domains
@@ -183,6 +183,36 @@ def with_bounds(graph: BondGraph, bounds: Mapping[str, tuple[float, float]]) -> 
         changed = dataclasses.replace(declared, bounds=own)
         check_quantity(changed, graph.name)
         twin._quantities[name] = changed
+    return twin
+
+
+def with_inputs_between(graph: BondGraph, **ways: Interpolation) -> BondGraph:
+    """The graph with some inputs running another way between samples: ``linear``, ``hold`` or ``band limited``.
+
+    Raises
+    ------
+    DeclarationError
+        If there is no such input or no such way, or the input is a code, which is always held.
+
+    Examples
+    --------
+    >>> g = BondGraph("shaker")
+    >>> _ = g.input("force", "N")
+    >>> with_inputs_between(g, force="band limited").inputs[0].interpolation
+    'band limited'
+    """
+    twin = copy(graph)
+    declared = {one.name: one for one in graph.inputs}
+    for name, way in ways.items():
+        if name not in declared:
+            raise DeclarationError(f"{graph.name}: no input {name!r}{suggest(name, declared)}", where=(name,))
+        if way not in get_args(Interpolation) or (declared[name].letters and way != "hold"):
+            known = ["hold"] if declared[name].letters else get_args(Interpolation)
+            raise DeclarationError(
+                f"{graph.name}: input {name} cannot be {way!r} between samples - use {', '.join(map(repr, known))}",
+                where=(name,),
+            )
+        twin._quantities[name] = dataclasses.replace(declared[name], interpolation=way)
     return twin
 
 

@@ -130,6 +130,7 @@ class Effect:
     widths: tuple[str, ...] = ()
     manoeuvre: str = ""
     grids: tuple[tuple[str, tuple[float, ...]], ...] = ()
+    formula: bool = False
 
     def __post_init__(self) -> None:
         check_name(self.name, lambda problem: DeclarationError(f"effect: {problem}", where=(self.name,)))

@@ -6,7 +6,7 @@ import dataclasses
 import functools
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 from bondgraph.declare.domains import Domain, domain_named
 from bondgraph.declare.elements import KINDS, LAW_GIVES, Node, allowed_laws, numbered
@@ -14,7 +14,7 @@ from bondgraph.declare.expressions import parse, signal, signal_name
 from bondgraph.declare.functions import table_function
 from bondgraph.declare.graph import BondGraph
 from bondgraph.declare.limits import MOST_PORTS, check_nesting
-from bondgraph.declare.quantities import symbol
+from bondgraph.declare.quantities import Interpolation, symbol
 from bondgraph.declare.quantity_checks import is_free_name
 from bondgraph.declare.records import check_keys, count, items, mapping, number, numbers, shown, text
 from bondgraph.declare.starts import Initial, starts_of
@@ -153,16 +153,16 @@ class _Reader:
         self.graph._declare_signal(name, expression, *_unit_and_meaning(record), guess)
 
     def _input(self, record: Mapping[str, Any]) -> None:
-        name, held = record["name"], record.get("interpolation", "linear")
-        if held not in ("linear", "hold"):
-            problem = f"interpolation {shown(held)} - use linear or hold"
+        name, between = record["name"], record.get("interpolation")
+        if between is not None and between not in get_args(Interpolation):
+            problem = f"interpolation {shown(between)} - use {', '.join(get_args(Interpolation))}"
             raise DeclarationError(f"{self.where}: {name}: {problem}", where=(name,))
         letters = mapping(record, "letters", f"{self.where}: {name}")
         self.graph.input(
             name,
             *_unit_and_meaning(record),
             default=None if record.get("default") is None else number(record["default"], name),
-            hold=held == "hold",
+            between=None if between == "linear" else between,
             letters={letter: number(value, f"{name}: letter {letter}") for letter, value in letters.items()},
         )
 

@@ -83,8 +83,8 @@ def _input_record(quantity: Input) -> dict[str, Any]:
         record["default"] = quantity.shown(quantity.default)
     if quantity.letters:
         record["letters"] = {letter: quantity.shown(value) for letter, value in quantity.letters}
-    elif quantity.is_held:
-        record["interpolation"] = "hold"
+    elif quantity.interpolation != "linear":
+        record["interpolation"] = quantity.interpolation
     return record
 
 

@@ -13,7 +13,7 @@ from sympy import Expr, Symbol
 
 from bondgraph.coherent import Displayed
 
-Interpolation = Literal["linear", "hold"]
+Interpolation = Literal["linear", "hold", "band limited"]
 
 
 @functools.lru_cache(maxsize=16384)
@@ -33,6 +33,7 @@ class Input(Displayed):
     """A signal that comes from outside and is known: throttle, voltage, grade.
 
     A log may lack it only where a ``default`` is declared; ``zero_default`` tells one of zero from none at all.
+    Between samples it runs linearly, is held, or is ``"band limited"``: the sum of sinc functions through them.
     ``letters`` maps the codes of a text signal (a gear lever) to values; such an input is always held between samples.
     ``rate_of`` names the input whose slope over time this one is; derivation adds those that equations need, and
     :func:`bondgraph.declare.editing.with_input_rates` those that they may come to need.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, get_args
 
 from sympy import Expr, Symbol
 
@@ -45,18 +45,28 @@ class QuantityBuilder(GraphStore):
         *,
         default: Any = None,
         hold: bool = False,
+        between: Interpolation | None = None,
         letters: Mapping[str, float] | None = None,
     ) -> Symbol:
         """Declare a known signal from outside; ``letters`` are the codes of a text signal and their values.
 
-        A log must hold it, or the command that reads the log must give it, unless a ``default`` is declared.
+        A log must hold it, or the command that reads the log must give it, unless a ``default`` is declared. Between
+        samples it runs linearly, unless ``between`` is ``"hold"`` (as ``hold``) or ``"band limited"``.
+
+        Examples
+        --------
+        >>> from bondgraph.declare.graph import BondGraph
+        >>> g = BondGraph("shaker")
+        >>> _ = g.input("force", "N", "behind a reconstruction filter", between="band limited")
+        >>> g.inputs[0].interpolation
+        'band limited'
         """
+        way = self._between(name, between, hold or bool(letters))
         own = self._unit(unit, name, 0.0 if default is None else default)
         codes = tuple((letter, own.number(value)) for letter, value in (letters or {}).items())
         value = 0.0 if default is None else own.number(default)
-        between: Interpolation = "hold" if hold or codes else "linear"
         zero = default is not None and value == 0.0
-        declared = Input(name, own.unit, meaning, value, between, codes, shown_unit=own.shown, zero_default=zero)
+        declared = Input(name, own.unit, meaning, value, way, codes, shown_unit=own.shown, zero_default=zero)
         return self._declare(declared)
 
     def parameter(
@@ -202,6 +212,20 @@ class QuantityBuilder(GraphStore):
     def measure_momentum(self, name: str, at: At, meaning: str = "", unit: str | None = None) -> None:
         """Declare that the momentum of an inertance is measured; the unit is its domain's."""
         self._measure_variable(name, "momentum", at, meaning, unit)
+
+    def _between(self, name: str, between: Interpolation | None, held: bool) -> Interpolation:
+        known = get_args(Interpolation)
+        if between is not None and between not in known:
+            raise DeclarationError(
+                f"{self.name}: input {name}: between={between!r} - use {', '.join(map(repr, known))}", where=(name,)
+            )
+        if held and between not in (None, "hold"):
+            raise DeclarationError(
+                f"{self.name}: input {name} is held between samples, as codes always are, and declared {between!r} - "
+                "declare one of the two",
+                where=(name,),
+            )
+        return "hold" if held else between or "linear"
 
     def _unit(self, unit: str | None, name: str, value: Any = 20.0) -> DeclaredUnit:
         return declared_unit(unit, f"{self.name}: {name}", value)

@@ -16,7 +16,7 @@ from bondgraph.arrays import FloatArray
 from bondgraph.data.log import MatchedLog
 from bondgraph.errors import FilterError
 from bondgraph.filter.filter_model import FilterModel
-from bondgraph.filter.samples import inputs_between, noise_nodes
+from bondgraph.filter.samples import filter_nodes, inputs_between
 from bondgraph.filter.ukf import Member
 from bondgraph.simulate.batch import simulate_batch
 
@@ -85,7 +85,7 @@ def draw_logs(
     members = np.repeat(known[:, np.newaxis], count, axis=1)
     root = filter_model.process_std[:, np.newaxis] * np.linalg.cholesky(filter_model.process_correlations)
     scheme, panels, grading = filter_model.noise_panels
-    nodes = noise_nodes((scheme, 4 * max(panels, 1), grading), pattern.time)
+    nodes = filter_nodes(model, (scheme, 4 * max(panels, 1), grading), pattern.time)
     left, right = inputs_between(model, nodes, pattern.time, pattern.u)
     now = states[:, 0]
     for k, (start, end, share) in enumerate(zip(nodes.start, nodes.end, nodes.share, strict=True)):

@@ -22,9 +22,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from bondgraph.arrays import FloatArray, IntArray
+from bondgraph.data.band_limited import finer_times
 
 #: Weights of Simpson's rule at the nodes of a panel, as shares of its length.
 _SIMPSON = (1.0 / 6.0, 4.0 / 6.0, 1.0 / 6.0)
+#: Nodes nearer to each other than this share of the shortest interval are the same but for rounding.
+_SAME_NODE = 1e-6
 #: The trapezoidal rule, which needs no node inside.
 _TRAPEZOID = (0.5, 0.5)
 
@@ -101,6 +104,30 @@ def continuous_nodes(time: FloatArray, steps: int, grading: float) -> NoiseNodes
     nodes = np.concatenate([time[:1], time[interval] + offset * lengths[interval]])
     nodes[sample] = time
     return NoiseNodes(nodes, sample, interval, share, start * lengths[interval], end * lengths[interval])
+
+
+def finer_nodes(nodes: NoiseNodes, time: FloatArray, pieces: int) -> NoiseNodes:
+    """Nodes with further ones, at which no noise enters, where they cut every interval of a log in equal pieces.
+
+    Examples
+    --------
+    >>> time = np.array([0.0, 1.0])
+    >>> finer = finer_nodes(continuous_nodes(time, 1, 1.0), time, 4)
+    >>> finer.time.tolist(), finer.end.round(3).tolist(), finer.share.tolist()
+    ([0.0, 0.25, 0.5, 0.75, 1.0], [0.0, 0.667, 0.0, 0.167], [0.25, 0.25, 0.25, 0.25])
+    """
+    wanted = finer_times(time, pieces)
+    own = np.clip(np.searchsorted(nodes.time, wanted), 1, nodes.time.size - 1)
+    near = np.minimum(np.abs(wanted - nodes.time[own]), np.abs(wanted - nodes.time[own - 1]))
+    added = wanted[near > _SAME_NODE * np.diff(time).min()]
+    every = np.union1d(nodes.time, added)
+    step = np.searchsorted(nodes.time, every[1:], side="left") - 1  # the step that each piece is a part of
+    part = np.diff(every) / np.diff(nodes.time)[step]
+    first, last = np.isin(every[:-1], nodes.time), np.isin(every[1:], nodes.time)
+    return NoiseNodes(
+        every, np.searchsorted(every, nodes.time[nodes.sample]), nodes.interval[step], nodes.share[step] * part,
+        np.where(first, nodes.start[step], 0.0), np.where(last, nodes.end[step], 0.0),
+    )  # fmt: skip
 
 
 def interval_nodes(multiple: int, steps: int, grading: float) -> tuple[FloatArray, FloatArray, FloatArray]:

@@ -27,7 +27,7 @@ from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.filter_run import FilterRun
 from bondgraph.filter.members import MemberBatch, MemberValues, member_batches
 from bondgraph.filter.plan import IntervalSteps, StepPlan
-from bondgraph.filter.samples import MeasuredLog, Samples, noise_nodes
+from bondgraph.filter.samples import MeasuredLog, Samples, filter_nodes
 from bondgraph.filter.sigma_points import MerweScaled, lower_factors
 from bondgraph.filter.ukf import transition
 from bondgraph.simulate.model import Model
@@ -154,7 +154,7 @@ class _Moments(NamedTuple):
 
 def _plan_log(filter_model: FilterModel, log: FilteredLog, tolerance: float, compiled: bool) -> IntervalSteps:
     """Steps of one log."""
-    nodes = noise_nodes(filter_model.noise_panels, log.run.time)
+    nodes = filter_nodes(filter_model.model, filter_model.noise_panels, log.run.time)
     multiples = np.maximum(1, np.ceil(nodes.share)).astype(np.int64)
     count = multiples.size
     best, grading = np.full(count, _MOST), np.ones(count)

@@ -9,11 +9,12 @@ from typing import Protocol
 import numpy as np
 
 from bondgraph.arrays import FloatArray, IntArray
+from bondgraph.data.band_limited import PIECES, finer, finer_times, is_even
 from bondgraph.errors import FilterError, suggest
 from bondgraph.filter.filter_model import FilterModel
-from bondgraph.filter.noise_nodes import NoiseNodes, continuous_nodes, sampled_nodes
+from bondgraph.filter.noise_nodes import NoiseNodes, continuous_nodes, finer_nodes, sampled_nodes
 from bondgraph.filter.plan import IntervalSteps, NoisePanels, cut_steps, log_key, transferred
-from bondgraph.simulate.inputs import InputSegment, hold_flags, rate_rows
+from bondgraph.simulate.inputs import InputSegment, hold_flags, limited_rates, limited_rows, rate_rows
 from bondgraph.simulate.model import Model
 
 
@@ -43,7 +44,7 @@ class MeasuredLog(Protocol):
 
 @dataclass(frozen=True, repr=False)
 class Samples:
-    """A log checked against a filter model, on its nodes: its samples and, between them, those of the process noise.
+    """A log checked against a filter model, on its nodes: its samples and, between them, those of noise and inputs.
 
     ``time`` (m,), ``u`` (n_u, m), ``y`` (n_y, m), NaN at nodes that are no sample; ``sample`` (n,) are the positions of
     the samples. ``u_left`` and ``u_right`` (n_u, m-1) are the inputs at the two ends of each step from node to node.
@@ -78,7 +79,11 @@ class Samples:
             whose noise is not declared, or a parameter known for the log does not exist.
         """
         _check(filter_model, log)
-        nodes = noise_nodes(filter_model.noise_panels, log.time)
+        return cls._on(filter_model, log, filter_nodes(filter_model.model, filter_model.noise_panels, log.time))
+
+    @classmethod
+    def _on(cls, filter_model: FilterModel, log: MeasuredLog, nodes: NoiseNodes) -> Samples:
+        """A log on the given nodes."""
         left, right = inputs_between(filter_model.model, nodes, log.time, log.u)
         key = log_key(log.time, log.u, log.y, log.theta_overrides)
         steps = _steps(filter_model, log.time, nodes, key)
@@ -91,7 +96,8 @@ class Samples:
     @classmethod
     def whole(cls, filter_model: FilterModel, log: MeasuredLog) -> Samples:
         """A log on its samples alone, without nodes between them."""
-        return cls.of(replace(filter_model, noise_scheme="sampled"), log)
+        _check(filter_model, log)
+        return cls._on(replace(filter_model, noise_scheme="sampled"), log, sampled_nodes(log.time))
 
     def segment(self, k: int) -> InputSegment:
         """Inputs of the step that ends at node ``k``."""
@@ -112,8 +118,29 @@ def noise_nodes(panels: NoisePanels, time: FloatArray) -> NoiseNodes:
     return sampled_nodes(time) if scheme == "sampled" else continuous_nodes(time, steps, grading)
 
 
+def filter_nodes(model: Model, panels: NoisePanels, time: FloatArray) -> NoiseNodes:
+    """The nodes of a log with these times (n,): those of the process noise, and those of band-limited inputs."""
+    nodes = noise_nodes(panels, time)
+    return finer_nodes(nodes, time, PIECES) if limited_rows(model) and time.size > 1 else nodes
+
+
 def inputs_between(model: Model, nodes: NoiseNodes, time: FloatArray, u: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Inputs (n_u, m-1) at both ends of the steps from node to node, of samples at times (n,) with inputs (n_u, n)."""
+    """Inputs (n_u, m-1) at both ends of the steps from node to node, of samples at times (n,) with inputs (n_u, n).
+
+    Inputs that are band limited are so at the nodes, however many there are; on the samples alone they run straight.
+    """
+    left, right = _straight(model, nodes, time, u)
+    limited = list(limited_rows(model))
+    if limited and nodes.time.size > time.size:
+        at = np.array([np.interp(nodes.time, finer_times(time), row) for row in finer(u[limited])])
+        left[limited], right[limited] = at[:, :-1], at[:, 1:]
+        for row, source in limited_rates(model):
+            left[row] = right[row] = (right[source] - left[source]) / np.diff(nodes.time)
+    return left, right
+
+
+def _straight(model: Model, nodes: NoiseNodes, time: FloatArray, u: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Inputs at both ends of the steps where each is held or runs linearly between samples."""
     hold = hold_flags(model)[:, np.newaxis]
     left = u[:, :-1]
     right = np.where(hold, left, u[:, 1:])
@@ -156,7 +183,7 @@ def _steps(filter_model: FilterModel, time: FloatArray, nodes: NoiseNodes, key: 
         planned = plan.logs[key]
         if plan.panels == filter_model.noise_panels:
             return planned
-        return transferred(planned, noise_nodes(plan.panels, time).time, nodes.time)
+        return transferred(planned, filter_nodes(filter_model.model, plan.panels, time).time, nodes.time)
     return uniform_steps(filter_model, nodes.share)
 
 
@@ -213,6 +240,13 @@ def _check(filter_model: FilterModel, log: MeasuredLog) -> None:
         bad = np.flatnonzero(~np.isfinite(row))
         at = log.time[bad[0]] if bad.size else 0.0
         require(not bad.size, f"input {name!r} has no value at t = {at:.6g} s - fill or cut the gap", name)
+    limited = [model.names("input")[row] for row in limited_rows(model)]
+    require(
+        not limited or is_even(log.time),
+        f"input {limited[0] if limited else ''!r} is band limited, which its samples tell only at even times - "
+        "resample the log, or declare the input linear",
+        *limited,
+    )
     for name, row in zip(model.names("output"), log.y, strict=True):
         require(
             name in filter_model.measurement_noise or bool(np.isnan(row).all()),

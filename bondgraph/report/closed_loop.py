@@ -20,6 +20,7 @@ from bondgraph.declare.files import write_graph
 from bondgraph.files import write_text
 from bondgraph.report.collect import Runs, added_nodes, channel_series, found_effect, parameter_changes
 from bondgraph.report.drawing import draw_svg, drawing_of
+from bondgraph.report.formulas import formula_sentences
 from bondgraph.report.html import Located, Provenance, ReportData, write_report
 from bondgraph.report.logs import grouped_notes
 from bondgraph.report.missing import missing_efforts
@@ -204,8 +205,8 @@ def _shape(one: Unexplained) -> str:
     )
     units = " over ".join(f"[{unit}]" for unit in (one.unit, one.signal_unit) if unit)
     return (
-        f"The unknown {one.variable} at {one.place.label}{f' {units}' if units else ''}, less what free parameters "
-        f"take of it, over {one.signal}: {points}."
+        f"The unknown {one.variable} at {one.place.label}{f' {units}' if units else ''}, less what "
+        f"{' and '.join(one.taken) or 'free parameters'} can take of it, over {one.signal}: {points}."
     )
 
 
@@ -266,7 +267,7 @@ def _notes(closed: ClosedLoop) -> list[str]:
             first = next((twin.separate for twin in twins if twin.separate), "")
             advice = f" What would: {first}." if first else ""
             notes.append(f"These data do not tell {added.trial.candidate.label} from {names}.{advice}")
-    notes += [_shape(one) for one in closed.unexplained]
+    notes += [*formula_sentences(closed), *(_shape(one) for one in closed.unexplained)]
     notes.append(f"{noise_sentence(closed.corrected.problem.filter_model)}.")
     notes += closed.cautions
     logs = [log.log for part in (closed.nominal_train, closed.nominal_holdout) for log in part.logs]

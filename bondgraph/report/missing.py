@@ -12,9 +12,11 @@ from bondgraph.correct.models.failures import FAILURES
 from bondgraph.correct.places.missing import missing_effort
 from bondgraph.correct.places.unexplained import Unexplained
 from bondgraph.correct.result import intervals
+from bondgraph.correct.shapes.formula import Formula, formula_of
 from bondgraph.data.log import FloatArray
 from bondgraph.declare.graph import BondGraph
 from bondgraph.declare.quantities import symbol
+from bondgraph.report.formulas import round_of
 from bondgraph.report.series import MissingEffort
 
 _POINTS = 200
@@ -41,6 +43,7 @@ def _unexplained(closed: ClosedLoop, one: Unexplained) -> MissingEffort | None:
     except FAILURES:
         return None
     unit = f" [{one.signal_unit}]" if one.signal_unit else ""
+    aside = f", less what {' and '.join(one.taken)} can take" if one.taken else ""
     return MissingEffort(
         title=f"unexplained {one.variable} at {one.place.label}",
         x_label=f"{one.signal}{unit}",
@@ -49,7 +52,7 @@ def _unexplained(closed: ClosedLoop, one: Unexplained) -> MissingEffort | None:
         missing=found.effort,
         law_x=one.knots,
         law=one.values,
-        law_text="shape without a law, free parameters aside",
+        law_text=f"shape without a law{aside}",
         lower=one.values - 1.96 * one.std,
         upper=one.values + 1.96 * one.std,
     )
@@ -57,6 +60,9 @@ def _unexplained(closed: ClosedLoop, one: Unexplained) -> MissingEffort | None:
 
 def _picture(closed: ClosedLoop, added: Added) -> MissingEffort | None:
     candidate = added.trial.candidate
+    formula = formula_of(candidate.function)
+    if formula is not None:
+        return _formula(closed, added, formula)
     graph = closed.corrected_graph
     if candidate.place.bond is not None or candidate.place.junction.kind != "1":
         return None
@@ -84,6 +90,36 @@ def _picture(closed: ClosedLoop, added: Added) -> MissingEffort | None:
         law_text=candidate.effect.law,
         lower=np.minimum(lower, upper),
         upper=np.maximum(lower, upper),
+    )
+
+
+def _formula(closed: ClosedLoop, added: Added, formula: Formula) -> MissingEffort | None:
+    """What is missing against the signal of a formula of one signal, and the formula through it."""
+    turn = round_of(closed, added)
+    signal = None if turn is None else next((one for one in turn.signals if (one.name,) == formula.signals), None)
+    if signal is None:
+        return None
+    logs = [log.log for log in closed.nominal_train.logs]
+    try:
+        found = missing_effort(closed.nominal_built, closed.corrected, logs, formula.place)
+    except FAILURES:
+        return None
+    together, values = np.concatenate(signal.values), closed.corrected.values
+    span = np.linspace(float(together.min()), float(together.max()), _POINTS)
+    name = added.coefficients[0]
+    curves = [formula.curve(values | {name: end}, span) for end in (values[name], *intervals(closed.corrected)[name])]
+    unit = f" [{signal.unit}]" if signal.unit else ""
+    return MissingEffort(
+        title=f"formula at {formula.place.label}",
+        x_label=f"{signal.name}{unit}",
+        y_label=f"missing {formula.variable} [{found.effort_unit}]",
+        x=together,
+        missing=found.effort,
+        law_x=span,
+        law=curves[0],
+        law_text=formula.text(values),
+        lower=np.minimum(curves[1], curves[2]),
+        upper=np.maximum(curves[1], curves[2]),
     )
 
 

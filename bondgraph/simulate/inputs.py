@@ -1,7 +1,8 @@
-"""Inputs over time: tables that run linearly or are held between their points, as each input declares.
+"""Inputs over time: tables that run linearly, are held or are band limited between points, as each input declares.
 
-Between two neighbouring break points every input is a straight line, so an integrator that starts anew at each of them
-never steps over a bend or a jump. An input that is the rate of another (a storage follows that one) is its slope there.
+A band-limited input is followed by short lines between its samples. Between two neighbouring break points every input
+is a straight line, so an integrator that starts anew at each of them never steps over a bend or a jump. An input that
+is the rate of another (a storage follows that one) is its slope there.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from bondgraph.arrays import BoolArray, FloatArray
+from bondgraph.data.band_limited import BAND_LIMITED, finer, finer_times, is_even
 from bondgraph.data.rates import slopes
 from bondgraph.errors import ModelError
 from bondgraph.simulate.model import Model
@@ -112,12 +114,14 @@ class InputSignal:
     def of_table(
         cls, model: Model, time: FloatArray, values: FloatArray, given: Container[str] | None = None
     ) -> InputSignal:
-        """Inputs of a model in its order, (n_u, n); the rates that are not ``given`` (None: all are) are filled in."""
-        values = values.copy()
-        names = model.names("input")
-        for row, info in enumerate(model.inputs):
-            if info.rate_of and given is not None and info.name not in given:
-                values[row] = slopes(time, values[names.index(info.rate_of)])
+        """Inputs of a model in its order, (n_u, n); the rates that are not ``given`` (None: all are) are filled in.
+
+        Band-limited inputs are interpolated where times are even; a table with uneven times is a drawn course, straight
+        between its points.
+        """
+        values = with_rates(model, time, values, given)
+        if limited_rows(model) and time.size > 2 and is_even(time):
+            time, values = _refined(model, time, values)
         return cls(time, values, hold_flags(model), rate_rows(model))
 
     def at(self, t: npt.ArrayLike) -> FloatArray:
@@ -185,7 +189,41 @@ class InputSignal:
 
 def hold_flags(model: Model) -> BoolArray:
     """Which inputs of a model are held between samples, shape (n_u,); the rate of one that runs linearly is."""
-    return np.array([info.interpolation != "linear" for info in model.inputs], dtype=np.bool_)
+    return np.array([info.interpolation == "hold" or bool(info.rate_of) for info in model.inputs], dtype=np.bool_)
+
+
+def limited_rows(model: Model) -> tuple[int, ...]:
+    """Positions of the inputs that are band limited."""
+    return tuple(row for row, info in enumerate(model.inputs) if info.interpolation == BAND_LIMITED)
+
+
+def limited_rates(model: Model) -> tuple[tuple[int, int], ...]:
+    """Positions of the rates of band-limited inputs, each with that of its input."""
+    names, limited = model.names("input"), limited_rows(model)
+    followed = [(row, names.index(info.rate_of)) for row, info in enumerate(model.inputs) if info.rate_of]
+    return tuple((row, source) for row, source in followed if source in limited)
+
+
+def with_rates(model: Model, time: FloatArray, values: FloatArray, given: Container[str] | None) -> FloatArray:
+    """Inputs (n_u, n) in which the rates that are not ``given`` (None: all are) are the slopes of what they follow."""
+    filled = values.copy()
+    names = model.names("input")
+    for row, info in enumerate(model.inputs):
+        if info.rate_of and given is not None and info.name not in given:
+            filled[row] = slopes(time, filled[names.index(info.rate_of)])
+    return filled
+
+
+def _refined(model: Model, time: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Finer times, and inputs of which those that are band limited are interpolated there."""
+    times, limited = finer_times(time), list(limited_rows(model))
+    between = InputSignal(time, values, hold_flags(model))._evaluate(
+        np.searchsorted(time, times, side="right") - 1, times
+    )
+    between[limited] = finer(values[limited])
+    for row, source in limited_rates(model):
+        between[row] = slopes(times, between[source])
+    return times, between
 
 
 def rate_rows(model: Model) -> tuple[int, ...]:

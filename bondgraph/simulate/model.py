@@ -19,6 +19,7 @@ import numpy.typing as npt
 
 from bondgraph.arrays import FloatArray
 from bondgraph.compile.loader import parse_module, require_function, run_module
+from bondgraph.data.band_limited import BAND_LIMITED
 from bondgraph.errors import ModelError, suggest
 from bondgraph.simulate.quantities import InputInfo, OutputInfo, ParameterInfo, StartInfo, StateInfo
 from bondgraph.simulate.rows import EventInfo, ModeInfo, events_of, input_rows, rows, shown_rows
@@ -354,9 +355,11 @@ def _check_rows(model: Model, source: str) -> None:
     for place, signal in enumerate(model.inputs):
         require(_is_finite(signal.default), signal.name, f"default {signal.default!r} is not a finite number")
         between = (
-            f"interpolation {signal.interpolation!r} is neither 'linear' nor 'hold' nor the rate of an earlier input"
+            f"interpolation {signal.interpolation!r} is neither 'linear' nor 'hold' nor 'band limited', nor the rate "
+            "of an earlier input"
         )
-        known = signal.rate_of in model.names("input")[:place] or signal.interpolation in ("linear", "hold")
+        ways = ("linear", "hold", BAND_LIMITED)
+        known = signal.rate_of in model.names("input")[:place] or signal.interpolation in ways
         require(known, signal.name, between)
     for parameter in model.parameters:
         require(_is_finite(parameter.value), parameter.name, f"value {parameter.value!r} is not a finite number")

@@ -32,7 +32,8 @@ class StartInfo:
 class InputInfo(Displayed):
     """One input: its default, how it runs between samples, and its letters if it is a code.
 
-    ``interpolation`` is ``linear``, ``hold``, or ``rate of NAME`` for the slope of another input, held between samples.
+    ``interpolation`` is ``linear``, ``hold``, ``band limited``, or ``rate of NAME`` for the slope of another input,
+    which is held between samples.
     ``zero_default`` tells a default of zero that is declared from none at all.
     """
 

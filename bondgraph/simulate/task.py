@@ -10,10 +10,11 @@ import numpy as np
 import numpy.typing as npt
 
 from bondgraph.arrays import FloatArray
+from bondgraph.data.band_limited import is_even
 from bondgraph.data.log import Log, MatchedLog
 from bondgraph.data.matching import match_recorded
 from bondgraph.errors import ModelError
-from bondgraph.simulate.inputs import InputSignal
+from bondgraph.simulate.inputs import InputSignal, limited_rows
 from bondgraph.simulate.model import Model
 
 #: Inputs as a signal, by name, as an array (n_u, n), or None for the defaults.
@@ -64,6 +65,13 @@ class Task:
 def _recorded(model: Model, log: Log | MatchedLog) -> tuple[InputSignal, Mapping[str, float]]:
     """The inputs in a log, and the parameters that it knows."""
     u, known = (log.u, log.theta_overrides) if isinstance(log, MatchedLog) else match_recorded(log, model)
+    limited = [model.names("input")[row] for row in limited_rows(model)]
+    if limited and not is_even(log.time):
+        raise ModelError(
+            f"{log.name}: input {limited[0]!r} is band limited, which its samples tell only at even times - resample "
+            "the log, or declare the input linear",
+            where=(log.name, *limited),
+        )
     return InputSignal.of_table(model, log.time, u), known
 
 

@@ -218,7 +218,7 @@ MALFORMED = [
     (["graph", "inputs", 0, "name"], 3, "name must be a text"),
     (["graph", "inputs", 0, "unit"], "Vlt", "unit 'Vlt' is not known"),
     (["graph", "inputs", 0, "default"], "x", "expected a number"),
-    (["graph", "inputs", 0, "interpolation"], "cubic", "use linear or hold"),
+    (["graph", "inputs", 0, "interpolation"], "cubic", "use linear, hold, band limited"),
     (["graph", "inputs", 0, "letters"], {"H": "x"}, "letter H"),
     (["graph", "inputs", 0, "letters"], 3, "letters must be an object"),
     (["graph", "parameters", 0, "value"], delattr, "key 'value' is missing"),

@@ -179,7 +179,9 @@ def choose(trials: Sequence[Trial], level: float) -> Trial | None:
 
 
 def _bic_gain(trial: Trial) -> float:
-    return -math.inf if trial.evidence is None else trial.evidence.bic_gain
+    if trial.evidence is None:
+        return -math.inf
+    return trial.evidence.bic_gain - (CLOSE if trial.candidate.effect.formula else 0.0)  # a known law is preferred
 
 
 def alternatives(

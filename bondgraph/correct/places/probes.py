@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
+from sympy import Expr
 
 from bondgraph.build import BuiltModel, model_of
 from bondgraph.correct.models.bonds import bond_model
@@ -20,7 +21,9 @@ from bondgraph.correct.scores.scoring import Linearisation
 from bondgraph.data.log import FloatArray
 from bondgraph.declare.editing import copy, handle
 from bondgraph.declare.effect import Place
+from bondgraph.declare.expressions import signal as variable_signal
 from bondgraph.declare.graph import BondGraph
+from bondgraph.declare.quantities import symbol
 from bondgraph.derive.causality import assign_causality, bond_labels
 from bondgraph.derive.derivation import Derivation
 from bondgraph.errors import BondGraphError
@@ -141,9 +144,10 @@ def shaped(change: Change, course: FloatArray) -> Change:
 
 
 def signals(built: BuiltModel, linear: Linearisation, where: Sequence[Place]) -> tuple[Signal, ...]:
-    """Quantities that something missing may depend on: flows of 1-junctions, efforts of 0-junctions, inputs, time.
+    """Quantities that something missing may depend on, those that move.
 
-    Rates of inputs are none: no law of a graph can name them.
+    Flows of 1-junctions, efforts of 0-junctions, displacements and momenta of storages, positions, inputs, time. Rates
+    of inputs are none: no law of a graph can name them.
     """
     model = bond_model(built.causal)
     labels = bond_labels(built.causal)
@@ -162,6 +166,7 @@ def signals(built: BuiltModel, linear: Linearisation, where: Sequence[Place]) ->
         unit = "" if place.domain is None else (place.domain.effort_unit if effort else place.domain.flow_unit)
         name = f"{'effort' if effort else 'flow'} of {place.label}"
         found.append(Signal(name, unit, tuple(rows[row] for rows in values)))
+    found += _stored(built, linear)
     for row, info in enumerate(linear.model.inputs):
         if not info.rate_of:
             found.append(Signal(info.name, info.unit, tuple(log.path.u[row] for log in linear.logs)))
@@ -169,16 +174,47 @@ def signals(built: BuiltModel, linear: Linearisation, where: Sequence[Place]) ->
     return tuple(signal for signal in found if _moves(signal))
 
 
+def _stored(built: BuiltModel, linear: Linearisation) -> list[Signal]:
+    """Displacements and momenta of storages, and positions that the graph integrates."""
+    found = []
+    for state in built.equations.states:
+        name = state.symbol.name
+        if state.variable in ("displacement", "momentum"):
+            name = f"{state.variable} of {state.element}"
+        elif state.variable != "integral":
+            continue  # the flow or effort of a junction
+        row = linear.model.index("state", state.symbol.name)
+        found.append(Signal(name, state.unit, tuple(log.path.before[row] for log in linear.logs)))
+    return found
+
+
+def argument(name: str) -> Expr:
+    """The expression of the signal that :func:`signals` gives this name.
+
+    Examples
+    --------
+    >>> argument("displacement of spring"), argument("time")
+    (displacement(spring), t)
+    """
+    variable, separator, node = name.partition(" of ")
+    if separator:
+        return variable_signal(variable, node)
+    return symbol("t" if name == "time" else name)
+
+
 def _moves(signal: Signal) -> bool:
     together = np.concatenate(signal.values)
     return bool(np.isfinite(together).all() and np.ptp(together) > 1e-9 * np.abs(together).max())
 
 
-def knots(signal: Signal, count: int) -> FloatArray:
-    """Distinct knots between which the signal is found about equally often."""
+def knots(signal: Signal, count: int, beyond: float = 0.5) -> FloatArray:
+    """Distinct knots between which the signal is found about equally often, ``beyond`` percent of it outside the ends.
+
+    Functions are held outside; with nothing beyond, every straight line is among them.
+    """
     together = np.concatenate(signal.values)
     spread = np.ptp(together)
-    shares = np.concatenate([[0.5], np.linspace(0.0, 100.0, count)[1:-1], [99.5]])
+    shares = np.concatenate([[beyond], np.linspace(0.0, 100.0, count)[1:-1], [100.0 - beyond]])
     placed = np.percentile(together, shares)
     kept = [placed[0]]
     for value in placed[1:]:

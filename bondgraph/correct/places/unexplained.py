@@ -16,20 +16,25 @@ import numpy as np
 from scipy import stats
 from sympy import Expr
 
-from bondgraph.correct.places.probes import Probe, Signal, Variable, hats, knots, shaped
+from bondgraph.correct.places.probes import Probe, Signal, Variable, argument, hats, knots, shaped
 from bondgraph.correct.responses.response import Change
 from bondgraph.correct.scores.score import SAME, Projected, best_step, solve
 from bondgraph.correct.scores.scoring import Linearisation
 from bondgraph.data.log import FloatArray
 from bondgraph.declare.effect import Effect, EffectFunction, Place
-from bondgraph.declare.expressions import signal as variable_signal
 from bondgraph.declare.functions import maximum, minimum
 from bondgraph.declare.graph import BondGraph
-from bondgraph.declare.quantities import symbol
 from bondgraph.filter.compiled import available_cores, in_threads
 
 #: Information left of an effect, beside a function without a law, below which the function contains it.
 _LEFT = 1e-4
+#: Functions of which free parameters leave less than this share of the information are theirs: exact twins leave up to
+#: 0.3 %, since a parameter acts where the filter stands after a measurement, a function where it stood before.
+_THEIRS = 1e-2
+#: A combination of knots with a smaller share of the information than this is one that no sample meets.
+_UNMET = 1e-9
+#: A parameter that takes at least this share of what the foremost takes of a function is named with it.
+_SHARED = 0.3
 #: Knots of a spline element.
 _KNOTS = 8
 #: A named effect is not needed beside a spline if what it adds is this likely by chance.
@@ -40,8 +45,9 @@ _NEEDLESS = 0.01
 class Unexplained:
     """What is missing at a place as a function of a signal, which no known effect explains.
 
-    ``knots``, ``values``, ``std`` (knots,): the shape in the unit of the missing variable, less what free parameters
-    take of it, and its standard deviation by blocks of time. ``gain`` in nats; ``p_value`` corrected for all functions
+    ``knots``, ``values``, ``std`` (knots,): the shape in the unit of the missing variable and its standard deviation by
+    blocks of time. What free parameters can take of it, ``taken`` by name, is left out: a straight line in the
+    displacement of a spring whose stiffness is free. ``gain`` in nats; ``p_value`` corrected for all functions
     tried. ``like`` names the places that explain it as well.
     """
 
@@ -56,6 +62,7 @@ class Unexplained:
     gain: float
     p_value: float
     like: tuple[str, ...] = ()
+    taken: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
         where = f"{self.variable} at {self.place.label} as a function of {self.signal}"
@@ -64,7 +71,10 @@ class Unexplained:
 
 @dataclass(frozen=True)
 class Spline:
-    """A function of one signal at one place that was tried: its values at the knots, their band, gain and p-value."""
+    """A function of one signal at one place that was tried: its values at the knots, their band, gain and p-value.
+
+    ``taken``: names of the free parameters that take a part of any such function, which the values leave out.
+    """
 
     probe: Probe
     signal: Signal
@@ -73,14 +83,15 @@ class Spline:
     std: FloatArray
     gain: float
     p_value: float
+    taken: tuple[str, ...] = ()
 
 
 def splines(linear: Linearisation, found: Sequence[Probe], known: Sequence[Signal]) -> tuple[Spline, ...]:
     """Score a function of every signal at every place; a sensor's error only as one of what it shows or of time."""
     tried: list[Spline] = []
     for probe in found:
-        wanted = [(one, knots(one, _KNOTS)) for one in known if probe.variable != "sensor" or one.name == "time"]
-        wanted = [(one, at) for one, at in wanted if at.size > 2]
+        allowed = [one for one in known if probe.variable != "sensor" or one.name == "time"]
+        wanted = [(one, at) for one in allowed if (at := knots(one, _KNOTS, beyond=0.0)).size > 2]
         tried += _each_scored(linear, probe, wanted)
     return tuple(tried)
 
@@ -110,9 +121,14 @@ def _columns(linear: Linearisation, probe: Probe, wanted: Sequence[tuple[Signal,
 
 def _scored(linear: Linearisation, probe: Probe, one: Signal, at: FloatArray, columns: FloatArray) -> Spline:
     projected = linear.projected(columns)
-    own = list(range(at.size))
-    step, gain, p_value = best_step(projected, own, np.zeros(at.size, dtype=bool))
-    return Spline(probe, one, at, step, _band(projected, own, step), gain, p_value)
+    kept, taken = beyond_free(linear, projected)
+    if taken:
+        projected = linear.projected(columns @ kept)
+    own = list(range(kept.shape[1]))
+    step, gain, p_value = best_step(projected, own, np.zeros(len(own), dtype=bool))
+    cov = _cov(projected, own, step)
+    values, variance = kept @ step, np.maximum(np.einsum("ij,jk,ik->i", kept, cov, kept), 0.0)
+    return Spline(probe, one, at, values, np.sqrt(variance), gain, p_value, taken)
 
 
 def distinct(known: Sequence[Signal]) -> list[Signal]:
@@ -147,18 +163,52 @@ def unexplained(tried: Sequence[Spline], measured: int, level: float) -> Unexpla
     ]
     return Unexplained(
         best.probe.place, best.probe.variable, best.signal.name, best.signal.unit, _unit(best.probe), best.knots,
-        best.values, best.std, best.gain, best.p_value * count, tuple(like),
+        best.values, best.std, best.gain, best.p_value * count, tuple(like), best.taken,
     )  # fmt: skip
 
 
-def _band(found: Projected, own: Sequence[int], step: FloatArray) -> FloatArray:
-    """Standard deviations of a function at its knots: the larger of those of white noise and of blocks of time."""
+def beyond_free(linear: Linearisation, found: Projected) -> tuple[FloatArray, tuple[str, ...]]:
+    """The functions that free parameters do not take, as an orthonormal basis (knots, kept), and who takes the others.
+
+    A free parameter that does to the sensors what some function of the signal would leaves nothing of it to be told.
+    The data fix no more of a shape than what is at right angles to these, at knots that are met about equally often.
+    """
+    size = found.score.size
+    whole = found.expansion.information[-size:, -size:]
+    scale = 1.0 / np.sqrt(np.maximum(np.diag(whole), np.finfo(float).tiny))
+    own = whole * np.outer(scale, scale)
+    values, vectors = np.linalg.eigh(own)
+    white = vectors[:, values > _UNMET * values[-1]]
+    white = white / np.sqrt(values[values > _UNMET * values[-1]])
+    left, turned = np.linalg.eigh(white.T @ (found.information * np.outer(scale, scale)) @ white)
+    lost = (scale[:, np.newaxis] * (white @ turned))[:, left < _THEIRS]
+    if not lost.shape[1] or lost.shape[1] == size:
+        return np.eye(size), ()
+    basis, _ = np.linalg.qr(lost, mode="complete")
+    return basis[:, lost.shape[1] :], _takers(linear, found, lost)
+
+
+def _takers(linear: Linearisation, found: Projected, lost: FloatArray) -> tuple[str, ...]:
+    """Names of the parameters that take most of each function (knots, lost)."""
+    fitted = linear.base
+    names = [fitted.problem.free[k] for k in np.flatnonzero(~fitted.held)]
+    told = np.sqrt(np.maximum(np.diag(found.expansion.information)[: len(names)], 0.0))
+    moved = np.abs(found.share @ lost) * told[:, np.newaxis]
+    parameters = [k for k, one in enumerate(names) if one.target.kind == "parameter"]
+    takers = [names[k].name for k in parameters if (moved[k] > _SHARED * moved[parameters].max(axis=0)).any()]
+    return tuple(takers)
+
+
+def _cov(found: Projected, own: Sequence[int], step: FloatArray) -> FloatArray:
+    """Covariance of a step: that of white noise, widened where blocks of time scatter more."""
     information = found.information[np.ix_(own, own)]
     bread = solve(information, np.eye(len(own)))
-    white = np.diag(bread)
     sums = found.sums(own, step)
     sums -= sums.mean(axis=0)
-    return np.sqrt(np.maximum(np.maximum(white, np.diag(bread @ (sums.T @ sums) @ bread)), 0.0))
+    blocks = bread @ (sums.T @ sums) @ bread
+    wider = np.sqrt(np.maximum(np.diag(blocks) / np.maximum(np.diag(bread), np.finfo(float).tiny), 1.0))
+    cov: FloatArray = bread * np.outer(wider, wider)
+    return cov
 
 
 def _unit(probe: Probe) -> str:
@@ -205,8 +255,8 @@ def table_effect(found: Unexplained) -> EffectFunction:
             g.parameter(f"{name}_{k}", 0.0, found.unit, f"missing at {knot:.4g} {found.signal_unit}", (-reach, reach))
             for k, knot in enumerate(found.knots)
         ]
-        argument = _argument(g, found.signal)
-        law = sum(point * hat for point, hat in zip(points, _hat_laws(argument, found.knots), strict=True))
+        hats_there = _hat_laws(argument(found.signal), found.knots)
+        law = sum(point * hat for point, hat in zip(points, hats_there, strict=True))
         if found.variable == "effort":
             g.effort_source(name, -law, at=at.junction)
         else:
@@ -216,14 +266,6 @@ def table_effect(found: Unexplained) -> EffectFunction:
 
     tabulated.__name__ = f"table_of_{found.signal.replace(' ', '_')}"
     return tabulated
-
-
-def _argument(g: BondGraph, name: str) -> Expr:
-    """The signal of a name that :func:`bondgraph.correct.places.probes.signals` gave."""
-    variable, separator, node = name.partition(" of ")
-    if separator:
-        return variable_signal(variable, node)
-    return symbol("t" if name == "time" else name)
 
 
 def _hat_laws(x: Expr, at: FloatArray) -> list[Expr]:

@@ -1,0 +1,184 @@
+"""The library of terms: what a formula may be made of, with the signals that each kind of term makes sense for.
+
+A term is a function of one signal, or a product of two, times a coefficient that carries the unit. Some have an inner
+parameter (a threshold, a reach, a period): it is tried at a few values and then estimated with the coefficient. The
+library is small on purpose, and searched whole: a best subset found by exhaustive search is the best one there is,
+which no greedy or thresholded regression promises. References: Brunton, Proctor and Kutz (2016), PNAS 113(15), for
+libraries of terms; Bertsimas, King and Mazumder (2016), Annals of Statistics 44(2), for best subsets by exact search.
+"""
+
+from __future__ import annotations
+
+import functools
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import sympy
+from sympy import Abs, Expr, Float, Symbol, cos, exp, sin, tanh
+
+from bondgraph.correct.places.probes import Signal, argument
+from bondgraph.data.log import FloatArray
+from bondgraph.declare.effect import SMOOTHING
+from bondgraph.declare.functions import maximum
+
+#: Shares of the samples below which a threshold is tried to lie.
+_THRESHOLDS = (15.0, 30.0, 50.0, 70.0, 85.0)
+#: Reaches of saturations and exponentials, as shares of the size of the signal.
+_REACHES = (0.1, 0.3, 1.0)
+#: Periods of a position, as shares of the way it takes in the logs: from one and a half turns to twelve.
+_TURNS = (1.5, 2.0, 3.0, 4.0, 6.0, 8.0, 12.0)
+#: A signal counts as a position where its name or its unit says so.
+_ANGLES = ("m", "rad")
+
+_X = Symbol("x", real=True)
+_TURN = Float(2.0 * math.pi)
+_SIZE, _INNER = Symbol("size", positive=True), Symbol("inner", real=True)
+
+
+@dataclass(frozen=True)
+class Kind:
+    """A kind of term: its laws in ``x`` (two for a wave of unknown phase), and what its inner parameter means.
+
+    ``power``: the coefficient has the unit of the missing variable over that of the signal to this power.
+    """
+
+    name: str
+    laws: tuple[Expr, ...]
+    power: int
+    inner: str = ""
+
+
+#: Kinds without an inner parameter; the width of a change of sign is that of smoothed dry friction.
+_PLAIN = (
+    Kind("line", (_X,), 1),
+    Kind("square", (_X**2,), 2),
+    Kind("cube", (_X**3,), 3),
+    Kind("fourth_power", (_X**4,), 4),
+    Kind("fifth_power", (_X**5,), 5),
+    Kind("magnitude", (Abs(_X),), 1),
+    Kind("signed_square", (_X * Abs(_X),), 2),
+    Kind("sign", (tanh(_X / (SMOOTHING * _SIZE)),), 0),
+)
+_THRESHOLD = (
+    Kind("step", ((1 + tanh((_X - _INNER) / (SMOOTHING * _SIZE))) / 2,), 0, "threshold"),
+    Kind("ramp_above", (maximum(_X - _INNER, Float(0.0)),), 1, "threshold"),
+    Kind("ramp_below", (maximum(_INNER - _X, Float(0.0)),), 1, "threshold"),
+)
+_REACH = (
+    Kind("saturation", (tanh(_X / _INNER),), 0, "reach"),
+    Kind("exponential", (exp(_X / _INNER) - 1,), 0, "reach"),
+    Kind("falling_exponential", (1 - exp(-_X / _INNER),), 0, "reach"),
+)
+_WAVE = Kind("wave", (sin(_TURN * _X / _INNER), cos(_TURN * _X / _INNER)), 0, "period")
+_PRODUCT = Kind("product", (_X,), 1)
+
+
+@dataclass(frozen=True)
+class Term:
+    """A term of a formula: a kind, the names and units of one or two signals, and the value of its inner parameter.
+
+    ``size`` is how large the signal becomes, ``inner`` where the inner parameter is tried, ``span`` its bounds.
+    """
+
+    kind: Kind
+    signals: tuple[str, ...]
+    units: tuple[str, ...]
+    size: float
+    inner: float = 0.0
+    span: tuple[float, float] = (0.0, 0.0)
+
+    @property
+    def name(self) -> str:
+        """Kind and signals as one identifier.
+
+        Examples
+        --------
+        >>> Term(_PLAIN[2], ("displacement of spring",), ("m",), 0.2).name
+        'cube_of_displacement_of_spring'
+        """
+        return f"{self.kind.name}_of_{'_and_'.join(self.signals)}".replace(" ", "_").replace(".", "_")
+
+    def laws(self, inner: Expr | float | None = None) -> tuple[Expr, ...]:
+        """The laws in signals of the graph, each for a coefficient of one; ``inner`` takes the place of its value."""
+        argument_of = [argument(one) for one in self.signals]
+        given = {_SIZE: Float(self.size), _INNER: Float(self.inner) if inner is None else inner}
+        product = argument_of[0] if len(argument_of) == 1 else argument_of[0] * argument_of[1]
+        return tuple(law.xreplace({**given, _X: product}) for law in self.kind.laws)
+
+    def courses(self, known: Sequence[Signal], log: int) -> FloatArray:
+        """The laws along one log, shape (laws, n)."""
+        return self.values(np.prod([_named(known, name).values[log] for name in self.signals], axis=0))
+
+    def values(self, argument: FloatArray, inner: float | None = None) -> FloatArray:
+        """The laws at values of the signal (n,), or of the product of two, shape (laws, n)."""
+        at = self.inner if inner is None else inner
+        with np.errstate(over="ignore"):
+            found = [np.broadcast_to(one(argument, self.size, at), argument.shape) for one in _numeric(self.kind)]
+        return np.array(found)
+
+
+def _named(known: Sequence[Signal], name: str) -> Signal:
+    return next(one for one in known if one.name == name)
+
+
+@functools.lru_cache(maxsize=64)
+def _numeric(kind: Kind) -> tuple[Callable[[FloatArray, float, float], FloatArray], ...]:
+    """The laws as functions of values, size and inner parameter."""
+    functions = [{"maximum": np.maximum}, "numpy"]
+    return tuple(sympy.lambdify((_X, _SIZE, _INNER), law, functions) for law in kind.laws)
+
+
+def library(known: Sequence[Signal], of: Signal) -> list[Term]:
+    """The terms in one signal, products with others included, each inner parameter at every value it is tried at.
+
+    Time is no argument of a law but through thresholds: what happens at a time is an event.
+    """
+    if of.name == "time":
+        return []
+    together = np.concatenate(of.values)
+    size = float(np.percentile(np.abs(together), 99.0))
+    if not size > 0.0:
+        return []
+    both = together.min() < 0.0 < together.max()
+    plain = [kind for kind in _PLAIN if both or kind.name not in ("magnitude", "signed_square", "sign")]
+    found = [Term(kind, (of.name,), (of.unit,), size) for kind in plain]
+    found += _with_thresholds(of, together, size) + _with_reaches(of, size)
+    if _is_position(of):
+        found += _waves(of, together, size)
+    return found + _products(known, of)
+
+
+def _with_thresholds(of: Signal, together: FloatArray, size: float) -> list[Term]:
+    span = (float(together.min()), float(together.max()))
+    at = [float(value) for value in np.percentile(together, _THRESHOLDS)]
+    return [Term(kind, (of.name,), (of.unit,), size, value, span) for kind in _THRESHOLD for value in at]
+
+
+def _with_reaches(of: Signal, size: float) -> list[Term]:
+    span = (0.03 * size, 10.0 * size)
+    return [Term(kind, (of.name,), (of.unit,), size, share * size, span) for kind in _REACH for share in _REACHES]
+
+
+def _waves(of: Signal, together: FloatArray, size: float) -> list[Term]:
+    way = float(np.ptp(together))
+    return [Term(_WAVE, (of.name,), (of.unit,), size, way / n, (way / n * 0.8, way / n * 1.25)) for n in _TURNS]
+
+
+def _products(known: Sequence[Signal], of: Signal) -> list[Term]:
+    """Products of the signal with each other one that comes after it, time left out."""
+    others = [one for one in known if one.name not in (of.name, "time")]
+    found = []
+    for one in others:
+        first, second = sorted((of, one), key=lambda signal: signal.name)
+        values = np.concatenate([a * b for a, b in zip(first.values, second.values, strict=True)])
+        size = float(np.percentile(np.abs(values), 99.0))
+        if size > 0.0:
+            found.append(Term(_PRODUCT, (first.name, second.name), (first.unit, second.unit), size))
+    return found
+
+
+def _is_position(of: Signal) -> bool:
+    """Whether a signal is a displacement or an integrated way, of which something may repeat."""
+    return of.unit in _ANGLES

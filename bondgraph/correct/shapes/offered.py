@@ -1,0 +1,214 @@
+"""Formulas as candidates of a round: made where a free function explains more than any law, refitted as every law is.
+
+A function without a law (:mod:`bondgraph.correct.places.unexplained`) says where something is missing and of which
+signals it is a function; only there terms of the library are tried. What the linearised filter singles out of their
+sums is refitted in the model, judged with the number of all sums that were tried, and offered beside the laws of the
+dictionary. A wrong relative of the truth no longer wins by being the only one. While a law of the dictionary passes,
+a formula of a single term is offered against it, since two laws at two places may look like one sum at one place.
+
+Reference for search in the region where a model fails, with an exact test of what is found: Ribeiro et al. (2026),
+library-based inference of structure-dependent dynamics (LISDD).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from bondgraph.build import BuiltModel
+from bondgraph.correct.evidence.context import Context
+from bondgraph.correct.evidence.decide import CLOSE, choose
+from bondgraph.correct.evidence.trials import Trial
+from bondgraph.correct.fits.fit import Report
+from bondgraph.correct.models.candidates import candidates
+from bondgraph.correct.places.located import LocatedAt
+from bondgraph.correct.places.probes import Probe, Signal
+from bondgraph.correct.places.unexplained import Spline, distinct, splines, unexplained
+from bondgraph.correct.scores.score import solve
+from bondgraph.correct.scores.scoring import Linearisation, Scored
+from bondgraph.correct.search.refit import refit_from
+from bondgraph.correct.shapes.formula import Formula
+from bondgraph.correct.shapes.subsets import MOST_TERMS, Sum, Terms, best_sums, scored_terms, tried
+
+#: Places at which functions are tried while a law of the dictionary passes, and where none does; signals of a formula.
+_PLACES, _ALL_PLACES, _SIGNALS = 3, 8, 4
+#: Scores are right to a factor of two: a function that promises less than this share of a law's gain is behind it.
+_WORTH = 0.4
+#: Places whose best function gains at least this share of the best of all get formulas, at most so many.
+_NEAR, _MOST_PLACES = 0.8, 2
+#: Formulas of one term that are refitted at each place, of those that promise about as much as the best, and of each
+#: number of terms beyond.
+_ALONE, _SUMS = 2, 1
+#: A law that is smaller than this nearly everywhere has no size.
+_SMALLEST = float(np.finfo(float).tiny)
+
+
+@dataclass(frozen=True)
+class Residual:
+    """What is left by a fitted model, and where it may come from."""
+
+    built: BuiltModel
+    linear: Linearisation
+    probed: Sequence[Probe]
+    signals: Sequence[Signal]
+    located: Sequence[LocatedAt]
+
+
+def with_formulas(
+    trials: Sequence[Trial], scored: Scored, left: Residual, context: Context, report: Report
+) -> list[Trial]:
+    """The trials, and the formulas that were refitted.
+
+    Parameters
+    ----------
+    trials
+        Laws of the dictionary with their scores, the best refitted.
+    scored
+        Scores of the laws that can be scored, with their responses.
+    left
+        The residual of the fit without them.
+    context
+        What refits start from.
+    report
+        Told of each refit.
+    """
+    law = choose(trials, context.level)
+    if law is not None and context.base.problem.filter_model.is_stiff:
+        return list(trials)  # a refit costs a compilation and minutes; what the law leaves is looked at in the end
+    known = distinct(left.signals)
+    functions = splines(left.linear, _suspects(left, _ALL_PLACES if law is None else _PLACES), known)
+    measured = sum(int(np.isfinite(log.y).sum()) for log in context.train)
+    found = unexplained(functions, measured, context.level)
+    if found is None or found.signal == "time" or found.gain < _WORTH * _promised(scored, law):
+        return list(trials)
+    options, counts = _options(functions, known, left, measured, 1 if law is not None else MOST_TERMS)
+    if law is not None and options and _says(law, options[0], scored, left):
+        return list(trials)
+    done = list(trials)
+    for k, (terms, one) in enumerate(options):
+        report("refit formulas", k, len(options))
+        made = _refitted(terms.probe, one, left, context, context.tried + counts[len(one.terms)])
+        done += made
+        if law is not None and made and not made[0].gain > law.gain + CLOSE:
+            break  # the foremost does not beat the law
+    report("refit formulas", len(options), len(options))
+    return done
+
+
+def _promised(scored: Scored, law: Trial | None) -> float:
+    """What the score of the law that passes promises, nats: right to a factor of two, as that of a function is."""
+    labels = [one.label for one in scored.candidates]
+    if law is None or law.candidate.label not in labels:
+        return 0.0
+    return float(scored.scores.gain[labels.index(law.candidate.label)])
+
+
+def _options(
+    functions: Sequence[Spline], known: Sequence[Signal], left: Residual, measured: int, most: int
+) -> tuple[list[tuple[Terms, Sum]], dict[int, int]]:
+    """Sums of terms worth a refit, of all places, the most promising first, and what counts as tried by their length.
+
+    Every length has an equal share in the chance of a false alarm, so that short sums are not judged by how many long
+    ones there are.
+
+    Each is worth more than the free function, by the Bayesian information criterion: what leaves a part of that is no
+    law of the shape.
+    """
+    found: list[tuple[Terms, Sum]] = []
+    counts = dict.fromkeys(range(1, most + 1), 0)
+    for one in _places(functions):
+        signals = [_signal(known, name) for name in _arguments(functions, one)]
+        terms = scored_terms(left.linear, one.probe, known, signals)
+        counts = {size: before + most * tried(terms, size) for size, before in counts.items()}
+        free = one.gain - 0.5 * one.knots.size * math.log(max(measured, 2))
+        sums = [chosen for chosen in best_sums(terms, measured, most, _ALONE) if chosen.worth > free]
+        found += [(terms, chosen) for chosen in _worthwhile(sums)]
+    return sorted(found, key=lambda option: -option[1].worth), counts
+
+
+def _says(law: Trial, option: tuple[Terms, Sum], scored: Scored, left: Residual) -> bool:
+    """Whether a law of the dictionary says the same as a term, in other words: it would lose next to nothing to it.
+
+    Of two responses with the correlation r one loses the share 1 - r^2 of its gain in the place of the other.
+    """
+    labels = [one.label for one in scored.candidates]
+    terms, one = option
+    if law.candidate.label not in labels:
+        return False
+    own = scored.columns[labels.index(law.candidate.label)]
+    shaped_like = terms.responses(left.linear, one, left.signals)
+    projected = left.linear.projected(np.concatenate([shaped_like, own], axis=1))
+    information, split = projected.information, shaped_like.shape[1]
+    inner, across = information[:split, :split], information[:split, split:]
+    kept = np.trace(solve(inner, across @ solve(information[split:, split:], across.T))) / split
+    return bool((1.0 - min(kept, 1.0)) * one.gain < CLOSE)
+
+
+def _suspects(left: Residual, most: int) -> list[Probe]:
+    """Probes of the junctions that explain most of the residual; a sensor's error is no law of the machine."""
+    order = [place.junction for place in left.located]
+    junctions = [probe for probe in left.probed if probe.variable != "sensor"]
+    return sorted(junctions, key=lambda probe: order.index(probe.place.label))[:most]
+
+
+def _places(functions: Sequence[Spline]) -> list[Spline]:
+    """The best function at each place that explains about as much as the best; of rigidly tied places one."""
+    best: dict[str, Spline] = {}
+    for one in sorted(functions, key=lambda one: -one.gain):
+        if one.signal.name != "time":
+            best.setdefault(one.probe.place.label, one)
+    ranked = list(best.values())
+    kept: list[Spline] = []
+    for one in ranked:
+        twin = any(one.signal.name == other.signal.name and other.gain - one.gain < CLOSE for other in kept)
+        if one.gain >= _NEAR * ranked[0].gain and not twin:
+            kept.append(one)
+    return kept[:_MOST_PLACES]
+
+
+def _arguments(functions: Sequence[Spline], best: Spline) -> list[str]:
+    """Names of the signals of which functions explain most at a place."""
+    own = [one for one in functions if one.probe is best.probe and one.signal.name != "time"]
+    return [one.signal.name for one in sorted(own, key=lambda one: -one.gain)][:_SIGNALS]
+
+
+def _signal(known: Sequence[Signal], name: str) -> Signal:
+    return next(one for one in known if one.name == name)
+
+
+def _worthwhile(sums: Sequence[Sum]) -> list[Sum]:
+    """Sums of one term that promise about as much as the best, and longer ones that promise clearly more."""
+    alone = [one for one in sums if len(one.terms) == 1]
+    best = max((one.gain for one in alone), default=0.0)
+    kept = [one for one in alone if one.gain >= _NEAR * best][:_ALONE]
+    worth = max((one.worth for one in alone), default=0.0)
+    for size in range(2, MOST_TERMS + 1):
+        longer = [one for one in sums if len(one.terms) == size and one.worth > worth + CLOSE][:_SUMS]
+        kept += longer
+        worth = max([worth, *(one.worth for one in longer)])
+    return kept
+
+
+def _refitted(probe: Probe, found: Sum, left: Residual, context: Context, count: int) -> list[Trial]:
+    """The trial of a sum of terms as a formula, refitted; none where the graph has no room for it."""
+    formula = formula_at(probe, found, left.signals)
+    made, _ = candidates(left.built, [formula.effect()], [probe.place])
+    if not made:
+        return []
+    trial = Trial(made[0], found.gain, tuple(map(float, found.step)))
+    start = [float(value) for value in found.step]
+    return [trial.attempted(lambda: refit_from(trial, start, context, tried=count))]
+
+
+def formula_at(probe: Probe, found: Sum, known: Sequence[Signal]) -> Formula:
+    """The formula of a sum of terms at the place of a probe."""
+    domain = probe.place.domain
+    unit = "" if domain is None else domain.effort_unit if probe.variable == "effort" else domain.flow_unit
+    courses = [
+        np.concatenate([term.courses(known, log) for log in range(len(probe.changes))], axis=1) for term in found.terms
+    ]
+    sizes = [max(float(np.percentile(np.abs(law), 99.0)), _SMALLEST) for laws in courses for law in laws]
+    return Formula(probe.place, probe.variable, unit, found.terms, tuple(sizes))

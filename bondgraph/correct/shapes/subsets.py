@@ -1,0 +1,162 @@
+"""Best subsets of the library at a place: every sum of up to three terms, by what the linearised filter tells of them.
+
+The responses of the innovations to all terms, free parameters taken out, give score and information of every sum at
+once: its gain is r' D^-1 r / 2, so that sums are searched exhaustively without a refit. What the free parameters of the
+model can take is left of no term: a line in the displacement of a spring whose stiffness is free is not offered.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from bondgraph.correct.places.probes import Probe, Signal, shaped
+from bondgraph.correct.responses.response import Change
+from bondgraph.correct.scores.score import Projected
+from bondgraph.correct.scores.scoring import Linearisation
+from bondgraph.correct.shapes.library import Term, library
+from bondgraph.data.log import FloatArray
+
+#: Terms of a sum at most.
+MOST_TERMS = 3
+#: Sums of three are made of so many terms, those that gain most alone or beside the best: more are more than 2300 sums.
+_OF_THREE = 25
+#: Information left of a term beside free parameters, below which they take it: that of exact twins is up to 0.3 %.
+_LEFT = 1e-2
+#: Sums whose least eigenvalue of scaled information is below this are one term but for rounding.
+_ALIKE = 1e-6
+
+
+@dataclass(frozen=True)
+class Sum:
+    """A sum of terms: their coefficients as the linear filter estimates them (laws,), and its gain in nats.
+
+    ``worth`` is the gain less half a logarithm of the measurements for every parameter, and less the logarithm of how
+    many sums of so many terms were tried.
+    """
+
+    terms: tuple[Term, ...]
+    step: FloatArray
+    gain: float
+    worth: float
+
+
+@dataclass(frozen=True)
+class Terms:
+    """The terms of a library at one place with their scores; ``edges`` (terms + 1,) are the columns of each."""
+
+    probe: Probe
+    terms: tuple[Term, ...]
+    edges: FloatArray
+    score: FloatArray
+    information: FloatArray
+
+    def columns(self, chosen: Sequence[int]) -> list[int]:
+        """Columns of some terms."""
+        return [column for k in chosen for column in range(int(self.edges[k]), int(self.edges[k + 1]))]
+
+    def responses(self, linear: Linearisation, chosen: Sum, known: Sequence[Signal]) -> FloatArray:
+        """Responses (n_terms, laws) to the laws of a sum."""
+        return _responses(linear, self.probe, chosen.terms, known)
+
+
+def scored_terms(linear: Linearisation, probe: Probe, known: Sequence[Signal], of: Sequence[Signal]) -> Terms:
+    """The terms in some signals at one place, those of which free parameters leave something."""
+    terms = list({(one.name, one.inner): one for signal in of for one in library(known, signal)}.values())
+    sizes = [len(term.kind.laws) for term in terms]
+    columns = _responses(linear, probe, terms, known)
+    projected = linear.projected(columns)
+    whole = np.diag(projected.expansion.information)[-columns.shape[1] :] if columns.shape[1] else np.empty(0)
+    left = np.diag(projected.information) > _LEFT * np.maximum(whole, np.finfo(float).tiny)
+    edges = np.cumsum([0, *sizes])
+    kept = [k for k in range(len(terms)) if left[edges[k] : edges[k + 1]].all()]
+    return _only(Terms(probe, tuple(terms), edges, projected.score, projected.information), kept, projected)
+
+
+def _responses(linear: Linearisation, probe: Probe, terms: Sequence[Term], known: Sequence[Signal]) -> FloatArray:
+    """Responses (n_terms, laws) to the laws of terms; none where a term grows beyond all numbers."""
+
+    def one_term(part: int, log: int) -> Change:
+        return shaped(probe.changes[log], terms[part].courses(known, log))
+
+    columns, _ = linear.responses([len(term.kind.laws) for term in terms], one_term)
+    columns[:, ~np.isfinite(columns).all(axis=0)] = 0.0
+    return columns
+
+
+def _only(every: Terms, kept: Sequence[int], projected: Projected) -> Terms:
+    """The terms that are kept."""
+    rows = every.columns(kept)
+    sizes = [len(every.terms[k].kind.laws) for k in kept]
+    return Terms(
+        every.probe, tuple(every.terms[k] for k in kept), np.cumsum([0, *sizes]), projected.score[rows],
+        projected.information[np.ix_(rows, rows)],
+    )  # fmt: skip
+
+
+def best_sums(found: Terms, measured: int, most: int = MOST_TERMS, each: int = 4) -> list[Sum]:
+    """The best sums of one term, of two, up to ``most``; ``each`` of every length, the best first.
+
+    Of sums that differ in an inner parameter alone the best is kept.
+    """
+    listed: list[Sum] = []
+    for size in range(1, most + 1):
+        ranked = sorted(_of_size(found, size, measured), key=lambda one: -one.worth)
+        kept: dict[tuple[str, ...], Sum] = {}
+        for one in ranked:
+            kept.setdefault(tuple(term.name for term in one.terms), one)
+        listed += list(kept.values())[:each]
+    return listed
+
+
+def tried(found: Terms, size: int) -> int:
+    """How many sums of so many terms there are."""
+    return math.comb(len(found.terms), size) if len(found.terms) >= size else 0
+
+
+def _of_size(found: Terms, size: int, measured: int) -> Iterator[Sum]:
+    pool = range(len(found.terms)) if size < MOST_TERMS else _foremost(found)
+    among = math.log(max(tried(found, size), 1))
+    for chosen in itertools.combinations(pool, size):
+        terms = tuple(found.terms[k] for k in chosen)
+        if len({term.name for term in terms}) < size:
+            continue
+        rows = found.columns(chosen)
+        told = _best(found.score[rows], found.information[np.ix_(rows, rows)])
+        if told is None:
+            continue
+        step, gain = told
+        parameters = len(rows) + sum(bool(term.kind.inner) for term in terms)
+        yield Sum(terms, step, gain, gain - 0.5 * parameters * math.log(max(measured, 2)) - among)
+
+
+def _best(score: FloatArray, information: FloatArray) -> tuple[FloatArray, float] | None:
+    """Step and gain of some columns together; None where they are one but for rounding."""
+    scale = 1.0 / np.sqrt(np.diag(information))
+    values, vectors = np.linalg.eigh(information * np.outer(scale, scale))
+    if values[0] < _ALIKE:
+        return None
+    step = scale * (vectors @ ((vectors.T @ (scale * score)) / values))
+    return step, 0.5 * float(score @ step)
+
+
+def _foremost(found: Terms) -> list[int]:
+    """Terms for sums of three: those that gain most alone, and most beside the one that does."""
+    alone = [_gain(found, [k]) for k in range(len(found.terms))]
+    order = list(np.argsort(alone)[::-1])
+    if not order:
+        return []
+    beside = [_gain(found, [order[0], k]) if k != order[0] else np.inf for k in range(len(found.terms))]
+    second = list(np.argsort(beside)[::-1])
+    mixed = dict.fromkeys(int(k) for pair in zip(order, second, strict=True) for k in pair)
+    return list(mixed)[:_OF_THREE]
+
+
+def _gain(found: Terms, chosen: Sequence[int]) -> float:
+    rows = found.columns(chosen)
+    told = _best(found.score[rows], found.information[np.ix_(rows, rows)])
+    return 0.0 if told is None else told[1]
