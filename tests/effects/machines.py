@@ -111,11 +111,11 @@ def plate() -> bg.BondGraph:
 
 
 def plate_rates(effect: bool) -> Rates:
-    """Temperature as state; the plate's emissivity rises with temperature, as that of metals does."""
+    """Temperature as state; what the plate radiates as a conductance that grows with both temperatures."""
 
     def rates(x: FloatArray, u: FloatArray) -> Sequence[float]:
-        hot, cold = x[0] / 1000.0, u[1] / 1000.0
-        glow = 1800.0 * (hot**4.2 - cold**4.2) if effect else 0.0
+        hot, cold = x[0], u[1]
+        glow = 0.03 * 5.670374e-8 * (hot + cold) * (hot**2 + cold**2) * (hot - cold) if effect else 0.0
         return [(u[0] - 1.5 * (x[0] - u[1]) - glow) / 500.0]
 
     return rates
