@@ -10,7 +10,7 @@ losses       in proportion to the load, by direction, creep, slip, leaks, thresh
 thermal      heat given away by conduction, convection, radiation; a heat capacity that changes
 between      leaks and friction between two junctions of one domain
 loads        constant efforts and flows, headwind, ripple
-actuators    wrong scale, lag, ceiling, dead zone, rate of what follows a command
+actuators    wrong scale and lag of sources and ratios, ceiling, dead zone, rate of what follows a command
 storages     added inertia, capacity, compliance; backlash, stops, springs that harden, iron that saturates
 fading       resistances that change with temperature
 sensors      faults of sensors, which the loop itself tries beside these
@@ -53,6 +53,8 @@ from bondgraph.effects.storages import hardening_spring as hardening_spring
 from bondgraph.effects.storages import magnetic_saturation as magnetic_saturation
 from bondgraph.effects.storages import one_sided_stop as one_sided_stop
 from bondgraph.effects.storages import progressive_spring as progressive_spring
+from bondgraph.effects.actuators import ratio_lag as ratio_lag
+from bondgraph.effects.actuators import ratio_scale as ratio_scale
 from bondgraph.effects.actuators import actuator_ceiling as actuator_ceiling
 from bondgraph.effects.actuators import actuator_dead_zone as actuator_dead_zone
 from bondgraph.effects.actuators import actuator_rate_limit as actuator_rate_limit

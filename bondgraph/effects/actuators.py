@@ -10,6 +10,8 @@ Nonlinearities, chapter 2, for dead zones; Hippe (2006), Windup in Control, chap
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from sympy import tanh
 
 from bondgraph.declare.effect import Effect, Place
@@ -25,33 +27,53 @@ _CEILING = "Hippe (2006), Windup in Control, chapter 1"
 _DEAD_ZONE = "Tao, Kokotovic (1996), Adaptive Control of Systems with Actuator and Sensor Nonlinearities, chapter 2"
 #: What an element of each kind gives.
 _GIVES = {"Se": "effort", "Sf": "flow", "R": "effort", "TF": "modulus", "GY": "modulus"}
+#: Sources and resistances, which give an effort or a flow.
+_SOURCES = ("Se", "Sf", "R")
 #: Within this share of its range a rate-limited command follows by a lag and not at its largest rate.
 _NEAR = 0.02
 
 
 def actuator_scale(g: BondGraph, at: Place) -> Effect | None:
-    """An actuator whose map is wrong by a factor: a torque model, a calibration, a ratio."""
-    found = [node for node, _ in commanded(g, at, tuple(_GIVES)) if node.law(_GIVES[node.kind]) is not None]
+    """An actuator whose map is wrong by a factor: a torque model, a calibration."""
+    return _scaled(g, at, "actuator_scale", _SOURCES)
+
+
+def ratio_scale(g: BondGraph, at: Place) -> Effect | None:
+    """A commanded ratio that is wrong by a factor: a gear's teeth, a pump's displacement, a motor's constant."""
+    return _scaled(g, at, "ratio_scale", TWO_PORTS)
+
+
+def _scaled(g: BondGraph, at: Place, effect: str, kinds: Sequence[str]) -> Effect | None:
+    found = [node for node, _ in commanded(g, at, kinds) if node.law(_GIVES[node.kind]) is not None]
     if not found:
         return None
     node = found[0]
-    name = f"actuator_scale_{at.name}"
+    name = f"{effect}_{at.name}"
     share = g.parameter(f"s_{name}", 0.0, "1", f"share by which {node.name} is stronger", (-0.6, 0.6))
     given = _GIVES[node.kind]
     revise_law(g, node.name, given, lambda old: (1 + share) * old)
     return Effect(
-        "actuator_scale", node.name, f"{given} = (1 + s)*declared", (share.name,), reference=_ENGINE,
+        effect, node.name, f"{given} = (1 + s)*declared", (share.name,), reference=_ENGINE,
         manoeuvre="the command at several levels",
     )  # fmt: skip
 
 
 def actuator_lag(g: BondGraph, at: Place) -> Effect | None:
     """A command that acts late, by a first-order lag: manifold filling, brake pressure, a current controller."""
-    found = _first(g, at)
+    return _lagging(g, at, "actuator_lag", _SOURCES)
+
+
+def ratio_lag(g: BondGraph, at: Place) -> Effect | None:
+    """A commanded ratio that follows late: a gear that shifts, a variable pump or belt, a field that builds up."""
+    return _lagging(g, at, "ratio_lag", TWO_PORTS)
+
+
+def _lagging(g: BondGraph, at: Place, effect: str, kinds: Sequence[str]) -> Effect | None:
+    found = _first(g, at, kinds)
     if found is None:
         return None
     node, command = found
-    name = f"actuator_lag_{at.name}"
+    name = f"{effect}_{at.name}"
     lag = g.parameter(f"T_{name}", 0.1, "s", f"time in which {node.name} follows its command", (5e-3, 2.0))
     own = command.symbol
     given = g.integral(
@@ -60,7 +82,7 @@ def actuator_lag(g: BondGraph, at: Place) -> Effect | None:
     )  # fmt: skip
     replace_input(g, command.name, given)
     return Effect(
-        "actuator_lag", node.name, "command follows by dx/dt = (u - x)/T", (lag.name,), adds_state=True,
+        effect, node.name, "command follows by dx/dt = (u - x)/T", (lag.name,), adds_state=True,
         amplitudes=(0.35, 0.65), reference=_ENGINE, manoeuvre="steps of the command",
     )  # fmt: skip
 
@@ -119,10 +141,10 @@ def actuator_rate_limit(g: BondGraph, at: Place) -> Effect | None:
     )  # fmt: skip
 
 
-def _first(g: BondGraph, at: Place) -> tuple[Node, Input] | None:
+def _first(g: BondGraph, at: Place, kinds: Sequence[str]) -> tuple[Node, Input] | None:
     """The first element here that follows a command, where no element before it does: it stands for all of them."""
     nodes = g.flatten().nodes.values()
-    for node, command in commanded(g, at, tuple(_GIVES)):
+    for node, command in commanded(g, at, kinds):
         followers = (one.name for one in nodes if one.kind in _GIVES and command in commands(g, one))
         if next(followers, "") == node.name:
             return node, command

@@ -6,7 +6,7 @@ Permanent-Magnet Motor Design, chapter 7, for cogging.
 
 from __future__ import annotations
 
-from sympy import Abs, Function, cos, sin
+from sympy import Abs, Expr, Function, cos, sin
 
 from bondgraph.declare.domains import ROTATION
 from bondgraph.declare.effect import Effect, Place
@@ -127,17 +127,22 @@ def drifting_load(g: BondGraph, at: Place) -> Effect | None:
 
 
 def ripple(g: BondGraph, at: Place) -> Effect | None:
-    """A torque that repeats with the angle: cogging of magnets, a bent shaft, teeth, a universal joint.
+    """A torque that repeats with an angle that the graph integrates: cogging of magnets, teeth, a universal joint."""
+    angle = position_at(g, at) if has_flow(at) and at.domain == ROTATION else None
+    return None if angle is None else _repeating(g, at, "ripple", angle[0])
 
-    The angle is the declared integral of the speed; where a rotor has none it is added, and starts at zero.
-    """
-    if not has_flow(at) or at.domain != ROTATION:
+
+def cogging(g: BondGraph, at: Place) -> Effect | None:
+    """A torque that repeats with the angle of a rotor, which is added to the graph and starts at zero."""
+    known = position_at(g, at) if has_flow(at) and at.domain == ROTATION else None
+    if known is not None or not has_flow(at) or at.domain != ROTATION or not elements_at(g, at, "I"):
         return None
-    angle = position_at(g, at)
-    if angle is None and not elements_at(g, at, "I"):
-        return None
-    name = f"ripple_{at.name}"
-    turned = g.integral(f"angle_{name}", at.junction.flow, "rad", f"angle of {at.label}") if angle is None else angle[0]
+    turned = g.integral(f"angle_cogging_{at.name}", at.junction.flow, "rad", f"angle of {at.label}")
+    return _repeating(g, at, "cogging", turned)
+
+
+def _repeating(g: BondGraph, at: Place, effect: str, turned: Expr) -> Effect:
+    name = f"{effect}_{at.name}"
     limit = at.scale.effort
     unit, bounds = effort_unit(at), (-limit, limit)
     sine = g.parameter(f"sine_{name}", 0.0, unit, "amplitude of the sine", bounds)
@@ -145,7 +150,7 @@ def ripple(g: BondGraph, at: Place) -> Effect | None:
     order = g.parameter(f"order_{name}", 1.0, "1", "periods in a turn", (0.5, 2.0 * _ORDERS[-1]))
     g.effort_source(name, -sine * sin(order * turned) - cosine * cos(order * turned), at=at.junction)
     return Effect(
-        "ripple", name, "effort = a*sin(n*angle) + b*cos(n*angle)", (sine.name, cosine.name), shapes=(order.name,),
+        effect, name, "effort = a*sin(n*angle) + b*cos(n*angle)", (sine.name, cosine.name), shapes=(order.name,),
         grids=((order.name, _ORDERS),), reference=_COGGING, manoeuvre="slow turning without load, over several turns",
     )  # fmt: skip
 

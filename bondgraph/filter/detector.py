@@ -89,8 +89,9 @@ class ChangeDetector:
     >>> round(detector.threshold, 2)  # log(2 changes times 72000 samples)
     11.88
     >>> time = np.arange(120) * 0.05
-    >>> phase = np.where(time < 3.0, 3.13 * time, 3.13 * 3.0 + 2.56 * (time - 3.0))  # its length changes at 3 s
-    >>> y = 0.3 * np.cos(phase)[np.newaxis]
+    >>> before = bg.simulate(swing.model, time[:61], x0={"angle": 0.1})
+    >>> after = bg.simulate(swing.model, time[60:], theta={"length": 1.5}, x0=before.x[:, -1])  # from 3 s on
+    >>> y = np.hstack([before.y[:, :-1], after.y])
     >>> found = detector.watch(bg.MatchedLog("swing", time, np.zeros((1, 120)), y))
     >>> found.alarm, 3.0 < found.alarm_time < 4.5
     ('longer', True)

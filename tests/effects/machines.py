@@ -13,6 +13,7 @@ from scipy.integrate import solve_ivp
 
 import bondgraph as bg
 from bondgraph.data.log import FloatArray, MatchedLog
+from bondgraph.declare.expressions import signal
 
 #: Rates of change of the states at (t, x) for inputs at t.
 Rates = Callable[[FloatArray, FloatArray], Sequence[float]]
@@ -110,18 +111,18 @@ def plate() -> bg.BondGraph:
 
 
 def plate_rates(effect: bool) -> Rates:
-    """Temperature as state; the plate's emissivity rises with temperature, as that of metals does."""
+    """Temperature as state; what the plate radiates as a conductance that grows with both temperatures."""
 
     def rates(x: FloatArray, u: FloatArray) -> Sequence[float]:
-        hot, cold = x[0] / 1000.0, u[1] / 1000.0
-        glow = 1800.0 * (hot**4.2 - cold**4.2) if effect else 0.0
+        hot, cold = x[0], u[1]
+        glow = 0.03 * 5.670374e-8 * (hot + cold) * (hot**2 + cold**2) * (hot - cold) if effect else 0.0
         return [(u[0] - 1.5 * (x[0] - u[1]) - glow) / 500.0]
 
     return rates
 
 
 PLATE = Machine(
-    plate, plate_rates, [293.0], lambda x, effect: x, [0.3],
+    plate, plate_rates, [293.0], lambda x, effect: x, [1.0],
     lambda time, chance: np.array([steps(time, chance, 0.0, 1500.0, 300.0), 293.0 + 0.0 * time]), 10.0, 500,
     frozenset({"radiation at body"}),
 )  # fmt: skip
@@ -134,7 +135,7 @@ def cylinder() -> bg.BondGraph:
     front, back = g.input("front_flow", "m^3/s"), g.input("back_flow", "m^3/s")
     piston = g.one_junction("piston", bg.TRANSLATION)
     area = g.parameter("area", 1e-3, "m^2", "area of the piston")
-    stiff = g.parameter("k", 5e11, "Pa/m^3", "stiffness of the fluid", (1e11, 2e12))
+    stiff = g.parameter("k", 5e10, "Pa/m^3", "stiffness of the fluid", (1e10, 2e11))
     for name, flow, sign in (("front", front, 1), ("back", back, -1)):
         chamber = g.zero_junction(name, bg.HYDRAULIC)
         g.flow_source(f"valve_{name}", flow, at=chamber)
@@ -156,7 +157,7 @@ def cylinder_rates(effect: bool) -> Rates:
         across = (front - back) / 1e6
         leak = 4e-5 * across * (across**2 + 1e-4) ** -0.05 if effect else 0.0
         return [
-            4e11 * (u[0] - leak - 1e-3 * v), 4e11 * (u[1] + leak + 1e-3 * v),
+            4e10 * (u[0] - leak - 1e-3 * v), 4e10 * (u[1] + leak + 1e-3 * v),
             (1e-3 * (front - back) - 2500.0 * v - 5e4 * q) / 50.0, v,
         ]  # fmt: skip
 
@@ -171,7 +172,7 @@ def cylinder_flows(time: FloatArray, chance: np.random.Generator) -> FloatArray:
 
 CYLINDER = Machine(
     cylinder, cylinder_rates, [0.0, 0.0, 0.0, 0.0], lambda x, effect: x[:3], [1e4, 1e4, 5e-4],
-    cylinder_flows, 0.01, 800,
+    cylinder_flows, 0.01, 500,
     frozenset({"leakage_between at front and back", "orifice_between at front and back"}),
 )  # fmt: skip
 
@@ -186,14 +187,8 @@ def leaf() -> bg.BondGraph:
     g.inertance("inertia", g.parameter("m", 0.5, "kg", "mass", (0.1, 2.0)), at=mass, state="v")
     g.compliance("leaf", g.parameter("k", 200.0, "N/m", "stiffness", (50.0, 800.0)), at=mass, state="x")
     g.resistance("air", g.parameter("d", 0.6, "N s/m", "damping", (0.05, 5.0)), at=mass)
-    g.measure("way", bg_displacement("leaf"), "m")
+    g.measure("way", signal("displacement", "leaf"), "m")
     return g
-
-
-def bg_displacement(element: str) -> object:
-    from bondgraph.declare.expressions import signal
-
-    return signal("displacement", element)
 
 
 def leaf_rates(effect: bool) -> Rates:
@@ -262,7 +257,7 @@ WINCH = Machine(
         8.0 + steps(time, chance, -3.0, 3.0, 2.1),
         np.where(time < 1.0, 1.5, steps(time, chance, 0.7, 3.0, 1.7)),
     ]), 0.05, 800,
-    frozenset({"actuator_lag at motor"}),
+    frozenset({"ratio_lag at motor"}),
 )  # fmt: skip
 
 MACHINES: Mapping[str, Machine] = {
