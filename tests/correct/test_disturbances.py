@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -83,3 +84,23 @@ def test_a_wind_that_lasts_is_described_with_its_size_and_its_correlation_time()
 
 def test_without_a_wind_there_is_none() -> None:
     assert closed(0.0).verdict == "no missing effect" and not closed(0.0).added
+
+
+def test_noise_of_a_sensor_with_a_memory_is_no_wind() -> None:
+    """An amplifier that hums: nothing moves the cart."""
+    rng = np.random.default_rng(5)
+    logs = []
+    for seed in (1, 2):
+        log = driven(seed, 0.0)
+        hum = np.empty(log.time.size)
+        hum[0] = 0.0
+        kept = float(np.exp(-STEP / 0.2))
+        for k in range(1, hum.size):
+            hum[k] = kept * hum[k - 1] + 0.05 * np.sqrt(1.0 - kept**2) * rng.standard_normal()
+        logs.append(replace(log, y=log.y + hum))
+    found = close_loop(cart(), logs, [], (effects.quadratic_loss, effects.coulomb_loss), LoopSettings())
+    assert found.verdict == "disturbance"
+    (added,) = found.added
+    assert added.trial.candidate.place.label == "sensor speed"
+    told = described(added.trial, found.corrected)
+    assert told.size == pytest.approx(0.05, rel=0.2) and told.seconds == pytest.approx(0.2, rel=0.4)

@@ -23,6 +23,7 @@ from scipy import stats
 
 from bondgraph.build import BuiltModel, build
 from bondgraph.correct.evidence.context import at_optimum
+from bondgraph.correct.evidence.decide import CLOSE
 from bondgraph.correct.evidence.trials import Evidence, Trial
 from bondgraph.correct.fits.assess import gain_p_value
 from bondgraph.correct.fits.excerpts import excerpt
@@ -38,7 +39,7 @@ from bondgraph.declare.editing import copy, handle
 from bondgraph.declare.effect import Effect, EffectFunction, Place, Scale
 from bondgraph.declare.elements import Node
 from bondgraph.declare.graph import BondGraph
-from bondgraph.declare.revision import replace_signal
+from bondgraph.declare.revision import replace_signal, revise_output
 from bondgraph.errors import DataError
 from bondgraph.estimate.free import FreeParameter
 from bondgraph.estimate.problem import EstimationProblem
@@ -85,8 +86,11 @@ def disturbances(
     tests = whiteness(base, train)
     if not any(test.p_value * len(tests) < level for test in tests):
         return None
-    states = _driven_states(base)
-    made = [one for one in (_candidate(built, base, train, name) for name in states) if one is not None]
+    coloured = [test.channel for test in tests if test.p_value * len(tests) < level]
+    made = [
+        *(one for one in (_candidate(built, train, name) for name in _driven_states(base)) if one is not None),
+        *(one for one in (_at_sensor(built, train, name) for name in coloured) if one is not None),
+    ]
     trials = [
         attempted(
             lambda one=one, state=state: _estimated(  # type: ignore[misc]
@@ -97,7 +101,13 @@ def disturbances(
         for one, state in made
     ]
     passed = [one for one in trials if one.evidence is not None and one.evidence.accepted(level)]
-    return max(passed, key=lambda one: one.gain, default=None)
+    return max(passed, key=_worth, default=None)
+
+
+def _worth(trial: Trial) -> float:
+    """Nats beyond the penalty; what the machine could do as well is not blamed on a sensor."""
+    assert trial.evidence is not None  # it was estimated
+    return trial.evidence.bic_gain - (CLOSE if trial.candidate.effect.channel else 0.0)
 
 
 def described(trial: Trial, fitted: Fit) -> Disturbance:
@@ -123,13 +133,20 @@ def _driven_states(base: Fit) -> list[str]:
     return [problem.free[rows[k]].target.name for k in order if not lost[k] < need]
 
 
-def _candidate(built: BuiltModel, base: Fit, train: Sequence[MatchedLog], state: str) -> tuple[Candidate, str] | None:
+def _candidate(built: BuiltModel, train: Sequence[MatchedLog], state: str) -> tuple[Candidate, str] | None:
     """The disturbance in the place of the white noise of a state; None where there is no place for it."""
     node = _storage_of(built, state)
     place = _place_of(built, state, node)
-    if place is None:
-        return None
-    function = _function(state, node, _times(train))
+    return None if place is None else _made(built, _function(state, node, _times(train)), place, state)
+
+
+def _at_sensor(built: BuiltModel, train: Sequence[MatchedLog], output: str) -> tuple[Candidate, str] | None:
+    """Noise of a sensor with a memory; None where it has no place."""
+    return _made(built, _sensor_function(output, _times(train)), Place.sensor(output, Scale(1.0, 1.0)), "")
+
+
+def _made(built: BuiltModel, function: EffectFunction, place: Place, state: str) -> tuple[Candidate, str] | None:
+    """The candidate of a disturbance and the state whose white noise it replaces; None where the graph refuses it."""
     graph = copy(built.graph)
     effect = attempted(lambda: function(graph, placed(graph, place)), lambda why: None)
     if effect is None:
@@ -179,6 +196,25 @@ def _function(state: str, node: Node | None, times: tuple[float, float]) -> Effe
             DISTURBANCE, name, law, (), adds_state=True, shapes=(time.name,), reference=_REFERENCE, kind=DISTURBANCE
         )
 
+    return disturbance
+
+
+def _sensor_function(output: str, times: tuple[float, float]) -> EffectFunction:
+    """The effect function of a sensor whose noise has a memory."""
+    lower, upper = times
+
+    def disturbance(g: BondGraph, at: Place) -> Effect | None:
+        name = f"{DISTURBANCE}_sensor_{at.name}"
+        unit = next(one.unit for one in g.outputs if one.name == output)
+        time = g.parameter(f"T_{name}", float(np.sqrt(lower * upper)), "s", "correlation time", (lower, upper))
+        own = g.integral(name, lambda x: -x / time, unit, f"what the sensor of {output} adds")
+        revise_output(g, output, lambda shown: shown + own)
+        return Effect(
+            DISTURBANCE, name, "shown = true + x, dx/dt = -x/T + noise", (), adds_state=True, shapes=(time.name,),
+            reference=_REFERENCE, channel=output, kind=DISTURBANCE,
+        )  # fmt: skip
+
+    disturbance.__dict__["for_sensors"] = True
     return disturbance
 
 
@@ -232,23 +268,35 @@ def _problem(extended: BuiltModel, candidate: Candidate, base: Fit, train: Seque
 
 
 def _starts(problem: EstimationProblem, candidate: Candidate, state: str, base: Fit) -> list[FloatArray]:
-    """Points (n,) at several times and intensities, the white noise in its place as low as it may be."""
-    own, model = candidate.effect.element, problem.filter_model.model
-    row, column = model.index("state", state), model.index("state", own)
-    (run, log), theta = (base.own_runs[0], problem.logs[0]), problem.batch(problem.start[:, np.newaxis]).theta[:, 0]
-    middle = log.time.size // 2
-    x = np.zeros(len(model.states))
-    x[: run.filtered_mean.shape[0]] = run.filtered_mean[:, middle][: x.size]
-    push = abs(float(model.jacobian_x(float(log.time[middle]), x, log.u[:, middle], theta)[row, column]))
-    white = base.values[f"process({state})"]
+    """Points (n,) at several times and intensities, the white noise in its place as low as it may be.
+
+    Of a sensor's own noise the white part stays; its coloured part starts as large as that.
+    """
     time, level = problem.free[-2], problem.free[-1]
     quiet = base.point.copy()
-    quiet[problem.names.index(f"process({state})")] = problem.lower[problem.names.index(f"process({state})")]
+    if state:
+        row = problem.names.index(f"process({state})")
+        quiet[row] = problem.lower[row]
     found = []
     for share in _TIMES:
         seconds = float(time.lower * (time.upper / time.lower) ** share)
-        alike = white / push / seconds if push > 0.0 else white
+        if state:
+            alike = base.values[f"process({state})"] / (_push(problem, candidate, state, base) * seconds)
+        else:
+            alike = base.values[f"std({candidate.effect.channel})"] * float(np.sqrt(2.0 / seconds))
         for many in _INTENSITIES:
             ends = [time.coordinate(seconds), level.coordinate(float(np.clip(many * alike, level.lower, level.upper)))]
             found.append(np.concatenate([quiet, ends]))
     return found
+
+
+def _push(problem: EstimationProblem, candidate: Candidate, state: str, base: Fit) -> float:
+    """How fast a disturbance of one moves the state that it acts on, in the middle of the first log."""
+    model = problem.filter_model.model
+    (run, log), theta = (base.own_runs[0], problem.logs[0]), problem.batch(problem.start[:, np.newaxis]).theta[:, 0]
+    middle = log.time.size // 2
+    x = np.zeros(len(model.states))
+    x[: run.filtered_mean.shape[0]] = run.filtered_mean[:, middle][: x.size]
+    slopes = model.jacobian_x(float(log.time[middle]), x, log.u[:, middle], theta)
+    push = abs(float(slopes[model.index("state", state), model.index("state", candidate.effect.element)]))
+    return push if np.isfinite(push) and push > 0.0 else 1.0
