@@ -40,7 +40,7 @@ from bondgraph.correct.places.unexplained import Unexplained
 from bondgraph.correct.progress import Decision, Progress, advance, with_disturbance, without_events
 from bondgraph.correct.rest import Rest, settle
 from bondgraph.correct.round import Round, RoundSettings, one_round, round_cautions
-from bondgraph.correct.search.disturbances import DISTURBANCE
+from bondgraph.correct.search.disturbances import DISTURBANCE, Disturbance, described
 from bondgraph.data.log import MatchedLog
 from bondgraph.declare.editing import handle, with_bounds, with_values, without_input_rates
 from bondgraph.declare.effect import EffectFunction, Place, Scale
@@ -100,6 +100,7 @@ class ClosedLoop:
     rates among their inputs that no equation uses, see :func:`bondgraph.correct.fits.rates.with_followed_rates`.
     ``confirmation`` is what the logs say of the correction, None where nothing was added. ``events`` act in part of one
     log; they are no part of the corrected declaration, and their sizes are those of ``eventful``, the fit with them.
+    ``disturbances`` wander at random; the corrected declaration has them as states that noise drives.
     """
 
     verdict: Verdict
@@ -124,6 +125,7 @@ class ClosedLoop:
     confirmation: Confirmation | None = None
     events: tuple[Added, ...] = ()
     eventful: Fit | None = None
+    disturbances: tuple[Disturbance, ...] = ()
 
     def __repr__(self) -> str:
         name, added = self.nominal_built.graph.name, few([one.trial.candidate.label for one in self.added])
@@ -288,7 +290,9 @@ def _result(
         [run.filtered_mean for run in current.runs(state.train)],
     )  # fmt: skip
     report("assess", 0, 1)
-    added = tuple(Added(trial, trial.candidate.effect.parameters) for trial in state.added)
+    every = [Added(trial, trial.candidate.effect.parameters) for trial in state.added]
+    added = tuple(one for one in every if one.trial.candidate.effect.kind != DISTURBANCE)
+    random = tuple(described(one.trial, current) for one in every if one not in added)
     history = (*state.history, Decision(len(rounds), "stopped", "", reason))
     cautions = (
         *cautions_of(nominal, rounds), *_doubts(nominal, current, first, last), *rest.cautions,
@@ -296,11 +300,11 @@ def _result(
     )  # fmt: skip
     before = assess(nominal, train), assess(nominal, holdout)
     after = assess(current, state.train), assess(current, holdout)
-    logs = confirmation(nominal, current, before, after) if added else None
+    logs = confirmation(nominal, current, before, after) if every else None
     result = ClosedLoop(
-        *_verdict(added, rest.unexplained, residual, settings.level, reason, logs), nominal, current,
+        *_verdict(added, random, rest.unexplained, residual, settings.level, reason, logs), nominal, current,
         before[0], before[1], after[0], after[1], built, corrected_built, added, tuple(rounds), told, first, last,
-        residual, rest.unexplained, history, cautions, logs, _events(rest.state), rest.state.fit,
+        residual, rest.unexplained, history, cautions, logs, _events(rest.state), rest.state.fit, random,
     )  # fmt: skip
     report("assess", 1, 1)
     return result
@@ -375,6 +379,7 @@ def _widened(fitted: Fit) -> dict[str, tuple[float, float]]:
 
 def _verdict(
     added: Sequence[Added],
+    random: Sequence[Disturbance],
     left: Sequence[Unexplained],
     residual: Sequence[Whiteness],
     level: float,
@@ -383,8 +388,7 @@ def _verdict(
 ) -> tuple[Verdict, str]:
     coloured = [test.channel for test in residual if test.p_value * len(residual) < level]
     said = f"; the innovations of {', '.join(coloured)} stay coloured" if coloured else ""
-    random = [one for one in added if one.trial.candidate.effect.kind == DISTURBANCE]
-    named = [one for one in added if one.trial.candidate.effect.name != "table" and one not in random]
+    named = [one for one in added if one.trial.candidate.effect.name != "table"]
     if named and logs is not None and logs.contradictions:
         return "effect not confirmed", reason + said
     if named and all(one.trial.candidate.effect.channel for one in named):
@@ -393,4 +397,4 @@ def _verdict(
         return "effect found", reason + said
     if random and not left:
         return "disturbance", reason + said
-    return "unexplained residual" if coloured or left or added else "no missing effect", reason + said
+    return "unexplained residual" if coloured or left or added or random else "no missing effect", reason + said

@@ -31,6 +31,13 @@ def result_json(closed: ClosedLoop) -> dict[str, Any]:
         "confirmation": None if closed.confirmation is None else _confirmation(closed.confirmation, closed),
         **_located(closed),
         "effects": [_effect(added, closed.corrected) for added in closed.added],
+        "disturbances": [
+            {
+                "place": one.trial.candidate.place.label, "state": one.state, "std": number(one.size),
+                "unit": one.unit, "correlation_time_s": number(one.seconds), "delta_nll": number(one.trial.gain),
+            }
+            for one in closed.disturbances
+        ],
         "events": [_event(added, closed.eventful or closed.corrected) for added in closed.events],
         "alternatives": _alternatives(closed),
         "refused": [

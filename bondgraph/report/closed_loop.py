@@ -16,6 +16,7 @@ from bondgraph.correct.fits.fitted import Fit
 from bondgraph.correct.loop import Added, ClosedLoop
 from bondgraph.correct.places.unexplained import Unexplained
 from bondgraph.correct.result import intervals, result_json
+from bondgraph.correct.search.disturbances import Disturbance
 from bondgraph.declare.files import write_graph
 from bondgraph.files import write_text
 from bondgraph.report.collect import Runs, added_nodes, channel_series, found_effect, parameter_changes
@@ -152,7 +153,20 @@ def _transfer(told: Transfer | None) -> tuple[tuple[str, str], ...]:
 
 
 def explanation(closed: ClosedLoop) -> str:
-    """The verdict in a sentence or two."""
+    """The verdict in a few sentences."""
+    random = [f"{one.trial.candidate.place.label}: {_random(one)}." for one in closed.disturbances]
+    return " ".join((_explained(closed), *random))
+
+
+def _random(one: Disturbance) -> str:
+    """What is known of a disturbance, in words."""
+    size = f"standard deviation {shown(one.size)}{f' {one.unit}' if one.unit else ''}"
+    what = "its noise has a memory" if one.trial.candidate.effect.channel else "something that nothing measures wanders"
+    return f"{what} at random, {size}, correlation time {shown(one.seconds)} s"
+
+
+def _explained(closed: ClosedLoop) -> str:
+    """The verdict but for disturbances."""
     tried = closed.rounds[0].tried if closed.rounds else 0
     left = [
         f"an unknown {one.variable} at {one.place.label} as a function of {one.signal}" for one in closed.unexplained
@@ -183,6 +197,8 @@ def explanation(closed: ClosedLoop) -> str:
             f"of the sensor is coloured), but none of the {tried} effects and faults tried explains it well enough to "
             "be believed."
         )
+    if closed.verdict == "disturbance":
+        return f"None of the {tried} effects and faults tried passes the tests beside a disturbance."
     if not tried:
         return "No effect could be tried, but all innovations are white: nothing asks for one."
     return f"None of the {tried} effects and faults tried passes the tests, and all innovations are white."

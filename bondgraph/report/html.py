@@ -68,7 +68,7 @@ class ReportData:
     title
         Name of the model.
     verdict
-        ``"effect found"``, ``"no missing effect"``, ``"unexplained residual"`` or ``"sensor fault suspected"``.
+        Such as ``"effect found"``, see :data:`bondgraph.correct.loop.Verdict`.
     explanation
         The verdict in a sentence or two.
     effects

@@ -11,10 +11,11 @@ from scipy.linalg import expm
 
 from bondgraph import effects
 from bondgraph.correct.loop import ClosedLoop, LoopSettings, close_loop
-from bondgraph.correct.search.disturbances import DISTURBANCE, described
+from bondgraph.correct.result import result_json
 from bondgraph.data.log import FloatArray, MatchedLog
 from bondgraph.declare.domains import TRANSLATION
 from bondgraph.declare.graph import BondGraph
+from bondgraph.report.closed_loop import explanation
 
 #: Mass, drag, standard deviation and correlation time of the wind of the cart below, and the noise of its sensor.
 MASS, DRAG, GUST, LASTS, NOISE = 20.0, 8.0, 6.0, 3.0, 0.01
@@ -72,18 +73,22 @@ def closed(gust: float) -> ClosedLoop:
 def test_a_wind_that_lasts_is_described_with_its_size_and_its_correlation_time() -> None:
     found = closed(GUST)
     assert found.verdict == "disturbance"
-    (added,) = found.added
-    assert added.trial.candidate.effect.kind == DISTURBANCE
-    told = described(added.trial, found.corrected)
+    assert not found.added  # it is no law
+    (told,) = found.disturbances
+    assert told.trial.candidate.place.label == "body"
     assert told.size == pytest.approx(GUST, rel=0.3) and told.unit == "N"
     assert told.seconds == pytest.approx(LASTS, rel=0.5)
-    assert "correlation time" in str(told)
+    said = explanation(found)
+    assert "something that nothing measures wanders at random" in said and "correlation time" in said
+    assert result_json(found)["disturbances"][0]["place"] == "body"
+    assert any("disturbance" in one.name for one in found.corrected_graph.integrals)
     assert found.corrected.values["m"] == pytest.approx(MASS, rel=0.1)
     assert all(test.p_value > 0.01 for test in found.whiteness)
 
 
 def test_without_a_wind_there_is_none() -> None:
-    assert closed(0.0).verdict == "no missing effect" and not closed(0.0).added
+    assert closed(0.0).verdict == "no missing effect"
+    assert not closed(0.0).added and not closed(0.0).disturbances
 
 
 def test_noise_of_a_sensor_with_a_memory_is_no_wind() -> None:
@@ -100,7 +105,6 @@ def test_noise_of_a_sensor_with_a_memory_is_no_wind() -> None:
         logs.append(replace(log, y=log.y + hum))
     found = close_loop(cart(), logs, [], (effects.quadratic_loss, effects.coulomb_loss), LoopSettings())
     assert found.verdict == "disturbance"
-    (added,) = found.added
-    assert added.trial.candidate.place.label == "sensor speed"
-    told = described(added.trial, found.corrected)
+    (told,) = found.disturbances
+    assert told.trial.candidate.place.label == "sensor speed"
     assert told.size == pytest.approx(0.05, rel=0.2) and told.seconds == pytest.approx(0.2, rel=0.4)

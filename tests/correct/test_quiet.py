@@ -22,7 +22,6 @@ from bondgraph.correct.loop import LoopSettings, close_loop, free_parameters
 from bondgraph.correct.models.candidates import candidates, places
 from bondgraph.correct.scores.quiet import annealed_fit, quiet_fit, quiet_scores
 from bondgraph.correct.scores.scoring import linearisation, score_candidates
-from bondgraph.correct.search.disturbances import DISTURBANCE
 from bondgraph.correct.search.refit import refit_from
 from bondgraph.data.log import MatchedLog
 from bondgraph.simulate.simulation import simulate
@@ -119,7 +118,7 @@ def test_a_sensor_far_better_than_any_free_simulation_does_not_spoil_the_second_
 def test_a_colour_that_poses_as_motion_names_nothing(seed: int) -> None:
     logs = [pull(sled(), seed, colour=0.9)]
     closed = close_loop(sled(), logs, [], FUNCTIONS, LoopSettings(faults=False))
-    assert all(one.trial.candidate.effect.kind == DISTURBANCE for one in closed.added)
+    assert not closed.added  # a disturbance may say how long-lived it is
 
 
 @pytest.mark.parametrize("seed", [23, 28], ids=["in half of the run", "beside a parameter that it drives to its bound"])
@@ -127,4 +126,4 @@ def test_a_colour_that_poses_as_creep_names_nothing(seed: int) -> None:
     drawn = draw(BENCH, Case("none", "coloured noise", 0.0, seed))
     closed = close_loop(BENCH.graph(), drawn.train, [], [effects.creep], LoopSettings(faults=False))
     assert any(trial.evidence is not None for trial in closed.rounds[0].trials)
-    assert all(one.trial.candidate.effect.kind == DISTURBANCE for one in closed.added)
+    assert not closed.added  # a disturbance may say how long-lived it is
