@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from bondgraph.correct.fits.fit import BLOCKS
+from bondgraph.correct.constants import BLOCKS
 from bondgraph.correct.fits.fitted import Fit
 from bondgraph.correct.round import Round
 from bondgraph.estimate.free import FreeParameter

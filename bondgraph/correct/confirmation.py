@@ -18,18 +18,14 @@ from typing import Literal
 
 import numpy as np
 
-from bondgraph.correct.fits.assess import WINDOWS, Assessment, LogAssessment, gain_interval
+from bondgraph.correct.constants import CONFIRMS, INDIFFERENT, WINDOWS
+from bondgraph.correct.fits.assess import Assessment, LogAssessment, gain_interval
 from bondgraph.correct.fits.compared import Compared, Data, Errors, Kind, judged, squares
 from bondgraph.correct.fits.fitted import Fit
 from bondgraph.correct.fits.horizon import horizon, predicted, windows
 from bondgraph.data.log import FloatArray
 
 Standing = Literal["confirmed", "contradicted", "open"]
-
-#: A gain of held-out likelihood confirms from so many of its standard errors on.
-_CONFIRMS = 2.0
-#: Nats that process noise takes of a fit, below which nothing random drives its machine.
-_DRIVEN = 3.0
 
 
 @dataclass(frozen=True)
@@ -58,7 +54,7 @@ class Confirmation:
         """Their answer in a word: confirmed, contradicted, or open."""
         if self.contradictions:
             return "contradicted"
-        return "confirmed" if self.gain > 0.0 and self.gain > _CONFIRMS * self.error else "open"
+        return "confirmed" if self.gain > 0.0 and self.gain > CONFIRMS * self.error else "open"
 
     @property
     def _within(self) -> str:
@@ -77,7 +73,7 @@ def confirmation(
     held = [log.filtered for log in before[1].logs], [log.filtered for log in after[1].logs]
     gain, error = gain_interval(*held) if held[0] else (math.nan, math.nan)
     seconds = horizon(corrected, [log.log for log in after[0].logs])
-    random = corrected.driven > _DRIVEN or nominal.driven > _DRIVEN
+    random = corrected.driven > INDIFFERENT or nominal.driven > INDIFFERENT
     found = [
         one
         for data, first, last in zip(("training", "held-out"), before, after, strict=True)

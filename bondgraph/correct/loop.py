@@ -20,6 +20,7 @@ import numpy as np
 from bondgraph.build import BuiltModel, build
 from bondgraph.correct.cautions import cautions_of
 from bondgraph.correct.confirmation import Confirmation, confirmation
+from bondgraph.correct.constants import LEVEL, MEASUREMENTS_EACH, MOST_EFFECTS, MOST_REFITS
 from bondgraph.correct.evidence.certified import doubts, refined
 from bondgraph.correct.evidence.trials import Detectable, Trial
 from bondgraph.correct.fits.assess import Assessment, assess
@@ -51,8 +52,6 @@ from bondgraph.estimate.certify import Check
 from bondgraph.estimate.free import FreeParameter, parse_target
 from bondgraph.text import count, few
 
-#: Measurements per free parameter below which nothing can be concluded.
-_MEASUREMENTS_EACH = 20
 #: The declared model is fitted to this many nats, far below what an effect must gain.
 _TOLERANCE = 0.05
 _MOST_ITERATIONS = 60
@@ -73,9 +72,9 @@ class LoopSettings:
     ``journal`` keeps finished fits; ``without`` names effects and faults that are not tried.
     """
 
-    level: float = 0.01
-    max_effects: int = 3
-    refits: int = 12
+    level: float = LEVEL
+    max_effects: int = MOST_EFFECTS
+    refits: int = MOST_REFITS
     process_noise: str = "free"
     free: tuple[str, ...] = ()
     faults: bool = True
@@ -346,10 +345,10 @@ def _check_given(graph: BondGraph, train: Sequence[MatchedLog], functions: Seque
 
 def _check_enough(graph: BondGraph, train: Sequence[MatchedLog], free: int) -> None:
     measured = sum(int(np.isfinite(log.y).sum()) for log in train)
-    if measured < _MEASUREMENTS_EACH * free:
+    if measured < MEASUREMENTS_EACH * free:
         raise DataError(
             f"{graph.name}: {measured} measurements in {', '.join(log.name for log in train)} are too few for {free} "
-            f"free parameters and noise levels - give longer logs, at least {_MEASUREMENTS_EACH * free} measurements"
+            f"free parameters and noise levels - give longer logs, at least {MEASUREMENTS_EACH * free} measurements"
         )
 
 

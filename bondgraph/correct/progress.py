@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from bondgraph.build import BuiltModel, build
+from bondgraph.correct.constants import LEVEL
 from bondgraph.correct.evidence.certified import refined
 from bondgraph.correct.evidence.context import Context, at_optimum
 from bondgraph.correct.evidence.decide import judge, robust_p_value
@@ -27,9 +28,6 @@ from bondgraph.errors import DeclarationError, EstimationError
 from bondgraph.estimate.certify import Check
 from bondgraph.estimate.objective import SearchOutcome
 from bondgraph.estimate.problem import EstimationProblem
-
-#: An effect that was added before stays only if it is less likely by chance than this once others are there.
-_STAYS = 0.01
 
 
 @dataclass(frozen=True)
@@ -195,7 +193,7 @@ def _without_needless(state: Progress, number: int, settings: RoundSettings) -> 
     while len(state.added) > 1:
         doubts = [_doubt(state.fit, trial) for trial in state.added[:-1]]
         worst = int(np.argmax(doubts))
-        if doubts[worst] < _STAYS:
+        if doubts[worst] < LEVEL:
             break
         why = f"p = {doubts[worst]:.2g} beside {state.added[-1].candidate.label}"
         state = without(state, worst, "dropped", why, number, settings)

@@ -14,6 +14,7 @@ import numpy as np
 
 from bondgraph.build import BuiltModel
 from bondgraph.correct.advice import separation
+from bondgraph.correct.constants import LEVEL, MOST_REFITS
 from bondgraph.correct.evidence.confirm import confirmed, transferred
 from bondgraph.correct.evidence.context import Context
 from bondgraph.correct.evidence.decide import alternatives, choose, detectable, hurdle
@@ -49,8 +50,8 @@ class RoundSettings:
     ``substeps`` are the steps from which halvings are counted.
     """
 
-    level: float = 0.01
-    refits: int = 12
+    level: float = LEVEL
+    refits: int = MOST_REFITS
     report: Report = no_report
     journal: Journal = field(default_factory=Journal)
     substeps: int | None = None

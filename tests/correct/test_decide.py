@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from bondgraph.correct.constants import BLOCKS
 from bondgraph.correct.evidence.decide import channel_shares, effective_blocks, robust_p_value
-from bondgraph.correct.fits.fit import BLOCKS
 from bondgraph.data.log import MatchedLog
 from tests.correct.sled import fitted, pull, sled
 

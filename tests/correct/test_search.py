@@ -11,8 +11,9 @@ from sympy import tanh
 
 from bondgraph import effects
 from bondgraph.build import build
+from bondgraph.correct.constants import INDIFFERENT, OPTIMISM
 from bondgraph.correct.evidence.context import Context
-from bondgraph.correct.evidence.decide import CLOSE, alternatives, choose
+from bondgraph.correct.evidence.decide import alternatives, choose
 from bondgraph.correct.evidence.trials import Trial
 from bondgraph.correct.fits.fit import fit, no_report
 from bondgraph.correct.loop import free_parameters
@@ -21,7 +22,7 @@ from bondgraph.correct.round import Round, one_round
 from bondgraph.correct.scores.gates import Gate, _peers, best_gated, gate_samples, gated
 from bondgraph.correct.scores.scoring import Scored, linearisation, score_candidates
 from bondgraph.correct.search.incumbents import Prediction, predicted_by_scores, scaled
-from bondgraph.correct.search.search import OPTIMISM, Entry, Search, left_out, searched
+from bondgraph.correct.search.search import Entry, Search, left_out, searched
 from bondgraph.data.log import MatchedLog
 from bondgraph.declare.editing import handle, with_values
 from bondgraph.declare.effect import EffectFunction, Place, Scale
@@ -97,13 +98,13 @@ def test_a_fit_that_leads_says_what_others_would_gain_and_they_are_searched_agai
     assert best is not None and best.candidate.label == "quadratic_loss at drum"
     other = done[1]
     assert other.instead is not None and other.instead[0] == best.candidate.label
-    assert other.instead[1] > CLOSE  # the true law is told from its neighbour
-    assert other.gain < best.gain - CLOSE
+    assert other.instead[1] > INDIFFERENT  # the true law is told from its neighbour
+    assert other.gain < best.gain - INDIFFERENT
     again = fresh()
     again.entries[1].trial = replace(other, evidence=replace(other.evidence, delta_nll=1.0))  # type: ignore[type-var]
     again.entries[1].pending = [Prediction(other.gain, ((other.fit or best.fit).point,))]  # type: ignore[union-attr]
     assert again.bound(again.entries[1]) == pytest.approx(other.gain)
-    again.entries[1].pending = [replace(again.entries[1].pending[0], gain=1.0 + 0.5 * CLOSE)]
+    again.entries[1].pending = [replace(again.entries[1].pending[0], gain=1.0 + 0.5 * INDIFFERENT)]
     assert again.bound(again.entries[1]) == 0.0  # nothing that counts is expected
 
 
@@ -202,7 +203,7 @@ def test_what_acts_from_a_time_on_is_an_event_and_the_same_law_throughout_does_w
     assert best is not None and best.gate is not None and best.gate.when == "from"
     assert best.gate.time == pytest.approx(SWITCH, abs=0.5)
     throughout = [one for one in found.trials if one.gate is None and one.fit is not None]
-    assert throughout and all(one.gain < best.gain - CLOSE for one in throughout)
+    assert throughout and all(one.gain < best.gain - INDIFFERENT for one in throughout)
     others = alternatives(best, found.trials, found.scored.scores, 0.01)
     assert all(one.why for one in others)
 

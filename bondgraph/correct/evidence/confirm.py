@@ -16,6 +16,7 @@ from dataclasses import replace
 import numpy as np
 from scipy import stats
 
+from bondgraph.correct.constants import LONGEST_MEMORY
 from bondgraph.correct.evidence.certified import with_steps
 from bondgraph.correct.evidence.context import Context, at_optimum
 from bondgraph.correct.evidence.decide import channel_shares, judge, robust_p_value, robust_ratio_p_value
@@ -34,8 +35,6 @@ from bondgraph.errors import EstimationError
 _TOLERANCE, _MOST_ITERATIONS = 0.05, 40
 #: A search on the beginnings of long logs ends where a step promises less than so many nats.
 _ROUGH = 2.0
-#: Largest correlation from sample to sample that is allowed for.
-_LONGEST = 0.97
 
 
 def confirmed(trial: Trial, context: Context) -> Trial:
@@ -136,6 +135,6 @@ def _deflated(gain: float, quiet: Fit) -> float:
     with the correlation a from sample to sample are larger by (1 + a) / (1 - a) at most, in slow directions.
     """
     tests = whiteness(quiet, quiet.problem.logs)
-    colour = min(max((test.first_correlation for test in tests), default=0.0), _LONGEST)
+    colour = min(max((test.first_correlation for test in tests), default=0.0), LONGEST_MEMORY)
     inflation = (1.0 + max(colour, 0.0)) / (1.0 - max(colour, 0.0))
     return float(stats.chi2.sf(2.0 * max(gain, 0.0) / inflation, 1))

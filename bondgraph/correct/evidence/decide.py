@@ -13,19 +13,14 @@ from collections.abc import Sequence
 import numpy as np
 from scipy import stats
 
+from bondgraph.correct.constants import BLOCKS, INDIFFERENT, POWER
 from bondgraph.correct.evidence.trials import Alternative, Detectable, Evidence, Trial
-from bondgraph.correct.fits.fit import BLOCKS
 from bondgraph.correct.fits.fitted import Fit, restricted
 from bondgraph.correct.fits.times import summed, term_times
 from bondgraph.correct.models.candidates import Candidate
 from bondgraph.correct.scores.score import Scores, robust_variance, solve
 from bondgraph.data.log import FloatArray, MatchedLog
 from bondgraph.declare.effect import Effect
-
-#: Chance of being found at the size that is called detectable.
-_POWER = 0.9
-#: Candidates whose likelihoods differ by less than this many nats are not told apart by the data.
-CLOSE = 3.0
 
 
 def judge(base: Fit, refit: Fit, effect: Effect, tried: int, gated: bool = False) -> Evidence:
@@ -160,7 +155,7 @@ def detectable(vanishing: Sequence[Candidate], found: Scores, need: float) -> tu
     need
         Gain in nats that passes the tests, see :func:`hurdle`.
     """
-    reach = math.sqrt(2.0 * need) + float(stats.norm.ppf(_POWER))
+    reach = math.sqrt(2.0 * need) + float(stats.norm.ppf(POWER))
     listed = []
     for one, told in zip(vanishing, found.information, strict=True):
         name = one.effect.coefficients[0]
@@ -181,7 +176,9 @@ def choose(trials: Sequence[Trial], level: float) -> Trial | None:
 def _bic_gain(trial: Trial) -> float:
     if trial.evidence is None:
         return -math.inf
-    return trial.evidence.bic_gain - (CLOSE if trial.candidate.effect.formula else 0.0)  # a known law is preferred
+    return trial.evidence.bic_gain - (
+        INDIFFERENT if trial.candidate.effect.formula else 0.0
+    )  # a known law is preferred
 
 
 def alternatives(
@@ -221,14 +218,14 @@ def _why_not(
         size = found.correlation.shape[0]
         alike = float(found.correlation[a, b]) if max(a, b) < size else 0.0
         lost = (1.0 - alike**2) * chosen.gain
-        if trial.score_gain > 0.0 and lost < CLOSE:
+        if trial.score_gain > 0.0 and lost < INDIFFERENT:
             return True, f"its response is the same to these sensors (correlation {alike:.4f}, {lost:.1f} nats less)"
     short = chosen.gain - trial.gain
-    if trial.evidence is not None and short <= -CLOSE:
+    if trial.evidence is not None and short <= -INDIFFERENT:
         return False, f"it gains {-short:.1f} nats more, but p = {trial.p_value:.2g} is above {level:g}"
-    if trial.evidence is not None and abs(short) < CLOSE:
+    if trial.evidence is not None and abs(short) < INDIFFERENT:
         return True, f"its likelihood is within {abs(short):.1f} nats, which these data do not tell apart"
-    if trial.instead is not None and trial.instead[0] == chosen.candidate.label and trial.instead[1] < CLOSE:
+    if trial.instead is not None and trial.instead[0] == chosen.candidate.label and trial.instead[1] < INDIFFERENT:
         return True, f"in its place it would do as well ({trial.instead[1]:.1f} nats less)"
     return False, f"{_said(trial)} {short:.1f} nats less than {chosen.candidate.label}"
 

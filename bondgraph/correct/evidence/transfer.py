@@ -22,6 +22,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import stats
 
+from bondgraph.correct.constants import CHANCE, FOLDS, LOGS_AS_FOLDS
 from bondgraph.correct.fits.compared import Compared, Errors, judged, squares
 from bondgraph.correct.fits.fitted import Fit
 from bondgraph.correct.fits.horizon import horizon, predicted, windows
@@ -31,10 +32,6 @@ from bondgraph.data.log import FloatArray, MatchedLog
 from bondgraph.declare.effect import Effect
 from bondgraph.estimate.objective import Terms, expansion_of
 
-#: Folds at least: of one or two logs as many blocks of time. From three logs on each is a fold.
-_BLOCKS, _LOGS = 6, 3
-#: Chance of a gain over all folds as large as this, where there is none.
-_LEVEL = 0.05
 #: Information of a coefficient that is left without a fold, as a share of all of it, below which nothing is known.
 _NOTHING = 1e-6
 #: A step that makes its data less likely by more nats than a fit is known to is cut to a quarter; if that does too, the
@@ -81,7 +78,7 @@ class Transfer:
     def why_not(self) -> str:
         """What speaks against it, empty if nothing does."""
         worse = [str(one) for one in self.compared if one.clearly]
-        if not self.p_value < _LEVEL:
+        if not self.p_value < CHANCE:
             return f"left out, the folds gain {self.gain:.3g} ± {self.error:.3g} nats (p = {self.p_value:.2g})"
         if not self.gain > self.fold_error:
             largest = self.folds[int(np.argmax(self.gains))]
@@ -114,12 +111,12 @@ def folds(logs: Sequence[MatchedLog]) -> tuple[Fold, ...]:
     >>> [(one.first, one.last) for one in folds([log])]
     [(0, 1), (2, 3), (4, 5), (6, 7), (8, 9), (10, 12)]
     """
-    if len(logs) >= _LOGS:
+    if len(logs) >= LOGS_AS_FOLDS:
         return tuple(Fold(k, 0, log.time.size - 1, log.name) for k, log in enumerate(logs))
     total = sum(float(log.time[-1] - log.time[0]) for log in logs)
     found = []
     for k, log in enumerate(logs):
-        count = math.ceil(_BLOCKS * float(log.time[-1] - log.time[0]) / total - 1e-9)
+        count = math.ceil(FOLDS * float(log.time[-1] - log.time[0]) / total - 1e-9)
         edges = [log.time.size * j // count for j in range(count + 1)]
         for first, end in itertools.pairwise(edges):
             name = f"{log.name}, {log.time[first]:.4g} to {log.time[end - 1]:.4g} s"

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import stats
 
-from bondgraph.correct.fits.fit import BLOCKS
+from bondgraph.correct.constants import BLOCKS, WINDOWS
 from bondgraph.correct.fits.fitted import Fit
 from bondgraph.correct.responses.intervals import integrator, simulation_steps
 from bondgraph.data.log import FloatArray, MatchedLog
@@ -21,9 +21,6 @@ from bondgraph.simulate.outcome import Outcome
 from bondgraph.simulate.simulation import simulate
 from bondgraph.simulate.trajectory import Trajectory
 from bondgraph.text import count
-
-#: Blocks of time by whose scatter errors are judged.
-WINDOWS = 20
 
 
 @dataclass(frozen=True)

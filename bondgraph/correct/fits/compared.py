@@ -15,13 +15,11 @@ from typing import Literal
 import numpy as np
 from scipy import stats
 
+from bondgraph.correct.constants import LEVEL
 from bondgraph.data.log import FloatArray
 
 Data = Literal["training", "held-out", "left-out"]
 Kind = Literal["prediction", "free simulation"]
-
-#: Chance of calling any channel clearly worse that is not, over all comparisons.
-_LEVEL = 0.01
 
 
 @dataclass(frozen=True)
@@ -79,7 +77,7 @@ def judged(one: Errors, random: bool, count: int) -> Compared:
     before, after = (float(np.average(values, weights=one.weight)) for values in (one.before, one.after))
     p_worse = _p_worse(one.after - one.before, one.weight)
     margin = max(one.noise**2, before if random and one.kind == "free simulation" else 0.0)
-    clearly = p_worse * count < _LEVEL and after - before > margin
+    clearly = p_worse * count < LEVEL and after - before > margin
     return Compared(one.data, one.kind, one.channel, math.sqrt(before), math.sqrt(after), p_worse, clearly)
 
 

@@ -38,8 +38,6 @@ from bondgraph.estimate.problem import EstimationProblem
 from bondgraph.estimate.steps import newton_decrement
 from bondgraph.filter.filter_model import FilterModel
 
-#: Blocks of the sandwich variance over all training logs: enough for its distribution, long enough to be independent.
-BLOCKS = 40
 #: A fit that is to beat another gives up when it is behind by more than this many times what a step promises or gains.
 _HOPELESS = 10.0
 #: The exact steps that end the fit of a stiff model must promise so many nats. They begin where the linearised filter

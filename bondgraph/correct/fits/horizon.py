@@ -13,7 +13,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from bondgraph.correct.fits.assess import WINDOWS
+from bondgraph.correct.constants import WINDOWS
 from bondgraph.correct.fits.fitted import Fit
 from bondgraph.correct.responses.intervals import integrator, simulation_steps
 from bondgraph.data.log import FloatArray, MatchedLog

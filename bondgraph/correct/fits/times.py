@@ -15,12 +15,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from bondgraph.correct.fits.fit import BLOCKS
+from bondgraph.correct.constants import BLOCKS, LONGEST_MEMORY
 from bondgraph.data.log import FloatArray
 from bondgraph.estimate.problem import EstimationProblem
-
-#: Largest correlation from sample to sample that a series is whitened by: beyond it hardly a block is independent.
-_LONGEST = 0.97
 
 
 @dataclass(frozen=True)
@@ -62,7 +59,7 @@ class Times:
         follows = np.flatnonzero(np.diff(self.log) == 0) + 1
         before, after = centred[follows - 1], centred[follows]
         power = np.maximum((before**2).sum(axis=0), np.finfo(float).tiny)
-        correlation = np.clip((before * after).sum(axis=0) / power, 0.0, _LONGEST)
+        correlation = np.clip((before * after).sum(axis=0) / power, 0.0, LONGEST_MEMORY)
         white = centred * np.sqrt((1.0 + correlation) / (1.0 - correlation))
         white[follows] = (after - correlation * before) / (1.0 - correlation)
         return summed(white, self.block, int(self.block.max()) + 1)

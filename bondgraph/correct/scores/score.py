@@ -26,6 +26,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import stats
 
+from bondgraph.correct.constants import CHANCE
 from bondgraph.correct.fits.times import Times
 from bondgraph.errors import EstimationError
 from bondgraph.estimate.objective import Expansion, FloatArray
@@ -35,8 +36,6 @@ from bondgraph.estimate.symmetric import scaled_eigen
 LEFT = 1e-7
 #: Two candidates' coefficients more alike than this are one but for rounding.
 _SINGULAR = 1e-9
-#: A score this likely by chance, even as that of the only candidate tried, says nothing.
-CHANCE = 0.05
 #: Responses (or signals) whose correlation is larger than this are one and the same but for rounding.
 SAME = 1.0 - 1e-6
 #: Up to so many coefficients blocks of time determine their covariance.

@@ -22,8 +22,8 @@ import numpy as np
 from scipy import stats
 
 from bondgraph.build import BuiltModel, build
+from bondgraph.correct.constants import INDIFFERENT
 from bondgraph.correct.evidence.context import at_optimum
-from bondgraph.correct.evidence.decide import CLOSE
 from bondgraph.correct.evidence.trials import Evidence, Trial
 from bondgraph.correct.fits.assess import gain_p_value
 from bondgraph.correct.fits.excerpts import excerpt
@@ -107,7 +107,7 @@ def disturbances(
 def _worth(trial: Trial) -> float:
     """Nats beyond the penalty; what the machine could do as well is not blamed on a sensor."""
     assert trial.evidence is not None  # it was estimated
-    return trial.evidence.bic_gain - (CLOSE if trial.candidate.effect.channel else 0.0)
+    return trial.evidence.bic_gain - (INDIFFERENT if trial.candidate.effect.channel else 0.0)
 
 
 def described(trial: Trial, fitted: Fit) -> Disturbance:

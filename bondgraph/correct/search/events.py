@@ -6,16 +6,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from bondgraph.correct.constants import CHANCE, INDIFFERENT
 from bondgraph.correct.evidence.context import Context
-from bondgraph.correct.evidence.decide import CLOSE
 from bondgraph.correct.evidence.trials import Trial
 from bondgraph.correct.models.candidates import Candidate, candidates
 from bondgraph.correct.scores.gates import Gate, Gated, Peer, best_gated, gated, refined, with_gate
 from bondgraph.correct.scores.scoring import Linearisation, Scored
 from bondgraph.correct.search.groups import remoteness
-
-#: A chance larger than this, of the best of all that act in part of the data, is that of noise.
-_CHANCE = 0.05
 
 
 @dataclass(frozen=True)
@@ -37,8 +34,8 @@ def events(linear: Linearisation, known: Scored, context: Context, most: int) ->
     if best is None:
         return []
     throughout = float(known.scores.gain.max(initial=0.0))
-    margin = CLOSE + float(np.log(best.tested / max(len(known.candidates), 1)))  # so many more were tried
-    if best.gain < max(throughout + margin, context.required) or best.p_value * best.tested > _CHANCE:
+    margin = INDIFFERENT + float(np.log(best.tested / max(len(known.candidates), 1)))  # so many more were tried
+    if best.gain < max(throughout + margin, context.required) or best.p_value * best.tested > CHANCE:
         return []
     best = refined(linear, best, known.candidates[best.index], known.variants[best.index])
     made = [_event(best, peer, known, context) for peer in best.peers[:most]]

@@ -6,9 +6,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from bondgraph.correct.constants import CHANCE
 from bondgraph.correct.evidence.trials import Trial
 from bondgraph.correct.models.candidates import Candidate
-from bondgraph.correct.scores.score import CHANCE, SAME, Scores
+from bondgraph.correct.scores.score import SAME, Scores
 from bondgraph.data.log import FloatArray
 
 

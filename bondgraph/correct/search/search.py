@@ -10,14 +10,15 @@ searched more widely, as far as this search shows that it must be. What is left 
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from bondgraph.compile.machine_code import has_numba
+from bondgraph.correct.constants import INDIFFERENT, OPTIMISM, UPPER
 from bondgraph.correct.evidence.context import Context
-from bondgraph.correct.evidence.decide import CLOSE, choose
+from bondgraph.correct.evidence.decide import choose
 from bondgraph.correct.evidence.trials import Trial
 from bondgraph.correct.fits.fit import Report
 from bondgraph.correct.models.candidates import superset
@@ -31,11 +32,6 @@ from bondgraph.estimate.exact import compile_exact
 from bondgraph.filter.compiled import CompiledFilter, in_threads
 from bondgraph.filter.filter_model import FilterModel
 
-#: What fits achieve over what is predicted of them, before this search has shown it: scores of smooth laws are right to
-#: a factor of two or three; those of dry friction have been too small sevenfold.
-OPTIMISM: Mapping[str, float] = {"smooth": 2.5, "switching": 7.0, "storage": 2.5, "event": 2.5}
-#: The quantile of these ratios that bounds count with.
-_UPPER = 0.9
 #: Candidates of stiff models that are refitted at once, whatever the machine, so that results do not depend on it.
 _ABREAST = 2
 #: Responses less alike than this do not take each other's place.
@@ -100,12 +96,12 @@ class Search:
             return 0.0
         if entry.trial.evidence is not None:
             beyond = entry.predicted - entry.trial.gain
-            return entry.predicted if beyond > CLOSE else 0.0
+            return entry.predicted if beyond > INDIFFERENT else 0.0
         return self.optimism(entry.kind) * entry.predicted
 
     def optimism(self, kind: str) -> float:
         """The factor on predictions of a class."""
-        return float(np.quantile(self.ratios[kind], _UPPER))
+        return float(np.quantile(self.ratios[kind], UPPER))
 
 
 def searched(search: Search, most: int, report: Report) -> list[Trial]:
@@ -135,7 +131,7 @@ def left_out(search: Search) -> list[str]:
 def _due(search: Search) -> list[int]:
     """Positions of the candidates whose bound is near the best gain, the best first."""
     best = choose(search.trials, search.context.level)
-    least = max(search.context.required, -np.inf if best is None else best.gain - CLOSE)
+    least = max(search.context.required, -np.inf if best is None else best.gain - INDIFFERENT)
     bounds = [search.bound(one) for one in search.entries]
     return sorted((j for j, bound in enumerate(bounds) if bound >= least), key=lambda j: (-bounds[j], j))
 

@@ -14,9 +14,10 @@ from dataclasses import replace
 
 import numpy as np
 
+from bondgraph.correct.constants import INDIFFERENT
 from bondgraph.correct.evidence.certified import resolving, with_steps
 from bondgraph.correct.evidence.context import Context, at_optimum
-from bondgraph.correct.evidence.decide import CLOSE, judge
+from bondgraph.correct.evidence.decide import judge
 from bondgraph.correct.evidence.trials import Trial
 from bondgraph.correct.fits.fit import fit
 from bondgraph.correct.fits.fitted import Fit
@@ -51,11 +52,13 @@ def at_any_width(best: Trial, trials: Sequence[Trial], context: Context) -> list
         freed = attempted(lambda one=done[k]: _freed(one, context), lambda why: None)  # type: ignore[misc]
         if freed is not None and _worth(freed) > _worth(done[k]):
             done[k] = freed
-    simplest = max(due, key=lambda k: (_worth(done[k]) > max(_worth(done[j]) for j in due) - CLOSE, -_size(done[k])))
+    simplest = max(
+        due, key=lambda k: (_worth(done[k]) > max(_worth(done[j]) for j in due) - INDIFFERENT, -_size(done[k]))
+    )
     if _size(done[simplest]) < max(_size(done[k]) for k in due):
         label = done[simplest].candidate.label
         for k in due:
-            if k != simplest and _worth(done[k]) > _worth(done[simplest]) - CLOSE:
+            if k != simplest and _worth(done[k]) > _worth(done[simplest]) - INDIFFERENT:
                 done[k] = _behind(done[k], done[simplest], f"{label} does as well with a width of its own")
     return done
 
@@ -123,5 +126,5 @@ def _size(trial: Trial) -> int:
 def _behind(trial: Trial, simplest: Trial, why: str) -> Trial:
     """The trial with less worth than the simplest, which explains as much."""
     assert trial.evidence is not None and simplest.evidence is not None  # both were fitted
-    less = replace(trial.evidence, bic_gain=min(trial.evidence.bic_gain, simplest.evidence.bic_gain - CLOSE))
+    less = replace(trial.evidence, bic_gain=min(trial.evidence.bic_gain, simplest.evidence.bic_gain - INDIFFERENT))
     return replace(trial, evidence=less, remark=f"{trial.remark}; {why}" if trial.remark else why)

@@ -19,8 +19,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from bondgraph.build import BuiltModel
+from bondgraph.correct.constants import INDIFFERENT
 from bondgraph.correct.evidence.context import Context
-from bondgraph.correct.evidence.decide import CLOSE, choose
+from bondgraph.correct.evidence.decide import choose
 from bondgraph.correct.evidence.trials import Trial
 from bondgraph.correct.fits.fit import Report
 from bondgraph.correct.models.candidates import candidates
@@ -92,7 +93,7 @@ def with_formulas(
         report("refit formulas", k, len(options))
         made = _refitted(terms.probe, one, left, context, context.tried + counts[len(one.terms)])
         done += made
-        if law is not None and made and not made[0].gain > law.gain + CLOSE:
+        if law is not None and made and not made[0].gain > law.gain + INDIFFERENT:
             break  # the foremost does not beat the law
     report("refit formulas", len(options), len(options))
     return done
@@ -144,7 +145,7 @@ def _says(law: Trial, option: tuple[Terms, Sum], scored: Scored, left: Residual)
     information, split = projected.information, shaped_like.shape[1]
     inner, across = information[:split, :split], information[:split, split:]
     kept = np.trace(solve(inner, across @ solve(information[split:, split:], across.T))) / split
-    return bool((1.0 - min(kept, 1.0)) * one.gain < CLOSE)
+    return bool((1.0 - min(kept, 1.0)) * one.gain < INDIFFERENT)
 
 
 def _suspects(left: Residual, most: int) -> list[Probe]:
@@ -163,7 +164,7 @@ def _places(functions: Sequence[Spline]) -> list[Spline]:
     ranked = list(best.values())
     kept: list[Spline] = []
     for one in ranked:
-        twin = any(one.signal.name == other.signal.name and other.gain - one.gain < CLOSE for other in kept)
+        twin = any(one.signal.name == other.signal.name and other.gain - one.gain < INDIFFERENT for other in kept)
         if one.gain >= _NEAR * ranked[0].gain and not twin:
             kept.append(one)
     return kept[:_MOST_PLACES]
@@ -186,7 +187,7 @@ def _worthwhile(sums: Sequence[Sum]) -> list[Sum]:
     kept = [one for one in alone if one.gain >= _NEAR * best][:_ALONE]
     worth = max((one.worth for one in alone), default=0.0)
     for size in range(2, MOST_TERMS + 1):
-        longer = [one for one in sums if len(one.terms) == size and one.worth > worth + CLOSE][:_SUMS]
+        longer = [one for one in sums if len(one.terms) == size and one.worth > worth + INDIFFERENT][:_SUMS]
         kept += longer
         worth = max([worth, *(one.worth for one in longer)])
     return kept

@@ -1,0 +1,42 @@
+"""The numbers that decide what a closed loop says, each with its meaning and where it comes from.
+
+Numbers of methods (tolerances of a search, grids of starts, what rounding leaves) stand with their method: other values
+of these change how long a loop takes, not what it may claim.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+#: Chance of a false alarm over all candidates of one round, corrected for their number (Bonferroni).
+LEVEL = 0.01
+#: Nats that do not tell two explanations apart: odds of 20 to 1, from where evidence is called strong. Kass and Raftery
+#: (1995), J. American Statistical Association 90(430).
+INDIFFERENT = 3.0
+#: Chance of what is looked at as that of a single test: a score, a gain of folds that were left out.
+CHANCE = 0.05
+#: Effects that are added at most, and candidates of one round that are refitted at most; what is left out is named.
+MOST_EFFECTS, MOST_REFITS = 3, 12
+#: Measurements per free parameter below which nothing can be concluded: the rule of ten events per variable, twice.
+#: Harrell (2015), Regression Modeling Strategies, section 4.4.
+MEASUREMENTS_EACH = 20
+#: Blocks of time whose scatter gives variances that coloured noise does not deceive: enough for the distribution of a
+#: variance, long enough to be independent. Carter, Schnepel and Steigerwald (2017), Rev. Economics and Statistics 99(4),
+#: on how many are few.
+BLOCKS = 40
+#: Stretches of training and held-out data over which errors of predictions are compared.
+WINDOWS = 20
+#: Folds of the training data: each log where there are as many as the second number, else as many blocks of time as the
+#: first. Arlot and Celisse (2010), Statistics Surveys 4, find little gain beyond five to ten.
+FOLDS, LOGS_AS_FOLDS = 6, 3
+#: Largest correlation from sample to sample that is allowed for: beyond it hardly a block of time is independent.
+LONGEST_MEMORY = 0.97
+#: Standard errors from which a gain of held-out likelihood confirms a correction: 95 of 100.
+CONFIRMS = 2.0
+#: Chance of being found at the size that is called detectable.
+POWER = 0.9
+#: What fits achieve over what is predicted of them, before a search has shown it, by class: scores of smooth laws are
+#: right to a factor of two or three, those of dry friction on a vehicle were too small sevenfold.
+OPTIMISM: Mapping[str, float] = {"smooth": 2.5, "switching": 7.0, "storage": 2.5, "event": 2.5}
+#: The quantile of what a search has shown of these ratios that its bounds count with.
+UPPER = 0.9
