@@ -172,7 +172,7 @@ def cylinder_flows(time: FloatArray, chance: np.random.Generator) -> FloatArray:
 
 CYLINDER = Machine(
     cylinder, cylinder_rates, [0.0, 0.0, 0.0, 0.0], lambda x, effect: x[:3], [1e4, 1e4, 5e-4],
-    cylinder_flows, 0.01, 500,
+    cylinder_flows, 0.01, 300,
     frozenset({"leakage_between at front and back", "orifice_between at front and back"}),
 )  # fmt: skip
 

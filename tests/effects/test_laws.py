@@ -178,8 +178,8 @@ def test_every_mechanical_effect_of_junctions_has_one_in_the_driveline(offered: 
     names = {candidate.effect.name for candidate in offered}
     mechanical = {row.name for row in catalogue() if row.default and "mechanical" in row.domains}
     elsewhere = {"ripple", "ratio_lag", "ratio_scale"}  # it has neither an angle nor a commanded ratio
-    offered = {row.name for row in catalogue() if row.name in mechanical and row.place[1:] == "-junction"}
-    assert names == offered - elsewhere
+    expected = {row.name for row in catalogue() if row.name in mechanical and row.place[1:] == "-junction"}
+    assert names == expected - elsewhere
 
 
 def test_every_effect_says_where_its_law_comes_from_and_how_large_it_may_be(offered: list[Candidate]) -> None:

@@ -12,6 +12,7 @@ from bondgraph.errors import FilterError
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.follows import Follow
 from bondgraph.filter.plan import IntervalSteps, StepPlan
+from bondgraph.filter.robust import Robust
 from bondgraph.filter.samples import Samples, interval_substeps
 from bondgraph.simulate.model import Model
 from tests.filter.logs import PlainLog, circuit_filter, driveline_filter, pendulum_filter
@@ -104,6 +105,8 @@ CHANGES: list[dict[str, object]] = [
     {"kappa": 0.5},
     {"appended": {"length": 0.0}},
     {"appended": {"length": 0.1}},
+    {"robust": Robust("student")},
+    {"robust": Robust("student", 3.0)},
     {"plan": StepPlan.of("rk4", {"key": IntervalSteps(np.array([2]), np.ones(1))})},
     {"plan": StepPlan.of("rk4", {"key": IntervalSteps(np.array([3]), np.ones(1))})},
     {"noise_scheme": "sampled"},

@@ -79,7 +79,8 @@ def neighbours(flat: BondGraph) -> list[tuple[str, str]]:
     found = []
     for first, second in itertools.combinations(chosen, 2):
         if domains[first] == domains[second] and tied[first] != tied[second] and first in network and second in network:
-            between = network.subgraph(set(network) - (set(chosen) - {first, second}))
+            others = {name for name in chosen if domains[name] == domains[first]} - {first, second}
+            between = network.subgraph(set(network) - others)
             if _one_junction_apart(flat, between, first, second):
                 found.append((first, second))
     return found
@@ -95,15 +96,21 @@ def _is_difference(flat: BondGraph, name: str) -> bool:
 
 
 def _tied(flat: BondGraph, chosen: list[str]) -> dict[str, int]:
-    """The number of the group of each junction; those of a group are tied by bonds or transformers alone."""
-    names = set(chosen)
-    rigid: nx.Graph[str] = nx.Graph()
-    rigid.add_nodes_from(chosen)
+    """The number of the group of each junction; those of a group are tied by bonds or transformers alone.
+
+    Transformers between two speeds, or two efforts, tie them; one between a pressure and a speed ties nothing.
+    """
     transformers = {name for name, node in flat.nodes.items() if node.kind == "TF"}
-    rigid.add_edges_from(
-        (bond.source, bond.target) for bond in flat.bonds if {bond.source, bond.target} <= names | transformers
-    )
-    return {name: k for k, group in enumerate(nx.connected_components(rigid)) for name in group}
+    groups: dict[str, int] = {}
+    for kind in JUNCTIONS:
+        own = {name for name, node in flat.nodes.items() if node.kind == kind}
+        rigid: nx.Graph[str] = nx.Graph()
+        rigid.add_nodes_from(own)
+        rigid.add_edges_from(
+            (bond.source, bond.target) for bond in flat.bonds if {bond.source, bond.target} <= own | transformers
+        )
+        groups |= {name: len(groups) + k for k, group in enumerate(nx.connected_components(rigid)) for name in group}
+    return {name: groups[name] for name in chosen}
 
 
 def _one_junction_apart(flat: BondGraph, network: nx.Graph[str], first: str, second: str) -> bool:
