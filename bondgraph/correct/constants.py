@@ -21,8 +21,8 @@ MOST_EFFECTS, MOST_REFITS = 3, 12
 #: Harrell (2015), Regression Modeling Strategies, section 4.4.
 MEASUREMENTS_EACH = 20
 #: Blocks of time whose scatter gives variances that coloured noise does not deceive: enough for the distribution of a
-#: variance, long enough to be independent. Carter, Schnepel and Steigerwald (2017), Rev. Economics and Statistics 99(4),
-#: on how many are few.
+#: variance, long enough to be independent. On how many are few: Carter, Schnepel and Steigerwald (2017), Review of
+#: Economics and Statistics 99(4).
 BLOCKS = 40
 #: Stretches of training and held-out data over which errors of predictions are compared.
 WINDOWS = 20
