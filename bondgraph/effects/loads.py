@@ -69,7 +69,8 @@ def constant_flow(g: BondGraph, at: Place) -> Effect | None:
 
 def headwind(g: BondGraph, at: Place) -> Effect | None:
     """Wind against the motion: a drag that is declared with the square of the speed acts at speed and wind."""
-    drags = [node for node in elements_at(g, at, "R") if _is_square(node)] if is_motion(at) else []
+    open_air = is_motion(at) and at.domain != ROTATION
+    drags = [node for node in elements_at(g, at, "R") if _is_square(node)] if open_air else []
     if len(drags) != 1:
         return None
     name = f"headwind_{at.name}"

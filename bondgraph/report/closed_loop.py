@@ -161,8 +161,9 @@ def explanation(closed: ClosedLoop) -> str:
 def _random(one: Disturbance) -> str:
     """What is known of a disturbance, in words."""
     size = f"standard deviation {shown(one.size)}{f' {one.unit}' if one.unit else ''}"
-    what = "its noise has a memory" if one.trial.candidate.effect.channel else "something that nothing measures wanders"
-    return f"{what} at random, {size}, correlation time {shown(one.seconds)} s"
+    sensor = bool(one.trial.candidate.effect.channel)
+    what = "its noise has a memory" if sensor else "something that nothing measures wanders at random"
+    return f"{what}, {size}, correlation time {shown(one.seconds)} s"
 
 
 def _explained(closed: ClosedLoop) -> str:

@@ -167,10 +167,21 @@ def detectable(vanishing: Sequence[Candidate], found: Scores, need: float) -> tu
 
 
 def choose(trials: Sequence[Trial], level: float) -> Trial | None:
-    """The refitted candidate with the largest penalised gain among those that pass, or None."""
+    """The refitted candidate with the largest penalised gain among those that pass, or None.
+
+    A fault of the only sensor is chosen where no law passes: nothing else measures what would contradict the law.
+    """
     fitted = [trial for trial in trials if trial.fit is not None and trial.transfers]
     passed = [trial for trial in fitted if trial.evidence is not None and trial.evidence.accepted(level)]
-    return max(passed, key=_bic_gain, default=None)
+    laws = [trial for trial in passed if not trial.candidate.effect.channel]
+    return max(laws if laws and _has_one_sensor(laws[0]) else passed, key=_bic_gain, default=None)
+
+
+def _has_one_sensor(trial: Trial) -> bool:
+    """Whether a single channel was measured."""
+    assert trial.fit is not None  # it was refitted
+    seen = np.array([np.isfinite(log.y).any(axis=1) for log in trial.fit.problem.logs]).any(axis=0)
+    return int(seen.sum()) == 1
 
 
 def _bic_gain(trial: Trial) -> float:
