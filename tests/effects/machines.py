@@ -127,7 +127,7 @@ PLATE = Machine(
     frozenset({"radiation at body"}),
 )  # fmt: skip
 
-# ------------------------------------------------------------------ hydraulic: a piston that leaks
+# ------------------------------------------------------------------ hydraulic: two chambers and a piston
 
 
 def cylinder() -> bg.BondGraph:
@@ -148,33 +148,6 @@ def cylinder() -> bg.BondGraph:
     g.measure_flow("speed", piston, "speed of the piston")
     return g
 
-
-def cylinder_rates(effect: bool) -> Rates:
-    """Pressures [Pa], speed and position; the gap's flow lies between laminar and turbulent."""
-
-    def rates(x: FloatArray, u: FloatArray) -> Sequence[float]:
-        front, back, v, q = x
-        across = (front - back) / 1e6
-        leak = 4e-5 * across * (across**2 + 1e-4) ** -0.05 if effect else 0.0
-        return [
-            4e10 * (u[0] - leak - 1e-3 * v), 4e10 * (u[1] + leak + 1e-3 * v),
-            (1e-3 * (front - back) - 2500.0 * v - 5e4 * q) / 50.0, v,
-        ]  # fmt: skip
-
-    return rates
-
-
-def cylinder_flows(time: FloatArray, chance: np.random.Generator) -> FloatArray:
-    flow = 8e-5 * np.sin(2 * np.pi * (0.3 + 0.1 * chance.uniform()) * time + chance.uniform(0, 6))
-    flow += steps(time, chance, -4e-5, 4e-5, 0.7)
-    return np.array([flow, -flow + steps(time, chance, -4e-6, 4e-6, 0.5)])
-
-
-CYLINDER = Machine(
-    cylinder, cylinder_rates, [0.0, 0.0, 0.0, 0.0], lambda x, effect: x[:3], [1e4, 1e4, 5e-4],
-    cylinder_flows, 0.01, 300,
-    frozenset({"leakage_between at front and back", "orifice_between at front and back"}),
-)  # fmt: skip
 
 # ------------------------------------------------------------------ mechanical: a leaf that bends far
 
@@ -261,5 +234,5 @@ WINCH = Machine(
 )  # fmt: skip
 
 MACHINES: Mapping[str, Machine] = {
-    "coil": COIL, "plate": PLATE, "cylinder": CYLINDER, "leaf": LEAF, "buffer": BUFFER, "winch": WINCH,
+    "coil": COIL, "plate": PLATE, "leaf": LEAF, "buffer": BUFFER, "winch": WINCH,
 }  # fmt: skip

@@ -27,7 +27,7 @@ from bondgraph.effects.benches import BENCHES, Bench, oven
 from bondgraph.effects.catalogue import added, every_effect
 from bondgraph.effects.thermal import CELSIUS_ZERO, ROOM, surroundings
 from bondgraph.units import dimension
-from tests.effects.machines import MACHINES
+from tests.effects.machines import cylinder
 
 #: Size of each state of the benches around where it starts; the heat of 500 J/K moves by some 100 K.
 SIZES = {
@@ -224,7 +224,7 @@ def test_pairs_are_neighbours_that_are_not_tied() -> None:
     motor, wheel = g.one_junction("motor", ROTATION), g.one_junction("wheel", ROTATION)
     g.transformer("gear", 3.0, motor, wheel)
     assert neighbours(g) == []
-    assert neighbours(MACHINES["cylinder"].graph()) == [("front", "back")]  # the piston between them ties no pressures
+    assert neighbours(cylinder()) == [("front", "back")]  # the piston between them ties no pressures
 
 
 def test_an_effect_between_junctions_is_offered_pairs_alone() -> None:
