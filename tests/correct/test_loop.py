@@ -183,7 +183,7 @@ def test_coloured_noise_gives_no_false_effect() -> None:
     train = [pull(sled(), seed, name=f"run{seed}", colour=0.9) for seed in (5, 6)]
     closed = close_loop(sled(), train, [], FUNCTIONS)
     assert closed.added == ()
-    assert closed.verdict == "unexplained residual"  # which coloured noise is
+    assert closed.verdict == "disturbance"  # noise of a sensor that has a memory
     assert "the innovations of force stay coloured" in closed.reason
 
 

@@ -14,8 +14,8 @@ from bondgraph.declare.effect import EffectFunction, Place, Scale, effect_functi
 from bondgraph.declare.elements import Node
 from bondgraph.declare.handles import Handle
 from bondgraph.declare.revision import revise_output
+from bondgraph.effects import friction, loads, losses, storages
 from bondgraph.report.python_lines import correction_lines, declaration_patch, write_python
-from vehicle_graphs.effects import friction, loads, losses, storages
 
 DECLARATION = """\
 import bondgraph as bg

@@ -31,6 +31,10 @@ def model_of(name: str) -> Model:
     return sample(name) if name in NAMES else Model.from_file(ROOT / f"{name}.py")
 
 
+#: Parameters that were declared after values were kept at these points: they stay as declared, the others as drawn.
+LATER = ("radius_gain_f", "radius_gain_r")
+
+
 def points_of(name: str, members: int, seed: int = 0) -> tuple[float, Array, Array, Array]:
     """Time, states, inputs and parameters of some members; near the declared ones for generated models."""
     model, rng = model_of(name), np.random.default_rng(seed)
@@ -43,4 +47,7 @@ def points_of(name: str, members: int, seed: int = 0) -> tuple[float, Array, Arr
 
     x = size[:, np.newaxis] * rng.uniform(0.5, 1.0, (size.size, members))
     u = near(model.u0(), 0.3) if not any(info.letters for info in model.inputs) else near(model.u0(), 0.0)
-    return 0.3, x, u, near(model.theta(), 0.03)
+    names, theta = model.names("parameter"), np.repeat(model.theta()[:, np.newaxis], members, axis=1)
+    drawn = [k for k, one in enumerate(names) if one not in LATER]
+    theta[drawn] = near(model.theta()[drawn], 0.03)
+    return 0.3, x, u, theta
