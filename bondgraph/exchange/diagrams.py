@@ -71,7 +71,7 @@ def mermaid_text(graph: BondGraph | Drawing) -> str:
     number = {node.name: f"n{k}" for k, node in enumerate(drawing.nodes)}
     lines = ["flowchart LR"]
     for node in drawing.nodes:
-        label = re.sub(r'["\\n]', " ", f"{node.kind} {node.name}")
+        label = re.sub(r'["\\\n]', " ", f"{node.kind} {node.name}")
         lines.append(f'  {number[node.name]}["{label}"]')
     for bond in drawing.bonds:
         stroke = {"source": ' -- "|–" -->', "target": ' -- "–|" -->', None: " -->"}[bond.stroke]

@@ -201,6 +201,7 @@ def test_dot_and_mermaid_hold_every_node_bond_and_stroke(tmp_path: Path) -> None
     drawing = drawing_of(assign_causality(_motor()))
     dot, mermaid = dot_text(drawing), mermaid_text(drawing)
     assert dot.count(" -> ") == mermaid.count(" -- ") == len(drawing.bonds)
+    assert all(f"{node.kind} {node.name}" in mermaid for node in drawing.nodes)  # "runners" came out as "ru  ers"
     strokes = [bond.stroke for bond in drawing.bonds]
     assert dot.count("arrowtail=tee") == mermaid.count("|–") == strokes.count("source")
     assert dot.count("arrowhead=teelnormal") == mermaid.count("–|") == strokes.count("target")
