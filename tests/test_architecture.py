@@ -55,7 +55,7 @@ COMPILE: dict[str, tuple[str, ...]] = {
 }
 
 #: Rooms inside ``correct``, in the order in which a loop goes through them; what stands beside them is the loop itself.
-CORRECT = ("models", "responses", "fits", "scores", "places", "evidence", "search", "shapes")
+CORRECT = ("models", "fits", "scores", "places", "evidence", "search", "shapes")
 
 MODULE_LINES = 400
 MODULE_LINES_AT_MOST = 600

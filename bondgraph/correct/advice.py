@@ -18,14 +18,14 @@ from bondgraph.build import BuiltModel
 from bondgraph.correct.fits.fitted import Fit
 from bondgraph.correct.models.bonds import bond_model
 from bondgraph.correct.models.candidates import Candidate, Variant
-from bondgraph.correct.responses.intervals import integrator, simulation_steps
-from bondgraph.correct.responses.recursion import respond
-from bondgraph.correct.responses.response import Path, model_change, open_loop, output_slopes, together
 from bondgraph.data.log import FloatArray, MatchedLog
 from bondgraph.derive.causality import assign_causality
 from bondgraph.errors import BondGraphError
 from bondgraph.estimate.design.likeness import likeness
 from bondgraph.estimate.design.manoeuvres import step_manoeuvres
+from bondgraph.filter.linear.intervals import integrator, simulation_steps
+from bondgraph.filter.linear.recursion import respond
+from bondgraph.filter.linear.response import Path, model_change, open_loop, output_slopes, together
 from bondgraph.simulate.model import Model
 from bondgraph.simulate.simulation import simulate
 

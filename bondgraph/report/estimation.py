@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 from pathlib import Path
 
-from bondgraph.correct.responses.intervals import simulation_steps
 from bondgraph.data.log import MatchedLog
 from bondgraph.estimate.innovation_summary import innovation_summary
 from bondgraph.estimate.result import Estimate
+from bondgraph.filter.linear.intervals import simulation_steps
 from bondgraph.report.closed_loop import write_json
 from bondgraph.report.collect import Runs, channel_series, parameter_changes
 from bondgraph.report.html import Provenance, ReportData, write_report

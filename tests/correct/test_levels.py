@@ -8,8 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from bondgraph.compile.machine_code import has_numba, load_kernel
-from bondgraph.correct.responses import level_kernel
 from bondgraph.data.log import FloatArray
+from bondgraph.filter.linear import level_kernel
 
 pytestmark = pytest.mark.skipif(not has_numba(), reason="compiled kernels need numba")
 

@@ -15,14 +15,14 @@ from bondgraph.correct.models.candidates import Candidate, candidates, places, s
 from bondgraph.correct.places.located import locate
 from bondgraph.correct.places.probes import hats, probes, signals
 from bondgraph.correct.places.structure import structure
-from bondgraph.correct.responses.recursion import _carried, _in_numpy
-from bondgraph.correct.responses.response import Change, _phi
 from bondgraph.correct.scores.gates import best_gated, gate_samples
 from bondgraph.correct.scores.scoring import Linearisation, linearisation, score_candidates
 from bondgraph.data.log import MatchedLog
 from bondgraph.effects.sensors import SENSOR_FAULTS
 from bondgraph.estimate.objective import central_differences
 from bondgraph.estimate.problem import EstimationProblem
+from bondgraph.filter.linear.recursion import _carried, _in_numpy
+from bondgraph.filter.linear.response import Change, _phi
 from tests.correct.sled import FUNCTIONS, added, built, fitted, pull, sled
 
 

@@ -19,8 +19,6 @@ from bondgraph.correct.fits.setup import unknown_drives
 from bondgraph.correct.fits.whiteness import is_white
 from bondgraph.correct.models.candidates import candidates, places
 from bondgraph.correct.places.missing import missing_effort
-from bondgraph.correct.responses.intervals import kicks
-from bondgraph.correct.responses.response import kicked_along
 from bondgraph.correct.round import one_round
 from bondgraph.correct.scores.scoring import Scored, linearisation, score_candidates
 from bondgraph.correct.search.groups import alike
@@ -29,6 +27,8 @@ from bondgraph.correct.search.swap import swaps
 from bondgraph.declare.effect import Effect, Place
 from bondgraph.declare.graph import BondGraph
 from bondgraph.estimate.objective import SearchOutcome, central_differences
+from bondgraph.filter.linear.intervals import kicks
+from bondgraph.filter.linear.response import kicked_along
 from bondgraph.filter.samples import Samples
 from tests.correct.winch import built, drawn, fitted, setup_of
 

@@ -14,9 +14,9 @@ from scipy import stats
 
 from bondgraph.correct.constants import BLOCKS, WINDOWS
 from bondgraph.correct.fits.fitted import Fit
-from bondgraph.correct.responses.intervals import integrator, simulation_steps
 from bondgraph.data.log import FloatArray, MatchedLog
 from bondgraph.filter.filter_run import FilterRun
+from bondgraph.filter.linear.intervals import integrator, simulation_steps
 from bondgraph.simulate.outcome import Outcome
 from bondgraph.simulate.simulation import simulate
 from bondgraph.simulate.trajectory import Trajectory

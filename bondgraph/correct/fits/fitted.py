@@ -10,7 +10,6 @@ import numpy as np
 
 from bondgraph.correct.fits.linear_steps import expansion_along
 from bondgraph.correct.fits.setup import unknown_drives
-from bondgraph.correct.responses.response import LinearLog, linearise
 from bondgraph.data.log import FloatArray, MatchedLog
 from bondgraph.estimate.objective import BoolArray, Expansion, SearchOutcome
 from bondgraph.estimate.problem import EstimationProblem
@@ -18,6 +17,7 @@ from bondgraph.estimate.steps import newton_decrement
 from bondgraph.estimate.symmetric import scaled_eigen
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.filter_run import FilterRun
+from bondgraph.filter.linear.response import LinearLog, linearise
 from bondgraph.filter.runs import run
 from bondgraph.simulate.model import Model
 from bondgraph.text import few

@@ -15,10 +15,10 @@ import numpy as np
 
 from bondgraph.correct.constants import WINDOWS
 from bondgraph.correct.fits.fitted import Fit
-from bondgraph.correct.responses.intervals import integrator, simulation_steps
 from bondgraph.data.log import FloatArray, MatchedLog
 from bondgraph.errors import BondGraphError
 from bondgraph.filter.filter_run import FilterRun
+from bondgraph.filter.linear.intervals import integrator, simulation_steps
 from bondgraph.simulate.simulation import simulate
 
 #: Samples of each log at which its rates are looked at.

@@ -15,17 +15,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from bondgraph.compile.machine_code import has_numba
-from bondgraph.correct.responses.intervals import Kicks
-from bondgraph.correct.responses.levels import LevelChanges, respond_to_levels
-from bondgraph.correct.responses.recursion import respond
-from bondgraph.correct.responses.response import (
-    Change,
-    LinearLog,
-    kicked_along,
-    linearise,
-    model_change,
-    together,
-)
 from bondgraph.data.log import FloatArray
 from bondgraph.estimate.free import FreeParameter
 from bondgraph.estimate.objective import Expansion, SearchOutcome, expansion_of
@@ -33,6 +22,17 @@ from bondgraph.estimate.problem import EstimationProblem
 from bondgraph.estimate.steps import damped_step, newton_decrement, promised_gain
 from bondgraph.filter.compiled import available_cores, in_threads
 from bondgraph.filter.filter_run import FilterRun
+from bondgraph.filter.linear.intervals import Kicks
+from bondgraph.filter.linear.levels import LevelChanges, respond_to_levels
+from bondgraph.filter.linear.recursion import respond
+from bondgraph.filter.linear.response import (
+    Change,
+    LinearLog,
+    kicked_along,
+    linearise,
+    model_change,
+    together,
+)
 from bondgraph.filter.runs import run
 
 #: Parameters are shifted by this share of their bounds.
@@ -78,7 +78,7 @@ def linear_expansion(
 ) -> Expansion:
     """Gradient, information and terms at a point (n,) inside the bounds; ``runs`` are those of the filter there.
 
-    ``kicked`` is what :func:`bondgraph.correct.responses.response.kicked_along` gave for each log at a point next to
+    ``kicked`` is what :func:`bondgraph.filter.linear.response.kicked_along` gave for each log at a point next to
     this one.
 
     Raises

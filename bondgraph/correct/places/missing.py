@@ -18,8 +18,6 @@ from bondgraph.build import BuiltModel, build
 from bondgraph.correct.fits.fitted import Fit
 from bondgraph.correct.models.bonds import bond_model
 from bondgraph.correct.places.probes import hats, probed_model, shaped
-from bondgraph.correct.responses.recursion import respond
-from bondgraph.correct.responses.response import LinearLog, Path, linearise, model_change
 from bondgraph.data.log import FloatArray, MatchedLog
 from bondgraph.declare.editing import copy, handle
 from bondgraph.declare.effect import Place
@@ -29,6 +27,8 @@ from bondgraph.estimate.initial import initial_states
 from bondgraph.estimate.objective import over_terms
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.likelihood import likelihood
+from bondgraph.filter.linear.recursion import respond
+from bondgraph.filter.linear.response import LinearLog, Path, linearise, model_change
 from bondgraph.filter.runs import run
 from bondgraph.filter.smoother import smooth
 from bondgraph.simulate.model import Model

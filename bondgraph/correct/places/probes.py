@@ -16,7 +16,6 @@ from sympy import Expr
 
 from bondgraph.build import BuiltModel, model_of
 from bondgraph.correct.models.bonds import bond_model
-from bondgraph.correct.responses.response import Change, Path, model_change
 from bondgraph.correct.scores.scoring import Linearisation
 from bondgraph.data.log import FloatArray
 from bondgraph.declare.editing import copy, handle
@@ -27,6 +26,7 @@ from bondgraph.declare.quantities import symbol
 from bondgraph.derive.causality import assign_causality, bond_labels
 from bondgraph.derive.derivation import Derivation
 from bondgraph.errors import BondGraphError
+from bondgraph.filter.linear.response import Change, Path, model_change
 from bondgraph.simulate.model import Model
 
 Variable = Literal["effort", "flow", "sensor"]

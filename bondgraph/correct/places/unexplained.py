@@ -17,7 +17,6 @@ from scipy import stats
 from sympy import Expr
 
 from bondgraph.correct.places.probes import Probe, Signal, Variable, argument, hats, knots, shaped
-from bondgraph.correct.responses.response import Change
 from bondgraph.correct.scores.score import SAME, Projected, best_step, solve
 from bondgraph.correct.scores.scoring import Linearisation
 from bondgraph.data.log import FloatArray
@@ -25,6 +24,7 @@ from bondgraph.declare.effect import Effect, EffectFunction, Place
 from bondgraph.declare.functions import maximum, minimum
 from bondgraph.declare.graph import BondGraph
 from bondgraph.filter.compiled import available_cores, in_threads
+from bondgraph.filter.linear.response import Change
 
 #: Information left of an effect, beside a function without a law, below which the function contains it.
 _LEFT = 1e-4

@@ -21,7 +21,6 @@ import numpy as np
 from bondgraph.correct.fits.fitted import Fit, restricted
 from bondgraph.correct.fits.times import summed
 from bondgraph.correct.models.candidates import Candidate, Variant
-from bondgraph.correct.responses.recursion import decay
 from bondgraph.correct.scores.score import SAME, Projected, best_step, score_pieces, solve
 from bondgraph.correct.scores.scoring import Linearisation, Scored, candidate_change
 from bondgraph.data.log import FloatArray, MatchedLog
@@ -33,6 +32,7 @@ from bondgraph.declare.graph import BondGraph
 from bondgraph.declare.quantities import symbol
 from bondgraph.declare.revision import replace_symbols
 from bondgraph.filter.compiled import available_cores, in_threads
+from bondgraph.filter.linear.recursion import decay
 
 When = Literal["from", "until"]
 

@@ -12,14 +12,14 @@ from bondgraph.correct.fits.fitted import Fit
 from bondgraph.correct.fits.times import Times, term_times
 from bondgraph.correct.models.candidates import Candidate, Variant
 from bondgraph.correct.models.failures import attempted
-from bondgraph.correct.responses.recursion import respond_into
-from bondgraph.correct.responses.response import Change, LinearLog, Path, linearise, model_change, together, unchanged
 from bondgraph.correct.scores.score import LEFT, Projected, Scores, project, scores, solve
 from bondgraph.data.log import FloatArray, MatchedLog
 from bondgraph.estimate.free import FreeParameter
 from bondgraph.estimate.objective import Expansion, expansion_of, over_terms
 from bondgraph.filter.compiled import available_cores, in_threads
 from bondgraph.filter.filter_run import FilterRun
+from bondgraph.filter.linear.recursion import respond_into
+from bondgraph.filter.linear.response import Change, LinearLog, Path, linearise, model_change, together, unchanged
 from bondgraph.simulate.model import Model
 
 #: Lanes that go through the filter at once, and candidates of which the lanes do; changes no number.

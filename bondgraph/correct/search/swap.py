@@ -17,11 +17,11 @@ import numpy as np
 from bondgraph.correct.evidence.context import coefficients, inside
 from bondgraph.correct.evidence.trials import Trial
 from bondgraph.correct.models.candidates import Candidate, Variant
-from bondgraph.correct.responses.response import Change, Path, model_change, together
 from bondgraph.correct.scores.score import best_step, project, solve
 from bondgraph.correct.scores.scoring import Linearisation, linearisation
 from bondgraph.data.log import FloatArray, MatchedLog
 from bondgraph.estimate.objective import Expansion
+from bondgraph.filter.linear.response import Change, Path, model_change, together
 
 #: Shares of the way to where the expansion puts the parameters at which a refit looks for its start.
 _STRIDES = (1.0, 0.5, 0.0)

@@ -15,11 +15,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from bondgraph.correct.places.probes import Probe, Signal, shaped
-from bondgraph.correct.responses.response import Change
 from bondgraph.correct.scores.score import Projected
 from bondgraph.correct.scores.scoring import Linearisation
 from bondgraph.correct.shapes.library import Term, library
 from bondgraph.data.log import FloatArray
+from bondgraph.filter.linear.response import Change
 
 #: Terms of a sum at most.
 MOST_TERMS = 3

@@ -1,4 +1,4 @@
-"""The recursion of :mod:`bondgraph.correct.responses.response`, in the part of Python that numba compiles.
+"""The recursion of :mod:`bondgraph.filter.linear.response`, in the part of Python that numba compiles.
 
 Lanes are the last axis of all that depends on them, so that each product is a loop over neighbouring numbers.
 """
@@ -13,7 +13,7 @@ from bondgraph.arrays import FloatArray, IntArray
 
 
 class Filter(NamedTuple):
-    """The filter along a log, samples first, see :class:`bondgraph.correct.responses.response.LinearLog`."""
+    """The filter along a log, samples first, see :class:`bondgraph.filter.linear.response.LinearLog`."""
 
     transition: FloatArray
     early: FloatArray

@@ -24,11 +24,11 @@ from bondgraph.compile.lanes.load import LaneModel, load_lanes
 from bondgraph.compile.lanes.text import LANES
 from bondgraph.compile.machine_code import load_kernel
 from bondgraph.compile.rosenbrock import TABLEAUS
-from bondgraph.correct.responses import interval_kernel
 from bondgraph.data.log import FloatArray
 from bondgraph.filter.compiled import available_cores, in_threads, log_rows
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.filter_run import FilterRun
+from bondgraph.filter.linear import interval_kernel
 from bondgraph.filter.samples import Samples
 from bondgraph.simulate.stiff import Rosenbrock
 

@@ -18,10 +18,10 @@ import numpy as np
 
 from bondgraph.arrays import IntArray
 from bondgraph.compile.machine_code import load_kernel
-from bondgraph.correct.responses import level_kernel
-from bondgraph.correct.responses.response import LinearLog
 from bondgraph.data.log import FloatArray
 from bondgraph.filter.filter_run import FilterRun
+from bondgraph.filter.linear import level_kernel
+from bondgraph.filter.linear.response import LinearLog
 
 
 @dataclass(frozen=True)

@@ -23,11 +23,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from bondgraph.compile.machine_code import has_numba
-from bondgraph.correct.responses.intervals import NODES, Kicks, filter_transitions, kicks
 from bondgraph.data.log import FloatArray, MatchedLog
 from bondgraph.errors import FilterError
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.filter_run import FilterRun
+from bondgraph.filter.linear.intervals import NODES, Kicks, filter_transitions, kicks
 from bondgraph.filter.samples import Samples
 from bondgraph.simulate.model import Model
 
@@ -163,7 +163,7 @@ def kicked_along(run: FilterRun, log: MatchedLog, theta: FloatArray) -> Kicks:
 def _relaxing(
     run: FilterRun, log: MatchedLog, samples: Samples, own: FloatArray, kicked: Kicks | None
 ) -> tuple[Path, FloatArray, FloatArray, FloatArray]:
-    """The path of a stiff model, with the transitions of :mod:`bondgraph.correct.responses.intervals`."""
+    """The path of a stiff model, with the transitions of :mod:`bondgraph.filter.linear.intervals`."""
     found = kicks(run.filter_model, samples, run.filtered_mean[:, :-1], own) if kicked is None else kicked
     before = run.predicted_mean
     path = Path(

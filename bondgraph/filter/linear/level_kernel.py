@@ -1,4 +1,4 @@
-"""The recursion of :mod:`bondgraph.correct.responses.levels`, in the part of Python that numba compiles.
+"""The recursion of :mod:`bondgraph.filter.linear.levels`, in the part of Python that numba compiles.
 
 Levels are the last axis of all that depends on them, so that each product is a loop over neighbouring numbers. What the
 gain leaves of a covariance, in Joseph's form (I - K H) dP (I - K H)' + K dR K', is written as
@@ -19,7 +19,7 @@ from bondgraph.arrays import FloatArray
 
 
 class Filter(NamedTuple):
-    """The filter along a log, samples first, see :class:`bondgraph.correct.responses.response.LinearLog`.
+    """The filter along a log, samples first, see :class:`bondgraph.filter.linear.response.LinearLog`.
 
     ``gathered`` (n - 1, drivers, n_x, n_x) is the covariance that noise of intensity one in each driven state leaves
     over an interval; ``slope`` (n, n_y, n_x) with zero rows for what was not measured, ``seen`` (n, n_y) one for what

@@ -7,9 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from bondgraph.compile.machine_code import has_numba, load_kernel
-from bondgraph.correct.responses import response_kernel
-from bondgraph.correct.responses.response import Change, LinearLog
 from bondgraph.data.log import FloatArray
+from bondgraph.filter.linear import response_kernel
+from bondgraph.filter.linear.response import Change, LinearLog
 
 
 def respond(linear: LinearLog, change: Change, at: Sequence[int] = ()) -> tuple[FloatArray, FloatArray]:
