@@ -160,10 +160,16 @@ def _add_run_commands(commands: Any) -> None:
         commands, "estimate", "estimate parameters that make measured logs most likely",
         "  bondgraph estimate vehicle_graphs.driveline:driveline --data run1.csv run2.csv --free tau_grip,F_roll "
         "--out fit\n  bondgraph estimate MODEL --data run.csv --method pso --seed 3 --out fit   (Ctrl-C keeps the best)"
+        "\n  bondgraph estimate MODEL --data run.csv --free m=800:1600 --prior m=1200+-50 --holdout other.csv --out fit"
         "\n  bondgraph estimate MODEL --data run.csv --out fit --resume",
     )  # fmt: skip
     _add_data(c)
     _add_problem(c)
+    _add_knowledge(c)
+    c.add_argument(
+        "--holdout", nargs="+", default=[], metavar="FILE", help="held-out logs: looked at, they decide nothing"
+    )
+    c.add_argument("--starts", type=_count, default=4, metavar="N", help="gradient searches side by side (default: 4)")
     c.add_argument(
         "--method", default="both", choices=("both", "pso", "gradient"),
         help="a short swarm whose best points start gradient searches (both, the default), the swarm alone (pso), or "
@@ -190,6 +196,7 @@ def _add_run_commands(commands: Any) -> None:
     )  # fmt: skip
     _add_data(c)
     _add_problem(c)
+    _add_knowledge(c)
 
 
 def _add_loop_commands(commands: Any) -> None:
@@ -260,12 +267,25 @@ def _add_strict(command: argparse.ArgumentParser) -> None:
 def _add_problem(command: argparse.ArgumentParser) -> None:
     command.add_argument(
         "--free", nargs="+", default=[], metavar="NAME",
-        help="parameters to estimate, also std(output), process(state), x0(state) (default: all with bounds)",
+        help="parameters to estimate, also std(output), process(state), x0(state); m=800:1600 within other bounds than "
+        "declared (default: all with bounds; loops take names alone)",
     )  # fmt: skip
     command.add_argument(
         "--process-noise", default="free", choices=("free", "none"),
         help="estimate the noise that drives the states, or take the model as exact (default: free)",
     )  # fmt: skip
+
+
+def _add_knowledge(command: argparse.ArgumentParser) -> None:
+    command.add_argument(
+        "--prior", action="append", default=[], metavar="NAME=DISTRIBUTION",
+        help="what is known of a parameter: m=1200+-50 normal, k=1e5*/1.5 lognormal, eta=0.8:0.95 uniform (repeatable)",
+    )  # fmt: skip
+    command.add_argument(
+        "--tie", action="append", default=[], metavar="NAME=EXPRESSION",
+        help="parameter that follows from free ones, in coherent SI: k_r=1.2*k_f (repeatable)",
+    )  # fmt: skip
+    command.add_argument("--rate", type=_positive, metavar="HZ", help="use every k-th sample, down to this rate")
 
 
 def _add_loop(command: argparse.ArgumentParser) -> None:

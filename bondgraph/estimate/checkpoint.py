@@ -14,9 +14,9 @@ import numpy as np
 
 from bondgraph.errors import EstimationError
 from bondgraph.estimate.gauss_newton import GaussNewtonState
+from bondgraph.estimate.joint import Problem
 from bondgraph.estimate.objective import SearchOutcome, TraceRow
 from bondgraph.estimate.particle_swarm import SwarmState
-from bondgraph.estimate.problem import EstimationProblem
 from bondgraph.files import write_bytes
 
 FILE = "checkpoint.npz"
@@ -31,14 +31,17 @@ class Checkpoint:
     states: Mapping[str, SwarmState | GaussNewtonState]
 
 
-def problem_digest(problem: EstimationProblem, options: Mapping[str, object]) -> str:
+def problem_digest(problem: Problem, options: Mapping[str, object]) -> str:
     """Digest of everything on which the course of a search depends."""
     content = hashlib.sha256()
-    content.update(repr((problem.filter_model.digest, problem.free, problem.initial, sorted(options.items()))).encode())
-    for log in problem.logs:
-        content.update(repr((log.name, sorted(log.theta_overrides.items()))).encode())
-        for array in (log.time, log.u, log.y):
-            content.update(np.ascontiguousarray(array).tobytes())
+    for part in problem.parts:
+        own = (part.filter_model.digest, problem.free, part.initial, sorted(options.items()))
+        more = (part.names, part.ties, problem.priors) if part is not problem or part.ties or part.priors else ()
+        content.update(repr((*own, *more)).encode())
+        for log in part.logs:
+            content.update(repr((log.name, sorted(log.theta_overrides.items()))).encode())
+            for array in (log.time, log.u, log.y):
+                content.update(np.ascontiguousarray(array).tobytes())
     return content.hexdigest()
 
 

@@ -11,7 +11,16 @@ from typing import Literal, get_args
 import numpy as np
 
 from bondgraph.errors import OptionError, suggest
-from bondgraph.estimate.certify import Certification, Check, Depth, check, finer_filters, planned_again, rounding
+from bondgraph.estimate.certify import (
+    Certification,
+    Check,
+    Depth,
+    check,
+    finer_problems,
+    planned_again,
+    rounding,
+    steps_of,
+)
 from bondgraph.estimate.checkpoint import Checkpoint, load_checkpoint, problem_digest, save_checkpoint
 from bondgraph.estimate.continuation import ON_THE_WAY, Continuation, Stage, way
 from bondgraph.estimate.described import Found, describe
@@ -25,7 +34,15 @@ from bondgraph.estimate.gauss_newton import (
     starts_ended,
     step_starts,
 )
-from bondgraph.estimate.handover import distinct_starts, spread_starts, swarm_search, swarm_starts, whole_points
+from bondgraph.estimate.handover import (
+    distinct_starts,
+    is_shortened,
+    spread_starts,
+    swarm_search,
+    swarm_starts,
+    whole_points,
+)
+from bondgraph.estimate.joint import Problem
 from bondgraph.estimate.objective import (
     Expand,
     FloatArray,
@@ -35,11 +52,9 @@ from bondgraph.estimate.objective import (
     silent,
 )
 from bondgraph.estimate.particle_swarm import SwarmSettings, SwarmState, initial_swarm, step_swarm, swarm_ended
-from bondgraph.estimate.problem import EstimationProblem
 from bondgraph.estimate.race import race_ends, raced
 from bondgraph.estimate.result import Estimate
 from bondgraph.filter.choice import choose_method
-from bondgraph.filter.filter_model import FilterModel
 
 Method = Literal["both", "pso", "gradient"]
 
@@ -108,7 +123,7 @@ class Settings:
 class _Run:
     """What changes while an estimation runs."""
 
-    problem: EstimationProblem
+    problem: Problem
     settings: Settings
     progress: Progress
     folder: Path | None
@@ -120,12 +135,12 @@ class _Run:
     asked: int = 0
 
     @cached_property
-    def swarm_search(self) -> tuple[EstimationProblem, SwarmSettings]:
+    def swarm_search(self) -> tuple[Problem, SwarmSettings]:
         """What the swarm searches, and how."""
         return swarm_search(self.problem, self.settings.swarm, self.settings.method == "pso")
 
     @property
-    def swarmed(self) -> EstimationProblem:
+    def swarmed(self) -> Problem:
         """What the swarm searches."""
         return self.swarm_search[0]
 
@@ -157,12 +172,12 @@ class _Run:
         point = row.point
         if stage == "swarm":
             point = tuple(whole_points(self.problem, self.swarmed, np.array(point)[:, np.newaxis])[:, 0].tolist())
-            stage = "swarm" if self.swarmed.logs is self.problem.logs else "swarm on the beginnings of the logs"
+            stage = "swarm on the beginnings of the logs" if is_shortened(self.problem, self.swarmed) else "swarm"
         return replace(row, stage=stage, point=point, evaluations=row.evaluations + before)
 
 
 def estimate(
-    problem: EstimationProblem,
+    problem: Problem,
     settings: Settings | None = None,
     *,
     progress: Progress = silent,
@@ -241,25 +256,27 @@ def _described(best: Found, run: _Run) -> Estimate:
 def _certified(found: Estimate, run: _Run) -> Estimate:
     """The estimate with its certification, after going on with other steps as often as finer ones move it."""
     for continued in range(_MOST_REFINEMENTS + 1):
-        used = choose_method(found.problem.filter_model, found.problem.logs)  # finer steps are finer than decided ones
-        found = replace(found, problem=replace(found.problem, filter_model=used))
+        # finer steps are finer than decided ones
+        used = [choose_method(part.filter_model, part.logs) for part in found.problem.parts]
+        planned = any(one.plan is not None for one in used)
+        found = replace(found, problem=found.problem.with_filters(used))
         try:
             checks = _checks(found, run)
             moved = rounding(found.problem, found.point) if checks else None
         except KeyboardInterrupt:
             checks, moved = [], None
-        certification = Certification(used.method, used.typical_substeps, tuple(c for _, c in checks), continued, moved)
+        seen = tuple(seen for _, seen in checks)
+        certification = Certification(*steps_of(found.problem), seen, continued, moved)
         found = replace(found, certification=certification, seconds=run.seconds)
         # A search that does not get on may have outrun the steps that were planned for its start.
-        stuck = found.outcome is SearchOutcome.NO_PROGRESS and used.plan is not None and continued == 0
+        stuck = found.outcome is SearchOutcome.NO_PROGRESS and planned and continued == 0
         stuck = stuck or certification.is_ill_conditioned
         done = certification.certified if found.outcome.succeeded else not stuck
         if not checks or done or continued == _MOST_REFINEMENTS:
             break
-        finer, worst = max(checks, key=lambda pair: pair[1].shift)
-        if continued == 0 and used.plan is not None and worst.method == used.method:
-            finer = planned_again(found.problem, found.point)
-        problem = replace(found.problem, filter_model=finer)
+        problem, worst = max(checks, key=lambda pair: pair[1].shift)
+        if continued == 0 and planned and worst.method == certification.method:
+            problem = planned_again(found.problem, found.point)
         try:
             state = gauss_newton(problem, found.point, run.settings.gradient, run.told_after(found), run.jacobian)
             found = describe(problem, _continued(found, state), run.jacobian, lambda: run.seconds)
@@ -268,15 +285,15 @@ def _certified(found: Estimate, run: _Run) -> Estimate:
     return replace(found, outcome=SearchOutcome.ILL_CONDITIONED) if found.certification.is_ill_conditioned else found
 
 
-def _checks(found: Estimate, run: _Run) -> list[tuple[FilterModel, Check]]:
-    """What finer filters would change, each with its filter."""
+def _checks(found: Estimate, run: _Run) -> list[tuple[Problem, Check]]:
+    """What finer filters would change, each with the problem that has them."""
     depth = run.settings.certify
     if depth == "none" or found.outcome is SearchOutcome.INTERRUPTED or not np.isfinite(found.nll):
         return []
     run.tell("certification", found)
-    filters = finer_filters(found.problem, found.point, depth)
+    finer = finer_problems(found.problem, found.point, depth)
     spread, converged = found.coordinate_covariance, found.outcome.succeeded
-    return [(f, check(found.problem, found.point, spread, f, run.jacobian, converged=converged)) for f in filters]
+    return [(one, check(found.problem, found.point, spread, one, run.jacobian, converged=converged)) for one in finer]
 
 
 def _continued(before: Estimate, state: GaussNewtonState) -> Found:
@@ -334,7 +351,7 @@ def _gradient(run: _Run) -> SearchOutcome:
 
 
 def _stage(
-    run: _Run, name: str, problem: EstimationProblem, starts: FloatArray, settings: GaussNewtonSettings
+    run: _Run, name: str, problem: Problem, starts: FloatArray, settings: GaussNewtonSettings
 ) -> GaussNewtonState:
     """A gradient search to its end, from where it was kept if it was."""
     state = run.states.get(name)
@@ -373,7 +390,7 @@ def _found(run: _Run, outcome: SearchOutcome) -> Found:
         trace = tuple(run.row("swarm", row, evaluations) for row in swarm.trace)
         evaluations += swarm.evaluations
         points.append(whole_points(run.problem, run.swarmed, swarm.swarm_best[:, np.newaxis])[:, 0])
-        shortened = run.swarmed.logs is not run.problem.logs
+        shortened = is_shortened(run.problem, run.swarmed)
         values.append(float(run.problem.nll(points[-1][:, np.newaxis])[0]) if shortened else swarm.swarm_best_nll)
     if isinstance(gradient, GaussNewtonState):
         trace += tuple(run.row("gauss-newton", row, evaluations) for row in gradient.trace)

@@ -15,6 +15,7 @@ import numpy as np
 
 from bondgraph.data.select import beginnings
 from bondgraph.estimate.exact import filtering_work
+from bondgraph.estimate.joint import JointProblem, Problem
 from bondgraph.estimate.objective import FloatArray
 from bondgraph.estimate.particle_swarm import SwarmSettings
 from bondgraph.estimate.problem import EstimationProblem
@@ -42,9 +43,7 @@ _LEVELS = ("std", "process")
 _SCATTER = 100.0
 
 
-def swarm_search(
-    problem: EstimationProblem, given: SwarmSettings | None, alone: bool
-) -> tuple[EstimationProblem, SwarmSettings]:
+def swarm_search(problem: Problem, given: SwarmSettings | None, alone: bool) -> tuple[Problem, SwarmSettings]:
     """What a swarm searches, and how: alone everything, else valleys in what is left to it."""
     part = problem if alone else without_noise_levels(problem)
     settings = given or swarm_settings(part, alone)
@@ -53,8 +52,8 @@ def swarm_search(
     return part, settings
 
 
-def without_noise_levels(problem: EstimationProblem) -> EstimationProblem:
-    """The problem with its noise levels held at their starts; as it is where nothing else is free.
+def without_noise_levels(problem: Problem) -> Problem:
+    """The problem with its noise levels held at their starts; as it is where a part has nothing else free.
 
     Examples
     --------
@@ -68,8 +67,19 @@ def without_noise_levels(problem: EstimationProblem) -> EstimationProblem:
     >>> without_noise_levels(pose(swing, log, ["length", "std(deflection)", "damping"])).names
     ('length', 'damping')
     """
+    if isinstance(problem, JointProblem):
+        others = tuple(parameter for parameter in problem.free if parameter.target.kind not in _LEVELS)
+        parts = tuple(map(_without_levels, problem.problems))
+        if any(part.noise_levels.any() for part in parts):
+            return problem
+        return replace(problem, problems=parts, free=others) if len(others) < len(problem.free) else problem
+    return _without_levels(problem)
+
+
+def _without_levels(problem: EstimationProblem) -> EstimationProblem:
     others = tuple(parameter for parameter in problem.free if parameter.target.kind not in _LEVELS)
-    if not others or len(others) == len(problem.free):
+    told = {name for prior in problem.priors for name in prior.names}
+    if not others or len(others) == len(problem.free) or not told <= {one.name for one in others}:
         return problem
     starts = {kind: {p.target.name: p.start for p in problem.free if p.target.kind == kind} for kind in _LEVELS}
     declared = problem.filter_model
@@ -81,7 +91,7 @@ def without_noise_levels(problem: EstimationProblem) -> EstimationProblem:
     return replace(problem, filter_model=held, free=others)
 
 
-def excerpt(problem: EstimationProblem, evaluations: int) -> EstimationProblem:
+def excerpt(problem: Problem, evaluations: int) -> Problem:
     """The problem with as much of the beginning of every log as so many evaluations may take; often with all of it.
 
     The beginning, because what is known of the states is known there.
@@ -102,17 +112,24 @@ def excerpt(problem: EstimationProblem, evaluations: int) -> EstimationProblem:
     share = _WORK / (filtering_work(problem) * evaluations)
     if share >= 1.0:
         return problem
-    return replace(problem, logs=beginnings(problem.logs, share, _LEAST_SAMPLES))
+    return problem.with_parts(
+        replace(part, logs=beginnings(part.logs, share, _LEAST_SAMPLES)) for part in problem.parts
+    )
 
 
-def whole_points(problem: EstimationProblem, part: EstimationProblem, points: FloatArray) -> FloatArray:
+def is_shortened(problem: Problem, part: Problem) -> bool:
+    """Whether a swarm searched the beginnings of the logs instead of all of them."""
+    return [len(log) for log in problem.logs] != [len(log) for log in part.logs]
+
+
+def whole_points(problem: Problem, part: Problem, points: FloatArray) -> FloatArray:
     """Coordinates (n, members) of a problem from those of a part of it, with the start in place of the others."""
     wide = np.repeat(problem.start[:, np.newaxis], points.shape[1], axis=1)
     wide[[problem.names.index(name) for name in part.names]] = points
     return wide
 
 
-def swarm_settings(problem: EstimationProblem, alone: bool) -> SwarmSettings:
+def swarm_settings(problem: Problem, alone: bool) -> SwarmSettings:
     """A swarm for so many coordinates: five particles for each, as long as valleys need or, alone, an optimum."""
     wanted = min(max(_PER_COORDINATE * len(problem.free), _LEAST), _MOST)
     members = -(-wanted // _BLOCK) * _BLOCK
@@ -121,7 +138,7 @@ def swarm_settings(problem: EstimationProblem, alone: bool) -> SwarmSettings:
     return SwarmSettings(members=members, iterations=_ITERATIONS, patience=_PATIENCE, tolerance=_GAIN)
 
 
-def swarm_starts(problem: EstimationProblem, points: FloatArray, values: FloatArray, count: int) -> FloatArray:
+def swarm_starts(problem: Problem, points: FloatArray, values: FloatArray, count: int) -> FloatArray:
     """The best distinct of points (n, members), and among several the declared start; shape (n, up to count).
 
     The declared start is what an engineer believes, and the levels of noise that the swarm ranked points by may have
@@ -133,7 +150,7 @@ def swarm_starts(problem: EstimationProblem, points: FloatArray, values: FloatAr
     return np.concatenate([found, problem.start[:, np.newaxis]], axis=1)
 
 
-def spread_starts(problem: EstimationProblem, count: int, seed: int) -> FloatArray:
+def spread_starts(problem: Problem, count: int, seed: int) -> FloatArray:
     """The declared start and a Latin hypercube over the bounds, shape (n, count).
 
     Levels of noise scatter within a factor of 100: their bounds span all that a log can tell, and a search finds them
@@ -149,7 +166,7 @@ def spread_starts(problem: EstimationProblem, count: int, seed: int) -> FloatArr
     return np.concatenate([problem.start[:, np.newaxis], spread], axis=1)[:, :count]
 
 
-def distinct_starts(problem: EstimationProblem, points: FloatArray, values: FloatArray, count: int) -> FloatArray:
+def distinct_starts(problem: Problem, points: FloatArray, values: FloatArray, count: int) -> FloatArray:
     """The best of points (n, members) with finite values (members,), none near a better one; shape (n, up to count)."""
     width = problem.upper - problem.lower
     chosen: list[FloatArray] = []
