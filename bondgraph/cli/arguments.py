@@ -15,6 +15,8 @@ GRAPH_HELP = (
 )
 #: Folder of the generated modules.
 FOLDER = "generated"
+#: Methods of an estimation, as :mod:`bondgraph.estimate.methods` knows them.
+METHODS = ("both", "gradient", "pso", "shade", "de", "cma", "shade+gradient", "de+gradient", "cma+gradient")
 MODEL_HELP = GRAPH_HELP + ", or generated module (generated/driveline.py)"
 
 
@@ -171,9 +173,10 @@ def _add_run_commands(commands: Any) -> None:
     )
     c.add_argument("--starts", type=_count, default=4, metavar="N", help="gradient searches side by side (default: 4)")
     c.add_argument(
-        "--method", default="both", choices=("both", "pso", "gradient"),
-        help="a short swarm whose best points start gradient searches (both, the default), the swarm alone (pso), or "
-        "gradient searches from the declared values and points spread over the bounds (gradient)",
+        "--method", default="both", choices=METHODS,
+        help="a short swarm whose best points start gradient searches (both, the default), gradient searches from the "
+        "declared values and points spread over the bounds (gradient), or a swarm (pso), L-SHADE (shade), scipy's "
+        "differential evolution (de) or CMA-ES (cma) alone, the last three also with gradient searches after them",
     )  # fmt: skip
     c.add_argument(
         "--certify", default="step", choices=("step", "full", "none"),

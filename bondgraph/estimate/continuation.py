@@ -26,10 +26,10 @@ from typing import Literal
 import numpy as np
 
 from bondgraph.data.log import MatchedLog
-from bondgraph.estimate.gauss_newton import GaussNewtonSettings, GaussNewtonState
 from bondgraph.estimate.joint import Problem
 from bondgraph.estimate.objective import FloatArray
 from bondgraph.estimate.problem import EstimationProblem
+from bondgraph.estimate.solvers.gauss_newton import GaussNewtonSettings, GaussNewtonState
 from bondgraph.filter.choice import choose_method
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.runs import run

@@ -1,24 +1,28 @@
 """How a swarm hands over to gradient searches: what it searches, how large it is, and where the searches start.
 
 A swarm only has to find the right valleys, and every coordinate more makes them harder to find. Levels of noise are
-left to the gradient search, which finds them in closed form (see :mod:`bondgraph.estimate.steps`): with the levels that
-the data suggested at the start, the swarm ranks parameters as a weighted sum of squares would. Where the logs are so
-long that a swarm over them would take many minutes, it searches how they begin; the gradient searches that follow see
-everything.
+left to the gradient search, which finds them in closed form (see :mod:`bondgraph.estimate.solvers.steps`): with the
+levels that the data suggested at the start, the swarm ranks parameters as a weighted sum of squares would. Where the
+logs are so long that a swarm over them would take many minutes, it searches how they begin; the gradient searches that
+follow see everything.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
+from scipy.stats import qmc
 
 from bondgraph.data.select import beginnings
 from bondgraph.estimate.exact import filtering_work
 from bondgraph.estimate.joint import JointProblem, Problem
 from bondgraph.estimate.objective import FloatArray
-from bondgraph.estimate.particle_swarm import SwarmSettings
 from bondgraph.estimate.problem import EstimationProblem
+from bondgraph.estimate.solvers.abstract import AbstractSearch
+from bondgraph.estimate.solvers.particle_swarm import ParticleSwarm, SwarmSettings
 
 #: Points closer than this share of the bounds in every coordinate count as one start.
 _DISTINCT = 0.02
@@ -43,13 +47,20 @@ _LEVELS = ("std", "process")
 _SCATTER = 100.0
 
 
-def swarm_search(problem: Problem, given: SwarmSettings | None, alone: bool) -> tuple[Problem, SwarmSettings]:
-    """What a swarm searches, and how: alone everything, else valleys in what is left to it."""
+def explored(
+    problem: Problem, make: Callable[[Problem], AbstractSearch[Any]], alone: bool
+) -> tuple[Problem, AbstractSearch[Any]]:
+    """What a search explores, and the search: alone everything, else valleys in what is left to it."""
     part = problem if alone else without_noise_levels(problem)
-    settings = given or swarm_settings(part, alone)
-    if not alone and not part.noise_levels.any():
-        part = excerpt(part, settings.members * (1 + settings.iterations))
-    return part, settings
+    search = make(part)
+    if not alone and not part.noise_levels.any() and search.most_evaluations is not None:
+        part = excerpt(part, search.most_evaluations)
+    return part, search
+
+
+def exploring_swarm(problem: Problem, seed: int) -> ParticleSwarm:
+    """A swarm that only has to find the right valleys."""
+    return ParticleSwarm(swarm_settings(problem, alone=False), seed)
 
 
 def without_noise_levels(problem: Problem) -> Problem:
@@ -158,8 +169,7 @@ def spread_starts(problem: Problem, count: int, seed: int) -> FloatArray:
     """
     rng = np.random.default_rng([seed, 1])
     others = max(count - 1, 1)
-    strata = np.array([rng.permutation(others) for _ in problem.free])
-    shares = (strata + rng.random(strata.shape)) / others
+    shares = qmc.LatinHypercube(len(problem.free), rng=rng).random(others).T
     near = np.where(problem.noise_levels, np.log(_SCATTER), np.inf)
     lower, upper = np.maximum(problem.lower, problem.start - near), np.minimum(problem.upper, problem.start + near)
     spread = lower[:, np.newaxis] + (upper - lower)[:, np.newaxis] * shares

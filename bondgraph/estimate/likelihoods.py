@@ -12,7 +12,7 @@ from bondgraph.data.log import MatchedLog
 from bondgraph.estimate.free import Target
 from bondgraph.estimate.objective import Below, FloatArray, Terms
 from bondgraph.filter.filter_model import FilterModel
-from bondgraph.filter.likelihood import innovations, likelihood, negative_log_likelihood
+from bondgraph.filter.likelihood import innovations, likelihood
 from bondgraph.filter.members import MemberValues
 from bondgraph.simulate.model import Model
 
@@ -126,15 +126,8 @@ class FilterLikelihood:
 
     def nll(self, filter_model: FilterModel, logs: Sequence[MatchedLog], batch: Batch) -> FloatArray:
         """Negative log-likelihood, shape (members,)."""
-        values, _ = negative_log_likelihood(
-            filter_model,
-            logs,
-            batch.theta,
-            threads=self.threads,
-            compiled=self.compiled,
-            **batch.values(),
-        )
-        return values
+        given = batch.values()
+        return likelihood(filter_model, logs, batch.theta, threads=self.threads, compiled=self.compiled, **given).nll
 
     def nll_below(
         self, filter_model: FilterModel, logs: Sequence[MatchedLog], batch: Batch, ceilings: FloatArray

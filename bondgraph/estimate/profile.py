@@ -14,9 +14,9 @@ from statistics import NormalDist
 import numpy as np
 
 from bondgraph.errors import EstimationError
-from bondgraph.estimate.gauss_newton import GaussNewtonSettings, gauss_newton
 from bondgraph.estimate.objective import BoolArray, FloatArray, Objective, Terms
-from bondgraph.estimate.steps import known_noise_levels
+from bondgraph.estimate.solvers.gauss_newton import GaussNewtonSettings, gauss_newton
+from bondgraph.estimate.solvers.steps import known_noise_levels
 
 _ITERATIONS = 12
 _TOLERANCE = 1e-3

@@ -16,9 +16,9 @@ from bondgraph.estimate.free import FreeParameter
 from bondgraph.estimate.handover import is_shortened, without_noise_levels
 from bondgraph.estimate.joint import JointProblem, pose_joint
 from bondgraph.estimate.objective import SearchOutcome, central_differences
-from bondgraph.estimate.particle_swarm import SwarmSettings
 from bondgraph.estimate.priors import Normal
 from bondgraph.estimate.problem import EstimationProblem, pose
+from bondgraph.estimate.solvers.particle_swarm import SwarmSettings
 from bondgraph.estimate.ties import Tie
 from bondgraph.report.estimation import estimate_report
 from bondgraph.report.html import Provenance

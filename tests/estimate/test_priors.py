@@ -13,11 +13,11 @@ from bondgraph.errors import EstimationError
 from bondgraph.estimate.estimation import Settings, estimate
 from bondgraph.estimate.exact import exact_expansion
 from bondgraph.estimate.free import FreeParameter
-from bondgraph.estimate.gauss_newton import GaussNewtonSettings
 from bondgraph.estimate.likelihoods import FilterLikelihood
 from bondgraph.estimate.objective import central_differences
 from bondgraph.estimate.priors import LogNormal, MultivariateNormal, Normal, Prior, Uniform
 from bondgraph.estimate.problem import EstimationProblem, pose
+from bondgraph.estimate.solvers.gauss_newton import GaussNewtonSettings
 from tests.estimate.linear import ExactLikelihood, lag, simulated
 
 ONE = Settings(method="gradient", starts=1, gradient=GaussNewtonSettings(tolerance=1e-12))

@@ -28,7 +28,9 @@ from bondgraph.data.log import FloatArray, MatchedLog
 from bondgraph.errors import EstimationError
 from bondgraph.estimate.exact import exact_expansion
 from bondgraph.estimate.free import FreeParameter
-from bondgraph.estimate.gauss_newton import (
+from bondgraph.estimate.objective import BoolArray, Expansion, Objective, SearchOutcome
+from bondgraph.estimate.problem import EstimationProblem
+from bondgraph.estimate.solvers.gauss_newton import (
     GaussNewtonSettings,
     GaussNewtonState,
     finish_starts,
@@ -36,9 +38,7 @@ from bondgraph.estimate.gauss_newton import (
     starts_ended,
     step_starts,
 )
-from bondgraph.estimate.objective import BoolArray, Expansion, Objective, SearchOutcome
-from bondgraph.estimate.problem import EstimationProblem
-from bondgraph.estimate.steps import newton_decrement
+from bondgraph.estimate.solvers.steps import newton_decrement
 from bondgraph.estimate.symmetric import scaled_eigen
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.filter_run import FilterRun

@@ -39,8 +39,8 @@ from bondgraph.correct.refits.stiff_entrants import declared_point
 from bondgraph.correct.refits.trials import Trial
 from bondgraph.correct.scores.scoring import Scored, linearisation, score_candidates
 from bondgraph.data.log import FloatArray
-from bondgraph.estimate.gauss_newton import GaussNewtonSettings
 from bondgraph.estimate.objective import SearchOutcome
+from bondgraph.estimate.solvers.gauss_newton import GaussNewtonSettings
 
 #: Noise levels at declared values are where scores are taken and refits start, no result.
 _TOLERANCE, _MOST_ITERATIONS = 0.5, 60

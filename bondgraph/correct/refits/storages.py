@@ -24,10 +24,10 @@ from bondgraph.correct.refits.stiff_entrants import NEARBY, declared_point
 from bondgraph.correct.refits.trials import Trial
 from bondgraph.correct.scores.quiet import Quiet, quiet_starts
 from bondgraph.data.log import FloatArray
-from bondgraph.estimate.gauss_newton import GaussNewtonSettings
 from bondgraph.estimate.objective import Expansion
 from bondgraph.estimate.problem import EstimationProblem
-from bondgraph.estimate.steps import newton_decrement
+from bondgraph.estimate.solvers.gauss_newton import GaussNewtonSettings
+from bondgraph.estimate.solvers.steps import newton_decrement
 from bondgraph.filter.filter_run import FilterRun
 from bondgraph.filter.follows import Follow
 
