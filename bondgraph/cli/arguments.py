@@ -158,6 +158,17 @@ def _add_run_commands(commands: Any) -> None:
     c.add_argument("--smooth", action="store_true", help="states given the whole log instead of the past only")
     c.add_argument("--out", default="filtered", metavar="DIR", help="folder to write (default: filtered)")
 
+    _add_estimate(commands)
+    c = _command(
+        commands, "sensitivity", "what logs say about each parameter before anything is estimated",
+        "  bondgraph sensitivity vehicle_graphs.driveline:driveline --data run.csv --free tau_grip,F_roll",
+    )  # fmt: skip
+    _add_data(c)
+    _add_problem(c)
+    _add_knowledge(c)
+
+
+def _add_estimate(commands: Any) -> None:
     c = _command(
         commands, "estimate", "estimate parameters that make measured logs most likely",
         "  bondgraph estimate vehicle_graphs.driveline:driveline --data run1.csv run2.csv --free tau_grip,F_roll "
@@ -192,14 +203,6 @@ def _add_run_commands(commands: Any) -> None:
     c.add_argument("--seed", type=_seed, default=0, help="seed of the swarm (default: 0)")
     c.add_argument("--out", default="estimate", metavar="DIR", help="folder to write (default: estimate)")
     c.add_argument("--resume", action="store_true", help="go on from the checkpoint in --out")
-
-    c = _command(
-        commands, "sensitivity", "what logs say about each parameter before anything is estimated",
-        "  bondgraph sensitivity vehicle_graphs.driveline:driveline --data run.csv --free tau_grip,F_roll",
-    )  # fmt: skip
-    _add_data(c)
-    _add_problem(c)
-    _add_knowledge(c)
 
 
 def _add_loop_commands(commands: Any) -> None:
