@@ -62,7 +62,7 @@ class VonNeumann:
     Examples
     --------
     >>> VonNeumann().informants(np.array([3.0, 1.0, 2.0, 0.5, 4.0, 6.0])).tolist()
-    [3, 1, 1, 3, 3, 3]
+    [1, 3, 3, 3, 3, 3]
     """
 
     def informants(self, values: FloatArray) -> npt.NDArray[np.intp]:
