@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     from bondgraph.derive.linearisation import linearise as linearise
     from bondgraph.errors import BondGraphError as BondGraphError
     from bondgraph.estimate.estimation import Settings as Settings
+    from bondgraph.estimate.joint import pose_joint as pose_joint
     from bondgraph.estimate.problem import pose as pose
     from bondgraph.estimate.sensitivities import sensitivity as sensitivity
     from bondgraph.filter.detector import ChangeDetector as ChangeDetector
@@ -68,6 +69,7 @@ else:
             "derive.linearisation": "linearise",
             "errors": "BondGraphError",
             "estimate.estimation": "Settings",
+            "estimate.joint": "pose_joint",
             "estimate.problem": "pose",
             "estimate.sensitivities": "sensitivity",
             "filter.detector": "ChangeDetector",

@@ -20,8 +20,9 @@ from bondgraph.estimate.estimation import Settings
 from bondgraph.estimate.estimation import estimate as estimate_problem
 from bondgraph.estimate.free import FreeParameter
 from bondgraph.estimate.initial import Initial, initial_states
+from bondgraph.estimate.joint import Problem
 from bondgraph.estimate.objective import Progress, silent
-from bondgraph.estimate.problem import EstimationProblem, pose
+from bondgraph.estimate.problem import pose
 from bondgraph.estimate.result import Estimate
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.filter_run import FilterRun
@@ -88,7 +89,7 @@ def filter_log(
 
 
 def estimate(
-    model: Model | FilterModel | EstimationProblem,
+    model: Model | FilterModel | Problem,
     logs: GivenLog | Sequence[GivenLog] = (),
     free: Sequence[str | FreeParameter] = (),
     settings: Settings | None = None,
@@ -151,15 +152,15 @@ def estimate(
 
 
 def _problem(
-    model: Model | FilterModel | EstimationProblem,
+    model: Model | FilterModel | Problem,
     logs: GivenLog | Sequence[GivenLog],
     free: Sequence[str | FreeParameter],
     process_noise: str,
     initial: Initial,
     columns: Mapping[str, str] | None,
     constants: Mapping[str, float | str] | None,
-) -> EstimationProblem:
-    if isinstance(model, EstimationProblem):
+) -> Problem:
+    if isinstance(model, Problem):
         if logs or free:
             raise OptionError("estimate: a posed problem has its own logs and free parameters - give it alone")
         return model

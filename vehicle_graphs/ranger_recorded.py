@@ -1,13 +1,16 @@
 """The recorded runs of the Ranger: coast-downs first, then engine and CVT from the drives, then what the filter says.
 
     python -m vehicle_graphs.ranger_recorded FOLDER --out found
+    python -m vehicle_graphs.ranger_recorded FOLDER --out found --joint
 
 ``FOLDER`` holds ``coast_down_*.csv`` and ``drive_*.csv``. The coast-downs tell rolling resistance, drag, brakes, pitch
-offset, tyre radius and pitch stiffness; with these fixed, the first part of every drive tells the eight parameters of
-engine and CVT, by a search with continuation in process noise, and how fast the inclination of the road changes at the
-speed of a drive; then the whole drives, most of which no estimate has
-seen, are filtered with what was found. Written are the estimates, the consistency of every channel, and a picture per
-drive with smoothed states, their bands and the measurements.
+offset, tyre radius and pitch stiffness. That result with its covariance is the prior of the second stage: the first
+part of every drive tells the eight parameters of engine and CVT, by a search with continuation in process noise, how
+fast the inclination of the road changes at the speed of a drive, and more of the first six. Then the whole drives,
+most of which no estimate has seen, are filtered with what was found. ``--joint`` also estimates everything from
+coast-downs and drives at once, each filtered with its own model, and compares the intervals. Written are the
+estimates, the consistency of every channel, and a picture per drive with smoothed states, their bands and the
+measurements.
 """
 
 from __future__ import annotations
@@ -29,6 +32,8 @@ from bondgraph.errors import BondGraphError, DataError
 from bondgraph.estimate.estimation import Settings, estimate
 from bondgraph.estimate.exact import exact_derivatives
 from bondgraph.estimate.initial import initial_states
+from bondgraph.estimate.joint import pose_joint
+from bondgraph.estimate.priors import MultivariateNormal
 from bondgraph.estimate.problem import pose
 from bondgraph.estimate.result import Estimate
 from bondgraph.filter.consistency import Consistency, consistency
@@ -64,11 +69,12 @@ EXCERPT = 24.0
 
 @dataclass(frozen=True)
 class Recorded:
-    """What was found: both estimates, and by drive how consistent the filter is with them."""
+    """What was found: both stages, by drive how consistent the filter is with them, and everything at once if asked."""
 
     coasting: Estimate
     driving: Estimate
     drives: Mapping[str, Consistency]
+    joint: Estimate | None = None
 
 
 def read_runs(folder: Path, pattern: str, filter_model: FilterModel) -> list[MatchedLog]:
@@ -99,13 +105,27 @@ def _rolling(log: MatchedLog, filter_model: FilterModel) -> dict[str, float]:
     return {"forward_velocity": COASTING_SPEED, "rear_axle_speed": axle, "front_axle_speed": axle}
 
 
-def estimate_driving(logs: Sequence[MatchedLog], filter_model: FilterModel, work: WorkProgress) -> Estimate:
-    """Stage 2: engine and CVT, from the first part of each drive."""
+def estimate_driving(
+    logs: Sequence[MatchedLog], filter_model: FilterModel, known: MultivariateNormal, work: WorkProgress
+) -> Estimate:
+    """Stage 2: engine and CVT, from the first part of each drive, with what is known of the rest as a prior."""
     stiff = replace(filter_model, method="ros3p", substeps=DRIVING_STEPS, grading=DRIVING_GRADING)
     parts = [log.rows(log.time - log.time[0] < EXCERPT) for log in logs]
     settings = Settings(method="gradient", starts=1, continuation="process-noise", gradient=DRIVING_SEARCH)
-    problem = pose(stiff, parts, (*DRIVELINE, ROAD), initial="settled")
+    problem = pose(stiff, parts, (*known.names, *DRIVELINE, ROAD), initial="settled", priors=[known])
     return estimate(problem, settings, progress=work.trace, jacobian=exact_derivatives)
+
+
+def estimate_jointly(coasting: Estimate, driving: Estimate, work: WorkProgress) -> Estimate:
+    """Everything from coast-downs and drives at once, from where the second stage ended."""
+    drives = replace(driving.single, priors=())
+    there = {**coasting.values, **driving.values}
+    parts = [
+        replace(part, free=tuple(replace(one, start=there[one.name]) for one in part.free))
+        for part in (coasting.single, drives)
+    ]
+    settings = Settings(method="gradient", starts=1, gradient=DRIVING_SEARCH)
+    return estimate(pose_joint(parts), settings, progress=work.trace, jacobian=exact_derivatives)
 
 
 def look(log: MatchedLog, filter_model: FilterModel, folder: Path) -> Consistency:
@@ -124,8 +144,8 @@ def look(log: MatchedLog, filter_model: FilterModel, folder: Path) -> Consistenc
     return found
 
 
-def study_runs(data: Path, out: Path) -> Recorded:
-    """All stages; writes ``result.json`` and a picture per drive."""
+def study_runs(data: Path, out: Path, jointly: bool = False) -> Recorded:
+    """All stages, and everything at once if asked; writes ``result.json`` and a picture per drive."""
     coast_filter = NOISE["ranger_coast_down"].filter_model(build(ranger.coast_down()).model)
     with WorkProgress("coast-downs", None, "evaluations") as work:
         coasting = estimate_coasting(read_runs(data, "coast_down_*.csv", coast_filter), coast_filter, work)
@@ -133,11 +153,15 @@ def study_runs(data: Path, out: Path) -> Recorded:
     full_filter = NOISE["ranger_full"].filter_model(build(graph).model)
     logs = read_runs(data, "drive_*.csv", full_filter)
     with WorkProgress("drives", None, "evaluations") as work:
-        driving = estimate_driving(logs, full_filter, work)
-    values = {name: driving.values[name] for name in DRIVELINE}
+        driving = estimate_driving(logs, full_filter, coasting.as_prior(), work)
+    joint = None
+    if jointly:
+        with WorkProgress("coast-downs and drives", None, "evaluations") as work:
+            joint = estimate_jointly(coasting, driving, work)
+    values = {one.name: driving.values[one.name] for one in driving.problem.free if one.target.kind == "parameter"}
     road = driving.filter_model.process_noise
     found = replace(NOISE["ranger_full"].filter_model(build(with_values(graph, values)).model), process_noise=road)
-    result = Recorded(coasting, driving, {log.name: look(log, found, out) for log in logs})
+    result = Recorded(coasting, driving, {log.name: look(log, found, out) for log in logs}, joint)
     (out / "result.json").write_text(json.dumps(_written(result), indent=1), encoding="utf-8")
     return result
 
@@ -151,6 +175,7 @@ def table(result: Recorded) -> str:
             change = f"{100.0 * (value / free.start - 1.0):+.1f} %" if free.start else ""
             lines.append(f"{free.name:22}{free.start:>12.5g}{value:>12.5g}{std:>12.2g}{change:>9}")
         lines.append(f"  {one.outcome.value}; NLL {one.nll:.2f}, {one.evaluations} evaluations\n  {one.certification}")
+    lines += [] if result.joint is None else comparison(result.driving, result.joint)
     for name, found in result.drives.items():
         lines.append(f"{name}: NIS {shown(found.nis_mean)} in {shown(found.nis_band[0])} to {shown(found.nis_band[1])}")
         for c in found.channels:
@@ -160,10 +185,25 @@ def table(result: Recorded) -> str:
     return "\n".join(lines)
 
 
+def comparison(staged: Estimate, joint: Estimate) -> list[str]:
+    """95 % intervals of the second stage beside those of everything at once, and how far apart they are."""
+    heads = (f"{which:>12}{'95 % interval':>24}" for which in ("staged", "jointly"))
+    lines = [f"{'parameter':22}{''.join(heads)}{'apart':>8}{'width':>8}"]
+    for name in staged.problem.names:
+        ends = [f"{one.ci95[name][0]:.5g} to {one.ci95[name][1]:.5g}" for one in (staged, joint)]
+        apart = (staged.values[name] - joint.values[name]) / joint.std[name]
+        values = [f"{one.values[name]:>12.5g}{end:>24}" for one, end in zip((staged, joint), ends, strict=True)]
+        lines.append(f"{name:22}{''.join(values)}{apart:>+8.2f}{staged.std[name] / joint.std[name]:>8.2f}")
+    spread = "apart: in standard deviations of the joint estimate; width: standard deviation, staged over joint"
+    lines.append(f"  {spread}\n  {joint.outcome.value}; {joint.evaluations} evaluations\n  {joint.certification}")
+    return lines
+
+
 def _written(result: Recorded) -> dict[str, Any]:
     return {
         "coasting": result.coasting.to_dict(),
         "driving": result.driving.to_dict(),
+        "joint": None if result.joint is None else result.joint.to_dict(),
         "drives": {
             name: {
                 "nis_mean": found.nis_mean,
@@ -186,10 +226,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     )  # fmt: skip
     parser.add_argument("data", type=Path, metavar="FOLDER", help="folder of the recorded runs")
     parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder to write, made if absent")
+    parser.add_argument("--joint", action="store_true", help="also estimate from coast-downs and drives at once")
     options = parser.parse_args(arguments)
     try:
         options.out.mkdir(parents=True, exist_ok=True)
-        print(table(study_runs(options.data, options.out)))
+        print(table(study_runs(options.data, options.out, options.joint)))
     except (BondGraphError, OSError) as error:
         print(error, file=sys.stderr)
         return 2

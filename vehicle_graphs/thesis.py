@@ -34,13 +34,13 @@ from matplotlib.figure import Figure
 from bondgraph.build import build
 from bondgraph.data.log import MatchedLog
 from bondgraph.errors import BondGraphError, DataError
-from bondgraph.estimate.estimation import Method, Settings, estimate
+from bondgraph.estimate.estimation import Settings, estimate
 from bondgraph.estimate.exact import exact_derivatives
-from bondgraph.estimate.gauss_newton import GaussNewtonSettings
 from bondgraph.estimate.objective import SearchOutcome
-from bondgraph.estimate.particle_swarm import SwarmSettings
 from bondgraph.estimate.problem import pose
 from bondgraph.estimate.recovery import Recovery, Trial, recovery, recovery_table
+from bondgraph.estimate.solvers.gauss_newton import GaussNewtonSettings
+from bondgraph.estimate.solvers.particle_swarm import SwarmSettings
 from bondgraph.filter.draw import draw_logs
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.report.figures import AFTER, BEFORE, figure_style, save_figure
@@ -176,7 +176,7 @@ class Study:
     folder: Path
     repetitions: int = 20
     seed: int = 0
-    method: Method = "gradient"
+    method: str = "gradient"
     short: bool = False
 
     def trial(self, variant: Variant, repetition: int) -> Trial:

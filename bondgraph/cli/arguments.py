@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import argparse
-import math
 from typing import Any
 
 from bondgraph.cli.daily_arguments import add_daily_commands
 from bondgraph.cli.experiment_options import design_options, sensitivity_options
 from bondgraph.cli.log_options import LOGS_HELP, add_map, add_reading, add_set, add_start, add_window
+from bondgraph.cli.numbers import count, finite, positive, seed, share
 from bondgraph.version import __version__
 
 GRAPH_HELP = (
@@ -18,6 +18,8 @@ GRAPH_HELP = (
 )
 #: Folder of the generated modules.
 FOLDER = "generated"
+#: Methods of an estimation, as :mod:`bondgraph.estimate.methods` knows them.
+METHODS = ("both", "gradient", "pso", "shade", "de", "cma", "shade+gradient", "de+gradient", "cma+gradient")
 MODEL_HELP = GRAPH_HELP + ", or generated module (generated/driveline.py)"
 
 
@@ -157,8 +159,8 @@ def _add_simulate(commands: Any) -> None:
     c.add_argument(
         "--scenario", metavar="NAME", help="manoeuvre declared beside the graph (a name that is none lists them)"
     )
-    c.add_argument("--until", type=_finite, metavar="T", help="end in s (default: the end of the inputs)")
-    c.add_argument("--step", type=_positive, metavar="DT", help="interval of the answer in s")
+    c.add_argument("--until", type=finite, metavar="T", help="end in s (default: the end of the inputs)")
+    c.add_argument("--step", type=positive, metavar="DT", help="interval of the answer in s")
     add_set(c, "parameter, or constant input, in its unit")
     c.add_argument(
         "--initial",
@@ -168,8 +170,8 @@ def _add_simulate(commands: Any) -> None:
         metavar="STATE=VALUE",
         help="start value in its unit, or a JSON file",
     )
-    c.add_argument("--rtol", type=_positive, default=1e-9, help="relative tolerance (default: 1e-9)")
-    c.add_argument("--atol", type=_positive, help="absolute tolerance (default: relative to each state's size)")
+    c.add_argument("--rtol", type=positive, default=1e-9, help="relative tolerance (default: 1e-9)")
+    c.add_argument("--atol", type=positive, help="absolute tolerance (default: relative to each state's size)")
     c.add_argument("--all", action="store_true", help="write the effort and flow of every bond too")
     c.add_argument("--out", metavar="FILE", help="log to write: .csv, .csv.gz or .parquet (default: print CSV)")
     c.add_argument("--plot", metavar="FILE", help="picture of states and outputs: .png, .svg or .pdf")
@@ -191,18 +193,30 @@ def _add_filter(commands: Any) -> None:
 def _add_run_commands(commands: Any) -> None:
     _add_simulate(commands)
     _add_filter(commands)
+    _add_estimate(commands)
+    _add_experiments(commands)
+
+
+def _add_estimate(commands: Any) -> None:
     c = _command(
         commands, "estimate", "estimate parameters that make measured logs most likely",
         "  bondgraph estimate vehicle_graphs.driveline:driveline --data run1.csv run2.csv --free tau_grip,F_roll "
         "--out fit\n  bondgraph estimate MODEL --data run.csv --method pso --seed 3 --out fit   (Ctrl-C keeps the best)"
+        "\n  bondgraph estimate MODEL --data run.csv --free m=800:1600 --prior m=1200+-50 --holdout other.csv --out fit"
         "\n  bondgraph estimate MODEL --data run.csv --out fit --resume",
     )  # fmt: skip
     _add_data(c)
     _add_problem(c)
+    _add_knowledge(c)
     c.add_argument(
-        "--method", default="both", choices=("both", "pso", "gradient"),
-        help="a short swarm whose best points start gradient searches (both, the default), the swarm alone (pso), or "
-        "gradient searches from the declared values and points spread over the bounds (gradient)",
+        "--holdout", nargs="+", default=[], metavar="FILE", help="held-out logs: looked at, they decide nothing"
+    )
+    c.add_argument("--starts", type=count, default=4, metavar="N", help="gradient searches side by side (default: 4)")
+    c.add_argument(
+        "--method", default="both", choices=METHODS,
+        help="a short swarm whose best points start gradient searches (both, the default), gradient searches from the "
+        "declared values and points spread over the bounds (gradient), or a swarm (pso), L-SHADE (shade), scipy's "
+        "differential evolution (de) or CMA-ES (cma) alone, the last three also with gradient searches after them",
     )  # fmt: skip
     c.add_argument(
         "--certify", default="step", choices=("step", "full", "none"),
@@ -220,11 +234,9 @@ def _add_run_commands(commands: Any) -> None:
     )  # fmt: skip
     _add_strict(c)
     _add_robust(c)
-    c.add_argument("--seed", type=_seed, default=0, help="seed of the swarm (default: 0)")
+    c.add_argument("--seed", type=seed, default=0, help="seed of the swarm (default: 0)")
     c.add_argument("--out", default="estimate", metavar="DIR", help="folder to write (default: estimate)")
     c.add_argument("--resume", action="store_true", help="go on from the checkpoint in --out")
-
-    _add_experiments(commands)
 
 
 def _add_experiments(commands: Any) -> None:
@@ -236,6 +248,7 @@ def _add_experiments(commands: Any) -> None:
     )  # fmt: skip
     _add_data(c)
     _add_problem(c)
+    _add_knowledge(c)
     sensitivity_options(c)
 
     c = _command(
@@ -261,7 +274,7 @@ def _add_loop_commands(commands: Any) -> None:
     _add_given(c)
     c.add_argument("--out", default="loop", metavar="DIR", help="folder to write (default: loop)")
     c.add_argument(
-        "--seed", type=_seed, default=0, help="noted in the report; nothing here is drawn at random (default: 0)"
+        "--seed", type=seed, default=0, help="noted in the report; nothing here is drawn at random (default: 0)"
     )
     _add_loop(c)
 
@@ -269,7 +282,7 @@ def _add_loop_commands(commands: Any) -> None:
         commands, "demo", "the whole path: simulate a machine with an undeclared effect, find it, compare",
         "  bondgraph demo\n  bondgraph demo --seed 5 --out demo5",
     )  # fmt: skip
-    c.add_argument("--seed", type=_seed, default=1, help="picks the effect, the noise and the drives (default: 1)")
+    c.add_argument("--seed", type=seed, default=1, help="picks the effect, the noise and the drives (default: 1)")
     c.add_argument(
         "--no-effect", action="store_true", help="simulate exactly the declared machine: nothing must be found"
     )
@@ -316,12 +329,25 @@ def _add_robust(command: argparse.ArgumentParser) -> None:
 def _add_problem(command: argparse.ArgumentParser) -> None:
     command.add_argument(
         "--free", nargs="+", default=[], metavar="NAME",
-        help="parameters to estimate, also std(output), process(state), x0(state) (default: all with bounds)",
+        help="parameters to estimate, also std(output), process(state), x0(state); m=800:1600 within other bounds than "
+        "declared (default: all with bounds; loops take names alone)",
     )  # fmt: skip
     command.add_argument(
         "--process-noise", default="free", choices=("free", "none"),
         help="estimate the noise that drives the states, or take the model as exact (default: free)",
     )  # fmt: skip
+
+
+def _add_knowledge(command: argparse.ArgumentParser) -> None:
+    command.add_argument(
+        "--prior", action="append", default=[], metavar="NAME=DISTRIBUTION",
+        help="what is known of a parameter: m=1200+-50 normal, k=1e5*/1.5 lognormal, eta=0.8:0.95 uniform (repeatable)",
+    )  # fmt: skip
+    command.add_argument(
+        "--tie", action="append", default=[], metavar="NAME=EXPRESSION",
+        help="parameter that follows from free ones, in coherent SI: k_r=1.2*k_f (repeatable)",
+    )  # fmt: skip
+    command.add_argument("--rate", type=positive, metavar="HZ", help="use every k-th sample, down to this rate")
 
 
 def _add_loop(command: argparse.ArgumentParser) -> None:
@@ -335,10 +361,10 @@ def _add_loop(command: argparse.ArgumentParser) -> None:
         "--without", nargs="+", default=[], metavar="NAME", help="effects or sensor faults that are not to be tried"
     )
     command.add_argument(
-        "--max-effects", type=_count, default=3, metavar="N", help="effects to add at most (default: 3)"
+        "--max-effects", type=count, default=3, metavar="N", help="effects to add at most (default: 3)"
     )
-    command.add_argument("--level", type=_share, default=0.01, help="chance of a false alarm per round (default: 0.01)")
-    command.add_argument("--rate", type=_positive, metavar="HZ", help="use every k-th sample, down to this rate")
+    command.add_argument("--level", type=share, default=0.01, help="chance of a false alarm per round (default: 0.01)")
+    command.add_argument("--rate", type=positive, metavar="HZ", help="use every k-th sample, down to this rate")
     command.add_argument("--no-faults", action="store_true", help="do not try faults of sensors")
     command.add_argument(
         "--tables", action="store_true", help="add what no effect explains as a table whose points are parameters"
@@ -351,38 +377,3 @@ def _add_exact(command: argparse.ArgumentParser) -> None:
         "--exact", action="store_true",
         help="switches jump, friction locks, impacts rebound, at events (default: their smooth forms)",
     )  # fmt: skip
-
-
-def _seed(text: str) -> int:
-    value = int(text)
-    if not 0 <= value < 2**64:
-        raise argparse.ArgumentTypeError(f"{text} must be a whole number of at least 0 and below 2**64")
-    return value
-
-
-def _finite(text: str) -> float:
-    value = float(text)
-    if not math.isfinite(value):
-        raise argparse.ArgumentTypeError(f"{text} must be a finite number")
-    return value
-
-
-def _count(text: str) -> int:
-    value = int(text)
-    if value < 1:
-        raise argparse.ArgumentTypeError(f"{text} must be at least 1")
-    return value
-
-
-def _positive(text: str) -> float:
-    value = float(text)
-    if not value > 0.0 or not math.isfinite(value):
-        raise argparse.ArgumentTypeError(f"{text} must be a positive number")
-    return value
-
-
-def _share(text: str) -> float:
-    value = float(text)
-    if not 0.0 < value < 1.0:
-        raise argparse.ArgumentTypeError(f"{text} must lie between 0 and 1")
-    return value

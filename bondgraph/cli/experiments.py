@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from bondgraph.build import BuiltModel, build
+from bondgraph.cli.knowledge import posed
 from bondgraph.cli.runs import model_and_logs, provenance
 from bondgraph.cli.values import assignments, finite, names, set_values
 from bondgraph.correct.fits.declared import declared_problem
@@ -51,11 +52,8 @@ def sensitivity(options: argparse.Namespace) -> int:
     """Say which parameters logs can tell, and write a picture and a report."""
     rates = [_rate(text) for text in names(options.rates)]
     model, driven, logs = model_and_logs(options)
-    if options.declared_noise:
-        chosen = names(options.free) or [info.name for info in model.parameters if info.lower is not None]
-        problem = pose(_declared_filter(options.model, model), logs, chosen, options.start)
-    else:
-        problem = declared_problem(model, driven, logs, names(options.free), options.process_noise, options.start)
+    known = _declared_filter(options.model, model) if options.declared_noise else None
+    problem = posed(options, model, driven, logs, known)
     folder = output_folder(Path(options.out))
     screened = tuple(_screened(options, problem)) if options.screen else ()
     answer = SensitivityAnswer(

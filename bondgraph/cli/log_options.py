@@ -11,6 +11,7 @@ import math
 from collections.abc import Sequence
 from pathlib import Path
 
+from bondgraph.cli.numbers import finite
 from bondgraph.data.log import Log
 from bondgraph.data.read import EXTRAS, read_log
 from bondgraph.data.select import window
@@ -31,9 +32,9 @@ def add_reading(command: argparse.ArgumentParser) -> None:
 
 def add_window(command: argparse.ArgumentParser, *, until: bool = True) -> None:
     """Add ``--from`` and, where the command has none of its own, ``--until``: the part of each log that is used."""
-    command.add_argument("--from", dest="start_time", type=_finite, metavar="T", help="first time of the logs used, s")
+    command.add_argument("--from", dest="start_time", type=finite, metavar="T", help="first time of the logs used, s")
     if until:
-        command.add_argument("--until", type=_finite, metavar="T", help="end of what is used of the logs, s")
+        command.add_argument("--until", type=finite, metavar="T", help="end of what is used of the logs, s")
 
 
 def add_map(command: argparse.ArgumentParser) -> None:
@@ -116,10 +117,3 @@ def _units_file(path: Path) -> dict[str, str]:
             f'--units {path}: the file must hold an object such as {{"speed": "km/h"}}', where=("--units", str(path))
         )
     return content
-
-
-def _finite(text: str) -> float:
-    value = float(text)
-    if not math.isfinite(value):
-        raise argparse.ArgumentTypeError(f"{text} must be a finite number")
-    return value

@@ -5,16 +5,18 @@ from __future__ import annotations
 import argparse
 import math
 import sys
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
 from bondgraph.build import build
+from bondgraph.cli.knowledge import posed, with_values
 from bondgraph.cli.log_options import read_given
 from bondgraph.cli.printing import say
 from bondgraph.cli.values import assignments, initial, names, set_values
-from bondgraph.correct.fits.declared import declared_problem
 from bondgraph.data.log import Log, MatchedLog
 from bondgraph.data.matching import match, read_mapping
+from bondgraph.data.select import decimate
 from bondgraph.data.write import csv_text, write_log
 from bondgraph.declare.files import load_graph
 from bondgraph.declare.loading import is_model_file
@@ -29,6 +31,7 @@ from bondgraph.report.estimation import rough_note, write_estimate
 from bondgraph.report.events import events_text, mark_events
 from bondgraph.report.figures import save_figure
 from bondgraph.report.filtering import filter_logs
+from bondgraph.report.held_out import held_out_logs, held_out_table
 from bondgraph.report.html import Provenance
 from bondgraph.report.logs import grouped_notes
 from bondgraph.report.manoeuvre import manoeuvre_figure
@@ -105,21 +108,26 @@ def filter(options: argparse.Namespace) -> int:
 def estimate(options: argparse.Namespace) -> int:
     """Estimate parameters from logs."""
     model, driven, logs = model_and_logs(options)
-    problem = declared_problem(model, driven, logs, names(options.free), options.process_noise, options.start)
+    held_out = _held_out(options, model)
+    problem = posed(options, model, driven, logs)
     if options.robust:
         problem = replace(problem, filter_model=replace(problem.filter_model, robust=parse_robust(options.robust)))
     folder = output_folder(Path(options.out))
     settings = Settings(
-        method=options.method, seed=options.seed, certify=options.certify, continuation=options.continuation
-    )
+        method=options.method, seed=options.seed, certify=options.certify, continuation=options.continuation,
+        starts=options.starts,
+    )  # fmt: skip
     with WorkProgress("estimating", None, "evaluations") as work:
         found = run_estimate(problem, settings, progress=work.trace, folder=folder, resume=options.resume)
-    data = write_estimate(found, folder, provenance(options, found.seconds))
+    unseen = held_out_logs(found, held_out)
+    data = write_estimate(found, folder, provenance(options, found.seconds), unseen)
     print(text_of(parameter_table(data.parameters)), end="")
     print(f"{found.end}\nnegative log-likelihood {found.nll:.4f} after {found.evaluations} evaluations")
     print(f"integrated by {found.certification}", noise_sentence(problem.filter_model), sep="\n")
     if not found.is_smooth:
         print(rough_note(found))
+    if unseen:
+        print(held_out_table(unseen))
     report = folder / "report.html"
     print(*misfit_sentences(found.misfits, report), *data.suspected, f"report: {report}", sep="\n")
     if options.profile is not None:
@@ -138,14 +146,41 @@ def model_and_logs(options: argparse.Namespace) -> tuple[Model, tuple[str, ...],
         graph, given = set_values(load_graph(options.model), options.set)
         built = build(graph)
         model, driven = built.model, built.driven
-    mapping = read_mapping(options.map)
-    logs = [match(read_given(path, options), model, mapping, given) for path in options.data]
+    logs = _matched(options, options.data, model, given)
     for line in grouped_notes(logs):
         say(line, sys.stderr)
     return model, driven, logs
 
 
+def _matched(
+    options: argparse.Namespace, paths: Sequence[str], model: Model, given: dict[str, float | str]
+) -> list[MatchedLog]:
+    """Logs as the options of a command want them: columns renamed, values set, thinned to a rate."""
+    mapping, inputs = read_mapping(options.map), {k: v for k, v in given.items() if k not in model.names("parameter")}
+    read = [match(read_given(path, options), model, mapping, inputs) for path in paths]
+    logs, rate = with_values(read, model, given), getattr(options, "rate", None)
+    return logs if rate is None else [decimate(log, rate) for log in logs]
+
+
+def _held_out(options: argparse.Namespace, model: Model) -> list[MatchedLog]:
+    """Logs that an estimate is looked at with, and that decide nothing."""
+    both = {*options.data} & {*options.holdout}
+    if both:
+        raise OptionError(
+            f"{sorted(both)[0]} is given to --data and to --holdout - a log that was trained on confirms nothing",
+            where=("--data", "--holdout"),
+        )
+    given = assignments(options.set, "--set")
+    if not is_model_file(options.model):  # whose parameters are set in the graph
+        given = {name: value for name, value in given.items() if name not in model.names("parameter")}
+    return _matched(options, options.holdout, model, given)
+
+
 def provenance(options: argparse.Namespace, duration: float) -> Provenance:
     """How a report was made, by the options of its command; a duration in s."""
-    training = tuple(Path(path).name for path in options.data)
-    return Provenance(options.command_line, getattr(options, "seed", None), versions(), training, (), duration)
+    training, unseen = (tuple(Path(path).name for path in paths) for paths in (options.data, _unseen(options)))
+    return Provenance(options.command_line, getattr(options, "seed", None), versions(), training, unseen, duration)
+
+
+def _unseen(options: argparse.Namespace) -> Sequence[str]:
+    return getattr(options, "holdout", ())

@@ -16,7 +16,7 @@ from bondgraph.correct.loop import Added, ClosedLoop
 from bondgraph.correct.shapes.formula import formula_of
 from bondgraph.correct.shapes.words import other_words
 from bondgraph.estimate.certify import NEGLIGIBLE_SHIFT, Check
-from bondgraph.estimate.result import quantity_of, unit_of
+from bondgraph.estimate.quantities import quantity_of, unit_of
 from bondgraph.simulate.quantities import OutputInfo
 
 

@@ -15,6 +15,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from bondgraph.estimate.joint import Problem
 from bondgraph.estimate.likelihoods import FilterLikelihood
 from bondgraph.estimate.objective import Expand, FloatArray
 from bondgraph.estimate.problem import EstimationProblem
@@ -107,45 +108,77 @@ class Certification:
 
 def finer_filters(problem: EstimationProblem, point: FloatArray, depth: Depth) -> Iterator[FilterModel]:
     """The filters that a result at a point (n,) is compared with."""
-    used = problem.filter_model
     if depth == "none":
         return
-    yield used.with_halved_steps()
-    if depth == "full" and used.method != "rk4":
-        batch = problem.batch(point[:, np.newaxis])
-        theta = batch.theta[:, 0]
-        needed = max(
-            explicit_substeps(run(used, log, theta, x0=x0[:, 0]), log, theta, _ACCURATE)
-            for log, x0 in zip(problem.logs, batch.x0, strict=True)
-        )
-        if math.isfinite(needed):
-            yield replace(used, method="rk4", substeps=max(1, math.ceil(needed)), plan=None)
+    yield problem.filter_model.with_halved_steps()
+    explicit = _explicit(problem, point) if depth == "full" else None
+    if explicit is not None:
+        yield explicit
 
 
-def rounding(problem: EstimationProblem, point: FloatArray) -> Conditioning | None:
-    """How much rounding moves the likelihood at a point (n,); None for another likelihood than that of the filter."""
-    if not isinstance(problem.likelihood, FilterLikelihood):
+def finer_problems(problem: Problem, point: FloatArray, depth: Depth) -> Iterator[Problem]:
+    """The problem with the filters of all its parts finer, as :func:`finer_filters` are."""
+    if depth == "none":
+        return
+    yield problem.with_filters(part.filter_model.with_halved_steps() for part in problem.parts)
+    if depth == "full":
+        pairs = zip(problem.parts, problem.rows, strict=True)
+        explicit = [_explicit(part, point[rows]) for part, rows in pairs]
+        if any(explicit):
+            used = zip(problem.parts, explicit, strict=True)
+            yield problem.with_filters(finer or part.filter_model for part, finer in used)
+
+
+def _explicit(problem: EstimationProblem, point: FloatArray) -> FilterModel | None:
+    """The filter with Runge-Kutta steps that are stable and accurate along its logs; None where it has them already."""
+    used = problem.filter_model
+    if used.method == "rk4":
         return None
-    batch, compiled = problem.batch(point[:, np.newaxis]), problem.likelihood.compiled
-    return conditioning(problem.filter_model, problem.logs, batch.theta[:, 0], compiled=compiled, **batch.values(0))
-
-
-def planned_again(problem: EstimationProblem, point: FloatArray) -> FilterModel:
-    """The filter with its steps planned at a point (n,): noises and events are others there than at the start."""
     batch = problem.batch(point[:, np.newaxis])
-    return plan_again(
-        problem.filter_model,
-        problem.logs,
-        batch.theta[:, 0],
-        **batch.values(0),
+    theta = batch.theta[:, 0]
+    needed = max(
+        explicit_substeps(run(used, log, theta, x0=x0[:, 0]), log, theta, _ACCURATE)
+        for log, x0 in zip(problem.logs, batch.x0, strict=True)
     )
+    if not math.isfinite(needed):
+        return None
+    return replace(used, method="rk4", substeps=max(1, math.ceil(needed)), plan=None)
+
+
+def rounding(problem: Problem, point: FloatArray) -> Conditioning | None:
+    """How much rounding moves the likelihood at a point (n,); None for another likelihood than that of the filter.
+
+    Of several filters the one that rounding moves most.
+    """
+    found = []
+    for part, rows in zip(problem.parts, problem.rows, strict=True):
+        if isinstance(part.likelihood, FilterLikelihood):
+            batch, compiled = part.batch(point[rows, np.newaxis]), part.likelihood.compiled
+            values = batch.values(0)
+            found.append(conditioning(part.filter_model, part.logs, batch.theta[:, 0], compiled=compiled, **values))
+    return max(found, key=lambda one: one.nats / (1.0 + abs(one.nll)), default=None)
+
+
+def planned_again(problem: Problem, point: FloatArray) -> Problem:
+    """The problem with steps planned at a point (n,): noises and events are others there than at the start."""
+    planned = []
+    for part, rows in zip(problem.parts, problem.rows, strict=True):
+        batch = part.batch(point[rows, np.newaxis])
+        planned.append(plan_again(part.filter_model, part.logs, batch.theta[:, 0], **batch.values(0)))
+    return problem.with_filters(planned)
+
+
+def steps_of(problem: Problem) -> tuple[str, int]:
+    """Methods of integration, and the most steps between samples."""
+    used = [part.filter_model for part in problem.parts]
+    return " and ".join(dict.fromkeys(one.method for one in used)), max(one.typical_substeps for one in used)
 
 
 def check(
-    problem: EstimationProblem,
+    problem: Problem,
     point: FloatArray,
     covariance: FloatArray,
-    finer: FilterModel,
+    finer: FilterModel | Problem,
     jacobian: Expand,
     *,
     converged: bool = True,
@@ -160,7 +193,7 @@ def check(
         The estimate and its covariance in the coordinates of the problem, (n,) and (n, n); NaN for what is not
         identifiable, which cannot be shifted.
     finer
-        The filter to compare with.
+        The filter to compare with, or the problem with finer filters.
     jacobian
         How the gradient is formed.
     converged
@@ -170,20 +203,26 @@ def check(
     std = np.sqrt(np.diag(known))
     span = problem.upper - problem.lower
     steps = np.clip(0.1 * std, 1e-9 * span, 1e-4 * span)
-    again = replace(problem, filter_model=finer)
+    again = problem.with_filters([finer]) if isinstance(finer, FilterModel) else finer
     (expansion,) = jacobian(again, point[:, np.newaxis], steps[:, np.newaxis])
     gradient = expansion.gradient
     if not converged:
         gradient = gradient - jacobian(problem, point[:, np.newaxis], steps[:, np.newaxis])[0].gradient
     moved = np.clip(point - known @ gradient, problem.lower, problem.upper) - point
     both = [float(objective.nll(point[:, np.newaxis])[0]) for objective in (problem, again)]
-    return check_of(finer, problem.names, moved, known, both[0] - both[1])
+    return _shifted(*steps_of(again), problem.names, moved, known, both[0] - both[1])
 
 
 def check_of(finer: FilterModel, names: Sequence[str], moved: FloatArray, covariance: FloatArray, nats: float) -> Check:
     """The check that found coordinates of some names moved (n,), with their covariance (n, n), and the likelihood."""
+    return _shifted(finer.method, finer.typical_substeps, names, moved, covariance, nats)
+
+
+def _shifted(
+    method: str, substeps: int, names: Sequence[str], moved: FloatArray, covariance: FloatArray, nats: float
+) -> Check:
     std = np.sqrt(np.diag(covariance))
     in_std = np.divide(np.abs(moved), std, out=np.zeros_like(std), where=std > 0.0)
     shift = float(np.max(in_std, initial=0.0)) if np.isfinite(in_std).all() and math.isfinite(nats) else math.inf
     worst = names[int(np.argmax(np.nan_to_num(in_std, nan=np.inf)))] if names else "nothing"
-    return Check(finer.method, finer.typical_substeps, nats, shift, worst)
+    return Check(method, substeps, nats, shift, worst)

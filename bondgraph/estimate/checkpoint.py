@@ -6,39 +6,48 @@ import dataclasses
 import hashlib
 import io
 import json
+import sys
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
 from bondgraph.errors import EstimationError
-from bondgraph.estimate.gauss_newton import GaussNewtonState
+from bondgraph.estimate.joint import Problem
 from bondgraph.estimate.objective import SearchOutcome, TraceRow
-from bondgraph.estimate.particle_swarm import SwarmState
-from bondgraph.estimate.problem import EstimationProblem
+from bondgraph.estimate.solvers.abstract import SearchState
 from bondgraph.files import write_bytes
 
 FILE = "checkpoint.npz"
 
+#: Entry that says of what type a state is.
+_TYPE = "type"
+
 
 @dataclasses.dataclass(frozen=True)
 class Checkpoint:
-    """What is on disk: the states reached by stage, and the time spent so far in seconds."""
+    """What is on disk: the states reached by stage, and the time spent so far in seconds.
+
+    A state is a frozen dataclass of numbers, texts, arrays, outcomes and its trace.
+    """
 
     digest: str
     seconds: float
-    states: Mapping[str, SwarmState | GaussNewtonState]
+    states: Mapping[str, SearchState]
 
 
-def problem_digest(problem: EstimationProblem, options: Mapping[str, object]) -> str:
+def problem_digest(problem: Problem, options: Mapping[str, object]) -> str:
     """Digest of everything on which the course of a search depends."""
     content = hashlib.sha256()
-    content.update(repr((problem.filter_model.digest, problem.free, problem.initial, sorted(options.items()))).encode())
-    for log in problem.logs:
-        content.update(repr((log.name, sorted(log.theta_overrides.items()))).encode())
-        for array in (log.time, log.u, log.y):
-            content.update(np.ascontiguousarray(array).tobytes())
+    for part in problem.parts:
+        own = (part.filter_model.digest, problem.free, part.initial, sorted(options.items()))
+        more = (part.names, part.ties, problem.priors) if part is not problem or part.ties or part.priors else ()
+        content.update(repr((*own, *more)).encode())
+        for log in part.logs:
+            content.update(repr((log.name, sorted(log.theta_overrides.items()))).encode())
+            for array in (log.time, log.u, log.y):
+                content.update(np.ascontiguousarray(array).tobytes())
     return content.hexdigest()
 
 
@@ -48,8 +57,10 @@ def save_checkpoint(folder: Path, checkpoint: Checkpoint) -> None:
     arrays: dict[str, np.ndarray[Any, Any]] = {}
     plain: dict[str, Any] = {"digest": checkpoint.digest, "seconds": checkpoint.seconds, "states": {}}
     for stage, state in checkpoint.states.items():
-        plain["states"][stage] = entry = {}
-        for field in dataclasses.fields(state):
+        kind = type(state)
+        entry: dict[str, object] = {_TYPE: f"{kind.__module__}.{kind.__qualname__}"}
+        plain["states"][stage] = entry
+        for field in dataclasses.fields(state):  # type: ignore[arg-type]
             value = getattr(state, field.name)
             if isinstance(value, np.ndarray):
                 arrays[f"{stage}.{field.name}"] = value
@@ -98,9 +109,7 @@ def _encoded(value: object) -> object:
     return dataclasses.astuple(value) if isinstance(value, TraceRow) else value
 
 
-def _decoded(
-    stage: str, entry: Mapping[str, Any], arrays: Mapping[str, np.ndarray[Any, Any]]
-) -> SwarmState | GaussNewtonState:
+def _decoded(stage: str, entry: Mapping[str, Any], arrays: Mapping[str, np.ndarray[Any, Any]]) -> SearchState:
     known: dict[str, Any] = dict(entry)
     known |= {name.removeprefix(f"{stage}."): array for name, array in arrays.items() if name.startswith(f"{stage}.")}
     known["trace"] = tuple(
@@ -109,4 +118,8 @@ def _decoded(
     )
     if "outcomes" in entry:
         known["outcomes"] = tuple(None if name is None else SearchOutcome[name] for name in entry["outcomes"])
-    return (SwarmState if stage == "swarm" else GaussNewtonState)(**known)
+    module, _, name = known.pop(_TYPE).rpartition(".")
+    kind = getattr(sys.modules.get(module), name, None)
+    if not (isinstance(kind, type) and dataclasses.is_dataclass(kind)):
+        raise ValueError(f"{module}.{name} is the state of no search that is loaded")
+    return cast(SearchState, kind(**known))

@@ -26,9 +26,10 @@ from typing import Literal
 import numpy as np
 
 from bondgraph.data.log import MatchedLog
-from bondgraph.estimate.gauss_newton import GaussNewtonSettings, GaussNewtonState
+from bondgraph.estimate.joint import Problem
 from bondgraph.estimate.objective import FloatArray
 from bondgraph.estimate.problem import EstimationProblem
+from bondgraph.estimate.solvers.gauss_newton import GaussNewtonSettings, GaussNewtonState
 from bondgraph.filter.choice import choose_method
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.runs import run
@@ -66,24 +67,17 @@ class Stage:
 
 @dataclass(frozen=True)
 class Way:
-    """The declared problem, and the noise std (n_states,) per sqrt(s) with which a continuation to it begins."""
+    """The declared problem, and of each part the noise std (n_states,) per sqrt(s) with which a continuation begins."""
 
-    problem: EstimationProblem
-    noise: FloatArray
+    problem: Problem
+    noise: tuple[FloatArray, ...]
 
-    def at(self, scale: float) -> EstimationProblem:
+    def at(self, scale: float) -> Problem:
         """The problem with a multiple of the noise added to the declared one; levels that are free stay free."""
         if scale == 0.0:
             return self.problem
-        declared = self.problem.filter_model
-        added = scale * self.noise
-        total = {
-            name: float(np.hypot(declared.process_noise.get(name, 0.0), extra))
-            for name, extra in zip(declared.model.names("state"), added, strict=True)
-        }
-        wide = {name: std for name, std in total.items() if std > 0.0}
-        # steps planned for the declared noise are too few where sigma points spread wider
-        return replace(self.problem, filter_model=replace(declared, process_noise=wide, plan=None))
+        pairs = zip(self.problem.parts, self.noise, strict=True)
+        return self.problem.with_filters(_noisier(part.filter_model, scale * added) for part, added in pairs)
 
     def next_scale(self, points: FloatArray, above: float) -> tuple[float, int]:
         """The likeliest scale below ``above`` at the best of points (n, starts), and the evaluations this took."""
@@ -100,7 +94,18 @@ class Way:
         return Stage(scale, named, float(state.values.min()), state.evaluations)
 
 
-def way(problem: EstimationProblem) -> Way:
+def _noisier(declared: FilterModel, added: FloatArray) -> FilterModel:
+    """A filter model with noise (n_states,) added to its own."""
+    total = {
+        name: float(np.hypot(declared.process_noise.get(name, 0.0), extra))
+        for name, extra in zip(declared.model.names("state"), added, strict=True)
+    }
+    wide = {name: std for name, std in total.items() if std > 0.0}
+    # steps planned for the declared noise are too few where sigma points spread wider
+    return replace(declared, process_noise=wide, plan=None)
+
+
+def way(problem: Problem) -> Way:
     """The way to a problem, with noise that stands for what is not known of its free parameters at their start.
 
     Examples
@@ -110,7 +115,7 @@ def way(problem: EstimationProblem) -> Way:
     >>> swing = FilterModel(pendulum(), {}, {"deflection": 0.05}, {"angle": 0.1, "rate": 0.1}, substeps=2)
     >>> time = np.arange(40) * 0.05
     >>> log = MatchedLog("swing", time, np.zeros((1, 40)), 0.5 * np.cos(3.1 * time)[np.newaxis])
-    >>> angle, rate = way(pose(swing, log, ["length"])).noise
+    >>> ((angle, rate),) = way(pose(swing, log, ["length"])).noise
     >>> bool(rate > 10 * angle > 0.0)
     True
     """
@@ -119,6 +124,12 @@ def way(problem: EstimationProblem) -> Way:
     around = np.concatenate([problem.start[:, np.newaxis], problem.start[:, np.newaxis] + moves], axis=1)
     around = np.concatenate([around, problem.start[:, np.newaxis] - moves], axis=1)
     around = np.clip(around, problem.lower[:, np.newaxis], problem.upper[:, np.newaxis])
+    parts = zip(problem.parts, problem.rows, strict=True)
+    return Way(problem, tuple(_unknown(part, around[rows]) for part, rows in parts))
+
+
+def _unknown(problem: EstimationProblem, around: FloatArray) -> FloatArray:
+    """Noise std (n_states,) per sqrt(s) that stands for moves of the coordinates, at points (n, 1 + 2 moves)."""
     batch = problem.batch(around)
     filter_model = choose_method(problem.filter_model, problem.logs)
     squares = [
@@ -126,19 +137,18 @@ def way(problem: EstimationProblem) -> Way:
     ]
     together = np.concatenate(squares, axis=1)
     known = together[:, np.isfinite(together).all(axis=0)]
-    noise = np.sqrt(known.mean(axis=1)) if known.shape[1] else np.zeros(together.shape[0])
-    return Way(problem, noise)
+    noise: FloatArray = np.sqrt(known.mean(axis=1)) if known.shape[1] else np.zeros(together.shape[0])
+    return noise
 
 
-def _spread(problem: EstimationProblem, index: int) -> float:
+def _spread(problem: Problem, index: int) -> float:
     """What is open about one coordinate, as a standard deviation; zero for what moves no state."""
     free = problem.free[index]
     if free.target.kind != "parameter":
         return 0.0
     open_ = _UNIFORM * float(problem.upper[index] - problem.lower[index])
-    if free.prior_std is None:
-        return open_
-    return min(open_, free.prior_std / free.slope(free.start))
+    told = [prior.spread(free.name) for prior in problem.all_priors if free.name in prior.names]
+    return min([open_, *(std / free.slope(free.start) for std in told)])
 
 
 def _astray(filter_model: FilterModel, log: MatchedLog, theta: FloatArray, x0: FloatArray) -> FloatArray:

@@ -8,10 +8,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from bondgraph.estimate.certify import Certification
+from bondgraph.estimate.certify import Certification, steps_of
 from bondgraph.estimate.continuation import Stage
+from bondgraph.estimate.joint import Problem
 from bondgraph.estimate.objective import Expand, FloatArray, SearchOutcome, TraceRow, fitted_expansion
-from bondgraph.estimate.problem import EstimationProblem
 from bondgraph.estimate.result import Estimate, Optimum
 from bondgraph.estimate.uncertainty import Uncertainty, UncertaintyOutcome, uncertainty
 
@@ -34,7 +34,7 @@ class Found:
     abandoned: int = 0
 
 
-def describe(problem: EstimationProblem, found: Found, jacobian: Expand, seconds: Callable[[], float]) -> Estimate:
+def describe(problem: Problem, found: Found, jacobian: Expand, seconds: Callable[[], float]) -> Estimate:
     """The estimate at the point that a search found, with its uncertainty."""
     size = found.point.size
     known = Uncertainty(np.full((size, size), np.nan), np.zeros(size, bool), (), UncertaintyOutcome.NOT_AVAILABLE, 0)
@@ -46,8 +46,7 @@ def describe(problem: EstimationProblem, found: Found, jacobian: Expand, seconds
             (expansion,) = jacobian(problem, found.point[:, np.newaxis], found.steps[:, np.newaxis])
         known = uncertainty(problem, found.point, expansion, curvature=found.outcome is not SearchOutcome.INTERRUPTED)
         evaluations += known.evaluations + expansion.evaluations
-    values = problem.values(found.point)
-    slopes = np.array([parameter.slope(value) for parameter, value in zip(problem.free, values, strict=True)])
+    slopes = problem.slopes(found.point)
     covariance = known.covariance * np.outer(slopes, slopes)
     return Estimate(
         problem=problem,
@@ -64,13 +63,13 @@ def describe(problem: EstimationProblem, found: Found, jacobian: Expand, seconds
         outcome=found.outcome,
         uncertainty_outcome=known.outcome,
         roughness=known.roughness,
-        certification=Certification(problem.filter_model.method, problem.filter_model.substeps, (), 0),
+        certification=Certification(*steps_of(problem), (), 0),
         way=found.way,
         abandoned=found.abandoned,
     )
 
 
-def _distinct_optima(problem: EstimationProblem, found: Found) -> tuple[Optimum, ...]:
+def _distinct_optima(problem: Problem, found: Found) -> tuple[Optimum, ...]:
     width = problem.upper - problem.lower
     groups: list[list[tuple[FloatArray, float]]] = []
     for point, value in sorted(found.ends, key=lambda end: end[1]):

@@ -3,138 +3,85 @@
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Literal, get_args
+from typing import Any, cast
 
 import numpy as np
 
-from bondgraph.errors import OptionError, suggest
-from bondgraph.estimate.certify import Certification, Check, Depth, check, finer_filters, planned_again, rounding
+from bondgraph.errors import OptionError
+from bondgraph.estimate.certify import (
+    Certification,
+    Check,
+    check,
+    finer_problems,
+    planned_again,
+    rounding,
+    steps_of,
+)
 from bondgraph.estimate.checkpoint import Checkpoint, load_checkpoint, problem_digest, save_checkpoint
-from bondgraph.estimate.continuation import ON_THE_WAY, Continuation, Stage, way
+from bondgraph.estimate.continuation import ON_THE_WAY, Stage, way
 from bondgraph.estimate.described import Found, describe
 from bondgraph.estimate.exact import derivatives
-from bondgraph.estimate.gauss_newton import (
-    GaussNewtonSettings,
-    GaussNewtonState,
-    finish_starts,
-    gauss_newton,
-    initial_starts,
-    starts_ended,
-    step_starts,
+from bondgraph.estimate.handover import (
+    distinct_starts,
+    is_shortened,
+    spread_starts,
+    swarm_starts,
+    whole_points,
 )
-from bondgraph.estimate.handover import distinct_starts, spread_starts, swarm_search, swarm_starts, whole_points
-from bondgraph.estimate.objective import (
-    Expand,
-    FloatArray,
-    Progress,
-    SearchOutcome,
-    TraceRow,
-    silent,
-)
-from bondgraph.estimate.particle_swarm import SwarmSettings, SwarmState, initial_swarm, step_swarm, swarm_ended
-from bondgraph.estimate.problem import EstimationProblem
-from bondgraph.estimate.race import race_ends, raced
+from bondgraph.estimate.joint import Problem
+from bondgraph.estimate.objective import Expand, FloatArray, Progress, SearchOutcome, TraceRow, silent
 from bondgraph.estimate.result import Estimate
+from bondgraph.estimate.settings import Settings as Settings
+from bondgraph.estimate.solvers.abstract import AbstractSearch, SearchResult, SearchState, StateT
+from bondgraph.estimate.solvers.gauss_newton import GaussNewtonState, gauss_newton
+from bondgraph.estimate.solvers.multistart import GaussNewton
+from bondgraph.estimate.solvers.race import race_ends
 from bondgraph.filter.choice import choose_method
-from bondgraph.filter.filter_model import FilterModel
-
-Method = Literal["both", "pso", "gradient"]
 
 #: How often a search goes on with finer integration steps.
 _MOST_REFINEMENTS = 4
 
+#: States are kept under these names.
+_EXPLORING, _REFINING = "swarm", "gauss-newton"
+
 #: Searches on the way of a continuation are kept under this name and their number.
 _ON_THE_WAY = "continuation "
-
-
-@dataclass(frozen=True)
-class Settings:
-    """Settings of an estimation.
-
-    Parameters
-    ----------
-    method
-        ``"both"``: a short swarm over all but the levels of noise, whose best distinct particles and the declared start
-        begin gradient searches; ``"pso"``: the swarm alone, over everything; ``"gradient"``: gradient searches from the
-        declared start and from points spread over the bounds.
-    seed
-        The same seed gives the same estimate, on any number of threads.
-    starts
-        Gradient searches at once. One that comes to where a better one has been, or falls behind by more than it can
-        make up, is ended (:mod:`bondgraph.estimate.race`).
-    certify
-        How the result is looked at again with finer integration steps, see :mod:`bondgraph.estimate.certify`; where it
-        would move by more than a tenth of a standard deviation, a gradient search goes on with the finer steps.
-    continuation
-        ``"process-noise"``: gradient searches first go through filters with more process noise, for starts so far away
-        that the likelihood is rugged there, see :mod:`bondgraph.estimate.continuation`.
-    swarm, gradient
-        Settings of the two searches. None: a swarm as large as the coordinates it searches need, which with ``"both"``
-        only has to find the right valleys (:mod:`bondgraph.estimate.handover`).
-    """
-
-    method: Method = "both"
-    seed: int = 0
-    starts: int = 4
-    certify: Depth = "step"
-    continuation: Continuation = "none"
-    swarm: SwarmSettings | None = None
-    gradient: GaussNewtonSettings = field(
-        default_factory=lambda: GaussNewtonSettings(tolerance=1e-6, patience=4, least_gain=1e-4)
-    )
-
-    def __post_init__(self) -> None:
-        for name, known in (("method", Method), ("certify", Depth), ("continuation", Continuation)):
-            value, choices = getattr(self, name), get_args(known)
-            if value not in choices:
-                raise OptionError(
-                    f"estimate: {name} {value!r} is not known{suggest(value, choices)} - choose {', '.join(choices)}",
-                    where=(name, value),
-                )
-        if self.continuation != "none" and self.method == "pso":
-            raise OptionError(
-                f"estimate: continuation {self.continuation!r} leads gradient searches, a swarm alone has none"
-                " - choose the method both or gradient",
-                where=("continuation", self.continuation),
-            )
-        if self.starts < 1:
-            raise OptionError(f"estimate: starts = {self.starts} must be at least 1", where=("starts",))
 
 
 @dataclass
 class _Run:
     """What changes while an estimation runs."""
 
-    problem: EstimationProblem
+    problem: Problem
     settings: Settings
     progress: Progress
     folder: Path | None
     digest: str
     jacobian: Expand
-    states: dict[str, SwarmState | GaussNewtonState]
+    states: dict[str, SearchState]
     started: float
     way: tuple[Stage, ...] = ()
     asked: int = 0
 
     @cached_property
-    def swarm_search(self) -> tuple[EstimationProblem, SwarmSettings]:
-        """What the swarm searches, and how."""
-        return swarm_search(self.problem, self.settings.swarm, self.settings.method == "pso")
+    def exploring(self) -> tuple[Problem, AbstractSearch[Any]] | None:
+        """What is explored and how."""
+        return self.settings.exploring(self.problem)
 
     @property
-    def swarmed(self) -> EstimationProblem:
-        """What the swarm searches."""
-        return self.swarm_search[0]
+    def refining(self) -> GaussNewton:
+        """The gradient search."""
+        return GaussNewton(self.settings.gradient, self.jacobian)
 
     @property
     def seconds(self) -> float:
         """Time spent, with that before an interruption."""
         return time.perf_counter() - self.started
 
-    def keep(self, stage: str, state: SwarmState | GaussNewtonState) -> None:
+    def keep(self, stage: str, state: SearchState) -> None:
         """Note a new state, on disk too, and tell."""
         self.states[stage] = state
         if self.folder is not None:
@@ -155,14 +102,17 @@ class _Run:
     def row(self, stage: str, row: TraceRow, before: int) -> TraceRow:
         """A row of a stage with all coordinates of the problem, and evaluations counted from the first stage."""
         point = row.point
-        if stage == "swarm":
-            point = tuple(whole_points(self.problem, self.swarmed, np.array(point)[:, np.newaxis])[:, 0].tolist())
-            stage = "swarm" if self.swarmed.logs is self.problem.logs else "swarm on the beginnings of the logs"
+        if stage == _EXPLORING and self.exploring is not None:
+            part, search = self.exploring
+            point = tuple(whole_points(self.problem, part, np.array(point)[:, np.newaxis])[:, 0].tolist())
+            stage = (
+                f"{search.stage} on the beginnings of the logs" if is_shortened(self.problem, part) else search.stage
+            )
         return replace(row, stage=stage, point=point, evaluations=row.evaluations + before)
 
 
 def estimate(
-    problem: EstimationProblem,
+    problem: Problem,
     settings: Settings | None = None,
     *,
     progress: Progress = silent,
@@ -241,25 +191,27 @@ def _described(best: Found, run: _Run) -> Estimate:
 def _certified(found: Estimate, run: _Run) -> Estimate:
     """The estimate with its certification, after going on with other steps as often as finer ones move it."""
     for continued in range(_MOST_REFINEMENTS + 1):
-        used = choose_method(found.problem.filter_model, found.problem.logs)  # finer steps are finer than decided ones
-        found = replace(found, problem=replace(found.problem, filter_model=used))
+        # finer steps are finer than decided ones
+        used = [choose_method(part.filter_model, part.logs) for part in found.problem.parts]
+        planned = any(one.plan is not None for one in used)
+        found = replace(found, problem=found.problem.with_filters(used))
         try:
             checks = _checks(found, run)
             moved = rounding(found.problem, found.point) if checks else None
         except KeyboardInterrupt:
             checks, moved = [], None
-        certification = Certification(used.method, used.typical_substeps, tuple(c for _, c in checks), continued, moved)
+        seen = tuple(seen for _, seen in checks)
+        certification = Certification(*steps_of(found.problem), seen, continued, moved)
         found = replace(found, certification=certification, seconds=run.seconds)
         # A search that does not get on may have outrun the steps that were planned for its start.
-        stuck = found.outcome is SearchOutcome.NO_PROGRESS and used.plan is not None and continued == 0
+        stuck = found.outcome is SearchOutcome.NO_PROGRESS and planned and continued == 0
         stuck = stuck or certification.is_ill_conditioned
         done = certification.certified if found.outcome.succeeded else not stuck
         if not checks or done or continued == _MOST_REFINEMENTS:
             break
-        finer, worst = max(checks, key=lambda pair: pair[1].shift)
-        if continued == 0 and used.plan is not None and worst.method == used.method:
-            finer = planned_again(found.problem, found.point)
-        problem = replace(found.problem, filter_model=finer)
+        problem, worst = max(checks, key=lambda pair: pair[1].shift)
+        if continued == 0 and planned and worst.method == certification.method:
+            problem = planned_again(found.problem, found.point)
         try:
             state = gauss_newton(problem, found.point, run.settings.gradient, run.told_after(found), run.jacobian)
             found = describe(problem, _continued(found, state), run.jacobian, lambda: run.seconds)
@@ -268,15 +220,15 @@ def _certified(found: Estimate, run: _Run) -> Estimate:
     return replace(found, outcome=SearchOutcome.ILL_CONDITIONED) if found.certification.is_ill_conditioned else found
 
 
-def _checks(found: Estimate, run: _Run) -> list[tuple[FilterModel, Check]]:
-    """What finer filters would change, each with its filter."""
+def _checks(found: Estimate, run: _Run) -> list[tuple[Problem, Check]]:
+    """What finer filters would change, each with the problem that has them."""
     depth = run.settings.certify
     if depth == "none" or found.outcome is SearchOutcome.INTERRUPTED or not np.isfinite(found.nll):
         return []
     run.tell("certification", found)
-    filters = finer_filters(found.problem, found.point, depth)
+    finer = finer_problems(found.problem, found.point, depth)
     spread, converged = found.coordinate_covariance, found.outcome.succeeded
-    return [(f, check(found.problem, found.point, spread, f, run.jacobian, converged=converged)) for f in filters]
+    return [(one, check(found.problem, found.point, spread, one, run.jacobian, converged=converged)) for one in finer]
 
 
 def _continued(before: Estimate, state: GaussNewtonState) -> Found:
@@ -299,52 +251,50 @@ def _search(run: _Run) -> Found:
     """Both stages; Ctrl-C ends them with what is best so far."""
     outcome = SearchOutcome.INTERRUPTED
     try:
-        if run.settings.method != "gradient":
-            outcome = _swarm(run)
-        if run.settings.method != "pso" and outcome is not SearchOutcome.NO_FINITE_POINT:
-            outcome = _gradient(run)
+        if run.exploring is not None:
+            part, search = run.exploring
+            outcome = _search_on(run, _EXPLORING, search, part, part.start[:, np.newaxis])[1]
+        if run.settings.refines and outcome is not SearchOutcome.NO_FINITE_POINT:
+            outcome = _refine(run)
     except KeyboardInterrupt:
         outcome = SearchOutcome.INTERRUPTED
     return _found(run, outcome)
 
 
-def _swarm(run: _Run) -> SearchOutcome:
-    (part, settings), seed = run.swarm_search, run.settings.seed
-    state = run.states.get("swarm")
-    if not isinstance(state, SwarmState):
-        state = initial_swarm(part, part.start, settings, seed)
-        run.keep("swarm", state)
-    while (outcome := swarm_ended(state, settings)) is None:
-        state = step_swarm(part, state, settings, seed)
-        run.keep("swarm", state)
-    return outcome
-
-
-def _gradient(run: _Run) -> SearchOutcome:
-    swarm, count = run.states.get("swarm"), run.settings.starts
-    if isinstance(swarm, SwarmState):
-        points = whole_points(run.problem, run.swarmed, swarm.personal_best)
-        starts = swarm_starts(run.problem, points, swarm.personal_best_nll, count)
-    else:
+def _refine(run: _Run) -> SearchOutcome:
+    """Gradient searches from what was explored, or from starts spread over the bounds."""
+    seen, count = _explored(run), run.settings.starts
+    if seen is None:
         starts = spread_starts(run.problem, count, run.settings.seed)
+    else:
+        starts = swarm_starts(run.problem, seen.points, seen.values, count)
     if run.settings.continuation != "none":
         starts = _nearer(run, starts)
-    ended = finish_starts(_stage(run, "gauss-newton", run.problem, starts, run.settings.gradient))
-    return ended.outcomes[ended.best] or SearchOutcome.ITERATION_LIMIT
+    return _search_on(run, _REFINING, run.refining, run.problem, starts)[1]
 
 
-def _stage(
-    run: _Run, name: str, problem: EstimationProblem, starts: FloatArray, settings: GaussNewtonSettings
-) -> GaussNewtonState:
-    """A gradient search to its end, from where it was kept if it was."""
-    state = run.states.get(name)
-    if not isinstance(state, GaussNewtonState):
-        state = initial_starts(problem, starts, settings)
+def _explored(run: _Run) -> SearchResult | None:
+    """What was explored so far, at coordinates of the whole problem."""
+    state = run.states.get(_EXPLORING)
+    if state is None or run.exploring is None:
+        return None
+    part, search = run.exploring
+    found = search.result(state)
+    return replace(found, points=whole_points(run.problem, part, found.points))
+
+
+def _search_on(
+    run: _Run, name: str, search: AbstractSearch[StateT], problem: Problem, starts: FloatArray
+) -> tuple[StateT, SearchOutcome]:
+    """A search to its end, from where it was kept if it was."""
+    state = cast("StateT | None", run.states.get(name))
+    if state is None:
+        state = search.init(problem, starts)
         run.keep(name, state)
-    while not starts_ended(state, settings):
-        state = raced(problem, step_starts(problem, state, settings, run.jacobian))
+    while (outcome := search.ended(state)) is None:
+        state = search.step(problem, state)
         run.keep(name, state)
-    return state
+    return state, outcome
 
 
 def _nearer(run: _Run, starts: FloatArray) -> FloatArray:
@@ -355,7 +305,8 @@ def _nearer(run: _Run, starts: FloatArray) -> FloatArray:
         run.asked += asked
         if scale == 0.0:
             return starts
-        state = _stage(run, f"{_ON_THE_WAY}{len(run.way) + 1}", route.at(scale), starts, ON_THE_WAY)
+        search = GaussNewton(ON_THE_WAY, run.jacobian)
+        state, _ = _search_on(run, f"{_ON_THE_WAY}{len(run.way) + 1}", search, route.at(scale), starts)
         run.way += (route.stage(scale, state),)
         starts = distinct_starts(run.problem, state.points, state.values, run.settings.starts)
         if not starts.size:
@@ -364,19 +315,20 @@ def _nearer(run: _Run, starts: FloatArray) -> FloatArray:
 
 def _found(run: _Run, outcome: SearchOutcome) -> Found:
     """The best point of all stages, and every end of a gradient search."""
-    swarm, gradient = run.states.get("swarm"), run.states.get("gauss-newton")
+    seen, gradient = _explored(run), run.states.get(_REFINING)
     trace: tuple[TraceRow, ...] = ()
     points, values = [run.problem.start], [float("inf")]
     ends: list[tuple[FloatArray, float]] = []
     evaluations = run.asked + sum(state.evaluations for state in _on_the_way(run))
-    if isinstance(swarm, SwarmState):
-        trace = tuple(run.row("swarm", row, evaluations) for row in swarm.trace)
-        evaluations += swarm.evaluations
-        points.append(whole_points(run.problem, run.swarmed, swarm.swarm_best[:, np.newaxis])[:, 0])
-        shortened = run.swarmed.logs is not run.problem.logs
-        values.append(float(run.problem.nll(points[-1][:, np.newaxis])[0]) if shortened else swarm.swarm_best_nll)
+    if seen is not None and run.exploring is not None:
+        state = run.states[_EXPLORING]
+        trace = tuple(run.row(_EXPLORING, row, evaluations) for row in state.trace)
+        evaluations += state.evaluations
+        points.append(seen.best)
+        shortened = is_shortened(run.problem, run.exploring[0])
+        values.append(float(run.problem.nll(points[-1][:, np.newaxis])[0]) if shortened else seen.best_nll)
     if isinstance(gradient, GaussNewtonState):
-        trace += tuple(run.row("gauss-newton", row, evaluations) for row in gradient.trace)
+        trace += tuple(run.row(_REFINING, row, evaluations) for row in gradient.trace)
         evaluations += gradient.evaluations
         points.append(gradient.points[:, gradient.best])
         values.append(float(gradient.values.min()))
@@ -388,7 +340,7 @@ def _found(run: _Run, outcome: SearchOutcome) -> Found:
     # Equal values: the later stage counts.
     best = len(values) - 1 - int(np.argmin(values[::-1]))
     steps = gradient.steps[:, gradient.best] if isinstance(gradient, GaussNewtonState) else None
-    abandoned = swarm.abandoned if isinstance(swarm, SwarmState) else 0
+    abandoned = 0 if seen is None else seen.abandoned
     return Found(points[best], values[best], outcome, evaluations, trace, tuple(ends), steps, run.way, abandoned)
 
 

@@ -7,13 +7,16 @@ numba) central differences serve.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 
 from bondgraph.compile.lanes.load import load_tangents
+from bondgraph.estimate.joint import Problem
 from bondgraph.estimate.likelihoods import FilterLikelihood
 from bondgraph.estimate.objective import (
+    BoolArray,
     Expansion,
     FloatArray,
     Objective,
@@ -35,9 +38,6 @@ _EVALUATIONS = 5
 #: Relative difference up to which two values of a likelihood are the same.
 _SAME = 1e-7
 
-#: Step by which the map from coordinates to numbers (straight or exponential) is differentiated, relative.
-_STEP = 1e-5
-
 #: Integration steps of a filtering times sigma points times free numbers from which exact derivatives repay the
 #: seconds that compiling them takes once: central differences then take about a second for each gradient.
 _REPAYS = 1_000_000
@@ -48,16 +48,19 @@ def derivatives(objective: Objective, points: FloatArray, steps: FloatArray) -> 
 
     The choice depends on nothing but the problem, so a search can be repeated.
     """
-    if isinstance(objective, EstimationProblem) and filtering_work(objective) * len(objective.names) >= _REPAYS:
+    if isinstance(objective, Problem) and filtering_work(objective) * len(objective.names) >= _REPAYS:
         return exact_derivatives(objective, points, steps)
     return central_differences(objective, points, steps)
 
 
-def filtering_work(problem: EstimationProblem) -> int:
+def filtering_work(problem: Problem) -> int:
     """What one value takes, without asking a clock: integration steps over all logs times sigma points."""
-    filter_model = choose_method(problem.filter_model, problem.logs)
-    taken = sum(int(Samples.of(filter_model, log).substeps.sum()) for log in problem.logs)
-    return taken * (2 * len(filter_model.state_names) + 1)
+    work = 0
+    for part in problem.parts:
+        filter_model = choose_method(part.filter_model, part.logs)
+        taken = sum(int(Samples.of(filter_model, log).substeps.sum()) for log in part.logs)
+        work += taken * (2 * len(filter_model.state_names) + 1)
+    return work
 
 
 def exact_derivatives(objective: Objective, points: FloatArray, steps: FloatArray) -> tuple[Expansion, ...]:
@@ -76,11 +79,11 @@ def exact_derivatives(objective: Objective, points: FloatArray, steps: FloatArra
     >>> expansion.information.shape
     (2, 2)
     """
-    if not isinstance(objective, EstimationProblem) or (filter_model := _exact_filter(objective)) is None:
+    if not isinstance(objective, Problem) or (filter_models := _exact_filters(objective)) is None:
         return central_differences(objective, points, steps)
     terms = objective.terms(points)
     found = []
-    for m, known in enumerate(_expansions(objective, filter_model, points)):
+    for m, known in enumerate(_expansions(objective, filter_models, points)):
         seen, expansion = terms.members(np.array([m])), known
         if expansion is None or not _agrees(expansion, float(seen.sums()[0])):
             (expansion,) = central_differences(objective, points[:, [m]], steps[:, [m]])
@@ -88,7 +91,7 @@ def exact_derivatives(objective: Objective, points: FloatArray, steps: FloatArra
     return tuple(found)
 
 
-def exact_expansion(problem: EstimationProblem, point: FloatArray, known: Terms | None = None) -> Expansion | None:
+def exact_expansion(problem: Problem, point: FloatArray, known: Terms | None = None) -> Expansion | None:
     """The expansion at a point (n,) by exact derivatives alone; None where there are none or the filter chatters.
 
     ``known`` are the terms (n_terms, 1) there, if somebody has them.
@@ -105,49 +108,50 @@ def exact_expansion(problem: EstimationProblem, point: FloatArray, known: Terms 
     >>> exact_expansion(problem, problem.start).information.shape
     (1, 1)
     """
-    filter_model = _exact_filter(problem)
-    if filter_model is None:
+    filter_models = _exact_filters(problem)
+    if filter_models is None:
         return None
-    expansion = _expand(problem, filter_model, point, _threads(problem))
+    expansion = _expand(problem, filter_models, point, _threads(problem))
     seen = problem.terms(point[:, np.newaxis]) if known is None else known
     if expansion is None or not _agrees(expansion, float(seen.sums()[0])):
         return None
     return _about(seen, expansion)
 
 
-def compile_exact(problem: EstimationProblem) -> None:
+def compile_exact(problem: Problem) -> None:
     """Compile what :func:`exact_expansion` needs, before threads start: CPython 3.11 cannot parse text in two."""
-    filter_model = _exact_filter(problem)
-    if filter_model is None:
-        return
-    names = {one.target.name for one in problem.free if one.target.kind == "parameter"}
-    model = filter_model.model
-    load_tangents(model, tuple(sorted(model.index("parameter", name) for name in names)), filter_model.method)
+    for part, filter_model in zip(problem.parts, _exact_filters(problem) or (), strict=False):
+        model = filter_model.model
+        moved = {target.name for target, _ in part.numbers(part.start) if target.kind == "parameter"}
+        load_tangents(model, tuple(sorted(model.index("parameter", name) for name in moved)), filter_model.method)
 
 
-def _exact_filter(problem: EstimationProblem) -> FilterModel | None:
-    """The filter of a problem with its method decided; None where it has no exact derivatives."""
-    if not isinstance(problem.likelihood, FilterLikelihood) or not problem.likelihood.compiled:
-        return None
-    filter_model = choose_method(problem.filter_model, problem.logs)
-    return filter_model if has_exact_gradient(filter_model) else None
+def _exact_filters(problem: Problem) -> list[FilterModel] | None:
+    """The filter of each part with its method decided; None where one has no exact derivatives."""
+    found = []
+    for part in problem.parts:
+        if not isinstance(part.likelihood, FilterLikelihood) or not part.likelihood.compiled:
+            return None
+        found.append(choose_method(part.filter_model, part.logs))
+    return found if all(map(has_exact_gradient, found)) else None
 
 
-def _threads(problem: EstimationProblem) -> int:
-    return thread_count(problem.likelihood.threads if isinstance(problem.likelihood, FilterLikelihood) else None)
+def _threads(problem: Problem) -> int:
+    likelihood = problem.parts[0].likelihood
+    return thread_count(likelihood.threads if isinstance(likelihood, FilterLikelihood) else None)
 
 
-def _expansions(problem: EstimationProblem, filter_model: FilterModel, points: FloatArray) -> list[Expansion | None]:
+def _expansions(problem: Problem, filter_models: Sequence[FilterModel], points: FloatArray) -> list[Expansion | None]:
     """Expansions at points (n, members), as many at once as there are threads; each is the same however many."""
     threads = _threads(problem)
     members = points.shape[1]
     # The first alone: what is compiled when it is first used is compiled in one thread.
-    found = [_expand(problem, filter_model, points[:, 0], threads)] if members else []
+    found = [_expand(problem, filter_models, points[:, 0], threads)] if members else []
     if threads == 1 or members < 3:
-        return found + [_expand(problem, filter_model, points[:, m], threads) for m in range(1, members)]
+        return found + [_expand(problem, filter_models, points[:, m], threads) for m in range(1, members)]
     own = max(1, threads // (members - 1))
     with ThreadPoolExecutor(min(threads, members - 1)) as executor:
-        rest = executor.map(lambda m: _expand(problem, filter_model, points[:, m], own), range(1, members))
+        rest = executor.map(lambda m: _expand(problem, filter_models, points[:, m], own), range(1, members))
         return found + list(rest)
 
 
@@ -170,37 +174,44 @@ def _agrees(expansion: Expansion, value: float) -> bool:
     return abs(expansion.sum - value) <= _SAME * (1.0 + abs(value))
 
 
-def _expand(problem: EstimationProblem, filter_model: FilterModel, point: FloatArray, threads: int) -> Expansion | None:
-    """The expansion at a point (n,); None where the filter fails."""
-    free = problem.upper > problem.lower
-    step = _STEP * np.maximum(1.0, np.abs(point))
-    moved = np.diag(np.where(free, step, 0.0))
-    around = np.concatenate([point[:, np.newaxis], point[:, np.newaxis] + moved, point[:, np.newaxis] - moved], axis=1)
-    batch = problem.batch(around)
-
-    def slopes(array: FloatArray) -> FloatArray:
-        n = point.size
-        return np.asarray((array[..., 1 : n + 1] - array[..., n + 1 :]) / (2.0 * step))
-
-    def turned(array: FloatArray) -> FloatArray | None:
-        moved = slopes(array)
-        return moved if moved.any() else None
-
-    stds = (batch.initial_std, batch.process_std, batch.noise_std)
-    correlations = (batch.initial_correlation, batch.process_correlation, batch.noise_correlation)
-    members = [
-        Member(batch.theta[:, 0], x0[:, 0], *(array[..., 0] for array in (*stds, *correlations))) for x0 in batch.x0
-    ]
-    levels = [np.nan_to_num(slopes(std)) for std in stds]
-    pairs = [turned(array) for array in correlations]
-    directions = [Directions(slopes(batch.theta), slopes(x0), *levels, *pairs) for x0 in batch.x0]
-    found = innovation_tangents(filter_model, problem.logs, members, directions, threads)
-    priors = problem._prior_terms(around)
-    d_priors = slopes(priors)
-    columns = [np.hstack([f.values.reshape(-1, 1), f.d_values.reshape(-1, point.size)]) for f in found]
-    scales = [np.hstack([f.log_scales.reshape(-1, 1), f.d_log_scales.reshape(-1, point.size)]) for f in found]
-    innovations = np.vstack([*columns, np.hstack([priors[:, :1], d_priors])])
-    log_scales = np.vstack([*scales, np.zeros((priors.shape[0], 1 + point.size))])
+def _expand(
+    problem: Problem, filter_models: Sequence[FilterModel], point: FloatArray, threads: int
+) -> Expansion | None:
+    """The expansion at a point (n,); None where a filter fails."""
+    rows = [np.empty((0, 1 + point.size))], [np.empty((0, 1 + point.size))]
+    for part, places, filter_model in zip(problem.parts, problem.rows, filter_models, strict=True):
+        free = (problem.upper > problem.lower)[places]
+        for kept, block in zip(rows, _blocks(part, filter_model, point[places], free, threads), strict=True):
+            wide = np.zeros((block.shape[0], 1 + point.size))
+            wide[:, np.concatenate([[0], 1 + places])] = block
+            kept.append(wide)
+    priors = np.hstack([problem.prior_terms(point[:, np.newaxis]), problem.prior_slopes(point)])
+    innovations, log_scales = np.vstack([*rows[0], priors]), np.vstack([*rows[1], np.zeros(priors.shape)])
     if not (np.isfinite(innovations).all() and np.isfinite(log_scales).all()):
         return None
     return expansion_of(innovations, log_scales, _EVALUATIONS)
+
+
+def _blocks(
+    problem: EstimationProblem, filter_model: FilterModel, point: FloatArray, free: BoolArray, threads: int
+) -> tuple[FloatArray, FloatArray]:
+    """Innovations and log scales of the logs with their derivatives by the free coordinates, each (n_terms, 1 + n)."""
+    here, moved = problem.batch(point[:, np.newaxis]), problem.batch_slopes(point)
+    stds = (here.initial_std, here.process_std, here.noise_std)
+    correlations = (here.initial_correlation, here.process_correlation, here.noise_correlation)
+    members = [
+        Member(here.theta[:, 0], x0[:, 0], *(array[..., 0] for array in (*stds, *correlations))) for x0 in here.x0
+    ]
+
+    def turned(array: FloatArray) -> FloatArray | None:
+        return np.where(free, array, 0.0) if array.any() else None
+
+    levels = [np.where(free, std, 0.0) for std in (moved.initial_std, moved.process_std, moved.noise_std)]
+    pairs = [turned(a) for a in (moved.initial_correlation, moved.process_correlation, moved.noise_correlation)]
+    directions = [
+        Directions(np.where(free, moved.theta, 0.0), np.where(free, x0, 0.0), *levels, *pairs) for x0 in moved.x0
+    ]
+    found = innovation_tangents(filter_model, problem.logs, members, directions, threads)
+    columns = [np.hstack([f.values.reshape(-1, 1), f.d_values.reshape(-1, point.size)]) for f in found]
+    scales = [np.hstack([f.log_scales.reshape(-1, 1), f.d_log_scales.reshape(-1, point.size)]) for f in found]
+    return np.vstack(columns), np.vstack(scales)

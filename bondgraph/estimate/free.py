@@ -2,7 +2,8 @@
 
 A name is that of a model parameter, or ``std(output)`` for the standard deviation of a measured output,
 ``process(state)`` for that of the noise that drives a state or a followed parameter, ``x0(state)`` for an initial state
-shared by all logs, or ``x0(state, log)`` for that of one log. ``x0_std(state)`` is the uncertainty of an initial state;
+shared by all logs, or ``x0(state, log)`` for that of one log. ``parameter(log)`` is a parameter in one log of a joint
+problem, such as a payload (:mod:`bondgraph.estimate.joint`). ``x0_std(state)`` is the uncertainty of an initial state;
 ``corr(output, output)``, ``process_corr(state, state)`` and ``x0_corr(state, state)`` are correlations of two noises.
 """
 
@@ -15,18 +16,17 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Literal
 
-import numpy as np
-
 from bondgraph.data.log import MatchedLog
 from bondgraph.errors import EstimationError, suggest
 from bondgraph.estimate.noise_bounds import process_bounds, sensor_bounds
 from bondgraph.estimate.objective import FloatArray
+from bondgraph.estimate.transforms import TRANSFORMS, Scale, Transform
 from bondgraph.filter.filter_model import FilterModel
 
 Kind = Literal["parameter", "std", "process", "x0", "x0_std", "corr", "process_corr", "x0_corr"]
-Scale = Literal["linear", "log"]
 
 _CALL = re.compile(r"^(std|process_corr|process|x0_std|x0_corr|x0|corr)\((.+)\)$")
+_OF_LOG = re.compile(r"^(\w+)\((.+)\)$")
 
 #: Which names each kind takes, and the word for them.
 _NAMED: dict[Kind, tuple[Literal["state", "parameter", "output"], str]] = {
@@ -67,10 +67,13 @@ def parse_target(name: str) -> Target:
     --------
     >>> parse_target("std(speed)"), parse_target("x0(speed, run7)").log
     (Target(kind='std', name='speed', log=None, other=None), 'run7')
+    >>> parse_target("mass(run7)")
+    Target(kind='parameter', name='mass', log='run7', other=None)
     """
     match = _CALL.match(name.strip())
     if match is None:
-        return Target("parameter", name.strip())
+        own = _OF_LOG.match(name.strip())
+        return Target("parameter", name.strip()) if own is None else Target("parameter", own[1], own[2].strip())
     kind, inner = match.groups()
     if kind == "x0":
         state, _, log = inner.partition(",")
@@ -97,6 +100,7 @@ class FreeParameter:
         Gaussian knowledge from elsewhere (a data sheet); both or neither.
     scale
         ``"log"`` searches the logarithm, for quantities known to an order of magnitude; bounds must be positive.
+        ``"logit"`` searches the logit of the share of the way between the bounds, for efficiencies and shares.
     widens
         The bounds only scale a search, but for one at zero: a search that ends on one goes on beyond it.
 
@@ -130,10 +134,8 @@ class FreeParameter:
         require(finite and self.lower < self.upper, f"bounds {bounds} must be two finite numbers, the lower first")
         inside = self.lower <= self.start <= self.upper
         require(inside, f"start {self.start:.6g} lies outside its bounds {bounds} - move either")
-        require(self.scale in ("linear", "log"), f"scale {self.scale!r} is neither 'linear' nor 'log'")
-        require(
-            self.scale == "linear" or self.lower > 0.0, f"a logarithmic scale needs bounds above zero, not {bounds}"
-        )
+        require(self.scale in TRANSFORMS, f"scale {self.scale!r} is none of {', '.join(TRANSFORMS)}")
+        require(self.scale != "log" or self.lower > 0.0, f"a logarithmic scale needs bounds above zero, not {bounds}")
         both = (self.prior_mean is None) == (self.prior_std is None)
         require(both, "a prior needs both its mean and its standard deviation")
         require(self.prior_std is None or self.prior_std > 0.0, f"prior_std {self.prior_std} must be above zero")
@@ -143,13 +145,18 @@ class FreeParameter:
         """What the name stands for."""
         return parse_target(self.name)
 
+    @property
+    def transform(self) -> Transform:
+        """Between values and coordinates."""
+        return TRANSFORMS[self.scale]
+
     def coordinate(self, value: float) -> float:
-        """The coordinate that searches move: the value, or its logarithm."""
-        return math.log(value) if self.scale == "log" else float(value)
+        """The coordinate that searches move: the value, its logarithm or its logit."""
+        return self.transform.coordinate(value, self.lower, self.upper)
 
     def slope(self, value: float) -> float:
         """Derivative of the value with respect to its coordinate."""
-        return value if self.scale == "log" else 1.0
+        return self.transform.slope(value, self.lower, self.upper)
 
     def wider(self, factor: float) -> FreeParameter:
         """The same with bounds further from zero by a factor; zero and a positive lower bound stay.
@@ -164,12 +171,7 @@ class FreeParameter:
 
     def values(self, coordinates: FloatArray) -> FloatArray:
         """Values at coordinates of any shape; the coordinate of a bound gives that bound to the last digit."""
-        if self.scale == "linear":
-            return coordinates
-        values = np.exp(coordinates)
-        for bound in (self.lower, self.upper):
-            values = np.where(coordinates == self.coordinate(bound), bound, values)
-        return values
+        return self.transform.values(coordinates, self.lower, self.upper)
 
 
 def declared_free(

@@ -17,8 +17,10 @@ from bondgraph.arrays import FloatArray
 from bondgraph.data.log import MatchedLog
 from bondgraph.errors import EstimationError
 from bondgraph.estimate.exact import exact_derivatives
+from bondgraph.estimate.free import Target
 from bondgraph.estimate.objective import fitted_expansion
 from bondgraph.estimate.problem import EstimationProblem
+from bondgraph.estimate.reduced import reduced
 from bondgraph.filter.choice import choose_method
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.samples import Samples
@@ -74,22 +76,24 @@ def simulation_problem(
         If no parameter or initial state is free.
     """
     own = tuple(problem.logs if logs is None else logs)
-    free = tuple(one for one in problem.free if one.target.kind in ("parameter", "x0"))
-    named = {log.name for log in own}
-    free = tuple(one for one in free if one.target.log is None or one.target.log in named)
-    if not free:
+    named = (None, *(log.name for log in own))
+
+    def moves(target: Target) -> bool:
+        return target.kind in ("parameter", "x0") and target.log in named
+
+    if not any(moves(target) for target, _ in problem.numbers(problem.start)):
         raise EstimationError(
             f"{problem.filter_model.model.name}: no parameter and no initial state is free, so no simulation moves",
             where=problem.names,
         )
     states = problem.filter_model.model.names("state")
+    there = reduced(problem, moves, logs=own)
     if starts is None:
-        there = replace(problem, logs=own, free=free).initial_states
-        starts = [dict(zip(states, map(float, x0), strict=True)) for x0 in there]
+        starts = [dict(zip(states, map(float, x0), strict=True)) for x0 in there.initial_states]
     silent = tuple(replace(log, y=np.zeros_like(log.y)) for log in own)
-    plain = tuple(replace(one, prior_mean=None, prior_std=None) for one in free)
+    plain = tuple(replace(one, prior_mean=None, prior_std=None) for one in there.free)
     filter_model = noise_free(problem.filter_model)
-    return EstimationProblem(filter_model, silent, plain, initial=tuple(starts))
+    return EstimationProblem(filter_model, silent, plain, initial=tuple(starts), ties=there.ties)
 
 
 def simulated_logs(

@@ -1,23 +1,28 @@
 """How a swarm hands over to gradient searches: what it searches, how large it is, and where the searches start.
 
 A swarm only has to find the right valleys, and every coordinate more makes them harder to find. Levels of noise are
-left to the gradient search, which finds them in closed form (see :mod:`bondgraph.estimate.steps`): with the levels that
-the data suggested at the start, the swarm ranks parameters as a weighted sum of squares would. Where the logs are so
-long that a swarm over them would take many minutes, it searches how they begin; the gradient searches that follow see
-everything.
+left to the gradient search, which finds them in closed form (see :mod:`bondgraph.estimate.solvers.steps`): with the
+levels that the data suggested at the start, the swarm ranks parameters as a weighted sum of squares would. Where the
+logs are so long that a swarm over them would take many minutes, it searches how they begin; the gradient searches that
+follow see everything.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
+from scipy.stats import qmc
 
 from bondgraph.data.select import beginnings
 from bondgraph.estimate.exact import filtering_work
+from bondgraph.estimate.joint import JointProblem, Problem
 from bondgraph.estimate.objective import FloatArray
-from bondgraph.estimate.particle_swarm import SwarmSettings
 from bondgraph.estimate.problem import EstimationProblem
+from bondgraph.estimate.solvers.abstract import AbstractSearch
+from bondgraph.estimate.solvers.particle_swarm import ParticleSwarm, SwarmSettings
 
 #: Points closer than this share of the bounds in every coordinate count as one start.
 _DISTINCT = 0.02
@@ -42,19 +47,24 @@ _LEVELS = ("std", "process")
 _SCATTER = 100.0
 
 
-def swarm_search(
-    problem: EstimationProblem, given: SwarmSettings | None, alone: bool
-) -> tuple[EstimationProblem, SwarmSettings]:
-    """What a swarm searches, and how: alone everything, else valleys in what is left to it."""
+def explored(
+    problem: Problem, make: Callable[[Problem], AbstractSearch[Any]], alone: bool
+) -> tuple[Problem, AbstractSearch[Any]]:
+    """What a search explores, and the search: alone everything, else valleys in what is left to it."""
     part = problem if alone else without_noise_levels(problem)
-    settings = given or swarm_settings(part, alone)
-    if not alone and not part.noise_levels.any():
-        part = excerpt(part, settings.members * (1 + settings.iterations))
-    return part, settings
+    search = make(part)
+    if not alone and not part.noise_levels.any() and search.most_evaluations is not None:
+        part = excerpt(part, search.most_evaluations)
+    return part, search
 
 
-def without_noise_levels(problem: EstimationProblem) -> EstimationProblem:
-    """The problem with its noise levels held at their starts; as it is where nothing else is free.
+def exploring_swarm(problem: Problem, seed: int) -> ParticleSwarm:
+    """A swarm that only has to find the right valleys."""
+    return ParticleSwarm(swarm_settings(problem, alone=False), seed)
+
+
+def without_noise_levels(problem: Problem) -> Problem:
+    """The problem with its noise levels held at their starts; as it is where a part has nothing else free.
 
     Examples
     --------
@@ -68,8 +78,19 @@ def without_noise_levels(problem: EstimationProblem) -> EstimationProblem:
     >>> without_noise_levels(pose(swing, log, ["length", "std(deflection)", "damping"])).names
     ('length', 'damping')
     """
+    if isinstance(problem, JointProblem):
+        others = tuple(parameter for parameter in problem.free if parameter.target.kind not in _LEVELS)
+        parts = tuple(map(_without_levels, problem.problems))
+        if any(part.noise_levels.any() for part in parts):
+            return problem
+        return replace(problem, problems=parts, free=others) if len(others) < len(problem.free) else problem
+    return _without_levels(problem)
+
+
+def _without_levels(problem: EstimationProblem) -> EstimationProblem:
     others = tuple(parameter for parameter in problem.free if parameter.target.kind not in _LEVELS)
-    if not others or len(others) == len(problem.free):
+    told = {name for prior in problem.priors for name in prior.names}
+    if not others or len(others) == len(problem.free) or not told <= {one.name for one in others}:
         return problem
     starts = {kind: {p.target.name: p.start for p in problem.free if p.target.kind == kind} for kind in _LEVELS}
     declared = problem.filter_model
@@ -78,7 +99,7 @@ def without_noise_levels(problem: EstimationProblem) -> EstimationProblem:
     return replace(problem, filter_model=held, free=others)
 
 
-def excerpt(problem: EstimationProblem, evaluations: int) -> EstimationProblem:
+def excerpt(problem: Problem, evaluations: int) -> Problem:
     """The problem with as much of the beginning of every log as so many evaluations may take; often with all of it.
 
     The beginning, because what is known of the states is known there.
@@ -99,17 +120,24 @@ def excerpt(problem: EstimationProblem, evaluations: int) -> EstimationProblem:
     share = _WORK / (filtering_work(problem) * evaluations)
     if share >= 1.0:
         return problem
-    return replace(problem, logs=beginnings(problem.logs, share, _LEAST_SAMPLES))
+    return problem.with_parts(
+        replace(part, logs=beginnings(part.logs, share, _LEAST_SAMPLES)) for part in problem.parts
+    )
 
 
-def whole_points(problem: EstimationProblem, part: EstimationProblem, points: FloatArray) -> FloatArray:
+def is_shortened(problem: Problem, part: Problem) -> bool:
+    """Whether a swarm searched the beginnings of the logs instead of all of them."""
+    return [len(log) for log in problem.logs] != [len(log) for log in part.logs]
+
+
+def whole_points(problem: Problem, part: Problem, points: FloatArray) -> FloatArray:
     """Coordinates (n, members) of a problem from those of a part of it, with the start in place of the others."""
     wide = np.repeat(problem.start[:, np.newaxis], points.shape[1], axis=1)
     wide[[problem.names.index(name) for name in part.names]] = points
     return wide
 
 
-def swarm_settings(problem: EstimationProblem, alone: bool) -> SwarmSettings:
+def swarm_settings(problem: Problem, alone: bool) -> SwarmSettings:
     """A swarm for so many coordinates: five particles for each, as long as valleys need or, alone, an optimum."""
     wanted = min(max(_PER_COORDINATE * len(problem.free), _LEAST), _MOST)
     members = -(-wanted // _BLOCK) * _BLOCK
@@ -118,7 +146,7 @@ def swarm_settings(problem: EstimationProblem, alone: bool) -> SwarmSettings:
     return SwarmSettings(members=members, iterations=_ITERATIONS, patience=_PATIENCE, tolerance=_GAIN)
 
 
-def swarm_starts(problem: EstimationProblem, points: FloatArray, values: FloatArray, count: int) -> FloatArray:
+def swarm_starts(problem: Problem, points: FloatArray, values: FloatArray, count: int) -> FloatArray:
     """The best distinct of points (n, members), and among several the declared start; shape (n, up to count).
 
     The declared start is what an engineer believes, and the levels of noise that the swarm ranked points by may have
@@ -130,7 +158,7 @@ def swarm_starts(problem: EstimationProblem, points: FloatArray, values: FloatAr
     return np.concatenate([found, problem.start[:, np.newaxis]], axis=1)
 
 
-def spread_starts(problem: EstimationProblem, count: int, seed: int) -> FloatArray:
+def spread_starts(problem: Problem, count: int, seed: int) -> FloatArray:
     """The declared start and a Latin hypercube over the bounds, shape (n, count).
 
     Levels of noise scatter within a factor of 100: their bounds span all that a log can tell, and a search finds them
@@ -138,15 +166,14 @@ def spread_starts(problem: EstimationProblem, count: int, seed: int) -> FloatArr
     """
     rng = np.random.default_rng([seed, 1])
     others = max(count - 1, 1)
-    strata = np.array([rng.permutation(others) for _ in problem.free])
-    shares = (strata + rng.random(strata.shape)) / others
+    shares = qmc.LatinHypercube(len(problem.free), rng=rng).random(others).T
     near = np.where(problem.noise_levels, np.log(_SCATTER), np.inf)
     lower, upper = np.maximum(problem.lower, problem.start - near), np.minimum(problem.upper, problem.start + near)
     spread = lower[:, np.newaxis] + (upper - lower)[:, np.newaxis] * shares
     return np.concatenate([problem.start[:, np.newaxis], spread], axis=1)[:, :count]
 
 
-def distinct_starts(problem: EstimationProblem, points: FloatArray, values: FloatArray, count: int) -> FloatArray:
+def distinct_starts(problem: Problem, points: FloatArray, values: FloatArray, count: int) -> FloatArray:
     """The best of points (n, members) with finite values (members,), none near a better one; shape (n, up to count)."""
     width = problem.upper - problem.lower
     chosen: list[FloatArray] = []

@@ -21,7 +21,8 @@ from bondgraph.estimate.objective import FloatArray
 from bondgraph.estimate.pictures import own_axes
 from bondgraph.estimate.pinned import constrained_minimum
 from bondgraph.estimate.profile import profile_curve
-from bondgraph.estimate.result import Estimate, quantity_of, unit_of
+from bondgraph.estimate.quantities import quantity_of, unit_of
+from bondgraph.estimate.result import Estimate
 from bondgraph.frames import frame
 from bondgraph.text import Table, number
 

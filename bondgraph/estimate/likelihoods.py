@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Protocol, runtime_checkable
 
 import numpy as np
 
 from bondgraph.data.log import MatchedLog
+from bondgraph.estimate.free import Target
 from bondgraph.estimate.objective import Below, FloatArray, Terms
 from bondgraph.filter.filter_model import FilterModel
-from bondgraph.filter.likelihood import innovations, likelihood, negative_log_likelihood
+from bondgraph.filter.likelihood import innovations, likelihood
 from bondgraph.filter.members import MemberValues
 
 
@@ -31,6 +32,55 @@ class Batch:
     noise_correlation: FloatArray
     process_correlation: FloatArray
     initial_correlation: FloatArray
+
+    @classmethod
+    def declared(cls, filter_model: FilterModel, starts: Sequence[FloatArray], members: int) -> Batch:
+        """The numbers of a filter model, with an initial state (n_x,) per log, for each of several members."""
+
+        def spread(array: FloatArray) -> FloatArray:
+            return np.repeat(array[..., np.newaxis], members, axis=-1)
+
+        own = filter_model
+        return cls(
+            theta=spread(own.model.theta()),
+            noise_std=spread(own.noise_std),
+            process_std=spread(own.process_std),
+            x0=tuple(spread(start) for start in starts),
+            initial_std=spread(own.start_std),
+            noise_correlation=spread(own.noise_correlations),
+            process_correlation=spread(own.process_correlations),
+            initial_correlation=spread(own.start_correlations),
+        )
+
+    def zeros(self) -> Batch:
+        """Zeros of the same shapes."""
+        own = {one.name: getattr(self, one.name) for one in fields(self) if one.name != "x0"}
+        return Batch(x0=tuple(map(np.zeros_like, self.x0)), **{name: np.zeros_like(a) for name, a in own.items()})
+
+    def written(
+        self, filter_model: FilterModel, logs: Sequence[MatchedLog], numbers: Sequence[tuple[Target, FloatArray]]
+    ) -> Batch:
+        """The same batch after rows (members,) were written into it, each where its target stands."""
+        model, outputs, states = filter_model.model, filter_model.model.names("output"), filter_model.state_names
+        levels = {"std": self.noise_std, "process": self.process_std, "x0_std": self.initial_std}
+        pairs = {
+            "corr": self.noise_correlation, "process_corr": self.process_correlation,
+            "x0_corr": self.initial_correlation,
+        }  # fmt: skip
+        for target, row in numbers:
+            if target.kind == "parameter":
+                self.theta[model.index("parameter", target.name)] = row
+            elif target.kind in levels:
+                levels[target.kind][(outputs if target.kind == "std" else states).index(target.name)] = row
+            elif target.other is not None:
+                names = outputs if target.kind == "corr" else states
+                i, j = names.index(target.name), names.index(target.other)
+                pairs[target.kind][i, j] = pairs[target.kind][j, i] = row
+            else:
+                for log, start in zip(logs, self.x0, strict=True):
+                    if target.log in (None, log.name):
+                        start[model.index("state", target.name)] = row
+        return self
 
     def values(self, member: int | None = None) -> MemberValues:
         """What a filter is given beside theta: of all members, or of one."""
@@ -78,15 +128,8 @@ class FilterLikelihood:
 
     def nll(self, filter_model: FilterModel, logs: Sequence[MatchedLog], batch: Batch) -> FloatArray:
         """Negative log-likelihood, shape (members,)."""
-        values, _ = negative_log_likelihood(
-            filter_model,
-            logs,
-            batch.theta,
-            threads=self.threads,
-            compiled=self.compiled,
-            **batch.values(),
-        )
-        return values
+        given = batch.values()
+        return likelihood(filter_model, logs, batch.theta, threads=self.threads, compiled=self.compiled, **given).nll
 
     def nll_below(
         self, filter_model: FilterModel, logs: Sequence[MatchedLog], batch: Batch, ceilings: FloatArray

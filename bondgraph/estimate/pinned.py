@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from bondgraph.estimate.gauss_newton import GaussNewtonSettings, gauss_newton
 from bondgraph.estimate.objective import BoolArray, Expand, Expansion, FloatArray, Objective, Terms
-from bondgraph.estimate.steps import known_noise_levels
+from bondgraph.estimate.solvers.gauss_newton import GaussNewtonSettings, gauss_newton
+from bondgraph.estimate.solvers.steps import known_noise_levels
 
 #: Difference step of a held coordinate, as a share of its bounds; its derivative is not used.
 _UNUSED_STEP = 1e-6

@@ -20,7 +20,8 @@ from bondgraph.errors import EstimationError, OptionError
 from bondgraph.estimate.objective import FloatArray
 from bondgraph.estimate.pictures import own_axes
 from bondgraph.estimate.prediction import drawn_points
-from bondgraph.estimate.result import Estimate, quantity_of, unit_of
+from bondgraph.estimate.quantities import quantity_of, unit_of
+from bondgraph.estimate.result import Estimate
 from bondgraph.frames import frame
 from bondgraph.text import number, text_table
 
@@ -196,7 +197,7 @@ def sample_posterior(
     start = drawn_points(estimate, count, seed).T
     if not np.isfinite(log_density(start)).all():
         raise EstimationError(
-            f"{problem.filter_model.model.name}: the likelihood is not finite at values that the estimate holds likely"
+            f"{problem.name}: the likelihood is not finite at values that the estimate holds likely"
             " - use more substeps, or estimate longer",
             where=problem.names,
         )

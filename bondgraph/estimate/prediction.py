@@ -147,7 +147,7 @@ def predict(
     Raises
     ------
     EstimationError
-        If the model diverges, or no parameter is free.
+        If the model diverges, no parameter is free, or the estimate is of a joint problem: take one of its parts.
 
     Examples
     --------
@@ -161,7 +161,7 @@ def predict(
     >>> bool((band.std > 0.0).all()), band.y.shape
     (True, (1, 100))
     """
-    problem = estimate.problem
+    problem = estimate.single
     model = problem.filter_model.model
     chosen = tuple(all_matched(logs, model)) or problem.logs
     if draws:
@@ -196,7 +196,7 @@ def known_covariance(estimate: Estimate) -> FloatArray:
     information = fitted_expansion(problem, estimate.point, derivatives).information
     if not np.isfinite(information).all():
         raise EstimationError(
-            f"{problem.filter_model.model.name}: the estimate has no covariance, its likelihood cannot be expanded"
+            f"{problem.name}: the estimate has no covariance, its likelihood cannot be expanded"
             " - estimate with more substeps or narrower bounds",
             where=problem.names,
         )
@@ -225,7 +225,7 @@ def drawn_points(estimate: Estimate, draws: int, seed: int) -> FloatArray:
         if kept.shape[1] >= draws:
             return kept[:, :draws]
     raise EstimationError(
-        f"{problem.filter_model.model.name}: {kept.shape[1]} of {100 * draws} draws lie inside the bounds"
+        f"{problem.name}: {kept.shape[1]} of {100 * draws} draws lie inside the bounds"
         " - the estimate rests on bounds; widen them",
         where=problem.names,
     )
@@ -234,7 +234,7 @@ def drawn_points(estimate: Estimate, draws: int, seed: int) -> FloatArray:
 def _drawn(
     estimate: Estimate, logs: Sequence[GivenLog], starts: Sequence[Mapping[str, float]] | None, draws: int, seed: int
 ) -> tuple[PredictionBand, ...]:
-    problem, model = estimate.problem, estimate.problem.filter_model.model
+    problem, model = estimate.single, estimate.single.filter_model.model
     silent = simulation_problem(problem, all_matched(logs, model), starts)
     rows = [problem.names.index(name) for name in silent.names]
     points = drawn_points(estimate, draws, seed)[rows]

@@ -6,19 +6,23 @@ negative log-likelihood of all logs plus the priors.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+import numpy.typing as npt
 
 from bondgraph.data.given import GivenLog, all_matched
 from bondgraph.data.log import MatchedLog
 from bondgraph.errors import EstimationError, suggest
-from bondgraph.estimate.free import FreeParameter, declared_free, parse_target, require_known
+from bondgraph.estimate.coordinates import AbstractProblem, checked_priors
+from bondgraph.estimate.free import FreeParameter, Target, declared_free, parse_target, require_known
 from bondgraph.estimate.initial import Initial, initial_states, measured_at_start
 from bondgraph.estimate.likelihoods import Batch, CeilingLikelihood, FilterLikelihood, LikelihoodFunction
-from bondgraph.estimate.objective import Below, BoolArray, FloatArray, Terms
+from bondgraph.estimate.objective import Below, FloatArray, Terms
+from bondgraph.estimate.priors import Prior
+from bondgraph.estimate.ties import Tie, read_ties
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.follows import with_followers
 from bondgraph.text import count, few
@@ -28,7 +32,7 @@ _FILTER = FilterLikelihood()
 
 
 @dataclass(frozen=True, repr=False)
-class EstimationProblem:
+class EstimationProblem(AbstractProblem):
     """Free parameters of a filter model and the logs that speak about them; build one with :func:`pose`.
 
     Parameters
@@ -38,16 +42,21 @@ class EstimationProblem:
     logs
         Matched logs. A parameter that a log knows (``theta_overrides``) has that value there, free or not.
     free
-        What to estimate, in this order.
+        What to estimate, in this order. A name that the model lacks must be in the expression of a tie.
     initial
         Where initial states that are not free come from, see :func:`bondgraph.estimate.initial.initial_states`.
     likelihood
         How likely logs are.
+    ties
+        What follows from free parameters.
+    priors
+        What is known of free and tied values from elsewhere.
 
     Raises
     ------
     EstimationError
-        If a free parameter does not exist, is named twice, or no log speaks about it.
+        If a free parameter does not exist, is named twice, or no log speaks about it; if a tie or a prior is about
+        something else than the problem.
     """
 
     filter_model: FilterModel
@@ -55,56 +64,66 @@ class EstimationProblem:
     free: tuple[FreeParameter, ...]
     initial: Initial = "measured"
     likelihood: LikelihoodFunction = _FILTER
+    ties: tuple[Tie, ...] = ()
+    priors: tuple[Prior, ...] = ()
 
     def __post_init__(self) -> None:
-        _check_logs(self)
+        check_logs(self.name, self.logs, self.free)
         object.__setattr__(self, "filter_model", _with_driven(self.filter_model, self.free))
+        _check_ties(self)
         names: set[str] = set()
         for parameter in self.free:
-            require_known(parameter.target, parameter.name, self.filter_model)
             if parameter.name in names:
                 raise EstimationError(f"free parameter {parameter.name!r} is named twice", where=(parameter.name,))
             names.add(parameter.name)
-            _check_spoken_of(self, parameter)
+            if not self.is_auxiliary(parameter):
+                require_known(parameter.target, parameter.name, self.filter_model)
+                check_spoken_of(parameter.name, parameter.target, self.filter_model, self.logs)
+        tied = [tie.name for tie in self.ties]
+        object.__setattr__(self, "free", checked_priors(self.free, tied, self.priors))
 
     def __repr__(self) -> str:
         samples = sum(log.time.size for log in self.logs)
         data = f"{count(len(self.logs), 'log')}, {count(samples, 'sample')}"
-        return f"<EstimationProblem {self.filter_model.model.name}: free {few(self.names)}; {data}>"
+        return f"<EstimationProblem {self.name}: free {few(self.names)}; {data}>"
 
     @property
-    def names(self) -> tuple[str, ...]:
-        """Names of the free parameters, in the order of the coordinates."""
-        return tuple(parameter.name for parameter in self.free)
+    def name(self) -> str:
+        """Name of the model."""
+        return self.filter_model.model.name
 
-    @cached_property
-    def lower(self) -> FloatArray:
-        """Lower bounds of the coordinates, shape (n,)."""
-        return np.array([parameter.coordinate(parameter.lower) for parameter in self.free])
+    @property
+    def parts(self) -> tuple[EstimationProblem, ...]:
+        """Problems with one filter model each: this one."""
+        return (self,)
 
-    @cached_property
-    def upper(self) -> FloatArray:
-        """Upper bounds of the coordinates, shape (n,)."""
-        return np.array([parameter.coordinate(parameter.upper) for parameter in self.free])
+    @property
+    def rows(self) -> tuple[npt.NDArray[np.intp], ...]:
+        """Places of each part's coordinates: all."""
+        return (np.arange(len(self.free)),)
 
-    @cached_property
-    def start(self) -> FloatArray:
-        """Coordinates at which searches start, shape (n,)."""
-        return np.array([parameter.coordinate(parameter.start) for parameter in self.free])
+    def with_filters(self, filter_models: Iterable[FilterModel]) -> EstimationProblem:
+        """The same with another filter model, one per part."""
+        (used,) = filter_models
+        return replace(self, filter_model=used)
 
-    @cached_property
-    def noise_levels(self) -> BoolArray:
-        """Which coordinates are logarithms of the standard deviations of noises, shape (n,)."""
-        return np.array([p.scale == "log" and p.target.kind in ("std", "process") for p in self.free], dtype=np.bool_)
+    def with_parts(self, parts: Iterable[EstimationProblem]) -> EstimationProblem:
+        """The other part."""
+        (part,) = parts
+        return part
+
+    def is_auxiliary(self, parameter: FreeParameter) -> bool:
+        """Whether a free parameter acts through ties alone, since the model has none of its name."""
+        known = self.filter_model.model.names("parameter")
+        used = any(parameter.name in tie.variables for tie in self.ties)
+        return used and parameter.target.kind == "parameter" and parameter.name not in known
 
     @cached_property
     def initial_states(self) -> list[FloatArray]:
         """Initial state of each log, shape (n_x,), where it is not free."""
-        starts = {
-            parameter.target.name: parameter.start for parameter in self.free if parameter.target.kind == "parameter"
-        }
         model = self.filter_model.model
-        theta = model.theta(**starts)
+        starts = {target.name: row for target, row in self.numbers(self.start) if target.kind == "parameter"}
+        theta = model.theta(**{name: float(value) for name, value in starts.items()})
         found = initial_states(model, self.logs, theta, self.initial)
         follows = self.filter_model.follows
         if not follows or self.initial != "measured":
@@ -118,80 +137,76 @@ class EstimationProblem:
             for x0, log in zip(found, self.logs, strict=True)
         ]  # fmt: skip
 
-    def values(self, points: FloatArray) -> FloatArray:
-        """Values of the free parameters at coordinates (n, *batch), in the units of the model."""
-        rows = [parameter.values(row) for parameter, row in zip(self.free, points, strict=True)]
-        return np.array(rows).reshape(points.shape)
+    def known_values(self, values: FloatArray) -> Mapping[str, FloatArray]:
+        """Free and tied quantities by name, each (members,), at values of the free ones (n, members)."""
+        known: dict[str, FloatArray] = dict(zip(self.names, values, strict=True))
+        fixed = self._fixed(values.shape[1:])
+        return known | {tie.name: tie.values({**fixed, **known}) for tie in self.ties}
+
+    def known_slopes(self, point: FloatArray) -> Mapping[str, FloatArray]:
+        """Derivatives (n,) of free and tied quantities by the coordinates, by name, at a point (n,)."""
+        values = self.values(point)
+        own = dict(zip(self.names, np.diag(self.slopes(point)), strict=True))
+        free = dict(zip(self.names, values, strict=True))
+        known = {name: float(row) for name, row in {**self._fixed(()), **free}.items()}
+        tied = {
+            tie.name: sum((slope * own[name] for name, slope in tie.slopes(known).items() if name in own), self._still)
+            for tie in self.ties
+        }
+        return own | tied
+
+    @property
+    def _still(self) -> FloatArray:
+        return np.zeros(len(self.free))
+
+    def _fixed(self, shape: tuple[int, ...]) -> dict[str, FloatArray]:
+        """Parameters of the model that ties use and nothing frees."""
+        model = self.filter_model.model
+        used = {name for tie in self.ties for name in tie.variables} - set(self.names)
+        theta = model.theta()
+        return {name: np.full(shape, theta[model.index("parameter", name)]) for name in used}
+
+    def numbers(self, points: FloatArray) -> list[tuple[Target, FloatArray]]:
+        """What the problem moves, with values (*batch,) at coordinates (n, *batch), the more specific ones last."""
+        return self._by_target(self.known_values(self.values(points)))
+
+    def _by_target(self, known: Mapping[str, FloatArray]) -> list[tuple[Target, FloatArray]]:
+        found = [(one.target, known[one.name]) for one in self.free if not self.is_auxiliary(one)]
+        found += [(parse_target(tie.name), known[tie.name]) for tie in self.ties]
+        # Initial states of one log come after those shared by all, so that the more specific one counts.
+        return sorted(found, key=lambda pair: pair[0].log is not None)
 
     def batch(self, points: FloatArray) -> Batch:
         """All numbers that the members at coordinates (n, members) need."""
-        members, model = points.shape[1], self.filter_model.model
+        declared = Batch.declared(self.filter_model, self.initial_states, points.shape[1])
+        return declared.written(self.filter_model, self.logs, self.numbers(points))
 
-        def spread(vector: FloatArray) -> FloatArray:
-            return np.repeat(vector[..., np.newaxis], members, axis=-1)
-
-        theta, x0 = spread(model.theta()), tuple(spread(start) for start in self.initial_states)
-        own = self.filter_model
-        levels = {
-            "std": spread(own.noise_std), "process": spread(own.process_std), "x0_std": spread(own.start_std),
-        }  # fmt: skip
-        pairs = {
-            "corr": spread(own.noise_correlations), "process_corr": spread(own.process_correlations),
-            "x0_corr": spread(own.start_correlations),
-        }  # fmt: skip
-        # Initial states of one log come after those shared by all, so that the more specific one counts.
-        order = sorted(range(len(self.free)), key=lambda k: self.free[k].target.log is not None)
-        values = self.values(points)
-        for target, row in ((self.free[k].target, values[k]) for k in order):
-            if target.kind == "parameter":
-                theta[model.index("parameter", target.name)] = row
-            elif target.kind in levels:
-                names = model.names("output") if target.kind == "std" else own.state_names
-                levels[target.kind][names.index(target.name)] = row
-            elif target.other is not None:
-                names = model.names("output") if target.kind == "corr" else own.state_names
-                i, j = names.index(target.name), names.index(target.other)
-                pairs[target.kind][i, j] = pairs[target.kind][j, i] = row
-            else:
-                for log, start in zip(self.logs, x0, strict=True):
-                    if target.log in (None, log.name):
-                        start[model.index("state", target.name)] = row
-        return Batch(theta, levels["std"], levels["process"], x0, levels["x0_std"], *pairs.values())
+    def batch_slopes(self, point: FloatArray) -> Batch:
+        """Derivatives of all numbers by the coordinates at a point (n,): a batch with a member per coordinate."""
+        still = Batch.declared(self.filter_model, self.initial_states, point.size).zeros()
+        return still.written(self.filter_model, self.logs, self._by_target(self.known_slopes(point)))
 
     def nll(self, points: FloatArray) -> FloatArray:
         """Negative log-likelihood plus priors at coordinates (n, members), shape (members,)."""
         values = self.likelihood.nll(self.filter_model, self.logs, self.batch(points))
-        return values + self._prior_values(points)
+        return values + self.prior_values(points)
 
     def nll_below(self, points: FloatArray, ceilings: FloatArray) -> Below:
         """Values as :meth:`nll` as far as they are below ceilings (members,); above, members may be given up."""
         if not isinstance(self.likelihood, CeilingLikelihood):
             return Below.whole(self.nll(points))
-        priors = self._prior_values(points)
+        priors = self.prior_values(points)
         found = self.likelihood.nll_below(self.filter_model, self.logs, self.batch(points), ceilings - priors)
         return replace(found, nll=found.nll + priors)
 
     def terms(self, points: FloatArray) -> Terms:
         """Scalar terms at coordinates (n, members): innovations by log, output and sample, then priors."""
         terms = self.likelihood.terms(self.filter_model, self.logs, self.batch(points))
-        priors = self._prior_terms(points)
+        priors = self.prior_terms(points)
         return Terms(
             np.concatenate([terms.innovations, priors]),
             np.concatenate([terms.log_scales, np.zeros(priors.shape)]),
         )
-
-    def _prior_values(self, points: FloatArray) -> FloatArray:
-        """What the priors add to the value, shape (members,)."""
-        values: FloatArray = 0.5 * np.sum(self._prior_terms(points) ** 2, axis=0)
-        return values
-
-    def _prior_terms(self, points: FloatArray) -> FloatArray:
-        rows = [
-            (row - parameter.prior_mean) / parameter.prior_std
-            for parameter, row in zip(self.free, self.values(points), strict=True)
-            if parameter.prior_mean is not None and parameter.prior_std is not None
-        ]
-        return np.array(rows).reshape(len(rows), points.shape[1])
 
 
 def pose(
@@ -200,6 +215,8 @@ def pose(
     free: Sequence[str | FreeParameter],
     initial: Initial = "measured",
     likelihood: LikelihoodFunction | None = None,
+    ties: Mapping[str, str] | Sequence[Tie] = (),
+    priors: Sequence[Prior] = (),
 ) -> EstimationProblem:
     """Pose an estimation problem.
 
@@ -215,6 +232,10 @@ def pose(
         Where initial states that are not free come from.
     likelihood
         How likely logs are; by default the unscented Kalman filter on all cores.
+    ties
+        Quantities that follow from free parameters: name and expression, ``{"k_r": "1.2*k_f"}``.
+    priors
+        What is known of free and tied values from elsewhere, see :mod:`bondgraph.estimate.priors`.
 
     Returns
     -------
@@ -244,7 +265,9 @@ def pose(
         else declared_free(item, filter_model, _start(item, filter_model, listed, starts), listed)
         for item in free
     )
-    return EstimationProblem(filter_model, listed, chosen, initial, likelihood or _FILTER)
+    return EstimationProblem(
+        filter_model, listed, chosen, initial, likelihood or _FILTER, read_ties(ties), tuple(priors)
+    )
 
 
 def _start(
@@ -267,41 +290,77 @@ def _with_driven(filter_model: FilterModel, free: Sequence[FreeParameter]) -> Fi
     return replace(filter_model, process_noise={**filter_model.process_noise, **missing}) if missing else filter_model
 
 
-def _check_logs(problem: EstimationProblem) -> None:
-    if not problem.logs or not problem.free:
-        missing = "log" if not problem.logs else "free parameter"
-        raise EstimationError(f"{problem.filter_model.model.name}: an estimation needs at least one {missing}")
-    names = [log.name for log in problem.logs]
+def check_logs(name: str, logs: Sequence[MatchedLog], free: Sequence[FreeParameter]) -> None:
+    """Refuse a problem without logs or free parameters, and logs of one name.
+
+    Raises
+    ------
+    EstimationError
+        Always, if it is one of these.
+    """
+    if not logs or not free:
+        missing = "log" if not logs else "free parameter"
+        raise EstimationError(f"{name}: an estimation needs at least one {missing}")
+    names = [log.name for log in logs]
     twice = next((name for name in names if names.count(name) > 1), None)
     if twice is not None:
         raise EstimationError(f"two logs are called {twice!r} - rename one, so that results can tell them apart")
 
 
-def _check_spoken_of(problem: EstimationProblem, parameter: FreeParameter) -> None:
-    """Some log must depend on a free parameter."""
-    target, model = parameter.target, problem.filter_model.model
-    names = [log.name for log in problem.logs]
-    if target.log is not None and target.log not in names:
-        raise EstimationError(
-            f"free parameter {parameter.name!r}: no log is called {target.log!r}{suggest(target.log, names)}"
-            f" - the logs are {', '.join(names)}",
-            where=(parameter.name,),
-        )
-    if target.kind == "parameter" and all(target.name in log.theta_overrides for log in problem.logs):
-        raise EstimationError(
-            f"free parameter {parameter.name!r}: every log states its value, so there is nothing to estimate"
+def _check_ties(problem: EstimationProblem) -> None:
+    """Ties are about quantities of the model, follow from parameters, and contradict nothing."""
+    known = {*problem.names, *problem.filter_model.model.names("parameter")}
+    tied = [tie.name for tie in problem.ties]
+    split = {one.target.name for one in problem.free if one.target.kind == "parameter" and one.target.log}
+    for tie in problem.ties:
+        require_known(parse_target(tie.name), tie.name, problem.filter_model)
+        check_spoken_of(tie.name, parse_target(tie.name), problem.filter_model, problem.logs)
+        if tie.name in problem.names or tied.count(tie.name) > 1:
+            raise EstimationError(f"{tie.name!r} is free or tied besides its tie - choose one", where=(tie.name,))
+        for name in tie.variables:
+            if name in tied:
+                raise EstimationError(
+                    f"tie of {tie.name!r}: {name!r} is tied itself - put its expression in", where=(name,)
+                )
+            if name not in known or name in split:
+                raise EstimationError(
+                    f"tie of {tie.name!r}: there is no one parameter {name!r}{suggest(name, tuple(known))} - free "
+                    "it, or give a FreeParameter of that name",
+                    where=(tie.name, name),
+                )
+        if not set(tie.variables) & set(problem.names):
+            raise EstimationError(f"tie of {tie.name!r}: none of its parameters is free - free one", where=(tie.name,))
+
+
+def check_spoken_of(name: str, target: Target, filter_model: FilterModel, logs: Sequence[MatchedLog]) -> None:
+    """Refuse what no log depends on.
+
+    Raises
+    ------
+    EstimationError
+        With what to do.
+    """
+
+    def require(condition: bool, problem: str) -> None:
+        if not condition:
+            raise EstimationError(f"free parameter {name!r}: {problem}", where=(name,))
+
+    names = [log.name for log in logs]
+    near = suggest(target.log or "", names)
+    listed = f"no log is called {target.log!r}{near} - the logs are {', '.join(names)}"
+    require(target.log in (None, *names), listed)
+    if target.kind == "parameter":
+        require(
+            not all(target.name in log.theta_overrides for log in logs),
+            "every log states its value, so there is nothing to estimate"
             " - drop it from the free parameters, or its column from a log",
-            where=(parameter.name,),
         )
-    if target.kind == "parameter" and target.name in problem.filter_model.appended:
-        raise EstimationError(
-            f"free parameter {parameter.name!r}: the filter already follows it as a state - choose one of the two",
-            where=(parameter.name,),
+        require(
+            target.name not in filter_model.appended,
+            "the filter already follows it as a state - choose one of the two",
         )
+        require(target.log is None or len(logs) == 1, "it is that of one log - pose_joint takes it, by per_log")
     if target.kind == "std":
-        row = model.index("output", target.name)
-        if all(np.isnan(log.y[row]).all() for log in problem.logs):
-            raise EstimationError(
-                f"free parameter {parameter.name!r}: no log measures {target.name!r} - drop it, or map its column",
-                where=(parameter.name,),
-            )
+        row = filter_model.model.index("output", target.name)
+        measured = not all(np.isnan(log.y[row]).all() for log in logs)
+        require(measured, f"no log measures {target.name!r} - drop it, or map its column")

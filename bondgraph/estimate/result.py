@@ -3,23 +3,26 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Container, Mapping
+from collections.abc import Callable, Container, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from bondgraph.coherent import Displayed
 from bondgraph.errors import EstimationError, suggest
 from bondgraph.estimate.certify import NEGLIGIBLE_SHIFT, Certification
 from bondgraph.estimate.continuation import Stage
+from bondgraph.estimate.estimated import estimated_filter, interval95, next_prior
 from bondgraph.estimate.exact import derivatives
 from bondgraph.estimate.free import FreeParameter
+from bondgraph.estimate.joint import Problem, Rows
 from bondgraph.estimate.likelihoods import Batch
 from bondgraph.estimate.objective import FloatArray, SearchOutcome, TraceRow
+from bondgraph.estimate.priors import MultivariateNormal
 from bondgraph.estimate.problem import EstimationProblem
 from bondgraph.estimate.profile import ProfileInterval, profile_interval
+from bondgraph.estimate.quantities import quantity_of, unit_of
 from bondgraph.estimate.uncertainty import UncertaintyOutcome
 from bondgraph.filter.consistency import misfits
 from bondgraph.filter.figure import run_figure
@@ -34,9 +37,6 @@ from bondgraph.text import count, few, number, text_table
 if TYPE_CHECKING:
     import pandas
     from matplotlib.figure import Figure
-
-#: 97.5 % point of the standard normal distribution.
-_Z95 = 1.959963984540054
 
 
 @dataclass(frozen=True)
@@ -85,7 +85,7 @@ class Estimate:
         Of the evaluations, those that were ended when it was certain that they were no improvement.
     """
 
-    problem: EstimationProblem
+    problem: Problem
     point: FloatArray
     nll: float
     covariance: FloatArray
@@ -115,7 +115,7 @@ class Estimate:
     def __repr__(self) -> str:
         end = f"NLL {self.nll:.6g}, {count(self.evaluations, 'evaluation')}; {self.outcome.value.partition(' - ')[0]}"
         values = [f"{one.name} = {number(self._shown(one)[0])}" for one in self.problem.free]
-        return f"<Estimate {self.problem.filter_model.model.name}: {few(values)}; {end}>"
+        return f"<Estimate {self.problem.name}: {few(values)}; {end}>"
 
     def summary(self) -> str:
         """How the search ended, and a table of the estimates in declared units with their uncertainty.
@@ -184,7 +184,7 @@ class Estimate:
     @property
     def coordinate_covariance(self) -> FloatArray:
         """Covariance of the coordinates that were searched, shape (n, n); NaN for what is not identifiable."""
-        slopes = np.array([parameter.slope(self.values[parameter.name]) for parameter in self.problem.free])
+        slopes = np.array([one.slope(self.values[one.name]) for one in self.problem.free])
         covariance: FloatArray = self.covariance / np.outer(slopes, slopes)
         return covariance
 
@@ -196,12 +196,69 @@ class Estimate:
     @cached_property
     def ci95(self) -> Mapping[str, tuple[float, float]]:
         """95 % intervals by name, within the bounds; the bounds themselves where not identifiable."""
-        return {parameter.name: self._interval(parameter) for parameter in self.problem.free}
+        return {one.name: interval95(one, self.values[one.name], self.std[one.name]) for one in self.problem.free}
+
+    @cached_property
+    def parts(self) -> tuple[Estimate, ...]:
+        """Estimates of the single problems of a joint one, with their own free parameters; else this one."""
+        if isinstance(self.problem, EstimationProblem):
+            return (self,)
+        pairs = zip(self.problem.parts, self.problem.rows, strict=True)
+        return tuple(self._part(problem, rows) for problem, rows in pairs)
+
+    def _part(self, problem: EstimationProblem, rows: Rows) -> Estimate:
+        square, own = np.ix_(rows, rows), set(problem.names)
+        return replace(
+            self,
+            problem=problem,
+            point=self.point[rows],
+            nll=float(problem.nll(self.point[rows, np.newaxis])[0]),
+            covariance=self.covariance[square],
+            correlation=self.correlation[square],
+            at_bound=tuple(name for name in self.at_bound if name in own),
+            not_identifiable=tuple(group for group in self.not_identifiable if own & set(group)),
+            optima=(),
+            trace=(),
+        )
+
+    @property
+    def single(self) -> EstimationProblem:
+        """The problem, if it has one filter model.
+
+        Raises
+        ------
+        EstimationError
+            If it is a joint one.
+        """
+        if isinstance(self.problem, EstimationProblem):
+            return self.problem
+        raise EstimationError(
+            f"estimate of {self.problem.name}: several filter models have no numbers in common - take one of its parts",
+            where=("parts",),
+        )
+
+    def as_prior(self, names: Sequence[str] = ()) -> MultivariateNormal:
+        """What the logs said, as a prior for an estimation from other logs: a stage before the next.
+
+        It is the likelihood to second order around the optimum, in the coordinates that were searched: the values, or
+        their logarithms. Logs of both stages in one joint problem give the same estimate, as far as that holds.
+
+        Parameters
+        ----------
+        names
+            Parameters that it is about; empty: all parameters of the model that the logs told of, off their bounds.
+
+        Raises
+        ------
+        EstimationError
+            If nothing was told of a parameter, or it was searched by its logit.
+        """
+        return next_prior(self.problem, self.point, self.coordinate_covariance, self.at_bound, names)
 
     @cached_property
     def batch(self) -> Batch:
         """All numbers of the estimated model and filter, as a batch of one member."""
-        return self.problem.batch(self.point[:, np.newaxis])
+        return self.single.batch(self.point[:, np.newaxis])
 
     @property
     def theta(self) -> FloatArray:
@@ -216,29 +273,13 @@ class Estimate:
     @property
     def filter_model(self) -> FilterModel:
         """The filter model with the estimated noise levels in place of the declared ones."""
-        declared, model = self.problem.filter_model, self.problem.filter_model.model
-        free = {(parameter.target.kind, parameter.target.name): parameter.name for parameter in self.problem.free}
-        noise = {name: self.values[free["std", name]] for name in model.names("output") if ("std", name) in free}
-        states = declared.state_names
-        process = {name: self.values[free["process", name]] for name in states if ("process", name) in free}
-        start = {name: self.values[free["x0_std", name]] for name in states if ("x0_std", name) in free}
-
-        def pairs(kind: str) -> dict[tuple[str, str], float]:
-            targets = [(p.target, p.name) for p in self.problem.free if p.target.kind == kind]
-            return {(target.name, target.other or ""): self.values[name] for target, name in targets}
-
-        return replace(
-            declared.with_process(process),
-            measurement_noise={**declared.measurement_noise, **noise},
-            initial_std={**declared.initial_std, **start},
-            measurement_correlation={**declared.measurement_correlation, **pairs("corr")},
-            process_correlation={**declared.process_correlation, **pairs("process_corr")},
-            initial_correlation={**declared.initial_correlation, **pairs("x0_corr")},
-        )
+        return estimated_filter(self.single, self.point)
 
     @cached_property
     def runs(self) -> tuple[FilterRun, ...]:
         """The filter's record of each log at the estimate."""
+        if not isinstance(self.problem, EstimationProblem):
+            return tuple(one for part in self.parts for one in part.runs)
         logs = zip(self.problem.logs, self.x0, strict=True)
         return tuple(run(self.filter_model, log, self.theta, x0=x0) for log, x0 in logs)
 
@@ -248,7 +289,8 @@ class Estimate:
 
         Errors are set against the noises from which the search started: those declared, or seen in the logs.
         """
-        return misfits(self.runs, self.problem.filter_model.measurement_noise)
+        parts = [(part.runs, part.single.filter_model.measurement_noise) for part in self.parts]
+        return tuple(one for runs, noise in parts for one in misfits(runs, noise))
 
     def profile(self, name: str, level: float = 0.95) -> tuple[float, float]:
         """Interval of one value by its profile likelihood; takes some tens of evaluations per free parameter.
@@ -288,17 +330,6 @@ class Estimate:
         covariance = np.nan_to_num(self.coordinate_covariance)
         direction = covariance[:, index] / covariance[index, index]
         return profile_interval(self.problem, self.point, index, std, level, jacobian=derivatives, direction=direction)
-
-    def _interval(self, parameter: FreeParameter) -> tuple[float, float]:
-        value, std = self.values[parameter.name], self.std[parameter.name]
-        if not math.isfinite(std):
-            return parameter.lower, parameter.upper
-        if parameter.scale == "log":
-            factor = math.exp(min(_Z95 * std / value, 700.0))
-            lower, upper = value / factor, value * factor
-        else:
-            lower, upper = value - _Z95 * std, value + _Z95 * std
-        return max(lower, parameter.lower), min(upper, parameter.upper)
 
     def _parameter_dict(self, parameter: FreeParameter) -> dict[str, Any]:
         info = quantity_of(self.problem, parameter)
@@ -358,26 +389,6 @@ class Estimate:
 
 def _shown(values: Mapping[str, float], shown: Mapping[str, Callable[[float], float]]) -> dict[str, float]:
     return {name: shown[name](value) for name, value in values.items()}
-
-
-def quantity_of(problem: EstimationProblem, parameter: FreeParameter) -> Displayed:
-    """The parameter, output or state of the model to which a free parameter belongs, in whose unit it is shown."""
-    model, target = problem.filter_model.model, parameter.target
-    if target.kind == "parameter":
-        return model.parameters[model.index("parameter", target.name)]
-    if target.kind == "std":
-        return model.outputs[model.index("output", target.name)]
-    if target.name in problem.filter_model.appended:
-        return model.parameters[model.index("parameter", target.name)]
-    return model.states[model.index("state", target.name)]
-
-
-def unit_of(problem: EstimationProblem, parameter: FreeParameter) -> str:
-    """Unit in which a free parameter is shown."""
-    unit = quantity_of(problem, parameter).display_unit
-    if parameter.target.kind != "process":
-        return unit
-    return f"({unit})/s^0.5" if unit != "1" else "1/s^0.5"
 
 
 def _number(value: float) -> float | None:

@@ -18,7 +18,7 @@ from bondgraph.errors import EstimationError
 from bondgraph.estimate.exact import derivatives
 from bondgraph.estimate.objective import Expand, Expansion, FloatArray, fitted_expansion
 from bondgraph.estimate.problem import EstimationProblem
-from bondgraph.estimate.result import quantity_of, unit_of
+from bondgraph.estimate.quantities import quantity_of, unit_of
 from bondgraph.estimate.uncertainty import uncertainty
 from bondgraph.frames import frame
 from bondgraph.text import few, number, text_table

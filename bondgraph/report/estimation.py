@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from bondgraph.data.log import MatchedLog
@@ -11,17 +13,18 @@ from bondgraph.estimate.result import Estimate
 from bondgraph.filter.linear.intervals import simulation_steps
 from bondgraph.report.closed_loop import write_json
 from bondgraph.report.collect import Runs, channel_series, parameter_changes
+from bondgraph.report.held_out import HeldOutLog
 from bondgraph.report.html import Provenance, ReportData, write_report
 from bondgraph.report.logs import grouped_notes
 from bondgraph.report.misfits import misfit_sentences
 from bondgraph.report.noise import noise_sentence
-from bondgraph.report.series import ChannelSeries, channel_errors
+from bondgraph.report.series import ChannelSeries, ParameterChange, channel_errors
 from bondgraph.report.suspicions import sampling_suspicions, unit_suspicions
 from bondgraph.simulate.simulation import simulate
 from bondgraph.simulate.trajectory import Trajectory
 
 
-def write_estimate(estimate: Estimate, folder: Path, made: Provenance) -> ReportData:
+def write_estimate(estimate: Estimate, folder: Path, made: Provenance, unseen: Sequence[HeldOutLog] = ()) -> ReportData:
     """Write ``result.json`` and ``report.html`` of an estimate.
 
     Parameters
@@ -32,34 +35,31 @@ def write_estimate(estimate: Estimate, folder: Path, made: Provenance) -> Report
         Where the files go; it is made where it is missing.
     made
         Command, seed, data files.
+    unseen
+        How the estimate does on held-out logs.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    write_json(folder / "result.json", estimate.to_dict(innovation_summary(estimate.runs)))
-    data = estimate_report(estimate, made)
+    found = estimate.to_dict(innovation_summary(estimate.runs))
+    write_json(folder / "result.json", {**found, "held_out": [one.to_dict() for one in unseen]})
+    data = estimate_report(estimate, made, unseen)
     write_report(data, folder / "report.html")
     return data
 
 
-def estimate_report(estimate: Estimate, made: Provenance) -> ReportData:
+def estimate_report(estimate: Estimate, made: Provenance, unseen: Sequence[HeldOutLog] = ()) -> ReportData:
     """The report of an estimate as plain values: declared parameters before, estimated after."""
-    model = estimate.filter_model.model
-    declared = {info.name: info.value for info in model.parameters}
-    series: list[ChannelSeries] = []
-    for log, x0, run in zip(estimate.problem.logs, estimate.x0, estimate.runs, strict=True):
-        before = _free_run(estimate, log, x0, declared)
-        after = _free_run(estimate, log, x0, dict(estimate.values))
-        noise = dict(zip(model.names("output"), estimate.filter_model.noise_std, strict=True))
-        series += channel_series(model, log, Runs(None, before), Runs(run, after), noise)
+    series = [one for part in estimate.parts for one in _series(part)]
+    changes = [change for part in estimate.parts for change in _changes(part)]
     return ReportData(
-        title=model.name,
+        title=estimate.problem.name,
         verdict=_verdict(estimate),
         explanation=" ".join(misfit_sentences(estimate.misfits)) or estimate.end,
         errors=channel_errors(series),
         series=tuple(series),
-        parameters=parameter_changes(model, declared, estimate.values, estimate.ci95, estimate.at_bound),
+        parameters=tuple({change.name: change for change in changes}.values()),
         trace=estimate.trace,
-        suspected=tuple(_suspicions(estimate)),
-        notes=(*_notes(estimate), *grouped_notes(estimate.problem.logs)),
+        suspected=tuple(one for part in estimate.parts for one in _suspicions(part)),
+        notes=(*_notes(estimate), *map(_unseen_note, unseen), *grouped_notes(estimate.problem.logs)),
         made=made,
     )
 
@@ -70,9 +70,43 @@ def _verdict(estimate: Estimate) -> str:
     return "estimated, but not explained" if estimate.misfits else "estimated"
 
 
+def _unseen_note(log: HeldOutLog) -> str:
+    """What a held-out log says."""
+    band = " to ".join(f"{end:.3g}" for end in log.nis_band)
+    return (
+        f"Held out: on {log.name} the negative log-likelihood is {log.nll:.6g}, at the declared parameters "
+        f"{log.declared_nll:.6g}; mean NIS {log.nis_mean:.3g} in its 95 % band {band}."
+    )
+
+
+def _series(estimate: Estimate) -> list[ChannelSeries]:
+    """The channels of the logs of one filter model."""
+    model = estimate.filter_model.model
+    declared = {info.name: info.value for info in model.parameters}
+    known = dict(zip(model.names("parameter"), estimate.theta.tolist(), strict=True))
+    noise = dict(zip(model.names("output"), estimate.filter_model.noise_std, strict=True))
+    series: list[ChannelSeries] = []
+    for log, x0, run in zip(estimate.problem.logs, estimate.x0, estimate.runs, strict=True):
+        before, after = (_free_run(estimate, log, x0, values) for values in (declared, known))
+        series += channel_series(model, log, Runs(None, before), Runs(run, after), noise)
+    return series
+
+
+def _changes(estimate: Estimate) -> list[ParameterChange]:
+    """Free and tied parameters of one filter model; one that single logs have is called by its full name."""
+    model = estimate.filter_model.model
+    declared = {info.name: info.value for info in model.parameters}
+    moved = {t.name: float(value) for t, value in estimate.single.numbers(estimate.point) if t.kind == "parameter"}
+    full = {one.target.name: one.name for one in estimate.problem.free if one.target.kind == "parameter"}
+    own = {name: estimate.ci95[free] for name, free in full.items()}
+    at_bound = [name for name, free in full.items() if free in estimate.at_bound]
+    changes = parameter_changes(model, declared, moved, own, at_bound)
+    return [replace(change, name=full.get(change.name, change.name)) for change in changes]
+
+
 def _suspicions(estimate: Estimate) -> list[str]:
     """What is suspected of the units, times and sampling of the logs, at the declared values of the model."""
-    model, initial = estimate.filter_model.model, estimate.problem.initial
+    model, initial = estimate.filter_model.model, estimate.single.initial
     return [
         f"{log.name}: {one}"
         for log in estimate.problem.logs
@@ -93,7 +127,7 @@ def _notes(estimate: Estimate) -> list[str]:
         f"{certification.verdict}.",
         *([f"There {certification.conditioning}."] if certification.is_ill_conditioned else []),
         *(f"Against {one}." for one in certification.checks),
-        f"{noise_sentence(estimate.problem.filter_model)}.",
+        *(f"{noise_sentence(part.filter_model)}." for part in estimate.problem.parts),
     ]
     if not estimate.is_smooth:
         notes.append(rough_note(estimate))

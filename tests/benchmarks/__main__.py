@@ -14,6 +14,7 @@ less CPU time this toolkit takes. The whole takes about half an hour on two core
     online     samples taken one by one against the same samples as a log
     growth     time against states, samples and members
     loop       a whole closed loop, the dictionary of effects on a drive
+    optimisers global searches on test functions in ten dimensions, beside scipy and pyswarms (if installed)
     search     the thesis' swarm of 8080 evaluations and the gradient search, eight parameters, 90 s of data
 """
 
@@ -34,10 +35,15 @@ from tests.benchmarks.likelihood_rows import against_c, against_others, growth, 
 from tests.benchmarks.loop_rows import loop
 from tests.benchmarks.method_rows import failures, methods
 from tests.benchmarks.online_rows import online
+from tests.benchmarks.optimiser_rows import EVALUATIONS, SEEDS
+from tests.benchmarks.optimiser_rows import optimisers as optimiser_rows
 from tests.benchmarks.search_rows import ITERATIONS, search
 from tests.benchmarks.start_rows import start
 
-PARTS = ("start", "others", "c", "jax", "methods", "failures", "gradient", "online", "growth", "loop", "search")
+PARTS = (
+    "start", "others", "c", "jax", "methods", "failures", "gradient", "online", "growth", "loop", "optimisers",
+    "search",
+)  # fmt: skip
 
 
 def main() -> None:
@@ -131,6 +137,12 @@ def _loop(quick: bool, rounds: int) -> dict[str, object]:
     return {"loop": show_numbers("closed loop on the vehicle", loop(60.0 if quick else 300.0))}
 
 
+def _optimisers(quick: bool, rounds: int) -> dict[str, object]:
+    seeds, evaluations = (3, 4_000) if quick else (SEEDS, EVALUATIONS)
+    title = f"searches in ten dimensions, medians over {seeds} seeds at {evaluations} evaluations"
+    return {"optimisers": show_rows(title, optimiser_rows(seeds, evaluations))}
+
+
 def _search(quick: bool, iterations: int) -> dict[str, object]:
     case = driveline_drive(20.0 if quick else 90.0, moderate=False)
     return {"search": show_numbers("search, two threads", search(case, min(iterations, 2) if quick else iterations))}
@@ -138,7 +150,7 @@ def _search(quick: bool, iterations: int) -> dict[str, object]:
 
 _PARTS: dict[str, Callable[[bool, int], dict[str, object]]] = {
     "start": _start, "others": _others, "c": _c, "jax": _jax, "methods": _methods, "failures": _failures,
-    "gradient": _gradient, "online": _online, "growth": _growth, "loop": _loop,
+    "gradient": _gradient, "online": _online, "growth": _growth, "loop": _loop, "optimisers": _optimisers,
 }  # fmt: skip
 
 

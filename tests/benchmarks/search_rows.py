@@ -14,9 +14,9 @@ import numpy as np
 from bondgraph.estimate.estimation import Settings, estimate
 from bondgraph.estimate.exact import exact_derivatives
 from bondgraph.estimate.objective import TraceRow
-from bondgraph.estimate.particle_swarm import SwarmSettings, SwarmState, particle_swarm
 from bondgraph.estimate.problem import EstimationProblem, pose
 from bondgraph.estimate.result import Estimate
+from bondgraph.estimate.solvers.particle_swarm import SwarmSettings, SwarmState, particle_swarm
 from bondgraph.filter.choice import choose_method
 from tests.benchmarks.cases import DRIVELINE, Case
 

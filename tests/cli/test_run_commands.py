@@ -60,6 +60,54 @@ def test_estimate_recovers_the_changed_parameter(
     assert "b" in capsys.readouterr().out
 
 
+def test_what_is_known_of_parameters_is_said_on_the_command_line(
+    motor_file: Path, run_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Bounds of one's own, a prior that outweighs the log, a lower rate, and a held-out log."""
+    held_out, out = tmp_path / "other.csv", tmp_path / "fit"
+    held_out.write_text(run_file.read_text(encoding="utf-8"), encoding="utf-8")
+    known = ["--free", "b=0.05:0.3", "--prior", "b=0.125+-1e-6", "--rate", "25", "--starts", "2"]
+    command = ["estimate", str(motor_file), "--data", str(run_file), "--holdout", str(held_out), *known]
+    assert main([*command, "--method", "gradient", "--process-noise", "none", "--out", str(out)]) == 0
+    result = json.loads((out / "result.json").read_text(encoding="utf-8"))
+    assert result["parameters"]["b"]["bounds"] == [0.05, 0.3]
+    assert result["parameters"]["b"]["value"] == pytest.approx(0.125, rel=1e-4)
+    (unseen,) = result["held_out"]
+    assert unseen["log"] == "other" and unseen["nll"] < unseen["declared_nll"]
+    assert "other" in capsys.readouterr().out and "Held out" in (out / "report.html").read_text("utf-8")
+
+
+def test_sensitivity_knows_ties_and_priors(
+    motor_file: Path, run_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """What is tied is not free, and no parameter is known worse than its prior says."""
+    known = ["--tie", "b=0.12*R_a", "--prior", "L_a=0.5+-1e-6", "--rate", "25"]
+    command = ["sensitivity", str(motor_file), "--data", str(run_file), *known, "--json", "--out", str(tmp_path / "s")]
+    assert main(command) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert {"R_a", "L_a"} <= set(found["parameters"]) and "b" not in found["parameters"]
+    assert 0.0 < found["ranking"]["L_a"]["std_joint"] <= 1e-6 < found["ranking"]["R_a"]["std_joint"]
+
+
+@pytest.mark.parametrize(("option", "message"), [
+    (("--free", "b=3"), "write it as name or name=lower:upper"),
+    (("--free", "bb=1:2"), "dc_motor has no parameter 'bb'"),
+    (("--prior", "b=many"), "write it as name=mean"),
+    (("--prior", "b=1*/0.5"), "the factor 0.5 must be above one"),
+    (("--prior", "J=1+-0.5"), "prior of 'J': it is not free"),
+    (("--tie", "b"), "write it as name=expression"),
+    (("--tie", "b=2*c"), "there is no one parameter 'c'"),
+    (("--holdout", "SAME"), "a log that was trained on confirms nothing"),
+])  # fmt: skip
+def test_wishes_that_cannot_be_read_are_refused(
+    motor_file: Path, run_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], option: tuple, message: str
+) -> None:
+    words = [str(run_file) if word == "SAME" else word for word in option]
+    command = ["estimate", str(motor_file), "--data", str(run_file), "--out", str(tmp_path / "out"), *words]
+    assert main(command) == 2
+    assert message in capsys.readouterr().err
+
+
 def test_filter_writes_states_with_bands(motor_file: Path, run_file: Path, tmp_path: Path) -> None:
     out = tmp_path / "filtered"
     assert main(["filter", str(motor_file), "--data", str(run_file), "--smooth", "--out", str(out)]) == 0

@@ -17,7 +17,7 @@ from bondgraph.correct.scores.score import scores, solve
 from bondgraph.correct.search import search, storages
 from bondgraph.errors import EstimationError
 from bondgraph.estimate.objective import Expansion
-from bondgraph.estimate.steps import damped_step, newton_decrement
+from bondgraph.estimate.solvers.steps import damped_step, newton_decrement
 from bondgraph.estimate.symmetric import informed, scaled_eigen
 from tests.correct.sled import FUNCTIONS, added, pull, sled
 

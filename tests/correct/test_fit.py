@@ -18,7 +18,7 @@ from bondgraph.errors import EstimationError
 from bondgraph.estimate.free import FreeParameter
 from bondgraph.estimate.objective import Expansion, SearchOutcome, Terms, central_differences, expansion_of
 from bondgraph.estimate.problem import EstimationProblem
-from bondgraph.estimate.steps import damped_step
+from bondgraph.estimate.solvers.steps import damped_step
 from tests.correct.sled import fitted, pull, sled
 
 

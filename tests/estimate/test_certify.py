@@ -12,8 +12,8 @@ from bondgraph.errors import OptionError
 from bondgraph.estimate.certify import NEGLIGIBLE_SHIFT, Certification, Check, finer_filters
 from bondgraph.estimate.estimation import Settings, estimate
 from bondgraph.estimate.objective import SearchOutcome
-from bondgraph.estimate.particle_swarm import SwarmSettings
 from bondgraph.estimate.problem import EstimationProblem, pose
+from bondgraph.estimate.solvers.particle_swarm import SwarmSettings
 from bondgraph.filter.draw import draw_logs
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.planning import plan_steps

@@ -18,8 +18,8 @@ from bondgraph.estimate.continuation import SCALES, way
 from bondgraph.estimate.estimation import Settings, estimate
 from bondgraph.estimate.free import FreeParameter
 from bondgraph.estimate.objective import SearchOutcome, TraceRow
-from bondgraph.estimate.particle_swarm import SwarmSettings
 from bondgraph.estimate.problem import EstimationProblem, pose
+from bondgraph.estimate.solvers.particle_swarm import SwarmSettings
 from bondgraph.filter.draw import draw_logs
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.simulate.example import PENDULUM, pendulum
@@ -77,20 +77,20 @@ def test_at_the_optimum_there_is_nothing_to_lead_through(swing: FilterModel, log
 
 
 def test_noise_stands_for_what_the_parameters_leave_open(swing: FilterModel, log: MatchedLog) -> None:
-    angle, rate = way(swinging(swing, log, 9.81)).noise
+    ((angle, rate),) = way(swinging(swing, log, 9.81)).noise
     # A rate goes astray by d(gravity) sin(angle) / length in a second; gravity is uniform within 15 m/s^2.
     deflection = np.sqrt(np.mean(log.y**2))
     assert rate == pytest.approx(15.0 / np.sqrt(12.0) * deflection * np.sqrt(0.05), rel=0.1)
     assert angle == pytest.approx(0.5 * 0.05 * rate, rel=0.1)
     known = way(swinging(swing, log, 9.81, prior_mean=9.81, prior_std=0.1))
-    assert known.noise[1] == pytest.approx(rate * 0.1 * np.sqrt(12.0) / 15.0, rel=0.05)
+    assert known.noise[0][1] == pytest.approx(rate * 0.1 * np.sqrt(12.0) / 15.0, rel=0.05)
     assert known.at(0.0) is known.problem
-    assert known.at(0.5).filter_model.process_noise["rate"] == pytest.approx(0.5 * known.noise[1])
+    assert known.at(0.5).filter_model.process_noise["rate"] == pytest.approx(0.5 * known.noise[0][1])
 
 
 def test_what_moves_no_state_adds_no_noise(swing: FilterModel, log: MatchedLog) -> None:
     level = pose(swing, log, ["std(deflection)", "x0(angle)"], initial=({"angle": 0.5},))
-    assert way(level).noise.tolist() == [0.0, 0.0]
+    assert way(level).noise[0].tolist() == [0.0, 0.0]
 
 
 def test_many_starts_come_together(swing: FilterModel, log: MatchedLog) -> None:
@@ -127,7 +127,7 @@ def test_it_goes_on_where_it_was_interrupted(swing: FilterModel, log: MatchedLog
 def test_settings_that_contradict_each_other_are_refused() -> None:
     with pytest.raises(OptionError, match=r"continuation 'noise' is not known.* - choose none, process-noise"):
         Settings(continuation="noise")  # type: ignore[arg-type]
-    with pytest.raises(OptionError, match="a swarm alone has none"):
+    with pytest.raises(OptionError, match="pso alone has none"):
         Settings(method="pso", continuation="process-noise")
 
 

@@ -13,12 +13,12 @@ from bondgraph.data.log import MatchedLog
 from bondgraph.errors import EstimationError, OptionError
 from bondgraph.estimate.estimation import Settings, estimate
 from bondgraph.estimate.free import FreeParameter
-from bondgraph.estimate.gauss_newton import GaussNewtonSettings
 from bondgraph.estimate.handover import distinct_starts, spread_starts
 from bondgraph.estimate.likelihoods import FilterLikelihood
 from bondgraph.estimate.objective import SearchOutcome, TraceRow
-from bondgraph.estimate.particle_swarm import SwarmSettings, particle_swarm
 from bondgraph.estimate.problem import EstimationProblem, pose
+from bondgraph.estimate.solvers.gauss_newton import GaussNewtonSettings
+from bondgraph.estimate.solvers.particle_swarm import SwarmSettings, particle_swarm
 from bondgraph.estimate.uncertainty import UncertaintyOutcome
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.simulate.example import pendulum

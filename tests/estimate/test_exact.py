@@ -10,10 +10,10 @@ import pytest
 from bondgraph.estimate import exact
 from bondgraph.estimate.exact import derivatives, exact_derivatives
 from bondgraph.estimate.free import FreeParameter, parse_target
-from bondgraph.estimate.gauss_newton import gauss_newton
 from bondgraph.estimate.likelihoods import FilterLikelihood
 from bondgraph.estimate.objective import central_differences
 from bondgraph.estimate.problem import EstimationProblem, pose
+from bondgraph.estimate.solvers.gauss_newton import gauss_newton
 from tests.filter.logs import driveline_filter, pendulum_filter, simulated_log
 
 FREE = ("length", "damping", "std(deflection)", "process(rate)", "x0(angle)")

@@ -9,7 +9,14 @@ from bondgraph.estimate import handover
 from bondgraph.estimate.estimation import Settings, estimate
 from bondgraph.estimate.exact import filtering_work
 from bondgraph.estimate.free import FreeParameter
-from bondgraph.estimate.handover import swarm_search, swarm_settings, swarm_starts, whole_points, without_noise_levels
+from bondgraph.estimate.handover import (
+    explored,
+    exploring_swarm,
+    swarm_settings,
+    swarm_starts,
+    whole_points,
+    without_noise_levels,
+)
 from bondgraph.estimate.objective import TraceRow
 from bondgraph.estimate.problem import EstimationProblem, pose
 from tests.estimate.linear import ExactLikelihood, lag, simulated
@@ -63,11 +70,11 @@ def test_the_declared_start_is_among_several() -> None:
 
 def test_a_swarm_over_long_logs_searches_how_they_begin_and_the_end_sees_all(monkeypatch: pytest.MonkeyPatch) -> None:
     whole = problem(["mass", "drag", "std(speed)"])
-    assert swarm_search(whole, None, alone=False)[0].logs is whole.logs
+    assert explored(whole, lambda part: exploring_swarm(part, 0), alone=False)[0].logs is whole.logs
     monkeypatch.setattr(handover, "_LEAST_SAMPLES", 20)
     monkeypatch.setattr(handover, "_WORK", 0.5 * filtering_work(whole) * 16 * 21)
-    part, settings = swarm_search(whole, None, alone=False)
-    assert settings.members * (1 + settings.iterations) == 16 * 21
+    part, search = explored(whole, lambda part: exploring_swarm(part, 0), alone=False)
+    assert search.most_evaluations == 16 * 21
     assert [len(log) for log in part.logs] == [30, 30]
     np.testing.assert_array_equal(part.logs[1].y, whole.logs[1].y[:, :30])
     rows: list[TraceRow] = []
@@ -75,7 +82,7 @@ def test_a_swarm_over_long_logs_searches_how_they_begin_and_the_end_sees_all(mon
     assert rows[0].stage == "swarm on the beginnings of the logs"
     reference = estimate(whole, Settings(method="gradient", starts=1))
     assert fit.nll == pytest.approx(reference.nll, abs=1e-6)
-    assert swarm_search(whole, None, alone=True)[0] is whole
+    assert explored(whole, lambda part: exploring_swarm(part, 0), alone=True)[0] is whole
 
     def stop(row: TraceRow) -> None:
         if row.iteration == 2:

@@ -16,15 +16,15 @@ from bondgraph.errors import EstimationError
 from bondgraph.estimate.free import FreeParameter
 from bondgraph.estimate.likelihoods import FilterLikelihood
 from bondgraph.estimate.objective import SearchOutcome
-from bondgraph.estimate.particle_swarm import (
+from bondgraph.estimate.problem import EstimationProblem, pose
+from bondgraph.estimate.solvers.particle_swarm import (
     SwarmSettings,
     initial_swarm,
     particle_swarm,
-    reflect,
     step_swarm,
     swarm_ended,
 )
-from bondgraph.estimate.problem import EstimationProblem, pose
+from bondgraph.estimate.solvers.swarm_rules import Reflecting
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.simulate.example import pendulum
 from tests.verification.optima import (
@@ -165,7 +165,7 @@ def test_evaluations_that_cannot_be_cut_short_are_whole() -> None:
 def test_reflection_ends_inside_and_keeps_what_was_inside(positions: np.ndarray, velocities: np.ndarray) -> None:
     lower, upper = np.array([-1.0, 2.0]), np.array([1.0, 7.0])
     inside = (positions >= lower[:, None]) & (positions <= upper[:, None])
-    after, speed = reflect(positions, velocities, lower, upper)
+    after, speed = Reflecting().keep(positions, velocities, lower, upper)
     assert (after >= lower[:, None]).all() and (after <= upper[:, None]).all()
     np.testing.assert_array_equal(after[inside], positions[inside])
     np.testing.assert_array_equal(speed, np.where(inside, velocities, -velocities))

@@ -46,6 +46,16 @@ def test_the_band_of_a_gain_is_its_deviation_times_the_course() -> None:
     np.testing.assert_allclose((upper - lower)[0], 2 * 1.959964 * np.hypot(band.std[0], STD), rtol=1e-6)
 
 
+def test_a_band_reaches_what_is_tied() -> None:
+    """Gain twice a number that the model does not have, which only its tie carries into the simulation."""
+    half = FreeParameter("half", 0.1, 2.5, 0.5)
+    fit = estimate(pose(exact(), noisy(1), [half], initial="model", ties={"gain": "2*half"}), ONE)
+    other = pushed("other", seed=2)
+    (band,) = predict(fit, other)
+    np.testing.assert_allclose(band.y[0], 2 * fit.values["half"] * unit_course(other), rtol=1e-6, atol=1e-9)
+    np.testing.assert_allclose(band.std[0], 2 * fit.std["half"] * np.abs(unit_course(other)), rtol=1e-6, atol=1e-12)
+
+
 def test_the_delta_method_agrees_with_draws() -> None:
     fit = fitted(1, ["mass", "drag"])
     (delta,), (drawn,) = predict(fit), predict(fit, draws=4000, seed=3)

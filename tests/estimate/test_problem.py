@@ -14,6 +14,7 @@ from bondgraph.estimate.free import FreeParameter, declared_free, parse_target
 from bondgraph.estimate.initial import directly_measured, initial_states
 from bondgraph.estimate.likelihoods import FilterLikelihood
 from bondgraph.estimate.problem import pose
+from bondgraph.estimate.transforms import Scale
 from bondgraph.simulate.example import pendulum
 from bondgraph.simulate.model import Model
 from tests.estimate.linear import ExactLikelihood, lag, simulated
@@ -176,6 +177,18 @@ def test_the_coordinate_of_a_bound_gives_that_bound() -> None:
         bounds = np.array([parameter.coordinate(parameter.lower), parameter.coordinate(parameter.upper)])
         ends = parameter.values(bounds)
         assert ends.tolist() == [parameter.lower, parameter.upper]
+
+
+@pytest.mark.parametrize("scale", ["linear", "log", "logit"])
+def test_transforms_are_their_own_inverse_and_have_the_slope_of_differences(scale: Scale) -> None:
+    parameter = FreeParameter("eta", 0.2, 0.95, 0.5, scale=scale)
+    for value in (0.2, 0.2001, 0.5, 0.94, 0.95):
+        assert float(parameter.values(np.array(parameter.coordinate(value)))) == pytest.approx(value, rel=1e-14)
+        around = parameter.coordinate(min(max(value, 0.201), 0.949)) + np.array([1e-4, -1e-4])
+        moved = np.diff(parameter.values(around))[0] / -2e-4
+        assert parameter.slope(float(parameter.values(around.mean()))) == pytest.approx(moved, rel=1e-6)
+    ends = np.array([parameter.coordinate(0.2), parameter.coordinate(0.95)])
+    assert parameter.values(ends).tolist() == [0.2, 0.95]
 
 
 def test_states_that_never_come_to_rest_start_as_declared() -> None:

@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 
 from bondgraph.estimate.estimation import Settings, estimate
-from bondgraph.estimate.gauss_newton import GaussNewtonSettings, GaussNewtonState, initial_starts
 from bondgraph.estimate.objective import SearchOutcome
 from bondgraph.estimate.problem import EstimationProblem, pose
-from bondgraph.estimate.race import race_ends, raced
+from bondgraph.estimate.solvers.gauss_newton import GaussNewtonSettings, GaussNewtonState, initial_starts
+from bondgraph.estimate.solvers.race import race_ends, raced
 from tests.estimate.linear import ExactLikelihood, lag, simulated
 
 TRUTH = {"mass": 2.6, "drag": 2.2, "process": 0.15, "speed": 0.08}

@@ -9,10 +9,10 @@ import numpy as np
 from bondgraph.data.log import MatchedLog
 from bondgraph.estimate.estimation import Settings, estimate
 from bondgraph.estimate.free import FreeParameter
-from bondgraph.estimate.gauss_newton import GaussNewtonSettings
 from bondgraph.estimate.objective import SearchOutcome
 from bondgraph.estimate.problem import EstimationProblem, pose
 from bondgraph.estimate.result import Estimate
+from bondgraph.estimate.solvers.gauss_newton import GaussNewtonSettings
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.likelihood import likelihood
 from tests.verification import machines

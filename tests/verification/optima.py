@@ -8,7 +8,7 @@ from functools import partial
 
 import numpy as np
 
-from bondgraph.estimate.particle_swarm import SwarmSettings, particle_swarm
+from bondgraph.estimate.solvers.particle_swarm import SwarmSettings, particle_swarm
 from tests.verification.claims import Answer, Claim, Published, within
 
 FINE = SwarmSettings(members=60, iterations=400, patience=60, tolerance=1e-13)

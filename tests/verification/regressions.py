@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from bondgraph.estimate.gauss_newton import GaussNewtonSettings, GaussNewtonState, gauss_newton
 from bondgraph.estimate.objective import Expansion, SearchOutcome, Terms
+from bondgraph.estimate.solvers.gauss_newton import GaussNewtonSettings, GaussNewtonState, gauss_newton
 from bondgraph.estimate.uncertainty import uncertainty
 from tests.verification.claims import Answer, Claim, Published, within
 

@@ -25,7 +25,9 @@ from bondgraph.data.log import FloatArray, MatchedLog
 from bondgraph.errors import EstimationError
 from bondgraph.estimate.exact import exact_expansion
 from bondgraph.estimate.free import FreeParameter
-from bondgraph.estimate.gauss_newton import (
+from bondgraph.estimate.objective import Expansion, Objective, SearchOutcome
+from bondgraph.estimate.problem import EstimationProblem
+from bondgraph.estimate.solvers.gauss_newton import (
     GaussNewtonSettings,
     GaussNewtonState,
     finish_starts,
@@ -33,9 +35,7 @@ from bondgraph.estimate.gauss_newton import (
     starts_ended,
     step_starts,
 )
-from bondgraph.estimate.objective import Expansion, Objective, SearchOutcome
-from bondgraph.estimate.problem import EstimationProblem
-from bondgraph.estimate.steps import newton_decrement
+from bondgraph.estimate.solvers.steps import newton_decrement
 from bondgraph.filter.filter_model import FilterModel
 
 #: A fit that is to beat another gives up when it is behind by more than this many times what a step promises or gains.

@@ -13,7 +13,7 @@ from bondgraph.correct.fits.setup import unknown_drives
 from bondgraph.data.log import FloatArray, MatchedLog
 from bondgraph.estimate.objective import BoolArray, Expansion, SearchOutcome
 from bondgraph.estimate.problem import EstimationProblem
-from bondgraph.estimate.steps import newton_decrement
+from bondgraph.estimate.solvers.steps import newton_decrement
 from bondgraph.estimate.symmetric import scaled_eigen
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.filter_run import FilterRun

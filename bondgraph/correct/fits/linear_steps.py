@@ -19,7 +19,7 @@ from bondgraph.data.log import FloatArray
 from bondgraph.estimate.free import FreeParameter
 from bondgraph.estimate.objective import Expansion, SearchOutcome, expansion_of
 from bondgraph.estimate.problem import EstimationProblem
-from bondgraph.estimate.steps import damped_step, newton_decrement, promised_gain
+from bondgraph.estimate.solvers.steps import damped_step, newton_decrement, promised_gain
 from bondgraph.filter.compiled import available_cores, in_threads
 from bondgraph.filter.filter_run import FilterRun
 from bondgraph.filter.linear.intervals import Kicks

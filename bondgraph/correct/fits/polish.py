@@ -26,7 +26,7 @@ from bondgraph.correct.fits.linear_steps import Reached, longest_steps
 from bondgraph.estimate.exact import exact_expansion
 from bondgraph.estimate.objective import SearchOutcome
 from bondgraph.estimate.problem import EstimationProblem
-from bondgraph.estimate.steps import damped_step, newton_decrement
+from bondgraph.estimate.solvers.steps import damped_step, newton_decrement
 
 #: Most exact expansions of one fit, and steps with each.
 _MOST, _STEPS = 8, 6

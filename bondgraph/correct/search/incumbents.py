@@ -27,8 +27,8 @@ from bondgraph.correct.search.refit import SHARES
 from bondgraph.correct.search.swap import swaps
 from bondgraph.data.log import FloatArray
 from bondgraph.estimate.free import FreeParameter
-from bondgraph.estimate.gauss_newton import GaussNewtonSettings
 from bondgraph.estimate.objective import SearchOutcome
+from bondgraph.estimate.solvers.gauss_newton import GaussNewtonSettings
 from bondgraph.filter.filter_model import FilterModel
 
 #: Noise levels at declared values are where scores are taken, no result: nats, iterations.

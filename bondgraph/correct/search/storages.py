@@ -22,10 +22,10 @@ from bondgraph.correct.fits.linear_steps import filter_runs, is_linearised, line
 from bondgraph.correct.fits.setup import filter_setup
 from bondgraph.correct.models.followers import followers
 from bondgraph.data.log import FloatArray
-from bondgraph.estimate.gauss_newton import GaussNewtonSettings
 from bondgraph.estimate.objective import Expansion
 from bondgraph.estimate.problem import EstimationProblem
-from bondgraph.estimate.steps import newton_decrement
+from bondgraph.estimate.solvers.gauss_newton import GaussNewtonSettings
+from bondgraph.estimate.solvers.steps import newton_decrement
 from bondgraph.filter.filter_run import FilterRun
 from bondgraph.filter.follows import Follow
 

@@ -25,11 +25,13 @@ import numpy as np
 
 from bondgraph.errors import EstimationError, OptionError
 from bondgraph.estimate.design.manoeuvres import Manoeuvre, planned_problem
+from bondgraph.estimate.estimated import estimated_filter
 from bondgraph.estimate.exact import derivatives
-from bondgraph.estimate.gauss_newton import GaussNewtonSettings, gauss_newton
 from bondgraph.estimate.objective import BoolArray, Expand, Expansion, FloatArray, Objective, Terms, expansion_of
 from bondgraph.estimate.pictures import own_axes
 from bondgraph.estimate.problem import EstimationProblem
+from bondgraph.estimate.reduced import reduced
+from bondgraph.estimate.solvers.gauss_newton import GaussNewtonSettings, gauss_newton
 from bondgraph.estimate.symmetric import scaled_eigen
 from bondgraph.frames import frame
 from bondgraph.text import Table, number, text_table
@@ -253,23 +255,11 @@ class _Shown:
 
 def _without_levels(planned: EstimationProblem, rival: Rival) -> _Shown:
     """The planned problem with noise levels fixed at their estimates: on a log without noise they would vanish."""
-    names, values = rival.problem.names, rival.problem.values(rival.point)
-    levels = {one.target: float(v) for one, v in zip(rival.problem.free, values, strict=True)}
-    moving = tuple(one for one in planned.free if one.target.kind in ("parameter", "x0"))
-    declared = planned.filter_model
-    fixed = {
-        kind: {target.name: value for target, value in levels.items() if target.kind == kind}
-        for kind in ("std", "process", "x0_std")
-    }
-    filter_model = replace(
-        declared,
-        measurement_noise={**declared.measurement_noise, **fixed["std"]},
-        process_noise={**declared.process_noise, **fixed["process"]},
-        initial_std={**declared.initial_std, **fixed["x0_std"]},
-    )
-    plain = tuple(replace(one, prior_mean=None, prior_std=None) for one in moving)
-    kept = tuple(names.index(one.name) for one in moving)
-    return _Shown(replace(planned, filter_model=filter_model, free=plain), kept, rival.point[list(kept)])
+    held = estimated_filter(rival.problem, rival.point)
+    moved = reduced(planned, lambda target: target.kind in ("parameter", "x0"), filter_model=held)
+    plain = tuple(replace(one, prior_mean=None, prior_std=None) for one in moved.free)
+    kept = [rival.problem.names.index(name) for name in moved.names]
+    return _Shown(replace(moved, free=plain, priors=()), tuple(kept), rival.point[kept])
 
 
 def _divergence(own: _Shown, true: Rival, rival: Rival, manoeuvre: Manoeuvre, jacobian: Expand) -> FloatArray:

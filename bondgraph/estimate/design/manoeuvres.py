@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -11,6 +11,7 @@ from bondgraph.arrays import FloatArray
 from bondgraph.data.log import MatchedLog
 from bondgraph.estimate.free_simulation import expected_problem
 from bondgraph.estimate.problem import EstimationProblem
+from bondgraph.estimate.reduced import reduced
 from bondgraph.simulate.inputs import InputSignal
 from bondgraph.simulate.model import Model
 from bondgraph.simulate.scenario import Scenario
@@ -94,10 +95,9 @@ def planned_problem(problem: EstimationProblem, manoeuvre: Manoeuvre, point: Flo
     shape = (len(model.outputs), manoeuvre.time.size)
     measured = np.ones(shape, dtype=np.bool_) if manoeuvre.measured is None else manoeuvre.measured
     log = MatchedLog(manoeuvre.name, manoeuvre.time, manoeuvre.u, np.where(measured, 0.0, np.nan))
-    kept = [k for k, one in enumerate(problem.free) if one.target.log is None]
-    free = tuple(problem.free[k] for k in kept)
-    silent = replace(problem, logs=(log,), free=free, initial=(dict(manoeuvre.initial),))
-    return expected_problem(silent, np.asarray(point)[kept])
+    starts = (dict(manoeuvre.initial),)
+    silent = reduced(problem, lambda target: target.log is None, logs=(log,), initial=starts)
+    return expected_problem(silent, np.asarray(point)[[problem.names.index(name) for name in silent.names]])
 
 
 def step_manoeuvres(model: Model, logs: Sequence[MatchedLog]) -> tuple[Manoeuvre, ...]:

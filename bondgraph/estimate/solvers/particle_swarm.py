@@ -6,6 +6,9 @@ with r1, r2 uniform in [0, 1] per particle and coordinate. The default weights a
 Kennedy (2002), The particle swarm - explosion, stability, and convergence, IEEE Trans. Evolutionary Computation 6(1);
 the method is Kennedy and Eberhart (1995), Particle swarm optimization, IEEE Int. Conf. Neural Networks.
 
+Neighbourhoods, schedules of the weights and walls are in :mod:`bondgraph.estimate.solvers.swarm_rules`. A swarm that
+stalls may be placed anew; what it had found is kept.
+
 All that the method asks of a value is whether it is below the particle's own best, so an evaluation may end as soon as
 it is certain not to be: the search is the same in every number and takes less time. The one exception is a particle
 that would have diverged after it was given up, and that finer integration steps would then have made an improvement.
@@ -16,9 +19,12 @@ is interrupted and continued.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+import math
+from dataclasses import dataclass, field, replace
+from typing import ClassVar
 
 import numpy as np
+from scipy.stats import qmc
 
 from bondgraph.errors import EstimationError
 from bondgraph.estimate.objective import (
@@ -31,6 +37,8 @@ from bondgraph.estimate.objective import (
     nll_below,
     silent,
 )
+from bondgraph.estimate.solvers.abstract import AbstractSearch, SearchResult, search_to_end
+from bondgraph.estimate.solvers.swarm_rules import Global, Neighbourhood, Reflecting, Schedule, Walls
 
 
 @dataclass(frozen=True)
@@ -49,6 +57,12 @@ class SwarmSettings:
         The search stops when the best value fell by less than ``tolerance`` in ``patience`` iterations.
     abandon
         End an evaluation when it is certain that the particle does not come below its own best.
+    neighbourhood, walls
+        Whom a particle listens to, and what happens where it leaves the box.
+    schedule
+        Weights in place of the three above, as iterations go on.
+    restarts
+        How often a swarm that has stalled is placed anew.
 
     Raises
     ------
@@ -64,11 +78,18 @@ class SwarmSettings:
     patience: int = 25
     tolerance: float = 1e-3
     abandon: bool = True
+    neighbourhood: Neighbourhood = field(default_factory=Global)
+    walls: Walls = field(default_factory=Reflecting)
+    schedule: Schedule | None = None
+    restarts: int = 0
 
     def __post_init__(self) -> None:
-        for name, least in (("members", 2), ("iterations", 0), ("patience", 1), ("tolerance", 0.0)):
+        least_of = {"members": 2, "iterations": 0, "patience": 1, "tolerance": 0.0, "restarts": 0}
+        for name, least in least_of.items():
             if not getattr(self, name) >= least:
                 raise EstimationError(f"swarm: {name} = {getattr(self, name)} must be at least {least}", where=(name,))
+        if self.schedule is not None:
+            return
         spread = self.cognitive + self.social
         # Poli (2009), IEEE Trans. Evolutionary Computation 13(4): the variance of the particles stays finite.
         bound = 24.0 * (1.0 - self.inertia_weight**2) / (7.0 - 5.0 * self.inertia_weight)
@@ -79,13 +100,20 @@ class SwarmSettings:
                 where=("inertia_weight", "cognitive", "social"),
             )
 
+    def weights(self, iteration: int) -> tuple[float, float, float]:
+        """Inertia, cognitive and social weight in an iteration."""
+        if self.schedule is None:
+            return self.inertia_weight, self.cognitive, self.social
+        return self.schedule.weights(iteration / max(self.iterations, 1))
+
 
 @dataclass(frozen=True)
 class SwarmState:
     """A swarm after an iteration; arrays are (n, members) or (members,).
 
     Of the ``evaluations``, ``abandoned`` were ended when it was certain that they were no improvement; together they
-    took as much time as ``whole`` evaluations that are not cut short.
+    took as much time as ``whole`` evaluations that are not cut short. ``record`` (n,) is the best point of the swarms
+    before the last of ``restarts``, which was at iteration ``placed``.
     """
 
     iteration: int
@@ -97,45 +125,61 @@ class SwarmState:
     trace: tuple[TraceRow, ...]
     abandoned: int = 0
     whole: float = 0.0
+    record: FloatArray | None = None
+    record_nll: float = math.inf
+    restarts: int = 0
+    placed: int = 0
 
     @property
     def swarm_best(self) -> FloatArray:
         """Best point so far, shape (n,)."""
+        if self.record is not None and self.record_nll < float(self.personal_best_nll.min()):
+            return self.record
         return self.personal_best[:, int(np.argmin(self.personal_best_nll))]
 
     @property
     def swarm_best_nll(self) -> float:
         """Value at the best point so far; infinite if none could be evaluated."""
-        return float(self.personal_best_nll.min())
+        return min(float(self.personal_best_nll.min()), self.record_nll)
 
 
 def initial_swarm(objective: Objective, start: FloatArray, settings: SwarmSettings, seed: int) -> SwarmState:
     """Place the particles: the first at ``start``, the others as a Latin hypercube over the box."""
-    rng = np.random.default_rng([seed, 0])
-    size, members = objective.lower.size, settings.members
-    width = (objective.upper - objective.lower)[:, np.newaxis]
-    strata = np.array([rng.permutation(members) for _ in range(size)]).reshape(size, members)
-    positions = objective.lower[:, np.newaxis] + width * (strata + rng.random((size, members))) / members
-    positions[:, 0] = start
-    # Half of the way to another random point: as far as particles usually fly, and never far outside.
-    targets = objective.lower[:, np.newaxis] + width * rng.random((size, members))
+    positions, velocities = _places(objective, start, settings.members, np.random.default_rng([seed, 0]))
     values = _finite_or_inf(objective.nll(positions))
-    state = SwarmState(
-        0, positions, 0.5 * (targets - positions), positions.copy(), values, members, (), whole=float(members)
-    )
-    return _traced(state)
+    count = settings.members
+    return _traced(SwarmState(0, positions, velocities, positions.copy(), values, count, (), whole=float(count)))
+
+
+def _places(
+    objective: Objective, start: FloatArray | None, members: int, rng: np.random.Generator
+) -> tuple[FloatArray, FloatArray]:
+    """Positions and velocities (n, members) of particles that begin."""
+    lower, width = objective.lower[:, np.newaxis], (objective.upper - objective.lower)[:, np.newaxis]
+    positions = lower + width * qmc.LatinHypercube(objective.lower.size, rng=rng).random(members).T
+    if start is not None:
+        positions[:, 0] = start
+    # Half of the way to another random point: as far as particles usually fly, and never far outside.
+    targets = lower + width * rng.random(positions.shape)
+    return positions, 0.5 * (targets - positions)
 
 
 def step_swarm(objective: Objective, state: SwarmState, settings: SwarmSettings, seed: int) -> SwarmState:
-    """One iteration: move every particle, evaluate all, keep the bests."""
+    """One iteration: move every particle, evaluate all, keep the bests; a swarm that has stalled is placed anew."""
     rng = np.random.default_rng([seed, state.iteration + 1])
+    if _has_stalled(state, settings) and state.restarts < settings.restarts:
+        return _placed_anew(objective, state, rng)
     own, swarm = rng.random((2, *state.positions.shape))
+    inertia, cognitive, social = settings.weights(state.iteration)
+    informants = settings.neighbourhood.informants(state.personal_best_nll)
     velocities = (
-        settings.inertia_weight * state.velocities
-        + settings.cognitive * own * (state.personal_best - state.positions)
-        + settings.social * swarm * (state.swarm_best[:, np.newaxis] - state.positions)
+        inertia * state.velocities
+        + cognitive * own * (state.personal_best - state.positions)
+        + social * swarm * (state.personal_best[:, informants] - state.positions)
     )
-    positions, velocities = reflect(state.positions + velocities, velocities, objective.lower, objective.upper)
+    positions, velocities = settings.walls.keep(
+        state.positions + velocities, velocities, objective.lower, objective.upper
+    )
     found = _evaluate(objective, positions, state.personal_best_nll, settings)
     values = _finite_or_inf(found.nll)
     better = values < state.personal_best_nll
@@ -153,6 +197,27 @@ def step_swarm(objective: Objective, state: SwarmState, settings: SwarmSettings,
     return _traced(moved)
 
 
+def _placed_anew(objective: Objective, state: SwarmState, rng: np.random.Generator) -> SwarmState:
+    members = state.positions.shape[1]
+    positions, velocities = _places(objective, None, members, rng)
+    return _traced(
+        replace(
+            state,
+            iteration=state.iteration + 1,
+            positions=positions,
+            velocities=velocities,
+            personal_best=positions.copy(),
+            personal_best_nll=_finite_or_inf(objective.nll(positions)),
+            evaluations=state.evaluations + members,
+            whole=state.whole + float(members),
+            record=state.swarm_best,
+            record_nll=state.swarm_best_nll,
+            restarts=state.restarts + 1,
+            placed=state.iteration + 1,
+        )
+    )
+
+
 def _evaluate(objective: Objective, positions: FloatArray, ceilings: FloatArray, settings: SwarmSettings) -> Below:
     return nll_below(objective, positions, ceilings) if settings.abandon else Below.whole(objective.nll(positions))
 
@@ -161,11 +226,51 @@ def swarm_ended(state: SwarmState, settings: SwarmSettings) -> SearchOutcome | N
     """Why the search ends here, or None if it goes on."""
     if not np.isfinite(state.swarm_best_nll):
         return SearchOutcome.NO_FINITE_POINT if state.iteration >= min(settings.patience, settings.iterations) else None
-    if len(state.trace) > settings.patience:
-        before = state.trace[-1 - settings.patience].nll
-        if before - state.swarm_best_nll < settings.tolerance:
-            return SearchOutcome.STALLED
+    if _has_stalled(state, settings) and state.restarts >= settings.restarts:
+        return SearchOutcome.STALLED
     return SearchOutcome.ITERATION_LIMIT if state.iteration >= settings.iterations else None
+
+
+def _has_stalled(state: SwarmState, settings: SwarmSettings) -> bool:
+    """Whether the particles, since they were placed, gained too little for too long."""
+    if state.iteration - state.placed < settings.patience or not np.isfinite(state.swarm_best_nll):
+        return False
+    before = state.trace[-1 - settings.patience].nll
+    return before - state.swarm_best_nll < settings.tolerance
+
+
+@dataclass(frozen=True)
+class ParticleSwarm(AbstractSearch[SwarmState]):
+    """The swarm as a search: its settings, and the seed of its random numbers."""
+
+    settings: SwarmSettings = field(default_factory=SwarmSettings)
+    seed: int = 0
+
+    stage: ClassVar[str] = "swarm"
+
+    @property
+    def most_evaluations(self) -> int:
+        """Every particle in every iteration."""
+        return self.settings.members * (1 + self.settings.iterations)
+
+    def init(self, objective: Objective, starts: FloatArray) -> SwarmState:
+        """Particles over the box, the first at the first start."""
+        return initial_swarm(objective, starts[:, 0], self.settings, self.seed)
+
+    def step(self, objective: Objective, state: SwarmState) -> SwarmState:
+        """One iteration."""
+        return step_swarm(objective, state, self.settings, self.seed)
+
+    def ended(self, state: SwarmState) -> SearchOutcome | None:
+        """Why the search ends here, or None if it goes on."""
+        return swarm_ended(state, self.settings)
+
+    def result(self, state: SwarmState) -> SearchResult:
+        """The particles' bests, and that of the swarms before."""
+        if state.record is None:
+            return SearchResult(state.personal_best, state.personal_best_nll, state.abandoned)
+        points = np.concatenate([state.record[:, np.newaxis], state.personal_best], axis=1)
+        return SearchResult(points, np.append(state.record_nll, state.personal_best_nll), state.abandoned)
 
 
 def particle_swarm(
@@ -205,32 +310,7 @@ def particle_swarm(
     >>> state.swarm_best.round(1).tolist(), outcome.name
     ([1.0, 1.0], 'STALLED')
     """
-    settings = settings or SwarmSettings()
-    state = initial_swarm(objective, start, settings, seed)
-    progress(state.trace[-1])
-    while (outcome := swarm_ended(state, settings)) is None:
-        state = step_swarm(objective, state, settings, seed)
-        progress(state.trace[-1])
-    return state, outcome
-
-
-def reflect(
-    positions: FloatArray, velocities: FloatArray, lower: FloatArray, upper: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Throw particles that left the box back from its walls, shape (n, members); bounds (n,).
-
-    Examples
-    --------
-    >>> reflect(np.array([[1.25, -3.0]]), np.array([[0.5, -4.0]]), np.array([0.0]), np.array([1.0]))
-    (array([[0.75, 1.  ]]), array([[-0.5,  4. ]]))
-    """
-    low, high = lower[:, np.newaxis], upper[:, np.newaxis]
-    outside = (positions < low) | (positions > high)
-    mirrored = np.where(
-        positions < low, 2.0 * low - positions, np.where(positions > high, 2.0 * high - positions, positions)
-    )
-    # One that flew further than the box is wide stays at the wall it would be thrown to.
-    return np.clip(mirrored, low, high), np.where(outside, -velocities, velocities)
+    return search_to_end(ParticleSwarm(settings or SwarmSettings(), seed), objective, start, progress)
 
 
 def _finite_or_inf(values: FloatArray) -> FloatArray:

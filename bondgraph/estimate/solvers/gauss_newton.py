@@ -28,7 +28,7 @@ from bondgraph.estimate.objective import (
     central_differences,
     silent,
 )
-from bondgraph.estimate.steps import bent_steps, damped_step, newton_decrement, promised_gain
+from bondgraph.estimate.solvers.steps import bent_steps, damped_step, newton_decrement, promised_gain
 
 IntArray = npt.NDArray[np.int64]
 

@@ -11,9 +11,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from bondgraph.estimate.gauss_newton import GaussNewtonState
+from bondgraph.estimate.coordinates import AbstractProblem
 from bondgraph.estimate.objective import BoolArray, FloatArray, SearchOutcome
-from bondgraph.estimate.problem import EstimationProblem
+from bondgraph.estimate.solvers.gauss_newton import GaussNewtonState
 
 #: Every start is given this many iterations.
 _GRACE = 3
@@ -25,7 +25,7 @@ _GAINS, _NATS = 5.0, 10.0
 _TOGETHER = 0.01
 
 
-def raced(problem: EstimationProblem, state: GaussNewtonState) -> GaussNewtonState:
+def raced(problem: AbstractProblem, state: GaussNewtonState) -> GaussNewtonState:
     """The state after an iteration, without the starts that are where a better one is or will not overtake it."""
     counted = _counted(problem)
     width = np.where(problem.upper > problem.lower, problem.upper - problem.lower, 1.0)
@@ -44,7 +44,7 @@ def raced(problem: EstimationProblem, state: GaussNewtonState) -> GaussNewtonSta
     return replace(state, outcomes=tuple(outcomes))
 
 
-def race_ends(problem: EstimationProblem, state: GaussNewtonState) -> tuple[tuple[FloatArray, float], ...]:
+def race_ends(problem: AbstractProblem, state: GaussNewtonState) -> tuple[tuple[FloatArray, float], ...]:
     """Point (n,) and value where each start ended; one that joined a better one ended where the nearest did.
 
     Those that were given up, or never had a value, did not end anywhere.
@@ -66,7 +66,7 @@ def race_ends(problem: EstimationProblem, state: GaussNewtonState) -> tuple[tupl
     return tuple(found)
 
 
-def _counted(problem: EstimationProblem) -> BoolArray:
+def _counted(problem: AbstractProblem) -> BoolArray:
     """Coordinates by which starts are told apart: not by levels of noise, which follow from the others."""
     others = ~problem.noise_levels
     return others if others.any() else ~others

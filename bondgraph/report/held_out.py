@@ -1,0 +1,87 @@
+"""An estimate on logs that it has not seen: likelihood and consistency beside those at the declared values."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from bondgraph.data.log import MatchedLog
+from bondgraph.estimate.initial import initial_states
+from bondgraph.estimate.result import Estimate
+from bondgraph.filter.consistency import consistency
+from bondgraph.filter.runs import run
+from bondgraph.text import number, text_table
+
+
+@dataclass(frozen=True)
+class HeldOutLog:
+    """One held-out log.
+
+    Parameters
+    ----------
+    name
+        Of the log.
+    declared_nll, nll
+        Negative log-likelihood at the declared parameters, and at the estimated ones; both with the estimated noises.
+    nis_mean, nis_band
+        Mean normalised innovation squared at the estimate, and its 95 % band.
+    """
+
+    name: str
+    declared_nll: float
+    nll: float
+    nis_mean: float
+    nis_band: tuple[float, float]
+
+    def to_dict(self) -> dict[str, Any]:
+        """As ``result.json`` holds it; numbers that do not exist are null."""
+        numbers = {"declared_nll": self.declared_nll, "nll": self.nll, "nis_mean": self.nis_mean}
+        finite = {name: value if math.isfinite(value) else None for name, value in numbers.items()}
+        return {"log": self.name, **finite, "nis_band": list(self.nis_band)}
+
+
+def held_out_logs(fit: Estimate, logs: Sequence[MatchedLog]) -> tuple[HeldOutLog, ...]:
+    """How an estimate of one filter model does on logs that it has not seen.
+
+    Raises
+    ------
+    EstimationError
+        If it is an estimate of a joint problem.
+    """
+    filter_model, model = fit.filter_model, fit.filter_model.model
+    found = []
+    for log in logs:
+        declared, estimated = (
+            run(filter_model, log, theta, x0=initial_states(model, [log], theta, _rule(fit))[0])
+            for theta in (model.theta(), fit.theta)
+        )
+        nis, band = math.nan, (math.nan, math.nan)
+        if math.isfinite(estimated.nll):
+            seen = consistency(estimated)
+            nis, band = seen.nis_mean, seen.nis_band
+        found.append(HeldOutLog(log.name, declared.nll, estimated.nll, nis, band))
+    return tuple(found)
+
+
+def _rule(fit: Estimate) -> Any:
+    """Where held-out logs start: by the rule of the estimate; by measurements where states were given for its logs."""
+    rule = fit.single.initial
+    return rule if isinstance(rule, str) else "measured"
+
+
+def held_out_table(found: Sequence[HeldOutLog]) -> str:
+    """A line for each log.
+
+    Examples
+    --------
+    >>> print(held_out_table([HeldOutLog("run7", 120.0, 80.0, 1.02, (0.9, 1.1))]))
+    held out      NLL declared  estimated  NIS                95 % band
+    run7               120         80      1.02  0.9 to 1.1
+    """
+    rows = [
+        [one.name, *map(number, (one.declared_nll, one.nll, one.nis_mean)), " to ".join(map(number, one.nis_band))]
+        for one in found
+    ]
+    return text_table(("held out", "NLL declared", "estimated", "NIS", "95 % band"), rows)
