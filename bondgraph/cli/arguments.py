@@ -299,7 +299,7 @@ def _add_data(command: argparse.ArgumentParser) -> None:
 
 
 def _add_given(command: argparse.ArgumentParser) -> None:
-    """What may be said of logs beside their names."""
+    """Options on logs beside their names."""
     add_map(command)
     add_reading(command)
     add_window(command)

@@ -1,4 +1,4 @@
-"""What a command says of parameters: which are free within which bounds, what is known of them, what ties them."""
+"""Options on parameters: which are free within which bounds, what is known of them, what ties them."""
 
 from __future__ import annotations
 

@@ -13,7 +13,7 @@ from typing import TextIO
 
 #: Names written out of a list in one line; beyond twice as many it is cut.
 _NAMES = 10
-#: What rules and columns of tables are made of: lines that have it are not wrapped.
+#: Signs of which rules and columns of tables are made: lines that have one are not wrapped.
 _TABLE = re.compile(r"[─━│┃╭╰]|\S {3,}\S")
 
 

@@ -35,7 +35,7 @@ LONGEST_MEMORY = 0.97
 CONFIRMS = 2.0
 #: Chance of being found at the size that is called detectable.
 POWER = 0.9
-#: What fits achieve over what is predicted of them, before a search has shown it, by class: scores of smooth laws are
+#: Gains of fits over predicted ones, before a search has shown them, by class: scores of smooth laws are
 #: right to a factor of two or three, those of dry friction on a vehicle were too small sevenfold.
 OPTIMISM: Mapping[str, float] = {"smooth": 2.5, "switching": 7.0, "storage": 2.5, "event": 2.5}
 #: The quantile of what a search has shown of these ratios that its bounds count with.

@@ -1,4 +1,4 @@
-"""What all refits of a round share, and the coordinates that they have in common."""
+"""The context of refits: what all of a round share, and the coordinates that they have in common."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from bondgraph.filter.filter_model import FilterModel
 
 @dataclass(frozen=True)
 class Context:
-    """What all refits of a round share.
+    """Context of the refits of a round, the same for all of them.
 
     ``base`` is the fit without any candidate, ``tried`` how many were tried, ``required`` the gain in nats that passes
     the tests (:func:`bondgraph.correct.evidence.decide.hurdle`), ``quiet`` the fit with little process noise,

@@ -178,7 +178,7 @@ def choose(trials: Sequence[Trial], level: float) -> Trial | None:
 
 
 def _has_one_sensor(trial: Trial) -> bool:
-    """Whether a single channel was measured."""
+    """True where a single channel was measured."""
     assert trial.fit is not None  # it was refitted
     seen = np.array([np.isfinite(log.y).any(axis=1) for log in trial.fit.problem.logs]).any(axis=0)
     return int(seen.sum()) == 1
