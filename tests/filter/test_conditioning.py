@@ -209,7 +209,9 @@ def root_predict(belief: Belief, move: PointFunction, noise: np.ndarray, points:
     return Prediction(after, points.cross_cov(belief.lower, deviations), 0, Outcome.OK)
 
 
-def root_update(belief: Belief, y: np.ndarray, see: PointFunction, noise: np.ndarray, points: MerweScaled) -> Update:
+def root_update(
+    belief: Belief, y: np.ndarray, see: PointFunction, noise: np.ndarray, points: MerweScaled, robust: object = None
+) -> Update:
     """The update of the square-root form: odd and even parts of the outputs, their shift and the sensors' noise."""
     outputs = see(points.draw(belief.mean, belief.lower))
     mean, cov, deviations = points.moments(outputs)
