@@ -40,7 +40,7 @@ from bondgraph.correct.places.structure import Structure, structure
 from bondgraph.correct.places.unexplained import Unexplained
 from bondgraph.correct.progress import Decision, Progress, advance, with_disturbance, without_events
 from bondgraph.correct.rest import Rest, settle
-from bondgraph.correct.round import Round, RoundSettings, one_round, round_cautions
+from bondgraph.correct.round import Round, RoundSettings, one_round, round_cautions, unsearched
 from bondgraph.correct.search.disturbances import DISTURBANCE, Disturbance, described
 from bondgraph.data.log import MatchedLog
 from bondgraph.declare.editing import handle, with_bounds, with_values, without_input_rates
@@ -295,7 +295,7 @@ def _result(
     history = (*state.history, Decision(len(rounds), "stopped", "", reason))
     cautions = (
         *cautions_of(nominal, rounds), *_doubts(nominal, current, first, last), *rest.cautions,
-        *(round_cautions(rounds[0]) if rounds else ()), *start_cautions(undeclared),
+        *(round_cautions(rounds[0]) if rounds else ()), *unsearched(rounds), *start_cautions(undeclared),
     )  # fmt: skip
     before = assess(nominal, train), assess(nominal, holdout)
     after = assess(current, state.train), assess(current, holdout)

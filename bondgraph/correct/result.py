@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from bondgraph.correct.confirmation import Confirmation
+from bondgraph.correct.constants import LEVEL
 from bondgraph.correct.evidence.transfer import Transfer
 from bondgraph.correct.evidence.trials import Trial
 from bondgraph.correct.fits.assess import Assessment, ChannelError
@@ -141,7 +142,7 @@ def unexplained(closed: ClosedLoop) -> list[dict[str, Any]]:
 
     Where innovations stay coloured and no function explains it, the place that explains most, without a shape.
     """
-    channels = [test.channel for test in closed.whiteness if test.p_value < 0.01]
+    channels = [test.channel for test in closed.whiteness if test.p_value < LEVEL]
     found = [
         {
             "junction": one.place.label, "variable": one.variable, "as_function_of": one.signal,

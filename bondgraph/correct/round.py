@@ -38,6 +38,7 @@ from bondgraph.correct.shapes.offered import Residual, with_formulas
 from bondgraph.data.log import MatchedLog
 from bondgraph.declare.effect import EffectFunction, Place
 from bondgraph.errors import DataError
+from bondgraph.text import few
 
 #: For so many of the effects that are not told from the chosen one it is said what would tell them apart.
 _ADVISED = 3
@@ -246,12 +247,22 @@ def _moving_places(built: BuiltModel, base: Fit, linear: Linearisation, train: S
 
 
 def round_cautions(first: Round) -> list[str]:
-    """What the first round of a loop could not try, every effect once, with its reason."""
+    """Effects that the first round of a loop could not try, each once, with its reason."""
     if first.untried:
         return [first.untried]
     known = [one.candidate for one in first.trials]
     tried = {name for one in known for name in (one.effect.name, one.function.__name__)}
     return refused_everywhere(first.refused, tried)
+
+
+def unsearched(rounds: Sequence[Round]) -> list[str]:
+    """A sentence on each round that ended before all candidates were refitted that might have been the best."""
+    return [
+        f"round {number} ended with its refits spent: {few(list(one.left_out))} might have done better - "
+        "leave others out with --without"
+        for number, one in enumerate(rounds, start=1)
+        if one.left_out
+    ]
 
 
 def _nothing_tried(

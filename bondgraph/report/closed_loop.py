@@ -10,13 +10,13 @@ from pathlib import Path
 from typing import Any
 
 from bondgraph.correct.confirmation import Confirmation
+from bondgraph.correct.constants import LEVEL
 from bondgraph.correct.evidence.transfer import Transfer
 from bondgraph.correct.fits.assess import Assessment
 from bondgraph.correct.fits.fitted import Fit
 from bondgraph.correct.loop import Added, ClosedLoop
 from bondgraph.correct.places.unexplained import Unexplained
 from bondgraph.correct.result import intervals, result_json
-from bondgraph.correct.search.disturbances import Disturbance
 from bondgraph.declare.files import write_graph
 from bondgraph.files import write_text
 from bondgraph.report.collect import Runs, added_nodes, channel_series, found_effect, parameter_changes
@@ -154,16 +154,7 @@ def _transfer(told: Transfer | None) -> tuple[tuple[str, str], ...]:
 
 def explanation(closed: ClosedLoop) -> str:
     """The verdict in a few sentences."""
-    random = [f"{one.trial.candidate.place.label}: {_random(one)}." for one in closed.disturbances]
-    return " ".join((_explained(closed), *random))
-
-
-def _random(one: Disturbance) -> str:
-    """What is known of a disturbance, in words."""
-    size = f"standard deviation {shown(one.size)}{f' {one.unit}' if one.unit else ''}"
-    sensor = bool(one.trial.candidate.effect.channel)
-    what = "its noise has a memory" if sensor else "something that nothing measures wanders at random"
-    return f"{what}, {size}, correlation time {shown(one.seconds)} s"
+    return " ".join((_explained(closed), *(f"{one}." for one in closed.disturbances)))
 
 
 def _explained(closed: ClosedLoop) -> str:
@@ -211,7 +202,7 @@ def _and_more(closed: ClosedLoop) -> str:
 
 
 def _coloured(closed: ClosedLoop) -> list[str]:
-    return [test.channel for test in closed.whiteness if test.p_value * len(closed.whiteness) < 0.01]
+    return [test.channel for test in closed.whiteness if test.p_value * len(closed.whiteness) < LEVEL]
 
 
 def _shape(one: Unexplained) -> str:

@@ -18,7 +18,7 @@ from bondgraph.correct.evidence.trials import Trial
 from bondgraph.correct.fits.fit import fit, no_report
 from bondgraph.correct.loop import free_parameters
 from bondgraph.correct.models.candidates import candidates, places
-from bondgraph.correct.round import Round, one_round
+from bondgraph.correct.round import Round, one_round, unsearched
 from bondgraph.correct.scores.gates import Gate, _peers, best_gated, gate_samples, gated
 from bondgraph.correct.scores.scoring import Scored, linearisation, score_candidates
 from bondgraph.correct.search.incumbents import Prediction, predicted_by_scores, scaled
@@ -124,6 +124,28 @@ def test_a_candidate_that_diverges_wherever_it_starts_is_an_outcome(monkeypatch:
     done = searched(search, 6, no_report)
     assert all(one.fit is None and one.failed == "the state grew without bound" for one in done)
     assert choose(done, 0.01) is None and not left_out(search)
+
+
+def test_a_fit_outlives_a_model_that_cannot_be_made_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    search = fresh()
+    before = searched(search, 1, no_report)[0]
+    assert before.fit is not None
+
+    def refused(*given: object) -> None:
+        raise FilterError("no model")
+
+    monkeypatch.setattr("bondgraph.correct.search.search.prepared", refused)
+    point = search.entries[0].trial.fit.point  # type: ignore[union-attr]
+    search.entries[0].pending = [Prediction(before.gain + 10.0, (point,))]
+    after = searched(search, 2, no_report)[0]
+    assert after.fit is before.fit and not after.failed
+
+
+def test_a_round_whose_refits_were_spent_says_so() -> None:
+    found = turn(drawn(0.05), [effects.quadratic_loss])
+    assert unsearched([found]) == []
+    (said,) = unsearched([found, replace(found, left_out=("cubic_loss at drum",))])
+    assert said.startswith("round 2 ended with its refits spent: cubic_loss at drum might have done better")
 
 
 def test_drag_that_process_noise_stands_in_for_is_found() -> None:

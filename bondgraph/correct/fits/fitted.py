@@ -124,7 +124,7 @@ class Fit:
         return float(problem.nll(lowered[:, np.newaxis])[0]) - self.nll
 
     def fits(self, logs: Sequence[MatchedLog]) -> bool:
-        """Whether it was these logs that were fitted."""
+        """True for the logs that were fitted."""
         own = self.problem.logs
         return len(logs) == len(own) and all(one is other for one, other in zip(logs, own, strict=True))
 

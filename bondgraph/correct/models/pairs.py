@@ -87,7 +87,7 @@ def neighbours(flat: BondGraph) -> list[tuple[str, str]]:
 
 
 def _is_difference(flat: BondGraph, name: str) -> bool:
-    """Whether a 1-junction is that of a spring or damper: its speed is a difference of others already."""
+    """True for the 1-junction of a spring or damper: its speed is a difference of others already."""
     if flat.nodes[name].kind != "1":
         return False
     bonds = [(flat.bonds[index], inward) for index, inward in flat.incidence()[name]]

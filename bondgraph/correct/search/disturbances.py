@@ -43,6 +43,7 @@ from bondgraph.declare.revision import replace_signal, revise_output
 from bondgraph.errors import DataError
 from bondgraph.estimate.free import FreeParameter
 from bondgraph.estimate.problem import EstimationProblem
+from bondgraph.text import number
 
 #: Kind of effect of a disturbance.
 DISTURBANCE = "disturbance"
@@ -65,8 +66,10 @@ class Disturbance:
     unit: str
 
     def __str__(self) -> str:
-        where = self.trial.candidate.place.label
-        return f"{where}: std {self.size:.3g} {self.unit}, correlation time {self.seconds:.3g} s"
+        sensor = bool(self.trial.candidate.effect.channel)
+        what = "its noise has a memory" if sensor else "something that nothing measures wanders at random"
+        size = f"standard deviation {number(self.size)}{f' {self.unit}' if self.unit else ''}"
+        return f"{self.trial.candidate.place.label}: {what}, {size}, correlation time {number(self.seconds)} s"
 
 
 def disturbances(
@@ -88,7 +91,7 @@ def disturbances(
         return None
     coloured = [test.channel for test in tests if test.p_value * len(tests) < level]
     made = [
-        *(one for one in (_candidate(built, train, name) for name in _driven_states(base)) if one is not None),
+        *(one for one in (_candidate(built, train, name) for name in _driven_states(base, level)) if one is not None),
         *(one for one in (_at_sensor(built, train, name) for name in coloured) if one is not None),
     ]
     trials = [
@@ -111,7 +114,7 @@ def _worth(trial: Trial) -> float:
 
 
 def described(trial: Trial, fitted: Fit) -> Disturbance:
-    """What a fit says of a disturbance that it has."""
+    """A disturbance as a fit that has it describes it."""
     state = trial.candidate.effect.element
     time = fitted.values[trial.candidate.effect.shapes[0]]
     noise = fitted.values[f"process({state})"]
@@ -119,7 +122,7 @@ def described(trial: Trial, fitted: Fit) -> Disturbance:
     return Disturbance(trial, state, time, noise * float(np.sqrt(0.5 * time)), unit)
 
 
-def _driven_states(base: Fit) -> list[str]:
+def _driven_states(base: Fit, level: float) -> list[str]:
     """States whose noise the fit needs, those that it needs most first."""
     problem = base.problem
     rows = [k for k, one in enumerate(problem.free) if one.target.kind == "process"]
@@ -128,7 +131,7 @@ def _driven_states(base: Fit) -> list[str]:
     points = np.repeat(base.point[:, np.newaxis], len(rows), axis=1)
     points[rows, range(len(rows))] = problem.lower[rows]
     lost = problem.nll(points) - base.nll
-    need = 0.5 * float(stats.chi2.isf(0.01 / len(rows), 1))
+    need = 0.5 * float(stats.chi2.isf(level / len(rows), 1))
     order = sorted(range(len(rows)), key=lambda k: -float(lost[k]))
     return [problem.free[rows[k]].target.name for k in order if not lost[k] < need]
 
@@ -248,7 +251,7 @@ def _estimated(
 
 
 def _problem(extended: BuiltModel, candidate: Candidate, base: Fit, train: Sequence[MatchedLog]) -> EstimationProblem:
-    """What is fitted: the model with a disturbance, its noise and its time free beside everything else."""
+    """The problem of the model with a disturbance, its noise and its time free beside everything else."""
     own = candidate.effect.element
     setup = filter_setup(extended.model, [own], train)
     level = next((one for one in setup.noise if one.name == f"process({own})"), None)

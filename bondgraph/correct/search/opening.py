@@ -103,7 +103,7 @@ def look_beneath_noise(search: Search, given: Scoring, report: Report) -> None:
 
 
 def is_driven_still(search: Search) -> bool:
-    """Whether what leads the search, or the fit without any candidate, needs noise that drives a state."""
+    """True where the leader of the search, or the fit without any candidate, needs noise that drives a state."""
     best = choose(search.trials, search.context.level)
     leads = search.context.base if best is None or best.fit is None else best.fit
     return is_driven(leads, search.context.required)

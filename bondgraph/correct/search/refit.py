@@ -55,7 +55,7 @@ def refit(
     trial
         The candidate.
     starts
-        Points (n,) of everything that is free, the candidate's coefficients and shapes last. None: its declared ones.
+        Points (n,) of everything that is free, the candidate's coefficients and shapes last. Empty: its declared ones.
     context
         What is shared by all refits.
     lead

@@ -73,9 +73,10 @@ class Entry:
 
 @dataclass
 class Search:
-    """What is known while candidates are refitted.
+    """State of a search: its candidates, and how right predictions have been.
 
-    ``ratios`` holds what was achieved over what was predicted, by class.
+    ``ratios`` are achieved over predicted gains, by class; ``spent`` counts refits; ``shared`` is the filter of one
+    model with the most promising candidates.
     """
 
     entries: list[Entry]
@@ -148,12 +149,15 @@ def _refit(search: Search, due: Sequence[int]) -> None:
         entry, ready = search.entries[due[k]], made[k]
         trial = entry.trial
         if isinstance(ready, str):
-            found[due[k]] = replace(trial, failed=ready)
+            found[due[k]] = failed(trial, ready)
             return
         found[due[k]] = attempted(  # it may diverge wherever it starts
             lambda: refit(trial, entry.starts, contexts[k], lead, ready, entry.tried),
-            lambda why: trial if trial.fit is not None else replace(trial, failed=why),
+            lambda why: failed(trial, why),
         )
+
+    def failed(trial: Trial, why: str) -> Trial:
+        return trial if trial.fit is not None else replace(trial, failed=why)
 
     in_threads(len(due), work, range(len(due)))
     for j in due:  # not in the order in which threads ended
@@ -197,7 +201,7 @@ def _prepared(search: Search, trial: Trial, context: Context) -> Prepared | str:
 
 
 def _renew(search: Search, best: Trial) -> None:
-    """What the fit with the best candidate in it predicts of others in its place."""
+    """Note predictions of the fit with the best candidate in it, for others in its place."""
     if best.gate is not None:  # it is no law, and takes no law's place
         return
     others = _comparable(search, best)
@@ -255,7 +259,7 @@ def _shared(search: Search, most: int) -> FilterModel | None:
 
 
 def _holds(filter_model: FilterModel, trial: Trial) -> bool:
-    """Whether a model has a candidate in it, which may not fit beside the others."""
+    """True where a model has a candidate in it, which may not fit beside the others."""
     effect = trial.candidate.effect
     known = set(filter_model.model.names("parameter"))
     return trial.gate is None and not effect.adds_state and set(effect.parameters) <= known
