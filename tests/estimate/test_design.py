@@ -16,8 +16,10 @@ from bondgraph.estimate.design.manoeuvres import Manoeuvre
 from bondgraph.estimate.free import FreeParameter
 from bondgraph.estimate.likelihoods import FilterLikelihood
 from bondgraph.estimate.objective import central_differences
+from bondgraph.estimate.priors import Normal
 from bondgraph.estimate.problem import EstimationProblem, pose
 from bondgraph.filter.filter_model import FilterModel
+from bondgraph.simulate.example import pendulum
 from bondgraph.simulate.model import Model
 from tests.estimate.lag_covariance import STD, covariance, one_sensor, pushed, unit_course
 from tests.module_text import STACK
@@ -147,3 +149,19 @@ def test_rates_that_leave_nothing_are_refused() -> None:
 def test_a_design_without_manoeuvres_is_refused() -> None:
     with pytest.raises(OptionError, match="no manoeuvre is planned"):
         rank_manoeuvres(pose(one_sensor(), pushed(), [GAIN], initial="model"), [])
+
+
+def test_the_information_of_a_manoeuvre_holds_no_prior() -> None:
+    """What is known before is counted once, beside the manoeuvre."""
+    swing = FilterModel(pendulum(), {}, {"deflection": 0.05}, {"angle": 0.01, "rate": 0.01}, 2)
+    time = 0.05 * np.arange(60)
+    log = MatchedLog("any", time, np.zeros((1, 60)), np.zeros((1, 60)))
+    plan = Manoeuvre("from one", time, np.zeros((1, 60)), {"angle": 1.0})
+    free = ["length", "damping"]
+    bare, known = (
+        pose(swing, log, free, initial="model"),
+        pose(swing, log, free, initial="model", priors=[Normal("length", 0.7, 0.01)]),
+    )
+    found = [expected_information(one, plan, one.start) for one in (bare, known)]
+    assert found[1] == pytest.approx(found[0], rel=1e-6)
+    assert 0.1 * found[0][0, 0] < 1.0 / 0.01**2  # which it would have been
