@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -130,6 +131,8 @@ def test_standard_deviations_at_lower_rates_are_those_of_the_samples_left() -> N
     assert table.sufficient == 10.0 and "10 1/s is needed" in table.verdict
     json.dumps(table.to_dict(), allow_nan=False)
     assert list(table.to_dataframe().index) == [10.0, 2.5]
+    unknown = replace(table, rows=(table.rows[0], replace(table.rows[1], std=np.array([np.nan]))))
+    assert unknown.table()[1][1][-1] == "not told"
 
 
 def _held(log: MatchedLog) -> np.ndarray:

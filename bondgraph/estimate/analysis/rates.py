@@ -111,7 +111,7 @@ class RateTable:
         header += [f"{name} [{unit}]" for name, unit in zip(self.names, self.units, strict=True)]
         rows = [
             [number(row.rate), str(row.samples), number(float(row.work)), number(row.cpu)]
-            + [number(value) for value in self._shown(row)]
+            + [number(value) if math.isfinite(value) else "not told" for value in self._shown(row)]
             for row in self.rows
         ]
         return header, rows
