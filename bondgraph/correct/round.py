@@ -165,8 +165,12 @@ def _searched(search: Search, scoring: Scoring, settings: RoundSettings) -> list
 
 
 def _chosen(trials: Sequence[Trial], context: Context, report: Report) -> tuple[list[Trial], Trial | None]:
-    """The trials, those that would be chosen after a second look at them, and the one that stays the best."""
-    done, looked, widened = list(trials), set[int](), set[int]()
+    """The trials, those that would be chosen after a second look at them, and the one that stays the best.
+
+    A second look may find a better fit without any candidate. Then all gains fall by as much, ``lost`` nats in all:
+    candidates that are compared must be judged against the same fit.
+    """
+    done, looked, widened, lost = list(trials), set[int](), set[int](), 0.0
     while (best := choose(done, context.level)) is not None:
         index = next(k for k, trial in enumerate(done) if trial is best)
         if index in looked:
@@ -174,34 +178,55 @@ def _chosen(trials: Sequence[Trial], context: Context, report: Report) -> tuple[
         if index not in widened and is_due(best, done, context):
             widened.add(index)
             report(f"free the width of {best.candidate.label}", 0, 1)
-            done = at_any_width(best, done, context)
+            freed = at_any_width(best, done, context)
+            done = [new if new.fit is old.fit else _less(new, lost) for old, new in zip(done, freed, strict=True)]
             continue
         report(f"look again at {best.candidate.label}", 0, 1)
-        sure = _second_look(best, context)
+        sure, further = _second_look(best, context, lost)
         report(f"look again at {best.candidate.label}", 1, 1)
+        done, lost = [_less(trial, further) for trial in done], lost + further
         for k, trial in enumerate(done):
-            if trial.candidate.label in sure.stands_for and trial.gate == sure.gate:
+            if trial.candidate.label in sure.stands_for and trial.gate == sure.gate and trial.fit is None:
                 done[k] = replace(trial, evidence=sure.evidence, transfer=sure.transfer)
         done[index] = sure
         looked.add(index)
     return done, best
 
 
-def _second_look(best: Trial, context: Context) -> Trial:
-    """The trial after a second look at its steps and its noise; where that fails it is not chosen."""
+def _less(trial: Trial, nats: float) -> Trial:
+    """The trial with so much less gain."""
+    known = trial.evidence
+    if known is None or not nats:
+        return trial
+    return replace(
+        trial, evidence=replace(known, delta_nll=known.delta_nll - nats, bic_gain=known.bic_gain - nats)
+    )  # fmt: skip
+
+
+def _second_look(best: Trial, context: Context, lost: float) -> tuple[Trial, float]:
+    """The trial after a second look at its steps and its noise, and nats that all gains have lost by it.
+
+    Where a look fails the trial is not chosen.
+    """
     assert best.evidence is not None  # it would be chosen
     doubted = replace(best, evidence=replace(best.evidence, p_robust=1.0))
-    return attempted(lambda: _looked_at(best, context), lambda why: replace(doubted, failed=why))
+    return attempted(lambda: _looked_at(best, context, lost), lambda why: (replace(doubted, failed=why), 0.0))
 
 
-def _looked_at(best: Trial, context: Context) -> Trial:
-    """The trial with steps that resolve it, and as long as it passes, after each costlier look."""
-    sure = resolved(best, context)
+def _looked_at(best: Trial, context: Context, lost: float) -> tuple[Trial, float]:
+    """The trial with steps that resolve it, and as long as it passes, after each costlier look; see :func:`_chosen`."""
+    sure, further = resolved(best, context), 0.0
+    sure = sure if sure is best else _less(sure, lost)
     for look_again in (confirmed, transferred):
-        if sure.evidence is None or not sure.evidence.accepted(context.level):
+        before = sure.evidence
+        if before is None or not before.accepted(context.level):
             break
         sure = look_again(sure, context)
-    return sure
+        if sure.evidence is not None and sure.evidence.delta_nll > before.delta_nll:  # another look found a better fit
+            sure = _less(sure, sure.evidence.delta_nll - before.delta_nll)
+        elif sure.evidence is not None:
+            further += before.delta_nll - sure.evidence.delta_nll
+    return sure, further
 
 
 def _with_advice(

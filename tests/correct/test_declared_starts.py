@@ -63,7 +63,6 @@ def closed(wide: bool) -> ClosedLoop:
 
 
 @pytest.mark.slow
-@pytest.mark.xfail(reason="with wide bounds both places count as one, and the search ends 10.6 nats short at the body")
 def test_the_same_is_found_with_wide_bounds_and_with_tight_ones() -> None:
     """With wide bounds the car was named, 10.7 nats short of where its loop ended with tight ones, at the trailer."""
     for wide in (False, True):

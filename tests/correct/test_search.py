@@ -11,6 +11,7 @@ from sympy import tanh
 
 from bondgraph import effects
 from bondgraph.build import build
+from bondgraph.correct import round as rounds
 from bondgraph.correct.constants import INDIFFERENT, OPTIMISM
 from bondgraph.correct.evidence.context import Context
 from bondgraph.correct.evidence.decide import alternatives, choose
@@ -146,6 +147,33 @@ def test_a_round_whose_refits_were_spent_says_so() -> None:
     assert unsearched([found]) == []
     (said,) = unsearched([found, replace(found, left_out=("cubic_loss at drum",))])
     assert said.startswith("round 2 ended with its refits spent: cubic_loss at drum might have done better")
+
+
+def test_candidates_are_compared_against_the_same_fit_without_them(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A look at the best found a fit without it 163 nats better; the next one kept its gain and was chosen instead."""
+    search = fresh()
+    drag, cubic = searched(search, 12, no_report)[:2]
+    assert drag.evidence is not None and cubic.evidence is not None and drag.gain > cubic.gain > 20.0
+
+    def better_without(trial: Trial, context: Context) -> Trial:
+        assert trial.evidence is not None
+        gain = trial.gain - (drag.gain - cubic.gain) - 5.0 if trial.candidate is drag.candidate else trial.gain
+        return replace(trial, evidence=replace(trial.evidence, delta_nll=gain, bic_gain=gain - 9.0))
+
+    monkeypatch.setattr(rounds, "resolved", lambda trial, context: trial)
+    monkeypatch.setattr(rounds, "transferred", lambda trial, context: trial)
+    monkeypatch.setattr(rounds, "confirmed", better_without)
+    done, best = rounds._chosen([drag, cubic], search.context, no_report)
+    assert best is done[0] and best.candidate is drag.candidate
+    assert done[0].gain - done[1].gain == pytest.approx(drag.gain - cubic.gain)
+
+
+def test_responses_that_one_fit_tells_apart_are_no_equals() -> None:
+    search = fresh()
+    search.groups = [{0: 0, 1: 0}]
+    assert search.are_equal(0, 1)
+    search.groups.append({0: 0, 1: 1})
+    assert not search.are_equal(0, 1)
 
 
 def test_drag_that_process_noise_stands_in_for_is_found() -> None:

@@ -114,18 +114,25 @@ def _is_followed(entry: Entry) -> bool:
 
 
 def _predict(search: Search, told: Sequence[tuple[Scored, Sequence[Prediction | None]]]) -> None:
-    """Note predictions at the first of each group of equals."""
+    """Note predictions at the first of each group of equals: of those that no fit has told apart.
+
+    A fit far from the truth, or one whose noise is held low, may see two places as one that another fit tells apart.
+    """
+    groups = [alike(search.trials, scored.scores, 0.0) for scored, _ in told]
+    search.groups += [{j: k for k, group in enumerate(every) for j in group} for every in groups]
+    for j, entry in enumerate(search.entries):
+        entry.twins = tuple(k for k in entry.twins if search.are_equal(j, k))
     first = {k: j for j, one in enumerate(search.entries) for k in (j, *one.twins) if one.twins}
-    for scored, predictions in told:
-        for group in alike(search.trials, scored.scores, 0.0):
-            known = next((first[j] for j in group if j in first), group[0])
-            new = [j for j in group if j not in first]
-            first |= dict.fromkeys(new, known)
-            entry = search.entries[known]
-            entry.twins += tuple(j for j in new if j != known)
-            own = predictions[known]
+    for group in (group for every in groups for group in every):
+        for j in (k for k in group if k not in first):
+            first[j] = next((k for k in group if first.get(k) == k and search.are_equal(k, j)), j)
+            if first[j] != j:
+                search.entries[first[j]].twins += (j,)
+    for (_, predictions), every in zip(told, groups, strict=True):
+        for j in dict.fromkeys(first[k] for group in every for k in group):
+            own = predictions[j]
             if own is not None:
-                entry.pending.append(own)
+                search.entries[j].pending.append(own)
 
 
 def _add_storages(search: Search, given: Scoring, named: bool, report: Report) -> None:

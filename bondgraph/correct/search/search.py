@@ -76,7 +76,8 @@ class Search:
     """State of a search: its candidates, and how right predictions have been.
 
     ``ratios`` are achieved over predicted gains, by class; ``spent`` counts refits; ``shared`` is the filter of one
-    model with the most promising candidates.
+    model with the most promising candidates; ``groups`` are the numbers of groups of equal responses, by candidate, as
+    each fit sees them.
     """
 
     entries: list[Entry]
@@ -85,6 +86,11 @@ class Search:
     ratios: dict[str, list[float]] = field(default_factory=lambda: {kind: [x] for kind, x in OPTIMISM.items()})
     spent: int = 0
     shared: FilterModel | None = None
+    groups: list[dict[int, int]] = field(default_factory=list)
+
+    def are_equal(self, j: int, k: int) -> bool:
+        """True for two candidates that are in one group wherever both have a response."""
+        return all(own[j] == own[k] for own in self.groups if j in own and k in own)
 
     @property
     def trials(self) -> list[Trial]:
@@ -174,7 +180,8 @@ def _refit(search: Search, due: Sequence[int]) -> None:
         entry.trial = replace(trial, stands_for=named)
         for k in entry.twins:
             twin = search.entries[k]
-            twin.trial, twin.pending = replace(twin.trial, evidence=trial.evidence), []
+            if twin.trial.fit is None:
+                twin.trial, twin.pending = replace(twin.trial, evidence=trial.evidence), []
 
 
 def _context(search: Search, trial: Trial) -> Context:
