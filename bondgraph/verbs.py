@@ -12,10 +12,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from bondgraph.correct.fits.declared import declared_problem
-from bondgraph.correct.fits.setup import filter_setup
 from bondgraph.data.given import GivenLog, all_matched, matched
 from bondgraph.errors import OptionError
+from bondgraph.estimate.declared import declared_problem
 from bondgraph.estimate.estimation import Settings
 from bondgraph.estimate.estimation import estimate as estimate_problem
 from bondgraph.estimate.free import FreeParameter
@@ -24,6 +23,7 @@ from bondgraph.estimate.joint import Problem
 from bondgraph.estimate.objective import Progress, silent
 from bondgraph.estimate.problem import pose
 from bondgraph.estimate.result import Estimate
+from bondgraph.estimate.setup import filter_setup
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.filter_run import FilterRun
 from bondgraph.filter.runs import run

@@ -18,18 +18,18 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from bondgraph.build import BuiltModel, build
-from bondgraph.correct.fits.declared import free_parameters
-from bondgraph.correct.fits.fit import fit
-from bondgraph.correct.fits.fitted import Fit
-from bondgraph.correct.fits.noise_starts import noisy_starts
-from bondgraph.correct.fits.setup import filter_setup
 from bondgraph.data.log import Log, MatchedLog
 from bondgraph.data.matching import match
 from bondgraph.declare.graph import BondGraph
 from bondgraph.errors import BondGraphError
+from bondgraph.estimate.declared import free_parameters
+from bondgraph.estimate.fitted import Fit
 from bondgraph.estimate.free import FreeParameter
 from bondgraph.estimate.handover import spread_starts
+from bondgraph.estimate.local import fit
+from bondgraph.estimate.noise_starts import noisy_starts
 from bondgraph.estimate.problem import EstimationProblem
+from bondgraph.estimate.setup import filter_setup
 from bondgraph.simulate.simulation import simulate
 
 #: An effect must lower the error on unseen training logs by this share.

@@ -37,16 +37,16 @@ from scipy import signal
 
 from bondgraph.build import BuiltModel, build
 from bondgraph.correct.evidence.certified import refined
-from bondgraph.correct.fits.declared import free_parameters
-from bondgraph.correct.fits.fit import fit
-from bondgraph.correct.fits.fitted import Fit
-from bondgraph.correct.fits.noise_starts import noisy_starts
-from bondgraph.correct.fits.setup import filter_setup
 from bondgraph.data.log import Log, MatchedLog
 from bondgraph.data.matching import match
 from bondgraph.data.read import read_log
 from bondgraph.errors import BondGraphError
+from bondgraph.estimate.declared import free_parameters
+from bondgraph.estimate.fitted import Fit
 from bondgraph.estimate.free import FreeParameter
+from bondgraph.estimate.local import fit
+from bondgraph.estimate.noise_starts import noisy_starts
+from bondgraph.estimate.setup import filter_setup
 from bondgraph.simulate.model import Model
 from bondgraph.simulate.simulation import simulate
 from vehicle_graphs import emps

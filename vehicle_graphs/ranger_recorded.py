@@ -29,8 +29,8 @@ from bondgraph.data.matching import match
 from bondgraph.data.read import read_log
 from bondgraph.declare.editing import with_values
 from bondgraph.errors import BondGraphError, DataError
+from bondgraph.estimate.derivatives.exact import exact_derivatives
 from bondgraph.estimate.estimation import Settings, estimate
-from bondgraph.estimate.exact import exact_derivatives
 from bondgraph.estimate.initial import initial_states
 from bondgraph.estimate.joint import pose_joint
 from bondgraph.estimate.priors import MultivariateNormal

@@ -34,8 +34,8 @@ from matplotlib.figure import Figure
 from bondgraph.build import build
 from bondgraph.data.log import MatchedLog
 from bondgraph.errors import BondGraphError, DataError
+from bondgraph.estimate.derivatives.exact import exact_derivatives
 from bondgraph.estimate.estimation import Settings, estimate
-from bondgraph.estimate.exact import exact_derivatives
 from bondgraph.estimate.objective import SearchOutcome
 from bondgraph.estimate.problem import pose
 from bondgraph.estimate.recovery import Recovery, Trial, recovery, recovery_table

@@ -15,7 +15,6 @@ from bondgraph.build import BuiltModel, build
 from bondgraph.cli.knowledge import posed
 from bondgraph.cli.runs import model_and_logs, provenance
 from bondgraph.cli.values import assignments, finite, names, set_values
-from bondgraph.correct.fits.declared import declared_problem
 from bondgraph.data.log import MatchedLog
 from bondgraph.data.matching import match, match_inputs, match_outputs, read_mapping, renamed
 from bondgraph.data.read import read_log
@@ -32,12 +31,13 @@ from bondgraph.estimate.analysis.screening import (
     output_response,
     problem_bounds,
 )
+from bondgraph.estimate.declared import declared_problem
+from bondgraph.estimate.derivatives.exact import derivatives
 from bondgraph.estimate.design.discrimination import DiscriminationTable, Rival, discriminate
 from bondgraph.estimate.design.information import rank_manoeuvres
 from bondgraph.estimate.design.manoeuvres import Manoeuvre, step_manoeuvres
 from bondgraph.estimate.estimation import Settings
 from bondgraph.estimate.estimation import estimate as run_estimate
-from bondgraph.estimate.exact import derivatives
 from bondgraph.estimate.objective import FloatArray, fitted_expansion
 from bondgraph.estimate.problem import EstimationProblem, pose
 from bondgraph.files import output_folder

@@ -12,9 +12,9 @@ import numpy as np
 
 from bondgraph.cli.values import names
 from bondgraph.coherent import Displayed
-from bondgraph.correct.fits.declared import declared_problem
 from bondgraph.data.log import MatchedLog
 from bondgraph.errors import OptionError, suggest
+from bondgraph.estimate.declared import declared_problem
 from bondgraph.estimate.free import FreeParameter, Target, parse_target
 from bondgraph.estimate.priors import LogNormal, Normal, Prior, Uniform
 from bondgraph.estimate.problem import EstimationProblem, pose

@@ -15,12 +15,12 @@ from bondgraph.cli.effects import chosen_effects
 from bondgraph.cli.log_options import read_given
 from bondgraph.cli.printing import say
 from bondgraph.cli.values import names, set_values
-from bondgraph.correct.fits.journal import Journal
 from bondgraph.correct.loop import ClosedLoop, LoopSettings
 from bondgraph.correct.loop import close_loop as run_loop
 from bondgraph.data.matching import read_mapping
 from bondgraph.declare.files import load_graph
 from bondgraph.declare.graph import BondGraph
+from bondgraph.estimate.journal import Journal
 from bondgraph.files import output_folder
 from bondgraph.report.closed_loop import compare_with_truth, summary, write_closed_loop
 from bondgraph.report.collect import versions

@@ -5,15 +5,15 @@ from typing import TYPE_CHECKING
 from bondgraph.lazy import exported
 
 if TYPE_CHECKING:
-    from bondgraph.correct.fits.setup import filter_setup as filter_setup
     from bondgraph.correct.loop import ClosedLoop as ClosedLoop
     from bondgraph.correct.loop import LoopSettings as LoopSettings
     from bondgraph.correct.loop import close_loop as close_loop
+    from bondgraph.estimate.setup import filter_setup as filter_setup
 else:
     __getattr__, __dir__, __all__ = exported(
         __name__,
         {
-            "correct.fits.setup": "filter_setup",
+            "estimate.setup": "filter_setup",
             "correct.loop": "ClosedLoop LoopSettings close_loop",
         },
     )

@@ -15,7 +15,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from bondgraph.build import BuiltModel
-from bondgraph.correct.fits.fitted import Fit
 from bondgraph.correct.models.bonds import bond_model
 from bondgraph.correct.models.candidates import Candidate, Variant
 from bondgraph.data.log import FloatArray, MatchedLog
@@ -23,6 +22,7 @@ from bondgraph.derive.causality import assign_causality
 from bondgraph.errors import BondGraphError
 from bondgraph.estimate.design.likeness import likeness
 from bondgraph.estimate.design.manoeuvres import step_manoeuvres
+from bondgraph.estimate.fitted import Fit
 from bondgraph.filter.linear.intervals import integrator, simulation_steps
 from bondgraph.filter.linear.recursion import respond
 from bondgraph.filter.linear.response import Path, model_change, open_loop, output_slopes, together

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from bondgraph.correct.constants import BLOCKS
-from bondgraph.correct.fits.fitted import Fit
 from bondgraph.correct.round import Round
+from bondgraph.estimate.fitted import Fit
 from bondgraph.estimate.free import FreeParameter
 
 #: Samples in a block of time below which it hardly counts as one.

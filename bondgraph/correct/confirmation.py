@@ -21,9 +21,9 @@ import numpy as np
 from bondgraph.correct.constants import CONFIRMS, INDIFFERENT, WINDOWS
 from bondgraph.correct.fits.assess import Assessment, LogAssessment, gain_interval
 from bondgraph.correct.fits.compared import Compared, Data, Errors, Kind, judged, squares
-from bondgraph.correct.fits.fitted import Fit
 from bondgraph.correct.fits.horizon import horizon, predicted, windows
 from bondgraph.data.log import FloatArray
+from bondgraph.estimate.fitted import Fit
 
 Standing = Literal["confirmed", "contradicted", "open"]
 

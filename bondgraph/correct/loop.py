@@ -24,13 +24,7 @@ from bondgraph.correct.constants import LEVEL, MEASUREMENTS_EACH, MOST_EFFECTS, 
 from bondgraph.correct.evidence.certified import doubts, refined
 from bondgraph.correct.evidence.trials import Detectable, Trial
 from bondgraph.correct.fits.assess import Assessment, assess
-from bondgraph.correct.fits.declared import free_parameters
-from bondgraph.correct.fits.fit import Report, fit, no_report
-from bondgraph.correct.fits.fitted import Fit
-from bondgraph.correct.fits.journal import Journal
-from bondgraph.correct.fits.noise_starts import noisy_starts, quiet_start
 from bondgraph.correct.fits.rates import rated, with_followed_rates
-from bondgraph.correct.fits.setup import FilterSetup, filter_setup
 from bondgraph.correct.fits.whiteness import Whiteness, whiteness
 from bondgraph.correct.models.failures import FAILURES
 from bondgraph.correct.models.failures import reason as reason_of
@@ -49,7 +43,13 @@ from bondgraph.declare.graph import BondGraph
 from bondgraph.effects.sensors import SENSOR_FAULTS
 from bondgraph.errors import BondGraphError, DataError, EstimationError, OptionError
 from bondgraph.estimate.certify import Check
+from bondgraph.estimate.declared import free_parameters
+from bondgraph.estimate.fitted import Fit
 from bondgraph.estimate.free import FreeParameter, parse_target
+from bondgraph.estimate.journal import Journal
+from bondgraph.estimate.local import Report, fit, no_report
+from bondgraph.estimate.noise_starts import noisy_starts, quiet_start
+from bondgraph.estimate.setup import FilterSetup, filter_setup
 from bondgraph.text import count, few
 
 #: The declared model is fitted to this many nats, far below what an effect must gain.
@@ -67,7 +67,7 @@ class LoopSettings:
     """How far a correction goes.
 
     ``level`` is the chance of a false alarm over all candidates of one round; ``refits`` how many of the best scores
-    are refitted at most; ``process_noise`` as in :func:`bondgraph.correct.fits.setup.filter_setup`; ``faults``: faults
+    are refitted at most; ``process_noise`` as in :func:`bondgraph.estimate.setup.filter_setup`; ``faults``: faults
     of sensors are candidates too; ``tables``: what stays unexplained is added as a table whose points are parameters;
     ``journal`` keeps finished fits; ``without`` names effects and faults that are not tried.
     """

@@ -14,8 +14,6 @@ from bondgraph.correct.evidence.certified import refined
 from bondgraph.correct.evidence.context import Context, at_optimum
 from bondgraph.correct.evidence.decide import judge, robust_p_value
 from bondgraph.correct.evidence.trials import Trial
-from bondgraph.correct.fits.fit import fit
-from bondgraph.correct.fits.fitted import Fit, restricted
 from bondgraph.correct.fits.starts import with_starts
 from bondgraph.correct.models.candidates import candidates
 from bondgraph.correct.round import Round, RoundSettings
@@ -26,6 +24,8 @@ from bondgraph.data.log import MatchedLog
 from bondgraph.declare.graph import BondGraph
 from bondgraph.errors import DeclarationError, EstimationError
 from bondgraph.estimate.certify import Check
+from bondgraph.estimate.fitted import Fit, restricted
+from bondgraph.estimate.local import fit
 from bondgraph.estimate.objective import SearchOutcome
 from bondgraph.estimate.problem import EstimationProblem
 

@@ -12,11 +12,11 @@ from bondgraph.correct.evidence.transfer import Transfer
 from bondgraph.correct.evidence.trials import Trial
 from bondgraph.correct.fits.assess import Assessment, ChannelError
 from bondgraph.correct.fits.compared import Compared
-from bondgraph.correct.fits.fitted import Fit
 from bondgraph.correct.loop import Added, ClosedLoop
 from bondgraph.correct.shapes.formula import formula_of
 from bondgraph.correct.shapes.words import other_words
 from bondgraph.estimate.certify import NEGLIGIBLE_SHIFT, Check
+from bondgraph.estimate.fitted import Fit
 from bondgraph.estimate.quantities import quantity_of, unit_of
 from bondgraph.simulate.quantities import OutputInfo
 

@@ -20,9 +20,6 @@ from bondgraph.correct.evidence.context import Context
 from bondgraph.correct.evidence.decide import alternatives, choose, detectable, hurdle
 from bondgraph.correct.evidence.resolved import resolved
 from bondgraph.correct.evidence.trials import Alternative, Detectable, Trial
-from bondgraph.correct.fits.fit import Report, no_report
-from bondgraph.correct.fits.fitted import Fit
-from bondgraph.correct.fits.journal import Journal
 from bondgraph.correct.models.absent import absent_when_zero
 from bondgraph.correct.models.candidates import Refused, candidates, places
 from bondgraph.correct.models.failures import attempted
@@ -38,6 +35,9 @@ from bondgraph.correct.shapes.offered import Residual, with_formulas
 from bondgraph.data.log import MatchedLog
 from bondgraph.declare.effect import EffectFunction, Place
 from bondgraph.errors import DataError
+from bondgraph.estimate.fitted import Fit
+from bondgraph.estimate.journal import Journal
+from bondgraph.estimate.local import Report, no_report
 from bondgraph.text import few
 
 #: For so many of the effects that are not told from the chosen one it is said what would tell them apart.

@@ -22,8 +22,8 @@ from bondgraph.estimate.certify import (
 )
 from bondgraph.estimate.checkpoint import Checkpoint, load_checkpoint, problem_digest, save_checkpoint
 from bondgraph.estimate.continuation import ON_THE_WAY, Stage, way
+from bondgraph.estimate.derivatives.exact import derivatives
 from bondgraph.estimate.described import Found, describe
-from bondgraph.estimate.exact import derivatives
 from bondgraph.estimate.handover import (
     distinct_starts,
     is_shortened,
@@ -136,7 +136,7 @@ def estimate(
         Continue from the state in ``folder``, if there is one; the result is that of an uninterrupted search.
     jacobian
         Gradient and Fisher information for the gradient search; by default exact derivatives of the filter where the
-        search is long, central differences where it is short, see :mod:`bondgraph.estimate.exact`.
+        search is long, central differences where it is short, see :mod:`bondgraph.estimate.derivatives.exact`.
 
     Returns
     -------

@@ -16,7 +16,7 @@ import numpy as np
 from bondgraph.arrays import FloatArray
 from bondgraph.data.log import MatchedLog
 from bondgraph.errors import EstimationError
-from bondgraph.estimate.exact import exact_derivatives
+from bondgraph.estimate.derivatives.exact import exact_derivatives
 from bondgraph.estimate.free import Target
 from bondgraph.estimate.objective import fitted_expansion
 from bondgraph.estimate.problem import EstimationProblem

@@ -17,7 +17,7 @@ import numpy as np
 from scipy.stats import qmc
 
 from bondgraph.data.select import beginnings
-from bondgraph.estimate.exact import filtering_work
+from bondgraph.estimate.derivatives.exact import filtering_work
 from bondgraph.estimate.joint import JointProblem, Problem
 from bondgraph.estimate.objective import FloatArray
 from bondgraph.estimate.problem import EstimationProblem

@@ -16,7 +16,7 @@ import numpy as np
 from scipy.special import gammaincc
 
 from bondgraph.errors import EstimationError, suggest
-from bondgraph.estimate.exact import derivatives
+from bondgraph.estimate.derivatives.exact import derivatives
 from bondgraph.estimate.objective import FloatArray
 from bondgraph.estimate.pictures import own_axes
 from bondgraph.estimate.pinned import constrained_minimum

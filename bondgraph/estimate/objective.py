@@ -213,51 +213,6 @@ def silent(row: TraceRow) -> None:
     """Report nothing."""
 
 
-def central_differences(objective: Objective, points: FloatArray, steps: FloatArray) -> tuple[Expansion, ...]:
-    """Expansions by differences of the scalar terms, of second order also at a bound.
-
-    Parameters
-    ----------
-    objective
-        The objective.
-    points
-        Where, shape (n, members), inside the bounds.
-    steps
-        Difference steps, shape (n, members), positive.
-
-    Examples
-    --------
-    >>> class Line:
-    ...     lower, upper = np.array([-10.0]), np.array([10.0])
-    ...     def terms(self, points):
-    ...         return Terms(2.0 * points - 6.0, np.zeros(points.shape))
-    >>> (expansion,) = central_differences(Line(), np.array([[0.0]]), np.array([[1e-4]]))
-    >>> expansion.gradient.round(6).tolist(), expansion.information.round(6).tolist()
-    ([-12.0], [[4.0]])
-    """
-    return tuple(_expand_one(objective, points[:, member], steps[:, member]) for member in range(points.shape[1]))
-
-
-def _expand_one(objective: Objective, point: FloatArray, step: FloatArray) -> Expansion:
-    free = np.flatnonzero(objective.upper > objective.lower)
-    offsets = [_offsets(point[j], step[j], objective.lower[j], objective.upper[j]) for j in free]
-    members = np.repeat(point[:, np.newaxis], 2 * free.size + 1, axis=1)
-    for k, j in enumerate(free):
-        members[j, 2 * k + 1 : 2 * k + 3] += offsets[k]
-    terms = objective.terms(members)
-    innovations = np.zeros((terms.innovations.shape[0], 1 + point.size))
-    log_scales = np.zeros(innovations.shape)
-    innovations[:, 0], log_scales[:, 0] = terms.innovations[:, 0], terms.log_scales[:, 0]
-    for k, j in enumerate(free):
-        weights = _weights(members[j, 2 * k + 1 : 2 * k + 3] - point[j], terms.innovations[:, 2 * k + 1 : 2 * k + 3])
-        columns = [0, 2 * k + 1, 2 * k + 2]
-        used = [column for column, weight in zip(columns, weights, strict=True) if weight != 0.0]
-        kept = np.array([weight for weight in weights if weight != 0.0])
-        innovations[:, 1 + j] = terms.innovations[:, used] @ kept
-        log_scales[:, 1 + j] = terms.log_scales[:, used] @ kept
-    return expansion_of(innovations, log_scales, members.shape[1])
-
-
 def fitted_expansion(objective: Objective, point: FloatArray, jacobian: Expand) -> Expansion:
     """Expansion at a point (n,) of which nothing is known: a coarse one chooses the steps of the second.
 
@@ -309,27 +264,3 @@ def over_terms(left: FloatArray, right: FloatArray) -> FloatArray:
 
     in_threads(threads, some, range(threads))
     return np.tril(sums) + np.tril(sums, -1).T if own else sums
-
-
-def _offsets(value: float, step: float, lower: float, upper: float) -> tuple[float, float]:
-    """Two points for a derivative: either side, or both on the inner side of a bound."""
-    step = min(step, 0.25 * (upper - lower))
-    if value - step < lower:
-        return step, 2.0 * step
-    if value + step > upper:
-        return -step, -2.0 * step
-    return step, -step
-
-
-def _weights(offsets: FloatArray, values: FloatArray) -> tuple[float, float, float]:
-    """Weights of the value itself and of two neighbours in its derivative; a neighbour that failed gets none."""
-    a, b = float(offsets[0]), float(offsets[1])
-    good_a, good_b = (bool(np.isfinite(values[:, column]).all()) for column in (0, 1))
-    if good_a and good_b:
-        # Derivative at 0 of the parabola through (0, a, b).
-        return -(a + b) / (a * b), b / (a * (b - a)), -a / (b * (b - a))
-    if good_a:
-        return -1.0 / a, 1.0 / a, 0.0
-    if good_b:
-        return -1.0 / b, 0.0, 1.0 / b
-    return 0.0, 0.0, 0.0

@@ -82,7 +82,7 @@ def constrained_minimum(
 
     Examples
     --------
-    >>> from bondgraph.estimate.objective import central_differences
+    >>> from bondgraph.estimate.derivatives.differences import central_differences
     >>> class Sample:
     ...     lower, upper = np.array([-9.0, -9.0]), np.array([9.0, 9.0])
     ...     def terms(self, points):

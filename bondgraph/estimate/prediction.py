@@ -16,7 +16,7 @@ import numpy as np
 
 from bondgraph.data.given import GivenLog, all_matched
 from bondgraph.errors import EstimationError, OptionError, suggest
-from bondgraph.estimate.exact import derivatives
+from bondgraph.estimate.derivatives.exact import derivatives
 from bondgraph.estimate.free_simulation import simulated_logs, simulated_members, simulation_problem
 from bondgraph.estimate.objective import FloatArray, fitted_expansion
 from bondgraph.estimate.pictures import own_axes

@@ -14,7 +14,8 @@ from statistics import NormalDist
 import numpy as np
 
 from bondgraph.errors import EstimationError
-from bondgraph.estimate.objective import Expand, FloatArray, Objective, central_differences
+from bondgraph.estimate.derivatives.differences import central_differences
+from bondgraph.estimate.objective import Expand, FloatArray, Objective
 from bondgraph.estimate.pinned import ConstrainedMinimum, constrained_minimum
 
 _ITERATIONS = 12

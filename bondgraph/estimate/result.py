@@ -13,8 +13,8 @@ import numpy as np
 from bondgraph.errors import EstimationError, suggest
 from bondgraph.estimate.certify import NEGLIGIBLE_SHIFT, Certification
 from bondgraph.estimate.continuation import Stage
+from bondgraph.estimate.derivatives.exact import derivatives
 from bondgraph.estimate.estimated import estimated_filter, interval95, next_prior
-from bondgraph.estimate.exact import derivatives
 from bondgraph.estimate.free import FreeParameter
 from bondgraph.estimate.joint import Problem, Rows
 from bondgraph.estimate.likelihoods import Batch

@@ -15,7 +15,7 @@ import numpy as np
 
 from bondgraph.coherent import Displayed
 from bondgraph.errors import EstimationError
-from bondgraph.estimate.exact import derivatives
+from bondgraph.estimate.derivatives.exact import derivatives
 from bondgraph.estimate.objective import Expand, Expansion, FloatArray, fitted_expansion
 from bondgraph.estimate.problem import EstimationProblem
 from bondgraph.estimate.quantities import quantity_of, unit_of

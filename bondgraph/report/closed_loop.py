@@ -13,11 +13,11 @@ from bondgraph.correct.confirmation import Confirmation
 from bondgraph.correct.constants import LEVEL
 from bondgraph.correct.evidence.transfer import Transfer
 from bondgraph.correct.fits.assess import Assessment
-from bondgraph.correct.fits.fitted import Fit
 from bondgraph.correct.loop import Added, ClosedLoop
 from bondgraph.correct.places.unexplained import Unexplained
 from bondgraph.correct.result import intervals, result_json
 from bondgraph.declare.files import write_graph
+from bondgraph.estimate.fitted import Fit
 from bondgraph.files import write_text
 from bondgraph.report.collect import Runs, added_nodes, channel_series, found_effect, parameter_changes
 from bondgraph.report.drawing import draw_svg, drawing_of

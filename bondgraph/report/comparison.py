@@ -11,11 +11,11 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from bondgraph.correct.fits.setup import filter_setup
 from bondgraph.data.log import FloatArray, MatchedLog
 from bondgraph.data.write import write_log
 from bondgraph.errors import BondGraphError
 from bondgraph.estimate.initial import Initial, initial_states
+from bondgraph.estimate.setup import filter_setup
 from bondgraph.report.closed_loop import write_json
 from bondgraph.report.diagram.text import plain
 from bondgraph.report.figures import BEFORE, MEASURED, PANEL_HEIGHT, WIDTH, figure_style, save_figure

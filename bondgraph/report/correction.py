@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from bondgraph.build import build
-from bondgraph.correct.fits.fit import Report, no_report
 from bondgraph.correct.loop import ClosedLoop, LoopSettings
 from bondgraph.correct.loop import close_loop as close_matched
 from bondgraph.correct.result import intervals
@@ -20,6 +19,7 @@ from bondgraph.declare.effect import EFFECTS, EffectFunction, effect_functions
 from bondgraph.declare.files import load_graph
 from bondgraph.declare.graph import BondGraph
 from bondgraph.declare.loading import load_module
+from bondgraph.estimate.local import Report, no_report
 from bondgraph.frames import frame
 from bondgraph.report.closed_loop import report_data, summary, write_closed_loop
 from bondgraph.report.collect import parameter_changes, versions

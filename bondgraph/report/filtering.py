@@ -7,10 +7,10 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from bondgraph.correct.fits.setup import filter_setup
 from bondgraph.data.log import Log, LogChannel, MatchedLog
 from bondgraph.data.write import write_log
 from bondgraph.estimate.initial import Initial, initial_states
+from bondgraph.estimate.setup import filter_setup
 from bondgraph.filter.consistency import Consistency, consistency, misfits
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.filter_run import FilterRun

@@ -8,11 +8,11 @@ import numpy as np
 
 from bondgraph import effects
 from bondgraph.build import build
-from bondgraph.correct.fits.fitted import Fit
 from bondgraph.correct.loop import LoopSettings, close_loop
 from bondgraph.data.log import MatchedLog
 from bondgraph.declare.editing import copy, handle, with_values
 from bondgraph.declare.effect import Effect, Place, Scale, effect_functions
+from bondgraph.estimate.fitted import Fit
 from bondgraph.simulate.simulation import simulate
 from bondgraph.simulate.stiff import Rosenbrock
 from vehicle_graphs import ranger

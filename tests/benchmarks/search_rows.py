@@ -11,8 +11,8 @@ from typing import NamedTuple, TypeVar
 
 import numpy as np
 
+from bondgraph.estimate.derivatives.exact import exact_derivatives
 from bondgraph.estimate.estimation import Settings, estimate
-from bondgraph.estimate.exact import exact_derivatives
 from bondgraph.estimate.objective import TraceRow
 from bondgraph.estimate.problem import EstimationProblem, pose
 from bondgraph.estimate.result import Estimate

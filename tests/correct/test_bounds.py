@@ -12,7 +12,6 @@ import sympy
 from bondgraph import effects
 from bondgraph.build import build
 from bondgraph.correct.evidence.decide import robust_p_value
-from bondgraph.correct.fits.fit import fit
 from bondgraph.correct.loop import LoopSettings, close_loop
 from bondgraph.correct.models.candidates import candidates
 from bondgraph.declare.domains import ROTATION
@@ -22,6 +21,7 @@ from bondgraph.declare.graph import BondGraph
 from bondgraph.declare.json_reader import graph_from_json
 from bondgraph.declare.json_writer import graph_to_json
 from bondgraph.estimate.free import FreeParameter
+from bondgraph.estimate.local import fit
 from tests.correct import sled
 from tests.correct.buggy import AIR, LOSS, RADIUS, buggy, coast
 from vehicle_graphs import machine_effects

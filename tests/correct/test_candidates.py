@@ -11,7 +11,6 @@ from sympy import tanh
 from bondgraph import effects
 from bondgraph.build import build
 from bondgraph.correct.evidence.context import coefficients
-from bondgraph.correct.fits.setup import filter_setup
 from bondgraph.correct.models.candidates import candidates, places, superset
 from bondgraph.data.log import MatchedLog
 from bondgraph.declare.domains import TRANSLATION
@@ -21,6 +20,7 @@ from bondgraph.declare.graph import BondGraph, Handle
 from bondgraph.declare.quantities import symbol
 from bondgraph.declare.revision import revise_law
 from bondgraph.errors import DeclarationError, EstimationError, OptionError
+from bondgraph.estimate.setup import filter_setup
 from bondgraph.filter.runs import run
 from tests.correct.sled import built, fitted, pull, sled
 from vehicle_graphs.driveline import driveline

@@ -15,9 +15,6 @@ from bondgraph.correct.evidence.certified import certify, doubts, refined, resol
 from bondgraph.correct.evidence.context import Context
 from bondgraph.correct.evidence.resolved import resolved
 from bondgraph.correct.evidence.trials import Trial
-from bondgraph.correct.fits.fit import expand, fit
-from bondgraph.correct.fits.fitted import Fit
-from bondgraph.correct.fits.setup import filter_setup
 from bondgraph.correct.loop import LoopSettings, close_loop, free_parameters
 from bondgraph.correct.models.candidates import candidates, places
 from bondgraph.correct.progress import Progress
@@ -26,6 +23,9 @@ from bondgraph.correct.round import RoundSettings
 from bondgraph.correct.search.refit import refit_from
 from bondgraph.declare.editing import with_values
 from bondgraph.estimate.certify import NEGLIGIBLE_SHIFT, check
+from bondgraph.estimate.fitted import Fit
+from bondgraph.estimate.local import expand, fit
+from bondgraph.estimate.setup import filter_setup
 from bondgraph.filter.discretisation import NEGLIGIBLE
 from tests.correct import fan
 from tests.correct.sled import fitted, pull, sled

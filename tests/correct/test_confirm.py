@@ -9,11 +9,11 @@ import pytest
 
 from bondgraph.correct.evidence import confirm
 from bondgraph.correct.evidence.confirm import confirmed
-from bondgraph.correct.fits.excerpts import excerpt
-from bondgraph.correct.fits.fit import fit
-from bondgraph.correct.fits.fitted import Fit
 from bondgraph.correct.loop import free_parameters
 from bondgraph.correct.search.refit import refit_from
+from bondgraph.estimate.excerpt import excerpt
+from bondgraph.estimate.fitted import Fit
+from bondgraph.estimate.local import fit
 from tests.correct.test_stiff import rivals
 from tests.correct.winch import drawn, fitted, setup_of
 

@@ -11,11 +11,11 @@ import pytest
 from bondgraph import effects
 from bondgraph.correct.confirmation import Confirmation, confirmation
 from bondgraph.correct.fits.assess import assess
-from bondgraph.correct.fits.fitted import Fit
 from bondgraph.correct.fits.horizon import horizon, predicted, windows
 from bondgraph.correct.loop import ClosedLoop, close_loop
 from bondgraph.correct.result import result_json
 from bondgraph.data.log import MatchedLog
+from bondgraph.estimate.fitted import Fit
 from bondgraph.report.closed_loop import explanation
 from bondgraph.report.closed_loop import report_data as data_of
 from bondgraph.report.html import Provenance

@@ -8,14 +8,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bondgraph.correct.fits import fit as fitting
-from bondgraph.correct.fits.excerpts import excerpt
-from bondgraph.correct.fits.fit import fit
-from bondgraph.correct.fits.fitted import Fit
-from bondgraph.correct.fits.linear_steps import linear_search
-from bondgraph.correct.fits.noise_starts import quiet_start
 from bondgraph.correct.loop import free_parameters
+from bondgraph.estimate import local as fitting
+from bondgraph.estimate.excerpt import excerpt
+from bondgraph.estimate.fitted import Fit
+from bondgraph.estimate.local import fit
+from bondgraph.estimate.noise_starts import quiet_start
 from bondgraph.estimate.problem import EstimationProblem
+from bondgraph.estimate.solvers.linearised import LinearisedScoring, linear_search
 from tests.correct.winch import drawn, setup_of
 
 
@@ -58,6 +58,6 @@ def _fitted() -> Fit:
 
 def test_a_level_of_which_the_data_say_nothing_is_not_thrown_far() -> None:
     given = problem()
-    reached = linear_search(given, given.start, 1, 0.0, np.inf, np.inf)
+    reached = linear_search(LinearisedScoring(1), given, given.start)
     levels = [one.target.kind in ("std", "process") for one in given.free]
     assert np.abs(reached.point - given.start)[levels].max() <= 1.5

@@ -9,13 +9,13 @@ import pytest
 
 from bondgraph import effects
 from bondgraph.correct import rest
-from bondgraph.correct.fits.fitted import standard_deviations
 from bondgraph.correct.loop import ClosedLoop, LoopSettings, close_loop
 from bondgraph.correct.result import result_json
 from bondgraph.correct.scores import scoring
 from bondgraph.correct.scores.score import scores, solve
 from bondgraph.correct.search import search, storages
 from bondgraph.errors import EstimationError
+from bondgraph.estimate.fitted import standard_deviations
 from bondgraph.estimate.objective import Expansion
 from bondgraph.estimate.solvers.steps import damped_step, newton_decrement
 from bondgraph.estimate.symmetric import informed, scaled_eigen

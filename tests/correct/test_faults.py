@@ -10,9 +10,6 @@ import pytest
 
 from bondgraph import effects
 from bondgraph.build import build
-from bondgraph.correct.fits.fit import fit
-from bondgraph.correct.fits.journal import Journal
-from bondgraph.correct.fits.setup import filter_setup
 from bondgraph.correct.loop import LoopSettings, close_loop, free_parameters
 from bondgraph.correct.result import result_json
 from bondgraph.correct.round import one_round
@@ -20,6 +17,9 @@ from bondgraph.data.log import FloatArray, MatchedLog
 from bondgraph.declare.editing import handle
 from bondgraph.effects.sensors import sensor_bias
 from bondgraph.errors import EstimationError
+from bondgraph.estimate.journal import Journal
+from bondgraph.estimate.local import fit
+from bondgraph.estimate.setup import filter_setup
 from tests.correct.sled import FUNCTIONS, NOISE, pull, sled
 
 FAULTS = {

@@ -7,17 +7,17 @@ from typing import cast
 import numpy as np
 import pytest
 
-from bondgraph.correct.fits import polish
-from bondgraph.correct.fits.differences import forward_differences
-from bondgraph.correct.fits.fit import fit
-from bondgraph.correct.fits.fitted import restricted, standard_deviations
-from bondgraph.correct.fits.linear_steps import Reached
-from bondgraph.correct.fits.noise_starts import noisy_starts, quiet_start
 from bondgraph.data.log import MatchedLog
 from bondgraph.errors import EstimationError
+from bondgraph.estimate.derivatives.differences import central_differences, forward_differences
+from bondgraph.estimate.fitted import restricted, standard_deviations
 from bondgraph.estimate.free import FreeParameter
-from bondgraph.estimate.objective import Expansion, SearchOutcome, Terms, central_differences, expansion_of
+from bondgraph.estimate.local import fit
+from bondgraph.estimate.noise_starts import noisy_starts, quiet_start
+from bondgraph.estimate.objective import Expansion, SearchOutcome, Terms, expansion_of
 from bondgraph.estimate.problem import EstimationProblem
+from bondgraph.estimate.solvers import exact_newton
+from bondgraph.estimate.solvers.linearised import Reached
 from bondgraph.estimate.solvers.steps import damped_step
 from tests.correct.sled import fitted, pull, sled
 
@@ -76,19 +76,19 @@ def test_a_step_that_leaves_a_curved_valley_is_led_back_into_it() -> None:
     problem = cast(EstimationProblem, valley)
     longest = damped_step(problem, start, known, 1e-5)
     assert valley.terms(longest[:, np.newaxis]).sums()[0] > 10.0 * known.sum  # though it promises all
-    ended = polish._along_ridge(problem, found)
+    ended = exact_newton._along_ridge(problem, found)
     assert found.nll - ended.nll > 20.0
-    assert ended.evaluations == len(polish._LONGER) * (1 + polish._BACK)
+    assert ended.evaluations == len(exact_newton._LONGER) * (1 + exact_newton._BACK)
 
 
 def test_a_search_follows_a_curved_valley_to_its_end(monkeypatch: pytest.MonkeyPatch) -> None:
     valley = Valley()
     valley.narrow = 10.0
-    monkeypatch.setattr(polish, "exact_expansion", lambda problem, point, known: valley.expansion(point))
+    monkeypatch.setattr(exact_newton, "exact_expansion", lambda problem, point, known: valley.expansion(point))
     start = np.array([-1.0, 1.0])
     known = valley.expansion(start)
     found = Reached(start, known.sum, known, 0, SearchOutcome.ITERATION_LIMIT)
-    ended = polish.polished(cast(EstimationProblem, valley), found, 0.1)
+    ended = exact_newton.polished(cast(EstimationProblem, valley), found, 0.1)
     assert ended.outcome is SearchOutcome.CONVERGED
     assert ended.nll < 0.1 and ended.point == pytest.approx([1.0, 1.0], abs=0.05)
 

@@ -11,7 +11,6 @@ import pytest
 from bondgraph import effects
 from bondgraph.build import build
 from bondgraph.correct.evidence.context import at_optimum, coefficients
-from bondgraph.correct.fits.fit import fit
 from bondgraph.correct.loop import ClosedLoop, close_loop
 from bondgraph.correct.places.missing import missing_effort
 from bondgraph.correct.round import one_round
@@ -23,6 +22,7 @@ from bondgraph.declare.graph import BondGraph
 from bondgraph.effects.sensors import SENSOR_FAULTS
 from bondgraph.errors import DataError, OptionError
 from bondgraph.estimate.certify import NEGLIGIBLE_SHIFT
+from bondgraph.estimate.local import fit
 from tests.correct.sled import FUNCTIONS, added, built, fitted, pull, sled
 
 QUADRATIC = 1.2

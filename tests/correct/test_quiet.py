@@ -13,10 +13,6 @@ from bondgraph.correct.evidence import confirm
 from bondgraph.correct.evidence.confirm import confirmed
 from bondgraph.correct.evidence.context import Context, at_optimum
 from bondgraph.correct.evidence.trials import Trial
-from bondgraph.correct.fits.fit import fit
-from bondgraph.correct.fits.fitted import Fit
-from bondgraph.correct.fits.noise_starts import noisy_starts
-from bondgraph.correct.fits.setup import filter_setup
 from bondgraph.correct.fits.whiteness import whiteness
 from bondgraph.correct.loop import LoopSettings, close_loop, free_parameters
 from bondgraph.correct.models.candidates import candidates, places
@@ -24,6 +20,10 @@ from bondgraph.correct.scores.quiet import annealed_fit, quiet_fit, quiet_scores
 from bondgraph.correct.scores.scoring import linearisation, score_candidates
 from bondgraph.correct.search.refit import refit_from
 from bondgraph.data.log import MatchedLog
+from bondgraph.estimate.fitted import Fit
+from bondgraph.estimate.local import fit
+from bondgraph.estimate.noise_starts import noisy_starts
+from bondgraph.estimate.setup import filter_setup
 from bondgraph.simulate.simulation import simulate
 from tests.correct.sled import FUNCTIONS, added, built, fitted, pull, sled
 from vehicle_graphs import emps

@@ -15,9 +15,9 @@ import pytest
 
 from bondgraph.build import build
 from bondgraph.compile.lanes.load import load_lanes, load_tangents
-from bondgraph.correct.fits.fit import fit, no_report
 from bondgraph.correct.loop import ClosedLoop, LoopSettings, close_loop
 from bondgraph.estimate.likelihoods import FilterLikelihood
+from bondgraph.estimate.local import fit, no_report
 from bondgraph.estimate.problem import EstimationProblem
 from bondgraph.simulate.model import Model
 from tests.correct import sled, winch

@@ -19,7 +19,7 @@ from bondgraph.correct.scores.gates import best_gated, gate_samples
 from bondgraph.correct.scores.scoring import Linearisation, linearisation, score_candidates
 from bondgraph.data.log import MatchedLog
 from bondgraph.effects.sensors import SENSOR_FAULTS
-from bondgraph.estimate.objective import central_differences
+from bondgraph.estimate.derivatives.differences import central_differences
 from bondgraph.estimate.problem import EstimationProblem
 from bondgraph.filter.linear.recursion import _carried, _in_numpy
 from bondgraph.filter.linear.response import Change, _phi

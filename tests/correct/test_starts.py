@@ -7,16 +7,16 @@ import pytest
 from bondgraph import effects
 from bondgraph.build import build
 from bondgraph.correct.fits import starts
-from bondgraph.correct.fits.fit import fit
-from bondgraph.correct.fits.fitted import Fit
-from bondgraph.correct.fits.noise_starts import noisy_starts
-from bondgraph.correct.fits.setup import filter_setup
 from bondgraph.correct.fits.starts import with_starts
 from bondgraph.correct.loop import free_parameters
 from bondgraph.data.log import MatchedLog
 from bondgraph.declare.editing import copy, handle, with_values
 from bondgraph.declare.effect import Place
 from bondgraph.declare.graph import BondGraph
+from bondgraph.estimate.fitted import Fit
+from bondgraph.estimate.local import fit
+from bondgraph.estimate.noise_starts import noisy_starts
+from bondgraph.estimate.setup import filter_setup
 from vehicle_graphs.effect_study.cases import Case
 from vehicle_graphs.effect_study.generate import Drawn, draw, settled
 from vehicle_graphs.effect_study.machines import BENCH

@@ -12,10 +12,6 @@ from bondgraph.correct.evidence import confirm
 from bondgraph.correct.evidence.confirm import confirmed
 from bondgraph.correct.evidence.context import Context
 from bondgraph.correct.evidence.trials import Trial
-from bondgraph.correct.fits import setup as filter_setups
-from bondgraph.correct.fits.linear_steps import Reached, filter_runs, is_linearised, linear_expansion
-from bondgraph.correct.fits.polish import polished
-from bondgraph.correct.fits.setup import unknown_drives
 from bondgraph.correct.fits.whiteness import is_white
 from bondgraph.correct.models.candidates import candidates, places
 from bondgraph.correct.places.missing import missing_effort
@@ -26,7 +22,13 @@ from bondgraph.correct.search.refit import refit_from
 from bondgraph.correct.search.swap import swaps
 from bondgraph.declare.effect import Effect, Place
 from bondgraph.declare.graph import BondGraph
-from bondgraph.estimate.objective import SearchOutcome, central_differences
+from bondgraph.estimate import setup as filter_setups
+from bondgraph.estimate.derivatives.differences import central_differences
+from bondgraph.estimate.derivatives.linearised import filter_runs, is_linearised, linear_expansion
+from bondgraph.estimate.objective import SearchOutcome
+from bondgraph.estimate.setup import unknown_drives
+from bondgraph.estimate.solvers.exact_newton import polished
+from bondgraph.estimate.solvers.linearised import Reached
 from bondgraph.filter.linear.intervals import kicks
 from bondgraph.filter.linear.response import kicked_along
 from bondgraph.filter.samples import Samples

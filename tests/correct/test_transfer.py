@@ -13,12 +13,12 @@ from bondgraph.correct.evidence.decide import alternatives, choose
 from bondgraph.correct.evidence.transfer import Transfer, folds, left_out, transfer
 from bondgraph.correct.evidence.trials import Trial
 from bondgraph.correct.fits.compared import Compared
-from bondgraph.correct.fits.fit import fit
-from bondgraph.correct.fits.fitted import Fit
 from bondgraph.correct.loop import ClosedLoop, close_loop
 from bondgraph.correct.result import result_json
 from bondgraph.data.log import MatchedLog
 from bondgraph.declare.graph import BondGraph
+from bondgraph.estimate.fitted import Fit
+from bondgraph.estimate.local import fit
 from bondgraph.estimate.objective import Terms
 from tests.correct.sled import FUNCTIONS, added, fitted, pull, sled
 

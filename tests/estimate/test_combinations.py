@@ -7,8 +7,9 @@ import pytest
 
 from bondgraph.data.log import MatchedLog
 from bondgraph.estimate.analysis.combinations import Combination, combinations
+from bondgraph.estimate.derivatives.differences import central_differences
 from bondgraph.estimate.likelihoods import FilterLikelihood
-from bondgraph.estimate.objective import central_differences, fitted_expansion
+from bondgraph.estimate.objective import fitted_expansion
 from bondgraph.estimate.problem import EstimationProblem, pose
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.simulate.model import Model

@@ -12,11 +12,11 @@ from scipy.optimize import minimize
 from bondgraph.data.log import MatchedLog
 from bondgraph.errors import OptionError
 from bondgraph.estimate.analysis.rates import rate_table
+from bondgraph.estimate.derivatives.differences import central_differences
 from bondgraph.estimate.design.information import expected_information, rank_manoeuvres
 from bondgraph.estimate.design.manoeuvres import Manoeuvre
 from bondgraph.estimate.free import FreeParameter
 from bondgraph.estimate.likelihoods import FilterLikelihood
-from bondgraph.estimate.objective import central_differences
 from bondgraph.estimate.priors import Normal
 from bondgraph.estimate.problem import EstimationProblem, pose
 from bondgraph.filter.filter_model import FilterModel

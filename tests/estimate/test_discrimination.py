@@ -7,11 +7,11 @@ import pytest
 
 from bondgraph.data.log import MatchedLog
 from bondgraph.errors import OptionError
+from bondgraph.estimate.derivatives.differences import central_differences
 from bondgraph.estimate.design.discrimination import Rival, discriminate
 from bondgraph.estimate.design.manoeuvres import Manoeuvre
 from bondgraph.estimate.free import FreeParameter
 from bondgraph.estimate.likelihoods import FilterLikelihood
-from bondgraph.estimate.objective import central_differences
 from bondgraph.estimate.problem import pose
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.simulate.model import Model

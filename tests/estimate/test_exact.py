@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from bondgraph.estimate import exact
-from bondgraph.estimate.exact import derivatives, exact_derivatives
+from bondgraph.estimate.derivatives.differences import central_differences
+from bondgraph.estimate.derivatives.exact import derivatives, exact_derivatives
 from bondgraph.estimate.free import FreeParameter, parse_target
 from bondgraph.estimate.likelihoods import FilterLikelihood
-from bondgraph.estimate.objective import central_differences
 from bondgraph.estimate.problem import EstimationProblem, pose
 from bondgraph.estimate.solvers.gauss_newton import gauss_newton
 from tests.filter.logs import driveline_filter, pendulum_filter, simulated_log

@@ -10,7 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from bondgraph.errors import EstimationError
-from bondgraph.estimate.objective import Expansion, Objective, SearchOutcome, Terms, central_differences
+from bondgraph.estimate.derivatives.differences import central_differences
+from bondgraph.estimate.objective import Expansion, Objective, SearchOutcome, Terms
 from bondgraph.estimate.solvers.gauss_newton import GaussNewtonSettings, gauss_newton
 
 EXACT = GaussNewtonSettings(iterations=1000, tolerance=1e-15, difference=1e-5)

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from bondgraph.estimate import handover
+from bondgraph.estimate.derivatives.exact import filtering_work
 from bondgraph.estimate.estimation import Settings, estimate
-from bondgraph.estimate.exact import filtering_work
 from bondgraph.estimate.free import FreeParameter
 from bondgraph.estimate.handover import (
     explored,

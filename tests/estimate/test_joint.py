@@ -10,12 +10,13 @@ import numpy as np
 import pytest
 
 from bondgraph.errors import EstimationError
+from bondgraph.estimate.derivatives.differences import central_differences
+from bondgraph.estimate.derivatives.exact import exact_expansion
 from bondgraph.estimate.estimation import Settings, estimate
-from bondgraph.estimate.exact import exact_expansion
 from bondgraph.estimate.free import FreeParameter
 from bondgraph.estimate.handover import is_shortened, without_noise_levels
 from bondgraph.estimate.joint import JointProblem, pose_joint
-from bondgraph.estimate.objective import SearchOutcome, central_differences
+from bondgraph.estimate.objective import SearchOutcome
 from bondgraph.estimate.priors import Normal
 from bondgraph.estimate.problem import EstimationProblem, pose
 from bondgraph.estimate.solvers.particle_swarm import SwarmSettings

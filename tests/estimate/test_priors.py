@@ -10,11 +10,11 @@ from scipy import stats
 
 from bondgraph.data.log import MatchedLog
 from bondgraph.errors import EstimationError
+from bondgraph.estimate.derivatives.differences import central_differences
+from bondgraph.estimate.derivatives.exact import exact_expansion
 from bondgraph.estimate.estimation import Settings, estimate
-from bondgraph.estimate.exact import exact_expansion
 from bondgraph.estimate.free import FreeParameter
 from bondgraph.estimate.likelihoods import FilterLikelihood
-from bondgraph.estimate.objective import central_differences
 from bondgraph.estimate.priors import LogNormal, MultivariateNormal, Normal, Prior, Uniform
 from bondgraph.estimate.problem import EstimationProblem, pose
 from bondgraph.estimate.solvers.gauss_newton import GaussNewtonSettings

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from bondgraph.errors import EstimationError
+from bondgraph.estimate.derivatives.differences import central_differences
+from bondgraph.estimate.derivatives.exact import exact_derivatives
 from bondgraph.estimate.estimation import Settings, estimate
-from bondgraph.estimate.exact import exact_derivatives
 from bondgraph.estimate.free import FreeParameter
 from bondgraph.estimate.likelihood_profile import (
     likelihood_ratio,
@@ -17,7 +18,6 @@ from bondgraph.estimate.likelihood_profile import (
     profile_likelihood,
     profile_table,
 )
-from bondgraph.estimate.objective import central_differences
 from bondgraph.estimate.pinned import constrained_minimum
 from bondgraph.estimate.problem import pose
 from bondgraph.estimate.result import Estimate

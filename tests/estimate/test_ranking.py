@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 from scipy.linalg import qr
 
 from bondgraph.estimate.analysis.ranking import _successive, rank_parameters
+from bondgraph.estimate.derivatives.differences import central_differences
 from bondgraph.estimate.free import FreeParameter
-from bondgraph.estimate.objective import central_differences
 from bondgraph.estimate.problem import pose
 from tests.estimate.linear import ExactLikelihood, lag, simulated
 

@@ -8,7 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from bondgraph.errors import EstimationError
-from bondgraph.estimate.objective import Expansion, Terms, central_differences
+from bondgraph.estimate.derivatives.differences import central_differences
+from bondgraph.estimate.objective import Expansion, Terms
 from bondgraph.estimate.profile import profile_interval
 from bondgraph.estimate.uncertainty import UncertaintyOutcome, uncertainty, weak_groups
 

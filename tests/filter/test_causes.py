@@ -10,13 +10,13 @@ import pytest
 from sympy import sqrt
 
 from bondgraph.build import build
-from bondgraph.correct.fits.fit import fit
 from bondgraph.data.log import MatchedLog
 from bondgraph.declare.domains import ELECTRICAL, HYDRAULIC
 from bondgraph.declare.graph import BondGraph
 from bondgraph.errors import EstimationError, FilterError, ModelError
 from bondgraph.estimate.estimation import Settings, estimate
 from bondgraph.estimate.free import declared_free
+from bondgraph.estimate.local import fit
 from bondgraph.estimate.objective import SearchOutcome
 from bondgraph.estimate.problem import pose
 from bondgraph.filter.filter_model import FilterModel

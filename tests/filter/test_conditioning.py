@@ -13,8 +13,8 @@ from bondgraph.data.log import MatchedLog
 from bondgraph.data.matching import match
 from bondgraph.data.read import read_log
 from bondgraph.errors import FilterError
+from bondgraph.estimate.derivatives.exact import exact_expansion
 from bondgraph.estimate.estimation import Settings, estimate
-from bondgraph.estimate.exact import exact_expansion
 from bondgraph.estimate.objective import SearchOutcome
 from bondgraph.estimate.problem import pose
 from bondgraph.filter import ukf

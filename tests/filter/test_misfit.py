@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from bondgraph.build import build
-from bondgraph.correct.fits.setup import filter_setup
 from bondgraph.data.log import MatchedLog
 from bondgraph.declare.domains import TRANSLATION
 from bondgraph.declare.graph import BondGraph
 from bondgraph.estimate.initial import initial_states
+from bondgraph.estimate.setup import filter_setup
 from bondgraph.filter.consistency import consistency, joined_innovations, misfits
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.misfit import ChannelInnovations, channel_misfits

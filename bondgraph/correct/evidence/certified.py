@@ -16,14 +16,14 @@ from dataclasses import replace
 import numpy as np
 
 from bondgraph.correct.evidence.context import at_optimum
-from bondgraph.correct.fits.fit import expand, fit
-from bondgraph.correct.fits.fitted import Fit, restricted
-from bondgraph.correct.fits.journal import Journal
 from bondgraph.correct.scores.score import solve
 from bondgraph.data.log import FloatArray
 from bondgraph.errors import EstimationError
 from bondgraph.estimate.certify import NEGLIGIBLE_SHIFT, Check, check, check_of
+from bondgraph.estimate.fitted import Fit, restricted
 from bondgraph.estimate.free import Kind
+from bondgraph.estimate.journal import Journal
+from bondgraph.estimate.local import expand, fit
 from bondgraph.estimate.objective import Expansion, Objective, Terms
 from bondgraph.estimate.problem import EstimationProblem
 from bondgraph.filter.discretisation import NEGLIGIBLE

@@ -23,14 +23,14 @@ from bondgraph.correct.evidence.decide import channel_shares, judge, robust_p_va
 from bondgraph.correct.evidence.transfer import transfer
 from bondgraph.correct.evidence.trials import Evidence, Trial
 from bondgraph.correct.fits.assess import gain_p_value
-from bondgraph.correct.fits.excerpts import excerpt
-from bondgraph.correct.fits.fit import fit
-from bondgraph.correct.fits.fitted import Fit
-from bondgraph.correct.fits.linear_steps import is_linearised
 from bondgraph.correct.fits.whiteness import whiteness
 from bondgraph.correct.models.candidates import Candidate
 from bondgraph.correct.scores.quiet import annealed_fit, quiet_fit
 from bondgraph.errors import EstimationError
+from bondgraph.estimate.derivatives.linearised import is_linearised
+from bondgraph.estimate.excerpt import excerpt
+from bondgraph.estimate.fitted import Fit
+from bondgraph.estimate.local import fit
 
 _TOLERANCE, _MOST_ITERATIONS = 0.05, 40
 #: A search on the beginnings of long logs ends where a step promises less than so many nats.

@@ -8,11 +8,11 @@ from typing import Literal
 import numpy as np
 
 from bondgraph.build import BuiltModel
-from bondgraph.correct.fits.fitted import Fit
-from bondgraph.correct.fits.journal import Journal
 from bondgraph.correct.models.candidates import Candidate, Variant
 from bondgraph.data.log import FloatArray, MatchedLog
+from bondgraph.estimate.fitted import Fit
 from bondgraph.estimate.free import FreeParameter
+from bondgraph.estimate.journal import Journal
 from bondgraph.filter.filter_model import FilterModel
 
 

@@ -15,12 +15,12 @@ from scipy import stats
 
 from bondgraph.correct.constants import BLOCKS, INDIFFERENT, POWER
 from bondgraph.correct.evidence.trials import Alternative, Detectable, Evidence, Trial
-from bondgraph.correct.fits.fitted import Fit, restricted
 from bondgraph.correct.fits.times import summed, term_times
 from bondgraph.correct.models.candidates import Candidate
 from bondgraph.correct.scores.score import Scores, robust_variance, solve
 from bondgraph.data.log import FloatArray, MatchedLog
 from bondgraph.declare.effect import Effect
+from bondgraph.estimate.fitted import Fit, restricted
 
 
 def judge(base: Fit, refit: Fit, effect: Effect, tried: int, gated: bool = False) -> Evidence:

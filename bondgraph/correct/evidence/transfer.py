@@ -24,12 +24,12 @@ from scipy import stats
 
 from bondgraph.correct.constants import CHANCE, FOLDS, LOGS_AS_FOLDS
 from bondgraph.correct.fits.compared import Compared, Errors, judged, squares
-from bondgraph.correct.fits.fitted import Fit
 from bondgraph.correct.fits.horizon import horizon, predicted, windows
 from bondgraph.correct.fits.times import summed, term_times
 from bondgraph.correct.scores.score import solve
 from bondgraph.data.log import FloatArray, MatchedLog
 from bondgraph.declare.effect import Effect
+from bondgraph.estimate.fitted import Fit
 from bondgraph.estimate.objective import Terms, expansion_of
 
 #: Information of a coefficient that is left without a fold, as a share of all of it, below which nothing is known.

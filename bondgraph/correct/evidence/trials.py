@@ -7,10 +7,10 @@ from dataclasses import dataclass, replace
 
 from bondgraph.build import BuiltModel
 from bondgraph.correct.evidence.transfer import Transfer
-from bondgraph.correct.fits.fitted import Fit
 from bondgraph.correct.models.candidates import Candidate
 from bondgraph.correct.models.failures import attempted
 from bondgraph.correct.scores.gates import Gate
+from bondgraph.estimate.fitted import Fit
 from bondgraph.text import number
 
 

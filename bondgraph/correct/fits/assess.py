@@ -13,8 +13,8 @@ import numpy as np
 from scipy import stats
 
 from bondgraph.correct.constants import BLOCKS, WINDOWS
-from bondgraph.correct.fits.fitted import Fit
 from bondgraph.data.log import FloatArray, MatchedLog
+from bondgraph.estimate.fitted import Fit
 from bondgraph.filter.filter_run import FilterRun
 from bondgraph.filter.linear.intervals import integrator, simulation_steps
 from bondgraph.simulate.outcome import Outcome

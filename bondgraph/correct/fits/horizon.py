@@ -14,9 +14,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from bondgraph.correct.constants import WINDOWS
-from bondgraph.correct.fits.fitted import Fit
 from bondgraph.data.log import FloatArray, MatchedLog
 from bondgraph.errors import BondGraphError
+from bondgraph.estimate.fitted import Fit
 from bondgraph.filter.filter_run import FilterRun
 from bondgraph.filter.linear.intervals import integrator, simulation_steps
 from bondgraph.simulate.simulation import simulate

@@ -15,13 +15,13 @@ from dataclasses import replace
 import numpy as np
 from scipy import stats
 
-from bondgraph.correct.fits.fit import fit
-from bondgraph.correct.fits.fitted import Fit
-from bondgraph.correct.fits.journal import Journal
 from bondgraph.data.log import FloatArray
 from bondgraph.errors import EstimationError
+from bondgraph.estimate.fitted import Fit
 from bondgraph.estimate.free import FreeParameter
 from bondgraph.estimate.initial import directly_measured
+from bondgraph.estimate.journal import Journal
+from bondgraph.estimate.local import fit
 from bondgraph.estimate.problem import EstimationProblem
 from bondgraph.filter.filter_model import FilterModel
 

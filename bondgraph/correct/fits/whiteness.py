@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import stats
 
-from bondgraph.correct.fits.fitted import Fit
 from bondgraph.data.log import FloatArray, MatchedLog
+from bondgraph.estimate.fitted import Fit
 from bondgraph.filter.consistency import ljung_box
 
 #: Logs in which a channel has no more values than this do not tell whether its innovations are white.

@@ -15,7 +15,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from bondgraph.build import BuiltModel, build
-from bondgraph.correct.fits.fitted import Fit
 from bondgraph.correct.models.bonds import bond_model
 from bondgraph.correct.places.probes import hats, probed_model, shaped
 from bondgraph.data.log import FloatArray, MatchedLog
@@ -23,6 +22,7 @@ from bondgraph.declare.editing import copy, handle
 from bondgraph.declare.effect import Place
 from bondgraph.derive.causality import bond_labels
 from bondgraph.errors import EstimationError, OptionError
+from bondgraph.estimate.fitted import Fit
 from bondgraph.estimate.initial import initial_states
 from bondgraph.estimate.objective import over_terms
 from bondgraph.filter.filter_model import FilterModel

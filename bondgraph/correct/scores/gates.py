@@ -18,7 +18,6 @@ from typing import Literal
 
 import numpy as np
 
-from bondgraph.correct.fits.fitted import Fit, restricted
 from bondgraph.correct.fits.times import summed
 from bondgraph.correct.models.candidates import Candidate, Variant
 from bondgraph.correct.scores.score import SAME, Projected, best_step, score_pieces, solve
@@ -31,6 +30,7 @@ from bondgraph.declare.functions import switch
 from bondgraph.declare.graph import BondGraph
 from bondgraph.declare.quantities import symbol
 from bondgraph.declare.revision import replace_symbols
+from bondgraph.estimate.fitted import Fit, restricted
 from bondgraph.filter.compiled import available_cores, in_threads
 from bondgraph.filter.linear.recursion import decay
 

@@ -18,14 +18,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from bondgraph.correct.fits.fit import fit
-from bondgraph.correct.fits.fitted import Fit
-from bondgraph.correct.fits.journal import Journal
 from bondgraph.correct.models.candidates import Candidate
 from bondgraph.correct.scores.scoring import Linearisation, Scored, linearisation, score_candidates
 from bondgraph.data.log import MatchedLog
 from bondgraph.errors import EstimationError, FilterError
+from bondgraph.estimate.fitted import Fit
 from bondgraph.estimate.free import FreeParameter
+from bondgraph.estimate.journal import Journal
+from bondgraph.estimate.local import fit
 from bondgraph.estimate.problem import EstimationProblem
 
 #: The quiet fit is only where scores are taken and refits start; of a stiff model, whose fits take long, the less.

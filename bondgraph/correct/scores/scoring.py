@@ -8,12 +8,12 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from bondgraph.correct.fits.fitted import Fit
 from bondgraph.correct.fits.times import Times, term_times
 from bondgraph.correct.models.candidates import Candidate, Variant
 from bondgraph.correct.models.failures import attempted
 from bondgraph.correct.scores.score import LEFT, Projected, Scores, project, scores, solve
 from bondgraph.data.log import FloatArray, MatchedLog
+from bondgraph.estimate.fitted import Fit
 from bondgraph.estimate.free import FreeParameter
 from bondgraph.estimate.objective import Expansion, expansion_of, over_terms
 from bondgraph.filter.compiled import available_cores, in_threads

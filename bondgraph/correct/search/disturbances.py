@@ -26,11 +26,6 @@ from bondgraph.correct.constants import INDIFFERENT
 from bondgraph.correct.evidence.context import at_optimum
 from bondgraph.correct.evidence.trials import Evidence, Trial
 from bondgraph.correct.fits.assess import gain_p_value
-from bondgraph.correct.fits.excerpts import excerpt
-from bondgraph.correct.fits.fit import fit
-from bondgraph.correct.fits.fitted import Fit
-from bondgraph.correct.fits.journal import Journal
-from bondgraph.correct.fits.setup import filter_setup
 from bondgraph.correct.fits.whiteness import whiteness
 from bondgraph.correct.models.candidates import Candidate, placed
 from bondgraph.correct.models.failures import attempted
@@ -41,8 +36,13 @@ from bondgraph.declare.elements import Node
 from bondgraph.declare.graph import BondGraph
 from bondgraph.declare.revision import replace_signal, revise_output
 from bondgraph.errors import DataError
+from bondgraph.estimate.excerpt import excerpt
+from bondgraph.estimate.fitted import Fit
 from bondgraph.estimate.free import FreeParameter
+from bondgraph.estimate.journal import Journal
+from bondgraph.estimate.local import fit
 from bondgraph.estimate.problem import EstimationProblem
+from bondgraph.estimate.setup import filter_setup
 from bondgraph.text import number
 
 #: Kind of effect of a disturbance.

@@ -16,9 +16,6 @@ import numpy as np
 
 from bondgraph.correct.evidence.context import Context, coefficients, declared_point, inside
 from bondgraph.correct.evidence.trials import Trial
-from bondgraph.correct.fits.fit import expand, fit
-from bondgraph.correct.fits.fitted import Fit
-from bondgraph.correct.fits.noise_starts import noisy_starts
 from bondgraph.correct.models.candidates import Candidate, Variant
 from bondgraph.correct.models.failures import FAILURES
 from bondgraph.correct.scores.score import solve
@@ -26,7 +23,10 @@ from bondgraph.correct.scores.scoring import Linearisation, Scored, linearisatio
 from bondgraph.correct.search.refit import SHARES
 from bondgraph.correct.search.swap import swaps
 from bondgraph.data.log import FloatArray
+from bondgraph.estimate.fitted import Fit
 from bondgraph.estimate.free import FreeParameter
+from bondgraph.estimate.local import expand, fit
+from bondgraph.estimate.noise_starts import noisy_starts
 from bondgraph.estimate.objective import SearchOutcome
 from bondgraph.estimate.solvers.gauss_newton import GaussNewtonSettings
 from bondgraph.filter.filter_model import FilterModel

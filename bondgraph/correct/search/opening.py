@@ -10,7 +10,6 @@ import numpy as np
 from bondgraph.correct.evidence.context import Context
 from bondgraph.correct.evidence.decide import choose
 from bondgraph.correct.evidence.trials import Trial
-from bondgraph.correct.fits.fit import Report
 from bondgraph.correct.fits.whiteness import is_white
 from bondgraph.correct.models.candidates import Candidate
 from bondgraph.correct.models.failures import attempted
@@ -27,6 +26,7 @@ from bondgraph.correct.search.incumbents import (
 )
 from bondgraph.correct.search.search import Entry, Search
 from bondgraph.correct.search.storages import TrialSize, trial_size
+from bondgraph.estimate.local import Report
 from bondgraph.filter.compiled import in_threads
 
 #: Storages that are looked at side by side, whatever the machine, and events of each fit that may be refitted.

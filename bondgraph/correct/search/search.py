@@ -20,7 +20,6 @@ from bondgraph.correct.constants import INDIFFERENT, OPTIMISM, UPPER
 from bondgraph.correct.evidence.context import Context
 from bondgraph.correct.evidence.decide import choose
 from bondgraph.correct.evidence.trials import Trial
-from bondgraph.correct.fits.fit import Report
 from bondgraph.correct.models.candidates import superset
 from bondgraph.correct.models.failures import FAILURES, attempted
 from bondgraph.correct.scores.scoring import Scored
@@ -28,7 +27,8 @@ from bondgraph.correct.search.events import context_in_part
 from bondgraph.correct.search.incumbents import Prediction, predicted_by_swap
 from bondgraph.correct.search.refit import Prepared, prepared, refit
 from bondgraph.data.log import FloatArray
-from bondgraph.estimate.exact import compile_exact
+from bondgraph.estimate.derivatives.exact import compile_exact
+from bondgraph.estimate.local import Report
 from bondgraph.filter.compiled import CompiledFilter, in_threads
 from bondgraph.filter.filter_model import FilterModel
 

@@ -15,15 +15,15 @@ import numpy as np
 from bondgraph.build import BuiltModel, build
 from bondgraph.correct.evidence.context import Context, at_optimum, coefficients
 from bondgraph.correct.evidence.trials import Trial
-from bondgraph.correct.fits.excerpts import excerpt
-from bondgraph.correct.fits.fit import expand
-from bondgraph.correct.fits.fitted import Fit
-from bondgraph.correct.fits.linear_steps import filter_runs, is_linearised, linear_expansion, value_of
-from bondgraph.correct.fits.setup import filter_setup
 from bondgraph.correct.models.followers import followers
 from bondgraph.data.log import FloatArray
+from bondgraph.estimate.derivatives.linearised import filter_runs, is_linearised, linear_expansion, value_of
+from bondgraph.estimate.excerpt import excerpt
+from bondgraph.estimate.fitted import Fit
+from bondgraph.estimate.local import expand
 from bondgraph.estimate.objective import Expansion
 from bondgraph.estimate.problem import EstimationProblem
+from bondgraph.estimate.setup import filter_setup
 from bondgraph.estimate.solvers.gauss_newton import GaussNewtonSettings
 from bondgraph.estimate.solvers.steps import newton_decrement
 from bondgraph.filter.filter_run import FilterRun

@@ -19,11 +19,11 @@ from bondgraph.correct.evidence.certified import resolving, with_steps
 from bondgraph.correct.evidence.context import Context, at_optimum
 from bondgraph.correct.evidence.decide import judge
 from bondgraph.correct.evidence.trials import Trial
-from bondgraph.correct.fits.fit import fit
-from bondgraph.correct.fits.fitted import Fit
 from bondgraph.correct.models.failures import attempted
 from bondgraph.correct.search.refit import refit_from
+from bondgraph.estimate.fitted import Fit
 from bondgraph.estimate.free import FreeParameter
+from bondgraph.estimate.local import fit
 
 #: Shares of the declared width at which a search with a free width begins: what changes over more sharply is the rule.
 _SHARES = (1.0, 0.3, 0.1, 3.0)

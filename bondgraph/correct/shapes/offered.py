@@ -23,7 +23,6 @@ from bondgraph.correct.constants import INDIFFERENT
 from bondgraph.correct.evidence.context import Context
 from bondgraph.correct.evidence.decide import choose
 from bondgraph.correct.evidence.trials import Trial
-from bondgraph.correct.fits.fit import Report
 from bondgraph.correct.models.candidates import candidates
 from bondgraph.correct.places.located import LocatedAt
 from bondgraph.correct.places.probes import Probe, Signal
@@ -33,6 +32,7 @@ from bondgraph.correct.scores.scoring import Linearisation, Scored
 from bondgraph.correct.search.refit import refit_from
 from bondgraph.correct.shapes.formula import Formula
 from bondgraph.correct.shapes.subsets import MOST_TERMS, Sum, Terms, best_sums, scored_terms, tried
+from bondgraph.estimate.local import Report
 
 #: Places at which functions are tried while a law of the dictionary passes, and where none does; signals of a formula.
 _PLACES, _ALL_PLACES, _SIGNALS = 3, 8, 4

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from bondgraph.correct.fits.fitted import Fit
 from bondgraph.correct.shapes.formula import Formula
 from bondgraph.declare.domains import ELECTRICAL, HYDRAULIC, ROTATION, TRANSLATION
 from bondgraph.declare.graph import BondGraph
 from bondgraph.declare.quantities import symbol
+from bondgraph.estimate.fitted import Fit
 from bondgraph.text import number
 
 #: A parameter that moves by more than so many of its standard errors when a formula comes had taken a part of it.

@@ -85,7 +85,8 @@ def combinations(problem: EstimationProblem, point: FloatArray, information: Flo
     Examples
     --------
     >>> import bondgraph as bg
-    >>> from bondgraph.estimate.objective import central_differences, fitted_expansion
+    >>> from bondgraph.estimate.derivatives.differences import central_differences
+    >>> from bondgraph.estimate.objective import fitted_expansion
     >>> from bondgraph.simulate.example import pendulum
     >>> swing = bg.FilterModel(pendulum(), {"rate": 0.05}, {"deflection": 0.05}, {"angle": 0.1, "rate": 0.1}, 2)
     >>> time = np.arange(100) * 0.05

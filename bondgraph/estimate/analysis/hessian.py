@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from bondgraph.errors import EstimationError
-from bondgraph.estimate.exact import exact_derivatives
+from bondgraph.estimate.derivatives.exact import exact_derivatives
 from bondgraph.estimate.objective import Expand, FloatArray, fitted_expansion
 from bondgraph.estimate.problem import EstimationProblem
 

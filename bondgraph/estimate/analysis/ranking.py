@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from bondgraph.estimate.analysis.combinations import Combination, combinations
-from bondgraph.estimate.exact import derivatives
+from bondgraph.estimate.derivatives.exact import derivatives
 from bondgraph.estimate.objective import Expand, FloatArray, fitted_expansion
 from bondgraph.estimate.pictures import own_axes
 from bondgraph.estimate.problem import EstimationProblem

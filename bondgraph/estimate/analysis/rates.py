@@ -19,7 +19,7 @@ from bondgraph.coherent import Displayed
 from bondgraph.data.log import MatchedLog
 from bondgraph.data.select import decimate
 from bondgraph.errors import OptionError
-from bondgraph.estimate.exact import derivatives, filtering_work
+from bondgraph.estimate.derivatives.exact import derivatives, filtering_work
 from bondgraph.estimate.free_simulation import expected_problem
 from bondgraph.estimate.objective import BoolArray, Expand, FloatArray
 from bondgraph.estimate.pictures import own_axes

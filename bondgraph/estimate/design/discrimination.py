@@ -24,9 +24,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from bondgraph.errors import EstimationError, OptionError
+from bondgraph.estimate.derivatives.exact import derivatives
 from bondgraph.estimate.design.manoeuvres import Manoeuvre, planned_problem
 from bondgraph.estimate.estimated import estimated_filter
-from bondgraph.estimate.exact import derivatives
 from bondgraph.estimate.objective import BoolArray, Expand, Expansion, FloatArray, Objective, Terms, expansion_of
 from bondgraph.estimate.pictures import own_axes
 from bondgraph.estimate.problem import EstimationProblem

@@ -19,8 +19,8 @@ import numpy as np
 
 from bondgraph.errors import EstimationError, OptionError
 from bondgraph.estimate.analysis.ranking import prior_std
+from bondgraph.estimate.derivatives.exact import derivatives
 from bondgraph.estimate.design.manoeuvres import Manoeuvre, planned_problem
-from bondgraph.estimate.exact import derivatives
 from bondgraph.estimate.objective import Expand, FloatArray, fitted_expansion
 from bondgraph.estimate.pictures import own_axes
 from bondgraph.estimate.problem import EstimationProblem

@@ -17,6 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from bondgraph.errors import EstimationError
+from bondgraph.estimate.derivatives.differences import central_differences
 from bondgraph.estimate.objective import (
     Expand,
     Expansion,
@@ -25,7 +26,6 @@ from bondgraph.estimate.objective import (
     Progress,
     SearchOutcome,
     TraceRow,
-    central_differences,
     silent,
 )
 from bondgraph.estimate.solvers.steps import bent_steps, damped_step, newton_decrement, promised_gain

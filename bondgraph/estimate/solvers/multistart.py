@@ -6,7 +6,8 @@ from dataclasses import dataclass, field
 from typing import ClassVar
 
 from bondgraph.estimate.coordinates import AbstractProblem
-from bondgraph.estimate.objective import Expand, FloatArray, Objective, SearchOutcome, central_differences
+from bondgraph.estimate.derivatives.differences import central_differences
+from bondgraph.estimate.objective import Expand, FloatArray, Objective, SearchOutcome
 from bondgraph.estimate.solvers.abstract import AbstractSearch, SearchResult
 from bondgraph.estimate.solvers.gauss_newton import (
     GaussNewtonSettings,

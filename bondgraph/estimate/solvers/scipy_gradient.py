@@ -8,13 +8,13 @@ from typing import ClassVar
 import numpy as np
 from scipy.optimize import Bounds, minimize
 
+from bondgraph.estimate.derivatives.differences import central_differences
 from bondgraph.estimate.objective import (
     Expand,
     FloatArray,
     Objective,
     SearchOutcome,
     TraceRow,
-    central_differences,
 )
 from bondgraph.estimate.solvers.abstract import AbstractSearch, SearchResult
 

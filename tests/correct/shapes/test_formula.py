@@ -10,8 +10,6 @@ import sympy
 
 import bondgraph as bg
 from bondgraph.arrays import FloatArray
-from bondgraph.correct.fits.fit import Fit, fit
-from bondgraph.correct.fits.setup import filter_setup
 from bondgraph.correct.loop import LoopSettings, close_loop, free_parameters
 from bondgraph.correct.models.candidates import candidates, places
 from bondgraph.correct.places.probes import Signal, argument, probes, signals
@@ -25,6 +23,8 @@ from bondgraph.data.log import MatchedLog
 from bondgraph.declare.domains import TRANSLATION
 from bondgraph.declare.editing import handle
 from bondgraph.declare.effect import Place, Scale
+from bondgraph.estimate.local import Fit, fit
+from bondgraph.estimate.setup import filter_setup
 from bondgraph.report.formulas import formula_sentences
 from bondgraph.report.missing import missing_efforts
 from vehicle_graphs import effects

@@ -22,10 +22,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from bondgraph.correct.fits.linear_steps import Reached, longest_steps
-from bondgraph.estimate.exact import exact_expansion
+from bondgraph.estimate.derivatives.exact import exact_expansion
 from bondgraph.estimate.objective import SearchOutcome
 from bondgraph.estimate.problem import EstimationProblem
+from bondgraph.estimate.solvers.linearised import Reached, longest_steps
 from bondgraph.estimate.solvers.steps import damped_step, newton_decrement
 
 #: Most exact expansions of one fit, and steps with each.

@@ -10,16 +10,14 @@ single sigma points pass a kink of a law (a wheel that starts to roll), which sa
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
 from bondgraph.compile.machine_code import has_numba
 from bondgraph.data.log import FloatArray
 from bondgraph.estimate.free import FreeParameter
-from bondgraph.estimate.objective import Expansion, SearchOutcome, expansion_of
+from bondgraph.estimate.objective import Expansion, expansion_of
 from bondgraph.estimate.problem import EstimationProblem
-from bondgraph.estimate.solvers.steps import damped_step, newton_decrement, promised_gain
 from bondgraph.filter.compiled import available_cores, in_threads
 from bondgraph.filter.filter_run import FilterRun
 from bondgraph.filter.linear.intervals import Kicks
@@ -28,7 +26,6 @@ from bondgraph.filter.linear.recursion import respond
 from bondgraph.filter.linear.response import (
     Change,
     LinearLog,
-    kicked_along,
     linearise,
     model_change,
     together,
@@ -37,21 +34,6 @@ from bondgraph.filter.runs import run
 
 #: Parameters are shifted by this share of their bounds.
 _SHIFT = 1e-5
-#: Damping of the first step relative to the information, its limits, and by how much it falls and rises.
-_DAMPING, _LEAST_DAMPING, _MOST_DAMPING, _DAMP_LESS, _DAMP_MORE = 1e-2, 1e-6, 1e5, 10.0, 30.0
-#: It falls where a step gained more than this share of what it promised.
-_AS_PROMISED = 0.5
-#: No step is worth less than so many nats: what is left is for exact derivatives (``polish``).
-_FINEST = 1.0
-#: Nor are more trials for a step that gains, after so many that did not, where the best promises less than this.
-_HARDLY, _VAIN = 2.0, 3
-#: What kicks of the states leave is the costly part. It depends on the parameters and on the course of the states,
-#: which measurements hold: it is asked anew once a parameter has moved by more than this share of its bounds, and far
-#: from the optimum, where a step promises more than so many nats.
-_UNMOVED, _NEAR = 0.01, 50.0
-#: Longest steps: of the logarithm of a noise level, and of other coordinates as a share of their bounds. A level of
-#: which the data say nothing is else thrown to where they say a lot.
-_LONGEST_LEVEL, _LONGEST = 1.5, 0.3
 
 
 def is_linearised(problem: EstimationProblem) -> bool:
@@ -109,89 +91,6 @@ def expansion_along(
     return expansion_of(
         np.concatenate([*innovations, priors]), np.concatenate([*scales, np.zeros(priors.shape)]), len(runs)
     )
-
-
-@dataclass(frozen=True)
-class Reached:
-    """Where a search ended: the point (n,), its negative log-likelihood and expansion, and what it took."""
-
-    point: FloatArray
-    nll: float
-    expansion: Expansion
-    evaluations: int
-    outcome: SearchOutcome
-
-
-def linear_search(
-    problem: EstimationProblem, start: FloatArray, iterations: int, tolerance: float, beat: float, hopeless: float
-) -> Reached:
-    """Damped scoring steps from a start (n,), each from one run of the filter that also serves the next expansion.
-
-    Parameters
-    ----------
-    problem, start
-        What to fit, and from where.
-    iterations, tolerance
-        Most steps, and how many nats a further one must promise.
-    beat, hopeless
-        Give up where the value is behind ``beat`` by more than ``hopeless`` times what a step promises or gains.
-    """
-    tolerance = max(tolerance, _FINEST)
-    point = np.clip(start, problem.lower, problem.upper)
-    runs = filter_runs(problem, point)
-    value, evaluations, damping = value_of(problem, point, runs), 1, _DAMPING
-    kicked, there = _kicked(problem, point, runs), point
-    expansion = linear_expansion(problem, point, runs, kicked)
-    outcome = SearchOutcome.ITERATION_LIMIT
-    longest = longest_steps(problem)
-    idle = vain = 0
-    for _ in range(iterations):
-        if not expansion.is_finite:
-            outcome = SearchOutcome.NO_DERIVATIVES
-            break
-        promise = newton_decrement(problem, point, expansion)
-        if promise < tolerance or idle == 2 or damping > _MOST_DAMPING:
-            outcome = SearchOutcome.CONVERGED
-            break
-        step = np.clip(damped_step(problem, point, expansion, damping) - point, -longest, longest)
-        trial = point + step
-        tried = filter_runs(problem, trial)
-        reached, evaluations = value_of(problem, trial, tried), evaluations + 1
-        gained = value - reached
-        if not gained > 0.0:
-            vain += 1
-            if promise < _HARDLY and vain == _VAIN:
-                outcome = SearchOutcome.CONVERGED
-                break
-            damping *= _DAMP_MORE
-            continue
-        vain = 0
-        kept = gained / max(promised_gain(expansion, step), gained, 1e-300)
-        point, value, runs = trial, reached, tried
-        damping = max(damping / _DAMP_LESS, _LEAST_DAMPING) if kept > _AS_PROMISED else damping
-        idle = idle + 1 if gained < tolerance else 0
-        if promise > _NEAR or _moved(problem, point, there) > _UNMOVED:
-            kicked, there = _kicked(problem, point, runs), point
-        expansion = linear_expansion(problem, point, runs, kicked)
-        if value - beat > hopeless * max(gained, promise):
-            break
-    return Reached(point, value, expansion, evaluations, outcome)
-
-
-def _moved(problem: EstimationProblem, point: FloatArray, before: FloatArray) -> float:
-    """How far parameters are from where they were, at most, as a share of their bounds."""
-    share = np.abs(point - before) / (problem.upper - problem.lower)
-    return float(share[~problem.noise_levels].max(initial=0.0))
-
-
-def _kicked(problem: EstimationProblem, point: FloatArray, runs: Sequence[FilterRun]) -> list[Kicks]:
-    theta = problem.batch(point[:, np.newaxis]).theta[:, 0]
-    return [kicked_along(run.raise_if_failed(), log, theta) for log, run in zip(problem.logs, runs, strict=True)]
-
-
-def longest_steps(problem: EstimationProblem) -> FloatArray:
-    """How far a step may go in each coordinate, shape (n,)."""
-    return np.where(problem.noise_levels, _LONGEST_LEVEL, _LONGEST * (problem.upper - problem.lower))
 
 
 def value_of(problem: EstimationProblem, point: FloatArray, runs: Sequence[FilterRun]) -> float:

@@ -8,11 +8,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from bondgraph.correct.fits.linear_steps import expansion_along
-from bondgraph.correct.fits.setup import unknown_drives
 from bondgraph.data.log import FloatArray, MatchedLog
+from bondgraph.estimate.derivatives.linearised import expansion_along
 from bondgraph.estimate.objective import BoolArray, Expansion, SearchOutcome
 from bondgraph.estimate.problem import EstimationProblem
+from bondgraph.estimate.setup import unknown_drives
 from bondgraph.estimate.solvers.steps import newton_decrement
 from bondgraph.estimate.symmetric import scaled_eigen
 from bondgraph.filter.filter_model import FilterModel

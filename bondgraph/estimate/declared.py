@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from bondgraph.correct.fits.setup import FilterSetup, filter_setup
 from bondgraph.data.log import MatchedLog
 from bondgraph.errors import EstimationError
 from bondgraph.estimate.free import FreeParameter, declared_free, parse_target
 from bondgraph.estimate.initial import Initial
 from bondgraph.estimate.problem import EstimationProblem
+from bondgraph.estimate.setup import FilterSetup, filter_setup
 from bondgraph.simulate.model import Model
 
 

@@ -13,6 +13,7 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 
 from bondgraph.compile.lanes.load import load_tangents
+from bondgraph.estimate.derivatives.differences import central_differences
 from bondgraph.estimate.joint import Problem
 from bondgraph.estimate.likelihoods import FilterLikelihood
 from bondgraph.estimate.objective import (
@@ -21,7 +22,6 @@ from bondgraph.estimate.objective import (
     FloatArray,
     Objective,
     Terms,
-    central_differences,
     expansion_of,
 )
 from bondgraph.estimate.problem import EstimationProblem

@@ -8,25 +8,18 @@ from typing import Any
 
 import numpy as np
 
-from bondgraph.correct.fits.differences import forward_differences
-from bondgraph.correct.fits.excerpts import excerpt
-from bondgraph.correct.fits.fitted import Fit
-from bondgraph.correct.fits.journal import Journal, Noted, fit_key
-from bondgraph.correct.fits.linear_steps import (
-    Reached,
-    divergence,
-    is_linearised,
-    linear_expansion,
-    linear_search,
-)
-from bondgraph.correct.fits.polish import polished
-from bondgraph.correct.fits.widening import MOST_WIDENINGS, widened
 from bondgraph.data.log import FloatArray, MatchedLog
 from bondgraph.errors import EstimationError
-from bondgraph.estimate.exact import exact_expansion
+from bondgraph.estimate.derivatives.differences import forward_differences
+from bondgraph.estimate.derivatives.exact import exact_expansion
+from bondgraph.estimate.derivatives.linearised import divergence, is_linearised, linear_expansion
+from bondgraph.estimate.excerpt import excerpt
+from bondgraph.estimate.fitted import Fit
 from bondgraph.estimate.free import FreeParameter
+from bondgraph.estimate.journal import Journal, Noted, fit_key
 from bondgraph.estimate.objective import Expansion, Objective, SearchOutcome
 from bondgraph.estimate.problem import EstimationProblem
+from bondgraph.estimate.solvers.exact_newton import polished
 from bondgraph.estimate.solvers.gauss_newton import (
     GaussNewtonSettings,
     GaussNewtonState,
@@ -35,11 +28,11 @@ from bondgraph.estimate.solvers.gauss_newton import (
     starts_ended,
     step_starts,
 )
+from bondgraph.estimate.solvers.linearised import HOPELESS, LinearisedScoring, Reached, linear_search
 from bondgraph.estimate.solvers.steps import newton_decrement
+from bondgraph.estimate.widening import MOST_WIDENINGS, widened
 from bondgraph.filter.filter_model import FilterModel
 
-#: A fit that is to beat another gives up when it is behind by more than this many times what a step promises or gains.
-_HOPELESS = 10.0
 #: The exact steps that end the fit of a stiff model must promise so many nats. They begin where the linearised filter
 #: promises less than the other number, of which it is sure no more.
 _POLISHED, _HANDED_OVER = 0.1, 30.0
@@ -152,7 +145,7 @@ def _search(
         state = step_starts(problem, state, settings, differences)
         gained = before - float(state.values[0])
         idle = idle + 1 if 0.0 < gained < tolerance else 0
-        if float(state.values[0]) - beat > _HOPELESS * max(gained, differences.promise(problem)):
+        if float(state.values[0]) - beat > HOPELESS * max(gained, differences.promise(problem)):
             break
     ended = SearchOutcome.CONVERGED if idle == 2 else SearchOutcome.ITERATION_LIMIT
     return _fit(problem, finish_starts(state, ended), differences, evaluations)
@@ -177,7 +170,7 @@ def _linear_search(
         if part is None and not polishes:  # nothing is left to do
             return _fit_of(problem, rough)
         start, evaluations = rough.point, rough.evaluations
-    found = linear_search(problem, start, iterations, _HANDED_OVER if polishes else tolerance, beat, _HOPELESS)
+    found = linear_search(LinearisedScoring(iterations, _HANDED_OVER if polishes else tolerance, beat), problem, start)
     if polishes and found.nll < beat + reach:
         found = polished(problem, found, max(tolerance, _POLISHED))
     return _fit_of(problem, replace(found, evaluations=evaluations + found.evaluations))
@@ -190,11 +183,12 @@ def _fit_of(problem: EstimationProblem, found: Reached) -> tuple[Fit, FloatArray
 
 def _rough(problem: EstimationProblem, iterations: int, first: FloatArray, starts: Sequence[FloatArray]) -> Reached:
     """Where a rough search from the first start or, if that is better, from another one ends."""
-    found = linear_search(problem, first, iterations, ROUGH, np.inf, _HOPELESS)
+    search = LinearisedScoring(iterations, ROUGH)
+    found = linear_search(search, problem, first)
     evaluations = found.evaluations + len(starts)
     other, _ = _best_start(problem, starts)
     if starts and not problem.nll(other)[0] > found.nll:
-        again = linear_search(problem, other[:, 0], iterations, ROUGH, np.inf, _HOPELESS)
+        again = linear_search(search, problem, other[:, 0])
         evaluations += again.evaluations
         found = again if again.nll < found.nll else found
     return replace(found, evaluations=evaluations)

@@ -1,0 +1,1 @@
+"""Derivatives of the likelihood: exact, of a filter linearised along itself, by differences."""
