@@ -11,7 +11,7 @@ import numpy as np
 from bondgraph.build import BuiltModel, build
 from bondgraph.correct.constants import LEVEL
 from bondgraph.correct.evidence.certified import refined
-from bondgraph.correct.evidence.context import Context, at_optimum
+from bondgraph.correct.evidence.context import Context
 from bondgraph.correct.evidence.decide import judge, robust_p_value
 from bondgraph.correct.evidence.trials import Trial
 from bondgraph.correct.fits.starts import with_starts
@@ -24,7 +24,7 @@ from bondgraph.data.log import MatchedLog
 from bondgraph.declare.graph import BondGraph
 from bondgraph.errors import DeclarationError, EstimationError
 from bondgraph.estimate.certify import Check
-from bondgraph.estimate.fitted import Fit, restricted
+from bondgraph.estimate.fitted import Fit, at_optimum, restricted
 from bondgraph.estimate.local import fit
 from bondgraph.estimate.objective import SearchOutcome
 from bondgraph.estimate.problem import EstimationProblem

@@ -10,6 +10,7 @@ import numpy as np
 
 from bondgraph.data.log import FloatArray, MatchedLog
 from bondgraph.estimate.derivatives.linearised import expansion_along
+from bondgraph.estimate.free import FreeParameter
 from bondgraph.estimate.objective import BoolArray, Expansion, SearchOutcome
 from bondgraph.estimate.problem import EstimationProblem
 from bondgraph.estimate.setup import unknown_drives
@@ -149,6 +150,15 @@ class Fit:
             )
             for log, x0 in zip(logs, batch.x0, strict=True)
         ]  # fmt: skip
+
+
+def at_optimum(fitted: Fit) -> tuple[FreeParameter, ...]:
+    """The free parameters of a fit, starting from its optimum."""
+    values = fitted.values
+    return tuple(
+        replace(parameter, start=min(max(values[parameter.name], parameter.lower), parameter.upper))
+        for parameter in fitted.problem.free
+    )
 
 
 def restricted(expansion: Expansion, kept: BoolArray) -> Expansion:

@@ -10,7 +10,7 @@ import pytest
 
 from bondgraph import effects
 from bondgraph.build import build
-from bondgraph.correct.evidence.context import at_optimum, coefficients
+from bondgraph.correct.evidence.context import coefficients
 from bondgraph.correct.loop import ClosedLoop, close_loop
 from bondgraph.correct.places.missing import missing_effort
 from bondgraph.correct.round import one_round
@@ -22,6 +22,7 @@ from bondgraph.declare.graph import BondGraph
 from bondgraph.effects.sensors import SENSOR_FAULTS
 from bondgraph.errors import DataError, OptionError
 from bondgraph.estimate.certify import NEGLIGIBLE_SHIFT
+from bondgraph.estimate.fitted import at_optimum
 from bondgraph.estimate.local import fit
 from tests.correct.sled import FUNCTIONS, added, built, fitted, pull, sled
 

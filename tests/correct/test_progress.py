@@ -6,7 +6,7 @@ import pytest
 
 from bondgraph import effects
 from bondgraph.build import build
-from bondgraph.correct.evidence.context import at_optimum, coefficients
+from bondgraph.correct.evidence.context import coefficients
 from bondgraph.correct.evidence.trials import Trial
 from bondgraph.correct.loop import LoopSettings, close_loop
 from bondgraph.correct.models.candidates import candidates
@@ -15,6 +15,7 @@ from bondgraph.correct.rest import Rest
 from bondgraph.correct.round import RoundSettings
 from bondgraph.declare.editing import handle
 from bondgraph.declare.effect import Place, Scale
+from bondgraph.estimate.fitted import at_optimum
 from bondgraph.estimate.local import fit
 from tests.correct.sled import added, built, fitted, pull, sled
 

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from bondgraph import effects
-from bondgraph.correct.evidence.context import at_optimum
 from bondgraph.correct.evidence.decide import alternatives, choose
 from bondgraph.correct.evidence.transfer import Transfer, folds, left_out, transfer
 from bondgraph.correct.evidence.trials import Trial
@@ -17,7 +16,7 @@ from bondgraph.correct.loop import ClosedLoop, close_loop
 from bondgraph.correct.result import result_json
 from bondgraph.data.log import MatchedLog
 from bondgraph.declare.graph import BondGraph
-from bondgraph.estimate.fitted import Fit
+from bondgraph.estimate.fitted import Fit, at_optimum
 from bondgraph.estimate.local import fit
 from bondgraph.estimate.objective import Terms
 from tests.correct.sled import FUNCTIONS, added, fitted, pull, sled

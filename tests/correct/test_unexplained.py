@@ -10,7 +10,6 @@ from sympy import exp
 
 from bondgraph import effects
 from bondgraph.build import build
-from bondgraph.correct.evidence.context import at_optimum
 from bondgraph.correct.loop import ClosedLoop, LoopSettings, close_loop
 from bondgraph.correct.result import result_json
 from bondgraph.correct.scores.gates import Constancy, Gate, constancy, gate_samples, gates
@@ -19,6 +18,7 @@ from bondgraph.declare.editing import with_values
 from bondgraph.declare.effect import Effect, EffectFunction, Place
 from bondgraph.declare.graph import BondGraph
 from bondgraph.declare.quantities import symbol
+from bondgraph.estimate.fitted import at_optimum
 from bondgraph.estimate.local import fit
 from bondgraph.report.missing import missing_efforts
 from bondgraph.simulate.simulation import simulate

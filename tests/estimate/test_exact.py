@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bondgraph.estimate import exact
+from bondgraph.estimate.derivatives import exact
 from bondgraph.estimate.derivatives.differences import central_differences
 from bondgraph.estimate.derivatives.exact import derivatives, exact_derivatives
 from bondgraph.estimate.free import FreeParameter, parse_target

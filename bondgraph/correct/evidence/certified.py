@@ -15,7 +15,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from bondgraph.correct.evidence.context import at_optimum
 from bondgraph.correct.scores.score import solve
 from bondgraph.data.log import FloatArray
 from bondgraph.errors import EstimationError
@@ -23,7 +22,7 @@ from bondgraph.estimate.certify import NEGLIGIBLE_SHIFT, Check, check, check_of
 from bondgraph.estimate.fitted import Fit, restricted
 from bondgraph.estimate.free import Kind
 from bondgraph.estimate.journal import Journal
-from bondgraph.estimate.local import expand, fit
+from bondgraph.estimate.local import expand, refitted
 from bondgraph.estimate.objective import Expansion, Objective, Terms
 from bondgraph.estimate.problem import EstimationProblem
 from bondgraph.filter.discretisation import NEGLIGIBLE
@@ -32,8 +31,6 @@ from bondgraph.filter.filter_model import FilterModel
 #: How often steps are halved for a fit that they move: enough for a smoothed dry friction that explicit steps follow,
 #: but do not resolve. A stiff method resolves what is smooth with its first steps, and at a kink no steps do.
 _MOST_HALVINGS, _MOST_STIFF_HALVINGS = 4, 2
-#: A fit that still promises 0.005 nats lies a tenth of a standard deviation off by that alone.
-_ITERATIONS, _TOLERANCE = 20, 1e-3
 #: The share of a negligible shift up to which it may be told without derivatives with halved steps.
 _SURE = 0.5
 #: Free numbers that are levels of noises.
@@ -100,7 +97,7 @@ def with_steps(fitted: Fit, filter_model: FilterModel, journal: Journal | None =
     key = (finer.substeps, finer.grading, finer.plan)
     if key not in known:  # every candidate that is judged with finer steps asks for the fit without it
         try:
-            known[key] = fit(finer, fitted.problem.logs, at_optimum(fitted), _ITERATIONS, _TOLERANCE, journal=journal)
+            known[key] = refitted(fitted, finer, journal)
         except EstimationError:
             known[key] = fitted
     return known[key]

@@ -18,7 +18,7 @@ from scipy import stats
 
 from bondgraph.correct.constants import LONGEST_MEMORY
 from bondgraph.correct.evidence.certified import with_steps
-from bondgraph.correct.evidence.context import Context, at_optimum
+from bondgraph.correct.evidence.context import Context
 from bondgraph.correct.evidence.decide import channel_shares, judge, robust_p_value, robust_ratio_p_value
 from bondgraph.correct.evidence.transfer import transfer
 from bondgraph.correct.evidence.trials import Evidence, Trial
@@ -29,7 +29,7 @@ from bondgraph.correct.scores.quiet import annealed_fit, quiet_fit
 from bondgraph.errors import EstimationError
 from bondgraph.estimate.derivatives.linearised import is_linearised
 from bondgraph.estimate.excerpt import excerpt
-from bondgraph.estimate.fitted import Fit
+from bondgraph.estimate.fitted import Fit, at_optimum
 from bondgraph.estimate.local import fit
 
 _TOLERANCE, _MOST_ITERATIONS = 0.05, 40

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
@@ -58,15 +58,6 @@ def coefficients(
         widens = name in candidate.effect.coefficients
         found.append(FreeParameter(name, lower, upper, value, scale=scale, widens=widens))
     return tuple(found)
-
-
-def at_optimum(base: Fit) -> tuple[FreeParameter, ...]:
-    """The free parameters of a fit, starting from its optimum."""
-    values = base.values
-    return tuple(
-        replace(parameter, start=float(np.clip(values[parameter.name], parameter.lower, parameter.upper)))
-        for parameter in base.problem.free
-    )
 
 
 def declared_point(base: Fit) -> FloatArray:

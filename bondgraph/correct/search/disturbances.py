@@ -23,7 +23,6 @@ from scipy import stats
 
 from bondgraph.build import BuiltModel, build
 from bondgraph.correct.constants import INDIFFERENT
-from bondgraph.correct.evidence.context import at_optimum
 from bondgraph.correct.evidence.trials import Evidence, Trial
 from bondgraph.correct.fits.assess import gain_p_value
 from bondgraph.correct.fits.whiteness import whiteness
@@ -37,7 +36,7 @@ from bondgraph.declare.graph import BondGraph
 from bondgraph.declare.revision import replace_signal, revise_output
 from bondgraph.errors import DataError
 from bondgraph.estimate.excerpt import excerpt
-from bondgraph.estimate.fitted import Fit
+from bondgraph.estimate.fitted import Fit, at_optimum
 from bondgraph.estimate.free import FreeParameter
 from bondgraph.estimate.journal import Journal
 from bondgraph.estimate.local import fit

@@ -14,13 +14,13 @@ from typing import TypeAlias
 import numpy as np
 
 from bondgraph.build import BuiltModel, build
-from bondgraph.correct.evidence.context import Context, at_optimum, coefficients, declared_point, inside
+from bondgraph.correct.evidence.context import Context, coefficients, declared_point, inside
 from bondgraph.correct.evidence.decide import judge
 from bondgraph.correct.evidence.trials import Trial
 from bondgraph.correct.search.storages import sizes, storage_problem
 from bondgraph.data.log import FloatArray
 from bondgraph.estimate.excerpt import excerpt
-from bondgraph.estimate.fitted import Fit
+from bondgraph.estimate.fitted import Fit, at_optimum
 from bondgraph.estimate.local import ROUGH, ROUGH_ITERATIONS, WITHIN_REACH, fit
 from bondgraph.estimate.noise_starts import quiet_start
 from bondgraph.estimate.problem import EstimationProblem

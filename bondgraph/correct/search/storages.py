@@ -13,13 +13,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from bondgraph.build import BuiltModel, build
-from bondgraph.correct.evidence.context import Context, at_optimum, coefficients
+from bondgraph.correct.evidence.context import Context, coefficients
 from bondgraph.correct.evidence.trials import Trial
 from bondgraph.correct.models.followers import followers
 from bondgraph.data.log import FloatArray
 from bondgraph.estimate.derivatives.linearised import filter_runs, is_linearised, linear_expansion, value_of
 from bondgraph.estimate.excerpt import excerpt
-from bondgraph.estimate.fitted import Fit
+from bondgraph.estimate.fitted import Fit, at_optimum
 from bondgraph.estimate.local import expand
 from bondgraph.estimate.objective import Expansion
 from bondgraph.estimate.problem import EstimationProblem

@@ -16,12 +16,12 @@ import numpy as np
 
 from bondgraph.correct.constants import INDIFFERENT
 from bondgraph.correct.evidence.certified import resolving, with_steps
-from bondgraph.correct.evidence.context import Context, at_optimum
+from bondgraph.correct.evidence.context import Context
 from bondgraph.correct.evidence.decide import judge
 from bondgraph.correct.evidence.trials import Trial
 from bondgraph.correct.models.failures import attempted
 from bondgraph.correct.search.refit import refit_from
-from bondgraph.estimate.fitted import Fit
+from bondgraph.estimate.fitted import Fit, at_optimum
 from bondgraph.estimate.free import FreeParameter
 from bondgraph.estimate.local import fit
 

@@ -39,7 +39,7 @@ _LONGER, _BACK = (1e-5, 1e-3, 1e-2, 0.1), 3
 _LAST = 4.0
 #: So many nats may then be left of that promise, which is what those jumps are worth, or this share of it was gained:
 #: further derivatives were worth a tenth of a nat then.
-_ENOUGH, _KEPT = 0.5, 0.4
+ENOUGH, _KEPT = 0.5, 0.4
 #: Along a ridge, where a step promises more than :data:`_LAST`, one that gains this little may still lead on.
 _LEAST = 0.1
 
@@ -64,20 +64,20 @@ def polished(problem: EstimationProblem, found: Reached, tolerance: float) -> Re
             return reached
         before = replace(reached, expansion=expansion, evaluations=reached.evaluations + expansion.evaluations)
         promise = newton_decrement(problem, before.point, expansion)
-        reached = _stepped(problem, before, tolerance if promise < _LAST else max(tolerance, _ENOUGH))
+        reached = newton_steps(problem, before, tolerance if promise < _LAST else max(tolerance, ENOUGH))
         gained = before.nll - reached.nll
         near = promise < _LAST
         left = newton_decrement(problem, reached.point, reached.expansion)
-        arrived = near and (left < _ENOUGH or gained > _KEPT * promise)
-        if not near and gained < _ENOUGH:
+        arrived = near and (left < ENOUGH or gained > _KEPT * promise)
+        if not near and gained < ENOUGH:
             reached = min(reached, _along_ridge(problem, before), key=lambda one: one.nll)
-        if arrived or before.nll - reached.nll < (_ENOUGH if near else _LEAST):
+        if arrived or before.nll - reached.nll < (ENOUGH if near else _LEAST):
             return replace(reached, outcome=SearchOutcome.CONVERGED)
     return replace(reached, outcome=SearchOutcome.ITERATION_LIMIT)
 
 
-def _stepped(problem: EstimationProblem, found: Reached, tolerance: float) -> Reached:
-    """Where steps with the same derivatives lead, as long as they promise and gain something.
+def newton_steps(problem: EstimationProblem, found: Reached, tolerance: float) -> Reached:
+    """Where steps with the derivatives of ``found`` (or of a filter close by) lead, while they promise and gain.
 
     After the first, one that promises no more than jumps may be is tried at two dampings, and not at all of them.
     """
