@@ -131,6 +131,11 @@ def refitted(fitted: Fit, filter_model: FilterModel, journal: Journal | None = N
     return fit(filter_model, problem.logs, free, _AGAIN, _FINISHED, journal=journal)
 
 
+def left_open(problem: EstimationProblem) -> float:
+    """Nats that a rough search may leave: by the linearised filter of a stiff model far more than by differences."""
+    return WITHIN_REACH if is_linearised(problem) else ROUGH
+
+
 def _noted(problem: EstimationProblem, journal: Journal | None, *how: Any) -> Fit:
     """One search inside its bounds, taken from the journal if it is there and noted in it if not."""
     if journal is None:

@@ -35,11 +35,12 @@ from bondgraph.declare.elements import Node
 from bondgraph.declare.graph import BondGraph
 from bondgraph.declare.revision import replace_signal, revise_output
 from bondgraph.errors import DataError
+from bondgraph.estimate.derivatives.linearised import is_linearised
 from bondgraph.estimate.excerpt import excerpt
 from bondgraph.estimate.fitted import Fit, at_optimum
 from bondgraph.estimate.free import FreeParameter
 from bondgraph.estimate.journal import Journal
-from bondgraph.estimate.local import fit
+from bondgraph.estimate.local import ROUGH, ROUGH_ITERATIONS, fit, left_open
 from bondgraph.estimate.problem import EstimationProblem
 from bondgraph.estimate.setup import filter_setup
 from bondgraph.text import number
@@ -93,14 +94,13 @@ def disturbances(
         *(one for one in (_candidate(built, train, name) for name in _driven_states(base, level)) if one is not None),
         *(one for one in (_at_sensor(built, train, name) for name in coloured) if one is not None),
     ]
+    begun = [attempted(lambda one=one: _begun(built, one[0], one[1], base), lambda why: None) for one in made]  # type: ignore[misc]
     trials = [
         attempted(
-            lambda one=one, state=state: _estimated(  # type: ignore[misc]
-                built, one, state, base, train, len(made), journal
-            ),
-            lambda why, one=one: Trial(one, 0.0, failed=why),  # type: ignore[misc]
+            lambda one=one: _estimated(one, base, train, len(made), journal),  # type: ignore[misc]
+            lambda why, one=one: Trial(one.candidate, 0.0, failed=why),  # type: ignore[misc]
         )
-        for one, state in made
+        for one in _leading([one for one in begun if one is not None])
     ]
     passed = [one for one in trials if one.evidence is not None and one.evidence.accepted(level)]
     return max(passed, key=_worth, default=None)
@@ -228,25 +228,48 @@ def _times(train: Sequence[MatchedLog]) -> tuple[float, float]:
     )
 
 
-def _estimated(
-    built: BuiltModel, candidate: Candidate, state: str, base: Fit, train: Sequence[MatchedLog], tried: int,
-    journal: Journal | None,
-) -> Trial:  # fmt: skip
-    """The trial of a disturbance, estimated with everything else."""
+@dataclass(frozen=True)
+class _Begun:
+    """A disturbance with its problem and where to go on; of a stiff model its gain on the beginnings of long logs."""
+
+    candidate: Candidate
+    built: BuiltModel
+    problem: EstimationProblem
+    point: FloatArray
+    gain: float | None
+
+
+def _begun(built: BuiltModel, candidate: Candidate, state: str, base: Fit) -> _Begun:
+    """The best of its starts; of a stiff model a rough search goes on from there on the beginnings of long logs."""
     extended = build(candidate.apply(built.graph))
-    problem = _problem(extended, candidate, base, train)
-    points = _starts(problem, candidate, state, base)
-    part = excerpt(problem) or problem
-    values = part.nll(np.array(points).T)
+    problem = _problem(extended, candidate, base, base.problem.logs)
+    points, part = _starts(problem, candidate, state, base), excerpt(problem)
+    values = (part or problem).nll(np.array(points).T)
     best = points[int(np.argmin(np.where(np.isfinite(values), values, np.inf)))]
-    fitted = fit(problem.filter_model, train, problem.free, _ITERATIONS, _TOLERANCE, [best], journal=journal)
+    if part is None or not is_linearised(problem):
+        return _Begun(candidate, extended, problem, best, None)
+    rough = fit(part.filter_model, part.logs, part.free, ROUGH_ITERATIONS, ROUGH, [best])
+    without = replace(base.problem, logs=part.logs).nll(base.point[:, np.newaxis])
+    return _Begun(candidate, extended, problem, rough.point, float(without[0]) - rough.nll)
+
+
+def _leading(begun: Sequence[_Begun]) -> list[_Begun]:
+    """Those that are not clearly behind the best, nor behind the fit without any, on the beginnings of long logs."""
+    least = max((one.gain for one in begun if one.gain is not None), default=0.0)
+    return [one for one in begun if one.gain is None or one.gain >= max(least, 0.0) - left_open(one.problem)]
+
+
+def _estimated(begun: _Begun, base: Fit, train: Sequence[MatchedLog], tried: int, journal: Journal | None) -> Trial:
+    """The trial of a disturbance, estimated with everything else."""
+    candidate, problem = begun.candidate, begun.problem
+    fitted = fit(problem.filter_model, train, problem.free, _ITERATIONS, _TOLERANCE, [begun.point], journal=journal)
     gain = base.nll - fitted.nll
     measured = sum(int(np.isfinite(log.y).sum()) for log in train)
     ratio = float(stats.chi2.sf(2.0 * max(gain, 0.0), 2))  # its intensity and its time
     along = gain_p_value(base.own_runs, fitted.own_runs)
     worth = gain - float(np.log(max(measured, 2))) - float(np.log(tried))
     evidence = Evidence(gain, min(1.0, ratio * tried), min(1.0, along * tried), worth, tried)
-    return Trial(candidate, gain, built=extended, fit=fitted, evidence=evidence)
+    return Trial(candidate, gain, built=begun.built, fit=fitted, evidence=evidence)
 
 
 def _problem(extended: BuiltModel, candidate: Candidate, base: Fit, train: Sequence[MatchedLog]) -> EstimationProblem:

@@ -21,7 +21,7 @@ from bondgraph.correct.search.storages import sizes, storage_problem
 from bondgraph.data.log import FloatArray
 from bondgraph.estimate.excerpt import excerpt
 from bondgraph.estimate.fitted import Fit, at_optimum
-from bondgraph.estimate.local import ROUGH, ROUGH_ITERATIONS, WITHIN_REACH, fit
+from bondgraph.estimate.local import ROUGH, ROUGH_ITERATIONS, fit, left_open
 from bondgraph.estimate.noise_starts import quiet_start
 from bondgraph.estimate.problem import EstimationProblem
 from bondgraph.filter.filter_model import FilterModel
@@ -76,7 +76,7 @@ def refit(
     part = excerpt(problem)
     if part is not None:
         begun = _fit(part, points, context, ROUGH_ITERATIONS, ROUGH, first=first)
-        if lead is not None and begun.nll > _on_beginnings(lead) + context.required + _left_open(problem):
+        if lead is not None and begun.nll > _on_beginnings(lead) + context.required + left_open(problem):
             gain = context.base.nll - lead.nll
             remark = f"given up on the beginnings of the logs, clearly behind what gains {gain:.1f} nats"
             return replace(trial, built=built, remark=remark)
@@ -164,8 +164,3 @@ def _on_beginnings(best: Fit) -> float:
     """The negative log-likelihood of the beginnings of the logs at the optimum of them all."""
     part = excerpt(best.problem) or best.problem
     return float(part.nll(best.point[:, np.newaxis])[0])
-
-
-def _left_open(problem: EstimationProblem) -> float:
-    """Nats that a rough search may leave: by the linearised filter of a stiff model far more than by differences."""
-    return WITHIN_REACH if problem.filter_model.is_stiff else ROUGH
