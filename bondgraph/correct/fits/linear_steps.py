@@ -20,7 +20,7 @@ from bondgraph.estimate.free import FreeParameter
 from bondgraph.estimate.objective import Expansion, SearchOutcome, expansion_of
 from bondgraph.estimate.problem import EstimationProblem
 from bondgraph.estimate.solvers.steps import damped_step, newton_decrement, promised_gain
-from bondgraph.filter.compiled import available_cores, in_threads
+from bondgraph.execute.threads import available_cores, in_threads
 from bondgraph.filter.filter_run import FilterRun
 from bondgraph.filter.linear.intervals import Kicks
 from bondgraph.filter.linear.levels import LevelChanges, respond_to_levels
