@@ -22,9 +22,10 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from bondgraph.errors import BondGraphError
-from bondgraph.execute.executors import add_executor, open_executor
+from bondgraph.execute.executors import open_executor
 from bondgraph.report.figures import save_figure
 from bondgraph.report.progress import WorkProgress
+from vehicle_graphs.commands import command_parser
 from vehicle_graphs.effect_study import tables
 from vehicle_graphs.effect_study.cases import DESCRIPTIONS, FAMILIES, Case, all_cases
 from vehicle_graphs.effect_study.machines import MACHINES
@@ -36,10 +37,7 @@ SIZES = (0.3, 1.0, 3.0)
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
-        prog="python -m vehicle_graphs.effect_study", description=__doc__,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )  # fmt: skip
+    parser = command_parser("effect_study", __doc__)
     parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder of the study, made if absent")
     parser.add_argument("--machine", choices=tuple(MACHINES), default="ranger", help="default: ranger")
     meaning = "; ".join(f"{name}: {what}" for name, what in DESCRIPTIONS.items())
@@ -53,7 +51,6 @@ def _parser() -> argparse.ArgumentParser:
         "--first-seed", type=int, default=0, metavar="K",
         help="cases from this seed on, as those that a change of the loop was not judged by; default: 0",
     )  # fmt: skip
-    add_executor(parser)
     parser.add_argument("--minutes", type=float, metavar="M", help="begin no case later than that")
     parser.add_argument("--short", action="store_true", help="logs of half the length")
     return parser
