@@ -133,9 +133,10 @@ def filterpy_filter(filter_model: FilterModel, dt: float, theta: npt.ArrayLike |
 
 
 def _upper_factor(matrix: FloatArray) -> FloatArray:
-    """Upper factor of a covariance, as filterpy's own; that of a singular one, of states that are known exactly, too."""
+    """Upper factor of a covariance as filterpy's own; states that are known exactly make one singular."""
     try:
-        return np.linalg.cholesky(matrix).T
+        upper: FloatArray = np.linalg.cholesky(matrix).T
+        return upper
     except np.linalg.LinAlgError:
         return lower_factor(matrix).lower.T
 
