@@ -246,8 +246,15 @@ def test_the_run_time_half_loads_neither_sympy_nor_networkx_nor_the_design_time_
     assert set(rooms.split()) <= {*FOUNDATION, *RUN_TIME}
 
 
-#: Where a model is made of a text: of a graph's or its equations', of a file's, of a graph's with bonds as outputs.
-MODEL_MAKERS = {"build.py", "simulate/model.py", "simulate/example.py", "report/simulation.py"}
+#: Where a model is made of a text: of a graph's or its equations', of a file's, of a graph's with bonds as outputs, of
+#: state equations without a graph.
+MODEL_MAKERS = {
+    "build.py",
+    "report/simulation.py",
+    "simulate/model.py",
+    "simulate/example.py",
+    "simulate/state_space.py",
+}
 
 
 def test_a_graph_becomes_a_model_in_one_place() -> None:

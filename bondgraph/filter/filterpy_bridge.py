@@ -135,8 +135,7 @@ def filterpy_filter(filter_model: FilterModel, dt: float, theta: npt.ArrayLike |
 def _upper_factor(matrix: FloatArray) -> FloatArray:
     """Upper factor of a covariance as filterpy's own; states that are known exactly make one singular."""
     try:
-        upper: FloatArray = np.linalg.cholesky(matrix).T
-        return upper
+        return np.asarray(np.linalg.cholesky(matrix).T, dtype=np.float64)
     except np.linalg.LinAlgError:
         return lower_factor(matrix).lower.T
 
