@@ -9,6 +9,7 @@ status 2, an interruption with 130 and what is finished kept, where the command 
 from __future__ import annotations
 
 import argparse
+import importlib
 import sys
 from collections.abc import Callable
 
@@ -24,6 +25,15 @@ def command_parser(name: str, doc: str | None, executor: bool = True) -> argpars
     if executor:
         add_executor(parser)
     return parser
+
+
+def importable_main(name: str) -> int:
+    """The status of a command whose tasks are functions of its own module, which workers import by its name.
+
+    The module that Python runs is called ``__main__``, and that of a worker is another.
+    """
+    status: int = importlib.import_module(f"vehicle_graphs.{name}").main()
+    return status
 
 
 def run_command(work: Callable[[], None], kept: str = "") -> int:

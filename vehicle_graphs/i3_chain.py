@@ -36,7 +36,7 @@ from bondgraph.execute.executors import open_executor
 from bondgraph.execute.tasks import in_order
 from bondgraph.simulate.model import Model
 from vehicle_graphs import i3
-from vehicle_graphs.commands import command_parser, run_command
+from vehicle_graphs.commands import command_parser, importable_main, run_command
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -227,4 +227,4 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(importable_main("i3_chain"))

@@ -25,7 +25,7 @@ from bondgraph.report.progress import WorkProgress
 from bondgraph.simulate.inputs import InputSignal, hold_flags
 from bondgraph.simulate.simulation import simulate
 from bondgraph.text import text_table
-from vehicle_graphs.commands import command_parser, run_command
+from vehicle_graphs.commands import command_parser, importable_main, run_command
 from vehicle_graphs.ranger import filter_model, monitored
 
 #: Radii after a loss of air, relative to those before.
@@ -160,4 +160,4 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(importable_main("radius_monitor"))

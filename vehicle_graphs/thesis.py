@@ -51,7 +51,7 @@ from bondgraph.report.figures import AFTER, BEFORE, figure_style, save_figure
 from bondgraph.report.progress import WorkProgress
 from bondgraph.simulate.model import Model
 from vehicle_graphs import ranger
-from vehicle_graphs.commands import command_parser, run_command
+from vehicle_graphs.commands import command_parser, importable_main, run_command
 from vehicle_graphs.ranger_filters import SENSORS
 
 #: Samples per second of the thesis.
@@ -350,4 +350,4 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(importable_main("thesis"))

@@ -11,11 +11,15 @@ import os
 import threading
 from collections.abc import Callable
 from concurrent.futures import Executor, Future
-from multiprocessing import get_context, parent_process
+from multiprocessing import current_process, get_context, parent_process
 from typing import ParamSpec, TypeVar
 
 from pebble import ProcessPool
 
+from bondgraph.errors import ExecutionError
+
+#: What is usually wrong where processes cannot begin: each reads the script that began them.
+_GUARD = "put what a script does under if __name__ == '__main__':, or use threads"
 _P = ParamSpec("_P")
 _T = TypeVar("_T")
 
@@ -33,6 +37,11 @@ class ProcessExecutor(Executor):
     renewed
         Tasks after which a process is replaced; 0: never.
 
+    Raises
+    ------
+    ExecutionError
+        If a script begins processes whenever it is read, so that its workers would too.
+
     Examples
     --------
     >>> with ProcessExecutor(2) as executor:
@@ -41,11 +50,22 @@ class ProcessExecutor(Executor):
     """
 
     def __init__(self, count: int, renewed: int = 0) -> None:
+        if getattr(current_process(), "_inheriting", False):  # as multiprocessing asks it
+            raise ExecutionError(f"processes: this one is itself a worker that begins - {_GUARD}", where=("processes",))
         self._pool = ProcessPool(count, renewed, initializer=_end_with_parent, context=get_context("spawn"))
 
     def submit(self, fn: Callable[_P, _T], /, *args: _P.args, **kwargs: _P.kwargs) -> Future[_T]:
-        """Have a task done by the next process that is free."""
-        return self._pool.schedule(fn, args=args, kwargs=kwargs)
+        """Have a task done by the next process that is free.
+
+        Raises
+        ------
+        ExecutionError
+            If no process can begin, or the executor is shut down.
+        """
+        try:
+            return self._pool.schedule(fn, args=args, kwargs=kwargs)
+        except RuntimeError as error:
+            raise ExecutionError(f"processes: they cannot begin ({error}) - {_GUARD}", where=("processes",)) from None
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
         """Take no more tasks; with ``cancel_futures`` those that run are ended too."""

@@ -5,6 +5,8 @@ from __future__ import annotations
 import os
 import pickle
 import signal
+import subprocess
+import sys
 import time
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
@@ -172,6 +174,24 @@ def test_an_interruption_ends_processes_and_waits_for_nothing(tmp_path: Path) ->
         raise KeyboardInterrupt
     while not _ended(worker):
         time.sleep(0.05)
+
+
+def test_a_script_that_its_workers_would_run_again_is_told(tmp_path: Path) -> None:
+    script = tmp_path / "script.py"
+    script.write_text(
+        "import os\nfrom bondgraph.execute import in_order, open_executor\n"
+        "with open_executor('processes:1') as executor:\n    print(in_order(executor, os.getpid, [()]))\n"
+    )
+    ended = subprocess.run([sys.executable, str(script)], capture_output=True, text=True, timeout=50)
+    assert ended.returncode != 0 and ended.stdout == ""
+    assert "put what a script does under if __name__ == '__main__':" in ended.stderr.splitlines()[-1]
+
+
+def test_nothing_is_taken_after_shutdown() -> None:
+    executor = ProcessExecutor(1)
+    executor.shutdown()
+    with pytest.raises(ExecutionError, match="cannot begin"):
+        executor.submit(os.getpid)
 
 
 def test_a_cluster_that_does_not_answer_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
