@@ -10,8 +10,8 @@ from typing import Any, Generic, TypeVar, cast
 
 _Value = TypeVar("_Value")
 
-#: Values that a process keeps open: those of the task at hand, and of one that it takes turns with.
-_KEPT = 4
+#: Values that a process keeps open: as many as the parts of a joint problem that take turns.
+_KEPT = 16
 _OPEN: dict[str, Any] = {}
 _OPENING = threading.Lock()
 
@@ -41,8 +41,8 @@ class Shared(Generic[_Value]):
     def open(self) -> _Value:
         """The value."""
         with _OPENING:
-            if self.digest not in _OPEN:
-                while len(_OPEN) >= _KEPT:
-                    del _OPEN[next(iter(_OPEN))]
-                _OPEN[self.digest] = pickle.loads(self.content)
-            return cast("_Value", _OPEN[self.digest])
+            value = _OPEN.pop(self.digest) if self.digest in _OPEN else pickle.loads(self.content)
+            while len(_OPEN) >= _KEPT:
+                del _OPEN[next(iter(_OPEN))]  # asked for longest ago
+            _OPEN[self.digest] = value
+            return cast("_Value", value)

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+import bondgraph as bg
 from bondgraph.cli import main
 
 
@@ -54,3 +55,6 @@ def test_estimates_profiles_and_loops_by_processes_are_those_of_one(sled: Path) 
     assert main([*asked, "--out", "spread", "--executor", "processes:2"]) == 0
     assert _written("loop") == _written("spread")
     assert Path("loop/fits.json").read_bytes() == Path("spread/fits.json").read_bytes()
+    verb = bg.close_loop("sled.py", "run1.csv", "run2.csv", executor="threads:2")
+    known = json.loads(Path("loop/result.json").read_text(encoding="utf-8"))
+    assert verb.verdict == known["verdict"] and verb.nominal_train.nll == known["nominal"]["train"]["nll"]

@@ -24,6 +24,7 @@ from bondgraph.estimate.free_simulation import simulated_members
 from bondgraph.estimate.objective import FloatArray
 from bondgraph.estimate.pictures import own_axes
 from bondgraph.estimate.problem import EstimationProblem
+from bondgraph.execute.executors import open_executor
 from bondgraph.execute.shared import Shared
 from bondgraph.execute.tasks import in_order
 from bondgraph.frames import frame
@@ -169,7 +170,7 @@ def global_sensitivity(
     samples: int = 0,
     seed: int = 0,
     meaning: str = "response",
-    executor: Executor | None = None,
+    executor: str | Executor | None = "serial",
 ) -> GlobalSensitivity:
     """Sensitivity of a response to parameters over their whole bounds.
 
@@ -188,7 +189,7 @@ def global_sensitivity(
     meaning
         The response in words.
     executor
-        Whose workers evaluate members, see :mod:`bondgraph.execute`; None: this process.
+        Who evaluates members, see :func:`bondgraph.execute.executors.open_executor`; it changes no number.
 
     Raises
     ------
@@ -218,7 +219,8 @@ def global_sensitivity(
         )
     space = {"num_vars": len(bounds), "names": list(bounds), "bounds": [list(pair) for pair in bounds.values()]}
     points = _sampled(method, space, size, seed)
-    values, failed = _responses(response, points, meaning, executor)
+    with open_executor(executor) as workers:
+        values, failed = _responses(response, points, meaning, workers)
     indices, confidence = _analysed(method, space, points, values, seed)
     return GlobalSensitivity(method, tuple(bounds), indices, confidence, values.size, failed, meaning)
 
