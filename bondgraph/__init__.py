@@ -50,6 +50,7 @@ if TYPE_CHECKING:
     from bondgraph.simulate.model import Model as Model
     from bondgraph.simulate.model import load as load
     from bondgraph.simulate.simulation import simulate as simulate
+    from bondgraph.simulate.state_space import state_space as state_space
     from bondgraph.verbs import estimate as estimate
     from bondgraph.verbs import filter_log as filter_log
 else:
@@ -81,6 +82,7 @@ else:
             "report.drawing": "draw",
             "simulate.model": "Model load",
             "simulate.simulation": "simulate",
+            "simulate.state_space": "state_space",
             "verbs": "estimate filter_log",
         },
     )

@@ -81,6 +81,10 @@ class EstimationError(BondGraphError):
     """An estimation problem is posed wrongly."""
 
 
+class ExecutionError(BondGraphError):
+    """Those who should compute are not there: a cluster does not answer, a worker died."""
+
+
 class OptionError(BondGraphError):
     """A command was given options that are unknown or contradict each other."""
 

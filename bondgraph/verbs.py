@@ -7,6 +7,7 @@ is given and no filter, noises and integration steps are taken from the logs, as
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from concurrent.futures import Executor
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -24,6 +25,7 @@ from bondgraph.estimate.objective import Progress, silent
 from bondgraph.estimate.problem import pose
 from bondgraph.estimate.result import Estimate
 from bondgraph.estimate.setup import filter_setup
+from bondgraph.execute.executors import open_executor
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.filter_run import FilterRun
 from bondgraph.filter.runs import run
@@ -101,6 +103,7 @@ def estimate(
     progress: Progress = silent,
     folder: str | Path | None = None,
     resume: bool = False,
+    executor: str | Executor | None = "serial",
 ) -> Estimate:
     """Estimate parameters from logs by the likelihood of an unscented Kalman filter.
 
@@ -124,6 +127,9 @@ def estimate(
         Values (or letters) of inputs that a log lacks.
     progress, folder, resume
         As for :func:`bondgraph.estimate.estimation.estimate`.
+    executor
+        Who evaluates members and starts, ``"processes:4"`` or ``"dask://host:8786"``, see
+        :func:`bondgraph.execute.executors.open_executor`; it changes no number.
 
     Returns
     -------
@@ -148,7 +154,8 @@ def estimate(
     """
     problem = _problem(model, logs, free, process_noise, initial, columns, constants)
     place = None if folder is None else Path(folder)
-    return estimate_problem(problem, settings, progress=progress, folder=place, resume=resume)
+    with open_executor(executor) as workers:
+        return estimate_problem(problem, settings, progress=progress, folder=place, resume=resume, executor=workers)
 
 
 def _problem(

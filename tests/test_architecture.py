@@ -20,7 +20,7 @@ PACKAGE = ROOT / "bondgraph"
 VISIBLE = {"pyproject.toml", "bondgraph", "vehicle_graphs", "generated", "tests", "README.md", "LICENSE"}
 FOUNDATION = ("version", "text", "errors", "lazy", "files", "frames", "units", "coherent", "arrays")
 DESIGN_TIME = ("declare", "derive", "generate")
-RUN_TIME = ("compile", "data", "simulate", "filter", "estimate")
+RUN_TIME = ("execute", "compile", "data", "simulate", "filter", "estimate")
 ON_TOP = ("effects", "correct", "report", "exchange", "cli")
 #: Single files above the halves: from a graph to a model.
 FRONT = ("build", "verbs")
@@ -39,6 +39,7 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
     "arrays": ("errors",),
     **{room: (*FOUNDATION, *DESIGN_TIME[:i]) for i, room in enumerate(DESIGN_TIME)},
     **{room: (*FOUNDATION, *RUN_TIME[:i]) for i, room in enumerate(RUN_TIME)},
+    "compile": FOUNDATION,
     "data": FOUNDATION,
     "build": (*FOUNDATION, *DESIGN_TIME, "compile", "simulate"),
     "verbs": (*FOUNDATION, *RUN_TIME, "correct"),
@@ -245,8 +246,15 @@ def test_the_run_time_half_loads_neither_sympy_nor_networkx_nor_the_design_time_
     assert set(rooms.split()) <= {*FOUNDATION, *RUN_TIME}
 
 
-#: Where a model is made of a text: of a graph's or its equations', of a file's, of a graph's with bonds as outputs.
-MODEL_MAKERS = {"build.py", "simulate/model.py", "simulate/example.py", "report/simulation.py"}
+#: Where a model is made of a text: of a graph's or its equations', of a file's, of a graph's with bonds as outputs, of
+#: state equations without a graph.
+MODEL_MAKERS = {
+    "build.py",
+    "report/simulation.py",
+    "simulate/model.py",
+    "simulate/example.py",
+    "simulate/state_space.py",
+}
 
 
 def test_a_graph_becomes_a_model_in_one_place() -> None:

@@ -11,9 +11,13 @@ The models are taken as exact (no process noise), so that a fit minimises the er
 
 from __future__ import annotations
 
+import hashlib
+import json
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from concurrent.futures import Executor
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
 
 import numpy as np
 
@@ -30,13 +34,22 @@ from bondgraph.estimate.local import fit
 from bondgraph.estimate.noise_starts import noisy_starts
 from bondgraph.estimate.problem import EstimationProblem
 from bondgraph.estimate.setup import filter_setup
+from bondgraph.execute.executors import open_executor
+from bondgraph.execute.tasks import as_done
+from bondgraph.files import write_text
+from bondgraph.report.progress import WorkProgress
 from bondgraph.simulate.simulation import simulate
+from vehicle_graphs.commands import command_parser, run_command
 
 #: An effect must lower the error on unseen training logs by this share.
 LEAST_GAIN = 0.03
 #: Starts of a fit beside the end of the last step: as declared, and spread over the bounds.
 STARTS = 4
 _TOLERANCE, _ITERATIONS = 0.02, 80
+
+
+def _all_together(effects: Sequence[str]) -> bool:
+    return True
 
 
 @dataclass(frozen=True)
@@ -48,7 +61,7 @@ class Machine:
 
     declared: Callable[[Sequence[str]], BondGraph]
     effects: tuple[str, ...]
-    possible: Callable[[Sequence[str]], bool] = lambda effects: True
+    possible: Callable[[Sequence[str]], bool] = _all_together
     window: int = 0
 
 
@@ -79,12 +92,54 @@ class Step:
     holdout: dict[str, float]
 
 
+@dataclass(frozen=True)
+class Bench:
+    """Who fits the sets of effects, and the folder in which finished ones are kept; without one nothing is kept."""
+
+    executor: Executor | None = None
+    folder: Path | None = None
+    progress: Callable[[], None] = lambda: None
+
+    def tried(
+        self, machine: Machine, sets: Sequence[tuple[str, ...]], train: Sequence[Log], known: dict[str, float]
+    ) -> list[Tried]:
+        """Sets of effects, fitted, in their order: as they were kept, or fitted by workers and kept."""
+        keys = [_key(machine, effects, train, known) for effects in sets]
+        found = {k: one for k, key in enumerate(keys) if (one := self._kept(key)) is not None}
+        due = [k for k in range(len(sets)) if k not in found]
+        for position, one in as_done(self.executor, tried, [(machine, sets[k], train, known) for k in due]):
+            found[due[position]] = one
+            if self.folder is not None:
+                self.folder.mkdir(parents=True, exist_ok=True)
+                write_text(self.folder / f"{keys[due[position]]}.json", json.dumps(asdict(one), indent=1))
+            self.progress()
+        return [found[k] for k in range(len(sets))]
+
+    def _kept(self, key: str) -> Tried | None:
+        path = None if self.folder is None else self.folder / f"{key}.json"
+        if path is None or not path.is_file():
+            return None
+        kept = json.loads(path.read_text(encoding="utf-8"))
+        return Tried(**{**kept, "effects": tuple(kept["effects"])})
+
+
+def _key(machine: Machine, effects: tuple[str, ...], train: Sequence[Log], known: dict[str, float]) -> str:
+    """Digest of all that a fitted set depends on; a changed graph, log or start has another."""
+    content = hashlib.sha256(repr((build(machine.declared(effects)).text, sorted(known.items()))).encode())
+    for log in train:
+        content.update(log.name.encode() + log.time.tobytes())
+        for channel in log.channels.values():
+            content.update(channel.name.encode() + channel.values.tobytes())
+    return content.hexdigest()[:24]
+
+
 def forward_selection(
     machine: Machine,
     train: Sequence[Log],
     holdout: Sequence[Log],
     tell: Callable[[Step], None] = lambda step: None,
     begin: Sequence[str] = (),
+    bench: Bench | None = None,
 ) -> list[Step]:
     """Add effects one by one as long as each lowers the error on unseen training logs and pays for its parameters.
 
@@ -98,14 +153,17 @@ def forward_selection(
         Called after every step.
     begin
         Effects to begin with.
+    bench
+        Who fits; None: this process, one set after the other.
     """
-    current = tried(machine, tuple(begin), train, {})
+    bench = bench or Bench()
+    (current,) = bench.tried(machine, [tuple(begin)], train, {})
     steps = [Step(current, (), holdout_errors(machine, current, holdout))]
     tell(steps[-1])
     while True:
         sets = [(*current.effects, name) for name in machine.effects if name not in current.effects]
-        trials = [tried(machine, names, train, current.values) for names in sets if machine.possible(names)]
-        trials.sort(key=lambda trial: trial.unseen)
+        possible = [names for names in sets if machine.possible(names)]
+        trials = sorted(bench.tried(machine, possible, train, current.values), key=lambda trial: trial.unseen)
         best = next((trial for trial in trials if _better(trial, current)), None)
         if best is None:
             steps[-1] = replace(steps[-1], rejected=(*steps[-1].rejected, *trials))
@@ -202,3 +260,42 @@ def table(steps: Sequence[Step]) -> str:
         for other in step.rejected:
             lines.append(f"    not {other.effects[-1]:20s} unseen {other.unseen:.4g}, BIC/2 {other.penalised:.1f}")
     return "\n".join(lines)
+
+
+def chain_command(
+    name: str,
+    doc: str | None,
+    machine: Machine,
+    read: Callable[[Path], tuple[list[Log], list[Log]]],
+    arguments: Sequence[str] | None,
+) -> int:
+    """Command line of a chain; 0 when done, 2 with a message for bad input, 130 when interrupted.
+
+    Parameters
+    ----------
+    name, doc
+        Module and docstring of the chain.
+    machine
+        Graphs and effects.
+    read
+        Gives training and held-out logs of a folder.
+    arguments
+        Of the command; None: those of the process.
+    """
+    parser = command_parser(name, doc)
+    parser.add_argument("logs", type=Path, help=f"folder written by vehicle_graphs.{name.removesuffix('_chain')}_logs")
+    parser.add_argument("--out", type=Path, metavar="DIR", help="folder that keeps finished fits, so that it can go on")
+    options = parser.parse_args(arguments)
+
+    def work() -> None:
+        train, test = read(options.logs)
+        with (
+            open_executor(options.executor) as executor,
+            WorkProgress("fitting sets of effects", None, "fits") as progress,
+        ):
+            bench = Bench(executor, options.out, progress.advance)
+            steps = forward_selection(machine, train, test, lambda step: print(table([step]), flush=True), (), bench)
+        print("the chain, with what was tried after its last step:")
+        print(table(steps))
+
+    return run_command(work, f"the same command goes on with what is in {options.out}" if options.out else "")

@@ -26,7 +26,6 @@ friction, a newton at full speed, and no drift.
 
 from __future__ import annotations
 
-import argparse
 import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -40,7 +39,6 @@ from bondgraph.correct.evidence.certified import refined
 from bondgraph.data.log import Log, MatchedLog
 from bondgraph.data.matching import match
 from bondgraph.data.read import read_log
-from bondgraph.errors import BondGraphError
 from bondgraph.estimate.declared import free_parameters
 from bondgraph.estimate.fitted import Fit
 from bondgraph.estimate.free import FreeParameter
@@ -50,6 +48,7 @@ from bondgraph.estimate.setup import filter_setup
 from bondgraph.simulate.model import Model
 from bondgraph.simulate.simulation import simulate
 from vehicle_graphs import emps
+from vehicle_graphs.commands import command_parser, run_command
 
 #: Samples at the start of a log from which its initial state is taken, as the benchmark allows.
 WINDOW = 20
@@ -175,18 +174,15 @@ def chain(folder: Path) -> list[str]:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Command line; 0 when done, 2 with a message for bad input."""
-    parser = argparse.ArgumentParser(
-        prog="python -m vehicle_graphs.emps_chain", description=(__doc__ or "").split("\n")[0]
-    )
+    """Command line; 0 when done, 2 with a message for bad input, 130 when interrupted."""
+    parser = command_parser("emps_chain", __doc__, executor=False)  # each fit begins where the one before it ended
     parser.add_argument("logs", type=Path, help="folder written by vehicle_graphs.emps_logs")
     options = parser.parse_args(arguments)
-    try:
+
+    def work() -> None:
         chain(options.logs)
-    except BondGraphError as error:
-        print(error, file=sys.stderr)
-        return 2
-    return 0
+
+    return run_command(work)
 
 
 if __name__ == "__main__":

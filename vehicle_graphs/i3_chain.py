@@ -16,10 +16,10 @@ pressed, so that no friction brake can act; and over means of a second. Held-out
 
 from __future__ import annotations
 
-import argparse
 import math
 import sys
 from collections.abc import Sequence
+from concurrent.futures import Executor
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -31,9 +31,12 @@ from bondgraph.build import build
 from bondgraph.data.log import Log, MatchedLog
 from bondgraph.data.matching import match
 from bondgraph.data.read import read_log
-from bondgraph.errors import BondGraphError, DataError
+from bondgraph.errors import DataError
+from bondgraph.execute.executors import open_executor
+from bondgraph.execute.tasks import in_order
 from bondgraph.simulate.model import Model
 from vehicle_graphs import i3
+from vehicle_graphs.commands import command_parser, importable_main, run_command
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -180,13 +183,14 @@ def _huber(missing: FloatArray) -> FloatArray:
     return loss
 
 
-def chain(train: Sequence[Log], holdout: Sequence[Log]) -> list[Balance]:
+def chain(train: Sequence[Log], holdout: Sequence[Log], executor: Executor | None = None) -> list[Balance]:
     """Steps of the correction, each printed when it is made; see the module's first lines."""
     current = balance((), train)
     steps = [current]
     _tell(current, train, holdout)
     while True:
-        trials = [balance((*current.effects, name), train) for name in i3.EFFECTS if name not in current.effects]
+        sets = [(*current.effects, name) for name in i3.EFFECTS if name not in current.effects]
+        trials = in_order(executor, balance, [(effects, train) for effects in sets])
         trials.sort(key=lambda trial: trial.left_out)
         for trial in trials:
             print(f"    {trial.effects[-1]:28s} left-out trips {trial.left_out:7.2f} N", flush=True)
@@ -205,24 +209,22 @@ def _tell(step: Balance, train: Sequence[Log], holdout: Sequence[Log]) -> None:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Command line; 0 when done, 2 with a message for bad input."""
-    parser = argparse.ArgumentParser(
-        prog="python -m vehicle_graphs.i3_chain", description=(__doc__ or "").split("\n")[0]
-    )
+    """Command line; 0 when done, 2 with a message for bad input, 130 when interrupted."""
+    parser = command_parser("i3_chain", __doc__)
     parser.add_argument("logs", type=Path, help="folder written by vehicle_graphs.i3_logs")
     options = parser.parse_args(arguments)
-    try:
+
+    def work() -> None:
         train, holdout = (
             [read_log(path) for path in sorted(options.logs.glob(f"{part}_*.csv.gz"))] for part in ("train", "test")
         )
         if len(train) < GROUPS or not holdout:
             raise DataError(f"{options.logs}: {len(train)} training trips - give the folder of vehicle_graphs.i3_logs")
-        chain(train, holdout)
-    except BondGraphError as error:
-        print(error, file=sys.stderr)
-        return 2
-    return 0
+        with open_executor(options.executor) as executor:
+            chain(train, holdout, executor)
+
+    return run_command(work)
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(importable_main("i3_chain"))

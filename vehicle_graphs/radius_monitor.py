@@ -9,7 +9,6 @@ filters have. The false alarms count against the rate that the detector declares
 
 from __future__ import annotations
 
-import argparse
 import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -18,11 +17,15 @@ from typing import Any
 import numpy as np
 
 from bondgraph.data.log import MatchedLog
+from bondgraph.execute.executors import open_executor
+from bondgraph.execute.tasks import as_done
 from bondgraph.filter.detector import ChangeDetector, Detection
 from bondgraph.filter.filter_model import FilterModel
+from bondgraph.report.progress import WorkProgress
 from bondgraph.simulate.inputs import InputSignal, hold_flags
 from bondgraph.simulate.simulation import simulate
 from bondgraph.text import text_table
+from vehicle_graphs.commands import command_parser, importable_main, run_command
 from vehicle_graphs.ranger import filter_model, monitored
 
 #: Radii after a loss of air, relative to those before.
@@ -125,9 +128,9 @@ def row(change: str, found: Sequence[Watched]) -> list[str]:
     return [change or "nothing", str(len(found)), str(len(delays)), str(false), *shown]
 
 
-def main(arguments: Sequence[str] | None = None) -> None:
-    """Count and print a table."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Count and print a table; 0 when done, 2 with a message for bad input, 130 when interrupted."""
+    parser = command_parser("radius_monitor", __doc__)
     parser.add_argument("--runs", type=int, default=50, help="drives of each kind (default: 50)")
     parser.add_argument("--seconds", type=float, default=12.0, help="length of a drive, s (default: 12)")
     parser.add_argument("--first-seed", type=int, default=0, help="the same seeds give the same drives (default: 0)")
@@ -135,17 +138,26 @@ def main(arguments: Sequence[str] | None = None) -> None:
         "--changes", nargs="*", default=["front"], choices=[*CHANGES], help="changes to make (default: front)"
     )
     options = parser.parse_args(arguments)
-    model = monitor()
-    rows = []
-    for change in ("", *options.changes):
+
+    def work() -> None:
+        model, changes = monitor(), ("", *options.changes)
         seeds = range(options.first_seed, options.first_seed + options.runs)
-        found = []
-        for seed in seeds:
-            found.append(watch(model, seed, options.seconds, change))
-            print(f"{change or 'nothing'}, {found[-1].detection!r}", file=sys.stderr, flush=True)
-        rows.append(row(change, found))
-    print(text_table(("what changes", "drives", "found and named", "false", "median delay [s]", "longest [s]"), rows))
+        tasks = [(model, seed, options.seconds, change) for change in changes for seed in seeds]
+        found: dict[int, Watched] = {}
+        with (
+            open_executor(options.executor) as executor,
+            WorkProgress("watching", len(tasks), "drives") as progress,
+        ):
+            for position, watched in as_done(executor, watch, tasks):
+                found[position] = watched
+                progress.advance()
+        every = [[found[k * len(seeds) + j] for j in range(len(seeds))] for k in range(len(changes))]
+        rows = [row(change, some) for change, some in zip(changes, every, strict=True)]
+        header = ("what changes", "drives", "found and named", "false", "median delay [s]", "longest [s]")
+        print(text_table(header, rows))
+
+    return run_command(work)
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(importable_main("radius_monitor"))

@@ -15,10 +15,10 @@ measurements.
 
 from __future__ import annotations
 
-import argparse
 import json
 import sys
 from collections.abc import Mapping, Sequence
+from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -28,14 +28,16 @@ from bondgraph.data.log import MatchedLog
 from bondgraph.data.matching import match
 from bondgraph.data.read import read_log
 from bondgraph.declare.editing import with_values
-from bondgraph.errors import BondGraphError, DataError
+from bondgraph.errors import DataError
 from bondgraph.estimate.derivatives.exact import exact_derivatives
 from bondgraph.estimate.estimation import Settings, estimate
 from bondgraph.estimate.initial import initial_states
-from bondgraph.estimate.joint import pose_joint
+from bondgraph.estimate.joint import Problem, pose_joint
+from bondgraph.estimate.objective import SearchOutcome
 from bondgraph.estimate.priors import MultivariateNormal
 from bondgraph.estimate.problem import pose
 from bondgraph.estimate.result import Estimate
+from bondgraph.execute.executors import open_executor
 from bondgraph.filter.consistency import Consistency, consistency
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.runs import run
@@ -46,6 +48,7 @@ from bondgraph.report.numbers import shown
 from bondgraph.report.plots import state_figure
 from bondgraph.report.progress import WorkProgress
 from vehicle_graphs import ranger
+from vehicle_graphs.commands import command_parser, run_command
 from vehicle_graphs.ranger_filters import NOISE
 from vehicle_graphs.thesis import (
     COAST_DOWN,
@@ -77,6 +80,34 @@ class Recorded:
     joint: Estimate | None = None
 
 
+@dataclass(frozen=True)
+class Way:
+    """How estimations are made: where their states are kept, whether they go on from there, and who computes."""
+
+    folder: Path
+    resume: bool = False
+    executor: Executor | None = None
+
+    def estimated(self, problem: Problem, settings: Settings, stage: str) -> Estimate:
+        """The estimate of a stage, by exact derivatives.
+
+        Raises
+        ------
+        KeyboardInterrupt
+            If it was interrupted: the next stage would build on a search that is not finished.
+        """
+        folder = self.folder / stage.replace(" ", "_")
+        folder.mkdir(parents=True, exist_ok=True)
+        with WorkProgress(stage, None, "evaluations") as work:
+            found = estimate(
+                problem, settings, progress=work.trace, folder=folder, resume=self.resume,
+                jacobian=exact_derivatives, executor=self.executor,
+            )  # fmt: skip
+        if found.outcome is SearchOutcome.INTERRUPTED:
+            raise KeyboardInterrupt
+        return found
+
+
 def read_runs(folder: Path, pattern: str, filter_model: FilterModel) -> list[MatchedLog]:
     """Logs of a folder, by name.
 
@@ -91,12 +122,12 @@ def read_runs(folder: Path, pattern: str, filter_model: FilterModel) -> list[Mat
     return [match(read_log(path), filter_model.model) for path in paths]
 
 
-def estimate_coasting(logs: Sequence[MatchedLog], filter_model: FilterModel, work: WorkProgress) -> Estimate:
+def estimate_coasting(logs: Sequence[MatchedLog], filter_model: FilterModel, way: Way) -> Estimate:
     """Stage 1: what runs in neutral tell."""
     stiff = replace(filter_model, method="ros3p", substeps=COASTING_STEPS)
     settings = Settings(method="gradient", starts=1)
     problem = pose(stiff, logs, COAST_DOWN, initial=tuple(_rolling(log, filter_model) for log in logs))
-    return estimate(problem, settings, progress=work.trace, jacobian=exact_derivatives)
+    return way.estimated(problem, settings, "coast-downs")
 
 
 def _rolling(log: MatchedLog, filter_model: FilterModel) -> dict[str, float]:
@@ -106,17 +137,17 @@ def _rolling(log: MatchedLog, filter_model: FilterModel) -> dict[str, float]:
 
 
 def estimate_driving(
-    logs: Sequence[MatchedLog], filter_model: FilterModel, known: MultivariateNormal, work: WorkProgress
+    logs: Sequence[MatchedLog], filter_model: FilterModel, known: MultivariateNormal, way: Way
 ) -> Estimate:
     """Stage 2: engine and CVT, from the first part of each drive, with what is known of the rest as a prior."""
     stiff = replace(filter_model, method="ros3p", substeps=DRIVING_STEPS, grading=DRIVING_GRADING)
     parts = [log.rows(log.time - log.time[0] < EXCERPT) for log in logs]
     settings = Settings(method="gradient", starts=1, continuation="process-noise", gradient=DRIVING_SEARCH)
     problem = pose(stiff, parts, (*known.names, *DRIVELINE, ROAD), initial="settled", priors=[known])
-    return estimate(problem, settings, progress=work.trace, jacobian=exact_derivatives)
+    return way.estimated(problem, settings, "drives")
 
 
-def estimate_jointly(coasting: Estimate, driving: Estimate, work: WorkProgress) -> Estimate:
+def estimate_jointly(coasting: Estimate, driving: Estimate, way: Way) -> Estimate:
     """Everything from coast-downs and drives at once, from where the second stage ended."""
     drives = replace(driving.single, priors=())
     there = {**coasting.values, **driving.values}
@@ -125,7 +156,7 @@ def estimate_jointly(coasting: Estimate, driving: Estimate, work: WorkProgress) 
         for part in (coasting.single, drives)
     ]
     settings = Settings(method="gradient", starts=1, gradient=DRIVING_SEARCH)
-    return estimate(pose_joint(parts), settings, progress=work.trace, jacobian=exact_derivatives)
+    return way.estimated(pose_joint(parts), settings, "coast-downs and drives")
 
 
 def look(log: MatchedLog, filter_model: FilterModel, folder: Path) -> Consistency:
@@ -144,25 +175,20 @@ def look(log: MatchedLog, filter_model: FilterModel, folder: Path) -> Consistenc
     return found
 
 
-def study_runs(data: Path, out: Path, jointly: bool = False) -> Recorded:
+def study_runs(data: Path, way: Way, jointly: bool = False) -> Recorded:
     """All stages, and everything at once if asked; writes ``result.json`` and a picture per drive."""
     coast_filter = NOISE["ranger_coast_down"].filter_model(build(ranger.coast_down()).model)
-    with WorkProgress("coast-downs", None, "evaluations") as work:
-        coasting = estimate_coasting(read_runs(data, "coast_down_*.csv", coast_filter), coast_filter, work)
+    coasting = estimate_coasting(read_runs(data, "coast_down_*.csv", coast_filter), coast_filter, way)
     graph = with_values(ranger.full(), dict(coasting.values))
     full_filter = NOISE["ranger_full"].filter_model(build(graph).model)
     logs = read_runs(data, "drive_*.csv", full_filter)
-    with WorkProgress("drives", None, "evaluations") as work:
-        driving = estimate_driving(logs, full_filter, coasting.as_prior(), work)
-    joint = None
-    if jointly:
-        with WorkProgress("coast-downs and drives", None, "evaluations") as work:
-            joint = estimate_jointly(coasting, driving, work)
+    driving = estimate_driving(logs, full_filter, coasting.as_prior(), way)
+    joint = estimate_jointly(coasting, driving, way) if jointly else None
     values = {one.name: driving.values[one.name] for one in driving.problem.free if one.target.kind == "parameter"}
     road = driving.filter_model.process_noise
     found = replace(NOISE["ranger_full"].filter_model(build(with_values(graph, values)).model), process_noise=road)
-    result = Recorded(coasting, driving, {log.name: look(log, found, out) for log in logs}, joint)
-    (out / "result.json").write_text(json.dumps(_written(result), indent=1), encoding="utf-8")
+    result = Recorded(coasting, driving, {log.name: look(log, found, way.folder) for log in logs}, joint)
+    (way.folder / "result.json").write_text(json.dumps(_written(result), indent=1), encoding="utf-8")
     return result
 
 
@@ -219,23 +245,22 @@ def _written(result: Recorded) -> dict[str, Any]:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Command line; 0 when done, 2 with a message for bad input."""
-    parser = argparse.ArgumentParser(
-        prog="python -m vehicle_graphs.ranger_recorded", description=__doc__,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )  # fmt: skip
+    """Command line; 0 when done, 2 with a message for bad input, 130 when interrupted."""
+    parser = command_parser("ranger_recorded", __doc__)
     parser.add_argument("data", type=Path, metavar="FOLDER", help="folder of the recorded runs")
     parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder to write, made if absent")
     parser.add_argument("--joint", action="store_true", help="also estimate from coast-downs and drives at once")
+    parser.add_argument("--resume", action="store_true", help="go on from the states of the searches in --out")
     options = parser.parse_args(arguments)
-    try:
+
+    def work() -> None:
         options.out.mkdir(parents=True, exist_ok=True)
-        print(table(study_runs(options.data, options.out, options.joint)))
-    except (BondGraphError, OSError) as error:
-        print(error, file=sys.stderr)
-        return 2
-    print(f"written: {options.out}")
-    return 0
+        with open_executor(options.executor) as executor:
+            way = Way(options.out, options.resume, executor)
+            print(table(study_runs(options.data, way, options.joint)))
+        print(f"written: {options.out}")
+
+    return run_command(work, "the same command with --resume goes on")
 
 
 if __name__ == "__main__":

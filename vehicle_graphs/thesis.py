@@ -3,6 +3,7 @@
     python -m vehicle_graphs.thesis --out study                        coast-downs, 20 repetitions, both suspensions
     python -m vehicle_graphs.thesis --stage driveline --out study      engine and CVT
     python -m vehicle_graphs.thesis --repetitions 3 --short --out try  a quick look
+    python -m vehicle_graphs.thesis --executor processes --out study   on all cores; also dask://HOST:PORT
 
 Every repetition draws true parameters, simulates logs with them, and estimates them back. Stage *coast-down* estimates
 rolling resistance, drag, brake gain, pitch offset, tyre radius and pitch stiffness from two runs in neutral, once with
@@ -18,13 +19,13 @@ repetition is a file in the folder.
 
 from __future__ import annotations
 
-import argparse
 import dataclasses
 import functools
 import json
 import sys
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import Executor
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -33,7 +34,7 @@ from matplotlib.figure import Figure
 
 from bondgraph.build import build
 from bondgraph.data.log import MatchedLog
-from bondgraph.errors import BondGraphError, DataError
+from bondgraph.errors import DataError
 from bondgraph.estimate.derivatives.exact import exact_derivatives
 from bondgraph.estimate.estimation import Settings, estimate
 from bondgraph.estimate.objective import SearchOutcome
@@ -41,12 +42,16 @@ from bondgraph.estimate.problem import pose
 from bondgraph.estimate.recovery import Recovery, Trial, recovery, recovery_table
 from bondgraph.estimate.solvers.gauss_newton import GaussNewtonSettings
 from bondgraph.estimate.solvers.particle_swarm import SwarmSettings
+from bondgraph.execute.executors import open_executor
+from bondgraph.execute.tasks import as_done
+from bondgraph.files import write_text
 from bondgraph.filter.draw import draw_logs
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.report.figures import AFTER, BEFORE, figure_style, save_figure
 from bondgraph.report.progress import WorkProgress
 from bondgraph.simulate.model import Model
 from vehicle_graphs import ranger
+from vehicle_graphs.commands import command_parser, importable_main, run_command
 from vehicle_graphs.ranger_filters import SENSORS
 
 #: Samples per second of the thesis.
@@ -181,22 +186,66 @@ class Study:
 
     def trial(self, variant: Variant, repetition: int) -> Trial:
         """The trial of one repetition: from its file, or computed and written there."""
-        path = self.folder / variant.stage / f"{variant.graph}_{repetition + 1:03d}.json"
-        settings = [self.seed, self.method, self.short]
-        if path.is_file():
-            kept = json.loads(path.read_text(encoding="utf-8"))
-            if kept["settings"] != settings:
-                raise DataError(
-                    f"{path}: was made with seed, method, short = {kept['settings']}, now asked for {settings} - take "
-                    "another folder or remove this one",
-                    where=(str(path),),
-                )
-            return Trial(**kept["trial"])
-        trial = self._estimated(variant, repetition)
-        path.parent.mkdir(parents=True, exist_ok=True)
-        text = json.dumps({"settings": settings, "trial": dataclasses.asdict(trial)}, indent=1)
-        path.write_text(text, encoding="utf-8")
-        return trial
+        return self.trials([(variant, repetition)])[variant, repetition]
+
+    def trials(
+        self,
+        due: Sequence[tuple[Variant, int]],
+        done: Callable[[], None] = lambda: None,
+        executor: Executor | None = None,
+    ) -> dict[tuple[Variant, int], Trial]:
+        """The trials of repetitions of variants: from their files, or computed and written there.
+
+        Parameters
+        ----------
+        due
+            Variants, each with the number of a repetition.
+        done
+            Called for every trial that is there.
+        executor
+            Whose workers compute, see :mod:`bondgraph.execute`; None: one after the other in this process.
+
+        Raises
+        ------
+        DataError
+            If the folder holds trials of another study.
+        """
+        found = {}
+        for one in due:
+            known = self._known(*one)
+            if known is not None:
+                found[one] = known
+                done()
+        missing = [one for one in due if one not in found]
+        for position, trial in as_done(executor, self._estimated, missing):
+            one = missing[position]
+            content = {"settings": self._own, "trial": dataclasses.asdict(trial)}
+            self._path(*one).parent.mkdir(parents=True, exist_ok=True)
+            write_text(self._path(*one), json.dumps(content, indent=1))
+            found[one] = trial
+            done()
+        return found
+
+    @property
+    def _own(self) -> list[object]:
+        return [self.seed, self.method, self.short]
+
+    def _path(self, variant: Variant, repetition: int) -> Path:
+        return self.folder / variant.stage / f"{variant.graph}_{repetition + 1:03d}.json"
+
+    def _known(self, variant: Variant, repetition: int) -> Trial | None:
+        """A trial that was finished before."""
+        path = self._path(variant, repetition)
+        if not path.is_file():
+            return None
+        kept = json.loads(path.read_text(encoding="utf-8"))
+        if kept["settings"] != self._own:
+            raise DataError(
+                f"{path}: was made with seed, method, short = {kept['settings']}, now asked for {self._own} - take "
+                "another folder or remove this one",
+                where=(str(path),),
+            )
+        return Trial(**kept["trial"])
 
     def _estimated(self, variant: Variant, repetition: int) -> Trial:
         stage = STAGES.index(variant.stage)
@@ -235,18 +284,16 @@ class Study:
         )
 
 
-def run_study(study: Study, stages: Sequence[str]) -> dict[str, Recovery]:
+def run_study(study: Study, stages: Sequence[str], executor: Executor | None = None) -> dict[str, Recovery]:
     """All variants of the stages; writes ``result.json`` and ``recovery.png`` into the folder."""
     chosen = [variant for variant in VARIANTS if variant.stage in stages]
-    found: dict[str, Recovery] = {}
-    with WorkProgress("estimating", len(chosen) * study.repetitions, "repetitions") as work:
-        for variant in chosen:
-            work.describe(variant.name)
-            trials = []
-            for repetition in range(study.repetitions):
-                trials.append(study.trial(variant, repetition))
-                work.advance()
-            found[variant.name] = recovery(trials)
+    due = [(variant, repetition) for variant in chosen for repetition in range(study.repetitions)]
+    with WorkProgress("estimating", len(due), "repetitions") as work:
+        trials = study.trials(due, work.advance, executor)
+    found = {
+        variant.name: recovery([trials[variant, repetition] for repetition in range(study.repetitions)])
+        for variant in chosen
+    }
     written = {name: dataclasses.asdict(result) for name, result in found.items()}
     (study.folder / "result.json").write_text(json.dumps(written, indent=1), encoding="utf-8")
     save_figure(recovery_figure(found), study.folder / "recovery.png")
@@ -280,11 +327,8 @@ def recovery_figure(found: Mapping[str, Recovery]) -> Figure:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Command line; 0 when done, 2 with a message for bad input."""
-    parser = argparse.ArgumentParser(
-        prog="python -m vehicle_graphs.thesis", description=__doc__,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )  # fmt: skip
+    """Command line; 0 when done, 2 with a message for bad input, 130 when interrupted."""
+    parser = command_parser("thesis", __doc__)
     parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder of the study, made if absent")
     parser.add_argument("--stage", choices=(*STAGES, "both"), default="coast-down", help="default: coast-down")
     parser.add_argument("--repetitions", type=int, default=20, metavar="N", help="default: 20; at least 2")
@@ -293,17 +337,17 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--short", action="store_true", help="runs of 6 s instead of 30 s and 12 s")
     options = parser.parse_args(arguments)
     study = Study(options.out, max(options.repetitions, 2), options.seed, options.method, options.short)
-    try:
+
+    def work() -> None:
         options.out.mkdir(parents=True, exist_ok=True)
-        found = run_study(study, STAGES if options.stage == "both" else (options.stage,))
-    except (BondGraphError, OSError) as error:
-        print(error, file=sys.stderr)
-        return 2
-    for name, result in found.items():
-        print(f"{name}, {study.repetitions} repetitions\n{recovery_table(result)}\n")
-    print(f"written: {options.out / 'result.json'}, {options.out / 'recovery.png'}")
-    return 0
+        with open_executor(options.executor) as executor:
+            found = run_study(study, STAGES if options.stage == "both" else (options.stage,), executor)
+        for name, result in found.items():
+            print(f"{name}, {study.repetitions} repetitions\n{recovery_table(result)}\n")
+        print(f"written: {options.out / 'result.json'}, {options.out / 'recovery.png'}")
+
+    return run_command(work, f"the same command goes on with what is in {options.out}")
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(importable_main("thesis"))

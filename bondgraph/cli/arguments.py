@@ -9,6 +9,7 @@ from bondgraph.cli.daily_arguments import add_daily_commands
 from bondgraph.cli.experiment_options import design_options, sensitivity_options
 from bondgraph.cli.log_options import LOGS_HELP, add_map, add_reading, add_set, add_start, add_window
 from bondgraph.cli.numbers import count, finite, positive, seed, share
+from bondgraph.execute.executors import add_executor
 from bondgraph.version import __version__
 
 GRAPH_HELP = (
@@ -234,6 +235,7 @@ def _add_estimate(commands: Any) -> None:
     )  # fmt: skip
     _add_strict(c)
     _add_robust(c)
+    add_executor(c)
     c.add_argument("--seed", type=seed, default=0, help="seed of the swarm (default: 0)")
     c.add_argument("--out", default="estimate", metavar="DIR", help="folder to write (default: estimate)")
     c.add_argument("--resume", action="store_true", help="go on from the checkpoint in --out")
@@ -369,6 +371,7 @@ def _add_loop(command: argparse.ArgumentParser) -> None:
     command.add_argument(
         "--tables", action="store_true", help="add what no effect explains as a table whose points are parameters"
     )
+    add_executor(command)
     command.add_argument("--resume", action="store_true", help="go on from the finished fits in --out")
 
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import argparse
 
+from bondgraph.execute.executors import add_executor
+
 
 def sensitivity_options(command: argparse.ArgumentParser) -> None:
     """Options of ``bondgraph sensitivity`` beside its model, its logs and what is free."""
@@ -27,6 +29,7 @@ def sensitivity_options(command: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     command.add_argument("--seed", type=int, default=0, help="seed of --global (default: 0)")
     _declared_noise(command)
+    add_executor(command)
     command.add_argument("--json", action="store_true", help="print one JSON object instead of tables")
     command.add_argument("--out", default="sensitivity", metavar="DIR", help="folder to write (default: sensitivity)")
 
@@ -74,6 +77,7 @@ def design_options(command: argparse.ArgumentParser, model_help: str) -> None:
         "--start", default="measured", choices=("measured", "settled", "model"),
         help="states at the start of the logs at hand (default: measured)",
     )  # fmt: skip
+    add_executor(command)
     command.add_argument("--json", action="store_true", help="print one JSON object instead of tables")
     command.add_argument("--out", default="design", metavar="DIR", help="folder to write (default: design)")
 

@@ -6,6 +6,7 @@ import argparse
 import json
 import math
 from collections.abc import Sequence
+from concurrent.futures import Executor
 from dataclasses import replace
 from pathlib import Path
 
@@ -40,6 +41,7 @@ from bondgraph.estimate.estimation import Settings
 from bondgraph.estimate.estimation import estimate as run_estimate
 from bondgraph.estimate.objective import FloatArray, fitted_expansion
 from bondgraph.estimate.problem import EstimationProblem, pose
+from bondgraph.execute.executors import open_executor
 from bondgraph.files import output_folder
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.report.design import DesignAnswer, write_design
@@ -55,7 +57,8 @@ def sensitivity(options: argparse.Namespace) -> int:
     known = _declared_filter(options.model, model) if options.declared_noise else None
     problem = posed(options, model, driven, logs, known)
     folder = output_folder(Path(options.out))
-    screened = tuple(_screened(options, problem)) if options.screen else ()
+    with open_executor(options.executor) as workers:
+        screened = tuple(_screened(options, problem, workers)) if options.screen else ()
     answer = SensitivityAnswer(
         model.name, rank_parameters(problem), screened, rate_table(problem, rates) if rates else None
     )  # fmt: skip
@@ -76,7 +79,9 @@ def _rate(text: str) -> float:
     return value
 
 
-def _screened(options: argparse.Namespace, problem: EstimationProblem) -> list[GlobalSensitivity]:
+def _screened(
+    options: argparse.Namespace, problem: EstimationProblem, workers: Executor | None
+) -> list[GlobalSensitivity]:
     """Global sensitivities of the responses that were asked."""
     if options.seed < 0:
         raise OptionError(f"--seed {options.seed}: give a whole number of at least 0", where=("--seed",))
@@ -89,7 +94,7 @@ def _screened(options: argparse.Namespace, problem: EstimationProblem) -> list[G
             output, _, reduction = asked.partition(":")
             response, meaning = output_response(problem, output, reduction or "rms"), asked  # type: ignore[arg-type]
         how = {"samples": options.samples, "seed": options.seed, "meaning": meaning}
-        found.append(global_sensitivity(response, problem_bounds(problem), options.screen, **how))
+        found.append(global_sensitivity(response, problem_bounds(problem), options.screen, executor=workers, **how))
     return found
 
 
@@ -108,7 +113,8 @@ def design(options: argparse.Namespace) -> int:
     """Say what planned manoeuvres would tell, and write pictures and a report."""
     if not (options.rate > 0.0 and math.isfinite(options.rate)):
         raise OptionError(f"--rate {options.rate:g}: give samples per second above zero", where=("--rate",))
-    machines = [_machine(options, reference) for reference in (options.model, *options.rival)]
+    with open_executor(options.executor) as workers:
+        machines = [_machine(options, reference, workers) for reference in (options.model, *options.rival)]
     folder = output_folder(Path(options.out))
     first = machines[0]
     manoeuvres = _manoeuvres(options, first)
@@ -130,7 +136,7 @@ def _told_apart(
     return discriminate(machines, manoeuvres, options.error) if len(machines) > 1 else None
 
 
-def _machine(options: argparse.Namespace, reference: str) -> Rival:
+def _machine(options: argparse.Namespace, reference: str, workers: Executor | None) -> Rival:
     """A model with its noises, what is free in it, and where it stands: as declared, or fitted to logs at hand."""
     if is_model_file(reference):
         raise OptionError(f"{reference}: design takes declared graphs - name the graph", where=(reference,))
@@ -145,11 +151,16 @@ def _machine(options: argparse.Namespace, reference: str) -> Rival:
         chosen = wanted or [info.name for info in model.parameters if info.lower is not None]
         problem = pose(_planned_filter(options, reference, model), blank, chosen, "model")
         return Rival(reference, problem, problem.start)
-    return _fitted(options, reference, built, logs, wanted)
+    return _fitted(options, reference, built, logs, wanted, workers)
 
 
 def _fitted(
-    options: argparse.Namespace, reference: str, built: BuiltModel, logs: Sequence[MatchedLog], wanted: list[str]
+    options: argparse.Namespace,
+    reference: str,
+    built: BuiltModel,
+    logs: Sequence[MatchedLog],
+    wanted: list[str],
+    workers: Executor | None,
 ) -> Rival:
     """A rival at its best on the logs at hand; without rivals where it is declared."""
     if options.noise or declared_noise(reference, built.model.name) is not None:
@@ -159,7 +170,7 @@ def _fitted(
         problem = declared_problem(built.model, built.driven, logs, wanted, "none", options.start)
     point: FloatArray = problem.start
     if options.rival:
-        point = run_estimate(problem, Settings(method="gradient", certify="none")).point
+        point = run_estimate(problem, Settings(method="gradient", certify="none"), executor=workers).point
     return Rival(reference, problem, point, fitted_expansion(problem, point, derivatives).information)
 
 

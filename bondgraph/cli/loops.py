@@ -8,6 +8,7 @@ import importlib
 import sys
 import time
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from bondgraph.build import build
@@ -21,6 +22,7 @@ from bondgraph.data.matching import read_mapping
 from bondgraph.declare.files import load_graph
 from bondgraph.declare.graph import BondGraph
 from bondgraph.estimate.journal import Journal
+from bondgraph.execute.executors import open_executor
 from bondgraph.files import output_folder
 from bondgraph.report.closed_loop import compare_with_truth, summary, write_closed_loop
 from bondgraph.report.collect import versions
@@ -72,12 +74,12 @@ def _closed(options: argparse.Namespace, graph: BondGraph, logs: Splits) -> tupl
     started = time.monotonic()
     functions = chosen_effects(options.effects, options.without)
     journal = _journal(options)
-    settings = LoopSettings(
-        level=options.level, max_effects=options.max_effects, process_noise=options.process_noise,
-        free=tuple(names(options.free)), faults=not options.no_faults, tables=options.tables, journal=journal,
-        without=tuple(names(options.without)),
-    )  # fmt: skip
-    with WorkProgress("closing the loop", None) as work:
+    with open_executor(options.executor) as workers, WorkProgress("closing the loop", None) as work:
+        settings = LoopSettings(
+            level=options.level, max_effects=options.max_effects, process_noise=options.process_noise,
+            free=tuple(names(options.free)), faults=not options.no_faults, tables=options.tables,
+            journal=replace(journal, executor=workers), without=tuple(names(options.without)),
+        )  # fmt: skip
 
         def report(stage: str, done: int, total: int) -> None:
             work.stage(stage, done, total)

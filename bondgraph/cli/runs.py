@@ -6,6 +6,7 @@ import argparse
 import math
 import sys
 from collections.abc import Sequence
+from concurrent.futures import Executor
 from dataclasses import replace
 from pathlib import Path
 
@@ -24,6 +25,8 @@ from bondgraph.errors import OptionError
 from bondgraph.estimate.estimation import Settings
 from bondgraph.estimate.estimation import estimate as run_estimate
 from bondgraph.estimate.likelihood_profile import profile_likelihood, profile_table
+from bondgraph.estimate.problem import EstimationProblem
+from bondgraph.execute.executors import open_executor
 from bondgraph.files import output_file, output_folder
 from bondgraph.filter.robust import parse_robust
 from bondgraph.report.collect import versions
@@ -117,8 +120,23 @@ def estimate(options: argparse.Namespace) -> int:
         method=options.method, seed=options.seed, certify=options.certify, continuation=options.continuation,
         starts=options.starts,
     )  # fmt: skip
+    with open_executor(options.executor) as workers:
+        return _estimated(options, problem, settings, held_out, folder, workers)
+
+
+def _estimated(
+    options: argparse.Namespace,
+    problem: EstimationProblem,
+    settings: Settings,
+    held_out: Sequence[MatchedLog],
+    folder: Path,
+    workers: Executor | None,
+) -> int:
+    """Estimate, write and say what was found; the exit status."""
     with WorkProgress("estimating", None, "evaluations") as work:
-        found = run_estimate(problem, settings, progress=work.trace, folder=folder, resume=options.resume)
+        found = run_estimate(
+            problem, settings, progress=work.trace, folder=folder, resume=options.resume, executor=workers
+        )
     unseen = held_out_logs(found, held_out)
     data = write_estimate(found, folder, provenance(options, found.seconds), unseen)
     print(text_of(parameter_table(data.parameters)), end="")
@@ -131,7 +149,7 @@ def estimate(options: argparse.Namespace) -> int:
     report = folder / "report.html"
     print(*misfit_sentences(found.misfits, report), *data.suspected, f"report: {report}", sep="\n")
     if options.profile is not None:
-        profiles = profile_likelihood(found, names(options.profile))
+        profiles = profile_likelihood(found, names(options.profile), executor=workers)
         print(f"{text_table(*profile_table(profiles))}\nprofiles: {write_profiles(profiles, folder)}")
     return 1 if not found.outcome.succeeded or (options.strict and found.misfits) else 0
 

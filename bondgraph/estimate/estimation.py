@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -39,6 +40,7 @@ from bondgraph.estimate.solvers.abstract import AbstractSearch, SearchResult, Se
 from bondgraph.estimate.solvers.gauss_newton import GaussNewtonState, gauss_newton
 from bondgraph.estimate.solvers.multistart import GaussNewton
 from bondgraph.estimate.solvers.race import race_ends
+from bondgraph.estimate.spread import spread, spread_expand
 from bondgraph.filter.choice import choose_method
 
 #: How often a search goes on with finer integration steps.
@@ -63,6 +65,7 @@ class _Run:
     jacobian: Expand
     states: dict[str, SearchState]
     started: float
+    executor: Executor | None = None
     way: tuple[Stage, ...] = ()
     asked: int = 0
 
@@ -74,7 +77,7 @@ class _Run:
     @property
     def refining(self) -> GaussNewton:
         """The gradient search."""
-        return GaussNewton(self.settings.gradient, self.jacobian)
+        return GaussNewton(self.settings.gradient, spread_expand(self.jacobian, self.problem, self.executor))
 
     @property
     def seconds(self) -> float:
@@ -119,6 +122,7 @@ def estimate(
     folder: Path | None = None,
     resume: bool = False,
     jacobian: Expand = derivatives,
+    executor: Executor | None = None,
 ) -> Estimate:
     """Estimate the free parameters of a problem.
 
@@ -137,6 +141,9 @@ def estimate(
     jacobian
         Gradient and Fisher information for the gradient search; by default exact derivatives of the filter where the
         search is long, central differences where it is short, see :mod:`bondgraph.estimate.derivatives.exact`.
+    executor
+        Whose workers evaluate members and starts, see :mod:`bondgraph.execute`; it changes no number. None: threads
+        of this process do.
 
     Returns
     -------
@@ -173,7 +180,7 @@ def estimate(
     found = load_checkpoint(folder, digest) if resume and folder is not None else None
     states = dict(found.states) if found is not None else {}
     started = time.perf_counter() - (found.seconds if found is not None else 0.0)
-    run = _Run(problem, settings, progress, folder, digest, jacobian, states, started)
+    run = _Run(problem, settings, progress, folder, digest, jacobian, states, started, executor)
     return _certified(_described(_search(run), run), run)
 
 
@@ -287,12 +294,12 @@ def _search_on(
     run: _Run, name: str, search: AbstractSearch[StateT], problem: Problem, starts: FloatArray
 ) -> tuple[StateT, SearchOutcome]:
     """A search to its end, from where it was kept if it was."""
-    state = cast("StateT | None", run.states.get(name))
+    objective, state = spread(problem, run.executor), cast("StateT | None", run.states.get(name))
     if state is None:
-        state = search.init(problem, starts)
+        state = search.init(objective, starts)
         run.keep(name, state)
     while (outcome := search.ended(state)) is None:
-        state = search.step(problem, state)
+        state = search.step(objective, state)
         run.keep(name, state)
     return state, outcome
 
@@ -305,8 +312,9 @@ def _nearer(run: _Run, starts: FloatArray) -> FloatArray:
         run.asked += asked
         if scale == 0.0:
             return starts
-        search = GaussNewton(ON_THE_WAY, run.jacobian)
-        state, _ = _search_on(run, f"{_ON_THE_WAY}{len(run.way) + 1}", search, route.at(scale), starts)
+        there = route.at(scale)
+        search = GaussNewton(ON_THE_WAY, spread_expand(run.jacobian, there, run.executor))
+        state, _ = _search_on(run, f"{_ON_THE_WAY}{len(run.way) + 1}", search, there, starts)
         run.way += (route.stage(scale, state),)
         starts = distinct_starts(run.problem, state.points, state.values, run.settings.starts)
         if not starts.size:

@@ -11,18 +11,22 @@ import dataclasses
 import hashlib
 import json
 import threading
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
 from bondgraph.data.log import FloatArray, MatchedLog
 from bondgraph.errors import EstimationError
 from bondgraph.estimate.free import FreeParameter
+from bondgraph.execute.tasks import in_order
 from bondgraph.files import write_text
 from bondgraph.filter.filter_model import FilterModel
+
+_Answer = TypeVar("_Answer")
 
 FILE = "fits.json"
 #: Fits that end in two threads are noted one after the other.
@@ -42,9 +46,10 @@ class Noted:
 
 @dataclass(frozen=True)
 class Journal:
-    """Fits noted in a folder; without a folder nothing is noted."""
+    """Fits noted in a folder; without a folder nothing is noted. Those that are not are computed by an executor."""
 
     folder: Path | None = None
+    executor: Executor | None = field(default=None, compare=False, repr=False)
 
     @property
     def exists(self) -> bool:
@@ -82,6 +87,10 @@ class Journal:
         self.folder.mkdir(parents=True, exist_ok=True)
         with _NOTING:
             write_text(self.folder / FILE, json.dumps(self._read() | {key: entry}))
+
+    def computed(self, search: Callable[..., _Answer], *task: Any) -> _Answer:
+        """The answer of a search of a module to its task, by a worker where there are some."""
+        return in_order(self.executor, search, [task])[0]
 
     def _read(self) -> dict[str, Any]:
         if self.folder is None or not (self.folder / FILE).is_file():

@@ -8,6 +8,7 @@ hypotheses, Annals of Mathematical Statistics 9(1).
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from concurrent.futures import Executor
 from dataclasses import dataclass
 from statistics import NormalDist
 from typing import TYPE_CHECKING
@@ -23,6 +24,8 @@ from bondgraph.estimate.pinned import constrained_minimum
 from bondgraph.estimate.profile import profile_curve
 from bondgraph.estimate.quantities import quantity_of, unit_of
 from bondgraph.estimate.result import Estimate
+from bondgraph.execute.executors import open_executor
+from bondgraph.execute.threads import in_threads
 from bondgraph.frames import frame
 from bondgraph.text import Table, number
 
@@ -102,7 +105,10 @@ class LikelihoodProfile:
 
 
 def profile_likelihood(
-    estimate: Estimate, names: str | Sequence[str] = (), level: float = 0.95
+    estimate: Estimate,
+    names: str | Sequence[str] = (),
+    level: float = 0.95,
+    executor: str | Executor | None = "serial",
 ) -> tuple[LikelihoodProfile, ...]:
     """Profiles of parameters of an estimate, by the exact gradient wherever a search by it repays.
 
@@ -114,6 +120,8 @@ def profile_likelihood(
         Free parameters; none: all that are identifiable.
     level
         Coverage of the intervals.
+    executor
+        Who computes ends and points, see :func:`bondgraph.execute.executors.open_executor`; it changes no number.
 
     Raises
     ------
@@ -134,14 +142,17 @@ def profile_likelihood(
     """
     asked = (names,) if isinstance(names, str) else tuple(names)
     chosen = asked or tuple(name for name, std in estimate.std.items() if np.isfinite(std))
-    return tuple(_profile(estimate, name, level) for name in chosen)
+    with open_executor(executor) as workers:
+        # Each name waits in a thread of its own for what workers find.
+        every = in_threads(len(chosen) if workers else 1, lambda name: _profile(estimate, name, level, workers), chosen)
+    return tuple(every)
 
 
-def _profile(estimate: Estimate, name: str, level: float) -> LikelihoodProfile:
-    problem, interval = estimate.problem, estimate.profile_interval(name, level)
+def _profile(estimate: Estimate, name: str, level: float, workers: Executor | None) -> LikelihoodProfile:
+    problem, interval = estimate.problem, estimate.profile_interval(name, level, workers)
     index = problem.names.index(name)
     parameter = problem.free[index]
-    curve = profile_curve(problem, estimate.point, index, interval, derivatives)
+    curve = profile_curve(problem, estimate.point, index, interval, derivatives, workers)
     lower, upper = parameter.values(np.array([interval.lower, interval.upper]))
     show = quantity_of(problem, parameter).shown
     return LikelihoodProfile(

@@ -46,6 +46,8 @@ ROUGH, ROUGH_ITERATIONS = 2.0, 30
 _AGAIN, _FINISHED = 20, 1e-3
 
 Report = Callable[[str, int, int], None]
+#: Point, value, expansion, evaluations and outcome of a fit.
+_Ended = tuple[FloatArray, float, Expansion, int, SearchOutcome]
 
 
 def no_report(stage: str, done: int, total: int) -> None:
@@ -147,9 +149,16 @@ def _noted(problem: EstimationProblem, journal: Journal | None, *how: Any) -> Fi
     if known is not None:
         expansion = expand(problem, known.point, known.steps)
         return Fit(problem, known.point, known.nll, expansion, known.evaluations, SearchOutcome[known.outcome])
-    found, steps = _search(problem, *how)
+    (point, nll, expansion, evaluations, outcome), steps = journal.computed(_searched, problem, *how)
+    found = Fit(problem, point, nll, expansion, evaluations, outcome)
     journal.note(key, Noted(found.point, steps, found.nll, found.evaluations, found.outcome.name))
     return found
+
+
+def _searched(problem: EstimationProblem, *how: Any) -> tuple[_Ended, FloatArray]:
+    """Where a search ended, without the problem, whose logs need not come back from a worker; and difference steps."""
+    found, steps = _search(problem, *how)
+    return (found.point, found.nll, found.expansion, found.evaluations, found.outcome), steps
 
 
 def _search(

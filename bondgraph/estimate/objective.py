@@ -28,7 +28,7 @@ import numpy.typing as npt
 
 from bondgraph.compile.machine_code import has_numba, load_kernel
 from bondgraph.estimate import products_kernel
-from bondgraph.filter.compiled import available_cores, in_threads
+from bondgraph.execute.threads import available_cores, in_threads
 
 FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]

@@ -8,6 +8,7 @@ confidence intervals, Applied Statistics 37(1).
 from __future__ import annotations
 
 import math
+from concurrent.futures import Executor
 from dataclasses import dataclass
 from statistics import NormalDist
 
@@ -17,6 +18,8 @@ from bondgraph.errors import EstimationError
 from bondgraph.estimate.derivatives.differences import central_differences
 from bondgraph.estimate.objective import Expand, FloatArray, Objective
 from bondgraph.estimate.pinned import ConstrainedMinimum, constrained_minimum
+from bondgraph.execute.shared import Shared
+from bondgraph.execute.tasks import in_order
 
 _ITERATIONS = 12
 _TOLERANCE = 1e-3
@@ -60,6 +63,7 @@ def profile_interval(
     *,
     jacobian: Expand = central_differences,
     direction: FloatArray | None = None,
+    executor: Executor | None = None,
 ) -> ProfileInterval:
     """Interval of one coordinate by its profile likelihood.
 
@@ -79,6 +83,8 @@ def profile_interval(
         Gradient and Fisher information of the objective, see :func:`bondgraph.estimate.pinned.constrained_minimum`.
     direction
         How all coordinates move with this one at first, shape (n,), 1 at ``index``; None: the others stay.
+    executor
+        Whose workers look for the ends, each for one; None: this process.
 
     Returns
     -------
@@ -107,7 +113,8 @@ def profile_interval(
         raise EstimationError(f"profile: std {std:g} must be positive and level {level:g} between 0 and 1")
     reach = NormalDist().inv_cdf(0.5 + 0.5 * level)
     way = _Way(objective, point, index, jacobian, np.eye(point.size)[index] if direction is None else direction)
-    lower, upper = _end(way, -std, reach), _end(way, std, reach)
+    shared = Shared.of(way) if executor else None
+    lower, upper = in_order(executor, _end, [(shared or way, side * std, reach) for side in (-1.0, 1.0)])
     return ProfileInterval(
         float(lower.point[index]), float(upper.point[index]), lower.evaluations + upper.evaluations,
         lower.point, upper.point,
@@ -120,6 +127,7 @@ def profile_curve(
     index: int,
     interval: ProfileInterval,
     jacobian: Expand = central_differences,
+    executor: Executor | None = None,
 ) -> ProfileCurve:
     """Profile of one coordinate over an interval and a quarter beyond each of its ends.
 
@@ -131,6 +139,8 @@ def profile_curve(
         What that gave.
     jacobian
         As there.
+    executor
+        Whose workers compute the points; None: this process.
 
     Examples
     --------
@@ -146,14 +156,12 @@ def profile_curve(
     True
     """
     best = float(objective.nll(point[:, np.newaxis])[0])
-    found, evaluations = [(point, best)], interval.evaluations + 1
-    for end in (interval.lower_point, interval.upper_point):
-        for share in _SHARES:
-            target = point + share * (end - point)
-            value = float(np.clip(target[index], objective.lower[index], objective.upper[index]))
-            minimum = constrained_minimum(objective, target, {index: value}, jacobian)
-            found.append((minimum.point, minimum.value))
-            evaluations += minimum.evaluations
+    given = Shared.of(objective) if executor else objective
+    ends = (interval.lower_point, interval.upper_point)
+    tasks = [(given, point + share * (end - point), index, jacobian) for end in ends for share in _SHARES]
+    minima = in_order(executor, _minimum_at, tasks)
+    found = [(point, best), *((one.point, one.value) for one in minima)]
+    evaluations = interval.evaluations + 1 + sum(one.evaluations for one in minima)
     found.sort(key=lambda one: float(one[0][index]))
     points = np.array([one for one, _ in found]).T
     deviance = 2.0 * (np.array([value for _, value in found]) - best)
@@ -179,8 +187,18 @@ class _Way:
         return constrained_minimum(self.objective, start, {self.index: value}, self.jacobian)
 
 
-def _end(way: _Way, std: float, reach: float) -> ConstrainedMinimum:
+def _minimum_at(
+    given: Objective | Shared[Objective], target: FloatArray, index: int, jacobian: Expand
+) -> ConstrainedMinimum:
+    """The best point where one coordinate has the value of a target (n,), or its bound; searched from there."""
+    objective = given.open() if isinstance(given, Shared) else given
+    value = float(np.clip(target[index], objective.lower[index], objective.upper[index]))
+    return constrained_minimum(objective, target, {index: value}, jacobian)
+
+
+def _end(given: _Way | Shared[_Way], std: float, reach: float) -> ConstrainedMinimum:
     """Where the root of twice the rise of the profile, nearly a straight line, reaches ``reach``."""
+    way = given.open() if isinstance(given, Shared) else given
     objective, index = way.objective, way.index
     bound = float(objective.upper[index] if std > 0.0 else objective.lower[index])
     best = float(objective.nll(way.point[:, np.newaxis])[0])

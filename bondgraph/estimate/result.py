@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Container, Mapping, Sequence
+from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -315,7 +316,7 @@ class Estimate:
         )
         return float(lower), float(upper)
 
-    def profile_interval(self, name: str, level: float = 0.95) -> ProfileInterval:
+    def profile_interval(self, name: str, level: float = 0.95, executor: Executor | None = None) -> ProfileInterval:
         """Interval of one coordinate by its profile likelihood; arguments and errors as for :meth:`profile`."""
         if not math.isfinite(self.std.get(name, math.nan)):
             known = [other for other, std in self.std.items() if math.isfinite(std)]
@@ -329,7 +330,9 @@ class Estimate:
         std = self.std[name] / parameter.slope(self.values[name])
         covariance = np.nan_to_num(self.coordinate_covariance)
         direction = covariance[:, index] / covariance[index, index]
-        return profile_interval(self.problem, self.point, index, std, level, jacobian=derivatives, direction=direction)
+        return profile_interval(
+            self.problem, self.point, index, std, level, jacobian=derivatives, direction=direction, executor=executor
+        )
 
     def _parameter_dict(self, parameter: FreeParameter) -> dict[str, Any]:
         info = quantity_of(self.problem, parameter)

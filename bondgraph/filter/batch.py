@@ -11,7 +11,8 @@ import numpy.typing as npt
 
 from bondgraph.arrays import BoolArray, FloatArray
 from bondgraph.compile.machine_code import has_numba
-from bondgraph.filter.compiled import CompiledFilter, in_threads, log_rows, thread_count, whole_log
+from bondgraph.execute.threads import in_threads, thread_count
+from bondgraph.filter.compiled import CompiledFilter, log_rows, whole_log
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.filter_run import FilterRun, NodeRecord
 from bondgraph.filter.kernel_record import Record

@@ -32,8 +32,9 @@ import numpy as np
 
 from bondgraph.arrays import FloatArray, IntArray
 from bondgraph.compile.machine_code import has_numba
+from bondgraph.execute.threads import in_threads, thread_count
 from bondgraph.filter.batch import BatchRun, empty_run, note_verdict
-from bondgraph.filter.compiled import CompiledFilter, in_threads, log_rows, thread_count
+from bondgraph.filter.compiled import CompiledFilter, log_rows
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.kernel_types import Part, Verdicts
 from bondgraph.filter.members import MemberBatch

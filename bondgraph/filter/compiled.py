@@ -4,11 +4,8 @@ from __future__ import annotations
 
 import itertools
 import math
-import os
-from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TypeVar
 
 import numpy as np
 
@@ -32,31 +29,6 @@ _SHARE = 0.6
 #: What the filter itself costs per node, by itself and by states, in rows of a model's work buffer, each of which costs
 #: about as much for a step: from times of machines of 2 and 11 states with 1 to 32 steps.
 _OWN, _OWN_BY_STATE = 2250.0, 375.0
-
-_Task = TypeVar("_Task")
-
-
-def in_threads(threads: int, action: Callable[[_Task], None], tasks: Sequence[_Task]) -> None:
-    """Do an action with each of some tasks."""
-    if threads == 1 or len(tasks) == 1:
-        for task in tasks:
-            action(task)
-    else:
-        with ThreadPoolExecutor(threads) as executor:
-            list(executor.map(action, tasks))
-
-
-def thread_count(threads: int | None) -> int:
-    """At least one; None: one per available core."""
-    return available_cores() if threads is None else max(1, threads)
-
-
-def available_cores() -> int:
-    """Cores this process may use."""
-    try:
-        return len(os.sched_getaffinity(0))
-    except AttributeError:  # not every system lets a process be pinned
-        return os.cpu_count() or 1
 
 
 def blocks(members: int, alone: float, threads: int) -> list[tuple[int, int]]:

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, fields, replace
 from typing import Any
 
@@ -21,8 +20,9 @@ from bondgraph.compile.lanes.text import LANES
 from bondgraph.compile.machine_code import has_numba, load_kernel
 from bondgraph.compile.rosenbrock import TABLEAUS
 from bondgraph.errors import FilterError
+from bondgraph.execute.threads import in_threads, thread_count
 from bondgraph.filter import gradient_algebra, gradient_kernel, gradient_robust, kernel_channels, kernel_robust
-from bondgraph.filter.compiled import log_rows, thread_count
+from bondgraph.filter.compiled import log_rows
 from bondgraph.filter.conditioning import depends_on_rounding
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.gradient_types import Found, Prior, Scratch, TangentEquations, TangentRules
@@ -147,11 +147,7 @@ def innovation_tangents(
     count = directions[0].theta.shape[1] if directions else 0
     groups = _groups(count, -(-workers // max(len(samples), 1)))
     parts = [(index, own) for index in range(len(samples)) for own in groups]
-    if workers == 1 or len(parts) == 1:
-        every = [one(part) for part in parts]
-    else:
-        with ThreadPoolExecutor(workers) as executor:
-            every = list(executor.map(one, parts))
+    every = in_threads(workers, one, parts)
     size = len(groups)
     whole = [_side_by_side(every[first : first + size]) for first in range(0, len(every), size)]
     return tuple(_conditioned(*each) for each in zip(whole, members, directions, strict=True))

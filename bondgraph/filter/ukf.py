@@ -18,6 +18,7 @@ from bondgraph.filter.belief import Belief, PointFunction, Prediction, Update, p
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.filter_run import FilterRun
 from bondgraph.filter.samples import Samples
+from bondgraph.simulate.inputs import InputSegment
 from bondgraph.simulate.integrators import RK4
 from bondgraph.simulate.outcome import Outcome
 from bondgraph.simulate.stiff import ModelEquations, Rosenbrock
@@ -89,18 +90,25 @@ def scaled(correlation: FloatArray, std: FloatArray) -> FloatArray:
 
 def transition(filter_model: FilterModel, samples: Samples, k: int, theta: FloatArray) -> PointFunction:
     """Moves points of the filter's state over the step that ends at node ``k``; appended parameters stay."""
+    steps = (int(samples.substeps[k - 1]), float(samples.grading[k - 1]))
+    return moved_along(filter_model, samples.segment(k), *steps, theta)
+
+
+def moved_along(
+    filter_model: FilterModel, segment: InputSegment, substeps: int, grading: float, theta: FloatArray
+) -> PointFunction:
+    """Moves points of the filter's state along a segment of the inputs, with so many steps."""
     model = filter_model.model
     n_x = len(model.states)
-    substeps = int(samples.substeps[k - 1])
     stiff = filter_model.is_stiff
-    integrator = Rosenbrock(filter_model.method, substeps, float(samples.grading[k - 1])) if stiff else RK4(substeps)
+    integrator = Rosenbrock(filter_model.method, substeps, grading) if stiff else RK4(substeps)
 
     def move(points: FloatArray) -> FloatArray:
         parameters = _point_parameters(filter_model, points, theta)
 
         rhs = ModelEquations(model, parameters)
-        state = integrator.init(float(samples.time[k - 1]), points[:n_x])
-        moved, _ = integrator.step(rhs, samples.segment(k), samples.time[k : k + 1], state)
+        state = integrator.init(segment.start, points[:n_x])
+        moved, _ = integrator.step(rhs, segment, np.array([segment.end]), state)
         return np.vstack([moved[:, 0], points[n_x:]])
 
     return move
@@ -108,12 +116,16 @@ def transition(filter_model: FilterModel, samples: Samples, k: int, theta: Float
 
 def measurement(filter_model: FilterModel, samples: Samples, k: int, theta: FloatArray) -> PointFunction:
     """Outputs of points of the filter's state at sample ``k``."""
+    return measured_at(filter_model, float(samples.time[k]), samples.u[:, k], theta)
+
+
+def measured_at(filter_model: FilterModel, time: float, u: FloatArray, theta: FloatArray) -> PointFunction:
+    """Outputs of points of the filter's state at a time, with inputs u (n_u,)."""
     model = filter_model.model
     n_x = len(model.states)
 
     def measure(points: FloatArray) -> FloatArray:
-        parameters = _point_parameters(filter_model, points, theta)
-        return model.output(float(samples.time[k]), points[:n_x], samples.u[:, k], parameters)
+        return model.output(time, points[:n_x], u, _point_parameters(filter_model, points, theta))
 
     return measure
 

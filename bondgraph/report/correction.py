@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, fields
+from concurrent.futures import Executor
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -20,6 +21,7 @@ from bondgraph.declare.files import load_graph
 from bondgraph.declare.graph import BondGraph
 from bondgraph.declare.loading import load_module
 from bondgraph.estimate.local import Report, no_report
+from bondgraph.execute.executors import open_executor
 from bondgraph.frames import frame
 from bondgraph.report.closed_loop import report_data, summary, write_closed_loop
 from bondgraph.report.collect import parameter_changes, versions
@@ -99,6 +101,7 @@ def close_loop(
     columns: Mapping[str, str] | None = None,
     constants: Mapping[str, float | str] | None = None,
     progress: Report = no_report,
+    executor: str | Executor | None = "serial",
 ) -> Correction:
     """Find what a declared graph lacks, from measured logs.
 
@@ -119,6 +122,9 @@ def close_loop(
         Values (or letters) of inputs that a log lacks.
     progress
         Called with a stage, its step and the number of its steps.
+    executor
+        Who computes the fits, ``"processes:2"`` or ``"dask://host:8786"``, see
+        :func:`bondgraph.execute.executors.open_executor`; it changes no number.
 
     Raises
     ------
@@ -141,7 +147,10 @@ def close_loop(
     model = build(declared).model
     training, held_out = (all_matched(logs, model, columns, constants) for logs in (train, holdout))
     functions = effect_functions(load_module(EFFECTS)) if effects is None else effects
-    closed = close_matched(declared, training, held_out, functions, settings, progress)
+    own = settings or LoopSettings()
+    with open_executor(executor) as workers:
+        journal = own.journal if workers is None else replace(own.journal, executor=workers)
+        closed = close_matched(declared, training, held_out, functions, replace(own, journal=journal), progress)
     names = [tuple(log.name for log in logs) for logs in (training, held_out)]
     made = Provenance("bondgraph.close_loop", None, versions(), names[0], names[1], time.monotonic() - started)
     return Correction(**{one.name: getattr(closed, one.name) for one in fields(ClosedLoop)}, made=made)

@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from bondgraph.simulate.outcome import Outcome as Outcome
     from bondgraph.simulate.scenario import Scenario as Scenario
     from bondgraph.simulate.simulation import simulate as simulate
+    from bondgraph.simulate.state_space import state_space as state_space
     from bondgraph.simulate.trajectory import BatchTrajectory as BatchTrajectory
     from bondgraph.simulate.trajectory import EventRecord as EventRecord
     from bondgraph.simulate.trajectory import Trajectory as Trajectory
@@ -25,6 +26,7 @@ else:
             "simulate.outcome": "Outcome",
             "simulate.scenario": "Scenario",
             "simulate.simulation": "simulate",
+            "simulate.state_space": "state_space",
             "simulate.trajectory": "BatchTrajectory EventRecord Trajectory",
         },
     )

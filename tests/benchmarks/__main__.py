@@ -15,6 +15,7 @@ less CPU time this toolkit takes. The whole takes about half an hour on two core
     growth     time against states, samples and members
     loop       a whole closed loop, the dictionary of effects on a drive
     optimisers global searches on test functions in ten dimensions, beside scipy and pyswarms (if installed)
+    exploring  which search explores for gradient searches: swarm against L-SHADE, functions and drives of the vehicle
     search     the thesis' swarm of 8080 evaluations and the gradient search, eight parameters, 90 s of data
 """
 
@@ -30,6 +31,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from tests.benchmarks.cases import driveline_drive, ranger
+from tests.benchmarks.exploring_rows import exploring_drives, exploring_functions
 from tests.benchmarks.gradient_rows import gradient
 from tests.benchmarks.likelihood_rows import against_c, against_others, growth, growth_of_work
 from tests.benchmarks.loop_rows import loop
@@ -42,7 +44,7 @@ from tests.benchmarks.start_rows import start
 
 PARTS = (
     "start", "others", "c", "jax", "methods", "failures", "gradient", "online", "growth", "loop", "optimisers",
-    "search",
+    "exploring", "search",
 )  # fmt: skip
 
 
@@ -143,6 +145,14 @@ def _optimisers(quick: bool, rounds: int) -> dict[str, object]:
     return {"optimisers": show_rows(title, optimiser_rows(seeds, evaluations))}
 
 
+def _exploring(quick: bool, rounds: int) -> dict[str, object]:
+    seeds = 2 if quick else SEEDS
+    title = f"explored, then searched by gradients: ten dimensions, medians over {seeds} seeds"
+    functions = show_rows(title, exploring_functions(seeds))
+    drives = show_rows("explored, then searched by gradients: drives of the vehicle", exploring_drives(seeds // 2))
+    return {"exploring_functions": functions, "exploring_drives": drives}
+
+
 def _search(quick: bool, iterations: int) -> dict[str, object]:
     case = driveline_drive(20.0 if quick else 90.0, moderate=False)
     return {"search": show_numbers("search, two threads", search(case, min(iterations, 2) if quick else iterations))}
@@ -151,6 +161,7 @@ def _search(quick: bool, iterations: int) -> dict[str, object]:
 _PARTS: dict[str, Callable[[bool, int], dict[str, object]]] = {
     "start": _start, "others": _others, "c": _c, "jax": _jax, "methods": _methods, "failures": _failures,
     "gradient": _gradient, "online": _online, "growth": _growth, "loop": _loop, "optimisers": _optimisers,
+    "exploring": _exploring,
 }  # fmt: skip
 
 

@@ -15,9 +15,10 @@ from bondgraph.data.matching import match
 from bondgraph.data.read import read_log
 from bondgraph.declare.graph import BondGraph
 from bondgraph.errors import DataError, OptionError
+from bondgraph.execute import open_executor
 from bondgraph.simulate.simulation import simulate
-from vehicle_graphs import coupled_drives, coupled_drives_logs
-from vehicle_graphs.correction_chain import Machine, forward_selection, holdout_errors, table, tried
+from vehicle_graphs import correction_chain, coupled_drives, coupled_drives_logs
+from vehicle_graphs.correction_chain import Bench, Machine, forward_selection, holdout_errors, table, tried
 
 RECORDINGS = ("measured", "coupled_drives")
 
@@ -137,6 +138,24 @@ def test_chain_finds_a_counter_that_ignores_the_direction_and_then_stops() -> No
     assert steps[1].chosen.values["torque_per_volt"] == pytest.approx(3e-4, rel=0.02)
     assert steps[1].chosen.unseen == pytest.approx(0.02, rel=0.1)
     assert "not counter_bias" in table(steps)
+
+
+def test_a_chain_keeps_finished_fits_and_goes_on_in_processes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    machine, logs = Machine(coupled_drives.declared, ("absolute_counter", "counter_bias")), simulated_records()
+    sets = [("absolute_counter",), ("counter_bias",)]
+    first = Bench(folder=tmp_path).tried(machine, sets[:1], logs, {})
+    assert len(list(tmp_path.iterdir())) == 1
+    with open_executor("processes:2") as executor:
+        there = Bench(executor, tmp_path).tried(machine, sets, logs, {})
+    assert there[0] == first[0] and there[1] == tried(machine, sets[1], logs, {})
+
+    def refused(*_: object) -> None:
+        raise AssertionError("it was fitted before")
+
+    monkeypatch.setattr(correction_chain, "tried", refused)
+    assert Bench(folder=tmp_path).tried(machine, sets, logs, {}) == there
+    with pytest.raises(AssertionError, match="fitted before"):
+        Bench(folder=tmp_path).tried(machine, sets, logs[:1], {})
 
 
 # ---------------------------------------------------------------------- measured records

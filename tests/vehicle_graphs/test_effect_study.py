@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import json
-import os
-import signal
-import time
-from collections.abc import Iterator
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Callable
+from concurrent.futures import Executor, Future, ThreadPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
 from dataclasses import replace
-from multiprocessing import get_context
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -19,6 +17,7 @@ from bondgraph import effects
 from bondgraph.correct.loop import ClosedLoop, close_loop
 from bondgraph.effects import sensors
 from bondgraph.errors import DataError, OptionError
+from bondgraph.execute import open_executor
 from vehicle_graphs.effect_study import __main__ as command
 from vehicle_graphs.effect_study import generate, tables
 from vehicle_graphs.effect_study import study as running
@@ -28,7 +27,6 @@ from vehicle_graphs.effect_study.machine import Kind, StudyMachine
 from vehicle_graphs.effect_study.machines import BENCH, MACHINES, RANGER
 from vehicle_graphs.effect_study.scoring import Answer, Hit, Outcome, compare
 from vehicle_graphs.effect_study.study import Study, close_case
-from vehicle_graphs.effect_study.workers import ProcessDiedError, RenewedProcesses, workers
 
 DRAG = Case("effect", "quadratic_loss at body", 3.0, 0)
 QUICK = replace(BENCH, functions=(effects.quadratic_loss, effects.added_inertia, effects.coulomb_loss))
@@ -298,106 +296,35 @@ def test_an_interrupted_command_shows_what_is_there_and_goes_on(
     assert len(quick) == len(BENCH.kinds)
 
 
-def test_workers_are_processes_only_where_there_are_several() -> None:
-    with workers(1) as nobody:
-        assert nobody is None
+class _Deadly(Executor):
+    """Workers that die of every task of the second seed."""
 
-
-@pytest.fixture
-def deadline() -> Iterator[None]:
-    """A test that hangs on its processes is ended."""
-    before = signal.signal(signal.SIGALRM, lambda *_: pytest.fail("the processes hang"))
-    signal.alarm(300)
-    yield
-    signal.alarm(0)
-    signal.signal(signal.SIGALRM, before)
-
-
-@pytest.mark.usefixtures("deadline")
-def test_processes_are_replaced_as_often_as_it_takes() -> None:
-    with RenewedProcesses(1, renewed=2) as executor:
-        due = [executor.submit(os.getpid) for _ in range(7)]
-        seen = [one.result() for one in due]
-    assert seen[0::2][:3] == seen[1::2] and len(set(seen)) == 4
-    assert os.getpid() not in seen
-    executor = RenewedProcesses(1)
-    due = [executor.submit(time.sleep, 0.2) for _ in range(3)]
-    executor.shutdown(wait=False, cancel_futures=True)
-    assert due[-1].cancelled()
-    with pytest.raises(RuntimeError, match="shutdown"):
-        executor.submit(os.getpid)
-
-
-def _die_once(mark: Path) -> str:
-    if not mark.exists():
-        mark.touch()
-        os._exit(1)
-    return "lived"
-
-
-@pytest.mark.usefixtures("deadline")
-def test_a_process_that_dies_is_replaced_and_its_task_tried_once_more(tmp_path: Path) -> None:
-    with RenewedProcesses(1) as executor:
-        mended, hopeless, after = (
-            executor.submit(_die_once, tmp_path / "mark"),
-            executor.submit(os._exit, 1),
-            executor.submit(abs, -3),
-        )
-        assert mended.result() == "lived"
-        with pytest.raises(ProcessDiedError, match="died twice"):
-            hopeless.result()
-        assert after.result() == 3
-
-
-def _note_and_wait(mark: Path) -> None:
-    mark.write_text(str(os.getpid()), encoding="utf-8")
-    time.sleep(250.0)
-
-
-def _hold(mark: Path) -> None:
-    with RenewedProcesses(1) as executor:
-        executor.submit(_note_and_wait, mark).result()
-
-
-@pytest.mark.usefixtures("deadline")
-def test_processes_end_with_the_one_that_began_them(tmp_path: Path) -> None:
-    mark = tmp_path / "worker"
-    holder = get_context("spawn").Process(target=_hold, args=(mark,))
-    holder.start()
-    while not mark.exists() or not mark.read_text(encoding="utf-8"):
-        time.sleep(0.1)
-    worker = int(mark.read_text(encoding="utf-8"))
-    os.kill(worker, 0)  # it lives
-    holder.kill()
-    holder.join()
-    with pytest.raises(ProcessLookupError):
-        while True:  # until the deadline
-            os.kill(worker, 0)
-            time.sleep(0.1)
+    def submit(self, fn: Callable[..., Outcome], /, *args: Any, **kwargs: Any) -> Future[Outcome]:
+        future: Future[Outcome] = Future()
+        _, case, _ = args
+        if case.seed == 1:
+            future.set_exception(BrokenProcessPool("out of memory"))
+        else:
+            future.set_result(fn(*args, **kwargs))
+        return future
 
 
 def test_a_case_whose_process_dies_is_an_outcome_and_the_study_goes_on(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def close(machine: StudyMachine, case: Case) -> Outcome:
-        if case.seed == 1:
-            raise ProcessDiedError("its process died twice")
-        return made_up(machine, case)
-
-    monkeypatch.setattr(running, "close_case", close)
+    monkeypatch.setattr(running, "close_case", made_up)
     cases = [replace(DRAG, seed=seed) for seed in range(3)]
-    with ThreadPoolExecutor(1) as executor:
-        found = Study(tmp_path, BENCH).run(cases, lambda _: None, executor)
-    assert [one.failure for one in found] == ["", "ProcessDiedError: its process died twice", ""]
+    found = Study(tmp_path, BENCH).run(cases, lambda _: None, _Deadly())
+    assert [one.failure for one in found[::2]] == ["", ""]
+    assert "died twice without an answer" in found[1].failure
     assert found[1].hits == (Hit("quadratic_loss at body", "failed"),)
 
 
 @pytest.mark.slow
-@pytest.mark.usefixtures("deadline")
 def test_processes_give_what_this_process_gives(tmp_path: Path) -> None:
     machine = QUICK.shortened()
     cases = [Case("none", name, 0.0, seed) for seed in range(2) for name, _ in NOTHING[:1]]
-    with workers(2) as executor:
+    with open_executor("processes:2") as executor:
         there = Study(tmp_path / "there", machine).run(cases, lambda _: None, executor)
     here = Study(tmp_path / "here", machine).run(cases, lambda _: None)
     untimed = [[replace(one, seconds=0.0, processor_seconds=0.0) for one in found] for found in (there, here)]

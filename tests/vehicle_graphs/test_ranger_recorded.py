@@ -72,6 +72,11 @@ def test_the_command_goes_through_all_stages(
     assert written["driving"]["parameters"]["T_pk"]["value"] == pytest.approx(FOUND["T_pk"], rel=0.02)
     assert written["driving"]["continuation"][0]["scale"] == 1.0
     assert (tmp_path / "out" / "drive_2.png").stat().st_size > 50_000
+    assert main([str(tmp_path), "--out", str(tmp_path / "out"), "--resume"]) == 0
+    again = json.loads((tmp_path / "out" / "result.json").read_text(encoding="utf-8"))
+    for stage in ("coasting", "driving"):
+        assert again[stage]["parameters"] == written[stage]["parameters"]
+        assert again[stage]["evaluations"] == written[stage]["evaluations"]
 
 
 def test_a_folder_without_runs_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

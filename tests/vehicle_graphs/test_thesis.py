@@ -11,8 +11,12 @@ import pytest
 
 from bondgraph.errors import DataError
 from bondgraph.estimate.recovery import Trial
+from bondgraph.execute import open_executor
 from vehicle_graphs import thesis
 from vehicle_graphs.thesis import COAST_DOWN, DRIVELINE, VARIANTS, Study, Variant, draw_truth, main, run_study
+
+#: The trial that an interrupted study has finished.
+FIRST = ("coast_down", 0)
 
 
 def made_up(variant: Variant, repetition: int, error: float = 0.0) -> Trial:
@@ -81,6 +85,27 @@ def test_a_study_goes_on_where_it_stopped(tmp_path: Path, quick: list[tuple[str,
     assert (tmp_path / "recovery.png").stat().st_size > 10_000
 
 
+def test_workers_finish_a_study_that_was_interrupted(
+    tmp_path: Path, quick: list[tuple[str, int]], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def interrupted(_: Study, variant: Variant, repetition: int) -> Trial:
+        if repetition == 1:
+            raise KeyboardInterrupt
+        return made_up(variant, repetition)
+
+    options = ["--out", str(tmp_path), "--repetitions", "4"]
+    with monkeypatch.context() as patched:
+        patched.setattr(Study, "_estimated", interrupted)
+        assert main(options) == 130
+    assert "the same command goes on" in capsys.readouterr().err
+    assert main([*options, "--executor", "threads:3"]) == 0
+    assert sorted(quick) == [
+        (graph, n) for graph in ("coast_down", "coast_down_quasi_static") for n in range(4) if (graph, n) != FIRST
+    ]
+    together = run_study(Study(tmp_path, repetitions=4), ["coast-down"])
+    assert together == run_study(Study(tmp_path / "alone", repetitions=4), ["coast-down"])
+
+
 def test_trials_of_another_study_are_not_mixed_in(tmp_path: Path, quick: list[tuple[str, int]]) -> None:
     study = Study(tmp_path, repetitions=2)
     run_study(study, ["coast-down"])
@@ -110,6 +135,16 @@ def test_a_short_study_recovers_what_short_runs_tell(tmp_path: Path) -> None:
     assert abs(found.parameter("r_d").mean_error) < 5e-4
     assert abs(found.parameter("brake_gain").mean_error) < 0.05
     assert found.coverage > 0.6
+
+
+@pytest.mark.slow
+def test_repetitions_in_processes_are_those_of_one_process(tmp_path: Path) -> None:
+    due = [(VARIANTS[0], repetition) for repetition in range(3)]
+    with open_executor("processes:2") as executor:
+        there = Study(tmp_path / "there", short=True).trials(due, executor=executor)
+    here = Study(tmp_path / "here", short=True).trials(due)
+    untimed = [{one: replace(trial, seconds=0.0, cpu=None) for one, trial in found.items()} for found in (there, here)]
+    assert untimed[0] == untimed[1] and len(there) == 3
 
 
 @pytest.mark.slow

@@ -1,8 +1,8 @@
 """How well are missing effects found? Simulated machines with a known effect, and the loop closed on each of them.
 
-    python -m vehicle_graphs.effect_study --out study                    the vehicle, everything: days on one core
-    python -m vehicle_graphs.effect_study --out study --workers 8        on eight cores
-    python -m vehicle_graphs.effect_study --out study --machine bench    a driveline that is quick to simulate
+    python -m vehicle_graphs.effect_study --out study                           the vehicle, all: days on one core
+    python -m vehicle_graphs.effect_study --out study --executor processes:8    on eight cores
+    python -m vehicle_graphs.effect_study --out study --machine bench           a driveline that is quick to simulate
     python -m vehicle_graphs.effect_study --out try --machine bench --families none --seeds 4 --short
 
 Every case draws true parameters and drives, puts an effect of a wanted size into the declared graph, simulates logs
@@ -22,24 +22,22 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from bondgraph.errors import BondGraphError
+from bondgraph.execute.executors import open_executor
 from bondgraph.report.figures import save_figure
 from bondgraph.report.progress import WorkProgress
+from vehicle_graphs.commands import command_parser
 from vehicle_graphs.effect_study import tables
 from vehicle_graphs.effect_study.cases import DESCRIPTIONS, FAMILIES, Case, all_cases
 from vehicle_graphs.effect_study.machines import MACHINES
 from vehicle_graphs.effect_study.picture import picture
 from vehicle_graphs.effect_study.scoring import Outcome
-from vehicle_graphs.effect_study.study import Study
-from vehicle_graphs.effect_study.workers import workers
+from vehicle_graphs.effect_study.study import RENEWED, Study
 
 SIZES = (0.3, 1.0, 3.0)
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
-        prog="python -m vehicle_graphs.effect_study", description=__doc__,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )  # fmt: skip
+    parser = command_parser("effect_study", __doc__)
     parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder of the study, made if absent")
     parser.add_argument("--machine", choices=tuple(MACHINES), default="ranger", help="default: ranger")
     meaning = "; ".join(f"{name}: {what}" for name, what in DESCRIPTIONS.items())
@@ -53,7 +51,6 @@ def _parser() -> argparse.ArgumentParser:
         "--first-seed", type=int, default=0, metavar="K",
         help="cases from this seed on, as those that a change of the loop was not judged by; default: 0",
     )  # fmt: skip
-    parser.add_argument("--workers", type=int, default=1, metavar="N", help="processes; default: 1")
     parser.add_argument("--minutes", type=float, metavar="M", help="begin no case later than that")
     parser.add_argument("--short", action="store_true", help="logs of half the length")
     return parser
@@ -88,7 +85,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _run(study: Study, cases: Sequence[Case], options: argparse.Namespace, found: list[Outcome]) -> None:
     """Take the cases; what is finished is in ``found`` even if they are interrupted."""
     until = None if options.minutes is None else time.monotonic() + 60.0 * options.minutes
-    with WorkProgress("closing loops", len(cases), "cases") as work, workers(options.workers) as executor:
+    with (
+        WorkProgress("closing loops", len(cases), "cases") as work,
+        open_executor(options.executor, RENEWED) as executor,
+    ):
 
         def done(outcome: Outcome) -> None:
             found.append(outcome)

@@ -5,18 +5,20 @@ from __future__ import annotations
 import json
 import time
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import Executor, Future, as_completed
+from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 from bondgraph.correct.loop import close_loop
 from bondgraph.errors import DataError
+from bondgraph.execute.tasks import WorkerDiedError, as_done
 from vehicle_graphs.effect_study.cases import Case
 from vehicle_graphs.effect_study.generate import draw
 from vehicle_graphs.effect_study.machine import StudyMachine
 from vehicle_graphs.effect_study.scoring import Hit, Outcome, compare
-from vehicle_graphs.effect_study.workers import ProcessDiedError
 
+#: A process is replaced after so many cases: what is compiled for each stays in its memory (50 to 300 MB).
+RENEWED = 10
 #: Called with an outcome as soon as it is there.
 Done = Callable[[Outcome], None]
 
@@ -103,7 +105,7 @@ class Study:
         done
             Called with every outcome.
         executor
-            Whose workers take the cases, any of :mod:`concurrent.futures`; None: one after the other in this process.
+            Whose workers take the cases, see :mod:`bondgraph.execute`; None: one after the other in this process.
         until
             Time of :func:`time.monotonic` after which no further case is begun.
 
@@ -130,26 +132,18 @@ def _taken(
     machine: StudyMachine, cases: Sequence[Case], executor: Executor | None, until: float | None
 ) -> Iterator[tuple[Case, Outcome]]:
     """Cases with their outcomes as they are finished."""
-    if executor is None:
-        for case in cases:
-            if until is not None and time.monotonic() > until:
-                return
-            yield case, close_case(machine, case)
-        return
+
+    def died(position: int, error: WorkerDiedError) -> Outcome:
+        return _failed(_begun(machine, cases[position]), error)
+
+    # of the clock, which processes share
     end = None if until is None else time.time() + until - time.monotonic()
-    waiting: dict[Future[Outcome | None], Case] = {
-        executor.submit(_in_time, machine, case, end): case for case in cases
-    }
-    for future in as_completed(waiting):
-        case = waiting[future]
-        try:
-            outcome = future.result()
-        except ProcessDiedError as error:
-            outcome = _failed(_begun(machine, case), error)
+    tasks = [(machine, case, end) for case in cases]
+    for position, outcome in as_done(executor, _in_time, tasks, died):
         if outcome is not None:
-            yield case, outcome
+            yield cases[position], outcome
 
 
 def _in_time(machine: StudyMachine, case: Case, until: float | None) -> Outcome | None:
-    """The outcome of a case, None if its time (of the clock, which processes share) is over."""
+    """The outcome of a case, None if its time is over."""
     return None if until is not None and time.time() > until else close_case(machine, case)

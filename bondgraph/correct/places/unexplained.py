@@ -23,7 +23,7 @@ from bondgraph.data.log import FloatArray
 from bondgraph.declare.effect import Effect, EffectFunction, Place
 from bondgraph.declare.functions import maximum, minimum
 from bondgraph.declare.graph import BondGraph
-from bondgraph.filter.compiled import available_cores, in_threads
+from bondgraph.execute.threads import available_cores, in_threads
 from bondgraph.filter.linear.response import Change
 
 #: Information left of an effect, beside a function without a law, below which the function contains it.

@@ -31,7 +31,7 @@ from bondgraph.declare.graph import BondGraph
 from bondgraph.declare.quantities import symbol
 from bondgraph.declare.revision import replace_symbols
 from bondgraph.estimate.fitted import Fit, restricted
-from bondgraph.filter.compiled import available_cores, in_threads
+from bondgraph.execute.threads import available_cores, in_threads
 from bondgraph.filter.linear.recursion import decay
 
 When = Literal["from", "until"]

@@ -16,7 +16,7 @@ from bondgraph.data.log import FloatArray, MatchedLog
 from bondgraph.estimate.fitted import Fit
 from bondgraph.estimate.free import FreeParameter
 from bondgraph.estimate.objective import Expansion, expansion_of, over_terms
-from bondgraph.filter.compiled import available_cores, in_threads
+from bondgraph.execute.threads import available_cores, in_threads
 from bondgraph.filter.filter_run import FilterRun
 from bondgraph.filter.linear.recursion import respond_into
 from bondgraph.filter.linear.response import Change, LinearLog, Path, linearise, model_change, together, unchanged

@@ -27,7 +27,7 @@ from bondgraph.correct.search.incumbents import (
 from bondgraph.correct.search.search import Entry, Search
 from bondgraph.correct.search.storages import TrialSize, trial_size
 from bondgraph.estimate.local import Report
-from bondgraph.filter.compiled import in_threads
+from bondgraph.execute.threads import in_threads
 
 #: Storages that are looked at side by side, whatever the machine, and events of each fit that may be refitted.
 _ABREAST, _EVENTS = 2, 2

@@ -29,7 +29,8 @@ from bondgraph.correct.search.refit import Prepared, prepared, refit
 from bondgraph.data.log import FloatArray
 from bondgraph.estimate.derivatives.exact import compile_exact
 from bondgraph.estimate.local import Report
-from bondgraph.filter.compiled import CompiledFilter, in_threads
+from bondgraph.execute.threads import in_threads
+from bondgraph.filter.compiled import CompiledFilter
 from bondgraph.filter.filter_model import FilterModel
 
 #: Candidates of stiff models that are refitted at once, whatever the machine, so that results do not depend on it.

@@ -13,6 +13,7 @@ from __future__ import annotations
 import importlib
 import warnings
 from collections.abc import Callable, Mapping
+from concurrent.futures import Executor
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal, get_args
 
@@ -23,6 +24,9 @@ from bondgraph.estimate.free_simulation import simulated_members
 from bondgraph.estimate.objective import FloatArray
 from bondgraph.estimate.pictures import own_axes
 from bondgraph.estimate.problem import EstimationProblem
+from bondgraph.execute.executors import open_executor
+from bondgraph.execute.shared import Shared
+from bondgraph.execute.tasks import in_order
 from bondgraph.frames import frame
 from bondgraph.text import Table, count, number, text_table
 
@@ -43,6 +47,8 @@ _REDUCTIONS: dict[str, Callable[[FloatArray], FloatArray]] = {
 }
 #: Levels of Morris' grid and the share of failed members above which nothing is said.
 _LEVELS, _MOST_FAILED = 4, 0.2
+#: Members of a task: some blocks of the compiled filter.
+_BLOCK = 64
 #: A response beyond this has run away, and its square is no number any more.
 _RUNAWAY = 1e100
 
@@ -164,6 +170,7 @@ def global_sensitivity(
     samples: int = 0,
     seed: int = 0,
     meaning: str = "response",
+    executor: str | Executor | None = "serial",
 ) -> GlobalSensitivity:
     """Sensitivity of a response to parameters over their whole bounds.
 
@@ -181,6 +188,8 @@ def global_sensitivity(
         The same seed gives the same numbers.
     meaning
         The response in words.
+    executor
+        Who evaluates members, see :func:`bondgraph.execute.executors.open_executor`; it changes no number.
 
     Raises
     ------
@@ -210,7 +219,8 @@ def global_sensitivity(
         )
     space = {"num_vars": len(bounds), "names": list(bounds), "bounds": [list(pair) for pair in bounds.values()]}
     points = _sampled(method, space, size, seed)
-    values, failed = _responses(response, points, meaning)
+    with open_executor(executor) as workers:
+        values, failed = _responses(response, points, meaning, workers)
     indices, confidence = _analysed(method, space, points, values, seed)
     return GlobalSensitivity(method, tuple(bounds), indices, confidence, values.size, failed, meaning)
 
@@ -224,9 +234,16 @@ def _sampled(method: Method, space: dict[str, Any], size: int, seed: int) -> Flo
     return found
 
 
-def _responses(response: Response, points: FloatArray, meaning: str) -> tuple[FloatArray, int]:
+def _responses(
+    response: Response, points: FloatArray, meaning: str, executor: Executor | None
+) -> tuple[FloatArray, int]:
     """Responses (members,), failed ones as the largest of the others, and how many failed."""
-    values = np.array(response(np.ascontiguousarray(points.T)), dtype=np.float64)
+    if executor is None:
+        values = np.array(response(np.ascontiguousarray(points.T)), dtype=np.float64)
+    else:
+        shared = Shared.of(response)
+        blocks = [points[first : first + _BLOCK].T for first in range(0, points.shape[0], _BLOCK)]
+        values = np.concatenate(in_order(executor, _some_responses, [(shared, some) for some in blocks]))
     finite = np.isfinite(values) & (np.abs(values) < _RUNAWAY)
     failed = int((~finite).sum())
     if failed > _MOST_FAILED * values.size:
@@ -243,6 +260,10 @@ def _responses(response: Response, points: FloatArray, meaning: str) -> tuple[Fl
             where=(meaning,),
         )
     return values, failed
+
+
+def _some_responses(shared: Shared[Response], points: FloatArray) -> FloatArray:
+    return np.array(shared.open()(np.ascontiguousarray(points)), dtype=np.float64)
 
 
 def _analysed(
@@ -305,14 +326,21 @@ def output_response(problem: EstimationProblem, output: str, reduction: Reductio
             f" - choose {', '.join(_REDUCTIONS)}",
             where=(reduction,),
         )
-    row, reduce = known.index(output), _REDUCTIONS[reduction]
+    return _OutputResponse(problem, known.index(output), reduction)
 
-    def response(points: FloatArray) -> FloatArray:
-        every = np.concatenate([y[row] for y in simulated_members(problem, points)])
+
+@dataclass(frozen=True)
+class _OutputResponse:
+    """One number of the output in a row, see :func:`output_response`; workers can be given it."""
+
+    problem: EstimationProblem
+    row: int
+    reduction: Reduction
+
+    def __call__(self, points: FloatArray) -> FloatArray:
+        every = np.concatenate([y[self.row] for y in simulated_members(self.problem, points)])
         with np.errstate(invalid="ignore"):
-            return np.where(np.isfinite(every).all(axis=0), reduce(every), np.inf)
-
-    return response
+            return np.where(np.isfinite(every).all(axis=0), _REDUCTIONS[self.reduction](every), np.inf)
 
 
 def problem_bounds(problem: EstimationProblem) -> dict[str, tuple[float, float]]:

@@ -8,7 +8,6 @@ numba) central differences serve.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 
@@ -25,8 +24,8 @@ from bondgraph.estimate.objective import (
     expansion_of,
 )
 from bondgraph.estimate.problem import EstimationProblem
+from bondgraph.execute.threads import in_threads, thread_count
 from bondgraph.filter.choice import choose_method
-from bondgraph.filter.compiled import thread_count
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.gradient import Directions, has_exact_gradient, innovation_tangents
 from bondgraph.filter.samples import Samples
@@ -150,9 +149,8 @@ def _expansions(problem: Problem, filter_models: Sequence[FilterModel], points: 
     if threads == 1 or members < 3:
         return found + [_expand(problem, filter_models, points[:, m], threads) for m in range(1, members)]
     own = max(1, threads // (members - 1))
-    with ThreadPoolExecutor(min(threads, members - 1)) as executor:
-        rest = executor.map(lambda m: _expand(problem, filter_models, points[:, m], own), range(1, members))
-        return found + list(rest)
+    rest = in_threads(threads, lambda m: _expand(problem, filter_models, points[:, m], own), range(1, members))
+    return found + rest
 
 
 def _about(seen: Terms, expansion: Expansion) -> Expansion:

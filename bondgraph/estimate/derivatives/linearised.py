@@ -18,7 +18,7 @@ from bondgraph.data.log import FloatArray
 from bondgraph.estimate.free import FreeParameter
 from bondgraph.estimate.objective import Expansion, expansion_of
 from bondgraph.estimate.problem import EstimationProblem
-from bondgraph.filter.compiled import available_cores, in_threads
+from bondgraph.execute.threads import available_cores, in_threads
 from bondgraph.filter.filter_run import FilterRun
 from bondgraph.filter.linear.intervals import Kicks
 from bondgraph.filter.linear.levels import LevelChanges, respond_to_levels

@@ -25,7 +25,8 @@ from bondgraph.compile.lanes.text import LANES
 from bondgraph.compile.machine_code import load_kernel
 from bondgraph.compile.rosenbrock import TABLEAUS
 from bondgraph.data.log import FloatArray
-from bondgraph.filter.compiled import available_cores, in_threads, log_rows
+from bondgraph.execute.threads import available_cores, in_threads
+from bondgraph.filter.compiled import log_rows
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.filter_run import FilterRun
 from bondgraph.filter.linear import interval_kernel
