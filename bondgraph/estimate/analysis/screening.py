@@ -21,9 +21,9 @@ import numpy as np
 from bondgraph.errors import EstimationError, OptionError, suggest
 from bondgraph.estimate.free_simulation import simulated_members
 from bondgraph.estimate.objective import FloatArray
-from bondgraph.estimate.pictures import own_axes
 from bondgraph.estimate.problem import EstimationProblem
 from bondgraph.frames import frame
+from bondgraph.shown import Tabulated, own_axes
 from bondgraph.text import Table, count, number, text_table
 
 if TYPE_CHECKING:
@@ -48,7 +48,7 @@ _RUNAWAY = 1e100
 
 
 @dataclass(frozen=True, repr=False)
-class GlobalSensitivity:
+class GlobalSensitivity(Tabulated):
     """Indices of a response over a box.
 
     Parameters
