@@ -15,7 +15,7 @@ FORMS = ("fmu", "c", "dot", "mermaid", "graphml")
 
 
 def add_daily_commands(commands: Any, command: AddCommand) -> None:
-    """Add ``new``, ``inspect``, ``compare``, ``report``, ``export`` and ``completion``."""
+    """Add ``new``, ``inspect``, ``compare``, ``report``, ``export``, ``docs`` and ``completion``."""
     c = command(
         commands, "new", "begin a machine: a folder with a graph, logs and a script, all of which run",
         "  bondgraph new sled\n  cd sled && bondgraph compare sled.py --data run1.csv",
@@ -54,6 +54,12 @@ def add_daily_commands(commands: Any, command: AddCommand) -> None:
     c.add_argument("folders", nargs="+", metavar="DIR", help="folders that the commands wrote")
 
     _add_export(commands, command)
+
+    c = command(
+        commands, "docs", "build the documentation to HTML that opens without a network (extra docs; about a minute)",
+        "  bondgraph docs --out site",
+    )  # fmt: skip
+    c.add_argument("--out", default="site", metavar="DIR", help="folder to write (default: site)")
 
     c = command(
         commands, "completion", "print a script by which a shell completes commands and options",
