@@ -55,17 +55,21 @@ def add_daily_commands(commands: Any, command: AddCommand) -> None:
 
     _add_export(commands, command)
 
-    c = command(
-        commands, "docs", "build the documentation to HTML that opens without a network (extra docs; about a minute)",
-        "  bondgraph docs --out site",
-    )  # fmt: skip
-    c.add_argument("--out", default="site", metavar="DIR", help="folder to write (default: site)")
+    _add_docs(commands, command)
 
     c = command(
         commands, "completion", "print a script by which a shell completes commands and options",
         "  bondgraph completion bash > ~/.local/share/bash-completion/completions/bondgraph",
     )  # fmt: skip
     c.add_argument("shell", choices=SHELLS, help="shell")
+
+
+def _add_docs(commands: Any, command: AddCommand) -> None:
+    c = command(
+        commands, "docs", "build the documentation to HTML that opens without a network (extra docs; about a minute)",
+        "  bondgraph docs --out site",
+    )  # fmt: skip
+    c.add_argument("--out", default="site", metavar="DIR", help="folder to write (default: site)")
 
 
 def _add_export(commands: Any, command: AddCommand) -> None:
