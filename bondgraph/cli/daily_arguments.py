@@ -47,12 +47,7 @@ def add_daily_commands(commands: Any, command: AddCommand) -> None:
     add_start(c)
     c.add_argument("--out", default="compared", metavar="DIR", help="folder to write (default: compared)")
 
-    c = command(
-        commands, "report", "write the report of a finished filter, estimate or close-loop again, without computing",
-        "  bondgraph report loop\n  bondgraph report fit1 fit2",
-    )  # fmt: skip
-    c.add_argument("folders", nargs="+", metavar="DIR", help="folders that the commands wrote")
-
+    _add_report(commands, command)
     _add_export(commands, command)
 
     _add_docs(commands, command)
@@ -62,6 +57,14 @@ def add_daily_commands(commands: Any, command: AddCommand) -> None:
         "  bondgraph completion bash > ~/.local/share/bash-completion/completions/bondgraph",
     )  # fmt: skip
     c.add_argument("shell", choices=SHELLS, help="shell")
+
+
+def _add_report(commands: Any, command: AddCommand) -> None:
+    c = command(
+        commands, "report", "write the report of a finished filter, estimate or close-loop again, without computing",
+        "  bondgraph report loop\n  bondgraph report fit1 fit2",
+    )  # fmt: skip
+    c.add_argument("folders", nargs="+", metavar="DIR", help="folders that the commands wrote")
 
 
 def _add_docs(commands: Any, command: AddCommand) -> None:
