@@ -18,10 +18,10 @@ ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = ROOT / "bondgraph"
 
 VISIBLE = {"pyproject.toml", "bondgraph", "vehicle_graphs", "generated", "tests", "README.md", "LICENSE"}
-FOUNDATION = ("version", "text", "errors", "lazy", "files", "frames", "units", "coherent", "arrays")
+FOUNDATION = ("version", "text", "shown", "errors", "lazy", "files", "frames", "units", "coherent", "arrays")
 DESIGN_TIME = ("declare", "derive", "generate")
 RUN_TIME = ("execute", "compile", "data", "simulate", "filter", "estimate")
-ON_TOP = ("effects", "correct", "report", "exchange", "cli")
+ON_TOP = ("effects", "correct", "report", "exchange", "documentation", "cli")
 #: Single files above the halves: from a graph to a model.
 FRONT = ("build", "verbs")
 ROOMS = (*DESIGN_TIME, *RUN_TIME, *ON_TOP)
@@ -30,6 +30,7 @@ ROOMS = (*DESIGN_TIME, *RUN_TIME, *ON_TOP)
 MAY_IMPORT: dict[str, tuple[str, ...]] = {
     "version": (),
     "text": (),
+    "shown": ("text",),
     "lazy": ("errors",),
     "frames": ("errors",),
     "errors": (),
@@ -68,8 +69,14 @@ LONG_MODULES: dict[str, str] = {
 }
 
 
+#: Tutorials: scripts that pages include, no modules of the package.
+SCRIPTS = PACKAGE / "documentation" / "scripts"
+
+
 def _modules(folder: Path = PACKAGE) -> list[Path]:
-    return sorted(path for path in folder.rglob("*.py") if "__pycache__" not in path.parts)
+    return sorted(
+        path for path in folder.rglob("*.py") if "__pycache__" not in path.parts and SCRIPTS not in path.parents
+    )
 
 
 def _name(path: Path) -> str:

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 
+import bondgraph
 import vehicle_graphs
 from bondgraph.generate.drift import check, explain, render_all
 
@@ -120,3 +121,12 @@ def test_nothing_is_left_unfinished() -> None:
         if marks.search(line)
     ]
     assert found == []
+
+
+def test_the_citation_and_the_change_log_name_the_version() -> None:
+    citation = (ROOT / ".github" / "CITATION.cff").read_text(encoding="utf-8")
+    assert re.search(rf"^version: {re.escape(bondgraph.__version__)}$", citation, flags=re.MULTILINE)
+    sections = re.findall(
+        r"^## ([\d.]+\d)", (ROOT / ".github" / "CHANGELOG.md").read_text(encoding="utf-8"), re.MULTILINE
+    )
+    assert bondgraph.__version__ in sections

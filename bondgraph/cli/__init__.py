@@ -39,6 +39,7 @@ COMMANDS = {
     "close-loop": "loops",
     "effects": "dictionary",
     "demo": "loops",
+    "docs": "documentation",
 }
 
 

@@ -15,7 +15,7 @@ FORMS = ("fmu", "c", "dot", "mermaid", "graphml")
 
 
 def add_daily_commands(commands: Any, command: AddCommand) -> None:
-    """Add ``new``, ``inspect``, ``compare``, ``report``, ``export`` and ``completion``."""
+    """Add ``new``, ``inspect``, ``compare``, ``report``, ``export``, ``docs`` and ``completion``."""
     c = command(
         commands, "new", "begin a machine: a folder with a graph, logs and a script, all of which run",
         "  bondgraph new sled\n  cd sled && bondgraph compare sled.py --data run1.csv",
@@ -47,19 +47,32 @@ def add_daily_commands(commands: Any, command: AddCommand) -> None:
     add_start(c)
     c.add_argument("--out", default="compared", metavar="DIR", help="folder to write (default: compared)")
 
-    c = command(
-        commands, "report", "write the report of a finished filter, estimate or close-loop again, without computing",
-        "  bondgraph report loop\n  bondgraph report fit1 fit2",
-    )  # fmt: skip
-    c.add_argument("folders", nargs="+", metavar="DIR", help="folders that the commands wrote")
-
+    _add_report(commands, command)
     _add_export(commands, command)
+
+    _add_docs(commands, command)
 
     c = command(
         commands, "completion", "print a script by which a shell completes commands and options",
         "  bondgraph completion bash > ~/.local/share/bash-completion/completions/bondgraph",
     )  # fmt: skip
     c.add_argument("shell", choices=SHELLS, help="shell")
+
+
+def _add_report(commands: Any, command: AddCommand) -> None:
+    c = command(
+        commands, "report", "write the report of a finished filter, estimate or close-loop again, without computing",
+        "  bondgraph report loop\n  bondgraph report fit1 fit2",
+    )  # fmt: skip
+    c.add_argument("folders", nargs="+", metavar="DIR", help="folders that the commands wrote")
+
+
+def _add_docs(commands: Any, command: AddCommand) -> None:
+    c = command(
+        commands, "docs", "build the documentation to HTML that opens without a network (extra docs; about a minute)",
+        "  bondgraph docs --out site",
+    )  # fmt: skip
+    c.add_argument("--out", default="site", metavar="DIR", help="folder to write (default: site)")
 
 
 def _add_export(commands: Any, command: AddCommand) -> None:

@@ -17,7 +17,8 @@ from bondgraph.data.frame_columns import frame_columns
 from bondgraph.errors import DataError, suggest
 from bondgraph.files import check_name
 from bondgraph.frames import frame
-from bondgraph.text import count, few, number
+from bondgraph.shown import Tabulated
+from bondgraph.text import Table, count, few, number
 
 if TYPE_CHECKING:
     import pandas
@@ -74,7 +75,7 @@ class LogChannel:
 
 
 @dataclass(frozen=True, repr=False)
-class Log:
+class Log(Tabulated):
     """A measured or simulated log: time in seconds, strictly increasing, and channels in their own units.
 
     Parameters
@@ -170,6 +171,17 @@ class Log:
         """
         columns = {f"{channel.name} [{channel.unit}]": channel.values for channel in self.channels.values()}
         return frame(columns, self.time, "time [s]")
+
+    def table(self) -> Table:
+        """A line for every channel: unit, count of values, least and largest."""
+        rows = []
+        for channel in self.channels.values():
+            known = channel.values[~channel.missing]
+            ends = [str(known.min()), str(known.max())] if channel.is_text and known.size else ["", ""]
+            if known.size and not channel.is_text:
+                ends = [number(float(known.min())), number(float(known.max()))]
+            rows.append([channel.name, channel.unit, str(known.size), *ends])
+        return ("channel", "unit", "values", "least", "largest"), rows
 
     def __len__(self) -> int:
         return int(self.time.size)

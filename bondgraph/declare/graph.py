@@ -18,11 +18,12 @@ from bondgraph.declare.quantities import Input, Parameter
 from bondgraph.declare.quantity_builder import QuantityBuilder
 from bondgraph.declare.validation import validate
 from bondgraph.errors import DeclarationError, suggest
+from bondgraph.shown import Drawn
 
 __all__ = ["At", "BondGraph", "ElementType", "Handle", "Law", "SubGraph", "apply_law", "callable_law"]
 
 
-class BondGraph(QuantityBuilder, ElementBuilder):
+class BondGraph(QuantityBuilder, ElementBuilder, Drawn):
     """A bond graph under construction.
 
     Parameters

@@ -62,7 +62,7 @@ def graph_from_json(data: Mapping[str, Any], where: str = "graph") -> BondGraph:
     head = check_keys(data.get("graph", {}), _HEAD_KEYS, f"{where}: graph")
     if head.get("format", FORMAT) != FORMAT:
         raise DeclarationError(f"{where}: format {shown(head['format'])} is not {FORMAT!r}", where=("format",))
-    if data.get("directed") is False or data.get("multigraph") is False:
+    if data.get("directed", True) is not True or data.get("multigraph", True) is not True:
         raise DeclarationError(f"{where}: must be a directed multigraph", where=("directed", "multigraph"))
     return _Reader(head, items(data, "nodes", where), items(data, "bonds", where), where).graph
 

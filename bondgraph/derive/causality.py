@@ -22,6 +22,7 @@ from bondgraph.derive.patterns import Pattern, stroke_patterns
 from bondgraph.derive.refusals import clash, explain_chain, refusal, refuse_law, refuse_rings
 from bondgraph.derive.strokes import ContradictionError, Decision, Reason, ReasonKind, StrokeSearch
 from bondgraph.errors import CausalityError, suggest
+from bondgraph.shown import Drawn
 from bondgraph.text import count
 
 __all__ = ["CausalGraph", "Reason", "ReasonKind", "Stroke", "assign_causality", "explain_chain"]
@@ -30,7 +31,7 @@ Stroke = Literal["source", "target"]
 
 
 @dataclass(frozen=True, repr=False)
-class CausalGraph:
+class CausalGraph(Drawn):
     """A flat bond graph with every stroke placed.
 
     ``strokes[i]`` is the end of bond i that receives the effort; ``reasons[i]`` says why; ``derivative`` names the

@@ -13,6 +13,7 @@ from sympy import Expr, Symbol
 
 from bondgraph.coherent import Displayed
 from bondgraph.declare.quantities import Input, Parameter, Start, Table
+from bondgraph.shown import Typeset
 from bondgraph.text import count
 
 StateVariable = Literal["flow", "momentum", "displacement", "effort", "integral"]
@@ -107,7 +108,7 @@ class Mode:
 
 
 @dataclass(frozen=True, repr=False)
-class StateEquations:
+class StateEquations(Typeset):
     """Explicit state equations of one graph, ready to be printed.
 
     ``derivatives[i]`` is the time derivative of ``states[i]``; ``assignments`` are in order of computation. At the

@@ -28,6 +28,8 @@ _SPECIAL = {
     "\\": r"\textbackslash{}", "{": r"\{", "}": r"\}", "$": r"\$", "&": r"\&", "%": r"\%", "#": r"\#", "_": r"\_",
     "~": r"\textasciitilde{}", "^": r"\textasciicircum{}",
 }  # fmt: skip
+#: Lines of equations that a notebook shows with their intermediate results.
+_SHOWN = 40
 _UNITS = {"ohm": r"\Omega", "degC": r"{}^{\circ}\mathrm{C}", "%": r"\%"}
 
 
@@ -69,6 +71,42 @@ def latex(equations: StateEquations, assignments: bool = True) -> str:
     """
     computed = _computed(equations)
     printer = _Printer(_symbols(equations, computed))
+    parts = [_aligned(block) for block in _blocks(equations, printer, computed, assignments) if block]
+    return "\n".join([*parts, *_where(equations, printer, assignments)])
+
+
+def display_latex(equations: StateEquations) -> str:
+    r"""Equations between dollar signs, as notebooks show them: no meanings, long ones without intermediate results.
+
+    Examples
+    --------
+    >>> from bondgraph.declare.graph import BondGraph
+    >>> from bondgraph.derive.causality import assign_causality
+    >>> from bondgraph.derive.derivation import derive
+    >>> g = BondGraph("car")
+    >>> body = g.one_junction("body")
+    >>> _ = g.inertance("mass", g.parameter("m", 800.0, "kg"), at=body, state="v")
+    >>> print(display_latex(derive(assign_causality(g))))
+    $$\begin{aligned}
+    \dot{v} &= 0
+    \end{aligned}$$
+    """
+    computed = _computed(equations)
+    printer = _Printer(_symbols(equations, computed))
+    blocks = _blocks(equations, printer, computed, assignments=True)
+    left = 0
+    if sum(map(len, blocks)) > _SHOWN:
+        left, blocks = len(blocks[0]), [[], *blocks[1:]]
+    lines = [line for block in blocks for line in block] or [r"\text{no states}"]
+    if left:
+        lines.insert(0, rf"&\text{{after {left} assignments in order of computation:}}")
+    return "$$\\begin{aligned}\n" + " \\\\\n".join(lines) + "\n\\end{aligned}$$"
+
+
+def _blocks(
+    equations: StateEquations, printer: _Printer, computed: Sequence[str], assignments: bool
+) -> list[list[str]]:
+    """Intermediate results, state equations and outputs, a line for each."""
     steps = _steps(equations, printer) if assignments else []
     rates = [
         f"{printer.rate(state.symbol.name)} &= {printer.doprint(rate)}"
@@ -79,8 +117,7 @@ def latex(equations: StateEquations, assignments: bool = True) -> str:
         for y in equations.outputs
         if y.expression != y.symbol  # what is measured as it is has its equation already
     ]
-    parts = [_aligned(block) for block in (steps, rates, outputs) if block]
-    return "\n".join([*parts, *_where(equations, printer, assignments)])
+    return [steps, rates, outputs]
 
 
 def _aligned(lines: Sequence[str]) -> str:

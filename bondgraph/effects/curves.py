@@ -124,5 +124,6 @@ def _stretch(place: Place, graph: BondGraph) -> float:
 def _numbers(law: Expr, over: Symbol, known: dict[Symbol, float], x: FloatArray) -> FloatArray:
     functions = [{"minimum": np.minimum, "maximum": np.maximum}, "numpy"]
     plain = law.xreplace({one: sympy.Float(value) for one, value in known.items()})
-    found = sympy.lambdify(over, plain, functions)(x)
+    with np.errstate(divide="ignore"):  # a pole is a gap in the curve
+        found = sympy.lambdify(over, plain, functions)(x)
     return np.broadcast_to(np.asarray(found, dtype=np.float64), x.shape).copy()

@@ -19,7 +19,6 @@ from scipy.special import gammaincc
 from bondgraph.errors import EstimationError, suggest
 from bondgraph.estimate.derivatives.exact import derivatives
 from bondgraph.estimate.objective import FloatArray
-from bondgraph.estimate.pictures import own_axes
 from bondgraph.estimate.pinned import constrained_minimum
 from bondgraph.estimate.profile import profile_curve
 from bondgraph.estimate.quantities import quantity_of, unit_of
@@ -27,6 +26,7 @@ from bondgraph.estimate.result import Estimate
 from bondgraph.execute.executors import open_executor
 from bondgraph.execute.threads import in_threads
 from bondgraph.frames import frame
+from bondgraph.shown import own_axes
 from bondgraph.text import Table, number
 
 if TYPE_CHECKING:

@@ -18,12 +18,12 @@ import numpy as np
 from bondgraph.coherent import Displayed
 from bondgraph.errors import EstimationError, OptionError
 from bondgraph.estimate.objective import FloatArray
-from bondgraph.estimate.pictures import own_axes
 from bondgraph.estimate.prediction import drawn_points
 from bondgraph.estimate.quantities import quantity_of, unit_of
 from bondgraph.estimate.result import Estimate
 from bondgraph.frames import frame
-from bondgraph.text import number, text_table
+from bondgraph.shown import Tabulated, own_axes
+from bondgraph.text import Table, number, text_table
 
 if TYPE_CHECKING:
     import pandas
@@ -43,7 +43,7 @@ class PosteriorOutcome(enum.Enum):
 
 
 @dataclass(frozen=True, repr=False)
-class Posterior:
+class Posterior(Tabulated):
     """Draws of the free parameters of an estimate.
 
     Parameters
@@ -88,6 +88,10 @@ class Posterior:
         return size
 
     def summary(self) -> str:
+        """The table, and whether the chains are long enough."""
+        return f"{text_table(*self.table())}\n{self.outcome.value}"
+
+    def table(self) -> Table:
         """Mean, standard deviation and 95 % interval of every parameter in declared units."""
         rows = []
         for k, name in enumerate(self.names):
@@ -95,8 +99,7 @@ class Posterior:
             ends = np.quantile(values, [0.025, 0.975])
             numbers = (values.mean(), values.std(ddof=1), *ends, self.effective[k])
             rows.append([name, self.units[k], *(number(float(one)) for one in numbers)])
-        table = text_table(("parameter", "unit", "mean", "std", "2.5 %", "97.5 %", "independent"), rows)
-        return f"{table}\n{self.outcome.value}"
+        return ("parameter", "unit", "mean", "std", "2.5 %", "97.5 %", "independent"), rows
 
     def to_dataframe(self) -> pandas.DataFrame:
         """All draws in declared units, a column for each parameter.

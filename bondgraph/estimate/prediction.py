@@ -19,9 +19,9 @@ from bondgraph.errors import EstimationError, OptionError, suggest
 from bondgraph.estimate.derivatives.exact import derivatives
 from bondgraph.estimate.free_simulation import simulated_logs, simulated_members, simulation_problem
 from bondgraph.estimate.objective import FloatArray, fitted_expansion
-from bondgraph.estimate.pictures import own_axes
 from bondgraph.estimate.result import Estimate
 from bondgraph.frames import frame
+from bondgraph.shown import own_axes
 from bondgraph.simulate.quantities import OutputInfo
 
 if TYPE_CHECKING:

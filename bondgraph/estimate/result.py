@@ -32,8 +32,9 @@ from bondgraph.filter.filter_run import FilterRun
 from bondgraph.filter.misfit import Misfit
 from bondgraph.filter.runs import run
 from bondgraph.frames import frame
+from bondgraph.shown import Tabulated
 from bondgraph.simulate.outcome import Outcome
-from bondgraph.text import count, few, number, text_table
+from bondgraph.text import Table, count, few, number, text_table
 
 if TYPE_CHECKING:
     import pandas
@@ -50,7 +51,7 @@ class Optimum:
 
 
 @dataclass(frozen=True, repr=False)
-class Estimate:
+class Estimate(Tabulated):
     """An estimate of the free parameters of a problem.
 
     Parameters
@@ -119,7 +120,12 @@ class Estimate:
         return f"<Estimate {self.problem.name}: {few(values)}; {end}>"
 
     def summary(self) -> str:
-        """How the search ended, and a table of the estimates in declared units with their uncertainty.
+        """How the search ended, and the table of the estimates."""
+        data = f"{few([log.name for log in self.problem.logs])}: NLL {self.nll:.6g}"
+        return "\n".join([self.end, f"{data}, {self.certification.verdict} steps", text_table(*self.table())])
+
+    def table(self) -> Table:
+        """The estimates in declared units with their uncertainty.
 
         The last column says what rests on a bound and what these data do not tell.
         """
@@ -128,9 +134,7 @@ class Estimate:
             [one.name, unit_of(self.problem, one), *map(number, self._shown(one)), self._remark(one.name, unknown)]
             for one in self.problem.free
         ]
-        table = text_table(("parameter", "unit", "value", "std", "2.5 %", "97.5 %", ""), rows)
-        data = f"{few([log.name for log in self.problem.logs])}: NLL {self.nll:.6g}"
-        return "\n".join([self.end, f"{data}, {self.certification.verdict} steps", table])
+        return ("parameter", "unit", "value", "std", "2.5 %", "97.5 %", ""), rows
 
     def to_dataframe(self) -> pandas.DataFrame:
         """The estimates in declared units, a row for each free parameter.

@@ -21,14 +21,15 @@ from bondgraph.estimate.problem import EstimationProblem
 from bondgraph.estimate.quantities import quantity_of, unit_of
 from bondgraph.estimate.uncertainty import uncertainty
 from bondgraph.frames import frame
-from bondgraph.text import few, number, text_table
+from bondgraph.shown import Tabulated
+from bondgraph.text import Table, few, number, text_table
 
 if TYPE_CHECKING:
     import pandas
 
 
 @dataclass(frozen=True, repr=False)
-class Sensitivity:
+class Sensitivity(Tabulated):
     """Information about the free parameters of a problem at one point.
 
     Parameters
@@ -64,12 +65,16 @@ class Sensitivity:
         return f"<Sensitivity of {few(self.names)} to {few(self.outputs)}; not identifiable: {blind}>"
 
     def summary(self) -> str:
+        """The table as text."""
+        return text_table(*self.table())
+
+    def table(self) -> Table:
         """A line for each parameter: its standard deviations in declared units, and what share each output brings."""
         rows = [
             [name, self.units[k], *map(number, self._std(k)), *(f"{share:.0%}" for share in self.share[:, k])]
             for k, name in enumerate(self.names)
         ]
-        return text_table(("parameter", "unit", "std alone", "std joint", *self.outputs), rows)
+        return ("parameter", "unit", "std alone", "std joint", *self.outputs), rows
 
     def to_dataframe(self) -> pandas.DataFrame:
         """The table as a data frame: ``unit``, ``std_alone``, ``std_joint``, and a column of shares for each output.

@@ -8,8 +8,9 @@ import numpy as np
 
 from bondgraph.arrays import FloatArray
 from bondgraph.filter.filter_model import FilterModel
+from bondgraph.shown import own_axes
 from bondgraph.simulate.quantities import ParameterInfo, StateInfo
-from bondgraph.text import number, text_table
+from bondgraph.text import Table, number
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -33,14 +34,14 @@ def belief_columns(filter_model: FilterModel, mean: FloatArray, cov: FloatArray)
     return columns
 
 
-def belief_table(filter_model: FilterModel, mean: FloatArray, cov: FloatArray) -> str:
+def belief_table(filter_model: FilterModel, mean: FloatArray, cov: FloatArray) -> Table:
     """A line for each state: first and last mean with their standard deviations; arguments as above."""
     columns = list(belief_columns(filter_model, mean, cov).values())
     rows = [
         [info.name, info.display_unit or "1", *(number(float(one[k])) for k in (0, -1) for one in (values, deviations))]
         for info, values, deviations in zip(_infos(filter_model), columns[::2], columns[1::2], strict=True)
     ]
-    return text_table(("state", "unit", "start", "std", "end", "std"), rows)
+    return ("state", "unit", "start", "std", "end", "std"), rows
 
 
 def _infos(filter_model: FilterModel) -> list[StateInfo | ParameterInfo]:
@@ -49,20 +50,11 @@ def _infos(filter_model: FilterModel) -> list[StateInfo | ParameterInfo]:
     return [*model.states, *(model.parameters[model.index("parameter", name)] for name in filter_model.appended)]
 
 
-def axes_of(ax: Axes | None) -> Axes:
-    """These axes, or new ones on a figure of their own."""
-    if ax is not None:
-        return ax
-    from matplotlib.figure import Figure  # here: only those who draw load it
-
-    return Figure(figsize=(6.0, 3.2), layout="constrained").subplots()
-
-
 def belief_axes(
     filter_model: FilterModel, name: str, time: FloatArray, mean: FloatArray, std: FloatArray, ax: Axes | None
 ) -> Axes:
     """Mean (n,) of a state or appended parameter over time with two standard deviations, in its declared unit."""
-    axes = axes_of(ax)
+    axes = own_axes(ax)
     info = _infos(filter_model)[filter_model.state_names.index(name)]
     shown, reach = info.shown(mean), 2.0 * info.shown(std)
     axes.fill_between(time, shown - reach, shown + reach, alpha=0.25, linewidth=0.0, label="two deviations")

@@ -26,12 +26,12 @@ import numpy as np
 
 from bondgraph.arrays import FloatArray
 from bondgraph.errors import FilterError
-from bondgraph.filter.beliefs_shown import axes_of
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.online import OnlineFilter
 from bondgraph.filter.online_state import FilterStep
 from bondgraph.filter.samples import MeasuredLog
 from bondgraph.frames import frame
+from bondgraph.shown import own_axes
 
 if TYPE_CHECKING:
     import pandas
@@ -207,7 +207,7 @@ class Detection:
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """The evidence over time with the threshold and the alarm, on these or on new axes; needs matplotlib."""
-        axes = axes_of(ax)
+        axes = own_axes(ax)
         for name, values in self.evidence.items():
             axes.plot(self.time, np.maximum(values, 0.1), label=name)
         axes.axhline(self.threshold, color="0.3", linestyle="--", label="threshold")

@@ -18,12 +18,14 @@ from bondgraph.filter.beliefs_shown import belief_axes, belief_columns, belief_t
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.misfit import ChannelInnovations, Misfit, channel_misfits
 from bondgraph.filter.samples import Samples
-from bondgraph.frames import frame
+from bondgraph.frames import dataset, frame
+from bondgraph.shown import Tabulated
 from bondgraph.simulate.outcome import Outcome, describe_end
-from bondgraph.text import count, number, text_table
+from bondgraph.text import Table, count, number, text_table
 
 if TYPE_CHECKING:
     import pandas
+    import xarray
     from matplotlib.axes import Axes
 
 #: Eigenvalues of a correlation matrix below this share of the largest are rounding.
@@ -31,7 +33,7 @@ ROUNDING = 1e-11
 
 
 @dataclass(frozen=True, repr=False)
-class FilterRun:
+class FilterRun(Tabulated):
     """Beliefs before and after each measurement, and what the measurements said.
 
     Shapes: time (n,); means (n_s, n) and covariances (n_s, n_s, n) of the filter's state, ``predicted`` before and
@@ -133,12 +135,16 @@ class FilterRun:
         return deviation
 
     def summary(self) -> str:
-        """The end of the run, and tables of states and channels in declared units.
-
-        Of each channel: values measured, root mean square of the innovations, and mean of their square over the
-        variance that the filter expects, which is near one where the model explains the channel.
-        """
+        """The end of the run, and tables of states and channels in declared units."""
         states = belief_table(self.filter_model, self.filtered_mean, self.filtered_cov)
+        return "\n\n".join([repr(self)[1:-1], text_table(*states), text_table(*self.table())])
+
+    def table(self) -> Table:
+        """A line for each measured channel in its declared unit.
+
+        It has the count of values measured, the root mean square of the innovations, and the mean of their square over
+        the variance that the filter expects, which is near one where the model explains the channel.
+        """
         rows = zip(self.filter_model.model.outputs, normalised_innovations(self), self.innovation, strict=True)
         channels = [
             [
@@ -151,8 +157,7 @@ class FilterRun:
             for info, scaled, errors in rows
             if (known := errors[~np.isnan(errors)]).size and (normal := scaled[~np.isnan(scaled)]).size
         ]
-        measured = text_table(("channel", "unit", "measured", "rms innovation", "mean NIS"), channels)
-        return "\n\n".join([repr(self)[1:-1], states, measured])
+        return ("channel", "unit", "measured", "rms innovation", "mean NIS"), channels
 
     def to_dataframe(self) -> pandas.DataFrame:
         """Filtered states with their standard deviations, then each channel measured and predicted, over time.
@@ -165,11 +170,25 @@ class FilterRun:
         DataError
             If pandas is not installed.
         """
+        return frame(self._columns(), self.time, "time [s]")
+
+    def to_xarray(self) -> xarray.Dataset:
+        """What :meth:`to_dataframe` holds, over ``time``; each variable has its unit as ``attrs["units"]``.
+
+        Raises
+        ------
+        DataError
+            If xarray is not installed.
+        """
+        return dataset(self._columns(), self.time)
+
+    def _columns(self) -> dict[str, FloatArray]:
+        """States and channels by ``name [unit]``."""
         columns = belief_columns(self.filter_model, self.filtered_mean, self.filtered_cov)
         for info, measured, predicted in zip(self.filter_model.model.outputs, self.y, self.output_mean, strict=True):
             columns[f"{info.name}_measured [{info.display_unit or 1}]"] = info.shown(measured)
             columns[f"{info.name}_predicted [{info.display_unit or 1}]"] = info.shown(predicted)
-        return frame(columns, self.time, "time [s]")
+        return columns
 
     def plot(self, name: str | None = None, ax: Axes | None = None) -> Axes:
         """A state or followed parameter over time with two standard deviations, in its declared unit.

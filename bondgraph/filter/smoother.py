@@ -20,18 +20,21 @@ import numpy as np
 
 from bondgraph.arrays import FloatArray
 from bondgraph.errors import FilterError, suggest
-from bondgraph.filter.beliefs_shown import belief_columns, belief_table
+from bondgraph.filter.beliefs_shown import belief_axes, belief_columns, belief_table
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.filter_run import FilterRun, solved
-from bondgraph.frames import frame
-from bondgraph.text import count
+from bondgraph.frames import dataset, frame
+from bondgraph.shown import Tabulated
+from bondgraph.text import Table, count, text_table
 
 if TYPE_CHECKING:
     import pandas
+    import xarray
+    from matplotlib.axes import Axes
 
 
 @dataclass(frozen=True, repr=False)
-class SmootherRun:
+class SmootherRun(Tabulated):
     """Smoothed means (n_s, n) and covariances (n_s, n_s, n) of the filter's state at ``time`` (n,)."""
 
     filter_model: FilterModel
@@ -50,8 +53,12 @@ class SmootherRun:
         return self.filter_model.state_names
 
     def summary(self) -> str:
+        """What was smoothed, and the table of the states."""
+        return "\n".join([repr(self)[1:-1], text_table(*self.table())])
+
+    def table(self) -> Table:
         """A line for every state in its declared unit: smoothed mean at both ends, and its standard deviation."""
-        return "\n".join([repr(self)[1:-1], belief_table(self.filter_model, self.smoothed_mean, self.smoothed_cov)])
+        return belief_table(self.filter_model, self.smoothed_mean, self.smoothed_cov)
 
     def to_dataframe(self) -> pandas.DataFrame:
         """Smoothed means and standard deviations over time in declared units, columns ``name [unit]``.
@@ -63,6 +70,34 @@ class SmootherRun:
         """
         columns = belief_columns(self.filter_model, self.smoothed_mean, self.smoothed_cov)
         return frame(columns, self.time, "time [s]")
+
+    def to_xarray(self) -> xarray.Dataset:
+        """Smoothed means and standard deviations over ``time``; each variable has its unit as ``attrs["units"]``.
+
+        Raises
+        ------
+        DataError
+            If xarray is not installed.
+        """
+        return dataset(belief_columns(self.filter_model, self.smoothed_mean, self.smoothed_cov), self.time)
+
+    def plot(self, name: str | None = None, ax: Axes | None = None) -> Axes:
+        """A state or followed parameter over time with two standard deviations, in its declared unit.
+
+        Parameters
+        ----------
+        name
+            Which; None: the last one, a followed parameter where there is one.
+        ax
+            Axes to draw on; None: new ones. Needs matplotlib.
+
+        Raises
+        ------
+        FilterError
+            If the smoother has no such state.
+        """
+        known = self.state_names[-1] if name is None else name
+        return belief_axes(self.filter_model, known, self.time, self.mean(known), self.std(known), ax)
 
     def mean(self, name: str) -> FloatArray:
         """Smoothed mean of one state or appended parameter, shape (n,)."""

@@ -20,20 +20,27 @@ from bondgraph.declare.effect import EFFECTS, EffectFunction, effect_functions
 from bondgraph.declare.files import load_graph
 from bondgraph.declare.graph import BondGraph
 from bondgraph.declare.loading import load_module
+from bondgraph.errors import OptionError, suggest
 from bondgraph.estimate.local import Report, no_report
 from bondgraph.execute.executors import open_executor
 from bondgraph.frames import frame
-from bondgraph.report.closed_loop import report_data, summary, write_closed_loop
+from bondgraph.report.closed_loop import all_series, report_data, summary, write_closed_loop
 from bondgraph.report.collect import parameter_changes, versions
+from bondgraph.report.figures import AFTER, BEFORE, MEASURED
 from bondgraph.report.html import Provenance
 from bondgraph.report.python_lines import correction_lines, write_python
+from bondgraph.report.series import channel_errors
+from bondgraph.report.tables import pooled
+from bondgraph.shown import Tabulated, own_axes
+from bondgraph.text import Table, number
 
 if TYPE_CHECKING:
     import pandas
+    from matplotlib.axes import Axes
 
 
 @dataclass(frozen=True, repr=False)
-class Correction(ClosedLoop):
+class Correction(ClosedLoop, Tabulated):
     """A closed loop with its corrected graph and its report; ``made`` says how it came about."""
 
     made: Provenance = field(default_factory=lambda: Provenance("bondgraph.close_loop"))
@@ -77,6 +84,46 @@ class Correction(ClosedLoop):
             "unit": [one.unit for one in changes],
         }
         return frame(columns, [one.name for one in changes], "parameter")
+
+    def table(self) -> Table:
+        """Errors of each channel in its declared unit, rms before and after: training logs, then held-out ones."""
+        rows = [
+            [
+                "held out" if one.held_out else "training", one.channel, one.unit or "1",
+                *map(number, (one.simulation_before, one.simulation_after, one.one_step_before, one.one_step_after)),
+            ]
+            for one in pooled(channel_errors(all_series(self)))
+        ]  # fmt: skip
+        return ("logs", "channel", "unit", "simulated before", "after", "one step before", "after"), rows
+
+    def plot(self, channel: str = "", ax: Axes | None = None) -> Axes:
+        """A measured channel with the free simulations before and after, of the last held-out log or the last log.
+
+        Parameters
+        ----------
+        channel
+            Which; empty: the first of that log.
+        ax
+            Axes to draw on; None: new ones. Needs matplotlib.
+
+        Raises
+        ------
+        OptionError
+            If nothing of this name was measured.
+        """
+        series = all_series(self)
+        last = (next((one for one in reversed(series) if one.held_out), series[-1])).log
+        known = {one.channel: one for one in series if one.log == last}
+        if channel and channel not in known:
+            raise OptionError(f"plot {channel}: no such channel{suggest(channel, known)}", where=(channel,))
+        one, axes = known[channel or next(iter(known))], own_axes(ax, 7.0, 3.2)
+        axes.plot(one.time, one.measured, ".", color=MEASURED, markersize=3.0, label="measured")
+        for made, colour, label in ((one.before, BEFORE, "before"), (one.after, AFTER, "after")):
+            if made is not None and made.simulated is not None:
+                axes.plot(one.time, made.simulated, color=colour, label=label)
+        axes.set(title=last, xlabel="time [s]", ylabel=f"{one.channel} [{one.unit or 1}]")
+        axes.legend(loc="best", fontsize="small")
+        return axes
 
     def report(self, folder: str | Path) -> Path:
         """Write ``report.html``, ``result.json``, the corrected graph, its module, drawing and lines into a folder.

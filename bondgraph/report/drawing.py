@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING, Any
 from bondgraph.build import BuiltModel
 from bondgraph.declare.files import load_graph
 from bondgraph.declare.graph import BondGraph
-from bondgraph.derive.causality import assign_causality
-from bondgraph.errors import DeclarationError, OptionError, suggest
+from bondgraph.derive.causality import CausalGraph, assign_causality
+from bondgraph.errors import BondGraphError, DeclarationError, OptionError, suggest
 from bondgraph.files import write_bytes, write_text
 from bondgraph.report.declared import drawing_of
 from bondgraph.report.diagram.canvas import Line, Picture, Primitive, Rectangle, Text, figure, svg_text
@@ -83,6 +83,27 @@ def draw_svg(drawing: Drawing, highlight: frozenset[str] = frozenset()) -> str:
     True
     """
     return svg_text(picture_of(drawing, highlight))
+
+
+def shown_svg(graph: BondGraph | CausalGraph | Drawing) -> str | None:
+    """The drawing that a notebook shows; None of a graph without one, which stands there as text.
+
+    Examples
+    --------
+    >>> g = BondGraph("rotor")
+    >>> shaft = g.one_junction("shaft")
+    >>> shown_svg(g) is None  # nothing sits at the junction yet
+    True
+    >>> _ = g.inertance("J", 0.02, at=shaft)
+    >>> shown_svg(g).startswith("<svg")
+    True
+    """
+    if isinstance(graph, Drawing):
+        return draw_svg(graph)
+    try:
+        return draw_svg(drawing_of(graph if isinstance(graph, CausalGraph) else assign_causality(graph)))
+    except BondGraphError:
+        return None
 
 
 def draw_figure(drawing: Drawing, highlight: frozenset[str] = frozenset()) -> Figure:

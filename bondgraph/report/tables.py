@@ -144,7 +144,8 @@ def power_table(power: Sequence[Power], title: str = "smallest size found nine t
 
 def text_of(table: RenderableType, width: int = 120) -> str:
     """A table as plain text, without colour."""
-    console = Console(width=width, color_system=None, force_terminal=False)
+    # force_jupyter: in a notebook the text would be displayed too, wherever it is asked for
+    console = Console(width=width, color_system=None, force_terminal=False, force_jupyter=False)
     with console.capture() as capture:
         console.print(table)
     return "\n".join(line.rstrip() for line in capture.get().splitlines()) + "\n"

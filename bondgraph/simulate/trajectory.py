@@ -8,15 +8,22 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from bondgraph.arrays import FloatArray
-from bondgraph.errors import ModelError
-from bondgraph.frames import frame
+from bondgraph.data.log import Log, LogChannel
+from bondgraph.data.write import write_log
+from bondgraph.errors import ModelError, suggest
+from bondgraph.frames import dataset, frame
+from bondgraph.shown import Tabulated, own_axes
 from bondgraph.simulate.model import Model
 from bondgraph.simulate.outcome import Outcome, describe_end
 from bondgraph.simulate.quantities import InputInfo, OutputInfo, StateInfo
-from bondgraph.text import count, number, text_table
+from bondgraph.text import Table, count, number, text_table
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     import pandas
+    import xarray
+    from matplotlib.axes import Axes
 
 
 @dataclass(frozen=True)
@@ -38,7 +45,7 @@ class EventRecord:
 
 
 @dataclass(frozen=True, repr=False)
-class Trajectory:
+class Trajectory(Tabulated):
     """States, outputs and inputs of one model over time.
 
     ``x`` (n_x, n), ``y`` (n_y, n) and ``u`` (n_u, n) are at ``time`` (n,), s. After ``ended_at`` x and y are NaN.
@@ -68,13 +75,16 @@ class Trajectory:
         return f"<Trajectory {self.model.name}: {count(self.time.size, 'time')}, {span}{events}; {end}>"
 
     def summary(self) -> str:
-        """The end of the run, and a line for every state, output and input: start, least, largest and last value."""
+        """The end of the run, what happened in it, and the table of its quantities."""
+        return "\n".join([repr(self)[1:-1], *map(str, self.events), text_table(*self.table())])
+
+    def table(self) -> Table:
+        """A line for every state, output and input in declared units: start, least, largest and last value."""
         rows = [
             [info.name, info.display_unit or "1", *map(number, _extremes(info.shown(values)))]
             for info, values in self._rows()
         ]
-        table = text_table(("name", "unit", "start", "least", "largest", "end"), rows)
-        return "\n".join([repr(self)[1:-1], *map(str, self.events), table])
+        return ("name", "unit", "start", "least", "largest", "end"), rows
 
     def to_dataframe(self) -> pandas.DataFrame:
         """States, outputs and inputs in declared units over time, columns as in logs: ``name [unit]``.
@@ -84,8 +94,69 @@ class Trajectory:
         DataError
             If pandas is not installed.
         """
-        columns = {f"{info.name} [{info.display_unit or 1}]": info.shown(values) for info, values in self._rows()}
-        return frame(columns, self.time, "time [s]")
+        return frame(self._columns(), self.time, "time [s]")
+
+    def to_xarray(self) -> xarray.Dataset:
+        """States, outputs and inputs in declared units over ``time``; each has its unit as ``attrs["units"]``.
+
+        Raises
+        ------
+        DataError
+            If xarray is not installed.
+        """
+        return dataset(self._columns(), self.time)
+
+    def save(self, path: str | Path) -> Path:
+        """Write states, outputs and inputs as a log, which :func:`bondgraph.data.read.read_log` reads.
+
+        The suffix chooses the format, see :func:`bondgraph.data.write.write_log`.
+
+        Raises
+        ------
+        DataError
+            If the suffix is none of a log, or the package for it is not installed.
+        """
+        channels = {
+            info.name: LogChannel(info.name, info.display_unit or "1", info.shown(values))
+            for info, values in self._rows()
+        }
+        return write_log(path, Log(self.model.name, self.time, channels))
+
+    def plot(self, *names: str, ax: Axes | None = None) -> Axes:
+        """Quantities over time in declared units: those named, else the outputs, else the states.
+
+        Parameters
+        ----------
+        names
+            States, outputs or inputs.
+        ax
+            Axes to draw on; None: new ones. Needs matplotlib.
+
+        Raises
+        ------
+        ModelError
+            If the model has no such quantity.
+        """
+        known = {info.name: (info, values) for info, values in self._rows()}
+        chosen = names or self.model.names("output") or self.model.names("state")
+        for name in chosen:
+            if name not in known:
+                raise ModelError(
+                    f"{self.model.name}: no quantity {name!r}{suggest(name, known)} - there are {', '.join(known)}",
+                    where=(name,),
+                )
+        curves = {f"{name} [{known[name][0].display_unit or 1}]": known[name] for name in chosen}
+        axes = own_axes(ax)
+        for label, (info, values) in curves.items():
+            axes.plot(self.time, info.shown(values), label=label)
+        axes.set(xlabel="time [s]", ylabel=next(iter(curves)) if len(curves) == 1 else "")
+        if len(curves) > 1:
+            axes.legend(loc="best", fontsize="small")
+        return axes
+
+    def _columns(self) -> dict[str, FloatArray]:
+        """Values in declared units by ``name [unit]``."""
+        return {f"{info.name} [{info.display_unit or 1}]": info.shown(values) for info, values in self._rows()}
 
     def _rows(self) -> list[tuple[StateInfo | OutputInfo | InputInfo, FloatArray]]:
         """Quantities with their values (n,); a state that is measured under its own name stands once."""

@@ -36,6 +36,14 @@ def test_a_loop_is_closed_on_logs_as_they_are_read(tmp_path: Path) -> None:
         assert len(repr(part)) < 300 and repr(part).startswith(f"<{type(part).__name__}")
     assert loop.graph == loop.corrected_graph and bg.build(loop.graph).text == loop.corrected_text
     assert "quadratic_loss at runner" in loop.summary() and len(loop.summary()) < 3000
+    header, rows = loop.table()
+    assert rows[0][0] == "training" and rows[-1][0] == "held out" and {len(row) for row in rows} == {len(header)}
+    assert "<table>" in loop._repr_html_() and len(loop._repr_html_()) < 3000
+    axes = loop.plot()
+    assert axes.get_title() == "later" and [line.get_label() for line in axes.lines] == ["measured", "before", "after"]
+    measured, *simulated = (np.asarray(line.get_ydata()) for line in axes.lines)
+    before, after = (float(np.sqrt(np.nanmean((one - measured) ** 2))) for one in simulated)
+    assert after < 0.5 * before
     table = loop.to_dataframe()
     (name,) = loop.added[0].coefficients
     assert np.isnan(table.loc[name, "before"]) and 1.0 < table.loc[name, "after"] < 1.4

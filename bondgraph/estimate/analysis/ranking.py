@@ -20,10 +20,10 @@ import numpy as np
 from bondgraph.estimate.analysis.combinations import Combination, combinations
 from bondgraph.estimate.derivatives.exact import derivatives
 from bondgraph.estimate.objective import Expand, FloatArray, fitted_expansion
-from bondgraph.estimate.pictures import own_axes
 from bondgraph.estimate.problem import EstimationProblem
 from bondgraph.estimate.sensitivities import Sensitivity, sensitivity_from
 from bondgraph.frames import frame
+from bondgraph.shown import Tabulated, own_axes
 from bondgraph.text import Table, number, text_table
 
 if TYPE_CHECKING:
@@ -80,7 +80,7 @@ class RankedParameter:
 
 
 @dataclass(frozen=True, repr=False)
-class Ranking:
+class Ranking(Tabulated):
     """Advice for every free parameter, most informative first, with the sensitivities behind it.
 
     ``combinations`` are groups of which the logs tell only products or sums.

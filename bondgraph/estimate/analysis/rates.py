@@ -22,11 +22,11 @@ from bondgraph.errors import OptionError
 from bondgraph.estimate.derivatives.exact import derivatives, filtering_work
 from bondgraph.estimate.free_simulation import expected_problem
 from bondgraph.estimate.objective import BoolArray, Expand, FloatArray
-from bondgraph.estimate.pictures import own_axes
 from bondgraph.estimate.problem import EstimationProblem
 from bondgraph.estimate.sensitivities import sensitivity
 from bondgraph.filter.choice import choose_method
 from bondgraph.frames import frame
+from bondgraph.shown import Tabulated, own_axes
 from bondgraph.text import Table, number, text_table
 
 if TYPE_CHECKING:
@@ -53,7 +53,7 @@ class RateRow:
 
 
 @dataclass(frozen=True, repr=False)
-class RateTable:
+class RateTable(Tabulated):
     """Standard deviations with all parameters free, at several rates, the highest first.
 
     Parameters

@@ -22,12 +22,12 @@ import numpy as np
 from bondgraph.errors import EstimationError, OptionError, suggest
 from bondgraph.estimate.free_simulation import simulated_members
 from bondgraph.estimate.objective import FloatArray
-from bondgraph.estimate.pictures import own_axes
 from bondgraph.estimate.problem import EstimationProblem
 from bondgraph.execute.executors import open_executor
 from bondgraph.execute.shared import Shared
 from bondgraph.execute.tasks import in_order
 from bondgraph.frames import frame
+from bondgraph.shown import Tabulated, own_axes
 from bondgraph.text import Table, count, number, text_table
 
 if TYPE_CHECKING:
@@ -54,7 +54,7 @@ _RUNAWAY = 1e100
 
 
 @dataclass(frozen=True, repr=False)
-class GlobalSensitivity:
+class GlobalSensitivity(Tabulated):
     """Indices of a response over a box.
 
     Parameters

@@ -28,12 +28,12 @@ from bondgraph.estimate.derivatives.exact import derivatives
 from bondgraph.estimate.design.manoeuvres import Manoeuvre, planned_problem
 from bondgraph.estimate.estimated import estimated_filter
 from bondgraph.estimate.objective import BoolArray, Expand, Expansion, FloatArray, Objective, Terms, expansion_of
-from bondgraph.estimate.pictures import own_axes
 from bondgraph.estimate.problem import EstimationProblem
 from bondgraph.estimate.reduced import reduced
 from bondgraph.estimate.solvers.gauss_newton import GaussNewtonSettings, gauss_newton
 from bondgraph.estimate.symmetric import scaled_eigen
 from bondgraph.frames import frame
+from bondgraph.shown import Tabulated, own_axes
 from bondgraph.text import Table, number, text_table
 
 if TYPE_CHECKING:
@@ -102,7 +102,7 @@ class Discrimination:
 
 
 @dataclass(frozen=True, repr=False)
-class DiscriminationTable:
+class DiscriminationTable(Tabulated):
     """Manoeuvres by how soon they tell rivals apart, the best first, and the margin in nats."""
 
     rivals: tuple[str, ...]

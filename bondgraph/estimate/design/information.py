@@ -22,9 +22,9 @@ from bondgraph.estimate.analysis.ranking import prior_std
 from bondgraph.estimate.derivatives.exact import derivatives
 from bondgraph.estimate.design.manoeuvres import Manoeuvre, planned_problem
 from bondgraph.estimate.objective import Expand, FloatArray, fitted_expansion
-from bondgraph.estimate.pictures import own_axes
 from bondgraph.estimate.problem import EstimationProblem
 from bondgraph.frames import frame
+from bondgraph.shown import Tabulated, own_axes
 from bondgraph.text import Table, number, text_table
 
 if TYPE_CHECKING:
@@ -75,7 +75,7 @@ class PlannedInformation:
 
 
 @dataclass(frozen=True, repr=False)
-class DesignTable:
+class DesignTable(Tabulated):
     """Manoeuvres by what they would tell, the most nats first; ``names`` are the free parameters."""
 
     names: tuple[str, ...]

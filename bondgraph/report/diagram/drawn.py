@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from bondgraph.errors import DeclarationError, suggest
+from bondgraph.shown import Drawn
 
 Kind = Literal["0", "1", "Se", "Sf", "R", "C", "I", "TF", "GY"]
 Stroke = Literal["source", "target"]
@@ -34,7 +35,7 @@ class DrawnBond:
 
 
 @dataclass(frozen=True)
-class Drawing:
+class Drawing(Drawn):
     """A bond graph reduced to what a picture shows.
 
     ``signals`` are pairs (from, to) of node names: the second is modulated by a variable of the first. ``definitions``

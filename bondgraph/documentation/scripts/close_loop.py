@@ -1,0 +1,15 @@
+"""What the declaration lacks, found in one log and judged by another."""
+
+from sled import measured, sled
+
+import bondgraph as bg
+
+train, held_out = measured("run1", 1), measured("run2", 2)
+loop = bg.close_loop(sled(), [train], [held_out])
+print(loop.summary())
+print("\nTo paste before the declaration's return:\n")
+print(loop.python_lines())
+
+loop.plot().figure.savefig("before_after.svg")
+bg.draw(loop.graph, "corrected.svg", highlight=[added.trial.candidate.effect.element for added in loop.added])
+loop.report("loop")  # loop/report.html, result.json, graph, module, patch
