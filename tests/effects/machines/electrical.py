@@ -85,7 +85,7 @@ CLAMP = Machine(
     frozenset({"breakdown at node"}), frozenset({"effort of node"}), "current 0.2*(v/12)^9",
 )  # fmt: skip
 
-# ------------------------------------------------------------------ a slip ring, whose drop is a fraction of first order
+# ------------------------------------------------------------------ a slip ring, whose drop is a fraction
 
 
 def ring() -> bg.BondGraph:

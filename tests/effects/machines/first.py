@@ -1,4 +1,4 @@
-"""Five machines that the laws of the dictionary were made with; each has, beside what is declared, one effect or none."""
+"""Five machines that the laws were made with; each has, beside what is declared, one effect or none."""
 
 from __future__ import annotations
 

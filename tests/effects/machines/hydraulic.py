@@ -103,7 +103,7 @@ PIPE = Machine(
     frozenset({"orifice_loss at column"}), frozenset({"flow of column"}), "loss 9e4*(Q/0.01)^1.75",
 )  # fmt: skip
 
-# ------------------------------------------------------------------ a piston that leaks, less as pressure closes the seal
+# ------------------------------------------------------------------ a piston whose seal leaks
 
 
 def ram() -> bg.BondGraph:
