@@ -7,7 +7,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import bondgraph as bg
-from bondgraph.correct.loop import Added, ClosedLoop
+from bondgraph.correct.evidence.trials import Added
+from bondgraph.correct.loop import ClosedLoop
 from bondgraph.correct.shapes.formula import formula_of
 from tests.effects.machines.electrical import ELECTRICAL
 from tests.effects.machines.hydraulic import HYDRAULIC
@@ -48,7 +49,7 @@ def asked(name: str, machine: Machine, effect: bool) -> Answer:
     seconds = time.process_time() - start
     right = is_right(machine, closed) if effect else closed.verdict == "no missing effect" and not closed.added
     claimed = bool(closed.added) or closed.verdict in CLAIMS
-    named = tuple(one.trial.candidate.label for one in closed.added)
+    named = tuple(f"{'+ ' if one.completes else ''}{one.trial.candidate.label}" for one in closed.added)
     return Answer(name, effect, closed.verdict, named, tuple(_sizes(closed)), seconds, right, claimed and not right)
 
 
@@ -56,7 +57,8 @@ def is_right(machine: Machine, closed: ClosedLoop) -> bool:
     """Whether the law or an equivalent formula is found at its place or in its group, and nothing wrong beside it.
 
     The first effect must be a right one, or one that the data do not tell from a right one. Further ones may only be
-    formulas at the same place, or right ones: what the form of a law leaves of another form.
+    formulas at the same place, or right ones, or what the loop itself says to complete the form of the first: what the
+    form of a law leaves of another form.
     """
     if closed.verdict != "effect found" or not closed.added:
         return False
@@ -78,6 +80,8 @@ def is_answer(machine: Machine, added: Added) -> bool:
 
 def _completes(added: Added, first: Added) -> bool:
     candidate = added.trial.candidate
+    if added.completes == first.trial.candidate.label:
+        return True
     return candidate.effect.formula and candidate.place.label == first.trial.candidate.place.label
 
 
