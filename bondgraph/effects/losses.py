@@ -140,7 +140,7 @@ def relief(g: BondGraph, at: Place) -> Effect | None:
 
 
 def overflow(g: BondGraph, at: Place) -> Effect | None:
-    """Flow over an edge: a weir, a tank that runs over, by the power 3/2 of what stands above the edge."""
+    """Flow by the power 3/2 of what stands above an edge: a tank that runs over, a weir, a valve that opens wider."""
     if not has_effort(at) or at.domain != HYDRAULIC:
         return None
     name, size = f"overflow_{at.name}", at.scale.effort
