@@ -12,7 +12,6 @@ from bondgraph.correct.evidence.context import Context
 from bondgraph.correct.evidence.trials import Trial
 from bondgraph.correct.models.candidates import candidates, places
 from bondgraph.correct.models.failures import FAILURES, attempted, reason
-from bondgraph.correct.places.completions import completions
 from bondgraph.correct.places.located import locate
 from bondgraph.correct.places.probes import Probe, Signal, probes, signals
 from bondgraph.correct.places.unexplained import (
@@ -28,6 +27,7 @@ from bondgraph.correct.progress import Decision, Progress, without
 from bondgraph.correct.round import Round, RoundSettings
 from bondgraph.correct.scores.scoring import Linearisation, linearisation
 from bondgraph.correct.search.refit import refit_from
+from bondgraph.correct.shapes.completions import completions
 
 #: Functions without a law are tried at so many places.
 _SUSPECTS = 8

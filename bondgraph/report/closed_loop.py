@@ -138,6 +138,7 @@ def found_effects(closed: ClosedLoop) -> list[FoundEffect]:
             ("p, block-robust", f"{evidence.p_robust:.1e}"),
             ("candidates tried", str(evidence.tried)),
             *_transfer(added.trial.transfer),
+            *([("completes the form of", added.completes)] if added.completes else []),
         )
         model = closed.corrected_built.model
         effects.append(found_effect(candidate.effect, candidate.place, model, closed.corrected.values, ci95, said))

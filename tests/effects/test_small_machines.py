@@ -9,7 +9,7 @@ import bondgraph as bg
 from bondgraph.correct.evidence.trials import Trial
 from bondgraph.correct.fits.setup import filter_setup
 from bondgraph.correct.models.candidates import candidates
-from bondgraph.correct.places.completions import arguments
+from bondgraph.correct.shapes.completions import arguments
 from bondgraph.declare.editing import handle
 from bondgraph.declare.effect import EffectFunction, Place, Scale
 from bondgraph.effects.actuators import actuator_dead_zone
