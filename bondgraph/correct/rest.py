@@ -82,7 +82,7 @@ def _searched(
             why = f"needless beside an unknown {found.variable} at {found.place.label} as a function of {found.signal}"
             state = without(state, spare[-1], "withdrawn", why, len(rounds), settings)
             found, linear, tried = _look(state, linearisation(state.fit, state.train), settings.level)
-        completes = completions(state.laws, state.built.graph, linear, tried)
+        completes = completions(state.laws, state.declared, state.built.graph, linear, tried)
     except FAILURES as error:
         return found, state, (f"what stays unexplained could not be looked for to the end: {reason(error)}",), {}
     return found, state, (), completes

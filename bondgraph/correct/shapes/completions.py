@@ -3,12 +3,13 @@
 A law of a dictionary has a form, and what is missing has its own: a drop of 1.6 V at a slip ring nears its level more
 slowly than a tanh does. With small noise the rest passes every test, as a second law at the same place. Of a sum of
 functions of one signal at one place the logs tell the sum alone. So such a law stays in the model, which predicts
-better with it, but it is no further finding: it completes the first, or acts beside it.
+better with it, but it is no further finding: it completes the first, or acts beside it. So does what acts at a junction
+that another law brought with it, a loss in series to a leak.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 
 from bondgraph.correct.evidence.trials import Trial
 from bondgraph.correct.places.unexplained import Spline, contained
@@ -20,7 +21,7 @@ from bondgraph.declare.graph import BondGraph
 
 
 def completions(
-    laws: Sequence[Trial], graph: BondGraph, linear: Linearisation, tried: Sequence[Spline]
+    laws: Sequence[Trial], declared: BondGraph, graph: BondGraph, linear: Linearisation, tried: Sequence[Spline]
 ) -> Mapping[str, str]:
     """Labels of laws by those that complete them.
 
@@ -28,23 +29,31 @@ def completions(
     ----------
     laws
         What was added, in its order.
-    graph
-        The graph with all of them.
+    declared, graph
+        The graph without them, and with all of them.
     linear, tried
         Its fit, linearised, and the free functions that were tried beside it.
     """
     found: dict[str, str] = {}
     firsts: list[tuple[Trial, frozenset[str]]] = []
-    for law in laws:
+    brought = graph.flatten().nodes.keys() - declared.flatten().nodes.keys()
+    for k, law in enumerate(laws):
+        whole = next((one for one in laws[:k] if _is_inside(law, one, brought, graph)), None)
         own = arguments(law, graph)
-        if own is None:
-            continue
-        first = next((one for one, known in firsts if _completes(law, own, one, known, linear, tried)), None)
-        if first is not None:
-            found[law.candidate.label] = first.candidate.label
+        if whole is None and own is not None:
+            whole = next((one for one, known in firsts if _completes(law, own, one, known, linear, tried)), None)
+        if whole is not None:
+            found[law.candidate.label] = whole.candidate.label
         elif own:
             firsts.append((law, own))
     return found
+
+
+def _is_inside(law: Trial, first: Trial, brought: Collection[str], graph: BondGraph) -> bool:
+    """Whether a law acts at a junction that another law brought for its element: the path of a leak."""
+    junction, element = law.candidate.place.junction.name, first.candidate.effect.element
+    ends = ({bond.source, bond.target} for bond in graph.flatten().bonds)
+    return junction in brought and {junction, element} in ends
 
 
 def _completes(
