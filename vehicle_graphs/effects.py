@@ -3,12 +3,12 @@
 from bondgraph.effects.actuators import actuator_lag as actuator_lag
 from bondgraph.effects.actuators import actuator_scale as actuator_scale
 from bondgraph.effects.friction import coulomb_loss as coulomb_loss
-from bondgraph.effects.friction import hysteresis_loss as hysteresis_loss
 from bondgraph.effects.friction import quadratic_loss as quadratic_loss
 from bondgraph.effects.friction import rolling_speed_loss as rolling_speed_loss
 from bondgraph.effects.friction import stribeck_loss as stribeck_loss
 from bondgraph.effects.friction import viscous_loss as viscous_loss
 from bondgraph.effects.friction import warm_up_loss as warm_up_loss
+from bondgraph.effects.hysteresis import hysteresis_loss as hysteresis_loss
 from bondgraph.effects.loads import constant_effort as constant_effort
 from bondgraph.effects.loads import headwind as headwind
 from bondgraph.effects.losses import centrifugal_tension as centrifugal_tension

@@ -7,7 +7,7 @@ from typing import Any
 
 from bondgraph.cli.daily_arguments import add_daily_commands
 from bondgraph.cli.experiment_options import design_options, sensitivity_options
-from bondgraph.cli.log_options import LOGS_HELP, add_map, add_reading, add_set, add_start, add_window
+from bondgraph.cli.log_options import LOGS_HELP, add_between, add_map, add_reading, add_set, add_start, add_window
 from bondgraph.cli.numbers import count, finite, positive, seed, share
 from bondgraph.execute.executors import add_executor
 from bondgraph.version import __version__
@@ -156,6 +156,7 @@ def _add_simulate(commands: Any) -> None:
     add_reading(c)
     add_map(c)
     add_window(c, until=False)
+    add_between(c)
     add_start(c, "model")
     c.add_argument(
         "--scenario", metavar="NAME", help="manoeuvre declared beside the graph (a name that is none lists them)"
@@ -305,6 +306,7 @@ def _add_given(command: argparse.ArgumentParser) -> None:
     add_map(command)
     add_reading(command)
     add_window(command)
+    add_between(command)
     add_set(command, "value of an input where the logs have no column of it, or of a parameter of a declared graph")
 
 

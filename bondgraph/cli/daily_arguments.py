@@ -6,7 +6,7 @@ import argparse
 from collections.abc import Callable
 from typing import Any
 
-from bondgraph.cli.log_options import LOGS_HELP, add_map, add_reading, add_set, add_start, add_window
+from bondgraph.cli.log_options import LOGS_HELP, add_between, add_map, add_reading, add_set, add_start, add_window
 
 #: Adds a command: all commands, its name, summary and examples.
 AddCommand = Callable[[Any, str, str, str], argparse.ArgumentParser]
@@ -43,6 +43,7 @@ def add_daily_commands(commands: Any, command: AddCommand) -> None:
     add_map(c)
     add_reading(c)
     add_window(c)
+    add_between(c)
     add_set(c, "value of an input where the logs have no column of it, or of a parameter of a declared graph")
     add_start(c)
     c.add_argument("--out", default="compared", metavar="DIR", help="folder to write (default: compared)")

@@ -8,15 +8,20 @@ from __future__ import annotations
 import argparse
 import json
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from bondgraph.cli.numbers import finite
 from bondgraph.data.log import Log
 from bondgraph.data.read import EXTRAS, read_log
 from bondgraph.data.select import window
+from bondgraph.declare.editing import with_inputs_between
+from bondgraph.declare.graph import BondGraph
+from bondgraph.declare.quantities import Interpolation
 from bondgraph.errors import OptionError
 
+#: How inputs run between samples, by the words of ``--inputs-between``.
+WAYS: Mapping[str, Interpolation] = {"held": "hold", "linear": "linear", "band": "band limited"}
 #: Endings of files that are read as logs.
 LOGS_HELP = "logs: " + ", ".join(EXTRAS).replace(".", "")
 
@@ -58,6 +63,44 @@ def add_start(command: argparse.ArgumentParser, default: str = "measured") -> No
         "they come to rest while the measured ones are held (settled), or all as declared (model); default: "
         f"{default}",
     )  # fmt: skip
+
+
+def add_between(command: argparse.ArgumentParser) -> None:
+    """Add ``--inputs-between``: how inputs that logs give run between their samples."""
+    command.add_argument(
+        "--inputs-between", nargs="+", action="extend", default=[], metavar="WAY",
+        help="inputs between samples: held (a controller's output), linear (slow signals, the default), or band "
+        "(sampled behind an anti-aliasing filter); of all but codes and those declared as held, or of one: force=band",
+    )  # fmt: skip
+
+
+def inputs_between(graph: BondGraph, options: argparse.Namespace) -> BondGraph:
+    """The graph with its inputs running between samples as ``--inputs-between`` says.
+
+    Raises
+    ------
+    OptionError
+        If there is no such way or input, or the input is a code.
+
+    Examples
+    --------
+    >>> g = BondGraph("shaker")
+    >>> _ = g.input("force", "N"), g.input("switch", "1", hold=True)
+    >>> asked = argparse.Namespace(inputs_between=["band"])
+    >>> [one.interpolation for one in inputs_between(g, asked).inputs]
+    ['band limited', 'hold']
+    """
+    ways: dict[str, Interpolation] = {}
+    for option in options.inputs_between:
+        name, equals, word = (part.strip() for part in option.rpartition("="))
+        if word not in WAYS or bool(name) != bool(equals):
+            raise OptionError(
+                f"--inputs-between {option}: write {', '.join(WAYS)}, or input=way such as force=band",
+                where=("--inputs-between", option),
+            )
+        running = [one.name for one in graph.flatten().inputs if not one.is_held]
+        ways |= dict.fromkeys([name] if name else running, WAYS[word])
+    return with_inputs_between(graph, **ways) if ways else graph
 
 
 def read_given(path: str | Path, options: argparse.Namespace) -> Log:

@@ -13,7 +13,7 @@ from pathlib import Path
 
 from bondgraph.build import build
 from bondgraph.cli.effects import chosen_effects
-from bondgraph.cli.log_options import read_given
+from bondgraph.cli.log_options import inputs_between, read_given
 from bondgraph.cli.printing import say
 from bondgraph.cli.values import names, set_values
 from bondgraph.correct.loop import ClosedLoop, LoopSettings
@@ -34,7 +34,7 @@ from bondgraph.report.python_lines import write_python
 
 def close_loop(options: argparse.Namespace) -> int:
     """Find what a declared graph lacks, from measured logs."""
-    declared = load_graph(options.graph)
+    declared = inputs_between(load_graph(options.graph), options)
     graph, given = set_values(declared, options.set)
     logs = training_and_held_out(
         build(graph).model, options.data, options.holdout, read_mapping(options.map), options.rate, given,

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from bondgraph.build import build
 from bondgraph.cli.knowledge import posed, with_values
-from bondgraph.cli.log_options import read_given
+from bondgraph.cli.log_options import inputs_between, read_given
 from bondgraph.cli.printing import say
 from bondgraph.cli.values import assignments, initial, names, set_values
 from bondgraph.data.log import Log, MatchedLog
@@ -57,7 +57,7 @@ def simulate(options: argparse.Namespace) -> int:
     for file in (options.out, options.plot):
         if file:
             output_file(Path(file))
-    graph = load_graph(options.graph)
+    graph = inputs_between(load_graph(options.graph), options)
     inputs = _inputs(options)
     scenario = declared_scenario(options.graph, options.scenario) if options.scenario else None
     panels = declared_panels(options.graph) if options.plot else ()
@@ -158,10 +158,15 @@ def model_and_logs(options: argparse.Namespace) -> tuple[Model, tuple[str, ...],
     """The model of a graph or of a generated module, the states that noise may drive, and the matched logs."""
     given: dict[str, float | str]
     if is_model_file(options.model):
+        if options.inputs_between:
+            raise OptionError(
+                f"--inputs-between: the generated module {options.model} has that written in it - name the graph",
+                where=("--inputs-between", options.model),
+            )
         model, given = Model.from_file(options.model), assignments(options.set, "--set")
         driven = model.names("state")
     else:
-        graph, given = set_values(load_graph(options.model), options.set)
+        graph, given = set_values(inputs_between(load_graph(options.model), options), options.set)
         built = build(graph)
         model, driven = built.model, built.driven
     logs = _matched(options, options.data, model, given)

@@ -22,7 +22,7 @@ from bondgraph.correct.cautions import cautions_of
 from bondgraph.correct.confirmation import Confirmation, confirmation
 from bondgraph.correct.constants import LEVEL, MEASUREMENTS_EACH, MOST_EFFECTS, MOST_REFITS
 from bondgraph.correct.evidence.certified import doubts, refined
-from bondgraph.correct.evidence.trials import Detectable, Trial
+from bondgraph.correct.evidence.trials import Added, Detectable, Trial
 from bondgraph.correct.fits.assess import Assessment, assess
 from bondgraph.correct.fits.rates import rated, with_followed_rates
 from bondgraph.correct.fits.whiteness import Whiteness, whiteness
@@ -81,14 +81,6 @@ class LoopSettings:
     tables: bool = False
     journal: Journal = field(default_factory=Journal)
     without: tuple[str, ...] = ()
-
-
-@dataclass(frozen=True)
-class Added:
-    """An effect that was added, its coefficients estimated anew with everything else free."""
-
-    trial: Trial
-    coefficients: tuple[str, ...]
 
 
 @dataclass(frozen=True, repr=False)
@@ -289,7 +281,9 @@ def _result(
         [run.filtered_mean for run in current.runs(state.train)],
     )  # fmt: skip
     report("assess", 0, 1)
-    every = [Added(trial, trial.candidate.effect.parameters) for trial in state.added]
+    every = [
+        Added(one, one.candidate.effect.parameters, rest.completes.get(one.candidate.label, "")) for one in state.added
+    ]
     added = tuple(one for one in every if one.trial.candidate.effect.kind != DISTURBANCE)
     random = tuple(described(one.trial, current) for one in every if one not in added)
     history = (*state.history, Decision(len(rounds), "stopped", "", reason))
@@ -319,7 +313,7 @@ def _eventless(start: Progress, state: Progress) -> Progress:
 
 
 def _events(state: Progress) -> tuple[Added, ...]:
-    return tuple(Added(one, one.candidate.effect.parameters) for one in state.added if one.gate is not None)
+    return tuple(Added.of(one, {}) for one in state.added if one.gate is not None)
 
 
 def _doubts(nominal: Fit, corrected: Fit, first: Check, last: Check) -> list[str]:

@@ -12,7 +12,7 @@ from bondgraph.build import BuiltModel, build
 from bondgraph.correct.constants import LEVEL
 from bondgraph.correct.evidence.certified import refined
 from bondgraph.correct.evidence.context import Context
-from bondgraph.correct.evidence.decide import judge, robust_p_value
+from bondgraph.correct.evidence.decide import doubt, judge
 from bondgraph.correct.evidence.trials import Trial
 from bondgraph.correct.fits.starts import with_starts
 from bondgraph.correct.models.candidates import candidates
@@ -202,8 +202,7 @@ def _without_needless(state: Progress, number: int, settings: RoundSettings) -> 
 
 def _doubt(fitted: Fit, trial: Trial) -> float:
     """The p-value of an effect that is there; none of a disturbance, whose intensity has no zero to be tested at."""
-    coefficients = trial.candidate.effect.coefficients
-    return robust_p_value(fitted, coefficients) if coefficients else 0.0
+    return doubt(fitted, trial.candidate.effect)
 
 
 def with_disturbance(state: Progress, settings: RoundSettings, worth: float = 0.0) -> Progress:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -27,6 +27,7 @@ from bondgraph.correct.progress import Decision, Progress, without
 from bondgraph.correct.round import Round, RoundSettings
 from bondgraph.correct.scores.scoring import Linearisation, linearisation
 from bondgraph.correct.search.refit import refit_from
+from bondgraph.correct.shapes.completions import completions
 
 #: Functions without a law are tried at so many places.
 _SUSPECTS = 8
@@ -34,30 +35,34 @@ _SUSPECTS = 8
 
 @dataclass(frozen=True)
 class Rest:
-    """Where a loop ends: its state, what stays unexplained, and what of that could not be looked for."""
+    """Where a loop ends: its state, what stays unexplained, and what of that could not be looked for.
+
+    ``completes``: labels of laws that only complete the form of another, with its label.
+    """
 
     state: Progress
     unexplained: tuple[Unexplained, ...]
     cautions: tuple[str, ...] = ()
+    completes: Mapping[str, str] = field(default_factory=dict)
 
 
 def settle(state: Progress, rounds: Sequence[Round], settings: RoundSettings, tables: bool) -> Rest:
     """Try functions without a law on the final model; withdraw what they make needless; add a table if asked for."""
     settings.report("look for what stays unexplained", 0, 1)
-    found, state, cautions = _searched(state, rounds, settings)
+    found, state, cautions, completes = _searched(state, rounds, settings)
     settings.report("look for what stays unexplained", 1, 1)
     if found is None:
-        return Rest(state, (), cautions)
+        return Rest(state, (), cautions, completes)
     if tables:
         state, said = _attempted(lambda: _with_table(state, found, len(rounds), settings), state, "add a table of it")
         cautions = (*cautions, *said)
-    return Rest(state, (found,), cautions)
+    return Rest(state, (found,), cautions, completes)
 
 
 def _searched(
     state: Progress, rounds: Sequence[Round], settings: RoundSettings
-) -> tuple[Unexplained | None, Progress, tuple[str, ...]]:
-    """What stays unexplained, the state without effects that it makes needless, and what could not be done.
+) -> tuple[Unexplained | None, Progress, tuple[str, ...], Mapping[str, str]]:
+    """What stays unexplained, the state without effects that it makes needless, what failed, and what completes what.
 
     Nothing of it is worth the result of the rounds: a search that fails ends here, with its reason.
     """
@@ -77,9 +82,10 @@ def _searched(
             why = f"needless beside an unknown {found.variable} at {found.place.label} as a function of {found.signal}"
             state = without(state, spare[-1], "withdrawn", why, len(rounds), settings)
             found, linear, tried = _look(state, linearisation(state.fit, state.train), settings.level)
+        completes = completions(state.laws, state.declared, state.built.graph, linear, tried)
     except FAILURES as error:
-        return found, state, (f"what stays unexplained could not be looked for to the end: {reason(error)}",)
-    return found, state, ()
+        return found, state, (f"what stays unexplained could not be looked for to the end: {reason(error)}",), {}
+    return found, state, (), completes
 
 
 def _attempted(action: Callable[[], Progress], state: Progress, what: str) -> tuple[Progress, tuple[str, ...]]:

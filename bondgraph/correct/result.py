@@ -9,10 +9,10 @@ from typing import Any
 from bondgraph.correct.confirmation import Confirmation
 from bondgraph.correct.constants import LEVEL
 from bondgraph.correct.evidence.transfer import Transfer
-from bondgraph.correct.evidence.trials import Trial
+from bondgraph.correct.evidence.trials import Added, Trial
 from bondgraph.correct.fits.assess import Assessment, ChannelError
 from bondgraph.correct.fits.compared import Compared
-from bondgraph.correct.loop import Added, ClosedLoop
+from bondgraph.correct.loop import ClosedLoop
 from bondgraph.correct.shapes.formula import formula_of
 from bondgraph.correct.shapes.words import other_words
 from bondgraph.estimate.certify import NEGLIGIBLE_SHIFT, Check
@@ -230,6 +230,7 @@ def _effect(added: Added, corrected: Fit) -> dict[str, Any]:
         "law": effect.law,
         "junction": place.label,
         "reference": effect.reference,
+        **({"completes": added.completes} if added.completes else {}),
         **fault,
         **_formula(added, corrected),
         "coefficients": {

@@ -12,7 +12,7 @@ from bondgraph.declare.declared_units import DeclaredUnit
 from bondgraph.declare.elements import Bond, Node
 from bondgraph.declare.expressions import signal
 from bondgraph.declare.graph import BondGraph, Handle
-from bondgraph.declare.quantities import Interpolation, Parameter
+from bondgraph.declare.quantities import Input, Interpolation, Parameter
 from bondgraph.declare.quantity_checks import check_quantity
 from bondgraph.declare.requirements import check_requirements
 from bondgraph.declare.validation import node_domains
@@ -189,6 +189,8 @@ def with_bounds(graph: BondGraph, bounds: Mapping[str, tuple[float, float]]) -> 
 def with_inputs_between(graph: BondGraph, **ways: Interpolation) -> BondGraph:
     """The graph with some inputs running another way between samples: ``linear``, ``hold`` or ``band limited``.
 
+    Inputs of parts are named as in the flat graph, ``part.input`` or as the graph shares them.
+
     Raises
     ------
     DeclarationError
@@ -202,7 +204,7 @@ def with_inputs_between(graph: BondGraph, **ways: Interpolation) -> BondGraph:
     'band limited'
     """
     twin = copy(graph)
-    declared = {one.name: one for one in graph.inputs}
+    declared = {one.name: one for one in graph.flatten().inputs}
     for name, way in ways.items():
         if name not in declared:
             raise DeclarationError(f"{graph.name}: no input {name!r}{suggest(name, declared)}", where=(name,))
@@ -212,8 +214,21 @@ def with_inputs_between(graph: BondGraph, **ways: Interpolation) -> BondGraph:
                 f"{graph.name}: input {name} cannot be {way!r} between samples - use {', '.join(map(repr, known))}",
                 where=(name,),
             )
-        twin._quantities[name] = dataclasses.replace(declared[name], interpolation=way)
+        _run_between(twin, name, way)
     return twin
+
+
+def _run_between(graph: BondGraph, name: str, way: Interpolation) -> None:
+    """Let an input run a way between samples where it is declared: in the graph or in copies of its parts."""
+    own = graph._quantities.get(name)
+    if isinstance(own, Input):
+        graph._quantities[name] = dataclasses.replace(own, interpolation=way)
+    for part in list(graph._subgraphs.values()):
+        inner = name if part.shared else name.removeprefix(f"{part.name}.")
+        if (part.shared or inner != name) and inner not in dict(part.bind):
+            inside = copy(part.graph)
+            _run_between(inside, inner, way)
+            graph._subgraphs[part.name] = dataclasses.replace(part, graph=inside)
 
 
 def with_input_rates(graph: BondGraph, names: Sequence[str]) -> BondGraph:

@@ -18,7 +18,7 @@ from bondgraph.declare.expressions import is_local, signal_name
 from bondgraph.declare.graph import BondGraph
 from bondgraph.declare.handles import SubGraph
 from bondgraph.declare.laws import apply_law
-from bondgraph.declare.quantities import NamedSignal, symbol
+from bondgraph.declare.quantities import Integral, NamedSignal, symbol
 from bondgraph.errors import DeclarationError, suggest
 
 
@@ -228,6 +228,31 @@ def revise_output(graph: BondGraph, name: str, expression: object) -> None:
     old = graph._outputs[name]
     revised = apply_law(expression, old.expression, where=f"{graph.name}: {name}")
     graph._outputs[name] = dataclasses.replace(old, expression=graph._checked(revised, (), name))
+
+
+def revise_integral(graph: BondGraph, name: str, of: object) -> None:
+    """Let an integral have another rate, which may depend on integrals declared after it; a function gets the old one.
+
+    Raises
+    ------
+    DeclarationError
+        If the graph itself does not declare the integral.
+
+    Examples
+    --------
+    >>> g = BondGraph("swing")
+    >>> x = g.integral("x", 0, "m")
+    >>> v = g.integral("v", -4 * x, "m/s")
+    >>> revise_integral(g, "x", v)
+    >>> g.integrals[0].of
+    v
+    """
+    old = graph._quantities.get(name)
+    if not isinstance(old, Integral):
+        known = [one.name for one in graph.integrals]
+        raise DeclarationError(f"{graph.name}: no integral {name!r}{suggest(name, known)}", where=(name,))
+    rate = apply_law(of, old.of, where=f"{graph.name}: {name}")
+    graph._quantities[name] = dataclasses.replace(old, of=graph._checked(rate, (), name))
 
 
 def replace_symbols(graph: BondGraph, values: Mapping[str, Expr]) -> None:

@@ -5,14 +5,16 @@ are those of a loss: a positive coefficient takes energy out of the machine. A l
 in which it acts: ``creep`` is a leakage in a tank and a shunt in a circuit. Where two effects cannot be told apart the
 earlier one is preferred. What is imported here is tried where nothing else is said; the modules hold further effects.
 
-friction     what takes an effort: viscous, dry, Stribeck, quadratic, rolling at speed, cold oil, hysteresis
-losses       in proportion to the load, by direction, creep, slip, leaks, thresholds, centrifugal belt tension
+friction     what takes an effort: viscous, dry, Stribeck, quadratic, rolling at speed, cold oil
+hysteresis   friction that gives way before it slides, as Dahl, as Bouc and Wen, and as LuGre have it
+losses       in proportion to the load, by direction, creep, slip, leaks, thresholds, centrifugal belt tension,
+             tyres whose force builds up over a length
 thermal      heat given away by conduction, convection, radiation; a heat capacity that changes
-between      leaks and friction between two junctions of one domain
+between      leaks, friction and fluid couplings between two junctions of one domain; clutches that slip
 loads        constant efforts and flows, headwind, ripple
 actuators    wrong scale and lag of sources and ratios, ceiling, dead zone, rate of what follows a command
 storages     added inertia, capacity, compliance; backlash, stops, springs that harden, iron that saturates
-fading       resistances that change with temperature
+fading       resistances that change with temperature, batteries that fall with their charge
 sensors      faults of sensors, which the loop itself tries beside these
 """
 
@@ -21,7 +23,7 @@ sensors      faults of sensors, which the loop itself tries beside these
 from bondgraph.effects.friction import coulomb_loss as coulomb_loss
 from bondgraph.effects.friction import electrode_loss as electrode_loss
 from bondgraph.effects.friction import heating_resistance as heating_resistance
-from bondgraph.effects.friction import hysteresis_loss as hysteresis_loss
+from bondgraph.effects.hysteresis import hysteresis_loss as hysteresis_loss
 from bondgraph.effects.friction import quadratic_loss as quadratic_loss
 from bondgraph.effects.friction import rolling_speed_loss as rolling_speed_loss
 from bondgraph.effects.friction import stribeck_loss as stribeck_loss
@@ -37,6 +39,7 @@ from bondgraph.effects.losses import centrifugal_tension as centrifugal_tension
 from bondgraph.effects.losses import creep as creep
 from bondgraph.effects.losses import directional_loss as directional_loss
 from bondgraph.effects.losses import orifice_leak as orifice_leak
+from bondgraph.effects.losses import overflow as overflow
 from bondgraph.effects.losses import relief as relief
 from bondgraph.effects.losses import slip as slip
 from bondgraph.effects.losses import torque_proportional_loss as torque_proportional_loss
@@ -62,5 +65,7 @@ from bondgraph.effects.between import leak_between as leak_between
 from bondgraph.effects.between import orifice_between as orifice_between
 from bondgraph.effects.between import drag_between as drag_between
 from bondgraph.effects.between import friction_between as friction_between
+from bondgraph.effects.between import fluid_coupling_between as fluid_coupling_between
 from bondgraph.effects.thermal import radiation_between as radiation_between
+from bondgraph.effects.fading import charge_fading as charge_fading
 from bondgraph.effects.fading import temperature_dependence as temperature_dependence

@@ -88,6 +88,7 @@ def circuit() -> Bench:
     g.compliance("condenser", 1 / g.parameter("C", 1e-3, "A s/V", "capacitance"), at=node, state="q")
     g.bond(node, load)
     g.resistance("lamp", g.parameter("R_l", 20.0, "V/A", "lamp"), at=load)
+    g.effort_source("cell", g.parameter("E", 4.0, "V", "battery"), at=load)
     g.bond(load, tail)
     g.compliance("second", 1 / g.parameter("C_2", 2e-3, "A s/V", "second condenser"), at=tail, state="q_2")
     body = g.zero_junction("body", THERMAL)

@@ -6,10 +6,12 @@ acts on both. Reference: Karnopp, Margolis, Rosenberg (2012), System Dynamics, c
 
 from __future__ import annotations
 
-from sympy import tanh
+from sympy import Abs, tanh
 
-from bondgraph.declare.domains import HYDRAULIC
+from bondgraph.declare.domains import HYDRAULIC, ROTATION
+from bondgraph.declare.editing import split_bond
 from bondgraph.declare.effect import Effect, Place, between_junctions
+from bondgraph.declare.elements import Node
 from bondgraph.declare.graph import BondGraph, Handle
 from bondgraph.effects.places import (
     ROOT_LAW,
@@ -19,12 +21,14 @@ from bondgraph.effects.places import (
     direction,
     effort_unit,
     flow_unit,
+    joins_speeds,
     over,
     root_flow,
 )
 
 _BOND_GRAPHS = "Karnopp, Margolis, Rosenberg (2012), System Dynamics, chapter 4"
 _ORIFICE = "Merritt (1967), Hydraulic Control Systems, chapter 3"
+_COUPLING = "Naunheimer, Bertsche, Ryborz, Novak (2011), Automotive Transmissions, chapter 10"
 _SURVEY = "Armstrong-Helouvry, Dupont, Canudas de Wit (1994), Automatica 30(7)"
 #: What a flow in proportion to a difference of efforts is called.
 _LEAK = Words("", "leakage_between", "leakage_between", "heat_bridge", "exchange_between")
@@ -86,6 +90,39 @@ def friction_between(g: BondGraph, at: Place) -> Effect | None:
     return Effect(
         "friction_between", name, "effort = c*tanh(flow/w), flow = first - second", (level.name,), reference=_SURVEY,
         dissipative=True, widths=(w.name,), manoeuvre="each of the two speeds the faster one in turn",
+    )  # fmt: skip
+
+
+@between_junctions
+def fluid_coupling_between(g: BondGraph, at: Place) -> Effect | None:
+    """A torque that slip makes in a fluid, the larger the faster the first part turns: a coupling, a converter."""
+    if at.junction.kind != "1" or at.domain != ROTATION:
+        return None
+    unit = over(effort_unit(at), flow_unit(at), 2)
+    name, c = coefficient(g, at, "fluid_coupling_between", "torque over speed times slip", unit, power=2)
+    drive = at.junction.flow
+    g.resistance(name, lambda flow: c * Abs(drive) * flow, at=path(g, at, name))
+    return Effect(
+        "fluid_coupling_between", name, "effort = c*|first flow|*(first flow - second flow)", (c.name,),
+        reference=_COUPLING, dissipative=True, manoeuvre="slip at low and high speed of the driving part",
+    )  # fmt: skip
+
+
+def clutch_slip(g: BondGraph, at: Place) -> Effect | None:
+    """A connection declared as rigid that passes no more than a largest effort: a clutch, a fit, a belt."""
+    if at.bond is None or not joins_speeds(g, at):
+        return None
+    name = f"clutch_slip_{at.name}"
+    size = at.scale.effort
+    limit = g.parameter(
+        f"c_{name}", 0.6 * size, effort_unit(at), f"largest effort that {at.label} passes", (0.05 * size, 2.0 * size)
+    )
+    w = direction(g, at, name)
+    middle = split_bond(g, at.bond, Node(f"z_{name}", "0", at.domain))
+    g.resistance(name, lambda flow: limit * tanh(flow / w), at=middle)
+    return Effect(
+        "clutch_slip", name, "effort = c*tanh(slip/w)", (limit.name,), adds_state=True, reference=_SURVEY,
+        amplitudes=(0.5, 0.7, 0.85), manoeuvre="loads up to the largest",
     )  # fmt: skip
 
 

@@ -1,4 +1,4 @@
-"""Losses that change with the temperature of a body in the graph: copper that warms, oil that thins, a hot brake.
+"""What changes as a machine runs: copper that warms, oil that thins, a hot brake, a battery that is drawn from.
 
 Reference: Linden, Reddy (2011), Handbook of Batteries, chapter 3, for cells; Incropera, DeWitt, Bergman, Lavine (2007),
 Fundamentals of Heat and Mass Transfer, appendix A, for metals and oils.
@@ -11,17 +11,19 @@ from collections.abc import Mapping
 import networkx as nx
 from sympy import Expr, Integer
 
-from bondgraph.declare.domains import THERMAL
+from bondgraph.declare.domains import ELECTRICAL, THERMAL
 from bondgraph.declare.editing import handle
 from bondgraph.declare.effect import Effect, Place, Scale
 from bondgraph.declare.graph import BondGraph, Handle
 from bondgraph.declare.quantities import symbol
 from bondgraph.declare.revision import revise_laws
-from bondgraph.effects.places import elements_at
+from bondgraph.effects.places import commands, elements_at, has_flow
 from bondgraph.effects.thermal import ROOM, surroundings
 
 #: Largest relative change per kelvin that is tried; copper has 0.004, a thermistor 0.05.
 _STEEPEST = 0.05
+#: Time in which the largest current may bring a battery to nothing [s].
+SHORTEST_DISCHARGE = 100.0
 
 
 def temperature_dependence(g: BondGraph, at: Place) -> Effect | None:
@@ -50,6 +52,23 @@ def temperature_dependence(g: BondGraph, at: Place) -> Effect | None:
         "temperature_dependence", node.name, "effort = declared*(1 + a*(T - T0))", (a.name,),
         reference="Incropera, DeWitt, Bergman, Lavine (2007), Fundamentals of Heat and Mass Transfer, appendix A",
         manoeuvre="the same run cold and warm",
+    )  # fmt: skip
+
+
+def charge_fading(g: BondGraph, at: Place) -> Effect | None:
+    """A voltage that falls with the charge that was drawn: a battery declared as an ideal source."""
+    sources = elements_at(g, at, "Se") if has_flow(at) and at.domain == ELECTRICAL else []
+    if len(sources) != 1 or "." in sources[0].name or commands(g, sources[0]):
+        return None
+    name = f"charge_fading_{at.name}"
+    limit = at.scale.effort / (at.scale.flow * SHORTEST_DISCHARGE)
+    c = g.parameter(f"c_{name}", 0.0, "V/C", f"fall of {sources[0].name} per charge drawn", (0.0, limit))
+    drawn = g.integral(f"drawn_{name}", at.junction.flow, "C", f"charge drawn from {sources[0].name}")
+    revise_laws(g, sources[0].name, lambda laws: {"effort": laws["effort"] - c * drawn})
+    return Effect(
+        "charge_fading", sources[0].name, "effort = declared - c*charge drawn", (c.name,),
+        reference="Linden, Reddy (2011), Handbook of Batteries, chapter 3",
+        manoeuvre="a long discharge, and rest before and after",
     )  # fmt: skip
 
 

@@ -1,10 +1,10 @@
 """Losses at a 1-junction: what takes an effort that depends on the flow there.
 
 References: Armstrong-Helouvry, Dupont, Canudas de Wit (1994), Automatica 30(7), a survey of models; Stribeck (1902),
-VDI-Zeitschrift 46; Dahl (1976), AIAA Journal 14(12), for hysteresis; Wong (2008), Theory of Ground Vehicles, section
-1.2, for rolling resistance; Heywood (1988), Internal Combustion Engine Fundamentals, chapter 13, for warm oil; Eyring
-(1936), J. Chem. Phys. 4, for lubricants that thin under shear; Janot, Gautier, Brunot (2019), Data Set and Reference
-Models of EMPS, for drag that differs by direction.
+VDI-Zeitschrift 46; Wong (2008), Theory of Ground Vehicles, section 1.2, for rolling resistance; Heywood (1988),
+Internal Combustion Engine Fundamentals, chapter 13, for warm oil; Eyring (1936), J. Chem. Phys. 4, for lubricants that
+thin under shear; Janot, Gautier, Brunot (2019), Data Set and Reference Models of EMPS, for drag that differs by
+direction.
 """
 
 from __future__ import annotations
@@ -26,7 +26,6 @@ from bondgraph.effects.places import (
     coefficient,
     direction,
     effort_unit,
-    elements_at,
     flow_unit,
     has_flow,
     is_motion,
@@ -50,8 +49,6 @@ _CONSTANT = Words("coulomb_loss", "contact_drop", "opening_pressure")
 _SQUARE = Words("quadratic_loss", hydraulic="orifice_loss")
 _REACTION = Words("", "activation_drop", chemical="activation_loss")
 _REVERSALS = "reversals and starts from rest under a slowly rising load"
-#: Sliding over this many seconds at the largest flow reverses friction with hysteresis.
-_PRESLIDING = 0.1
 
 
 def viscous_loss(g: BondGraph, at: Place) -> Effect | None:
@@ -172,28 +169,6 @@ def warm_up_loss(g: BondGraph, at: Place) -> Effect | None:
         reference="Heywood (1988), Internal Combustion Engine Fundamentals, chapter 13", dissipative=True,
         manoeuvre="a run from a cold start",
     )  # fmt: skip
-
-
-def hysteresis_loss(g: BondGraph, at: Place) -> Effect | None:
-    """Dry friction that gives way before it slides: clutch linings, bushes; beside friction that is declared."""
-    if not is_motion(at) or not elements_at(g, at, "R"):
-        return None
-    name, level = coefficient(g, at, "hysteresis_loss", "friction with hysteresis", effort_unit(at), power=0)
-    give = g.parameter(f"give_{name}", _PRESLIDING * at.scale.flow, _way(at), "way over which it turns round")
-    flow = at.junction.flow
-    bent = g.integral(
-        f"bent_{name}", lambda h: (flow - Abs(flow) * h) / give, "1", f"share of the friction at {at.label}"
-    )
-    g.effort_source(name, -level * bent, at=at.junction)
-    return Effect(
-        "hysteresis_loss", name, "effort = c*h, dh/dt = (flow - |flow|*h)/d", (level.name,),
-        reference="Dahl (1976), AIAA Journal 14(12)", dissipative=True,
-        manoeuvre="small reversals that do not break loose",
-    )  # fmt: skip
-
-
-def _way(at: Place) -> str:
-    return "" if at.domain is None else at.domain.displacement_unit
 
 
 def direction_dependent_drag(g: BondGraph, at: Place) -> Effect | None:

@@ -1,18 +1,20 @@
 """Losses of power that is passed on, and of flow at a 0-junction: by load, direction, slip, leaks, thresholds.
 
 References: Niemann, Winter (2003), Maschinenelemente II, chapter 21, for gear mesh; Gerbert (1999), Traction Belt
-Mechanics, for creep, slip and centrifugal tension.
+Mechanics, for creep, slip and centrifugal tension; Pacejka (2012), Tire and Vehicle Dynamics, chapter 7, for relaxation
+lengths; White (2011), Fluid Mechanics, section 10.7, for weirs.
 """
 
 from __future__ import annotations
 
-from sympy import Abs, Expr, tanh
+from sympy import Abs, Expr, Rational, tanh
 
 from bondgraph.declare.domains import HYDRAULIC, ROTATION, TRANSLATION
 from bondgraph.declare.effect import Effect, Place
 from bondgraph.declare.expressions import signal
 from bondgraph.declare.functions import maximum
 from bondgraph.declare.graph import BondGraph, Handle
+from bondgraph.declare.quantities import symbol
 from bondgraph.declare.revision import revise_law
 from bondgraph.effects.places import (
     ROOT_LAW,
@@ -31,6 +33,10 @@ from bondgraph.effects.places import (
 _MESH = "Niemann, Winter (2003), Maschinenelemente II, chapter 21"
 _BELT = "Gerbert (1999), Traction Belt Mechanics"
 _ORIFICE = "Merritt (1967), Hydraulic Control Systems, chapters 3 and 5"
+_WEIR = "White (2011), Fluid Mechanics, section 10.7"
+_PACEJKA = "Pacejka (2012), Tire and Vehicle Dynamics, chapter 7"
+#: Relaxation lengths, as times of rolling at the largest speed [s]: the shortest, as declared, the longest.
+_RELAXATION = (2e-3, 0.03, 0.5)
 _BOND_GRAPHS = "Karnopp, Margolis, Rosenberg (2012), System Dynamics, chapter 3"
 #: What laws are called in each domain; heat that a body gives away has a law of its own, which knows what is around.
 _PROPORTIONAL = Words("creep", "shunt_leakage", "leakage", chemical="side_reaction")
@@ -130,6 +136,45 @@ def relief(g: BondGraph, at: Place) -> Effect | None:
     return Effect(
         word, name, "flow = c*max(effort - e, 0)", (c.name,), shapes=(opens.name,), reference=_ORIFICE,
         dissipative=True, manoeuvre="a slow rise of the effort to its largest value",
+    )  # fmt: skip
+
+
+def overflow(g: BondGraph, at: Place) -> Effect | None:
+    """Flow by the power 3/2 of what stands above an edge: a tank that runs over, a weir, a valve that opens wider."""
+    if not has_effort(at) or at.domain != HYDRAULIC:
+        return None
+    name, size = f"overflow_{at.name}", at.scale.effort
+    largest = (0.0, 0.5 * at.scale.flow)
+    c = g.parameter(f"c_{name}", 0.0, flow_unit(at), f"flow at {size:.3g} {effort_unit(at)} above the edge", largest)
+    edge = g.parameter(f"e_{name}", 0.5 * size, effort_unit(at), "effort at the edge", (0.05 * size, size))
+    unit = g.parameter(f"p_{name}", size, effort_unit(at), "effort of that flow")
+    g.resistance(name, flow=lambda e: c * maximum((e - edge) / unit, 0) ** Rational(3, 2), at=at.junction)
+    return Effect(
+        "overflow", name, "flow = c*(max(effort - e, 0)/p)^1.5", (c.name,), shapes=(edge.name,), reference=_WEIR,
+        dissipative=True, manoeuvre="a slow rise of the effort to its largest value",
+    )  # fmt: skip
+
+
+def tyre_relaxation(g: BondGraph, at: Place) -> Effect | None:
+    """A slip force that builds up over a length of rolling: tyres, belts; a lag that is the longer the slower."""
+    speed = _speed_beside(g, at) if has_effort(at) else None
+    grips = [node for node in elements_at(g, at, "R") if [given for given, _ in node.laws] == ["effort"]]
+    if at.domain not in (ROTATION, TRANSLATION) or speed is None or len(grips) != 1 or "." in grips[0].name:
+        return None
+    name, node = f"tyre_relaxation_{at.name}", grips[0]
+    shortest, usual, longest = (time * at.scale.flow for time in _RELAXATION)
+    length = g.parameter(
+        f"length_{name}", usual, at.domain.displacement_unit, f"rolling over which {node.name} follows its slip",
+        (shortest, longest),
+    )  # fmt: skip
+    own = node.laws[0][1].xreplace({symbol("flow"): signal("flow", node.name)})
+    built = g.integral(
+        f"built_{name}", lambda x: Abs(speed) / length * (own - x), effort_unit(at), f"force of {node.name}"
+    )
+    revise_law(g, node.name, "effort", built)
+    return Effect(
+        "tyre_relaxation", node.name, "d(effort)/dt = |speed|/s*(declared - effort)", (length.name,), adds_state=True,
+        amplitudes=(0.35, 0.65), reference=_PACEJKA, manoeuvre="quick changes of slip at low and high speed",
     )  # fmt: skip
 
 

@@ -247,3 +247,15 @@ def position_at(g: BondGraph, at: Place) -> tuple[Expr, str] | None:
         return None
     found = next((i for i in g.integrals if i.of == signal("flow", at.junction.name)), None)
     return None if found is None else (symbol(found.name), found.unit)
+
+
+def joins_speeds(g: BondGraph, at: Place) -> bool:
+    """Whether a bond rigidly joins two speeds, directly or through a transformer (then only its first bond counts)."""
+    if at.bond is None or at.domain in (THERMAL, CHEMICAL):
+        return False
+    flat = g.flatten()
+    first, second = (flat.nodes[end] for end in (at.bond.source, at.bond.target))
+    if first.kind == "TF":
+        before = next(bond.source for bond in flat.bonds if bond.target == first.name)
+        return second.kind == "1" and flat.nodes[before].kind != "1"
+    return first.kind == "1" and second.kind in ("1", "TF")

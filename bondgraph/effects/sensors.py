@@ -14,9 +14,10 @@ from bondgraph.declare.effect import Effect, EffectFunction, Place, sensor_fault
 from bondgraph.declare.functions import clip
 from bondgraph.declare.graph import BondGraph
 from bondgraph.declare.quantities import symbol
-from bondgraph.declare.revision import revise_output
+from bondgraph.declare.revision import revise_integral, revise_output
 from bondgraph.effects.places import ceiling, over
 
+_PADE = "Golub, Van Loan (2013), Matrix Computations, section 9.3, for the approximations of Pade"
 _REFERENCE = "Isermann (2006), Fault-Diagnosis Systems, chapter 3"
 #: Longest delay of a sensor that is tried, s.
 LONGEST_DELAY = 2.0
@@ -50,21 +51,26 @@ def sensor_drift(g: BondGraph, at: Place) -> Effect | None:
 
 @sensor_fault
 def sensor_delay(g: BondGraph, at: Place) -> Effect | None:
-    """A value that comes late: a filter in the amplifier, a slow bus; as two lags in a row, which is near a delay."""
+    """A value that comes late: a filter in the amplifier, a slow bus.
+
+    A delay is no finite number of states; it is the approximation of Pade with a numerator of first and a denominator
+    of second order, which is right to the fourth power of frequency times delay. Where both make two it loses 13 % in
+    size and 0.09 rad; two lags of half the delay lose 50 % and 0.43 rad. It passes no step at once, which one with
+    two zeros would.
+    """
     name = f"delay_{at.name}"
     shown = next(output.expression for output in g.outputs if output.name == at.output)
     delay = g.parameter(name, 0.05, "s", f"time by which {at.output} comes late", (1e-3, LONGEST_DELAY))
-    half = g.integral(
-        f"half_late_{at.name}", lambda x: 2 * (shown - x) / delay, _unit(g, at), f"{at.output}, half late",
-        initial=at.output,
-    )  # fmt: skip
-    late = g.integral(
-        f"late_{at.name}", lambda x: 2 * (half - x) / delay, _unit(g, at), f"{at.output} as shown", initial=at.output
+    unit = _unit(g, at)
+    late = g.integral(f"late_{at.name}", 0, unit, f"{at.output}, late and smooth", initial=at.output)
+    rising = g.integral(
+        f"rising_{at.name}", lambda x: (6 * (shown - late) - 4 * x) / delay, unit, f"rise of {at.output} over the delay"
     )
-    revise_output(g, at.output, late)
+    revise_integral(g, late.name, rising / delay)
+    revise_output(g, at.output, late - rising / 3)
     return Effect(
-        "sensor_delay", at.output, "shown = true, late by T (two lags of T/2)", (name,), adds_state=True,
-        amplitudes=(0.4, 0.7), reference=_REFERENCE, channel=at.output, kind="delay",
+        "sensor_delay", at.output, "shown(t) = true(t - T), by (1 - s*T/3)/(1 + 2*s*T/3 + (s*T)^2/6)", (name,),
+        adds_state=True, amplitudes=(0.4, 0.7), reference=_PADE, channel=at.output, kind="delay",
         manoeuvre="quick changes",
     )  # fmt: skip
 

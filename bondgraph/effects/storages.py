@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 from sympy import Abs, Expr, Rational, sign
 
-from bondgraph.declare.domains import CHEMICAL, ELECTRICAL, HYDRAULIC, ROTATION, THERMAL, TRANSLATION
+from bondgraph.declare.domains import ELECTRICAL, HYDRAULIC, ROTATION, TRANSLATION
 from bondgraph.declare.editing import split_bond
 from bondgraph.declare.effect import Effect, Place
 from bondgraph.declare.elements import Node
@@ -30,6 +30,7 @@ from bondgraph.effects.places import (
     has_flow,
     is_motion,
     is_speed,
+    joins_speeds,
     over,
 )
 
@@ -83,7 +84,7 @@ def added_compliance(g: BondGraph, at: Place) -> Effect | None:
 
     How much damping nobody knows of a part that was forgotten; a wrong one would show as a loss in the part itself.
     """
-    if at.bond is None or not _joins_speeds(g, at):
+    if at.bond is None or not joins_speeds(g, at):
         return None
     name = f"added_compliance_{at.name}"
     domain = at.domain
@@ -226,18 +227,6 @@ def _spring(g: BondGraph, at: Place) -> _Spring | None:
         return None
     unit = "" if at.domain is None else at.domain.displacement_unit
     return _Spring(springs[0].name, at.scale.effort / abs(float(stiffness.subs(values))), at.scale.effort, unit)
-
-
-def _joins_speeds(g: BondGraph, at: Place) -> bool:
-    """Whether a bond rigidly joins two speeds, directly or through a transformer (then only its first bond counts)."""
-    if at.bond is None or at.domain in (THERMAL, CHEMICAL):
-        return False
-    flat = g.flatten()
-    first, second = (flat.nodes[end] for end in (at.bond.source, at.bond.target))
-    if first.kind == "TF":
-        before = next(bond.source for bond in flat.bonds if bond.target == first.name)
-        return second.kind == "1" and flat.nodes[before].kind != "1"
-    return first.kind == "1" and second.kind in ("1", "TF")
 
 
 def _capacity_beside(g: BondGraph, at: Place) -> tuple[float, str] | None:

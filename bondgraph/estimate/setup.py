@@ -43,6 +43,9 @@ _SENSOR_LOW = 1e-2
 #: Process noise starts at this share of a state's size per sqrt(s), and may fall by this factor: a model with so little
 #: is taken as next to exact, while searches with none at all are rugged.
 _PROCESS_START, _PROCESS_LOW = 1e-3, 3e-2
+#: Logs with fewer samples in a second are of a slow machine, whose second is the time of so many samples: what walks
+#: for an hour between 0.3 K and 3 K is else not next to exact.
+_SAMPLES = 20
 #: A measured state starts at its first measurement, which the filter then takes once more: with so many standard
 #: deviations of its sensor as uncertainty it counts as one sample. With one of them an outlier of 7.4 at the start of a
 #: position cost 49 nats, which a bias of its sensor made good.
@@ -93,8 +96,9 @@ def filter_setup(
         )
     sizes = state_sizes(model, logs, looks_stiff(model, logs))
     unknown = unknown_drives(model, logs)
+    share = _PROCESS_START / math.sqrt(max(1.0, _SAMPLES * _interval(logs)))
     process = {
-        name: _PROCESS_START * size
+        name: share * size
         for name, size in zip(model.names("state"), sizes, strict=True)
         if name in (*driven, *unknown) and process_noise == "free"
     }
@@ -107,6 +111,11 @@ def filter_setup(
     levels = [declared_free(name, filter_model, logs=logs) for name in names]
     free = [replace(one, lower=one.start * least[one.target.kind]) for one in levels]
     return FilterSetup(filter_model, tuple(free), sizes)
+
+
+def _interval(logs: Sequence[MatchedLog]) -> float:
+    """The usual interval between samples, s."""
+    return float(np.median(np.concatenate([np.diff(log.time) for log in logs])))
 
 
 def noise_levels(logs: Sequence[MatchedLog]) -> FloatArray:

@@ -12,8 +12,9 @@ from typing import Any
 from bondgraph.correct.confirmation import Confirmation
 from bondgraph.correct.constants import LEVEL
 from bondgraph.correct.evidence.transfer import Transfer
+from bondgraph.correct.evidence.trials import Added
 from bondgraph.correct.fits.assess import Assessment
-from bondgraph.correct.loop import Added, ClosedLoop
+from bondgraph.correct.loop import ClosedLoop
 from bondgraph.correct.places.unexplained import Unexplained
 from bondgraph.correct.result import intervals, result_json
 from bondgraph.declare.files import write_graph
@@ -137,6 +138,7 @@ def found_effects(closed: ClosedLoop) -> list[FoundEffect]:
             ("p, block-robust", f"{evidence.p_robust:.1e}"),
             ("candidates tried", str(evidence.tried)),
             *_transfer(added.trial.transfer),
+            *([("completes the form of", added.completes)] if added.completes else []),
         )
         model = closed.corrected_built.model
         effects.append(found_effect(candidate.effect, candidate.place, model, closed.corrected.values, ci95, said))
@@ -164,7 +166,7 @@ def _explained(closed: ClosedLoop) -> str:
         f"an unknown {one.variable} at {one.place.label} as a function of {one.signal}" for one in closed.unexplained
     ]
     if closed.added:
-        names = ", then ".join(added.trial.candidate.label for added in closed.added)
+        names = ", then ".join(added.trial.candidate.label for added in closed.added if not added.completes)
         if closed.verdict == "effect not confirmed":
             assert closed.confirmation is not None  # it is what contradicts
             against = "; ".join(closed.confirmation.contradictions)
@@ -175,6 +177,7 @@ def _explained(closed: ClosedLoop) -> str:
             first = f"What the sensors show fits together if there is {said}; no missing effect explains it as well."
         else:
             first = f"The declared model lacks {names}{_and_more(closed)}. The search ended because {closed.reason}."
+        first += _completing(closed.added)
         return first + (f" There remains {left[0]} that no known effect explains." if left else "")
     coloured = _coloured(closed)
     if closed.events:
@@ -194,6 +197,16 @@ def _explained(closed: ClosedLoop) -> str:
     if not tried:
         return "No effect could be tried, but all innovations are white: nothing asks for one."
     return f"None of the {tried} effects and faults tried passes the tests, and all innovations are white."
+
+
+def _completing(added: Sequence[Added]) -> str:
+    """What only completes the form of another law, a sentence for each that is completed."""
+    told = ""
+    for first in dict.fromkeys(one.completes for one in added if one.completes):
+        names = [one.trial.candidate.label for one in added if one.completes == first]
+        what = f"{names[0]} completes" if len(names) == 1 else f"{' and '.join(names)} complete"
+        told += f" {what} the form of {first}; beside it as a law of its own or not, the logs tell their sum alone."
+    return told
 
 
 def _and_more(closed: ClosedLoop) -> str:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from bondgraph.correct.loop import Added, ClosedLoop
+from bondgraph.correct.evidence.trials import Added
+from bondgraph.correct.loop import ClosedLoop
 from bondgraph.correct.round import Round
 from bondgraph.correct.shapes.formula import formula_of
 from bondgraph.correct.shapes.words import lies_in, other_words

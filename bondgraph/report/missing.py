@@ -7,7 +7,8 @@ from collections.abc import Mapping
 import numpy as np
 import sympy
 
-from bondgraph.correct.loop import Added, ClosedLoop
+from bondgraph.correct.evidence.trials import Added
+from bondgraph.correct.loop import ClosedLoop
 from bondgraph.correct.models.failures import FAILURES
 from bondgraph.correct.places.missing import missing_effort
 from bondgraph.correct.places.unexplained import Unexplained

@@ -7,10 +7,19 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from bondgraph.build import build
 from bondgraph.correct.constants import BLOCKS
-from bondgraph.correct.evidence.decide import channel_shares, effective_blocks, robust_p_value
+from bondgraph.correct.evidence.decide import channel_shares, doubt, effective_blocks, gauge_p_value, robust_p_value
 from bondgraph.data.log import MatchedLog
+from bondgraph.declare.editing import handle
+from bondgraph.declare.effect import Effect, Place, Scale
+from bondgraph.effects.losses import relief
+from bondgraph.estimate.fitted import Fit
+from bondgraph.estimate.free import declared_free
+from bondgraph.estimate.local import fit
+from bondgraph.estimate.setup import filter_setup
 from tests.correct.sled import fitted, pull, sled
+from tests.effects.machines.electrical import CLAMP
 
 LOG = pull(sled(), 4)
 #: Measured in the first tenth of its time, and the last sample.
@@ -42,3 +51,40 @@ def test_fewer_blocks_make_a_test_more_careful(log: MatchedLog, least: float) ->
     even, uneven = (robust_p_value(base, ["c_guide"], uneven=one) for one in (False, True))
     assert even < uneven
     assert least <= uneven < least + 1e-6
+
+
+#: Parameters that are larger or smaller by the same factor with no trace.
+_SCALED = ("R", "C", "R_load", "c_breakdown_node")
+
+
+def rail(holding: str = "") -> Fit:
+    """A fit of a line with a condenser, a load and a threshold, of which the voltage is measured alone.
+
+    All currents may be larger by the same factor, unless the resistance of the line is held.
+    """
+    graph = CLAMP.graph()
+    effect = relief(graph, Place(handle(graph, "node"), Scale(12.0, 100.0)))
+    assert effect is not None
+    built = build(graph)
+    log = CLAMP.log(5)
+    setup = filter_setup(built.model, built.driven, [log], "none")
+    names = [name for name in ("R", "C", "R_load", *effect.parameters) if name != holding]
+    free = (*(declared_free(name, setup.filter_model, logs=[log]) for name in names), *setup.noise)
+    starts = {"c_breakdown_node": 0.1, "e_breakdown_node": 9.0}
+    begun = [replace(one, start=starts.get(one.name, one.start)) for one in free]
+    wide = [
+        replace(one, lower=1e-2 * one.lower, upper=1e2 * one.upper) if one.name in _SCALED else one for one in begun
+    ]
+    return fit(setup.filter_model, [log], wide)
+
+
+def test_a_law_beside_a_gauge_is_judged_by_what_it_gains() -> None:
+    law, shape = ["c_breakdown_node"], ["e_breakdown_node"]
+    loose, tight = rail(), rail("R")
+    assert loose.nll == pytest.approx(tight.nll, abs=3.0)  # the factor costs next to nothing
+    assert robust_p_value(tight, law, shape) < 1e-10 < 1e-4 < robust_p_value(loose, law, shape)
+    assert gauge_p_value(1000.0, loose, law, shape) < 1e-10
+    assert gauge_p_value(0.0, loose, law, shape) == 1.0
+    assert gauge_p_value(1000.0, tight, law, shape) == 1.0  # there is none
+    effect = Effect("breakdown", "breakdown_node", "", tuple(law), shapes=tuple(shape))
+    assert doubt(loose, effect) < 1e-6

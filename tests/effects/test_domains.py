@@ -27,7 +27,7 @@ from bondgraph.effects.benches import BENCHES, Bench, oven
 from bondgraph.effects.catalogue import added, every_effect
 from bondgraph.effects.thermal import CELSIUS_ZERO, ROOM, surroundings
 from bondgraph.units import dimension
-from tests.effects.machines import cylinder
+from tests.effects.machines.first import cylinder
 
 #: Size of each state of the benches around where it starts; the heat of 500 J/K moves by some 100 K.
 SIZES = {

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 import bondgraph as bg
-from tests.effects.machines import MACHINES
+from tests.effects.machines.first import MACHINES
 
 
 @pytest.mark.slow

@@ -153,6 +153,13 @@ def test_inputs_of_a_declared_graph_may_run_another_way() -> None:
     assert changed == shaker("band limited") and graph.inputs[0].interpolation == "linear"
     with pytest.raises(DeclarationError, match="no input 'forse'; did you mean 'force'"):
         with_inputs_between(graph, forse="linear")
+    whole = bg.BondGraph("whole")
+    whole.include("left", graph)
+    assert [one.interpolation for one in whole.flatten().inputs] == ["linear"]
+    (name,) = (one.name for one in whole.flatten().inputs)
+    other = with_inputs_between(whole, **{name: "band limited"})
+    assert [one.interpolation for one in other.flatten().inputs] == ["band limited"]
+    assert [one.interpolation for one in whole.flatten().inputs] == ["linear"]
     coded = bg.BondGraph("g")
     coded.input("gear", "1", letters={"H": 1.0})
     with pytest.raises(DeclarationError, match="input gear cannot be 'linear' between samples - use 'hold'"):

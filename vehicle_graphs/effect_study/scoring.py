@@ -7,8 +7,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
+from bondgraph.correct.evidence.trials import Added
 from bondgraph.correct.fits.assess import Assessment
-from bondgraph.correct.loop import Added, ClosedLoop
+from bondgraph.correct.loop import ClosedLoop
 from bondgraph.correct.result import intervals
 from vehicle_graphs.effect_study.generate import Drawn
 from vehicle_graphs.effect_study.machine import Kind

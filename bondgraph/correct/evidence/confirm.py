@@ -19,7 +19,7 @@ from scipy import stats
 from bondgraph.correct.constants import LONGEST_MEMORY
 from bondgraph.correct.evidence.certified import with_steps
 from bondgraph.correct.evidence.context import Context
-from bondgraph.correct.evidence.decide import channel_shares, judge, robust_p_value, robust_ratio_p_value
+from bondgraph.correct.evidence.decide import channel_shares, gauge_p_value, judge, robust_p_value, robust_ratio_p_value
 from bondgraph.correct.evidence.transfer import transfer
 from bondgraph.correct.evidence.trials import Evidence, Trial
 from bondgraph.correct.fits.assess import gain_p_value
@@ -98,7 +98,8 @@ def _is_clear(refit: Fit, evidence: Evidence, candidate: Candidate, level: float
     names = candidate.effect.coefficients
     told, tests = channel_shares(refit, names), whiteness(refit, refit.problem.logs)
     coloured = sum(told[test.channel] for test in tests if test.p_value * len(tests) < level)
-    return robust_p_value(refit, names, share=max(0.0, 1.0 - coloured)) * evidence.tried < level
+    p_value = robust_p_value(refit, names, candidate.effect.shapes, share=max(0.0, 1.0 - coloured))
+    return p_value * evidence.tried < level
 
 
 def _in_free_simulation(refit: Fit, trial: Trial, evidence: Evidence, context: Context) -> Evidence:
@@ -110,11 +111,12 @@ def _in_free_simulation(refit: Fit, trial: Trial, evidence: Evidence, context: C
     if quiet is None:  # no simulation with it stays near the logs
         return replace(evidence, p_robust=1.0)
     names = trial.candidate.effect.coefficients
-    p_value = robust_p_value(quiet, names, uneven=True)
+    p_value = robust_p_value(quiet, names, trial.candidate.effect.shapes, uneven=True)
     still = context.quiet or quiet_fit(context.base, context.train, context.journal)
     without = _quietest(context.base, still, context)
     if without is not None:
         gain = without.nll - quiet.nll
+        p_value = min(p_value, gauge_p_value(gain, quiet, names, trial.candidate.effect.shapes))
         p_value = max(p_value, robust_ratio_p_value(gain, quiet, names))
         if trial.candidate.effect.adds_state or trial.gate is not None:
             p_value = max(p_value, _deflated(gain, quiet))

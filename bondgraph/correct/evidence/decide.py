@@ -21,6 +21,11 @@ from bondgraph.correct.scores.score import Scores, robust_variance, solve
 from bondgraph.data.log import FloatArray, MatchedLog
 from bondgraph.declare.effect import Effect
 from bondgraph.estimate.fitted import Fit, restricted
+from bondgraph.estimate.objective import Expansion, Terms
+from bondgraph.estimate.symmetric import scaled_eigen
+
+#: A direction of parameters with less than this share of the largest information leaves no trace in logs.
+_UNSEEN = 1e-5
 
 
 def judge(base: Fit, refit: Fit, effect: Effect, tried: int, gated: bool = False) -> Evidence:
@@ -30,21 +35,30 @@ def judge(base: Fit, refit: Fit, effect: Effect, tried: int, gated: bool = False
     measured = int(sum(np.isfinite(log.y).sum() for log in refit.problem.logs))
     ratio = float(stats.chi2.sf(2.0 * max(gain, 0.0), count))
     penalty = 0.5 * count * math.log(max(measured, 2)) + math.log(max(tried, 1))
-    robust = robust_p_value(refit, effect.coefficients)
+    robust = min(
+        robust_p_value(refit, effect.coefficients, effect.shapes),
+        gauge_p_value(gain, refit, effect.coefficients, effect.shapes),
+    )
     return Evidence(gain, min(1.0, ratio * tried), min(1.0, robust * tried), gain - penalty, tried)
 
 
-def robust_p_value(fitted: Fit, coefficients: Sequence[str], uneven: bool = False, share: float = 1.0) -> float:
+def robust_p_value(
+    fitted: Fit, coefficients: Sequence[str], shapes: Sequence[str] = (), uneven: bool = False, share: float = 1.0
+) -> float:
     """P-value of coefficients being zero, by their block-sandwich variance; Hotelling's statistic if several.
 
     A coefficient of which nothing but zero is left counts as absent, one that rests on another bound as free: it is no
     less far from zero than that. With ``uneven`` the degrees of freedom are those of :func:`effective_blocks`: a
     scatter that rests on two or three blocks of time is itself hardly known. ``share`` is the part of what the logs
     tell of the coefficients that counts.
+
+    ``shapes`` are taken as they are: where the coefficients are zero they mean nothing, so that their scatter is none
+    of the coefficients'. With it a threshold or the reach of an exponential would move a coefficient by its own size,
+    and no law of such a shape could be told from zero. Reference: Davies (1987), Biometrika 74(1).
     """
     times = term_times(fitted.problem)
     present = np.isin(fitted.problem.names, list(coefficients)) & (fitted.problem.values(fitted.point) != 0.0)
-    free = ~fitted.held | present
+    free = (~fitted.held | present) & ~np.isin(fitted.problem.names, list(shapes))
     variance = np.zeros((free.size, free.size))
     variance[np.ix_(free, free)] = robust_variance(restricted(fitted.expansion, free), times)
     rows, distances = [], []
@@ -65,6 +79,60 @@ def robust_p_value(fitted: Fit, coefficients: Sequence[str], uneven: bool = Fals
         if count <= size:
             return 1.0
     return float(stats.f.sf(squared * (count - size) / (size * (count - 1)), size, count - size))
+
+
+def doubt(fitted: Fit, effect: Effect) -> float:
+    """P-value of an effect that is in a model; zero of one without a coefficient that could be tested.
+
+    Where the logs leave a gauge, its gain is half its squared distance from zero along what they see.
+    """
+    if not effect.coefficients:
+        return 0.0
+    p_value = robust_p_value(fitted, effect.coefficients, effect.shapes)
+    return min(p_value, gauge_p_value(None, fitted, effect.coefficients, effect.shapes))
+
+
+def gauge_p_value(gain: float | None, fitted: Fit, coefficients: Sequence[str], shapes: Sequence[str] = ()) -> float:
+    """P-value of a gain in nats where the logs leave a direction of the parameters free, one where they leave none.
+
+    Along a gauge all parameters scale together, a coefficient up and down but never to zero; its distance from zero in
+    standard errors depends on how it is written then, and says nothing. A gain does not: it is compared with what the
+    scatter of blocks has over that of white noise in the directions that the logs see. A gain that is not known (None)
+    is half the squared distance of the coefficients from zero in these. References: Gregory and Veall (1985),
+    Econometrica 53(6), on distances; Kent (1982), Biometrika 69(1).
+    """
+    free = ~fitted.held & ~np.isin(fitted.problem.names, list(shapes))
+    expansion = restricted(fitted.expansion, free)
+    rows = np.isin(np.array(fitted.problem.names)[free], list(coefficients))
+    found = scaled_eigen(expansion.information)
+    seen = found.values > _UNSEEN * found.largest
+    if seen.all() or not rows.any():
+        return 1.0
+    basis = found.scale[:, np.newaxis] * found.vectors[:, seen]
+    along = _along(expansion, basis)
+    both = (robust_variance(along, term_times(fitted.problem)), solve(along.information, np.eye(basis.shape[1])))
+    covariance = basis @ both[1] @ basis.T
+    robust, white = (np.diag(basis @ variance @ basis.T)[rows] for variance in both)
+    known = white > 0.0
+    if gain is None:
+        values = fitted.problem.values(fitted.point)[free][rows]
+        moving = [one for one, moves in zip(fitted.problem.free, free, strict=True) if moves]
+        own = [one for one, coefficient in zip(moving, rows, strict=True) if coefficient]
+        away = np.array([value / one.slope(value) for one, value in zip(own, values, strict=True)])
+        gain = 0.5 * float(away @ solve(covariance[np.ix_(rows, rows)], away[:, np.newaxis])[:, 0])
+    inflation = float(np.max(robust[known] / white[known], initial=1.0))
+    return float(stats.chi2.sf(2.0 * max(gain, 0.0) / inflation, int(rows.sum())))
+
+
+def _along(expansion: Expansion, basis: FloatArray) -> Expansion:
+    """The expansion in the coordinates of a basis (n, m)."""
+    terms = expansion.terms
+    if terms is not None:
+        columns = np.zeros((basis.shape[0] + 1, basis.shape[1] + 1))
+        columns[0, 0], columns[1:, 1:] = 1.0, basis
+        terms = Terms(terms.innovations @ columns, terms.log_scales @ columns)
+    gradient, information = basis.T @ expansion.gradient, basis.T @ expansion.information @ basis
+    return Expansion(gradient, information, expansion.evaluations, terms)
 
 
 def effective_blocks(fitted: Fit, coefficients: Sequence[str]) -> float:

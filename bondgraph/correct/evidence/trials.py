@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 from bondgraph.build import BuiltModel
@@ -108,3 +108,17 @@ class Detectable:
     coefficient: str
     size: float
     unit: str
+
+
+@dataclass(frozen=True)
+class Added:
+    """An effect that was added, its coefficients estimated anew, and the law whose form it ``completes``, if one."""
+
+    trial: Trial
+    coefficients: tuple[str, ...]
+    completes: str = ""
+
+    @classmethod
+    def of(cls, trial: Trial, completes: Mapping[str, str]) -> Added:
+        """What a trial added; ``completes`` are labels of laws by those that complete them."""
+        return cls(trial, trial.candidate.effect.parameters, completes.get(trial.candidate.label, ""))

@@ -219,13 +219,17 @@ def _unit(probe: Probe) -> str:
 
 
 def needless(linear: Linearisation, tried: Sequence[Spline], chosen: Unexplained, coefficients: Sequence[str]) -> bool:
-    """Whether an effect that is in the model would be dropped if the function were there: a wrong near relative.
-
-    With both free, what the effect's coefficients still add is a quadratic form in where they would then be.
-    """
-    fitted = linear.base
+    """Whether an effect that is in the model would be dropped if the function were there: a wrong near relative."""
     own = next(k for k in tried if k.probe.place.label == chosen.place.label and k.signal.name == chosen.signal)
-    probe, one, at = own.probe, own.signal, own.knots
+    return contained(linear, own, coefficients)
+
+
+def contained(linear: Linearisation, function: Spline, coefficients: Sequence[str]) -> bool:
+    """Whether a free function leaves nothing to do for coefficients that are in the model.
+
+    With both free, what the coefficients still add is a quadratic form in where they would then be.
+    """
+    fitted, probe, one, at = linear.base, function.probe, function.signal, function.knots
     columns = linear.columns([shaped(probe.changes[k], hats(one.values[k], at)) for k in range(len(linear.logs))])
     expansion = linear.expansion(columns)
     kept = [fitted.problem.names[k] for k in np.flatnonzero(~fitted.held)]

@@ -1,62 +1,15 @@
-"""Small machines whose truth is integrated by scipy with laws that are not those of the dictionary.
-
-Each is the declared graph, and logs of a machine that has, beside what is declared, one effect or none.
-"""
+"""Five machines that the laws were made with; each has, beside what is declared, one effect or none."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
 
 import numpy as np
-from scipy.integrate import solve_ivp
 
 import bondgraph as bg
-from bondgraph.data.log import FloatArray, MatchedLog
+from bondgraph.data.log import FloatArray
 from bondgraph.declare.expressions import signal
-
-#: Rates of change of the states at (t, x) for inputs at t.
-Rates = Callable[[FloatArray, FloatArray], Sequence[float]]
-
-
-@dataclass(frozen=True)
-class Machine:
-    """A declared graph, its truth with and without one effect, and what the loop should say of it."""
-
-    graph: Callable[[], bg.BondGraph]
-    rates: Callable[[bool], Rates]
-    start: Sequence[float]
-    shown: Callable[[FloatArray, bool], FloatArray]
-    noise: Sequence[float]
-    inputs: Callable[[FloatArray, np.random.Generator], FloatArray]
-    step: float
-    samples: int
-    laws: frozenset[str]
-
-    def log(self, seed: int, effect: bool = True) -> MatchedLog:
-        """A log of the true machine, (n_u, n) inputs that are straight between samples and (n_y, n) outputs."""
-        chance = np.random.default_rng(seed)
-        time = self.step * np.arange(self.samples)
-        u = self.inputs(time, chance)
-        rates = self.rates(effect)
-
-        def right(t: float, x: FloatArray) -> Sequence[float]:
-            return rates(x, np.array([np.interp(t, time, row) for row in u]))
-
-        x0 = np.asarray(self.start, dtype=float)
-        run = solve_ivp(
-            right, (0.0, time[-1]), x0, method="Radau", t_eval=time, rtol=1e-8, atol=1e-9, max_step=5 * self.step
-        )
-        y = self.shown(run.y, effect)
-        noise = np.asarray(self.noise)[:, np.newaxis]
-        return MatchedLog(f"run{seed}", time, u, y + noise * chance.normal(size=y.shape))
-
-
-def steps(time: FloatArray, chance: np.random.Generator, lower: float, upper: float, every: float) -> FloatArray:
-    """Levels that change at random, each over one sample."""
-    held = max(int(every / (time[1] - time[0])), 1)
-    return np.repeat(chance.uniform(lower, upper, time.size // held + 1), held)[: time.size]
-
+from tests.effects.machines.machine import Machine, Rates, steps
 
 # ------------------------------------------------------------------ electrical: iron that saturates
 
@@ -86,7 +39,7 @@ def coil_current(flux: FloatArray, effect: bool) -> FloatArray:
 
 
 COIL = Machine(
-    coil, coil_rates, [0.0], lambda x, effect: coil_current(x, effect), [0.02],
+    coil, coil_rates, [0.0], lambda x, u, effect: coil_current(x, effect), [0.02],
     lambda time, chance: steps(time, chance, -9.0, 9.0, 0.15)[np.newaxis], 0.005, 800,
     frozenset({"magnetic_saturation at loop"}),
 )  # fmt: skip
@@ -122,7 +75,7 @@ def plate_rates(effect: bool) -> Rates:
 
 
 PLATE = Machine(
-    plate, plate_rates, [293.0], lambda x, effect: x, [1.0],
+    plate, plate_rates, [293.0], lambda x, u, effect: x, [1.0],
     lambda time, chance: np.array([steps(time, chance, 0.0, 1500.0, 300.0), 293.0 + 0.0 * time]), 10.0, 500,
     frozenset({"radiation at body"}),
 )  # fmt: skip
@@ -175,7 +128,7 @@ def leaf_rates(effect: bool) -> Rates:
 
 
 LEAF = Machine(
-    leaf, leaf_rates, [0.0, 0.0], lambda x, effect: x[:1], [2e-4],
+    leaf, leaf_rates, [0.0, 0.0], lambda x, u, effect: x[:1], [2e-4],
     lambda time, chance: steps(time, chance, -8.0, 8.0, 0.3)[np.newaxis], 0.01, 1000,
     frozenset({"hardening_spring at mass"}),
 )  # fmt: skip
@@ -194,7 +147,7 @@ def buffer_rates(effect: bool) -> Rates:
 
 
 BUFFER = Machine(
-    leaf, buffer_rates, [0.0, 0.0], lambda x, effect: x[:1], [2e-4],
+    leaf, buffer_rates, [0.0, 0.0], lambda x, u, effect: x[:1], [2e-4],
     lambda time, chance: steps(time, chance, -8.0, 8.0, 0.3)[np.newaxis], 0.01, 1000,
     frozenset({"one_sided_stop at mass", "end_stop at mass"}),
 )  # fmt: skip
@@ -225,7 +178,7 @@ def winch_rates(effect: bool) -> Rates:
 
 
 WINCH = Machine(
-    winch, winch_rates, [0.0, 1.5, 1.5], lambda x, effect: x[:1], [0.02],
+    winch, winch_rates, [0.0, 1.5, 1.5], lambda x, u, effect: x[:1], [0.02],
     lambda time, chance: np.array([
         8.0 + steps(time, chance, -3.0, 3.0, 2.1),
         np.where(time < 1.0, 1.5, steps(time, chance, 0.7, 3.0, 1.7)),

@@ -1,0 +1,93 @@
+"""How a loop with default options answers small machines, each with its effect and without."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import bondgraph as bg
+from bondgraph.correct.evidence.trials import Added
+from bondgraph.correct.loop import ClosedLoop
+from bondgraph.correct.shapes.formula import formula_of
+from tests.effects.machines.electrical import ELECTRICAL
+from tests.effects.machines.hydraulic import HYDRAULIC
+from tests.effects.machines.machine import Machine
+from tests.effects.machines.mechanical import MECHANICAL
+from tests.effects.machines.mixed import MIXED
+from tests.effects.machines.thermal import THERMAL
+
+KINDS = {
+    "electrical": ELECTRICAL, "hydraulic": HYDRAULIC, "thermal": THERMAL, "mechanical": MECHANICAL, "mixed": MIXED,
+}  # fmt: skip
+#: Verdicts that name something.
+CLAIMS = ("effect found", "effect not confirmed", "sensor fault suspected", "disturbance")
+#: Seeds of the logs for training, and of that held out.
+TRAIN, HELD_OUT = (1, 2), 9
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What the loop said of a machine: ``right``, or ``wrong`` where it named something else; else it said nothing."""
+
+    machine: str
+    effect: bool
+    verdict: str
+    named: tuple[str, ...]
+    sizes: tuple[str, ...]
+    seconds: float
+    right: bool
+    wrong: bool
+
+
+def asked(name: str, machine: Machine, effect: bool) -> Answer:
+    """The answer of a loop with default options to a machine with its effect, or without."""
+    logs = [machine.log(seed, effect) for seed in TRAIN]
+    held_out = [machine.log(HELD_OUT, effect)]
+    start = time.process_time()
+    closed = bg.close_loop(machine.graph(), logs, held_out)
+    seconds = time.process_time() - start
+    right = is_right(machine, closed) if effect else closed.verdict == "no missing effect" and not closed.added
+    claimed = bool(closed.added) or closed.verdict in CLAIMS
+    named = tuple(f"{'+ ' if one.completes else ''}{one.trial.candidate.label}" for one in closed.added)
+    return Answer(name, effect, closed.verdict, named, tuple(_sizes(closed)), seconds, right, claimed and not right)
+
+
+def is_right(machine: Machine, closed: ClosedLoop) -> bool:
+    """Whether the law or an equivalent formula is found at its place or in its group, and nothing wrong beside it.
+
+    The first effect must be a right one, or one that the data do not tell from a right one. Further ones may only be
+    formulas at the same place, or right ones, or what the loop itself says to complete the form of the first: what the
+    form of a law leaves of another form.
+    """
+    if closed.verdict != "effect found" or not closed.added:
+        return False
+    first, *further = closed.added
+    group = {f"{one.name} at {one.junction}" for one in closed.rounds[0].alternatives if one.indistinguishable}
+    if not (is_answer(machine, first) or machine.laws & group):
+        return False
+    return all(is_answer(machine, one) or _completes(one, first) for one in further)
+
+
+def is_answer(machine: Machine, added: Added) -> bool:
+    """Whether an effect is a right answer."""
+    candidate = added.trial.candidate
+    formula = formula_of(candidate.function)
+    if formula is None:
+        return candidate.label in machine.laws
+    return candidate.place.label in machine.places and set(formula.signals) <= machine.signals
+
+
+def _completes(added: Added, first: Added) -> bool:
+    candidate = added.trial.candidate
+    if added.completes == first.trial.candidate.label:
+        return True
+    return candidate.effect.formula and candidate.place.label == first.trial.candidate.place.label
+
+
+def _sizes(closed: ClosedLoop) -> Iterator[str]:
+    infos = {info.name: info for info in closed.corrected.problem.filter_model.model.parameters}
+    for added in closed.added:
+        for name in added.coefficients:
+            info = infos[name]
+            yield f"{info.shown(closed.corrected.values[name]):.3g} {info.display_unit}".strip()

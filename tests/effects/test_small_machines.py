@@ -1,0 +1,105 @@
+"""Small machines with truths by scipy: what is counted as right, and a few of the counts."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import bondgraph as bg
+from bondgraph.correct.evidence.trials import Trial
+from bondgraph.correct.models.candidates import candidates
+from bondgraph.correct.shapes.completions import arguments
+from bondgraph.declare.editing import handle
+from bondgraph.declare.effect import EffectFunction, Place, Scale
+from bondgraph.effects.actuators import actuator_dead_zone
+from bondgraph.effects.friction import coulomb_loss, heating_resistance
+from bondgraph.effects.hysteresis import hysteresis_loss
+from bondgraph.effects.loads import constant_flow
+from bondgraph.effects.losses import relief
+from bondgraph.effects.storages import added_inertia, hardening_spring, magnetic_saturation
+from bondgraph.estimate.setup import filter_setup
+from tests.effects.machines import late
+from tests.effects.machines.count import KINDS, TRAIN, asked
+from tests.effects.machines.electrical import CERAMIC, CHOKE, CLAMP, RING
+from tests.effects.machines.hydraulic import PRESS, TANK, WORN_RAM
+from tests.effects.machines.machine import Machine
+from tests.effects.machines.mechanical import STRUT
+from tests.effects.machines.mixed import SERVO
+from tests.effects.machines.thermal import SINK
+
+
+def test_there_are_four_machines_of_each_kind() -> None:
+    assert {kind: len(known) for kind, known in KINDS.items()} == dict.fromkeys(KINDS, 4) and len(KINDS) == 5
+
+
+@pytest.mark.parametrize("machine", [CERAMIC, TANK], ids=["ceramic", "tank"])
+def test_a_log_shows_the_effect_and_only_then(machine: Machine) -> None:
+    """Of the same seed, so that noise and inputs are the same."""
+    on, off, again = machine.log(3), machine.log(3, effect=False), machine.log(3)
+    np.testing.assert_array_equal(on.y, again.y)
+    np.testing.assert_array_equal(on.u, off.u)
+    assert np.sqrt(np.mean((on.y - off.y) ** 2)) > 5.0 * machine.noise[0]
+
+
+@pytest.mark.parametrize(
+    ("machine", "place", "function", "signals"),
+    [
+        (CHOKE, "loop", magnetic_saturation, {"flow of loop"}), (CHOKE, "loop", added_inertia, {"flow of loop"}),
+        (RING, "loop", coulomb_loss, {"flow of loop"}), (RING, "loop", heating_resistance, {"flow of loop"}),
+        (CLAMP, "node", relief, {"effort of node"}), (TANK, "level", constant_flow, set()),
+        (STRUT, "leg", hardening_spring, {"displacement of coil"}), (SERVO, "loop", actuator_dead_zone, {"u"}),
+        (STRUT, "leg", hysteresis_loss, {"bent_hysteresis_loss_leg"}),
+    ],
+)  # fmt: skip
+def test_a_law_is_a_function_of_its_signals(
+    machine: Machine, place: str, function: EffectFunction, signals: set[str]
+) -> None:
+    graph = machine.graph()
+    (made,), _ = candidates(bg.build(graph), [function], [Place(handle(graph, place), Scale(10.0, 2.0))])
+    assert arguments(Trial(made, 1.0), made.apply(graph)) == signals
+
+
+@pytest.mark.slow
+def test_a_ceramic_condenser_is_found_and_its_twin_is_clean() -> None:
+    found, twin = asked("ceramic", CERAMIC, True), asked("ceramic", CERAMIC, False)
+    assert found.right and found.named == ("voltage_dependent_capacitance at node",)
+    assert twin.verdict == "no missing effect"
+
+
+def test_of_a_slowly_sampled_body_next_to_exact_means_next_to_exact() -> None:
+    """What its least process noise walks in a time constant of 1200 s is far below the noise of its sensor, 0.1 K."""
+    built = bg.build(SINK.graph())
+    logs = [SINK.log(seed, effect=False) for seed in TRAIN]
+    setup = filter_setup(built.model, built.driven, logs)
+    (least,) = [one.lower for one in setup.noise if one.target.kind == "process"]
+    assert least * np.sqrt(1200.0) / 550.0 < 0.1 * SINK.noise[0]
+
+
+@pytest.mark.slow
+def test_a_scale_of_the_heater_does_not_hide_process_noise() -> None:
+    assert not asked("sink", SINK, False).named
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("machine", [CLAMP, RING, TANK, PRESS], ids=["clamp", "ring", "tank", "press"])
+def test_a_law_of_another_form_is_found_at_its_place(machine: Machine) -> None:
+    assert asked("machine", machine, True).right
+
+
+@pytest.mark.slow
+def test_a_leak_between_two_chambers_is_found() -> None:
+    found = asked("ram", WORN_RAM, True)
+    assert found.right and found.named[0].endswith("_between at front and back")
+
+
+@pytest.mark.slow
+def test_a_late_sensor_is_late_by_a_delay() -> None:
+    """Of 70 ms the approximation leaves less than the sensor's noise, where two lags left twice as much beside it."""
+    closed = bg.close_loop(late.hoist(), [late.log(seed, 0.07) for seed in TRAIN], [])
+    assert closed.verdict == "sensor fault suspected"
+    (fault,) = closed.added
+    assert fault.trial.candidate.label == "sensor_delay at sensor speed" and not closed.disturbances
+    assert closed.corrected.values["delay_speed"] == pytest.approx(0.07, rel=0.01)
+    assert closed.corrected.values["J"] == pytest.approx(1.0, rel=0.01)
+    assert closed.corrected.values["d"] == pytest.approx(3.0, rel=0.01)
+    assert closed.corrected.values["std(speed)"] < 2.0 * late.NOISE[0]
