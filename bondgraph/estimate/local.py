@@ -88,7 +88,8 @@ def fit(
         are searched from only if one of them is better than where that ended.
     reach
         The search of a stiff model is finished by exact derivatives only if it ends behind ``beat`` by less than this
-        (ahead of it by more, if negative).
+        (ahead of it by more, if negative), and by less than it gained or a further step promises: what hardly moved
+        left little.
 
     Raises
     ------
@@ -214,7 +215,8 @@ def _linear_search(
             return _fit_of(problem, rough)
         start, evaluations = rough.point, rough.evaluations
     found = linear_search(LinearisedScoring(iterations, _HANDED_OVER if polishes else tolerance, beat), problem, start)
-    if polishes and found.nll < beat + reach:
+    left = max(found.gained, newton_decrement(problem, found.point, found.expansion))
+    if polishes and found.nll < beat + min(reach, left):
         found = polished(problem, found, max(tolerance, _POLISHED))
     return _fit_of(problem, replace(found, evaluations=evaluations + found.evaluations))
 

@@ -19,6 +19,7 @@ from bondgraph.correct.evidence.decide import judge
 from bondgraph.correct.evidence.trials import Trial
 from bondgraph.correct.search.storages import sizes, storage_problem
 from bondgraph.data.log import FloatArray
+from bondgraph.estimate.derivatives.linearised import is_linearised
 from bondgraph.estimate.excerpt import excerpt
 from bondgraph.estimate.fitted import Fit, at_optimum
 from bondgraph.estimate.local import ROUGH, ROUGH_ITERATIONS, fit, left_open
@@ -82,6 +83,8 @@ def refit(
             return replace(trial, built=built, remark=remark)
         points, first = [begun.point, *starts[:1]], None
     beat = np.inf if lead is None else lead.nll
+    if is_linearised(problem):  # what cannot pass the tests need not be finished
+        beat = min(beat, context.base.nll - context.required)
     fitted = _fit(problem, points, context, _MOST_ITERATIONS, _TOLERANCE, beat, first)
     evidence = judge(context.base, fitted, trial.candidate.effect, tried or context.tried, trial.gate is not None)
     return replace(trial, built=built, fit=fitted, evidence=evidence, failed="")

@@ -43,13 +43,14 @@ HOPELESS = 10.0
 
 @dataclass(frozen=True)
 class Reached:
-    """Where a search ended: the point (n,), its negative log-likelihood and expansion, and what it took."""
+    """Where a search ended: the point (n,), its negative log-likelihood and expansion, what it took and gained."""
 
     point: FloatArray
     nll: float
     expansion: Expansion
     evaluations: int
     outcome: SearchOutcome
+    gained: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -204,7 +205,8 @@ def linear_search(search: LinearisedScoring, problem: EstimationProblem, start: 
     """
     own = replace(search, _known={})  # searches in several threads do not share what they know
     state, outcome = search_to_end(own, problem, start)
-    return Reached(state.point, state.value, own.expansion(problem, state), state.evaluations, outcome)
+    expansion, gained = own.expansion(problem, state), state.trace[0].nll - state.value
+    return Reached(state.point, state.value, expansion, state.evaluations, outcome, gained)
 
 
 def longest_steps(problem: EstimationProblem) -> FloatArray:
