@@ -290,10 +290,7 @@ class Estimate(Tabulated):
 
     @cached_property
     def misfits(self) -> tuple[Misfit, ...]:
-        """Channels that the estimated model does not explain; empty where it explains the logs.
-
-        Errors are set against the noises from which the search started: those declared, or seen in the logs.
-        """
+        """Channels that the estimated model does not explain, by the noises (declared or seen) of the search's start."""
         parts = [(part.runs, part.single.filter_model.measurement_noise) for part in self.parts]
         return tuple(one for runs, noise in parts for one in misfits(runs, noise))
 
