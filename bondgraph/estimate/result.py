@@ -290,7 +290,7 @@ class Estimate(Tabulated):
 
     @cached_property
     def misfits(self) -> tuple[Misfit, ...]:
-        """Channels that the estimated model does not explain, by the noises (declared or seen) of the search's start."""
+        """Channels that the estimated model does not explain, by the noises at the start of its search."""
         parts = [(part.runs, part.single.filter_model.measurement_noise) for part in self.parts]
         return tuple(one for runs, noise in parts for one in misfits(runs, noise))
 
