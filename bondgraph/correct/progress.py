@@ -191,18 +191,13 @@ def _gated_refit(chosen: Trial, gate: Gate, context: Context) -> list[Trial]:
 def _without_needless(state: Progress, number: int, settings: RoundSettings) -> Progress:
     """Backward elimination: earlier effects that are no longer needed beside the later ones go."""
     while len(state.added) > 1:
-        doubts = [_doubt(state.fit, trial) for trial in state.added[:-1]]
+        doubts = [doubt(state.fit, trial.candidate.effect) for trial in state.added[:-1]]
         worst = int(np.argmax(doubts))
         if doubts[worst] < LEVEL:
             break
         why = f"p = {doubts[worst]:.2g} beside {state.added[-1].candidate.label}"
         state = without(state, worst, "dropped", why, number, settings)
     return state
-
-
-def _doubt(fitted: Fit, trial: Trial) -> float:
-    """The p-value of an effect that is there; none of a disturbance, whose intensity has no zero to be tested at."""
-    return doubt(fitted, trial.candidate.effect)
 
 
 def with_disturbance(state: Progress, settings: RoundSettings, worth: float = 0.0) -> Progress:

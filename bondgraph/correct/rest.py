@@ -62,7 +62,7 @@ def settle(state: Progress, rounds: Sequence[Round], settings: RoundSettings, ta
 def _searched(
     state: Progress, rounds: Sequence[Round], settings: RoundSettings
 ) -> tuple[Unexplained | None, Progress, tuple[str, ...], Mapping[str, str]]:
-    """What stays unexplained, the state without effects that it makes needless, what failed, and what completes what.
+    """The function that stays unexplained, the state without needless effects, cautions, and laws that complete others.
 
     Nothing of it is worth the result of the rounds: a search that fails ends here, with its reason.
     """

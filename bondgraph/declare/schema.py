@@ -26,7 +26,7 @@ _START: Schema = {
     "anyOf": [_LAW, {"type": "array", "prefixItems": [_TEXT, _NUMBER], "minItems": 2, "maxItems": 2, "items": False}]
 }
 
-#: What stands under each key, wherever it is read.
+#: Schema of each key, wherever it is read.
 _KEYS: dict[str, Schema] = {
     **dict.fromkeys(("id", "name", "unit", "meaning", "doc", "state", "at", "source", "target", "reason"), _TEXT),
     **dict.fromkeys(("of", "is", "residual", "guess", "positive"), _LAW),

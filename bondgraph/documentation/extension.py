@@ -1,4 +1,4 @@
-"""What Sphinx is told beyond its options: formulas as MathML, and stars in docstrings.
+"""An extension of Sphinx: formulas as MathML, and stars in docstrings.
 
 Browsers draw MathML themselves (https://www.w3.org/TR/mathml-core/), and docutils translates TeX to it. The renderers
 of Sphinx need a script from a network, a TeX installation, or a copy of one of them.

@@ -22,7 +22,7 @@ from bondgraph.effects.thermal import ROOM, surroundings
 
 #: Largest relative change per kelvin that is tried; copper has 0.004, a thermistor 0.05.
 _STEEPEST = 0.05
-#: Time in which the largest current may bring a battery to nothing [s].
+#: Time in which the largest current may bring a battery to nothing [s]: 36 times its capacity per hour.
 SHORTEST_DISCHARGE = 100.0
 
 

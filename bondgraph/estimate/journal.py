@@ -7,7 +7,6 @@ interruption in seconds. A changed graph, log or option has other digests, so th
 
 from __future__ import annotations
 
-import dataclasses
 import hashlib
 import json
 import threading
@@ -21,6 +20,7 @@ import numpy as np
 
 from bondgraph.data.log import FloatArray, MatchedLog
 from bondgraph.errors import EstimationError
+from bondgraph.estimate.derivatives.formed import Formed, Scheme
 from bondgraph.estimate.free import FreeParameter
 from bondgraph.execute.tasks import in_order
 from bondgraph.files import write_text
@@ -35,10 +35,10 @@ _NOTING = threading.Lock()
 
 @dataclass(frozen=True)
 class Noted:
-    """Where a fit ended: point and difference steps of its expansion (n,), value, evaluations, name of the outcome."""
+    """Where a fit ended: its point (n,), how its derivatives were formed, value, evaluations, name of the outcome."""
 
     point: FloatArray
-    steps: FloatArray
+    formed: Formed
     nll: float
     evaluations: int
     outcome: str
@@ -74,16 +74,20 @@ class Journal:
     def find(self, key: str) -> Noted | None:
         """A fit that was noted."""
         entry = self._read().get(key)
-        if entry is None:
+        if entry is None or "derivatives" not in entry:  # an earlier version noted no such thing
             return None
-        point, steps = np.array(entry["point"]), np.array(entry["steps"])
-        return Noted(point, steps, float(entry["nll"]), int(entry["evaluations"]), str(entry["outcome"]))
+        formed = Formed(Scheme[entry["derivatives"]], np.array(entry["formed"]))
+        point, evaluations = np.array(entry["point"]), int(entry["evaluations"])
+        return Noted(point, formed, float(entry["nll"]), evaluations, str(entry["outcome"]))
 
     def note(self, key: str, fit: Noted) -> None:
         """Note a finished fit."""
         if self.folder is None:
             return
-        entry = dataclasses.asdict(fit) | {"point": fit.point.tolist(), "steps": fit.steps.tolist()}
+        entry = {
+            "point": fit.point.tolist(), "derivatives": fit.formed.scheme.name, "formed": fit.formed.at.tolist(),
+            "nll": fit.nll, "evaluations": fit.evaluations, "outcome": fit.outcome,
+        }  # fmt: skip
         self.folder.mkdir(parents=True, exist_ok=True)
         with _NOTING:
             write_text(self.folder / FILE, json.dumps(self._read() | {key: entry}))

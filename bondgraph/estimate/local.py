@@ -12,6 +12,7 @@ from bondgraph.data.log import FloatArray, MatchedLog
 from bondgraph.errors import EstimationError
 from bondgraph.estimate.derivatives.differences import forward_differences
 from bondgraph.estimate.derivatives.exact import exact_expansion
+from bondgraph.estimate.derivatives.formed import Formed, Scheme, formed_again
 from bondgraph.estimate.derivatives.linearised import divergence, is_linearised, linear_expansion
 from bondgraph.estimate.excerpt import excerpt
 from bondgraph.estimate.fitted import Fit, at_optimum
@@ -122,16 +123,31 @@ def refitted(fitted: Fit, filter_model: FilterModel, journal: Journal | None = N
     """
     free = at_optimum(fitted)
     problem = replace(fitted.problem, filter_model=filter_model, free=free)
-    known = fitted.expansion
-    if is_linearised(problem) and known.terms is not None:
-        seen = problem.terms(fitted.point[:, np.newaxis])
-        nll = fitted.nll + float(seen.sums()[0]) - known.sum
-        if np.isfinite(nll):
-            begun = Reached(fitted.point, nll, known.around(seen), 1, SearchOutcome.CONVERGED)
-            found = newton_steps(problem, begun, _POLISHED)
-            if newton_decrement(problem, found.point, found.expansion) < ENOUGH:
-                return _fit_of(problem, found)[0]
-    return fit(filter_model, problem.logs, free, _AGAIN, _FINISHED, journal=journal)
+    journal = journal or Journal()
+    key = fit_key(filter_model, problem.logs, free, ["by known derivatives", fitted.point])
+    noted = journal.find(key)
+    if noted is not None:
+        around = fitted.expansion.around(problem.terms(noted.point[:, np.newaxis]))
+        return Fit(problem, noted.point, noted.nll, around, noted.evaluations, SearchOutcome[noted.outcome])
+    found = _by_known_derivatives(fitted, problem) if is_linearised(problem) else None
+    if found is None:
+        return fit(filter_model, problem.logs, free, _AGAIN, _FINISHED, journal=journal)
+    journal.note(key, Noted(found.point, found.formed, found.nll, found.evaluations, found.outcome.name))
+    return _fit_of(problem, found)[0]
+
+
+def _by_known_derivatives(fitted: Fit, problem: EstimationProblem) -> Reached | None:
+    """Where steps with the derivatives of a fit lead in a problem close to its own; None if that is no optimum."""
+    if fitted.expansion.terms is None:
+        return None
+    seen = problem.terms(fitted.point[:, np.newaxis])
+    nll = fitted.nll + float(seen.sums()[0]) - fitted.expansion.sum
+    if not np.isfinite(nll):
+        return None
+    formed = Formed(Scheme.EXACT, fitted.point)
+    begun = Reached(fitted.point, nll, fitted.expansion.around(seen), 1, SearchOutcome.CONVERGED, formed)
+    found = newton_steps(problem, begun, _POLISHED, fitted.expansion)
+    return found if newton_decrement(problem, found.point, found.expansion) < ENOUGH else None
 
 
 def left_open(problem: EstimationProblem) -> float:
@@ -148,18 +164,18 @@ def _noted(problem: EstimationProblem, journal: Journal | None, *how: Any) -> Fi
     key = fit_key(problem.filter_model, problem.logs, problem.free, options)
     known = journal.find(key)
     if known is not None:
-        expansion = expand(problem, known.point, known.steps)
+        expansion = formed_again(problem, known.point, known.formed)
         return Fit(problem, known.point, known.nll, expansion, known.evaluations, SearchOutcome[known.outcome])
-    (point, nll, expansion, evaluations, outcome), steps = journal.computed(_searched, problem, *how)
+    (point, nll, expansion, evaluations, outcome), formed = journal.computed(_searched, problem, *how)
     found = Fit(problem, point, nll, expansion, evaluations, outcome)
-    journal.note(key, Noted(found.point, steps, found.nll, found.evaluations, found.outcome.name))
+    journal.note(key, Noted(found.point, formed, found.nll, found.evaluations, found.outcome.name))
     return found
 
 
-def _searched(problem: EstimationProblem, *how: Any) -> tuple[_Ended, FloatArray]:
-    """Where a search ended, without the problem, whose logs need not come back from a worker; and difference steps."""
-    found, steps = _search(problem, *how)
-    return (found.point, found.nll, found.expansion, found.evaluations, found.outcome), steps
+def _searched(problem: EstimationProblem, *how: Any) -> tuple[_Ended, Formed]:
+    """The end of a search without its problem, whose logs need not come back from a worker; and its derivatives."""
+    found, formed = _search(problem, *how)
+    return (found.point, found.nll, found.expansion, found.evaluations, found.outcome), formed
 
 
 def _search(
@@ -170,8 +186,8 @@ def _search(
     beat: float,
     first: FloatArray | None,
     reach: float,
-) -> tuple[Fit, FloatArray]:
-    """The fit, and the difference steps of its expansion."""
+) -> tuple[Fit, Formed]:
+    """The fit, and how its derivatives were formed."""
     if is_linearised(problem):
         return _linear_search(problem, iterations, tolerance, starts, beat, first, reach)
     settings = GaussNewtonSettings(iterations=iterations, tolerance=tolerance)
@@ -203,8 +219,8 @@ def _linear_search(
     beat: float,
     first: FloatArray | None,
     reach: float,
-) -> tuple[Fit, FloatArray]:
-    """The fit of a stiff model; its expansions need no difference steps."""
+) -> tuple[Fit, Formed]:
+    """The fit of a stiff model, and how its derivatives were formed."""
     polishes, part = tolerance < ROUGH, excerpt(problem)
     if first is None:
         best, evaluations = _best_start(problem, starts)
@@ -221,9 +237,8 @@ def _linear_search(
     return _fit_of(problem, replace(found, evaluations=evaluations + found.evaluations))
 
 
-def _fit_of(problem: EstimationProblem, found: Reached) -> tuple[Fit, FloatArray]:
-    made = Fit(problem, found.point, found.nll, found.expansion, found.evaluations, found.outcome)
-    return made, np.zeros(found.point.size)
+def _fit_of(problem: EstimationProblem, found: Reached) -> tuple[Fit, Formed]:
+    return Fit(problem, found.point, found.nll, found.expansion, found.evaluations, found.outcome), found.formed
 
 
 def _rough(problem: EstimationProblem, iterations: int, first: FloatArray, starts: Sequence[FloatArray]) -> Reached:
@@ -272,7 +287,7 @@ class _Expansions:
 
 def _fit(
     problem: EstimationProblem, state: GaussNewtonState, known: _Expansions, evaluations: int
-) -> tuple[Fit, FloatArray]:
+) -> tuple[Fit, Formed]:
     point, outcome = state.points[:, 0], state.outcomes[0] or SearchOutcome.ITERATION_LIMIT
     evaluations += state.evaluations
     expansion, steps = known.expansion, known.steps
@@ -280,7 +295,9 @@ def _fit(
         steps = state.steps[:, 0]
         expansion = expand(problem, point, steps)
         evaluations += expansion.evaluations
-    return Fit(problem, point, float(state.values[0]), expansion, evaluations, outcome), steps
+    return Fit(problem, point, float(state.values[0]), expansion, evaluations, outcome), Formed(
+        Scheme.DIFFERENCES, steps
+    )
 
 
 def expand(problem: Objective, point: FloatArray, steps: FloatArray) -> Expansion:

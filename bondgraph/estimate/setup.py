@@ -43,8 +43,9 @@ _SENSOR_LOW = 1e-2
 #: Process noise starts at this share of a state's size per sqrt(s), and may fall by this factor: a model with so little
 #: is taken as next to exact, while searches with none at all are rugged.
 _PROCESS_START, _PROCESS_LOW = 1e-3, 3e-2
-#: Logs with fewer samples in a second are of a slow machine, whose second is the time of so many samples: what walks
-#: for an hour between 0.3 K and 3 K is else not next to exact.
+#: Logs with fewer samples in a second are of a slow machine. Its level counts per square root of the time of so many
+#: samples, the rate of the vehicles' logs: per root second it let a body that is read every 20 s walk by its sensor's
+#: noise.
 _SAMPLES = 20
 #: A measured state starts at its first measurement, which the filter then takes once more: with so many standard
 #: deviations of its sensor as uncertainty it counts as one sample. With one of them an outlier of 7.4 at the start of a

@@ -10,6 +10,7 @@ import pytest
 from bondgraph.data.log import MatchedLog
 from bondgraph.errors import EstimationError
 from bondgraph.estimate.derivatives.differences import central_differences, forward_differences
+from bondgraph.estimate.derivatives.formed import Formed, Scheme
 from bondgraph.estimate.fitted import restricted, standard_deviations
 from bondgraph.estimate.free import FreeParameter
 from bondgraph.estimate.local import fit
@@ -72,7 +73,7 @@ def test_a_step_that_leaves_a_curved_valley_is_led_back_into_it() -> None:
     valley = Valley()
     start = np.array([-1.0, 1.0])
     known = valley.expansion(start)
-    found = Reached(start, known.sum, known, 0, SearchOutcome.CONVERGED)
+    found = Reached(start, known.sum, known, 0, SearchOutcome.CONVERGED, Formed(Scheme.LINEARISED, start))
     problem = cast(EstimationProblem, valley)
     longest = damped_step(problem, start, known, 1e-5)
     assert valley.terms(longest[:, np.newaxis]).sums()[0] > 10.0 * known.sum  # though it promises all
@@ -87,7 +88,7 @@ def test_a_search_follows_a_curved_valley_to_its_end(monkeypatch: pytest.MonkeyP
     monkeypatch.setattr(exact_newton, "exact_expansion", lambda problem, point, known: valley.expansion(point))
     start = np.array([-1.0, 1.0])
     known = valley.expansion(start)
-    found = Reached(start, known.sum, known, 0, SearchOutcome.ITERATION_LIMIT)
+    found = Reached(start, known.sum, known, 0, SearchOutcome.ITERATION_LIMIT, Formed(Scheme.LINEARISED, start))
     ended = exact_newton.polished(cast(EstimationProblem, valley), found, 0.1)
     assert ended.outcome is SearchOutcome.CONVERGED
     assert ended.nll < 0.1 and ended.point == pytest.approx([1.0, 1.0], abs=0.05)

@@ -24,6 +24,7 @@ from bondgraph.declare.effect import Effect, Place
 from bondgraph.declare.graph import BondGraph
 from bondgraph.estimate import setup as filter_setups
 from bondgraph.estimate.derivatives.differences import central_differences
+from bondgraph.estimate.derivatives.formed import Formed, Scheme
 from bondgraph.estimate.derivatives.linearised import filter_runs, is_linearised, linear_expansion
 from bondgraph.estimate.objective import SearchOutcome
 from bondgraph.estimate.setup import unknown_drives
@@ -203,7 +204,9 @@ def test_a_fit_goes_on_where_the_linearised_filter_sees_nothing_more() -> None:
     problem = base.problem
     aside = base.point + np.where(np.array(problem.names) == "c", 0.0005 * (problem.upper - problem.lower), 0.0)
     value = float(problem.nll(aside[:, np.newaxis])[0])
-    stuck = Reached(aside, value, linear_expansion(problem, aside), 1, SearchOutcome.CONVERGED)
+    stuck = Reached(
+        aside, value, linear_expansion(problem, aside), 1, SearchOutcome.CONVERGED, Formed(Scheme.LINEARISED, aside)
+    )
     better = polished(problem, stuck, 0.1)
     assert value > base.nll + 1.0 and better.nll < base.nll + 0.2
     assert better.outcome.succeeded and better.evaluations > stuck.evaluations

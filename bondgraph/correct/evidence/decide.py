@@ -24,7 +24,9 @@ from bondgraph.estimate.fitted import Fit, restricted
 from bondgraph.estimate.objective import Expansion, Terms
 from bondgraph.estimate.symmetric import scaled_eigen
 
-#: A direction of parameters with less than this share of the largest information leaves no trace in logs.
+#: A direction of parameters with less than this share of the largest information leaves no trace in logs: scaled to
+#: unit information its condition index is above 300, where 100 is called severe (Belsley, Kuh, Welsch 1980, Regression
+#: Diagnostics, section 3.2).
 _UNSEEN = 1e-5
 
 

@@ -120,5 +120,5 @@ class Added:
 
     @classmethod
     def of(cls, trial: Trial, completes: Mapping[str, str]) -> Added:
-        """What a trial added; ``completes`` are labels of laws by those that complete them."""
+        """The effect of a trial; ``completes`` are labels of laws by those that complete them."""
         return cls(trial, trial.candidate.effect.parameters, completes.get(trial.candidate.label, ""))

@@ -219,13 +219,13 @@ def _unit(probe: Probe) -> str:
 
 
 def needless(linear: Linearisation, tried: Sequence[Spline], chosen: Unexplained, coefficients: Sequence[str]) -> bool:
-    """Whether an effect that is in the model would be dropped if the function were there: a wrong near relative."""
+    """True where an effect of the model would be dropped beside the function: a wrong near relative."""
     own = next(k for k in tried if k.probe.place.label == chosen.place.label and k.signal.name == chosen.signal)
     return contained(linear, own, coefficients)
 
 
 def contained(linear: Linearisation, function: Spline, coefficients: Sequence[str]) -> bool:
-    """Whether a free function leaves nothing to do for coefficients that are in the model.
+    """True where a free function leaves nothing to do for coefficients of the model.
 
     With both free, what the coefficients still add is a quadratic form in where they would then be.
     """

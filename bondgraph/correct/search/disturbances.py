@@ -97,7 +97,7 @@ def disturbances(
     begun = [attempted(lambda one=one: _begun(built, one[0], one[1], base), lambda why: None) for one in made]  # type: ignore[misc]
     trials = [
         attempted(
-            lambda one=one: _estimated(one, base, train, len(made), journal),  # type: ignore[misc]
+            lambda one=one: _estimated(one, base, len(made), journal),  # type: ignore[misc]
             lambda why, one=one: Trial(one.candidate, 0.0, failed=why),  # type: ignore[misc]
         )
         for one in _leading([one for one in begun if one is not None])
@@ -242,7 +242,7 @@ class _Begun:
 def _begun(built: BuiltModel, candidate: Candidate, state: str, base: Fit) -> _Begun:
     """The best of its starts; of a stiff model a rough search goes on from there on the beginnings of long logs."""
     extended = build(candidate.apply(built.graph))
-    problem = _problem(extended, candidate, base, base.problem.logs)
+    problem = _problem(extended, candidate, base)
     points, part = _starts(problem, candidate, state, base), excerpt(problem)
     values = (part or problem).nll(np.array(points).T)
     best = points[int(np.argmin(np.where(np.isfinite(values), values, np.inf)))]
@@ -254,17 +254,19 @@ def _begun(built: BuiltModel, candidate: Candidate, state: str, base: Fit) -> _B
 
 
 def _leading(begun: Sequence[_Begun]) -> list[_Begun]:
-    """Those that are not clearly behind the best, nor behind the fit without any, on the beginnings of long logs."""
+    """Disturbances that are not clearly behind, on the beginnings of long logs: the best, and the fit without any."""
     least = max((one.gain for one in begun if one.gain is not None), default=0.0)
     return [one for one in begun if one.gain is None or one.gain >= max(least, 0.0) - left_open(one.problem)]
 
 
-def _estimated(begun: _Begun, base: Fit, train: Sequence[MatchedLog], tried: int, journal: Journal | None) -> Trial:
+def _estimated(begun: _Begun, base: Fit, tried: int, journal: Journal | None) -> Trial:
     """The trial of a disturbance, estimated with everything else."""
     candidate, problem = begun.candidate, begun.problem
-    fitted = fit(problem.filter_model, train, problem.free, _ITERATIONS, _TOLERANCE, [begun.point], journal=journal)
+    fitted = fit(
+        problem.filter_model, problem.logs, problem.free, _ITERATIONS, _TOLERANCE, [begun.point], journal=journal
+    )
     gain = base.nll - fitted.nll
-    measured = sum(int(np.isfinite(log.y).sum()) for log in train)
+    measured = sum(int(np.isfinite(log.y).sum()) for log in problem.logs)
     ratio = float(stats.chi2.sf(2.0 * max(gain, 0.0), 2))  # its intensity and its time
     along = gain_p_value(base.own_runs, fitted.own_runs)
     worth = gain - float(np.log(max(measured, 2))) - float(np.log(tried))
@@ -272,9 +274,9 @@ def _estimated(begun: _Begun, base: Fit, train: Sequence[MatchedLog], tried: int
     return Trial(candidate, gain, built=begun.built, fit=fitted, evidence=evidence)
 
 
-def _problem(extended: BuiltModel, candidate: Candidate, base: Fit, train: Sequence[MatchedLog]) -> EstimationProblem:
+def _problem(extended: BuiltModel, candidate: Candidate, base: Fit) -> EstimationProblem:
     """The problem of the model with a disturbance, its noise and its time free beside everything else."""
-    own = candidate.effect.element
+    own, train = candidate.effect.element, base.problem.logs
     setup = filter_setup(extended.model, [own], train)
     level = next((one for one in setup.noise if one.name == f"process({own})"), None)
     if level is None:
@@ -289,7 +291,7 @@ def _problem(extended: BuiltModel, candidate: Candidate, base: Fit, train: Seque
     (name,) = candidate.effect.shapes
     lower, upper = candidate.bounds(name)
     time = FreeParameter(name, lower, upper, float(np.sqrt(lower * upper)), scale="log")
-    return EstimationProblem(filter_model, tuple(train), (*at_optimum(base), time, level))
+    return EstimationProblem(filter_model, train, (*at_optimum(base), time, level))
 
 
 def _starts(problem: EstimationProblem, candidate: Candidate, state: str, base: Fit) -> list[FloatArray]:

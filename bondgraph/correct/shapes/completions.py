@@ -50,7 +50,7 @@ def completions(
 
 
 def _is_inside(law: Trial, first: Trial, brought: Collection[str], graph: BondGraph) -> bool:
-    """Whether a law acts at a junction that another law brought for its element: the path of a leak."""
+    """True for a law at a junction that another law brought for its element: the path of a leak."""
     junction, element = law.candidate.place.junction.name, first.candidate.effect.element
     ends = ({bond.source, bond.target} for bond in graph.flatten().bonds)
     return junction in brought and {junction, element} in ends

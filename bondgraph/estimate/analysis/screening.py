@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import numpy as np
 
+from bondgraph.compile.lanes.text import LANES
 from bondgraph.errors import EstimationError, OptionError, suggest
 from bondgraph.estimate.free_simulation import simulated_members
 from bondgraph.estimate.objective import FloatArray
@@ -47,8 +48,8 @@ _REDUCTIONS: dict[str, Callable[[FloatArray], FloatArray]] = {
 }
 #: Levels of Morris' grid and the share of failed members above which nothing is said.
 _LEVELS, _MOST_FAILED = 4, 0.2
-#: Members of a task: some blocks of the compiled filter.
-_BLOCK = 64
+#: Members of a task: four blocks of the compiled filter.
+_BLOCK = 4 * LANES
 #: A response beyond this has run away, and its square is no number any more.
 _RUNAWAY = 1e100
 

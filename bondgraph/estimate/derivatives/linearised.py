@@ -26,6 +26,7 @@ from bondgraph.filter.linear.recursion import respond
 from bondgraph.filter.linear.response import (
     Change,
     LinearLog,
+    kicked_along,
     linearise,
     model_change,
     together,
@@ -91,6 +92,18 @@ def expansion_along(
     return expansion_of(
         np.concatenate([*innovations, priors]), np.concatenate([*scales, np.zeros(priors.shape)]), len(runs)
     )
+
+
+def kicks_along(problem: EstimationProblem, point: FloatArray, runs: Sequence[FilterRun]) -> list[Kicks]:
+    """Remains of kicks of the states along the filter's runs at a point (n,), for each log.
+
+    Raises
+    ------
+    FilterError
+        If the filter diverged there.
+    """
+    theta = problem.batch(point[:, np.newaxis]).theta[:, 0]
+    return [kicked_along(run.raise_if_failed(), log, theta) for log, run in zip(problem.logs, runs, strict=True)]
 
 
 def value_of(problem: EstimationProblem, point: FloatArray, runs: Sequence[FilterRun]) -> float:

@@ -23,7 +23,8 @@ from dataclasses import replace
 import numpy as np
 
 from bondgraph.estimate.derivatives.exact import exact_expansion
-from bondgraph.estimate.objective import SearchOutcome
+from bondgraph.estimate.derivatives.formed import Formed, Scheme
+from bondgraph.estimate.objective import Expansion, SearchOutcome
 from bondgraph.estimate.problem import EstimationProblem
 from bondgraph.estimate.solvers.linearised import Reached, longest_steps
 from bondgraph.estimate.solvers.steps import damped_step, newton_decrement
@@ -58,11 +59,14 @@ def polished(problem: EstimationProblem, found: Reached, tolerance: float) -> Re
     """
     reached = found
     for _ in range(_MOST):
-        seen = reached.expansion.terms
+        seen = reached.expansion.terms if reached.formed.scheme is Scheme.EXACT else None
         expansion = exact_expansion(problem, reached.point, seen and seen.members(np.array([0])))
         if expansion is None:
             return reached
-        before = replace(reached, expansion=expansion, evaluations=reached.evaluations + expansion.evaluations)
+        before = replace(
+            reached, expansion=expansion, evaluations=reached.evaluations + expansion.evaluations,
+            formed=Formed(Scheme.EXACT, reached.point),
+        )  # fmt: skip
         promise = newton_decrement(problem, before.point, expansion)
         reached = newton_steps(problem, before, tolerance if promise < _LAST else max(tolerance, ENOUGH))
         gained = before.nll - reached.nll
@@ -76,35 +80,39 @@ def polished(problem: EstimationProblem, found: Reached, tolerance: float) -> Re
     return replace(reached, outcome=SearchOutcome.ITERATION_LIMIT)
 
 
-def newton_steps(problem: EstimationProblem, found: Reached, tolerance: float) -> Reached:
-    """Where steps with the derivatives of ``found`` (or of a filter close by) lead, while they promise and gain.
+def newton_steps(
+    problem: EstimationProblem, found: Reached, tolerance: float, known: Expansion | None = None
+) -> Reached:
+    """Where steps with the derivatives of ``found`` (or those ``known`` of a filter close by) lead, while they gain.
 
     After the first, one that promises no more than jumps may be is tried at two dampings, and not at all of them.
     """
-    reached = found
+    reached, known = found, known or found.expansion
     for count in range(_STEPS):
         promise = newton_decrement(problem, reached.point, reached.expansion)
         if promise < tolerance:
             break
         every = count == 0 or promise >= _LAST
-        before, reached = reached, _step(problem, reached, _DAMPINGS if every else _DAMPINGS[:1])
+        before, reached = reached, _step(problem, reached, known, _DAMPINGS if every else _DAMPINGS[:1])
         if before.nll - reached.nll < tolerance:
             break
     return reached
 
 
-def _step(problem: EstimationProblem, found: Reached, dampings: Sequence[tuple[float, float]]) -> Reached:
+def _step(
+    problem: EstimationProblem, found: Reached, known: Expansion, dampings: Sequence[tuple[float, float]]
+) -> Reached:
     """One step, the better one of two dampings, which two threads try at once; more of them until one gains.
 
     It stays where it is if no trial gains.
     """
-    longest, evaluations, known = longest_steps(problem), found.evaluations, found.expansion
+    longest, evaluations, here = longest_steps(problem), found.evaluations, found.expansion
     for pair in dampings:
-        steps = [damped_step(problem, found.point, known, damping) - found.point for damping in pair]
+        steps = [damped_step(problem, found.point, here, damping) - found.point for damping in pair]
         points = [np.clip(found.point + np.clip(s, -longest, longest), problem.lower, problem.upper) for s in steps]
         seen, evaluations = problem.terms(np.array(points).T), evaluations + len(pair)
         best = int(np.argmin(seen.sums()))
-        gained = known.sum - float(seen.sums()[best])
+        gained = here.sum - float(seen.sums()[best])
         if gained > 0.0:
             terms = seen.members(np.array([best]))
             return replace(

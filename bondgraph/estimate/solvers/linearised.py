@@ -7,20 +7,19 @@ exact derivatives. References: as for :mod:`bondgraph.estimate.solvers.gauss_new
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import ClassVar
 
 import numpy as np
 
-from bondgraph.estimate.derivatives.linearised import filter_runs, linear_expansion, value_of
+from bondgraph.estimate.derivatives.formed import Formed, Scheme
+from bondgraph.estimate.derivatives.linearised import filter_runs, kicks_along, linear_expansion, value_of
 from bondgraph.estimate.objective import Expansion, FloatArray, Objective, SearchOutcome, TraceRow
 from bondgraph.estimate.problem import EstimationProblem
 from bondgraph.estimate.solvers.abstract import AbstractSearch, SearchResult, search_to_end
 from bondgraph.estimate.solvers.steps import damped_step, newton_decrement, promised_gain
 from bondgraph.filter.filter_run import FilterRun
 from bondgraph.filter.linear.intervals import Kicks
-from bondgraph.filter.linear.response import kicked_along
 
 #: Damping of the first step relative to the information, its limits, and by how much it falls and rises.
 _DAMPING, _LEAST_DAMPING, _MOST_DAMPING, _DAMP_LESS, _DAMP_MORE = 1e-2, 1e-6, 1e5, 10.0, 30.0
@@ -43,13 +42,17 @@ HOPELESS = 10.0
 
 @dataclass(frozen=True)
 class Reached:
-    """Where a search ended: the point (n,), its negative log-likelihood and expansion, what it took and gained."""
+    """Where a search ended: the point (n,), its negative log-likelihood and expansion, what it took and gained.
+
+    ``formed``: how and where the derivatives of the expansion were formed.
+    """
 
     point: FloatArray
     nll: float
     expansion: Expansion
     evaluations: int
     outcome: SearchOutcome
+    formed: Formed
     gained: float = 0.0
 
 
@@ -168,7 +171,7 @@ class LinearisedScoring(AbstractSearch[LinearisedState]):
         known = self._known.get(_key(state))
         if known is not None:
             return known
-        kicks = _kicks(problem, state.kicked, filter_runs(problem, state.kicked))
+        kicks = kicks_along(problem, state.kicked, filter_runs(problem, state.kicked))
         return self._look(problem, state, filter_runs(problem, state.point), kicks)
 
     def _look(
@@ -179,7 +182,7 @@ class LinearisedScoring(AbstractSearch[LinearisedState]):
         kicks: list[Kicks] | None = None,
     ) -> _Seen:
         """What is known at a state, remembered in place of the last; ``kicks`` None: they are asked there."""
-        kicks = _kicks(problem, state.point, runs) if kicks is None else kicks
+        kicks = kicks_along(problem, state.point, runs) if kicks is None else kicks
         seen = _Seen(runs, kicks, linear_expansion(problem, state.point, runs, kicks))
         self._known.clear()
         self._known[_key(state)] = seen
@@ -206,7 +209,8 @@ def linear_search(search: LinearisedScoring, problem: EstimationProblem, start: 
     own = replace(search, _known={})  # searches in several threads do not share what they know
     state, outcome = search_to_end(own, problem, start)
     expansion, gained = own.expansion(problem, state), state.trace[0].nll - state.value
-    return Reached(state.point, state.value, expansion, state.evaluations, outcome, gained)
+    formed = Formed(Scheme.LINEARISED, state.kicked)
+    return Reached(state.point, state.value, expansion, state.evaluations, outcome, formed, gained)
 
 
 def longest_steps(problem: EstimationProblem) -> FloatArray:
@@ -218,11 +222,6 @@ def _distance(problem: EstimationProblem, point: FloatArray, before: FloatArray)
     """How far parameters are from where they were, at most, as a share of their bounds."""
     share = np.abs(point - before) / (problem.upper - problem.lower)
     return float(share[~problem.noise_levels].max(initial=0.0))
-
-
-def _kicks(problem: EstimationProblem, point: FloatArray, runs: Sequence[FilterRun]) -> list[Kicks]:
-    theta = problem.batch(point[:, np.newaxis]).theta[:, 0]
-    return [kicked_along(run.raise_if_failed(), log, theta) for log, run in zip(problem.logs, runs, strict=True)]
 
 
 def _posed(objective: Objective) -> EstimationProblem:

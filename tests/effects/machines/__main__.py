@@ -76,7 +76,8 @@ def summary(found: list[Answer]) -> str:
     """The counts in one line."""
     own, twins = [one for one in found if one.effect], [one for one in found if not one.effect]
     return (
-        f"{sum(one.right for one in own)} of {len(own)} right, {sum(one.wrong for one in own)} wrong;"
+        f"{sum(one.right for one in own)} of {len(own)} right ({sum(one.strict for one in own)} without laws that"
+        f" complete another), {sum(one.wrong for one in own)} wrong;"
         f" {sum(one.right for one in twins)} of {len(twins)} clean, {sum(one.wrong for one in twins)} false alarms;"
         f" at most {max(one.seconds for one in found):.0f} s of CPU"
     )

@@ -28,7 +28,10 @@ TRAIN, HELD_OUT = (1, 2), 9
 
 @dataclass(frozen=True)
 class Answer:
-    """What the loop said of a machine: ``right``, or ``wrong`` where it named something else; else it said nothing."""
+    """The loop's answer to a machine: ``right``, or ``wrong`` where it named something else; else it said nothing.
+
+    ``strict``: it is right without laws that the loop itself says to complete another.
+    """
 
     machine: str
     effect: bool
@@ -38,6 +41,7 @@ class Answer:
     seconds: float
     right: bool
     wrong: bool
+    strict: bool
 
 
 def asked(name: str, machine: Machine, effect: bool) -> Answer:
@@ -48,17 +52,20 @@ def asked(name: str, machine: Machine, effect: bool) -> Answer:
     closed = bg.close_loop(machine.graph(), logs, held_out)
     seconds = time.process_time() - start
     right = is_right(machine, closed) if effect else closed.verdict == "no missing effect" and not closed.added
+    strict = right if not effect else is_right(machine, closed, strict=True)
     claimed = bool(closed.added) or closed.verdict in CLAIMS
     named = tuple(f"{'+ ' if one.completes else ''}{one.trial.candidate.label}" for one in closed.added)
-    return Answer(name, effect, closed.verdict, named, tuple(_sizes(closed)), seconds, right, claimed and not right)
+    return Answer(
+        name, effect, closed.verdict, named, tuple(_sizes(closed)), seconds, right, claimed and not right, strict
+    )
 
 
-def is_right(machine: Machine, closed: ClosedLoop) -> bool:
+def is_right(machine: Machine, closed: ClosedLoop, strict: bool = False) -> bool:
     """Whether the law or an equivalent formula is found at its place or in its group, and nothing wrong beside it.
 
     The first effect must be a right one, or one that the data do not tell from a right one. Further ones may only be
-    formulas at the same place, or right ones, or what the loop itself says to complete the form of the first: what the
-    form of a law leaves of another form.
+    formulas at the same place, or right ones, or, unless the rule is ``strict``, laws that the loop itself says to
+    complete the form of the first.
     """
     if closed.verdict != "effect found" or not closed.added:
         return False
@@ -66,11 +73,11 @@ def is_right(machine: Machine, closed: ClosedLoop) -> bool:
     group = {f"{one.name} at {one.junction}" for one in closed.rounds[0].alternatives if one.indistinguishable}
     if not (is_answer(machine, first) or machine.laws & group):
         return False
-    return all(is_answer(machine, one) or _completes(one, first) for one in further)
+    return all(is_answer(machine, one) or _completes(one, first, strict) for one in further)
 
 
 def is_answer(machine: Machine, added: Added) -> bool:
-    """Whether an effect is a right answer."""
+    """True for an effect that is a right answer."""
     candidate = added.trial.candidate
     formula = formula_of(candidate.function)
     if formula is None:
@@ -78,9 +85,9 @@ def is_answer(machine: Machine, added: Added) -> bool:
     return candidate.place.label in machine.places and set(formula.signals) <= machine.signals
 
 
-def _completes(added: Added, first: Added) -> bool:
+def _completes(added: Added, first: Added, strict: bool) -> bool:
     candidate = added.trial.candidate
-    if added.completes == first.trial.candidate.label:
+    if not strict and added.completes == first.trial.candidate.label:
         return True
     return candidate.effect.formula and candidate.place.label == first.trial.candidate.place.label
 
