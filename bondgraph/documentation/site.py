@@ -7,6 +7,7 @@ Furo is a theme without fonts or scripts of other servers. All are in the extra 
 from __future__ import annotations
 
 import argparse
+import ast
 import importlib.resources
 import importlib.util
 import io
@@ -15,6 +16,7 @@ import shutil
 import subprocess
 import sys
 import tempfile
+import textwrap
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
@@ -31,6 +33,8 @@ SCRIPTS = (
 )  # fmt: skip
 NOTEBOOK = "whole_flow.ipynb"
 _LIBRARIES = ("sphinx", "furo", "myst_nb", "ipykernel")
+#: Characters of a printed sentence that a page of 800 px shows in one line.
+_WIDTH = 90
 #: Seconds after which a cell of the notebook has failed.
 _CELL = 300
 
@@ -133,8 +137,36 @@ def run_script(name: str, stage: Path) -> str:
     )  # fmt: skip
     if run.returncode:
         raise OptionError(f"docs: {name}.py fails: {run.stderr.strip()}", where=(name,))
-    write_text(folder / f"{name}.txt", run.stdout)
+    write_text(folder / f"{name}.txt", wrapped(run.stdout))
     return run.stdout
+
+
+def wrapped(text: str) -> str:
+    """Text with its sentences wrapped; tables and Python lines stay as they are, and are scrolled where they are wider.
+
+    Examples
+    --------
+    >>> [len(line) for line in wrapped(30 * "word ").splitlines()]
+    [89, 59]
+    >>> wrapped("name" + 100 * " " + "value") == "name" + 100 * " " + "value"
+    True
+    """
+    return "\n".join(_wrapped_line(line) for line in text.split("\n"))
+
+
+def _wrapped_line(line: str) -> str:
+    indent = line[: len(line) - len(line.lstrip())]
+    if len(line) <= _WIDTH or "   " in line.strip() or _is_python(line):
+        return line
+    return textwrap.fill(line.strip(), _WIDTH, initial_indent=indent, subsequent_indent=indent, break_long_words=False)
+
+
+def _is_python(line: str) -> bool:
+    try:
+        ast.parse(line.strip())
+    except SyntaxError:
+        return False
+    return True
 
 
 def environment() -> dict[str, str]:

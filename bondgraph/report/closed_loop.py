@@ -200,12 +200,12 @@ def _explained(closed: ClosedLoop) -> str:
 
 
 def _completing(added: Sequence[Added]) -> str:
-    """What only completes the form of another law, a sentence for each that is completed."""
+    """A sentence for each law that others complete."""
     told = ""
     for first in dict.fromkeys(one.completes for one in added if one.completes):
         names = [one.trial.candidate.label for one in added if one.completes == first]
         what = f"{names[0]} completes" if len(names) == 1 else f"{' and '.join(names)} complete"
-        told += f" {what} the form of {first}; beside it as a law of its own or not, the logs tell their sum alone."
+        told += f" {what} the form of {first}: the logs tell only their sum."
     return told
 
 
