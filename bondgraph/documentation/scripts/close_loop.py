@@ -11,5 +11,6 @@ print("\nTo paste before the declaration's return:\n")
 print(loop.python_lines())
 
 loop.plot().figure.savefig("before_after.svg")
-bg.draw(loop.graph, "corrected.svg", highlight=[added.trial.candidate.effect.element for added in loop.added])
+new = [added.trial.candidate.effect.element for added in loop.added]
+bg.draw(loop.graph, "corrected.svg", highlight=new)
 loop.report("loop")  # loop/report.html, result.json, graph, module, patch
