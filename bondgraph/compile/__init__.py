@@ -19,7 +19,7 @@ over members and sigma points, and compiles them into vector instructions. Besid
 >>> [tape.operations[node].kind for node in hoister.nodes]
 ['div']
 >>> from bondgraph.compile.lanes.writer import lane_text
->>> print(lane_text(program, stiff=False).source.partition("def rates")[2].partition("@lane_loops")[0].strip())
+>>> print(lane_text(program, stiff=False).source.partition("def rates")[2].partition("def measure")[0].strip())
 (clock, inputs, w, n):
     inputs_0 = inputs[0]
     for l in range(n):
@@ -28,5 +28,6 @@ over members and sigma points, and compiles them into vector instructions. Besid
         w[112 + l] = w[96 + l]
         w[128 + l] = dx1_9
 
-``lanes.load.load_lanes`` hands such text to ``lanes.compiler`` and keeps the machine code between runs.
+``lanes.load.load_lanes`` hands such text to ``lanes.compiler``, which writes LLVM instructions for it;
+``lanes.object_code`` makes machine code of them and keeps it between runs.
 """

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import functools
+import hashlib
 import os
 import stat
 import tempfile
+import warnings
 from pathlib import Path
 
 import platformdirs
@@ -88,3 +90,48 @@ def store(name: str, text: str) -> Path | None:
         except OSError:
             continue
     return None
+
+
+def keep(name: str, content: bytes) -> None:
+    """Keep machine code in the cache folder under a seal; where no disk takes it, that is said once."""
+    folder = cache_folder() / _MACHINE_CODE
+    try:
+        folder.mkdir(exist_ok=True, mode=0o700)
+        write_bytes(folder / name, content + seal(content))
+    except OSError as error:
+        say_not_kept(str(folder), error)
+
+
+def kept(name: str) -> bytes | None:
+    """Machine code that was kept under a name; None where there is none, or it is damaged."""
+    path = cache_folder() / _MACHINE_CODE / name
+    return path.read_bytes()[: -hashlib.sha256().digest_size] if is_whole(path) else None
+
+
+def seal(content: bytes) -> bytes:
+    """The digest that stands at the end of kept machine code."""
+    return hashlib.sha256(content).digest()
+
+
+def is_whole(path: Path) -> bool:
+    """True for a sealed file as it was written, False for a damaged or missing one."""
+    try:
+        content = path.read_bytes()
+    except OSError:
+        return False
+    size = hashlib.sha256().digest_size
+    return seal(content[:-size]) == content[-size:]
+
+
+_said: set[str] = set()
+
+
+def say_not_kept(folder: str, error: OSError) -> None:
+    """Say once that machine code is not kept."""
+    if not _said:
+        _said.add(folder)
+        warnings.warn(
+            f"{folder}: compiled models cannot be kept there ({error.strerror}), so that every run compiles them anew"
+            " - make room, or name another folder in BONDGRAPH_CACHE_DIR",
+            stacklevel=2,
+        )

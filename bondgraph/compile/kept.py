@@ -7,16 +7,15 @@ is compiled again and written anew, and never unpickled. Where nothing can be wr
 from __future__ import annotations
 
 import contextlib
-import hashlib
 import io
-import warnings
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 import numba
 
-from bondgraph.compile.numba_internals import UNCOUNTED, caching, ccallback, sigutils
+from bondgraph.compile.cache import is_whole, say_not_kept, seal
+from bondgraph.compile.numba_internals import UNCOUNTED, caching
 
 _njit: Any = numba.njit  # typed in part only
 
@@ -45,28 +44,6 @@ def inner(function: Callable[..., Any]) -> Any:
 def allocating(function: Callable[..., Any]) -> Any:
     """As :func:`jit`, for a function that makes arrays."""
     return _keeping(_njit(nogil=True, **_OPTIONS)(function))
-
-
-def callback(signature: str) -> Callable[[Callable[..., Any]], Any]:
-    """The function compiled at once as a C callback of this signature; it allocates no array.
-
-    Examples
-    --------
-    >>> def double(x):
-    ...     return 2.0 * x
-    >>> callback("float64(float64)")(double).ctypes(1.5)
-    3.0
-    """
-
-    def compiled(function: Callable[..., Any]) -> Any:
-        made = ccallback.CFunc(
-            function, sigutils.normalize_signature(signature), locals={}, options={"nopython": True, **_UNCOUNTED}
-        )
-        made._cache = _cache_of(function)
-        made.compile()
-        return made
-
-    return compiled
 
 
 def _keeping(dispatcher: Any) -> Any:
@@ -101,7 +78,7 @@ class _SealedCache(caching.FunctionCache):  # type: ignore[misc]
         try:
             super().save_overload(signature, data)
         except OSError as error:
-            _say_not_kept(self._cache_path, error)
+            say_not_kept(self._cache_path, error)
 
 
 class _SealedFiles(caching.IndexDataCacheFile):  # type: ignore[misc]
@@ -112,10 +89,10 @@ class _SealedFiles(caching.IndexDataCacheFile):  # type: ignore[misc]
         with super()._open_for_write(filepath) as file:
             content = io.BytesIO()
             yield content
-            file.write(content.getvalue() + _seal(content.getvalue()))
+            file.write(content.getvalue() + seal(content.getvalue()))
 
     def _load_index(self) -> dict[Any, Any]:
-        if not _is_whole(Path(self._index_path)):
+        if not is_whole(Path(self._index_path)):
             return {}
         try:
             return dict(super()._load_index())
@@ -124,35 +101,7 @@ class _SealedFiles(caching.IndexDataCacheFile):  # type: ignore[misc]
 
     def _load_data(self, name: str) -> Any:
         path = Path(self._data_path(name))
-        if not _is_whole(path):
+        if not is_whole(path):
             path.unlink(missing_ok=True)
             raise FileNotFoundError(str(path))  # which numba takes for code that is not kept any more
         return super()._load_data(name)
-
-
-def _seal(content: bytes) -> bytes:
-    return hashlib.sha256(content).digest()
-
-
-def _is_whole(path: Path) -> bool:
-    """True for a file as it was written, False for a damaged or missing one."""
-    try:
-        content = path.read_bytes()
-    except OSError:
-        return False
-    size = hashlib.sha256().digest_size
-    return _seal(content[:-size]) == content[-size:]
-
-
-_said: set[str] = set()
-
-
-def _say_not_kept(folder: str, error: OSError) -> None:
-    """Say once that machine code is not kept."""
-    if not _said:
-        _said.add(folder)
-        warnings.warn(
-            f"{folder}: compiled models cannot be kept there ({error.strerror}), so that every run compiles them anew"
-            " - make room, or name another folder in BONDGRAPH_CACHE_DIR",
-            stacklevel=2,
-        )

@@ -40,9 +40,7 @@ import math
 
 import numpy as np
 
-from bondgraph.compile.kept import allocating as _allocating, callback as _callback, inner as _inner, jit as _jit
-from bondgraph.compile.kept import unfused as _unfused
-from bondgraph.compile.pointer import CompiledFunction
+from bondgraph.compile.kept import allocating as _allocating, inner as _inner, jit as _jit, unfused as _unfused
 '''
 
 _lock = threading.Lock()

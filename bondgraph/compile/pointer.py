@@ -8,14 +8,19 @@ from bondgraph.compile.numba_internals import types
 
 
 class CompiledFunction(types.WrapperAddressProtocol):  # type: ignore[misc]
-    """The address of a C callback; its type is its signature, so that whoever calls it is compiled once."""
+    """The address of a C callback; its type is its signature, so that whoever calls it is compiled once.
 
-    def __init__(self, callback: Any) -> None:
-        self._callback = callback
+    ``signature`` is numba's: argument types and the type of the result.
+    """
+
+    def __init__(self, address: int, signature: tuple[Any, Any]) -> None:
+        self._address = address
+        arguments, result = signature
+        self._signature = (result or types.void)(*arguments)
 
     def __wrapper_address__(self) -> int:
-        return int(self._callback.address)
+        return self._address
 
     def signature(self) -> Any:
         """The numba signature."""
-        return self._callback._sig
+        return self._signature

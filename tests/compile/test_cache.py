@@ -18,14 +18,23 @@ ROOT = Path(__file__).resolve().parents[2]
 
 _TWICE = '''
 import sys
+import numpy as np
+from numba import njit
+from bondgraph.compile.lanes.object_code import load_functions
 from bondgraph.compile.machine_code import HEADER, load_compiled
 made = load_compiled(HEADER.format(title="doubles") + """
 @_jit
 def twice(x):
     return 2.0 * x
-half = CompiledFunction(_callback("float64(float64)")(lambda x: 0.5 * x))
 """)
-print(made.twice(4.0), half(4.0) if (half := made.half._callback.ctypes) else "")
+printed = load_functions("""
+def half(w, n):
+    for l in range(n):
+        w[8 + l] = 0.5*w[0 + l]
+""", {"half": "void(float64[::1], int64)"})
+w = np.full(16, 4.0)
+njit(lambda f, w: f(w, 8))(printed["half"], w)
+print(made.twice(4.0), w[8])
 print(*(sum(counted.values()) for counted in (made.twice.stats.cache_hits, made.twice.stats.cache_misses)))
 '''
 
@@ -42,13 +51,13 @@ def _answer(run: subprocess.CompletedProcess[str]) -> list[str]:
     return run.stdout.split("\n")[:2]
 
 
-@pytest.mark.parametrize("ending", ["nbi", "nbc"])
+@pytest.mark.parametrize("ending", ["nbi", "nbc", "o"])
 @pytest.mark.parametrize("damage", ["cut short", "emptied", "garbage", "one bit"])
 def test_damaged_machine_code_is_compiled_anew(ending: str, damage: str, tmp_path: Path) -> None:
     folder = tmp_path / "cache"
     assert _answer(_run(folder)) == ["8.0 2.0", "0 1"]
     files = sorted((folder / "__pycache__").glob(f"*.{ending}"))
-    assert len(files) == 2
+    assert len(files) == 1
     for file in files:
         content = file.read_bytes()
         flipped = bytes([content[len(content) // 2] ^ 4])
@@ -57,7 +66,7 @@ def test_damaged_machine_code_is_compiled_anew(ending: str, damage: str, tmp_pat
             "one bit": content[: len(content) // 2] + flipped + content[len(content) // 2 + 1 :],
         }[damage])  # fmt: skip
     run = _run(folder)
-    assert _answer(run) == ["8.0 2.0", "0 1"]
+    assert _answer(run) == ["8.0 2.0", "1 0" if ending == "o" else "0 1"]
     assert run.stderr == ""
     assert _answer(_run(folder)) == ["8.0 2.0", "1 0"]
 

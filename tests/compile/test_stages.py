@@ -1,17 +1,14 @@
-"""Steps keep the values they had before their arithmetic was printed, and are packed into vector instructions."""
+"""Steps keep the values they had before their arithmetic was printed."""
 
 from __future__ import annotations
 
 import json
-import platform
-import re
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from bondgraph.compile.lanes.load import load_lanes
-from bondgraph.compile.machine_code import load_compiled
 from bondgraph.compile.rosenbrock import TABLEAUS
 from bondgraph.simulate.inputs import InputSegment
 from tests.simulate.points import model_of, points_of
@@ -30,23 +27,3 @@ def test_steps_give_the_values_of_separate_loops_over_rows(name: str, method: st
     found, _ = advanced(load_lanes(model, method != "rk4"), model, method, 2, grading, segment, x, theta)
     expected = np.array(VALUES[f"{name} {method}"]).T
     np.testing.assert_allclose(found, expected, rtol=1e-11, atol=1e-14 * np.abs(expected).max())
-
-
-@pytest.mark.skipif(platform.machine() not in ("x86_64", "AMD64"), reason="looks for instructions of x86-64")
-def test_stage_arithmetic_is_packed_into_vector_instructions() -> None:
-    """Half of a step went into loops over rows that were compiled scalar, their offsets known at run time only."""
-    from numba import float64, int64, njit
-
-    stiff = load_compiled(load_lanes(model_of("generated/driveline"), stiff=True).text)
-    right, finish = stiff.right, stiff.finish
-
-    def both(tableau, row, stages, s, step, w, n):
-        right(tableau, row, stages, s, step, w, n)
-        finish(tableau, stages, w, n)
-
-    compiled = njit(fastmath={"contract"})(both)
-    compiled.compile((float64[::1], int64, int64, int64, float64, float64[::1], int64))
-    (text,) = compiled.inspect_asm().values()
-    packed, single = (len(re.findall(rf"\tv?(?:mul|add|fmadd\w+){kind}\t", text)) for kind in ("pd", "sd"))
-    assert packed > 20
-    assert packed > 4 * single

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import math
-import platform
-import re
 
 import numpy as np
 import pytest
@@ -209,20 +207,6 @@ def test_graded_steps_add_up() -> None:
 def test_settings_out_of_range_are_told(settings: dict, message: str) -> None:
     with pytest.raises(OptionError, match=message):
         Rosenbrock(**settings)
-
-
-@pytest.mark.skipif(platform.machine() not in ("x86_64", "AMD64"), reason="looks for instructions of x86-64")
-def test_lanes_are_packed_into_vector_instructions() -> None:
-    """Where the compiler gives up it does so silently: nothing fails, everything takes several times as long."""
-    from numba import float64, int64, njit
-
-    lane_rates = load_compiled(load_lanes(model_of("generated/driveline"), stiff=False).text).rates
-    rates = njit(fastmath={"contract"})(lambda clock, inputs, w, n: lane_rates(clock, inputs, w, n))
-    rates.compile((float64[::1], float64[::1], float64[::1], int64))
-    (text,) = rates.inspect_asm().values()
-    packed, single = (len(re.findall(rf"\tv?(?:mul|add|sub|fmadd\w+|div){kind}\t", text)) for kind in ("pd", "sd"))
-    assert packed > 20
-    assert packed > 0.5 * single
 
 
 @METHODS

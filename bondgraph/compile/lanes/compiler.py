@@ -1,127 +1,179 @@
-"""Compiles printed loops over lanes: straight from their text to LLVM instructions (imported only where numba is).
+"""Compiles printed modules of lane functions: from their text to LLVM instructions (imports numba).
 
-numba could compile the same text, but it would infer a type for each of thousands of variables and give each a place in
-memory, which takes several times as long as all that LLVM does afterwards. The printed functions need none of it: they
-consist of few kinds of statements (see ``lanes.text``), and every value in them is a float, an integer or a truth value
-by its form. Each becomes a numba intrinsic, which other compiled functions call as they call each other.
+numba could compile the same text, but it would infer a type for each of thousands of variables, give each a place in
+memory, and have LLVM find out again what the printer knew: which lines are the same for all lanes and which rows
+differ. That takes ten times as long. The text consists of few kinds of statements (see ``lanes.text`` and the kernels
+``step_kernel``, ``tangent_kernel``, ``stiff_tangent_kernel``), and every value in it is a float, an integer, a truth
+value or an array by its form.
 
-- A name is the value it was given last; only what loops change (``x |= ...``) has a place in memory.
-- ``a if c else b`` selects, and both sides are worked out: without branches loops become SIMD code.
-- ``range(n)`` is rounded up to whole vectors, so that no loop for a rest is made; the work buffer has room for them.
-- The vectors a function is called with must not overlap, so that loops need no checks of whether they do.
-- Functions printed beside (``lanes.math``) are put in where they are called; what else is called is numba's.
+- ``for l in range(n)`` is a loop over whole vectors of lanes: ``n`` is rounded up to them, the work buffer has room.
+  ``w[... + l]`` is a row there, everything else one number for all lanes.
+- A name is the value it was given last; only what loops change (``x += ...``) has a place in memory.
+- ``a if c else b`` selects, and both sides are worked out: nothing branches.
+- A function that returns a value is put in where it is called; one that does not is called, and must not be given
+  arrays that overlap.
 """
 
 from __future__ import annotations
 
 import ast
-import builtins
-import functools
-import inspect
 import math
-import textwrap
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from numba.extending import intrinsic
 
-from bondgraph.compile.numba_internals import cgutils, ir, types
+from bondgraph.compile.lanes.instructions import FLOAT, VECTOR, Array, Instructions, is_packed
+from bondgraph.compile.numba_internals import array_of, cgutils, ir, sigutils, value_type
 from bondgraph.errors import ModelError
 
-_FLOAT, _INTEGER = ir.DoubleType(), ir.IntType(64)
-#: Instructions for floats, and for integers and truth values.
-_ARITHMETIC = {
-    ast.Add: ("fadd", "add"), ast.Sub: ("fsub", "sub"), ast.Mult: ("fmul", "mul"), ast.Div: ("fdiv", ""),
-    ast.BitAnd: ("", "and_"), ast.BitOr: ("", "or_"), ast.LShift: ("", "shl"),
-}  # fmt: skip
-_COMPARISONS = {ast.Lt: "<", ast.LtE: "<=", ast.Gt: ">", ast.GtE: ">=", ast.Eq: "==", ast.NotEq: "!="}
 #: Functions of one number that LLVM has itself.
-_INTRINSICS = {abs: "llvm.fabs", math.sqrt: "llvm.sqrt", np.floor: "llvm.floor"}
-#: Floats in the longest vector of a processor.
-_VECTOR = 8
+_INTRINSICS = {"abs": "llvm.fabs", "math.sqrt": "llvm.sqrt", "np.floor": "llvm.floor"}
+#: Names of other functions in the mathematical library of C.
+LIBRARY = {
+    "np.tan": "tan", "np.arccos": "acos", "np.arctan2": "atan2", "np.sinh": "sinh", "np.cosh": "cosh",
+    "np.arcsinh": "asinh", "np.arccosh": "acosh", "np.arctanh": "atanh", "np.log": "log", "math.pow": "pow",
+}  # fmt: skip
+#: The count of lanes in printed text.
+_LANE_COUNT = "n"
 
 
-def lane_loops(function: Callable[..., None]) -> Any:
-    """A printed function as an intrinsic that compiled functions call; its arguments are float vectors and integers.
+def lane_module(source: str, exports: Mapping[str, str]) -> str:
+    """LLVM instructions of a printed module.
+
+    Parameters
+    ----------
+    source
+        Its text.
+    exports
+        Signatures, in numba's notation, of the functions that may be called from outside; each gets an entry with the
+        convention of numba's C callbacks, named after it.
 
     Raises
     ------
     ModelError
-        If the function has other statements than are printed; when it is compiled first.
+        If the text has other statements than are printed.
 
     Examples
     --------
-    >>> from numba import njit
-    >>> @lane_loops
+    >>> text = '''
     ... def double(w, n):
     ...     for l in range(n):
-    ...         w[8 + l] = 2.0*w[0 + l]
-    >>> w = np.arange(16.0)
-    >>> njit(lambda w, n: double(w, n))(w, 8)
-    >>> w[8:]
-    array([ 0.,  2.,  4.,  6.,  8., 10., 12., 14.])
+    ...         w[16 + l] = 2.0*w[0 + l]
+    ... '''
+    >>> instructions = lane_module(text, {"double": "void(float64[::1], int64)"})
+    >>> "fmul contract <8 x double>" in instructions
+    True
     """
-
-    def define(typing_context: Any, *arguments: Any) -> Any:
-        return types.void(*arguments), functools.partial(_call, function)
-
-    own = inspect.signature(function)
-    first = inspect.Parameter("typing_context", inspect.Parameter.POSITIONAL_OR_KEYWORD)
-    define.__name__ = function.__name__
-    define.__signature__ = own.replace(parameters=[first, *own.parameters.values()])  # type: ignore[attr-defined]
-    return intrinsic(define)
+    printed = _Printed(source)
+    for name, signature in exports.items():
+        _export(printed, name, sigutils.normalize_signature(signature)[0])
+    return str(printed.module)
 
 
-def _call(function: Callable[..., None], context: Any, builder: Any, signature: Any, arguments: Sequence[Any]) -> Any:
-    """Call the function; it stands once in each module of LLVM code."""
-    given = [
-        context.make_array(kind)(context, builder, value).data if isinstance(kind, types.Array) else value
-        for kind, value in zip(signature.args, arguments, strict=True)
-    ]
-    name = f"lanes.{function.__name__}"
-    if name not in builder.module.globals:
-        kind = ir.FunctionType(ir.VoidType(), [value.type for value in given])
-        _write(function, ir.Function(builder.module, kind, name), context)
-    builder.call(builder.module.globals[name], given)
-    return context.get_dummy_value()
+def entry_name(function: str) -> str:
+    """Name of the entry of an exported function."""
+    return f"entry.{function}"
 
 
-def _write(function: Callable[..., None], body: Any, context: Any) -> None:
+class _Printed:
+    """A printed module: its functions, numbers and tables, and the instructions written so far."""
+
+    def __init__(self, source: str) -> None:
+        self.module = ir.Module("lanes")
+        self.functions: dict[str, ast.FunctionDef] = {}
+        self.scope: dict[str, Any] = {"np": np, "math": math}
+        for node in ast.parse(source).body:
+            if isinstance(node, ast.FunctionDef):
+                self.functions[node.name] = node
+            elif isinstance(node, ast.Assign):
+                exec(compile(ast.Module([node], []), "<printed>", "exec"), self.scope)
+
+    def table(self, name: str) -> Any:
+        """A table in memory."""
+        own = f"table.{name}"
+        if own not in self.module.globals:
+            values = self.scope[name]
+            kept = ir.GlobalVariable(self.module, ir.ArrayType(FLOAT, values.size), own)
+            kept.linkage, kept.global_constant = "internal", True
+            kept.initializer = ir.Constant(kept.value_type, [ir.Constant(FLOAT, float(v)) for v in values.flat])
+        return self.module.globals[own]
+
+    def function(self, name: str, arguments: Sequence[Any]) -> Any:
+        """A function of the module for arguments of these kinds, written when it is first called."""
+        own = f"lanes.{name}"
+        if own not in self.module.globals:
+            kinds = [value.type for value in _flat(arguments)]
+            written = ir.Function(self.module, ir.FunctionType(ir.VoidType(), kinds), own)
+            written.linkage = "internal"
+            written.attributes.add("noinline")
+            _write(self, self.functions[name], written, arguments)
+        return self.module.globals[own]
+
+
+def _flat(arguments: Sequence[Any]) -> list[Any]:
+    """Arguments with arrays as where they begin and their lengths."""
+    flat = []
+    for value in arguments:
+        flat += [value.data, *value.lengths] if isinstance(value, Array) else [value]
+    return flat
+
+
+def _write(printed: _Printed, function: ast.FunctionDef, written: Any, arguments: Sequence[Any]) -> None:
     """Write the instructions of a function."""
-    body.linkage = "internal"
-    body.attributes.add("noinline")
-    for argument in body.args:
+    for argument in written.args:
         if isinstance(argument.type, ir.PointerType):
             argument.add_attribute("noalias")
-    builder = ir.IRBuilder(body.append_basic_block("entry"))
-    tree = _parsed(function)
-    changed = {ast.unparse(node.target) for node in ast.walk(tree) if isinstance(node, ast.AugAssign)}
-    places = {name: builder.alloca(_INTEGER, name=name) for name in sorted(changed)}
-    names = {argument.arg: value for argument, value in zip(tree.args.args, body.args, strict=True)}
-    _Body(context, builder, function.__globals__, names, places).run(tree.body)
+    given = iter(written.args)
+    names: dict[str, Any] = {}
+    for argument, value in zip(function.args.args, arguments, strict=True):
+        if isinstance(value, Array):
+            names[argument.arg] = Array(next(given), tuple(next(given) for _ in value.lengths))
+        else:
+            names[argument.arg] = next(given)
+    builder = ir.IRBuilder(written.append_basic_block("entry"))
+    _Body(printed, Instructions(builder), names, _changed(function)).run(function.body)
     builder.ret_void()
 
 
-@functools.cache
-def _parsed(function: Callable[..., Any]) -> ast.FunctionDef:
-    (tree,) = ast.parse(textwrap.dedent(inspect.getsource(function))).body
-    assert isinstance(tree, ast.FunctionDef)
-    return tree
+def _changed(function: ast.FunctionDef) -> frozenset[str]:
+    """Names that loops change."""
+    return frozenset(ast.unparse(node.target) for node in ast.walk(function) if isinstance(node, ast.AugAssign))
+
+
+def _export(printed: _Printed, name: str, kinds: Sequence[Any]) -> None:
+    """An entry that calls a function with what numba hands to C callbacks."""
+    # numba takes None for what a callback without a value returns, which is a pointer
+    nothing = ir.IntType(8).as_pointer()
+    kind = ir.FunctionType(nothing, [value_type(one) for one in kinds])
+    entry = ir.Function(printed.module, kind, entry_name(name))
+    builder = ir.IRBuilder(entry.append_basic_block("entry"))
+    arguments = []
+    for one, value in zip(kinds, entry.args, strict=True):
+        data, lengths = array_of(one, builder, value)
+        arguments.append(value if data is None else Array(data, lengths))
+    builder.call(printed.function(name, arguments), _flat(arguments))
+    builder.ret(ir.Constant(nothing, None))
 
 
 class _Body:
     """Writes the instructions of one function body, statement by statement."""
 
     def __init__(
-        self, context: Any, builder: Any, scope: Mapping[str, Any], names: dict[str, Any], places: Mapping[str, Any]
+        self,
+        printed: _Printed,
+        instructions: Instructions,
+        names: dict[str, Any],
+        changed: frozenset[str] = frozenset(),
     ) -> None:
-        self._context = context
-        self._builder = builder
-        self._scope = scope
+        self._printed = printed
+        self._do = instructions
+        self._builder = instructions.builder
         self._names = names
-        self._places = places
+        self._changed = changed
+        self._places: dict[str, Any] = {}
         self._loops: list[Any] = []
+        self._lane = ""
 
     def run(self, statements: Sequence[ast.stmt]) -> Any:
         """Write statements; the value they return, if they do."""
@@ -137,30 +189,71 @@ class _Body:
         elif isinstance(node, ast.AnnAssign):
             self._assign(node.target, node.value)
         elif isinstance(node, ast.AugAssign):
-            place = self._places[ast.unparse(node.target)]
-            changed = self._arithmetic(node.op, self._builder.load(place), self.value(node.value))
-            self._builder.store(changed, place)
+            self._change(node)
         elif isinstance(node, ast.For) and isinstance(node.iter, ast.Call) and isinstance(node.target, ast.Name):
-            with cgutils.for_range(self._builder, self._turns(self.value(node.iter.args[0]))) as loop:
-                self._names[node.target.id] = loop.index
+            self._loop(node, node.target.id, node.iter.args[0])
+        elif isinstance(node, ast.If):
+            self._branch(node)
+        elif isinstance(node, ast.Break):
+            self._loops[-1].do_break()
+        elif isinstance(node, ast.Expr) and isinstance(node.value, ast.Call):
+            self._call(node.value)
+        elif not isinstance(node, ast.Pass) and not (
+            isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant)
+        ):
+            raise _refused(node)
+
+    def _loop(self, node: ast.For, index: str, turns: ast.expr) -> None:
+        count = self.value(turns)
+        lanes = isinstance(turns, ast.Name) and turns.id == _LANE_COUNT
+        if lanes:
+            up = self._builder.add(count, self._do.number(VECTOR - 1))
+            count = self._builder.sdiv(up, self._do.number(VECTOR))
+        with cgutils.for_range(self._builder, count) as loop:
+            if lanes:
+                self._lane, self._names[index] = index, self._builder.mul(loop.index, self._do.number(VECTOR))
+                self.run(node.body)
+                self._lane = ""
+            else:
+                self._names[index] = loop.index
                 self._loops.append(loop)
                 self.run(node.body)
                 self._loops.pop()
-        elif isinstance(node, ast.If) and not node.orelse:
-            with self._builder.if_then(self.value(node.test)):
-                self.run(node.body)
-        elif isinstance(node, ast.Break):
-            self._loops[-1].do_break()
-        elif not isinstance(node, ast.Pass | ast.Expr):
-            raise _refused(node)
 
-    def _turns(self, count: Any) -> Any:
-        """A count of lanes as whole vectors; one that is written out as it is."""
-        if isinstance(count, ir.Constant):
-            return count
-        up = self._builder.add(count, ir.Constant(_INTEGER, _VECTOR - 1))
-        vectors = self._builder.sdiv(up, ir.Constant(_INTEGER, _VECTOR))
-        return self._builder.mul(vectors, ir.Constant(_INTEGER, _VECTOR), flags=("nsw",))
+    def _branch(self, node: ast.If) -> None:
+        test = self.value(node.test)
+        if not node.orelse:
+            with self._builder.if_then(test):
+                self.run(node.body)
+            return
+        with self._builder.if_else(test) as (then, otherwise):
+            with then:
+                self.run(node.body)
+            with otherwise:
+                self.run(node.orelse)
+
+    def _call(self, node: ast.Call) -> None:
+        arguments = [self._argument(argument) for argument in node.args]
+        name = ast.unparse(node.func)
+        if name not in self._printed.functions:
+            raise _refused(node)
+        self._builder.call(self._printed.function(name, arguments), _flat(arguments))
+
+    def _argument(self, node: ast.expr) -> Any:
+        """An argument of a call; what has one index less than an array is one of its rows."""
+        if isinstance(node, ast.Subscript) and isinstance(node.value, ast.Name):
+            array = self._names.get(node.value.id)
+            if isinstance(array, Array) and len(array.lengths) == 2:
+                first = self._builder.mul(self.value(node.slice), array.lengths[1])
+                return Array(self._builder.gep(array.data, [first], inbounds=True), array.lengths[1:])
+        return self.value(node)
+
+    def _change(self, node: ast.AugAssign) -> None:
+        place = self._places[ast.unparse(node.target)]
+        value = self.value(node.value)
+        if is_packed(value):
+            value = self._do.any_of(value)
+        self._builder.store(self._do.arithmetic(node.op, self._builder.load(place), value), place)
 
     def _assign(self, target: ast.expr, node: ast.expr | None) -> None:
         if isinstance(target, ast.Tuple) and isinstance(node, ast.Tuple):
@@ -169,94 +262,109 @@ class _Body:
             return
         value = self.value(node)
         if isinstance(target, ast.Subscript):
-            truth = value.type == ir.IntType(1)
-            self._builder.store(self._builder.uitofp(value, _FLOAT) if truth else value, self._element(target))
-        elif isinstance(target, ast.Name) and target.id in self._places:
+            self._store(target, value)
+        elif isinstance(target, ast.Name) and target.id in self._changed:
+            if target.id not in self._places:
+                self._places[target.id] = cgutils.alloca_once(self._builder, value.type)
             self._builder.store(value, self._places[target.id])
         elif isinstance(target, ast.Name):
             self._names[target.id] = value
         else:
             raise _refused(target)
 
+    def _store(self, target: ast.Subscript, value: Any) -> None:
+        place = self._element(target)
+        if self._is_row(target):
+            self._do.store_row(value, place)
+        else:
+            self._builder.store(self._do.as_float(value), place)
+
     def value(self, node: ast.expr | None) -> Any:
         """The value of an expression."""
-        builder = self._builder
-        if isinstance(node, ast.Constant):
-            return ir.Constant(_INTEGER if isinstance(node.value, int) else _FLOAT, node.value)
+        if isinstance(node, ast.Constant) and isinstance(node.value, bool | int | float):
+            return self._do.number(node.value)
         if isinstance(node, ast.Name):
-            return builder.load(self._places[node.id]) if node.id in self._places else self._names[node.id]
+            if node.id in self._places:
+                return self._builder.load(self._places[node.id])
+            return self._names[node.id] if node.id in self._names else self._do.number(self._printed.scope[node.id])
         if isinstance(node, ast.Attribute):
-            return ir.Constant(_FLOAT, self._global(node))
+            return self._attribute(node)
         if isinstance(node, ast.Subscript):
-            return builder.load(self._element(node))
+            return self._read(node)
         if isinstance(node, ast.BinOp):
-            return self._arithmetic(node.op, self.value(node.left), self.value(node.right))
+            return self._do.arithmetic(node.op, self.value(node.left), self.value(node.right))
+        if isinstance(node, ast.BoolOp):
+            first, *others = map(self.value, node.values)
+            for other in others:
+                first = (self._builder.or_ if isinstance(node.op, ast.Or) else self._builder.and_)(first, other)
+            return first
         if isinstance(node, ast.UnaryOp):
             inner = self.value(node.operand)
-            return builder.fneg(inner) if isinstance(node.op, ast.USub) else builder.not_(inner)
+            return self._do.negative(inner) if isinstance(node.op, ast.USub) else self._builder.not_(inner)
         if isinstance(node, ast.Compare):
-            sides = self.value(node.left), self.value(node.comparators[0])
-            return self._compare(_COMPARISONS[type(node.ops[0])], *sides)
+            return self._do.compare(node.ops[0], self.value(node.left), self.value(node.comparators[0]))
         if isinstance(node, ast.IfExp):
-            return builder.select(self.value(node.test), self.value(node.body), self.value(node.orelse))
+            return self._do.choose(self.value(node.test), self.value(node.body), self.value(node.orelse))
         if isinstance(node, ast.Call):
             return self._called(node)
         raise _refused(node)
 
-    def _arithmetic(self, kind: ast.operator, left: Any, right: Any) -> Any:
-        name = _ARITHMETIC[type(kind)][left.type != _FLOAT]
-        return getattr(self._builder, name)(left, right)
+    def _attribute(self, node: ast.Attribute) -> Any:
+        """``array.size``, or a number of a library such as ``np.inf``."""
+        array = self._names.get(ast.unparse(node.value))
+        if isinstance(array, Array) and node.attr == "size":
+            return array.lengths[0]
+        found = getattr(self._printed.scope.get(ast.unparse(node.value)), node.attr, None)
+        if not isinstance(found, float):
+            raise _refused(node)
+        return self._do.number(found)
 
-    def _compare(self, kind: str, left: Any, right: Any) -> Any:
-        if left.type != _FLOAT:
-            return self._builder.icmp_signed(kind, left, right)
-        return (self._builder.fcmp_unordered if kind == "!=" else self._builder.fcmp_ordered)(kind, left, right)
+    def _read(self, node: ast.Subscript) -> Any:
+        owner = node.value
+        if isinstance(owner, ast.Attribute) and owner.attr == "shape" and isinstance(node.slice, ast.Constant):
+            return self._names[ast.unparse(owner.value)].lengths[node.slice.value]
+        if ast.unparse(owner) not in self._names:
+            return self._do.gather(self._printed.table(ast.unparse(owner)), self._table_index(node))
+        place = self._element(node)
+        return self._do.load_row(place) if self._is_row(node) else self._builder.load(place)
+
+    def _is_row(self, node: ast.Subscript) -> bool:
+        """Whether an element is that of a lane: ``w[... + l]`` in a loop over lanes."""
+        return bool(self._lane) and self._lane in {n.id for n in ast.walk(node.slice) if isinstance(n, ast.Name)}
 
     def _element(self, node: ast.Subscript) -> Any:
-        """Where an element of a vector or of a table is."""
-        builder, owner = self._builder, ast.unparse(node.value)
+        """Where an element of an array is."""
+        return self._builder.gep(self._names[ast.unparse(node.value)].data, [self.value(node.slice)], inbounds=True)
+
+    def _table_index(self, node: ast.Subscript) -> Any:
         indices = node.slice.elts if isinstance(node.slice, ast.Tuple) else [node.slice]
         first, *others = [self.value(index) for index in indices]
-        if owner in self._names:
-            return builder.gep(self._names[owner], [first], inbounds=True)
-        table = self._global(node.value)
-        for size, index in zip(table.shape[1:], others, strict=True):
-            first = builder.add(builder.mul(first, ir.Constant(_INTEGER, size)), index)
-        name = f"table.{owner}"
-        if name not in builder.module.globals:
-            kept = ir.GlobalVariable(builder.module, ir.ArrayType(_FLOAT, table.size), name)
-            kept.linkage, kept.global_constant = "internal", True
-            kept.initializer = ir.Constant(kept.value_type, [ir.Constant(_FLOAT, float(v)) for v in table.flat])
-        return builder.gep(builder.module.globals[name], [ir.Constant(_INTEGER, 0), first], inbounds=True)
+        sizes = self._printed.scope[ast.unparse(node.value)].shape[1:]
+        for size, index in zip(sizes, others, strict=True):
+            first = self._do.arithmetic(ast.Mult(), first, self._do.number(int(size)))
+            first = self._do.arithmetic(ast.Add(), first, index)
+        return first
 
     def _called(self, node: ast.Call) -> Any:
-        builder = self._builder
-        if isinstance(node.func, ast.Attribute) and node.func.attr == "view":  # the bits of an integer as a float
-            return builder.bitcast(self.value(node.func.value), _FLOAT)
-        function = self._global(node.func)
+        if isinstance(node.func, ast.Attribute) and node.func.attr == "view":
+            return self._do.bits_as_float(self.value(node.func.value))
         given = [self.value(argument) for argument in node.args]
-        if function is np.int64:
-            return builder.fptosi(given[0], _INTEGER) if given[0].type == _FLOAT else builder.zext(given[0], _INTEGER)
-        if function is min:
-            return builder.select(self._compare("<=", *given), *given)
-        if function in _INTRINSICS:
-            return builder.call(builder.module.declare_intrinsic(_INTRINSICS[function], [_FLOAT]), given)
-        if inspect.isfunction(function):
-            tree = _parsed(function)
-            names = {argument.arg: value for argument, value in zip(tree.args.args, given, strict=True)}
-            return _Body(self._context, builder, function.__globals__, names, {}).run(tree.body)
-        typing_context = self._context.typing_context
-        kind = typing_context.resolve_value_type(function)
-        signature = kind.get_call_type(typing_context, (types.float64,) * len(given), {})
-        return self._context.get_function(kind, signature)(builder, given)
-
-    def _global(self, node: ast.expr) -> Any:
-        """What a name outside of the function stands for."""
-        if isinstance(node, ast.Attribute):
-            return getattr(self._global(node.value), node.attr)
-        if isinstance(node, ast.Name):
-            return self._scope[node.id] if node.id in self._scope else getattr(builtins, node.id)
-        raise _refused(node)
+        name = ast.unparse(node.func)
+        if name in ("np.int64", "int"):
+            return self._do.as_integer(given[0])
+        if name == "float":
+            return self._do.as_float(given[0])
+        if name == "min":
+            return self._do.choose(self._do.compare(ast.LtE(), *given), *given)
+        if name in _INTRINSICS:
+            return self._do.intrinsic(_INTRINSICS[name], given[0])
+        if name in LIBRARY:
+            return self._do.external(LIBRARY[name], given)
+        if name not in self._printed.functions:
+            raise _refused(node)
+        function = self._printed.functions[name]
+        names = {argument.arg: value for argument, value in zip(function.args.args, given, strict=True)}
+        return _Body(self._printed, self._do, names).run(function.body)
 
 
 def _refused(node: ast.AST | None) -> ModelError:

@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 import functools
-import hashlib
-from collections.abc import Callable
+import importlib
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from pathlib import Path
-from typing import Protocol
+from typing import Any, Protocol
 
 from bondgraph.arrays import FloatArray, aligned_zeros
 from bondgraph.compile.front.model_program import ModelProgram
 from bondgraph.compile.lanes.tangent_writer import TangentText, tangent_text
 from bondgraph.compile.lanes.text import LANES
 from bondgraph.compile.lanes.writer import lane_text
-from bondgraph.compile.machine_code import HEADER, load_compiled
+from bondgraph.compile.machine_code import has_numba
 from bondgraph.compile.rosenbrock import TABLEAUS
+from bondgraph.errors import ModelError
 
 
 class Compilable(Protocol):
@@ -46,35 +46,21 @@ Advance = Callable[
 #: ``measure(clock, inputs, w, n)``
 Measure = Callable[[FloatArray, FloatArray, FloatArray, int], None]
 
-# Machine code is kept by the text of its module: so the text names the compiler by a digest of its own.
-_COMPILER = Path(__file__).with_name("compiler.py").read_bytes()
-_LANE = f"""
-from bondgraph.compile.lanes.compiler import lane_loops  # {hashlib.sha256(_COMPILER).hexdigest()[:16]}
-"""
-
-
-def _callbacks(**arguments: str) -> str:
-    """Text of C callbacks ``..._lanes`` of printed functions with these arguments."""
-    parts = []
-    for name, given in arguments.items():
-        kinds = ", ".join("int64" if argument == "n" else "float64[::1]" for argument in given.split(", "))
-        parts += [
-            f"def call_{name}({given}):\n    {name}({given})",
-            f'{name}_lanes = CompiledFunction(_callback("void({kinds})")(call_{name}))',
-        ]
-    return "\n\n\n".join(parts)
-
-
-_CALLBACKS = (
-    _callbacks(prepare="w, n", measure="clock, inputs, w, n")
-    + """
-
-_V = "float64[::1]"
-advance_lanes = CompiledFunction(
-    _callback(f"void(float64, float64, int64, float64, {_V}, {_V}, {_V}, {_V}, {_V}, {_V}, int64)")(advance)
-)
-"""
-)
+_VECTOR, _MATRIX = "float64[::1]", "float64[:, ::1]"
+_MEASURED = f"void({_VECTOR}, {_VECTOR}, {_VECTOR}, int64)"
+_STEPPED = f"float64, float64, int64, float64, {_VECTOR}, {_VECTOR}, {_VECTOR}, {_VECTOR}, {_VECTOR}"
+#: Signatures of what others call of a model, and of its tangents.
+_EXPORTS = {
+    "prepare": f"void({_VECTOR}, int64)",
+    "advance": f"void({_STEPPED}, {_VECTOR}, int64)",
+    "measure": _MEASURED,
+}
+_TANGENT_EXPORTS = {
+    "prepare": f"void({_VECTOR}, int64)",
+    "advance_tangents": f"void({_STEPPED}, {_MATRIX}, {_MATRIX}, {_VECTOR}, int64)",
+    "measure_slopes": _MEASURED,
+    "push_output": f"void({_VECTOR}, {_VECTOR}, int64)",
+}
 
 
 @dataclass(frozen=True)
@@ -99,20 +85,6 @@ class LaneModel:
         return aligned_zeros(self.rows * LANES)
 
 
-_TANGENT_CALLBACKS = (
-    _callbacks(prepare="w, n", measure_slopes="clock, inputs, w, n", push_output="seed, w, n")
-    + """
-
-_V, _M = "float64[::1]", "float64[:, ::1]"
-advance_lanes = CompiledFunction(
-    _callback(f"void(float64, float64, int64, float64, {_V}, {_V}, {_V}, {_V}, {_V}, {_M}, {_M}, {_V}, int64)")(
-        advance_tangents
-    )
-)
-"""
-)
-
-
 @dataclass(frozen=True)
 class TangentLanes:
     """Compiled tangent functions of one model, see ``tangent_writer``: ``push`` is the one of the outputs."""
@@ -133,26 +105,29 @@ class TangentLanes:
 def load_tangents(model: Compilable, parameters: tuple[int, ...], method: str) -> TangentLanes:
     """The tangent functions of a model with a method, for derivatives by the parameters at these positions."""
     layout = tangent_text(model.program.anew(), parameters, TABLEAUS.get(method))
-    title = f"Tangents of {method} steps of the generated module {model.name!r}"
-    source = "\n\n".join([HEADER.format(title=title) + _LANE, layout.source]) + "\n" + _TANGENT_CALLBACKS
-    module = load_compiled(source)
+    own = _functions(layout.source, _TANGENT_EXPORTS)
     return TangentLanes(
-        module.prepare_lanes,
-        module.advance_lanes,
-        module.measure_slopes_lanes,
-        module.push_output_lanes,
-        layout,
-        source,
+        own["prepare"], own["advance_tangents"], own["measure_slopes"], own["push_output"], layout, layout.source
     )
 
 
 @functools.lru_cache(maxsize=256)
 def load_lanes(model: Compilable, stiff: bool) -> LaneModel:
-    """The lane functions of a model, compiled or from the cache; ``stiff`` for Rosenbrock methods instead of RK4."""
+    """The lane functions of a model, compiled or from the cache; ``stiff`` for Rosenbrock methods instead of RK4.
+
+    Raises
+    ------
+    ModelError
+        If numba is not installed; ask :func:`bondgraph.compile.machine_code.has_numba` first.
+    """
     text = lane_text(model.program.anew(), stiff)
-    title = f"{'Stiff' if stiff else 'Explicit'} lane functions of the generated module {model.name!r}"
-    source = "\n\n".join([HEADER.format(title=title) + _LANE, text.source]) + "\n" + _CALLBACKS
-    module = load_compiled(source)
-    return LaneModel(
-        module.prepare_lanes, module.advance_lanes, module.measure_lanes, text.theta, text.x, text.y, text.rows, source
-    )
+    own = _functions(text.source, _EXPORTS)
+    return LaneModel(own["prepare"], own["advance"], own["measure"], text.theta, text.x, text.y, text.rows, text.source)
+
+
+def _functions(source: str, exports: Mapping[str, str]) -> Mapping[str, Any]:
+    """Compiled functions of a printed module; what compiles them is imported where it is needed."""
+    if not has_numba():
+        raise ModelError("numba is not installed - install the package 'numba'")
+    object_code = importlib.import_module("bondgraph.compile.lanes.object_code")
+    return object_code.load_functions(source, exports)  # type: ignore[no-any-return]

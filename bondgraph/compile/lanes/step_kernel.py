@@ -1,4 +1,4 @@
-"""Integration of all lanes over an interval, in the part of Python that numba compiles.
+"""Integration of all lanes over an interval, in the part of Python that ``compiler`` compiles.
 
 The rows of the work buffer are numbers that the module in which this text stands defines, see ``writer``:
 
@@ -49,7 +49,10 @@ def advance(
     passed = 0.0
     step = length / substeps
     if grading != 1.0:
-        step = length * (grading - 1.0) / (grading**substeps - 1.0)
+        growth = 1.0
+        for _ in range(substeps):
+            growth *= grading
+        step = length * (grading - 1.0) / (growth - 1.0)
     for _ in range(substeps):
         one_step(start, length, passed, step, tableau, u_left, u_right, clock, inputs, w, n)
         passed += step

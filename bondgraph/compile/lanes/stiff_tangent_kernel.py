@@ -1,7 +1,8 @@
-"""Tangents of Rosenbrock steps for all lanes, in the part of Python that numba compiles. Rows as in ``step_kernel``.
+"""Tangents of Rosenbrock steps for all lanes, in the part of Python that ``compiler`` compiles.
 
-``dw`` holds each direction, of all lanes. In every step the stages come first: of each the Jacobian of its slopes is
-kept, and what its solution makes of the second derivatives. Then one direction after another passes the whole step.
+Rows as in ``step_kernel``. ``dw`` holds each direction, of all lanes. In every step the stages come first: of each the
+Jacobian of its slopes is kept, and what its solution makes of the second derivatives. Then one direction after another
+passes the whole step.
 """
 
 from __future__ import annotations
@@ -47,7 +48,10 @@ def advance_tangents(
     passed = 0.0
     step = length / substeps
     if grading != 1.0:
-        step = length * (grading - 1.0) / (grading**substeps - 1.0)
+        growth = 1.0
+        for _ in range(substeps):
+            growth *= grading
+        step = length * (grading - 1.0) / (growth - 1.0)
     for _ in range(substeps):
         clock[1] = 1.0 / (tableau[1] * step)
         _set_time(start, passed, length, u_left, u_right, clock, inputs)
@@ -83,7 +87,7 @@ def _push(seed: FloatArray, clock: FloatArray, direction: FloatArray, w: FloatAr
     """A whole step of one direction."""
     moves = False
     for q in range(seed.size):
-        moves = moves or seed[q] != 0.0
+        moves |= seed[q] != 0.0
     bring_direction(direction, w, n)
     if moves:
         push_step(seed, clock, w, n)

@@ -1,4 +1,4 @@
-"""Tangents of trajectories for all lanes, in the part of Python that numba compiles. Rows as in ``step_kernel``.
+"""Tangents of trajectories for all lanes, in the part of Python that ``compiler`` compiles. Rows as in ``step_kernel``.
 
 ``dw`` (directions, 3 n_x lanes) holds for each direction its vectors at the state and at the stage and the sum over
 stages. ``seeds`` (directions, parameters) says how each direction moves the parameters.

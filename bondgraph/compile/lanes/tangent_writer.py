@@ -37,7 +37,7 @@ from bondgraph.compile.lanes.stages import (
     stiff_direction_text,
 )
 from bondgraph.compile.lanes.text import Place
-from bondgraph.compile.lanes.writer import Writer, kernel_functions
+from bondgraph.compile.lanes.writer import Writer, module_functions
 from bondgraph.compile.passes.sparse_lu import SparseFactors, substitute
 from bondgraph.compile.passes.tangent import tangents
 from bondgraph.compile.rosenbrock import Tableau
@@ -122,9 +122,7 @@ class _TangentWriter(Writer):
             parts.append(self._function("push", seeded, programs["push"], places, ["dout"]))
             parts += [*runge_kutta_text(self._rows, n_x), *direction_text(self._rows, n_x)]
         kernel = stiff_tangent_kernel if self._stiff else tangent_kernel
-        functions = [f"@lane_loops\n{part}" for part in parts]
-        calls = kernel_functions(kernel, "@_inner", callback="advance_tangents")
-        source = "\n\n\n".join([self._preamble(), *functions, *calls])
+        source = "\n\n\n".join([self._preamble(), *parts, *module_functions(kernel)])
         rows, total, vectors = self._rows, self._next + self._spare, 1 if self._stiff else 3
         return TangentText(source, rows["theta"], rows["x"], rows["y"], rows["din"], rows["dy"], total, vectors)
 

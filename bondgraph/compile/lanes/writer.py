@@ -50,7 +50,7 @@ def lane_text(equations: ModelProgram, stiff: bool) -> LaneText:
     --------
     >>> from bondgraph.simulate.example import pendulum
     >>> text = lane_text(pendulum().program, stiff=False)
-    >>> print(text.source.partition("def rates")[2].partition("@lane_loops")[0].strip())
+    >>> print(text.source.partition("def rates")[2].partition("def measure")[0].strip())
     (clock, inputs, w, n):
         inputs_0 = inputs[0]
         for l in range(n):
@@ -103,8 +103,7 @@ class Writer:
             parts.append(self._function("factor", "clock, inputs, w, n", programs["factor"], at_x, at_start))
             parts.append(self._function("substitute", "w, n", programs["substitute"], at_x, ["total"]))
         parts += (rosenbrock_text if self._stiff else runge_kutta_text)(self._rows, n_x)
-        functions = "\n\n\n".join(f"@lane_loops\n{part}" for part in parts)
-        source = "\n\n\n".join([self._preamble(), functions, self._kernel()])
+        source = "\n\n\n".join([self._preamble(), *parts, *self._kernel()])
         return LaneText(source, self._rows["theta"], self._rows["x"], self._rows["y"], self._next + self._spare)
 
     _spare = 0
@@ -182,24 +181,17 @@ class Writer:
         for key, values in self._tape.arrays.items():
             numbers = np.array2string(values, separator=", ", threshold=values.size + 1, floatmode="unique")
             lines.append(f"{key} = np.array({numbers})")
-        return "\n\n\n".join(["\n".join(lines), *_functions(lane_math)])
+        return "\n\n\n".join(["\n".join(lines), *module_functions(lane_math)])
 
-    def _kernel(self) -> str:
+    def _kernel(self) -> list[str]:
         unused = "_rk4_step" if self._stiff else "_rosenbrock_step"
         used = "_rosenbrock_step" if self._stiff else "_rk4_step"
-        parts = kernel_functions(step_kernel, "@_inner", callback="advance")
-        return "\n\n\n".join(part.replace("one_step", used) for part in parts if f"def {unused}" not in part)
+        parts = module_functions(step_kernel)
+        return [part.replace("one_step", used) for part in parts if f"def {unused}" not in part]
 
 
-def kernel_functions(kernel: ModuleType, decorator: str, callback: str) -> list[str]:
-    """Functions of a kernel module with a decorator; the one that becomes a C callback comes last and without it."""
-    parts = _functions(kernel)
-    last = next(part for part in parts if part.startswith(f"def {callback}("))
-    return [*(f"{decorator}\n{part}" for part in parts if part is not last), last]
-
-
-def _functions(kernel: ModuleType) -> list[str]:
-    """The functions of a kernel module."""
+def module_functions(kernel: ModuleType) -> list[str]:
+    """Texts of the functions of a kernel module."""
     text = inspect.getsource(kernel)
     nodes = [node for node in ast.parse(text).body if isinstance(node, ast.FunctionDef)]
     return [ast.get_source_segment(text, node) or "" for node in nodes]
