@@ -18,7 +18,7 @@ from __future__ import annotations
 
 import ast
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -132,13 +132,19 @@ def _write(printed: _Printed, function: ast.FunctionDef, written: Any, arguments
         else:
             names[argument.arg] = next(given)
     builder = ir.IRBuilder(written.append_basic_block("entry"))
-    _Body(printed, Instructions(builder), names, _changed(function)).run(function.body)
+    _Body(printed, Instructions(builder), names, _changed(function.body)).run(function.body)
     builder.ret_void()
 
 
-def _changed(function: ast.FunctionDef) -> frozenset[str]:
+def _changed(statements: Sequence[ast.stmt]) -> set[str]:
     """Names that loops change."""
-    return frozenset(ast.unparse(node.target) for node in ast.walk(function) if isinstance(node, ast.AugAssign))
+    found: set[str] = set()
+    for node in statements:
+        if isinstance(node, ast.AugAssign):
+            found.add(ast.unparse(node.target))
+        elif isinstance(node, ast.For | ast.If):
+            found |= _changed(node.body) | _changed(node.orelse)
+    return found
 
 
 def _export(printed: _Printed, name: str, kinds: Sequence[Any]) -> None:
@@ -164,7 +170,7 @@ class _Body:
         printed: _Printed,
         instructions: Instructions,
         names: dict[str, Any],
-        changed: frozenset[str] = frozenset(),
+        changed: Collection[str] = (),
     ) -> None:
         self._printed = printed
         self._do = instructions
@@ -330,7 +336,8 @@ class _Body:
 
     def _is_row(self, node: ast.Subscript) -> bool:
         """Whether an element is that of a lane: ``w[... + l]`` in a loop over lanes."""
-        return bool(self._lane) and self._lane in {n.id for n in ast.walk(node.slice) if isinstance(n, ast.Name)}
+        last = node.slice.right if isinstance(node.slice, ast.BinOp) else node.slice
+        return bool(self._lane) and isinstance(last, ast.Name) and last.id == self._lane
 
     def _element(self, node: ast.Subscript) -> Any:
         """Where an element of an array is."""
