@@ -72,18 +72,18 @@ def _log(name: str, time: FloatArray, u: FloatArray, rate: Callable[[float, Floa
 
 @functools.cache
 def driven(
-    seed: int, rub: float = RUB, onset: float = ONSET, fan: float = 0.0, always: bool = False, samples: int = 600
+    seed: int, rub: float = RUB, onset: float = ONSET, fan: float = 0.0, idle: float = 0.0, samples: int = 600
 ) -> MatchedLog:
     """A log of the drive; ``rub`` is drag that comes above the speed ``onset``.
 
-    ``fan`` is the drag over speed that a fan adds where its clutch is on, or ``always``.
+    ``fan`` is the drag over speed that a fan adds where its clutch is on, and a share ``idle`` of it where it is off.
     """
     time = 0.05 * np.arange(samples)
     torque = _held(seed, time, 0.1, 2.4, 2.0)
     clutch = (_held(seed + 500, time, 0.0, 1.0, 5.0) > 0.5).astype(float)
 
     def rate(t: float, w: FloatArray) -> FloatArray:
-        on = 1.0 if always else float(np.interp(t, time, clutch))
+        on = idle + (1.0 - idle) * float(np.interp(t, time, clutch))
         drag = DRAG + rub * _over(float(w[0]), onset, 1.0) + fan * on * abs(float(w[0]))
         found: FloatArray = (np.interp(t, time, torque) - drag * w) / INERTIA
         return found

@@ -16,6 +16,9 @@ from bondgraph.declare.editing import copy, handle, with_values
 from bondgraph.declare.effect import EffectFunction, Place, Scale, effect_functions
 from bondgraph.declare.files import read_graph, write_graph
 from bondgraph.declare.graph import BondGraph
+from bondgraph.derive.causality import assign_causality
+from bondgraph.derive.derivation import derive
+from bondgraph.derive.latex import latex
 from bondgraph.estimate.objective import expansion_of
 from bondgraph.report.closed_loop import explanation
 from bondgraph.report.python_lines import correction_lines
@@ -76,6 +79,7 @@ def test_a_gated_law_is_a_law_of_the_graph(rubbing: ClosedLoop, tmp_path: object
     assert read_graph(path) == graph
     assert "switch(flow_shaft - level_c_viscous_loss_shaft" in correction_lines(partly.drive(), graph)
     assert "level_c_viscous_loss_shaft" in rubbing.corrected_text
+    assert r"\tanh" in latex(derive(assign_causality(graph)))
 
 
 def test_a_gate_closes_a_law_on_one_side_of_its_level() -> None:
@@ -145,10 +149,20 @@ def test_a_fan_is_found_where_its_clutch_is_on() -> None:
 
 @pytest.mark.slow
 def test_a_fan_that_always_runs_gets_no_gate() -> None:
-    logs = [partly.driven(seed, 0.0, fan=partly.FAN, always=True) for seed in (1, 2, 9)]
+    logs = [partly.driven(seed, 0.0, fan=partly.FAN, idle=1.0) for seed in (1, 2, 9)]
     label, values, _ = _only(_loop(partly.drive(), logs[:2], logs[2]))
     assert label == "quadratic_loss at shaft"
     assert values["c"] == pytest.approx(partly.FAN, rel=0.01)
+
+
+@pytest.mark.slow
+def test_a_fan_that_never_quite_stops_acts_everywhere_and_more_where_its_clutch_is_on() -> None:
+    """Six tenths of it act everywhere, which completes what the clutch adds."""
+    logs = [partly.driven(seed, 0.0, fan=partly.FAN, idle=0.6) for seed in (1, 2, 9)]
+    gated, always = _loop(partly.drive(), logs[:2], logs[2]).added
+    assert gated.trial.candidate.label == "quadratic_loss at shaft where clutch is above a level"
+    assert always.completes == gated.trial.candidate.label
+    assert always.trial.candidate.place.label == "shaft"
 
 
 @pytest.mark.slow

@@ -7,7 +7,8 @@ and refitted like any other. Two places give rise to regimes: the scores of the 
 and each fit that leads the search, for the laws at its place.
 
 A gate must earn its keep. Beside the tests of every candidate a gated law must predict the folds that are left out
-better than the best law without a gate, and be absent on the other side of its level.
+better than the best law without a gate, and be worth more than an unknown function of the signal of its gate: what
+comes on gradually is no law with a gate.
 """
 
 from __future__ import annotations
@@ -24,8 +25,8 @@ from bondgraph.correct.evidence.context import Context
 from bondgraph.correct.evidence.transfer import transfer
 from bondgraph.correct.evidence.trials import Trial
 from bondgraph.correct.models.candidates import Candidate, Variant, candidates
-from bondgraph.correct.places.probes import Signal, signals
-from bondgraph.correct.places.regimes import Regime, Side, in_regime, tried
+from bondgraph.correct.places.probes import Signal, hats, knots, probes, shaped, signals
+from bondgraph.correct.places.regimes import Regime, Side, in_regime, level_name, regime_of, tried
 from bondgraph.correct.places.unexplained import distinct
 from bondgraph.correct.scores.score import best_step, solve
 from bondgraph.correct.scores.scoring import Linearisation, Scored, linearisation, score_candidates
@@ -44,8 +45,8 @@ _TRIM = 0.05
 _NEAR = 0.8
 #: Information left of a gated law beside free parameters, below which they take it: as for terms of formulas.
 _LEFT = 1e-2
-#: A law with less than this share of its size on the other side of its level may be absent there, as for events.
-_ABSENT = 0.4
+#: Knots of a free function that a gated law has to be worth more than, as of those that stay unexplained.
+_FUNCTION_KNOTS = 8
 
 
 @dataclass(frozen=True)
@@ -133,8 +134,9 @@ def _gated(
 
 
 def _may_be_gated(candidate: Candidate) -> bool:
-    effect = candidate.effect
-    return len(effect.parameters) == 1 and not (effect.adds_state or effect.channel or effect.amplitudes)
+    """True for a loss of one coefficient at a junction; a source with a gate is a step, which formulas offer."""
+    effect, place = candidate.effect, candidate.place
+    return effect.dissipative and place.bond is None and len(effect.parameters) == 1 and not effect.amplitudes
 
 
 def _leading(known: Scored) -> list[str]:
@@ -220,16 +222,15 @@ def _made(options: Sequence[Option], beat: float, context: Context) -> list[Cand
     return found
 
 
-def earned(trial: Trial, trials: Sequence[Trial], known: Scored, context: Context) -> Trial:
-    """A gated trial after the tests of its gate: its transfer against the best law without one, and what acts outside.
+def earned(trial: Trial, trials: Sequence[Trial], where: Sequence[Place], context: Context) -> Trial:
+    """A gated trial after the tests of its gate: that of its shape, and its transfer against the best law without one.
 
     Where it fails it is not chosen, and says why.
     """
     assert trial.fit is not None and trial.evidence is not None  # it would be chosen
-    outside = _outside(trial, known)
-    if outside is not None and abs(outside) > _ABSENT:
+    remark = _against(trial, where, context)
+    if remark:
         doubted = replace(trial.evidence, p_robust=1.0)
-        remark = f"outside its regime the law acts with {outside:.0%} of its size"
         return replace(trial, evidence=doubted, remark=f"{trial.remark}; {remark}" if trial.remark else remark)
     plain = [one for one in trials if not one.candidate.effect.regime and one.gate is None and one.fit is not None]
     rival = max(plain, key=lambda one: one.gain, default=None)
@@ -240,24 +241,34 @@ def earned(trial: Trial, trials: Sequence[Trial], known: Scored, context: Contex
     return trial if told.passes else replace(trial, transfer=told)
 
 
-def _outside(trial: Trial, known: Scored) -> float | None:
-    """Share of its size with which a gated law acts outside its regime; None where nothing tells of it.
+def _against(trial: Trial, where: Sequence[Place], context: Context) -> str:
+    """What speaks against a gate, whatever it gains; empty if nothing does."""
+    assert trial.fit is not None and trial.built is not None  # it was refitted
+    if trial.fit.held[trial.fit.problem.names.index(level_name(trial.candidate.effect))]:
+        return "its level rests on an end of what the logs cover"
+    linear = linearisation(trial.fit, trial.fit.problem.logs)
+    better = _function_is_better(trial, linear, where, context)
+    return "an unknown function of the signal of its gate explains more" if better else ""
 
-    The response of the law everywhere less that of the gated one is that of the law outside.
+
+def _function_is_better(trial: Trial, linear: Linearisation, where: Sequence[Place], context: Context) -> bool:
+    """True where a free function of the signal of a gate at its place is worth more than the gated law.
+
+    As of formulas: what leaves a part of what a free function explains is no law of the shape. A signal of few values,
+    a switch, has no functions but steps.
     """
-    fitted, own = trial.fit, trial.candidate
-    assert fitted is not None  # it was refitted
-    plain = [
-        (one, variant)
-        for one, variant in zip(known.candidates, known.variants, strict=True)
-        if one.function.__name__ == own.function.__name__ and one.place.label == own.place.label
-    ]
-    (name,) = own.effect.coefficients
-    column = fitted.problem.names.index(name)
-    if not plain or fitted.held[column] or not fitted.values[name]:
-        return None
-    linear = linearisation(fitted, fitted.problem.logs)
-    gated = linear.free[:, 1 + int(np.flatnonzero(np.flatnonzero(~fitted.held) == column)[0])]
-    whole = columns_in_place(linear, *map(list, zip(*plain[:1], strict=True)))[:, 0]
-    step, _, _ = best_step(linear.projected((whole - gated)[:, np.newaxis]), [0], np.zeros(1, dtype=bool))
-    return float(step[0]) / fitted.values[name]
+    regime, effect = regime_of(trial.candidate.function), trial.candidate.effect
+    assert regime is not None and trial.built is not None  # it has one, and was refitted
+    signal = next((one for one in signals(trial.built, linear, where) if one.name == regime.signal), None)
+    at = np.empty(0) if signal is None else knots(signal, _FUNCTION_KNOTS, beyond=0.0)
+    without, gain = _without(linear, context.base.point.size, len(effect.coefficients))
+    half = 0.5 * math.log(max(sum(int(np.isfinite(log.y).sum()) for log in context.train), 2))
+    for probe in probes(trial.built, linear, [trial.candidate.place]):
+        if signal is None or at.size < 3:
+            return False
+        changes = [shaped(one, hats(values, at)) for one, values in zip(probe.changes, signal.values, strict=True)]
+        projected = without.projected(without.columns(changes))
+        _, free, _ = best_step(replace(projected, times=None), list(range(at.size)), np.zeros(at.size, dtype=bool))
+        if free - half * at.size > gain - half * len(effect.parameters):
+            return True
+    return False
