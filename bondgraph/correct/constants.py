@@ -37,6 +37,6 @@ CONFIRMS = 2.0
 POWER = 0.9
 #: Gains of fits over predicted ones, before a search has shown them, by class: scores of smooth laws are
 #: right to a factor of two or three, those of dry friction on a vehicle were too small sevenfold.
-OPTIMISM: Mapping[str, float] = {"smooth": 2.5, "switching": 7.0, "storage": 2.5, "event": 2.5}
+OPTIMISM: Mapping[str, float] = {"smooth": 2.5, "switching": 7.0, "storage": 2.5, "event": 2.5, "regime": 2.5}
 #: The quantile of what a search has shown of these ratios that its bounds count with.
 UPPER = 0.9

@@ -13,6 +13,7 @@ from bondgraph.correct.evidence.trials import Added, Trial
 from bondgraph.correct.fits.assess import Assessment, ChannelError
 from bondgraph.correct.fits.compared import Compared
 from bondgraph.correct.loop import ClosedLoop
+from bondgraph.correct.places.regimes import level_name, regime_of
 from bondgraph.correct.shapes.formula import formula_of
 from bondgraph.correct.shapes.words import other_words
 from bondgraph.estimate.certify import NEGLIGIBLE_SHIFT, Check
@@ -233,6 +234,7 @@ def _effect(added: Added, corrected: Fit) -> dict[str, Any]:
         **({"completes": added.completes} if added.completes else {}),
         **fault,
         **_formula(added, corrected),
+        **_regime(added),
         "coefficients": {
             name: {
                 "value": infos[name].shown(corrected.values[name]),
@@ -253,6 +255,15 @@ def _formula(added: Added, corrected: Fit) -> dict[str, Any]:
     values = corrected.values
     told = {"text": formula.text(values), "known_as": other_words(formula, values), "python": formula.python(values)}
     return {"formula": told}
+
+
+def _regime(added: Added) -> dict[str, Any]:
+    """Where a law acts that acts in part of the operating space; ``level`` is the name of its coefficient."""
+    regime = regime_of(added.trial.candidate.function)
+    if regime is None:
+        return {}
+    told = {"signal": regime.signal, "quantity": regime.quantity, "is": regime.side}
+    return {"regime": {**told, "level": level_name(added.trial.candidate.effect)}}
 
 
 def _event(added: Added, fitted: Fit) -> dict[str, Any]:

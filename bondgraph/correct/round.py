@@ -29,6 +29,7 @@ from bondgraph.correct.places.probes import Probe, Signal, probes, signals
 from bondgraph.correct.scores.gates import gate_samples
 from bondgraph.correct.scores.scoring import Linearisation, Scored, linearisation, score_candidates
 from bondgraph.correct.search.opening import Scoring, is_driven_still, look_beneath_noise, opened
+from bondgraph.correct.search.regimes import earned
 from bondgraph.correct.search.search import Search, left_out, searched
 from bondgraph.correct.search.widths import at_any_width, is_due
 from bondgraph.correct.shapes.offered import Residual, with_formulas
@@ -122,12 +123,12 @@ def one_round(
     context = Context(
         built, base, tuple(train), tried, settings.level, need, settings.journal, substeps=settings.substeps
     )
-    scoring = Scoring(linear, scored, tuple(_trials(scored, tried)), tuple(stateful))
+    scoring = Scoring(linear, scored, tuple(_trials(scored, tried)), tuple(stateful), tuple(where))
     search = opened(scoring, context, bool(present), settings.report)
     trials = _searched(search, scoring, settings)
     left = Residual(built, linear, probed, known, located)
     trials = with_formulas(trials, scored, left, search.context, settings.report)
-    trials, chosen = _chosen(trials, search.context, settings.report)
+    trials, chosen = _chosen(trials, search.context, settings.report, search)
     others = alternatives(chosen, trials, scored.scores, settings.level)
     others = _with_advice(built, base, chosen, others, scored)
     seen = detectable(vanishing, scored.scores, need)
@@ -164,13 +165,15 @@ def _searched(search: Search, scoring: Scoring, settings: RoundSettings) -> list
     return searched(search, settings.refits, settings.report)
 
 
-def _chosen(trials: Sequence[Trial], context: Context, report: Report) -> tuple[list[Trial], Trial | None]:
+def _chosen(
+    trials: Sequence[Trial], context: Context, report: Report, search: Search | None = None
+) -> tuple[list[Trial], Trial | None]:
     """The trials, those that would be chosen after a second look at them, and the one that stays the best.
 
     A second look may find a better fit without any candidate. Then all gains fall by as much, ``lost`` nats in all:
     candidates that are compared must be judged against the same fit.
     """
-    done, looked, widened, lost = list(trials), set[int](), set[int](), 0.0
+    done, looked, widened, gated, lost = list(trials), set[int](), set[int](), set[int](), 0.0
     while (best := choose(done, context.level)) is not None:
         index = next(k for k, trial in enumerate(done) if trial is best)
         if index in looked:
@@ -180,6 +183,10 @@ def _chosen(trials: Sequence[Trial], context: Context, report: Report) -> tuple[
             report(f"free the width of {best.candidate.label}", 0, 1)
             freed = at_any_width(best, done, context)
             done = [new if new.fit is old.fit else _less(new, lost) for old, new in zip(done, freed, strict=True)]
+            continue
+        if search is not None and best.candidate.effect.regime and index not in gated:
+            gated.add(index)
+            done[index] = _earned(best, done, search, context)
             continue
         report(f"look again at {best.candidate.label}", 0, 1)
         sure, further = _second_look(best, context, lost)
@@ -191,6 +198,13 @@ def _chosen(trials: Sequence[Trial], context: Context, report: Report) -> tuple[
         done[index] = sure
         looked.add(index)
     return done, best
+
+
+def _earned(best: Trial, done: Sequence[Trial], search: Search, context: Context) -> Trial:
+    """The trial after the tests of its gate; where these fail it is not chosen."""
+    assert best.evidence is not None  # it would be chosen
+    doubted = replace(best, evidence=replace(best.evidence, p_robust=1.0))
+    return attempted(lambda: earned(best, done, search.where, context), lambda why: replace(doubted, failed=why))
 
 
 def _less(trial: Trial, nats: float) -> Trial:
@@ -234,7 +248,7 @@ def _with_advice(
 ) -> list[Alternative]:
     """The alternatives, the first of those that are not told apart with what would tell them apart."""
     order = {(one.effect.name, one.place.label): j for j, one in enumerate(scored.candidates)}
-    first = None if chosen is None else order.get((chosen.candidate.effect.name, chosen.candidate.place.label))
+    first = None if chosen is None else order.get((chosen.candidate.effect.described, chosen.candidate.place.label))
     done = list(others)
     if first is None:
         return done

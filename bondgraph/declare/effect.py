@@ -109,6 +109,7 @@ class Effect:
     ``widths`` are parameters that only smooth the law, flows over which it changes its sign: they keep their values
     unless the logs ask for others. ``dissipative``: a positive coefficient takes energy out of the machine, so that a
     negative one is no such law.
+    ``regime`` says where it acts, in words; empty: everywhere.
     ``grids`` holds the values at which shapes are tried that are tried at values of their own, such as whole numbers.
     ``reference`` says where the law comes from, ``manoeuvre`` what shows it in a log. A fault of a sensor names its
     ``channel`` and ``kind``.
@@ -131,9 +132,21 @@ class Effect:
     manoeuvre: str = ""
     grids: tuple[tuple[str, tuple[float, ...]], ...] = ()
     formula: bool = False
+    regime: str = ""
 
     def __post_init__(self) -> None:
         check_name(self.name, lambda problem: DeclarationError(f"effect: {problem}", where=(self.name,)))
+
+    @property
+    def described(self) -> str:
+        """Its name, and where it acts if that is not everywhere.
+
+        Examples
+        --------
+        >>> Effect("leakage", "leak", "flow = c*effort", ("c",), regime="pressure of tank is above a level").described
+        'leakage where pressure of tank is above a level'
+        """
+        return f"{self.name} where {self.regime}" if self.regime else self.name
 
     @property
     def parameters(self) -> tuple[str, ...]:

@@ -28,6 +28,7 @@ from bondgraph.report.logs import grouped_notes
 from bondgraph.report.missing import missing_efforts
 from bondgraph.report.noise import noise_sentence
 from bondgraph.report.numbers import shown
+from bondgraph.report.regimes import named, regime_sentences
 from bondgraph.report.series import ChannelSeries, FoundEffect, Power, Step, Tried, channel_errors
 from bondgraph.report.tables import error_table, power_table, text_of
 
@@ -166,7 +167,7 @@ def _explained(closed: ClosedLoop) -> str:
         f"an unknown {one.variable} at {one.place.label} as a function of {one.signal}" for one in closed.unexplained
     ]
     if closed.added:
-        names = ", then ".join(added.trial.candidate.label for added in closed.added if not added.completes)
+        names = ", then ".join(named(added, closed.corrected) for added in closed.added if not added.completes)
         if closed.verdict == "effect not confirmed":
             assert closed.confirmation is not None  # it is what contradicts
             against = "; ".join(closed.confirmation.contradictions)
@@ -263,7 +264,7 @@ def _tried(closed: ClosedLoop) -> list[Tried]:
             chosen = turn.chosen.candidate
             stays = chosen.label in kept
             done = "added" if stays else "added, taken out again later"
-            rows.append(Tried(chosen.effect.name, chosen.place.label, turn.chosen.gain, done, chosen=stays))
+            rows.append(Tried(chosen.effect.described, chosen.place.label, turn.chosen.gain, done, chosen=stays))
         rows += [
             Tried(
                 other.name, other.junction, other.delta_nll, other.why,
@@ -288,7 +289,7 @@ def _notes(closed: ClosedLoop) -> list[str]:
             first = next((twin.separate for twin in twins if twin.separate), "")
             advice = f" What would: {first}." if first else ""
             notes.append(f"These data do not tell {added.trial.candidate.label} from {names}.{advice}")
-    notes += [*formula_sentences(closed), *(_shape(one) for one in closed.unexplained)]
+    notes += [*regime_sentences(closed), *formula_sentences(closed), *(_shape(one) for one in closed.unexplained)]
     notes.append(f"{noise_sentence(closed.corrected.problem.filter_model)}.")
     notes += closed.cautions
     logs = [log.log for part in (closed.nominal_train, closed.nominal_holdout) for log in part.logs]

@@ -258,8 +258,8 @@ def _bic_gain(trial: Trial) -> float:
     if trial.evidence is None:
         return -math.inf
     return trial.evidence.bic_gain - (
-        INDIFFERENT if trial.candidate.effect.formula else 0.0
-    )  # a known law is preferred
+        INDIFFERENT if trial.candidate.effect.formula or trial.candidate.effect.regime else 0.0
+    )  # a known law that acts everywhere is preferred
 
 
 def alternatives(
@@ -275,7 +275,7 @@ def alternatives(
         why += f"; {trial.remark}" if trial.remark else ""
         if close or trial.failed or len(listed) < most:
             place = trial.candidate.place.label
-            listed.append(Alternative(trial.candidate.effect.name, place, trial.gain, close, why))
+            listed.append(Alternative(trial.candidate.effect.described, place, trial.gain, close, why))
         if close and trial.gate is not None:
             same = f"its response is that of {trial.candidate.label} to these sensors"
             names = [label.partition(" at ") for label in trial.stands_for]

@@ -62,8 +62,9 @@ class Candidate:
 
     @property
     def label(self) -> str:
-        """Effect and place as a person reads them."""
-        return f"{self.effect.name} at {self.place.label}"
+        """Effect, place and regime as a person reads them."""
+        where = f" where {self.effect.regime}" if self.effect.regime else ""
+        return f"{self.effect.name} at {self.place.label}{where}"
 
     def apply(self, graph: BondGraph) -> BondGraph:
         """The graph with this effect; the given one is left alone.

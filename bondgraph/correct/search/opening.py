@@ -24,8 +24,10 @@ from bondgraph.correct.search.incumbents import (
     scaled,
     scored_at_declared_values,
 )
-from bondgraph.correct.search.search import Entry, Search
+from bondgraph.correct.search.regimes import gated_by_scores
+from bondgraph.correct.search.search import Entry, Search, add_gated
 from bondgraph.correct.search.storages import TrialSize, trial_size
+from bondgraph.declare.effect import Place
 from bondgraph.estimate.local import Report
 from bondgraph.execute.threads import in_threads
 
@@ -37,13 +39,15 @@ _ABREAST, _EVENTS = 2, 2
 class Scoring:
     """Candidates without a zero and those with one, scored on the linearised fit of the declared model.
 
-    ``trials`` are those of the scored candidates, in their order; ``stateful`` bring a state of their own.
+    ``trials`` are those of the scored candidates, in their order; ``stateful`` bring a state of their own; ``where``
+    are the places of the graph.
     """
 
     linear: Linearisation
     scored: Scored
     trials: tuple[Trial, ...]
     stateful: tuple[Candidate, ...]
+    where: tuple[Place, ...] = ()
 
 
 def opened(given: Scoring, context: Context, named: bool, report: Report) -> Search:
@@ -61,13 +65,14 @@ def opened(given: Scoring, context: Context, named: bool, report: Report) -> Sea
     report
         Called with a stage and its progress.
     """
-    search = Search([Entry(trial) for trial in given.trials], given.scored, context)
+    search = Search([Entry(trial) for trial in given.trials], given.scored, context, where=given.where)
     told = [(given.scored, predicted_by_scores(context.base, given.linear, given.scored, context))]
     if not named and not context.base.problem.filter_model.is_stiff:  # of stiff ones every search begins there too
         told.append((given.scored, scored_at_declared_values(context, given.scored.candidates)))
     _predict(search, told)
     _add_storages(search, given, named, report)
     _add_events(search, events(given.linear, given.scored, context, _EVENTS), 1.0)
+    add_gated(search, gated_by_scores(given.linear, given.scored, given.where, context))
     return search
 
 

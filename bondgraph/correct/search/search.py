@@ -26,7 +26,9 @@ from bondgraph.correct.scores.scoring import Scored
 from bondgraph.correct.search.events import context_in_part
 from bondgraph.correct.search.incumbents import Prediction, predicted_by_swap
 from bondgraph.correct.search.refit import Prepared, prepared, refit
+from bondgraph.correct.search.regimes import Gated, gated_in_place
 from bondgraph.data.log import FloatArray
+from bondgraph.declare.effect import Place
 from bondgraph.estimate.derivatives.exact import compile_exact
 from bondgraph.estimate.local import Report
 from bondgraph.execute.threads import in_threads
@@ -58,6 +60,8 @@ class Entry:
         effect = self.trial.candidate.effect
         if self.trial.gate is not None:
             return "event"
+        if effect.regime:
+            return "regime"
         return "storage" if effect.adds_state else "switching" if effect.amplitudes else "smooth"
 
     @property
@@ -78,7 +82,7 @@ class Search:
 
     ``ratios`` are achieved over predicted gains, by class; ``spent`` counts refits; ``shared`` is the filter of one
     model with the most promising candidates; ``groups`` are the numbers of groups of equal responses, by candidate, as
-    each fit sees them.
+    each fit sees them; ``where`` are the places of the graph.
     """
 
     entries: list[Entry]
@@ -88,6 +92,7 @@ class Search:
     spent: int = 0
     shared: FilterModel | None = None
     groups: list[dict[int, int]] = field(default_factory=list)
+    where: tuple[Place, ...] = ()
 
     def are_equal(self, j: int, k: int) -> bool:
         """True for two candidates that are in one group wherever both have a response."""
@@ -223,6 +228,20 @@ def _renew(search: Search, best: Trial) -> None:
         entry.trial = replace(entry.trial, instead=(best.candidate.label, best.gain - one.gain))
         if entry.trial is not best:
             entry.pending.append(one)
+    add_gated(
+        search, attempted(lambda: gated_in_place(best, search.scored, search.where, search.context), lambda _: [])
+    )
+
+
+def add_gated(search: Search, found: Sequence[Gated]) -> None:
+    """Entries of laws with a regime, or what is predicted of those that the search has."""
+    known = {one.trial.candidate.label: one for one in search.entries}
+    for one in found:
+        own = known.get(one.trial.candidate.label)
+        if own is None:
+            search.entries.append(Entry(one.trial, [one.prediction], tried=search.context.tried + one.tested))
+        elif own.trial.fit is None:
+            own.pending.append(one.prediction)
 
 
 def _comparable(search: Search, best: Trial) -> list[int]:
@@ -257,7 +276,11 @@ def _shared(search: Search, most: int) -> FilterModel | None:
     if context.base.problem.filter_model.is_stiff:
         return None
     ranked = [search.entries[j].trial for j in _due(search)]
-    plain = [one.candidate for one in ranked if one.gate is None and not one.candidate.effect.adds_state][:most]
+    plain = [
+        one.candidate
+        for one in ranked
+        if one.gate is None and not (one.candidate.effect.adds_state or one.candidate.effect.regime)
+    ][:most]
     if len(plain) < 2:
         return None
     try:
@@ -270,4 +293,4 @@ def _holds(filter_model: FilterModel, trial: Trial) -> bool:
     """True where a model has a candidate in it, which may not fit beside the others."""
     effect = trial.candidate.effect
     known = set(filter_model.model.names("parameter"))
-    return trial.gate is None and not effect.adds_state and set(effect.parameters) <= known
+    return trial.gate is None and not (effect.adds_state or effect.regime) and set(effect.parameters) <= known

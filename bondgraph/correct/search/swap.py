@@ -64,7 +64,7 @@ def swaps(
     if not all(states <= set(one.model.names("state")) for one in others):
         return [None] * len(others)
     linear = linearisation(fitted, train)
-    expansion = linear.expansion(_columns(linear, others, variants))
+    expansion = linear.expansion(columns_in_place(linear, others, variants))
     kept = np.flatnonzero(~fitted.held)
     common = np.flatnonzero(kept < shared)
     own = np.flatnonzero(kept >= shared)[: len(found.candidate.effect.coefficients)]
@@ -93,8 +93,11 @@ def swaps(
     return results
 
 
-def _columns(linear: Linearisation, others: Sequence[Candidate], variants: Sequence[Variant]) -> FloatArray:
-    """Responses to all coefficients of candidates, a lane each; all of them do nothing where these are zero."""
+def columns_in_place(linear: Linearisation, others: Sequence[Candidate], variants: Sequence[Variant]) -> FloatArray:
+    """Responses (n_terms, lanes) to all coefficients of candidates in the place of an effect of the linearised model.
+
+    All of them do nothing where their coefficients are zero.
+    """
     model, paths = others[0].model, [log.path for log in linear.logs]
     absent = [model_change(path, model, model.theta(**path.parameters(model)), 1.0) for path in paths]
     firsts = range(0, len(others), _ABREAST)

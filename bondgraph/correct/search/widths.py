@@ -95,7 +95,7 @@ def _freed(trial: Trial, context: Context) -> Trial:
     fitted = _resolved(fitted, context.base.problem.filter_model.substeps, context)
     base = with_steps(context.base, fitted.problem.filter_model, context.journal)
     effect = replace(effect, shapes=(*effect.shapes, *effect.widths), widths=())
-    evidence = judge(base, fitted, effect, context.tried)
+    evidence = judge(base, fitted, effect, context.tried if trial.evidence is None else trial.evidence.tried)
     widths = ", ".join(f"{name} = {fitted.values[name]:.3g} instead of {value:.3g}" for name, value in declared.items())
     remark = f"with {widths}"
     return replace(

@@ -1,0 +1,167 @@
+"""Regimes: a law that acts in part of the operating space only, where a signal of the graph is above or below a level.
+
+The coefficients of the law are multiplied by a smooth step in the signal, so that the law with its regime is a law of
+the graph like any other. The level is a shape of the law, estimated with it between the ends of what the signal covers
+in the logs. The width of the step is held: over it a gate is neither open nor shut, and no finer than a share of the
+range of the signal can a filter see where that is. Time is no signal: what happens at a time is an event.
+
+Reference: Teräsvirta (1994), J. American Statistical Association 89(425), for smooth transitions between regimes;
+Hansen (2000), Econometrica 68(3), for the estimate of a threshold.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+from sympy import Expr, Symbol
+
+from bondgraph.correct.places.probes import Signal, argument, knots
+from bondgraph.data.log import FloatArray
+from bondgraph.declare.domains import ELECTRICAL, HYDRAULIC, ROTATION, THERMAL, TRANSLATION
+from bondgraph.declare.effect import SMOOTHING, Effect, EffectFunction, Place
+from bondgraph.declare.elements import STORAGES
+from bondgraph.declare.functions import switch
+from bondgraph.declare.graph import BondGraph
+from bondgraph.declare.quantities import symbol
+from bondgraph.declare.revision import replace_symbols
+
+Side = Literal["above", "below"]
+
+#: Levels of a signal that are tried: between so many knots, between which it is found about equally often.
+_KNOTS = 41
+#: What efforts and flows are called, by their unit; where a unit says nothing they are called that.
+_WORDS = {
+    ("flow", TRANSLATION.flow_unit): "speed", ("flow", ROTATION.flow_unit): "speed",
+    ("effort", TRANSLATION.effort_unit): "force", ("effort", ROTATION.effort_unit): "torque",
+    ("flow", ELECTRICAL.flow_unit): "current", ("effort", ELECTRICAL.effort_unit): "voltage",
+    ("effort", HYDRAULIC.effort_unit): "pressure", ("effort", THERMAL.effort_unit): "temperature",
+    ("flow", THERMAL.flow_unit): "heat flow",
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Regime:
+    """Where a law acts: where a signal is above (below) a level.
+
+    ``level`` is where its search begins, ``span`` the range of the signal in the logs; ``width`` the distance from the
+    level at which the step has made 88 % of its way.
+    """
+
+    signal: str
+    unit: str
+    side: Side
+    level: float
+    span: tuple[float, float]
+    width: float
+
+    @property
+    def words(self) -> str:
+        """The regime as a person reads it, without its level.
+
+        Examples
+        --------
+        >>> Regime("flow of shaft", "rad/s", "above", 12.0, (0.0, 20.0), 0.4).words
+        'speed of shaft is above a level'
+        """
+        return f"{self.quantity} is {self.side} a level"
+
+    @property
+    def quantity(self) -> str:
+        """The signal in words."""
+        variable, separator, node = self.signal.partition(" of ")
+        return f"{_WORDS.get((variable, self.unit), variable)} of {node}" if separator else self.signal
+
+    def step(self, level: Expr, width: Expr) -> Expr:
+        """The smooth step as an expression of the graph."""
+        past = argument(self.signal) - level
+        return switch(past if self.side == "above" else -past, width)
+
+
+def regime_of(function: EffectFunction) -> Regime | None:
+    """The regime of an effect function, None for a law that acts everywhere."""
+    found = function.__dict__.get("regime")
+    return found if isinstance(found, Regime) else None
+
+
+def in_regime(function: EffectFunction, regime: Regime) -> EffectFunction:
+    """The effect function whose law acts in a regime only; None where the law has no coefficient that a gate closes.
+
+    A storage keeps what it holds: its coefficient cannot change with a signal.
+
+    Examples
+    --------
+    >>> from bondgraph.declare.domains import ROTATION
+    >>> from bondgraph.declare.effect import Scale
+    >>> def drag(g: BondGraph, at: Place) -> Effect | None:
+    ...     c = g.parameter("c", 0.0, "N m s", "drag", (0.0, 1.0))
+    ...     _ = g.resistance("drag", lambda flow: c * flow, at=at.junction)
+    ...     return Effect("drag", "drag", "effort = c*flow", ("c",))
+    >>> g = BondGraph("drive")
+    >>> shaft = g.one_junction("shaft", ROTATION)
+    >>> fast = in_regime(drag, Regime("flow of shaft", "rad/s", "above", 12.0, (0.0, 20.0), 0.4))
+    >>> effect = fast(g, Place(shaft, Scale(2.0, 20.0)))
+    >>> effect.law, effect.shapes
+    ('effort = c*flow, where speed of shaft is above level_c', ('level_c',))
+    >>> g.nodes["drag"].law("effort")
+    c*flow*switch(flow(shaft) - level_c, width_c)
+    """
+
+    def extended(g: BondGraph, at: Place) -> Effect | None:
+        declared = set(g.nodes)
+        effect = function(g, at)
+        if effect is None or not _can_be_gated(g, effect, declared):
+            return None
+        name, width_name = level_name(effect), f"width_{effect.coefficients[0]}"
+        meaning = f"{regime.quantity} {regime.side} which {effect.element} acts"
+        level = g.parameter(name, regime.level, regime.unit, meaning, regime.span)
+        width = g.parameter(width_name, regime.width, regime.unit, "distance within which it comes and goes")
+        on = regime.step(level, width)
+        replace_symbols(g, {one: symbol(one) * on for one in effect.coefficients})
+        return replace(
+            effect, law=f"{effect.law}, where {regime.quantity} is {regime.side} {name}", regime=regime.words,
+            shapes=(*effect.shapes, name), grids=(*effect.grids, (name, (regime.level,))),
+            widths=(*effect.widths, width_name),
+        )  # fmt: skip
+
+    extended.__name__ = function.__name__
+    extended.__dict__.update(function.__dict__)
+    extended.__dict__["regime"] = regime
+    return extended
+
+
+def level_name(effect: Effect) -> str:
+    """The parameter that holds the level of a gated law."""
+    return f"level_{effect.coefficients[0]}"
+
+
+def _can_be_gated(g: BondGraph, effect: Effect, declared: set[str]) -> bool:
+    """True for a law without a state or a shape, whose coefficients stand in laws of the graph and nowhere else."""
+    if effect.adds_state or effect.channel or effect.shapes or effect.amplitudes or len(effect.coefficients) != 1:
+        return False
+    node = g.nodes.get(effect.element)
+    if node is None or node.kind in STORAGES:
+        return False
+    own = {symbol(name) for name in effect.coefficients}
+    defined = [one.of for one in g.integrals] + [one.expression for one in g.signals]
+    return not any(own & given.free_symbols for given in defined) and _in_laws(g, own)
+
+
+def _in_laws(g: BondGraph, wanted: set[Symbol]) -> bool:
+    return any(wanted & law.free_symbols for node in g.nodes.values() for _, law in node.laws)
+
+
+def tried(signal: Signal) -> tuple[Regime, FloatArray]:
+    """The regime above the middle of a signal, and the levels (n,) that are tried in its place.
+
+    A signal that takes both signs is also tried at zero, where its direction changes.
+    """
+    together = np.concatenate(signal.values)
+    span = (float(together.min()), float(together.max()))
+    at = knots(signal, _KNOTS, beyond=0.0)
+    levels = 0.5 * (at[1:] + at[:-1])
+    if span[0] < 0.0 < span[1]:
+        levels = np.unique(np.append(levels, 0.0))
+    width = SMOOTHING * (span[1] - span[0])
+    return Regime(signal.name, signal.unit, "above", float(np.median(together)), span, width), levels

@@ -1,0 +1,274 @@
+"""Regimes of laws: which law acts where a signal is above or below a level, and whether it earns its gate.
+
+A law that acts in a part of the operating space leaves a residual that is uneven over a signal. The scores of a law by
+sample are at hand: summed where the signal is above a level they are, to the memory of the filter, the score of the law
+with that gate. So all levels of all signals cost sums, and only what stands out is made a candidate of its own, scored
+and refitted like any other. Two places give rise to regimes: the scores of the declared model, at the places that lead,
+and each fit that leads the search, for the laws at its place.
+
+A gate must earn its keep. Beside the tests of every candidate a gated law must predict the folds that are left out
+better than the best law without a gate, and be worth more than an unknown function of the signal of its gate: what
+comes on gradually is no law with a gate.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from bondgraph.correct.constants import INDIFFERENT, OPTIMISM
+from bondgraph.correct.evidence.certified import with_steps
+from bondgraph.correct.evidence.context import Context
+from bondgraph.correct.evidence.transfer import transfer
+from bondgraph.correct.evidence.trials import Trial
+from bondgraph.correct.models.candidates import Candidate, Variant, candidates
+from bondgraph.correct.places.probes import Signal, hats, knots, probes, shaped, signals
+from bondgraph.correct.places.regimes import Regime, Side, in_regime, level_name, regime_of, tried
+from bondgraph.correct.places.unexplained import distinct
+from bondgraph.correct.scores.score import best_step, solve
+from bondgraph.correct.scores.scoring import Linearisation, Scored, linearisation, score_candidates
+from bondgraph.correct.search.incumbents import Prediction, predicted_by_scores, predicted_by_swap
+from bondgraph.correct.search.swap import columns_in_place
+from bondgraph.data.log import FloatArray
+from bondgraph.declare.effect import Place
+from bondgraph.estimate.objective import Expansion
+
+#: Places whose laws get regimes at the scores of the declared model, and gated laws that are made at a time.
+_PLACES, _MOST = 2, 3
+#: A gate has at least this share of what the logs tell of its law on either side: as for a change in time, Andrews
+#: (1993), Econometrica 61(4), who recommends 15 % of the samples; of the information a law has less on its quiet side.
+_TRIM = 0.05
+#: Gated laws that promise this share of the best one's gain are made too.
+_NEAR = 0.8
+#: Information left of a gated law beside free parameters, below which they take it: as for terms of formulas.
+_LEFT = 1e-2
+#: Knots of a free function that a gated law has to be worth more than, as of those that stay unexplained.
+_FUNCTION_KNOTS = 8
+
+
+@dataclass(frozen=True)
+class Gateable:
+    """A law with its responses (n_terms,) along the logs, which may get a gate."""
+
+    candidate: Candidate
+    variant: Variant
+    response: FloatArray
+
+
+@dataclass(frozen=True)
+class Option:
+    """A law with a regime, and the gain in nats that sums of its scores promise."""
+
+    law: Gateable
+    regime: Regime
+    gain: float
+
+
+@dataclass(frozen=True)
+class Gated:
+    """A gated law as a candidate: its trial, what is predicted of it, and how many were tried beside the others."""
+
+    trial: Trial
+    prediction: Prediction
+    tested: int
+
+
+def gated_by_scores(linear: Linearisation, known: Scored, where: Sequence[Place], context: Context) -> list[Gated]:
+    """Gated laws that promise clearly more than every law that acts everywhere, by the scores of the declared model."""
+    best = float(known.scores.gain.max(initial=0.0))
+    if best * OPTIMISM["smooth"] < context.required:
+        return []  # no law is worth a refit
+    laws = [
+        Gateable(candidate, variant, column[:, 0])
+        for candidate, variant, column in zip(known.candidates, known.variants, known.columns, strict=True)
+        if candidate.place.label in _leading(known) and _may_be_gated(candidate)
+    ]
+    seen = distinct([one for one in signals(context.built, linear, where) if one.name != "time"])
+    options = _options(linear, laws, seen)
+    made = _made(options, max(best, context.required) + _margin(laws, seen, context), context)
+    if not made:
+        return []
+    scored = score_candidates(linear, made)
+    predictions = predicted_by_scores(context.base, linear, scored, context)
+    return _gated(made, predictions, scored, 2 * len(laws) * len(seen))
+
+
+def gated_in_place(best: Trial, known: Scored, where: Sequence[Place], context: Context) -> list[Gated]:
+    """Gated laws that promise clearly more than the fit that leads, in its place."""
+    fitted, own = best.fit, best.candidate
+    if fitted is None or best.built is None or own.effect.adds_state or own.effect.channel:
+        return []
+    pairs = [
+        (candidate, variant)
+        for candidate, variant in zip(known.candidates, known.variants, strict=True)
+        if candidate.place.label == own.place.label and _may_be_gated(candidate)
+    ]
+    shared = context.base.point.size
+    if not pairs or fitted.held[shared:].any():
+        return []
+    linear = linearisation(fitted, fitted.problem.logs)
+    columns = columns_in_place(linear, *map(list, zip(*pairs, strict=True)))
+    laws = [Gateable(*pair, column) for pair, column in zip(pairs, columns.T, strict=True)]
+    seen = distinct([one for one in signals(best.built, linear, where) if one.name != "time"])
+    without, beaten = _without(linear, shared, len(own.effect.coefficients))
+    margin = INDIFFERENT if own.effect.regime else _margin(laws, seen, context)
+    made = _made(_options(without, laws, seen), beaten + margin, context)
+    if not made:
+        return []
+    scored = score_candidates(linear, made)
+    predictions = predicted_by_swap(best, made, scored.variants, context)
+    return _gated(made, predictions, scored, 2 * len(laws) * len(seen))
+
+
+def _gated(
+    made: Sequence[Candidate], predictions: Sequence[Prediction | None], scored: Scored, tested: int
+) -> list[Gated]:
+    return [
+        Gated(Trial(one, told.gain, tuple(map(float, scored.scores.steps[k]))), told, tested)
+        for k, (one, told) in enumerate(zip(made, predictions, strict=True))
+        if told is not None
+    ]
+
+
+def _may_be_gated(candidate: Candidate) -> bool:
+    """True for a loss of one coefficient at a junction; a source with a gate is a step, which formulas offer."""
+    effect, place = candidate.effect, candidate.place
+    return effect.dissipative and place.bond is None and len(effect.parameters) == 1 and not effect.amplitudes
+
+
+def _leading(known: Scored) -> list[str]:
+    """Places at which a law promises most."""
+    best: dict[str, float] = {}
+    for one, gain in zip(known.candidates, known.scores.gain, strict=True):
+        if not one.effect.channel:
+            best[one.place.label] = max(best.get(one.place.label, 0.0), float(gain))
+    return sorted(best, key=lambda label: -best[label])[:_PLACES]
+
+
+def _margin(laws: Sequence[Gateable], seen: Sequence[Signal], context: Context) -> float:
+    """Nats beyond a law without a gate: the penalty for the level, and for how many gates were tried."""
+    measured = sum(int(np.isfinite(log.y).sum()) for log in context.train)
+    return INDIFFERENT + 0.5 * math.log(max(measured, 2)) + math.log(max(2 * len(laws) * len(seen), 1))
+
+
+def _without(linear: Linearisation, shared: int, coefficients: int) -> tuple[Linearisation, float]:
+    """The linearisation with the effect of its fit taken out, and what that one gains there, in nats."""
+    fitted = linear.base
+    kept = np.flatnonzero(~fitted.held)
+    own = 1 + np.flatnonzero(kept >= shared)
+    common = np.concatenate([[0], 1 + np.flatnonzero(kept < shared)])
+    law = linear.free[:, own[:coefficients]]
+    free = linear.free[:, common].copy()
+    free[:, 0] -= law @ fitted.point[kept[own[:coefficients] - 1]]
+    without = replace(linear, free=free, scales=linear.scales[:, common])
+    _, gain, _ = best_step(without.projected(law), list(range(coefficients)), np.zeros(coefficients, dtype=bool))
+    return without, gain
+
+
+def _options(linear: Linearisation, laws: Sequence[Gateable], seen: Sequence[Signal]) -> list[Option]:
+    """The best level of every law in every signal on either side, the most promising first."""
+    bare = linear.expansion(np.zeros((linear.free.shape[0], 0)))
+    spread = linear.free[:, 1:] + linear.free[:, :1] * linear.scales[:, 1:]
+    timed = linear.times.sample >= 0
+    gates = []
+    for signal in seen:
+        regime, levels = tried(signal)
+        samples = np.searchsorted(levels, np.concatenate(signal.values))
+        gates.append((regime, levels, samples[linear.times.sample[timed]]))
+    found = []
+    for law in laws:
+        response = law.response[:, np.newaxis]
+        pieces = np.concatenate([response * linear.free[:, :1], response**2, response * spread], axis=1)[timed]
+        for regime, levels, cells in gates:
+            sums = np.array([np.bincount(cells, weights=one, minlength=levels.size + 1) for one in pieces.T])
+            below, whole = np.cumsum(sums, axis=1)[:, :-1], sums.sum(axis=1, keepdims=True)
+            sides: tuple[tuple[Side, FloatArray], ...] = (("below", below), ("above", whole - below))
+            for side, inside in sides:
+                gain = _gains(bare, inside, float(whole[1, 0]), bool(law.candidate.lower[0] >= 0.0))
+                k = int(np.argmax(gain))
+                found.append(Option(law, replace(regime, side=side, level=float(levels[k])), float(gain[k])))
+    return sorted(found, key=lambda one: -one.gain)
+
+
+def _gains(bare: Expansion, inside: FloatArray, whole: float, one_sided: bool) -> FloatArray:
+    """Gains (levels,) of a law that acts inside gates, the free coordinates of an expansion taken out.
+
+    ``inside`` (2 + free, levels): its score, its information and what it shares with the free coordinates; ``whole``
+    is its information everywhere.
+    """
+    share = solve(bare.information, inside[2:])
+    told = inside[1] - np.einsum("ij,ij->j", inside[2:], share)
+    score = -(inside[0] - share.T @ bare.gradient)
+    usable = (inside[1] > _TRIM * whole) & (inside[1] < (1.0 - _TRIM) * whole) & (told > _LEFT * inside[1])
+    if one_sided:
+        usable &= score > 0.0
+    gain: FloatArray = np.where(usable, 0.5 * score**2 / np.where(usable, told, 1.0), 0.0)
+    return gain
+
+
+def _made(options: Sequence[Option], beat: float, context: Context) -> list[Candidate]:
+    """Candidates of the most promising options, those that promise more than is to be beaten."""
+    found: list[Candidate] = []
+    for one in options:
+        if one.gain < max(beat, _NEAR * options[0].gain) or len(found) == _MOST:
+            break
+        made, _ = candidates(
+            context.built, [in_regime(one.law.candidate.function, one.regime)], [one.law.candidate.place]
+        )
+        found += made
+    return found
+
+
+def earned(trial: Trial, trials: Sequence[Trial], where: Sequence[Place], context: Context) -> Trial:
+    """A gated trial after the tests of its gate: that of its shape, and its transfer against the best law without one.
+
+    Where it fails it is not chosen, and says why.
+    """
+    assert trial.fit is not None and trial.evidence is not None  # it would be chosen
+    remark = _against(trial, where, context)
+    if remark:
+        doubted = replace(trial.evidence, p_robust=1.0)
+        return replace(trial, evidence=doubted, remark=f"{trial.remark}; {remark}" if trial.remark else remark)
+    plain = [one for one in trials if not one.candidate.effect.regime and one.gate is None and one.fit is not None]
+    rival = max(plain, key=lambda one: one.gain, default=None)
+    if rival is None or rival.fit is None:
+        return trial
+    fit = with_steps(rival.fit, trial.fit.problem.filter_model, context.journal)
+    told = transfer(fit, trial.fit, trial.candidate.effect)
+    return trial if told.passes else replace(trial, transfer=told)
+
+
+def _against(trial: Trial, where: Sequence[Place], context: Context) -> str:
+    """What speaks against a gate, whatever it gains; empty if nothing does."""
+    assert trial.fit is not None and trial.built is not None  # it was refitted
+    if trial.fit.held[trial.fit.problem.names.index(level_name(trial.candidate.effect))]:
+        return "its level rests on an end of what the logs cover"
+    linear = linearisation(trial.fit, trial.fit.problem.logs)
+    better = _function_is_better(trial, linear, where, context)
+    return "an unknown function of the signal of its gate explains more" if better else ""
+
+
+def _function_is_better(trial: Trial, linear: Linearisation, where: Sequence[Place], context: Context) -> bool:
+    """True where a free function of the signal of a gate at its place is worth more than the gated law.
+
+    As of formulas: what leaves a part of what a free function explains is no law of the shape. A signal of few values,
+    a switch, has no functions but steps.
+    """
+    regime, effect = regime_of(trial.candidate.function), trial.candidate.effect
+    assert regime is not None and trial.built is not None  # it has one, and was refitted
+    signal = next((one for one in signals(trial.built, linear, where) if one.name == regime.signal), None)
+    at = np.empty(0) if signal is None else knots(signal, _FUNCTION_KNOTS, beyond=0.0)
+    without, gain = _without(linear, context.base.point.size, len(effect.coefficients))
+    half = 0.5 * math.log(max(sum(int(np.isfinite(log.y).sum()) for log in context.train), 2))
+    for probe in probes(trial.built, linear, [trial.candidate.place]):
+        if signal is None or at.size < 3:
+            return False
+        changes = [shaped(one, hats(values, at)) for one, values in zip(probe.changes, signal.values, strict=True)]
+        projected = without.projected(without.columns(changes))
+        _, free, _ = best_step(replace(projected, times=None), list(range(at.size)), np.zeros(at.size, dtype=bool))
+        if free - half * at.size > gain - half * len(effect.parameters):
+            return True
+    return False

@@ -1,0 +1,40 @@
+"""Regimes in a report: where a law acts, with the level that was estimated."""
+
+from __future__ import annotations
+
+from bondgraph.correct.evidence.trials import Added
+from bondgraph.correct.loop import ClosedLoop
+from bondgraph.correct.places.regimes import Regime, level_name, regime_of
+from bondgraph.correct.result import intervals
+from bondgraph.estimate.fitted import Fit
+from bondgraph.report.numbers import shown
+
+
+def named(added: Added, fitted: Fit) -> str:
+    """Label of an effect; of a law with a regime with the level of a fit."""
+    candidate, regime = added.trial.candidate, regime_of(added.trial.candidate.function)
+    if regime is None:
+        return candidate.label
+    value = fitted.values[level_name(candidate.effect)]
+    return f"{candidate.effect.name} at {candidate.place.label} where {_where(regime, value)}"
+
+
+def regime_sentences(closed: ClosedLoop) -> list[str]:
+    """A sentence for every added law that acts in a regime."""
+    return [sentence for added in closed.added if (sentence := _sentence(added, closed.corrected))]
+
+
+def _sentence(added: Added, fitted: Fit) -> str:
+    effect, regime = added.trial.candidate.effect, regime_of(added.trial.candidate.function)
+    if regime is None:
+        return ""
+    name = level_name(effect)
+    low, high = intervals(fitted)[name]
+    within = f"{_where(regime, fitted.values[name])} [{shown(low)}, {shown(high)}]"
+    ends = f"the logs cover {shown(regime.span[0])} to {shown(regime.span[1])}"
+    return f"Regime: {effect.name} at {added.trial.candidate.place.label} acts where {within}; {ends}."
+
+
+def _where(regime: Regime, level: float) -> str:
+    unit = "" if regime.unit in ("", "1") else f" {regime.unit}"
+    return f"{regime.quantity} is {regime.side} {shown(level)}{unit}"

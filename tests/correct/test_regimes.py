@@ -1,0 +1,176 @@
+"""Laws that act in part of the operating space: found with their regime, and only where there is one."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from bondgraph import effects
+from bondgraph.build import build
+from bondgraph.correct.loop import ClosedLoop, close_loop
+from bondgraph.correct.places.regimes import Regime, in_regime
+from bondgraph.correct.result import result_json
+from bondgraph.correct.search.regimes import _gains
+from bondgraph.data.log import MatchedLog
+from bondgraph.declare.editing import copy, handle, with_values
+from bondgraph.declare.effect import EffectFunction, Place, Scale, effect_functions
+from bondgraph.declare.files import read_graph, write_graph
+from bondgraph.declare.graph import BondGraph
+from bondgraph.derive.causality import assign_causality
+from bondgraph.derive.derivation import derive
+from bondgraph.derive.latex import latex
+from bondgraph.estimate.objective import expansion_of
+from bondgraph.report.closed_loop import explanation
+from bondgraph.report.python_lines import correction_lines
+from bondgraph.report.regimes import regime_sentences
+from bondgraph.simulate.simulation import simulate
+from tests.correct import partly
+
+FAST = Regime("flow of shaft", "rad/s", "above", 12.0, (0.0, 20.0), 0.4)
+
+
+def _loop(graph: BondGraph, logs: list[MatchedLog], held: MatchedLog) -> ClosedLoop:
+    return close_loop(graph, logs, [held], effect_functions(effects))
+
+
+@pytest.fixture(scope="module")
+def rubbing() -> ClosedLoop:
+    """A drive whose bearing drags above a speed only."""
+    return _loop(partly.drive(), [partly.driven(seed) for seed in (1, 2)], partly.driven(9))
+
+
+def _only(closed: ClosedLoop) -> tuple[str, dict[str, float], dict[str, tuple[float, float]]]:
+    """Label of the only effect, and value and interval of its coefficient, its level and its width by their letter."""
+    assert closed.verdict == "effect found"
+    (told,) = result_json(closed)["effects"]
+    known = {name.partition("_")[0]: one for name, one in told["coefficients"].items()}
+    values = {name: one["value"] for name, one in known.items()}
+    return closed.added[0].trial.candidate.label, values, {name: tuple(one["ci95"]) for name, one in known.items()}
+
+
+def test_drag_above_a_speed_is_found_with_its_speed(rubbing: ClosedLoop) -> None:
+    label, values, intervals = _only(rubbing)
+    assert label == "viscous_loss at shaft where speed of shaft is above a level"
+    assert intervals["level"][0] < partly.ONSET < intervals["level"][1]
+    assert values["c"] == pytest.approx(partly.RUB, rel=0.02)  # the truth comes in over a straight ramp
+    assert rubbing.corrected.values["d"] == pytest.approx(partly.DRAG, rel=0.01)
+    assert rubbing.confirmation is not None and rubbing.confirmation.standing == "confirmed"
+
+
+def test_a_regime_is_named_in_words_with_its_level(rubbing: ClosedLoop) -> None:
+    assert "viscous_loss at shaft where speed of shaft is above 12.0 rad/s." in explanation(rubbing)
+    (said,) = regime_sentences(rubbing)
+    assert said.startswith("Regime: viscous_loss at shaft acts where speed of shaft is above 12.0 rad/s [")
+    (told,) = result_json(rubbing)["effects"]
+    assert told["regime"] == {
+        "signal": "flow of shaft", "quantity": "speed of shaft", "is": "above", "level": "level_c_viscous_loss_shaft",
+    }  # fmt: skip
+
+
+def test_a_gated_law_is_a_law_of_the_graph(rubbing: ClosedLoop, tmp_path: object) -> None:
+    """It stands in the corrected graph, its file, its Python lines, its equations and its module."""
+    graph = rubbing.corrected_graph
+    law = graph.nodes["viscous_loss_shaft"].law("effort")
+    assert str(law) == (
+        "c_viscous_loss_shaft*flow*switch(flow(shaft) - level_c_viscous_loss_shaft, width_c_viscous_loss_shaft)"
+    )
+    path = tmp_path / "corrected.json"  # type: ignore[operator]
+    write_graph(graph, path)
+    assert read_graph(path) == graph
+    assert "switch(flow_shaft - level_c_viscous_loss_shaft" in correction_lines(partly.drive(), graph)
+    assert "level_c_viscous_loss_shaft" in rubbing.corrected_text
+    assert r"\tanh" in latex(derive(assign_causality(graph)))
+
+
+def test_a_gate_closes_a_law_on_one_side_of_its_level() -> None:
+    """Far above its level the drive has the law, far below it has none; the exact switch has no width at all."""
+    graph = copy(partly.drive())
+    effect = in_regime(effects.viscous_loss, FAST)(graph, Place(handle(graph, "shaft"), Scale(2.0, 20.0)))
+    assert effect is not None and effect.regime == "speed of shaft is above a level"
+    assert graph.parameters[-2].bounds == FAST.span
+    gated = build(with_values(graph, {effect.coefficients[0]: 0.03})).model
+    plain = build(partly.drive()).model
+    for speed, drag in ((5.0, 0.1), (19.0, 0.13)):
+        u = np.zeros(len(gated.inputs))
+        slowed = gated.rhs(0.0, np.array([speed]), u, gated.theta())
+        assert slowed == pytest.approx(plain.rhs(0.0, np.array([speed]), u, plain.theta(d=drag)), rel=1e-9)
+    time = np.linspace(0.0, 2.0, 81)
+    run = simulate(gated, time, np.array([np.full(81, 2.2), np.zeros(81)]), x0=np.array([5.0]), rtol=1e-8)
+    assert run.x[0, -1] > FAST.level
+
+
+@pytest.mark.parametrize(
+    "function", [effects.added_inertia, effects.stribeck_loss, effects.warm_up_loss, effects.hysteresis_loss]
+)
+def test_what_keeps_or_has_a_shape_gets_no_gate(function: EffectFunction) -> None:
+    graph = copy(partly.drive())
+    place = Place(handle(graph, "shaft"), Scale(2.0, 20.0))
+    assert function(copy(graph), place) is not None
+    assert in_regime(function, FAST)(graph, place) is None
+
+
+def test_sums_of_scores_are_the_gain_of_a_gated_regression() -> None:
+    """Where nothing has a memory, what sums inside a gate give is what least squares with the gated column gain."""
+    rng = np.random.default_rng(5)
+    signal, law = rng.uniform(0.0, 3.0, 400), rng.uniform(0.5, 1.5, 400)
+    free = np.column_stack([np.ones(400), signal])
+    seen = rng.standard_normal(400) + 2.0 * law * (signal > 2.0)
+    left = seen - free @ np.linalg.lstsq(free, seen, rcond=None)[0]
+    expansion = expansion_of(np.column_stack([left, -free]), np.zeros((400, 3)), 0)
+    gains = []
+    for level in (1.0, 2.0):
+        inside = np.where(signal > level, -law, 0.0)
+        sums = np.concatenate([[inside @ left, inside @ inside], -free.T @ inside])[:, np.newaxis]
+        gains += list(_gains(expansion, sums, float(law @ law), one_sided=False))
+        both = np.column_stack([free, inside])
+        rest = left - both @ np.linalg.lstsq(both, left, rcond=None)[0]
+        assert gains[-1] == pytest.approx(0.5 * (left @ left - rest @ rest), rel=1e-9)
+    assert gains[1] > 2.0 * gains[0]
+    nearly_all = np.array([[3.0], [0.97 * float(law @ law)], [0.0], [0.0]])
+    assert _gains(expansion, nearly_all, float(law @ law), one_sided=False) == [0.0]
+
+
+@pytest.mark.slow
+def test_a_leak_above_a_level_of_a_tank_is_found() -> None:
+    closed = _loop(partly.tank(), [partly.filled(seed) for seed in (1, 2)], partly.filled(9))
+    label, values, intervals = _only(closed)
+    assert label == "leakage at level where pressure of level is above a level"
+    assert intervals["level"][0] < partly.LEVEL < intervals["level"][1]
+    assert values["c"] == pytest.approx(partly.VALVE, rel=0.01)
+
+
+@pytest.mark.slow
+def test_a_fan_is_found_where_its_clutch_is_on() -> None:
+    logs = [partly.driven(seed, 0.0, fan=partly.FAN) for seed in (1, 2, 9)]
+    label, values, _ = _only(_loop(partly.drive(), logs[:2], logs[2]))
+    assert label == "quadratic_loss at shaft where clutch is above a level"
+    assert values["c"] == pytest.approx(partly.FAN, rel=0.01) and 0.3 < values["level"] < 0.7
+
+
+@pytest.mark.slow
+def test_a_fan_that_always_runs_gets_no_gate() -> None:
+    logs = [partly.driven(seed, 0.0, fan=partly.FAN, idle=1.0) for seed in (1, 2, 9)]
+    label, values, _ = _only(_loop(partly.drive(), logs[:2], logs[2]))
+    assert label == "quadratic_loss at shaft"
+    assert values["c"] == pytest.approx(partly.FAN, rel=0.01)
+
+
+@pytest.mark.slow
+def test_a_fan_that_never_quite_stops_acts_everywhere_and_more_where_its_clutch_is_on() -> None:
+    """Six tenths of it act everywhere, which completes what the clutch adds."""
+    logs = [partly.driven(seed, 0.0, fan=partly.FAN, idle=0.6) for seed in (1, 2, 9)]
+    gated, always = _loop(partly.drive(), logs[:2], logs[2]).added
+    assert gated.trial.candidate.label == "quadratic_loss at shaft where clutch is above a level"
+    assert always.completes == gated.trial.candidate.label
+    assert always.trial.candidate.place.label == "shaft"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [1, 21])
+def test_a_machine_that_lacks_nothing_gets_no_regime(seed: int) -> None:
+    for graph, logs in (
+        (partly.drive(), [partly.driven(one, 0.0) for one in (seed, seed + 1, seed + 8)]),
+        (partly.tank(), [partly.filled(one, 0.0) for one in (seed, seed + 1, seed + 8)]),
+    ):
+        closed = _loop(graph, logs[:2], logs[2])
+        assert (closed.verdict, closed.added) == ("no missing effect", ())
