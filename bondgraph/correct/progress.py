@@ -200,6 +200,18 @@ def _without_needless(state: Progress, number: int, settings: RoundSettings) -> 
     return state
 
 
+def standing(state: Progress, number: int, settings: RoundSettings) -> Progress:
+    """The state after something was taken out, with those of the others that stand without it."""
+    while state.added:
+        doubts = [doubt(state.fit, trial.candidate.effect) for trial in state.added]
+        worst = int(np.argmax(doubts))
+        if doubts[worst] < LEVEL:
+            break
+        gone = next(one.what for one in reversed(state.history) if one.action in ("withdrawn", "dropped"))
+        state = without(state, worst, "dropped", f"p = {doubts[worst]:.2g} without {gone}", number, settings)
+    return state
+
+
 def with_disturbance(state: Progress, settings: RoundSettings, worth: float = 0.0) -> Progress:
     """The state with the disturbance that explains most, if innovations are coloured and one passes its tests.
 

@@ -23,7 +23,7 @@ from bondgraph.correct.places.unexplained import (
     table_effect,
     unexplained,
 )
-from bondgraph.correct.progress import Decision, Progress, without
+from bondgraph.correct.progress import Decision, Progress, standing, without
 from bondgraph.correct.round import Round, RoundSettings
 from bondgraph.correct.scores.scoring import Linearisation, linearisation
 from bondgraph.correct.search.refit import refit_from
@@ -80,8 +80,14 @@ def _searched(
             if not spare:
                 break
             why = f"needless beside an unknown {found.variable} at {found.place.label} as a function of {found.signal}"
-            state = without(state, spare[-1], "withdrawn", why, len(rounds), settings)
-            found, linear, tried = _look(state, linearisation(state.fit, state.train), settings.level)
+            fewer = without(state, spare[-1], "withdrawn", why, len(rounds), settings)
+            left = _look(fewer, linearisation(fewer.fit, fewer.train), settings.level)
+            if left[0] is None:  # the function shows only beside it: so it is no relative of the function
+                break
+            state = standing(fewer, len(rounds), settings)
+            if state is not fewer:
+                left = _look(state, linearisation(state.fit, state.train), settings.level)
+            found, linear, tried = left
         completes = completions(state.laws, state.declared, state.built.graph, linear, tried)
     except FAILURES as error:
         return found, state, (f"what stays unexplained could not be looked for to the end: {reason(error)}",), {}

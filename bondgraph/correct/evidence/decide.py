@@ -239,12 +239,16 @@ def detectable(vanishing: Sequence[Candidate], found: Scores, need: float) -> tu
 def choose(trials: Sequence[Trial], level: float) -> Trial | None:
     """The refitted candidate with the largest penalised gain among those that pass, or None.
 
-    A fault of the only sensor is chosen where no law passes: nothing else measures what would contradict the law.
+    A fault of the only sensor is chosen where no law passes and none explains as much: nothing else measures what would
+    contradict the law, and one that is not believed may stand for another law of its kind.
     """
     fitted = [trial for trial in trials if trial.fit is not None and trial.transfers]
     passed = [trial for trial in fitted if trial.evidence is not None and trial.evidence.accepted(level)]
-    laws = [trial for trial in passed if not trial.candidate.effect.channel]
-    return max(laws if laws and _has_one_sensor(laws[0]) else passed, key=_bic_gain, default=None)
+    if passed and _has_one_sensor(passed[0]):
+        laws = [trial for trial in passed if not trial.candidate.effect.channel]
+        told = max((_bic_gain(one) for one in trials if not one.candidate.effect.channel), default=-math.inf)
+        passed = laws or [fault for fault in passed if _bic_gain(fault) > told + INDIFFERENT]
+    return max(passed, key=_bic_gain, default=None)
 
 
 def _has_one_sensor(trial: Trial) -> bool:
