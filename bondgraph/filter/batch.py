@@ -111,7 +111,16 @@ def _replace_members(run: BatchRun, again: BatchRun, members: npt.NDArray[np.int
 def _all_in_numpy(
     filter_model: FilterModel, logs: Sequence[Samples], batches: Sequence[MemberBatch], depth: int, threads: int | None
 ) -> tuple[BatchRun, ...]:
-    return tuple(_in_numpy(filter_model, samples, batch, depth) for samples, batch in zip(logs, batches, strict=True))
+    """The numpy filter member by member, in the form the kernel gives."""
+    runs = tuple(empty_run(filter_model, samples, batch, depth) for samples, batch in zip(logs, batches, strict=True))
+    for run in runs:
+        for m in range(run.batch.size):
+            one = reference_run(filter_model, run.samples, run.batch.member(m))
+            note_verdict(run.verdicts, m, one)
+            for level, names in ((1, Record._fields[1:3]), (2, Record._fields[3:])):
+                for name in names if depth >= level else ():
+                    getattr(run.record, name)[..., m] = getattr(one, name)
+    return runs
 
 
 def _all_in_kernel(
@@ -160,18 +169,6 @@ def empty_run(filter_model: FilterModel, samples: Samples, batch: MemberBatch, d
         output_cov=kept(2, n_y, n_y),
     )
     return BatchRun(samples, batch, verdicts, record, np.zeros(members, dtype=np.bool_))
-
-
-def _in_numpy(filter_model: FilterModel, samples: Samples, batch: MemberBatch, depth: int) -> BatchRun:
-    """The numpy filter member by member, in the form the kernel gives."""
-    run = empty_run(filter_model, samples, batch, depth)
-    for m in range(batch.size):
-        one = reference_run(filter_model, samples, batch.member(m))
-        note_verdict(run.verdicts, m, one)
-        for level, names in ((1, Record._fields[1:3]), (2, Record._fields[3:])):
-            for name in names if depth >= level else ():
-                getattr(run.record, name)[..., m] = getattr(one, name)
-    return run
 
 
 def note_verdict(verdicts: Verdicts, m: int, run: FilterRun) -> None:

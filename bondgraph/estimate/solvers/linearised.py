@@ -95,12 +95,16 @@ class LinearisedScoring(AbstractSearch[LinearisedState]):
         Most steps, and how many nats a further one must promise; one nat at least.
     beat, hopeless
         Give up where the value is behind ``beat`` by more than ``hopeless`` times what a step promises or gains.
+    least_share
+        A step that gains less than this share of what a full one promises gains next to nothing: derivatives that are
+        right to some percent creep along a valley which exact ones see.
     """
 
     iterations: int = 40
     tolerance: float = _FINEST
     beat: float = float("inf")
     hopeless: float = HOPELESS
+    least_share: float = 0.0
     # What was found at the last point serves the next step; an interrupted search finds it again.
     _known: dict[tuple[bytes, bytes], _Seen] = field(default_factory=dict, compare=False, repr=False)
 
@@ -151,7 +155,7 @@ class LinearisedScoring(AbstractSearch[LinearisedState]):
         gained = state.value - value
         kept = gained / max(promised, gained, 1e-300)
         damping = max(state.damping / _DAMP_LESS, _LEAST_DAMPING) if kept > _AS_PROMISED else state.damping
-        idle = state.idle + 1 if gained < max(self.tolerance, _FINEST) else 0
+        idle = state.idle + 1 if gained < max(self.tolerance, _FINEST, self.least_share * promise) else 0
         point = state.point + step
         again = promise > _NEAR or _distance(problem, point, state.kicked) > _UNMOVED
         behind = value - self.beat > self.hopeless * max(gained, promise)
