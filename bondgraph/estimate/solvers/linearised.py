@@ -28,7 +28,8 @@ _DAMPING, _LEAST_DAMPING, _MOST_DAMPING, _DAMP_LESS, _DAMP_MORE = 1e-2, 1e-6, 1e
 _AS_PROMISED = 0.5
 #: No step is worth less than so many nats: what is left is for exact derivatives.
 _FINEST = 1.0
-#: Nor are more trials for a step that gains, after so many that did not, where the best promises less than this.
+#: Nor are more trials for a step that gains, after so many that did not, where the best promises less than this at
+#: most, unless a search says otherwise.
 _HARDLY, _VAIN = 2.0, 3
 #: What kicks of the states leave is the costly part. It depends on the parameters and on the course of the states,
 #: which measurements hold: it is asked anew once a parameter has moved by more than this share of its bounds, and far
@@ -95,16 +96,15 @@ class LinearisedScoring(AbstractSearch[LinearisedState]):
         Most steps, and how many nats a further one must promise; one nat at least.
     beat, hopeless
         Give up where the value is behind ``beat`` by more than ``hopeless`` times what a step promises or gains.
-    least_share
-        A step that gains less than this share of what a full one promises gains next to nothing: derivatives that are
-        right to some percent creep along a valley which exact ones see.
+    hardly
+        After three trials in a row that gained nothing no more are made where the best promises fewer nats than this.
     """
 
     iterations: int = 40
     tolerance: float = _FINEST
     beat: float = float("inf")
     hopeless: float = HOPELESS
-    least_share: float = 0.0
+    hardly: float = _HARDLY
     # What was found at the last point serves the next step; an interrupted search finds it again.
     _known: dict[tuple[bytes, bytes], _Seen] = field(default_factory=dict, compare=False, repr=False)
 
@@ -136,7 +136,7 @@ class LinearisedScoring(AbstractSearch[LinearisedState]):
         reached = value_of(problem, point + step, tried)
         state = replace(state, evaluations=state.evaluations + 1)
         if not state.value - reached > 0.0:
-            done = SearchOutcome.CONVERGED if promise < _HARDLY and state.vain + 1 == _VAIN else None
+            done = SearchOutcome.CONVERGED if promise < self.hardly and state.vain + 1 == _VAIN else None
             damping = state.damping if done else state.damping * _DAMP_MORE
             return _traced(replace(state, vain=state.vain + 1, damping=damping, outcomes=(done,)))
         return self._moved(problem, state, step, (reached, tried), promise, promised_gain(expansion, step))
@@ -155,7 +155,7 @@ class LinearisedScoring(AbstractSearch[LinearisedState]):
         gained = state.value - value
         kept = gained / max(promised, gained, 1e-300)
         damping = max(state.damping / _DAMP_LESS, _LEAST_DAMPING) if kept > _AS_PROMISED else state.damping
-        idle = state.idle + 1 if gained < max(self.tolerance, _FINEST, self.least_share * promise) else 0
+        idle = state.idle + 1 if gained < max(self.tolerance, _FINEST) else 0
         point = state.point + step
         again = promise > _NEAR or _distance(problem, point, state.kicked) > _UNMOVED
         behind = value - self.beat > self.hopeless * max(gained, promise)
