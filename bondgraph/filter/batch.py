@@ -148,15 +148,20 @@ def _all_in_kernel(
 
 def empty_run(filter_model: FilterModel, samples: Samples, batch: MemberBatch, depth: int) -> BatchRun:
     """Room for what members give on a log."""
-    n_s, n_y, n = len(filter_model.state_names), len(filter_model.model.outputs), samples.time.size
-    members = batch.size
-    integers = (np.zeros(members, dtype=np.int64) for _ in range(3))
-    verdicts = Verdicts(np.full(members, np.inf), *integers)
+    integers = (np.zeros(batch.size, dtype=np.int64) for _ in range(3))
+    verdicts = Verdicts(np.full(batch.size, np.inf), *integers)
+    record = empty_record(filter_model, samples.time.size, batch.size, depth)
+    return BatchRun(samples, batch, verdicts, record, np.zeros(batch.size, dtype=np.bool_))
+
+
+def empty_record(filter_model: FilterModel, n: int, members: int, depth: int) -> Record:
+    """Room for what is kept of members at ``n`` nodes."""
+    n_s, n_y = len(filter_model.state_names), len(filter_model.model.outputs)
 
     def kept(level: int, *rows: int) -> FloatArray:
         return np.full((*rows, n, members) if depth >= level else (0,) * (len(rows) + 2), np.nan)
 
-    record = Record(
+    return Record(
         depth=depth,
         whitened=kept(1, n_y),
         log_scales=kept(1, n_y),
@@ -168,7 +173,6 @@ def empty_run(filter_model: FilterModel, samples: Samples, batch: MemberBatch, d
         output_mean=kept(2, n_y),
         output_cov=kept(2, n_y, n_y),
     )
-    return BatchRun(samples, batch, verdicts, record, np.zeros(members, dtype=np.bool_))
 
 
 def note_verdict(verdicts: Verdicts, m: int, run: FilterRun) -> None:
