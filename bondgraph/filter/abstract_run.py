@@ -13,6 +13,7 @@ from bondgraph.filter.misfit import ChannelInnovations, Misfit, channel_misfits
 from bondgraph.frames import dataset, frame
 from bondgraph.shown import Tabulated
 from bondgraph.simulate.outcome import Outcome, describe_end
+from bondgraph.simulate.stored import Kept
 from bondgraph.text import Table, count, number, text_table
 
 if TYPE_CHECKING:
@@ -23,7 +24,7 @@ if TYPE_CHECKING:
     from bondgraph.filter.filter_model import FilterModel
 
 
-class AbstractRun(Tabulated):
+class AbstractRun(Tabulated, Kept):
     """A filter over one log: means and standard deviations of its states, and what the measurements said.
 
     Shapes are those of :class:`bondgraph.filter.filter_run.FilterRun`.

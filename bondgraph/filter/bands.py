@@ -125,7 +125,7 @@ class _Kept:
         time = samples.time[samples.sample]
         finished = max(int(np.searchsorted(time, samples.time[max(self.last, 0)], side="right")) - 1, 0)
         return FilterBands(
-            self.filter_model, samples.name, time, samples.y[:, samples.sample], **self._arrays,
+            self.filter_model, samples.name, time, samples.y[:, samples.sample], **self._arrays,  # type: ignore[arg-type]
             floored_pivots=self.floored, outcome=self.outcome, ended_at=float(time[finished]),
         )  # fmt: skip
 

@@ -25,6 +25,7 @@ from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.filter_run import FilterRun, solved
 from bondgraph.frames import dataset, frame
 from bondgraph.shown import Tabulated
+from bondgraph.simulate.stored import Kept
 from bondgraph.text import Table, count, text_table
 
 if TYPE_CHECKING:
@@ -34,7 +35,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, repr=False)
-class SmootherRun(Tabulated):
+class SmootherRun(Tabulated, Kept):
     """Smoothed means (n_s, n) and covariances (n_s, n_s, n) of the filter's state at ``time`` (n,)."""
 
     filter_model: FilterModel

@@ -8,7 +8,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+import bondgraph as bg
 from bondgraph.data.log import MatchedLog
+from bondgraph.errors import OptionError
 from bondgraph.filter import bands as parts
 from bondgraph.filter.abstract_run import normalised_innovations
 from bondgraph.filter.bands import FilterBands
@@ -103,3 +105,11 @@ def test_a_day_of_a_vehicle_is_kept_in_as_many_numbers_as_its_bands_have() -> No
     everything = sum(getattr(whole, name).nbytes for name in FilterRun.__dataclass_fields__
                      if isinstance(getattr(whole, name), np.ndarray))  # fmt: skip
     assert everything == 8 * 500 * (1 + 1 + 2 * 2 + 3 * 4 + 4 * 1)
+
+
+def test_the_front_door_keeps_what_is_asked() -> None:
+    bands, whole = (bg.filter_log(SWING, log(), keep=keep) for keep in ("bands", "all"))
+    assert isinstance(bands, FilterBands) and isinstance(whole, FilterRun)
+    same(bands, whole)
+    with pytest.raises(OptionError, match="keep 'some' is not known"):
+        bg.filter_log(SWING, log(), keep="some")  # type: ignore[call-overload]
