@@ -121,8 +121,8 @@ class _Filter:
         self._process = _scaled(filter_model.process_correlations, member.process_std)
         noise = Jet(*(np.nan_to_num(getattr(member.noise_std, name)) for name in ("v", "d", "h")))
         self._noise = _scaled(filter_model.noise_correlations, noise)
-        start = Jet.still(np.linalg.cholesky(filter_model.start_correlations), count)
-        self._mean, self._lower = member.x0, product("i,ij->ij", member.initial_std, start)
+        root = np.asarray(np.linalg.cholesky(filter_model.start_correlations), dtype=np.float64)
+        self._mean, self._lower = member.x0, product("i,ij->ij", member.initial_std, Jet.still(root, count))
         self._nll = Jet.still(np.array(0.0), count)
 
     def run(self) -> Curvature:
