@@ -52,6 +52,10 @@ _MOST_REFINEMENTS = 4
 #: States are kept under these names.
 _EXPLORING, _REFINING = "swarm", "gauss-newton"
 
+#: Most steps along the linearised filter, which cost as much as three by exact derivatives: of two starts on a vehicle
+#: one was near after fifteen, and the other crept for as long as it was let.
+_APPROACH = 20
+
 #: Searches on the way of a continuation, and those along the linearised filter, are kept under these and their number.
 _ON_THE_WAY, _LINEARISED = "continuation ", "linearised "
 
@@ -329,8 +333,7 @@ def _linearised(run: _Run, starts: FloatArray) -> FloatArray:
     """Where searches along the linearised filter of a stiff model lead from starts, shape (n, up to starts).
 
     Its derivatives cost two values of the likelihood and are right to some percent: they lead near an optimum, which
-    the search by exact derivatives then finds. It takes over as soon as trials gain nothing, whatever is promised: on a
-    vehicle a search crept on for thirty steps. A start that cannot overtake a better one ends here.
+    the search by exact derivatives then finds. A start that cannot overtake a better one ends here.
     """
     if _REFINING in run.states:  # whoever goes on has these behind
         return starts
@@ -340,7 +343,7 @@ def _linearised(run: _Run, starts: FloatArray) -> FloatArray:
     ends: list[LinearisedState] = []
     for k, start in enumerate(starts.T):
         best = min((end.value for end in ends), default=np.inf)
-        search = LinearisedScoring(beat=best, hardly=np.inf)
+        search = LinearisedScoring(iterations=_APPROACH, beat=best)
         ends.append(_search_on(run, f"{_LINEARISED}{k + 1}", search, problem, start[:, np.newaxis])[0])
     going = [end for end in ends if SearchOutcome.GIVEN_UP not in end.outcomes]
     points, values = np.array([end.point for end in going]).T, np.array([end.value for end in going])

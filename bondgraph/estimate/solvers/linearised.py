@@ -28,8 +28,7 @@ _DAMPING, _LEAST_DAMPING, _MOST_DAMPING, _DAMP_LESS, _DAMP_MORE = 1e-2, 1e-6, 1e
 _AS_PROMISED = 0.5
 #: No step is worth less than so many nats: what is left is for exact derivatives.
 _FINEST = 1.0
-#: Nor are more trials for a step that gains, after so many that did not, where the best promises less than this at
-#: most, unless a search says otherwise.
+#: Nor are more trials for a step that gains, after so many that did not, where the best promises less than this.
 _HARDLY, _VAIN = 2.0, 3
 #: What kicks of the states leave is the costly part. It depends on the parameters and on the course of the states,
 #: which measurements hold: it is asked anew once a parameter has moved by more than this share of its bounds, and far
@@ -96,15 +95,12 @@ class LinearisedScoring(AbstractSearch[LinearisedState]):
         Most steps, and how many nats a further one must promise; one nat at least.
     beat, hopeless
         Give up where the value is behind ``beat`` by more than ``hopeless`` times what a step promises or gains.
-    hardly
-        After three trials in a row that gained nothing no more are made where the best promises fewer nats than this.
     """
 
     iterations: int = 40
     tolerance: float = _FINEST
     beat: float = float("inf")
     hopeless: float = HOPELESS
-    hardly: float = _HARDLY
     # What was found at the last point serves the next step; an interrupted search finds it again.
     _known: dict[tuple[bytes, bytes], _Seen] = field(default_factory=dict, compare=False, repr=False)
 
@@ -136,7 +132,7 @@ class LinearisedScoring(AbstractSearch[LinearisedState]):
         reached = value_of(problem, point + step, tried)
         state = replace(state, evaluations=state.evaluations + 1)
         if not state.value - reached > 0.0:
-            done = SearchOutcome.CONVERGED if promise < self.hardly and state.vain + 1 == _VAIN else None
+            done = SearchOutcome.CONVERGED if promise < _HARDLY and state.vain + 1 == _VAIN else None
             damping = state.damping if done else state.damping * _DAMP_MORE
             return _traced(replace(state, vain=state.vain + 1, damping=damping, outcomes=(done,)))
         return self._moved(problem, state, step, (reached, tried), promise, promised_gain(expansion, step))
