@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import errno
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 
 from bondgraph.errors import OptionError
@@ -13,8 +13,10 @@ from bondgraph.errors import OptionError
 _LONGEST_NAME = 200
 
 
-def write_bytes(path: Path, content: bytes) -> None:
-    """Write a file beside its place and put it there in one step: a reader finds the old one or the whole new one.
+def write_bytes(path: Path, content: bytes | Iterable[bytes]) -> None:
+    """Write a file, whole or piece by piece, beside its place and put it there in one step.
+
+    A reader finds the old one or the whole new one.
 
     Raises
     ------
@@ -31,7 +33,8 @@ def write_bytes(path: Path, content: bytes) -> None:
     """
     partial = path.with_name(f".{path.name}.{os.getpid()}")
     try:
-        partial.write_bytes(content)
+        with partial.open("wb") as file:
+            file.writelines([content] if isinstance(content, bytes) else content)
         os.replace(partial, path)
     except OSError as error:
         error.filename, error.filename2 = str(path), None

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal, overload
 
 import numpy as np
 
@@ -26,13 +26,44 @@ from bondgraph.estimate.problem import pose
 from bondgraph.estimate.result import Estimate
 from bondgraph.estimate.setup import filter_setup
 from bondgraph.execute.executors import open_executor
+from bondgraph.filter.bands import FilterBands
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.filter_run import FilterRun
-from bondgraph.filter.runs import run
+from bondgraph.filter.runs import run, run_bands
 from bondgraph.simulate.model import Model
 
 if TYPE_CHECKING:
     from bondgraph.simulate.task import Vector
+
+
+@overload
+def filter_log(
+    model: Model | FilterModel,
+    log: GivenLog,
+    theta: Vector = None,
+    x0: Mapping[str, float] | None = None,
+    *,
+    initial: Initial = "measured",
+    columns: Mapping[str, str] | None = None,
+    constants: Mapping[str, float | str] | None = None,
+    compiled: bool = True,
+    keep: Literal["all"] = "all",
+) -> FilterRun: ...
+
+
+@overload
+def filter_log(
+    model: Model | FilterModel,
+    log: GivenLog,
+    theta: Vector = None,
+    x0: Mapping[str, float] | None = None,
+    *,
+    initial: Initial = "measured",
+    columns: Mapping[str, str] | None = None,
+    constants: Mapping[str, float | str] | None = None,
+    compiled: bool = True,
+    keep: Literal["bands"],
+) -> FilterBands: ...
 
 
 def filter_log(
@@ -45,7 +76,8 @@ def filter_log(
     columns: Mapping[str, str] | None = None,
     constants: Mapping[str, float | str] | None = None,
     compiled: bool = True,
-) -> FilterRun:
+    keep: Literal["all", "bands"] = "all",
+) -> FilterRun | FilterBands:
     """Filter a log: states with their uncertainty, and what each measurement said.
 
     Parameters
@@ -66,6 +98,10 @@ def filter_log(
         Values (or letters) of inputs that a log lacks.
     compiled
         Use compiled equations; for short logs interpreted ones are ready sooner.
+    keep
+        ``"all"``: with every covariance, which smoothing needs. ``"bands"``: means, variances and innovations, the same
+        numbers in a fraction of the memory, for logs of hours and days. Of whom the likelihood is enough calls
+        :func:`bondgraph.filter.likelihood.likelihood`, which keeps nothing of the samples.
 
     Raises
     ------
@@ -87,7 +123,10 @@ def filter_log(
     filter_model = model if isinstance(model, FilterModel) else filter_setup(own, own.driven, [fitting]).filter_model
     values = own.theta(**theta) if isinstance(theta, Mapping) else own.theta() if theta is None else np.asarray(theta)
     start = initial_states(own, [fitting], values, initial if x0 is None else (x0,))[0]
-    return run(filter_model, fitting, values, x0=start, compiled=compiled)
+    if keep not in ("all", "bands"):
+        raise OptionError(f"filter_log: keep {keep!r} is not known - choose all or bands", where=("keep", keep))
+    kept = run if keep == "all" else run_bands
+    return kept(filter_model, fitting, values, x0=start, compiled=compiled)
 
 
 def estimate(

@@ -254,13 +254,14 @@ def test_the_run_time_half_loads_neither_sympy_nor_networkx_nor_the_design_time_
 
 
 #: Where a model is made of a text: of a graph's or its equations', of a file's, of a graph's with bonds as outputs, of
-#: state equations without a graph.
+#: state equations without a graph, of a saved result's.
 MODEL_MAKERS = {
     "build.py",
     "report/simulation.py",
     "simulate/model.py",
     "simulate/example.py",
     "simulate/state_space.py",
+    "simulate/stored.py",
 }
 
 

@@ -46,6 +46,22 @@ def beginnings(logs: Sequence[AnyLog], share: float, least: int = 1) -> tuple[An
     return tuple(log.rows(np.arange(len(log)) < count) for log, count in zip(logs, counts, strict=True))
 
 
+def pieces(log: AnyLog, count: int, samples: int) -> tuple[AnyLog, ...]:
+    """So many pieces of so many samples each, evenly over a log; the log itself where they would cover all of it.
+
+    Examples
+    --------
+    >>> log = MatchedLog("run", np.arange(100.0), np.zeros((0, 100)), np.zeros((1, 100)))
+    >>> [one.time[[0, -1]].tolist() for one in pieces(log, 3, 10)], len(pieces(log, 3, 50))
+    ([[0.0, 9.0], [45.0, 54.0], [90.0, 99.0]], 1)
+    """
+    if count * samples >= len(log):
+        return (log,)
+    first = np.linspace(0, len(log) - samples, count).astype(int)
+    place = np.arange(len(log))
+    return tuple(log.rows((begin <= place) & (place < begin + samples)) for begin in first)
+
+
 def split(log: AnyLog, fraction: float) -> tuple[AnyLog, AnyLog]:
     """The log before and after a point in time: ``fraction`` of its duration, between 0 and 1.
 

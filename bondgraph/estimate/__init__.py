@@ -6,6 +6,7 @@ from bondgraph.lazy import exported
 
 if TYPE_CHECKING:
     from bondgraph.estimate.analysis.combinations import combinations as combinations
+    from bondgraph.estimate.analysis.hessian import exact_hessian as exact_hessian
     from bondgraph.estimate.analysis.hessian import hessian as hessian
     from bondgraph.estimate.analysis.ranking import rank_parameters as rank_parameters
     from bondgraph.estimate.analysis.rates import rate_table as rate_table
@@ -41,7 +42,7 @@ else:
         __name__,
         {
             "estimate.analysis.combinations": "combinations",
-            "estimate.analysis.hessian": "hessian",
+            "estimate.analysis.hessian": "exact_hessian hessian",
             "estimate.analysis.ranking": "rank_parameters",
             "estimate.analysis.rates": "rate_table",
             "estimate.analysis.screening": "global_sensitivity likelihood_response output_response",

@@ -23,7 +23,8 @@ from bondgraph.estimate.certify import (
 )
 from bondgraph.estimate.checkpoint import Checkpoint, load_checkpoint, problem_digest, save_checkpoint
 from bondgraph.estimate.continuation import ON_THE_WAY, Stage, way
-from bondgraph.estimate.derivatives.exact import derivatives
+from bondgraph.estimate.derivatives.exact import derivatives, repays_exact
+from bondgraph.estimate.derivatives.linearised import is_linearised
 from bondgraph.estimate.described import Found, describe
 from bondgraph.estimate.handover import (
     distinct_starts,
@@ -34,10 +35,12 @@ from bondgraph.estimate.handover import (
 )
 from bondgraph.estimate.joint import Problem
 from bondgraph.estimate.objective import Expand, FloatArray, Progress, SearchOutcome, TraceRow, silent
+from bondgraph.estimate.problem import EstimationProblem
 from bondgraph.estimate.result import Estimate
 from bondgraph.estimate.settings import Settings as Settings
 from bondgraph.estimate.solvers.abstract import AbstractSearch, SearchResult, SearchState, StateT
 from bondgraph.estimate.solvers.gauss_newton import GaussNewtonState, gauss_newton
+from bondgraph.estimate.solvers.linearised import LinearisedScoring, LinearisedState
 from bondgraph.estimate.solvers.multistart import GaussNewton
 from bondgraph.estimate.solvers.race import race_ends
 from bondgraph.estimate.spread import spread, spread_expand
@@ -49,8 +52,12 @@ _MOST_REFINEMENTS = 4
 #: States are kept under these names.
 _EXPLORING, _REFINING = "swarm", "gauss-newton"
 
-#: Searches on the way of a continuation are kept under this name and their number.
-_ON_THE_WAY = "continuation "
+#: Most steps along the linearised filter, which cost as much as three by exact derivatives: of two starts on a vehicle
+#: one was near after fifteen, and the other crept for as long as it was let.
+_APPROACH = 20
+
+#: Searches on the way of a continuation, and those along the linearised filter, are kept under these and their number.
+_ON_THE_WAY, _LINEARISED = "continuation ", "linearised "
 
 
 @dataclass
@@ -111,6 +118,9 @@ class _Run:
             stage = (
                 f"{search.stage} on the beginnings of the logs" if is_shortened(self.problem, part) else search.stage
             )
+        elif stage.startswith(_LINEARISED):
+            several = self.settings.starts > 1
+            stage = row.stage + (f" from start {stage.removeprefix(_LINEARISED)}" if several else "")
         return replace(row, stage=stage, point=point, evaluations=row.evaluations + before)
 
 
@@ -262,22 +272,20 @@ def _search(run: _Run) -> Found:
             part, search = run.exploring
             outcome = _search_on(run, _EXPLORING, search, part, part.start[:, np.newaxis])[1]
         if run.settings.refines and outcome is not SearchOutcome.NO_FINITE_POINT:
-            outcome = _refine(run)
+            outcome = _search_on(run, _REFINING, run.refining, run.problem, _starts(run))[1]
     except KeyboardInterrupt:
         outcome = SearchOutcome.INTERRUPTED
     return _found(run, outcome)
 
 
-def _refine(run: _Run) -> SearchOutcome:
-    """Gradient searches from what was explored, or from starts spread over the bounds."""
+def _starts(run: _Run) -> FloatArray:
+    """Where gradient searches start: from what was explored, or spread over the bounds, and then as near as it gets."""
     seen, count = _explored(run), run.settings.starts
     if seen is None:
         starts = spread_starts(run.problem, count, run.settings.seed)
     else:
         starts = swarm_starts(run.problem, seen.points, seen.values, count)
-    if run.settings.continuation != "none":
-        starts = _nearer(run, starts)
-    return _search_on(run, _REFINING, run.refining, run.problem, starts)[1]
+    return _nearer(run, starts) if run.settings.continuation != "none" else _linearised(run, starts)
 
 
 def _explored(run: _Run) -> SearchResult | None:
@@ -321,6 +329,28 @@ def _nearer(run: _Run, starts: FloatArray) -> FloatArray:
             return state.points
 
 
+def _linearised(run: _Run, starts: FloatArray) -> FloatArray:
+    """Where searches along the linearised filter of a stiff model lead from starts, shape (n, up to starts).
+
+    Its derivatives cost two values of the likelihood and are right to some percent: they lead near an optimum, which
+    the search by exact derivatives then finds. A start that cannot overtake a better one ends here.
+    """
+    if _REFINING in run.states:  # whoever goes on has these behind
+        return starts
+    problem = run.problem.with_filters([choose_method(part.filter_model, part.logs) for part in run.problem.parts])
+    if not (isinstance(problem, EstimationProblem) and is_linearised(problem) and repays_exact(problem)):
+        return starts
+    ends: list[LinearisedState] = []
+    for k, start in enumerate(starts.T):
+        best = min((end.value for end in ends), default=np.inf)
+        search = LinearisedScoring(iterations=_APPROACH, beat=best)
+        ends.append(_search_on(run, f"{_LINEARISED}{k + 1}", search, problem, start[:, np.newaxis])[0])
+    going = [end for end in ends if SearchOutcome.GIVEN_UP not in end.outcomes]
+    points, values = np.array([end.point for end in going]).T, np.array([end.value for end in going])
+    found = distinct_starts(problem, points, values, run.settings.starts)
+    return found if found.size else starts
+
+
 def _found(run: _Run, outcome: SearchOutcome) -> Found:
     """The best point of all stages, and every end of a gradient search."""
     seen, gradient = _explored(run), run.states.get(_REFINING)
@@ -335,6 +365,12 @@ def _found(run: _Run, outcome: SearchOutcome) -> Found:
         points.append(seen.best)
         shortened = is_shortened(run.problem, run.exploring[0])
         values.append(float(run.problem.nll(points[-1][:, np.newaxis])[0]) if shortened else seen.best_nll)
+    for name, near in _of_type(run, _LINEARISED, LinearisedState):
+        trace += tuple(run.row(name, row, evaluations) for row in near.trace)
+        evaluations += near.evaluations
+        if not isinstance(gradient, GaussNewtonState):
+            points.append(near.point)
+            values.append(near.value)
     if isinstance(gradient, GaussNewtonState):
         trace += tuple(run.row(_REFINING, row, evaluations) for row in gradient.trace)
         evaluations += gradient.evaluations
@@ -354,5 +390,9 @@ def _found(run: _Run, outcome: SearchOutcome) -> Found:
 
 def _on_the_way(run: _Run) -> list[GaussNewtonState]:
     """Searches with more process noise, in order."""
-    named = [state for name, state in run.states.items() if name.startswith(_ON_THE_WAY)]
-    return [state for state in named if isinstance(state, GaussNewtonState)]
+    return [state for _, state in _of_type(run, _ON_THE_WAY, GaussNewtonState)]
+
+
+def _of_type(run: _Run, prefix: str, kind: type[StateT]) -> list[tuple[str, StateT]]:
+    """States kept under a name that begins so, in order."""
+    return [(name, state) for name, state in run.states.items() if name.startswith(prefix) and isinstance(state, kind)]

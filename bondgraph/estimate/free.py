@@ -158,6 +158,10 @@ class FreeParameter:
         """Derivative of the value with respect to its coordinate."""
         return self.transform.slope(value, self.lower, self.upper)
 
+    def bend(self, value: float) -> float:
+        """Second derivative of the value with respect to its coordinate."""
+        return self.transform.bend(value, self.lower, self.upper)
+
     def wider(self, factor: float) -> FreeParameter:
         """The same with bounds further from zero by a factor; zero and a positive lower bound stay.
 

@@ -16,8 +16,8 @@ from typing import Any
 import numpy as np
 from scipy.stats import qmc
 
-from bondgraph.data.select import beginnings
 from bondgraph.estimate.derivatives.exact import filtering_work
+from bondgraph.estimate.excerpt import excerpt
 from bondgraph.estimate.joint import JointProblem, Problem
 from bondgraph.estimate.objective import FloatArray
 from bondgraph.estimate.problem import EstimationProblem
@@ -54,7 +54,9 @@ def explored(
     part = problem if alone else without_noise_levels(problem)
     search = make(part)
     if not alone and not part.noise_levels.any() and search.most_evaluations is not None:
-        part = excerpt(part, search.most_evaluations)
+        samples = sum(len(log) for log in part.logs)
+        enough = samples * _WORK / (filtering_work(part) * search.most_evaluations)
+        part = excerpt(part, enough, _LEAST_SAMPLES, every_channel=False) or part
     return part, search
 
 
@@ -97,32 +99,6 @@ def _without_levels(problem: EstimationProblem) -> EstimationProblem:
     held = replace(declared, measurement_noise={**declared.measurement_noise, **starts["std"]})
     held = held.with_process(starts["process"])
     return replace(problem, filter_model=held, free=others)
-
-
-def excerpt(problem: Problem, evaluations: int) -> Problem:
-    """The problem with as much of the beginning of every log as so many evaluations may take; often with all of it.
-
-    The beginning, because what is known of the states is known there.
-
-    Examples
-    --------
-    >>> from bondgraph.data.log import MatchedLog
-    >>> from bondgraph.estimate.problem import pose
-    >>> from bondgraph.filter.filter_model import FilterModel
-    >>> from bondgraph.simulate.example import pendulum
-    >>> swing = FilterModel(pendulum(), {"rate": 0.1}, {"deflection": 0.02}, {"angle": 0.1, "rate": 0.1})
-    >>> time = np.arange(40_001) * 0.05
-    >>> log = MatchedLog("swing", time, np.zeros((1, 40_001)), 0.5 * np.cos(3.1 * time)[np.newaxis])
-    >>> problem = pose(swing, log, ["length"])
-    >>> excerpt(problem, 300) is problem, len(excerpt(problem, 6000).logs[0])
-    (True, 10001)
-    """
-    share = _WORK / (filtering_work(problem) * evaluations)
-    if share >= 1.0:
-        return problem
-    return problem.with_parts(
-        replace(part, logs=beginnings(part.logs, share, _LEAST_SAMPLES)) for part in problem.parts
-    )
 
 
 def is_shortened(problem: Problem, part: Problem) -> bool:

@@ -14,6 +14,7 @@ from bondgraph.estimate.objective import Below, FloatArray, Terms
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.likelihood import innovations, likelihood
 from bondgraph.filter.members import MemberValues
+from bondgraph.filter.runs import member_runs
 
 
 @dataclass(frozen=True)
@@ -128,8 +129,11 @@ class FilterLikelihood:
 
     def nll(self, filter_model: FilterModel, logs: Sequence[MatchedLog], batch: Batch) -> FloatArray:
         """Negative log-likelihood, shape (members,)."""
-        given = batch.values()
-        return likelihood(filter_model, logs, batch.theta, threads=self.threads, compiled=self.compiled, **given).nll
+        _, _, runs = member_runs(
+            filter_model, logs, batch.theta, batch.values(), depth=0, threads=self.threads, compiled=self.compiled
+        )
+        values: FloatArray = np.sum([run.verdicts.nll for run in runs], axis=0)
+        return values
 
     def nll_below(
         self, filter_model: FilterModel, logs: Sequence[MatchedLog], batch: Batch, ceilings: FloatArray

@@ -23,6 +23,7 @@ from bondgraph.estimate.quantities import quantity_of, unit_of
 from bondgraph.estimate.result import Estimate
 from bondgraph.frames import frame
 from bondgraph.shown import Tabulated, own_axes
+from bondgraph.simulate.stored import Kept
 from bondgraph.text import Table, number, text_table
 
 if TYPE_CHECKING:
@@ -43,7 +44,7 @@ class PosteriorOutcome(enum.Enum):
 
 
 @dataclass(frozen=True, repr=False)
-class Posterior(Tabulated):
+class Posterior(Tabulated, Kept):
     """Draws of the free parameters of an estimate.
 
     Parameters

@@ -34,6 +34,7 @@ from bondgraph.filter.runs import run
 from bondgraph.frames import frame
 from bondgraph.shown import Tabulated
 from bondgraph.simulate.outcome import Outcome
+from bondgraph.simulate.stored import Kept
 from bondgraph.text import Table, count, few, number, text_table
 
 if TYPE_CHECKING:
@@ -51,7 +52,7 @@ class Optimum:
 
 
 @dataclass(frozen=True, repr=False)
-class Estimate(Tabulated):
+class Estimate(Tabulated, Kept):
     """An estimate of the free parameters of a problem.
 
     Parameters

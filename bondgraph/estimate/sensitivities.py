@@ -22,6 +22,7 @@ from bondgraph.estimate.quantities import quantity_of, unit_of
 from bondgraph.estimate.uncertainty import uncertainty
 from bondgraph.frames import frame
 from bondgraph.shown import Tabulated
+from bondgraph.simulate.stored import Kept
 from bondgraph.text import Table, few, number, text_table
 
 if TYPE_CHECKING:
@@ -29,7 +30,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, repr=False)
-class Sensitivity(Tabulated):
+class Sensitivity(Tabulated, Kept):
     """Information about the free parameters of a problem at one point.
 
     Parameters

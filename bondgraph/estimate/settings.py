@@ -27,7 +27,8 @@ class Settings:
         best distinct particles and the declared start begin gradient searches; ``"gradient"``: gradient searches from
         the declared start and from points spread over the bounds; ``"pso"``, ``"shade"``, ``"de"``, ``"cma"``: a swarm,
         L-SHADE, differential evolution or CMA-ES alone, over everything; with ``"+gradient"`` searches follow as after
-        the swarm.
+        the swarm. Gradient searches of a stiff model begin along its linearised filter, at a seventh of the cost of a
+        step by exact derivatives, which then find the optimum (:mod:`bondgraph.estimate.solvers.linearised`).
     seed
         The same seed gives the same estimate, on any number of threads.
     starts

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from bondgraph.data.log import FloatArray, MatchedLog
+from bondgraph.data.select import pieces
 from bondgraph.errors import DataError, OptionError
 from bondgraph.estimate.free import FreeParameter, declared_free
 from bondgraph.estimate.initial import directly_measured, initial_states
@@ -52,6 +53,9 @@ _SAMPLES = 20
 #: position cost 49 nats, which a bias of its sensor made good.
 _START_WIDTH = 10.0
 _SMALLEST = 1e-12
+#: Rates are looked at along so many pieces of so many samples of a log that is longer than these, as a day is: each
+#: piece is filtered with all that a filter records, and forty of its samples are looked at.
+_PIECES, _PIECE = 8, 20_000
 
 
 @dataclass(frozen=True)
@@ -104,9 +108,10 @@ def filter_setup(
         if name in (*driven, *unknown) and process_noise == "free"
     }
     start_std = _start_std(model, logs, noise, sizes)
-    filter_model = resolved(FilterModel(model, process, noise, start_std, substeps=1, alpha=1.0), logs)
+    looked_at = [piece for log in logs for piece in pieces(log, _PIECES, _PIECE)]
+    filter_model = resolved(FilterModel(model, process, noise, start_std, substeps=1, alpha=1.0), looked_at)
     if not filter_model.is_stiff:  # whose certificate tells whether its one panel is enough
-        filter_model = with_noise_steps(filter_model, logs)
+        filter_model = with_noise_steps(filter_model, looked_at)
     least = {"std": _SENSOR_LOW, "process": _PROCESS_LOW}
     names = [f"std({name})" for name in noise] + [f"process({name})" for name in process]
     levels = [declared_free(name, filter_model, logs=logs) for name in names]

@@ -33,6 +33,9 @@ class Transform(Protocol):
     def slope(self, value: float, lower: float, upper: float) -> float:
         """Derivative of the value with respect to its coordinate."""
 
+    def bend(self, value: float, lower: float, upper: float) -> float:
+        """Second derivative of the value with respect to its coordinate."""
+
 
 class Linear:
     """The value itself."""
@@ -48,6 +51,10 @@ class Linear:
     def slope(self, value: float, lower: float, upper: float) -> float:
         """Derivative of the value with respect to its coordinate."""
         return 1.0
+
+    def bend(self, value: float, lower: float, upper: float) -> float:
+        """Second derivative of the value with respect to its coordinate."""
+        return 0.0
 
 
 class Logarithm:
@@ -66,6 +73,10 @@ class Logarithm:
 
     def slope(self, value: float, lower: float, upper: float) -> float:
         """Derivative of the value with respect to its coordinate."""
+        return value
+
+    def bend(self, value: float, lower: float, upper: float) -> float:
+        """Second derivative of the value with respect to its coordinate."""
         return value
 
 
@@ -93,9 +104,16 @@ class Logit:
 
     def slope(self, value: float, lower: float, upper: float) -> float:
         """Derivative of the value with respect to its coordinate."""
-        stretch = 1.0 - 2.0 * _LEAST
-        share = _LEAST + stretch * (value - lower) / (upper - lower)
-        return (upper - lower) * share * (1.0 - share) / stretch
+        share = self._share(value, lower, upper)
+        return (upper - lower) * share * (1.0 - share) / (1.0 - 2.0 * _LEAST)
+
+    def bend(self, value: float, lower: float, upper: float) -> float:
+        """Second derivative of the value with respect to its coordinate."""
+        return self.slope(value, lower, upper) * (1.0 - 2.0 * self._share(value, lower, upper))
+
+    def _share(self, value: float, lower: float, upper: float) -> float:
+        """The logistic function at the coordinate of a value."""
+        return _LEAST + (1.0 - 2.0 * _LEAST) * (value - lower) / (upper - lower)
 
 
 #: The logistic function at the lower end of the coordinates.

@@ -6,6 +6,7 @@ from bondgraph.lazy import exported
 
 if TYPE_CHECKING:
     from bondgraph.filter.adaptive import AdaptiveNoise as AdaptiveNoise
+    from bondgraph.filter.bands import FilterBands as FilterBands
     from bondgraph.filter.choice import choose_method as choose_method
     from bondgraph.filter.degrees import with_likeliest_degrees as with_likeliest_degrees
     from bondgraph.filter.detector import ChangeDetector as ChangeDetector
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
     from bondgraph.filter.online_state import OnlineState as OnlineState
     from bondgraph.filter.robust import Robust as Robust
     from bondgraph.filter.runs import run as run
+    from bondgraph.filter.runs import run_bands as run_bands
     from bondgraph.filter.smoother import SmootherRun as SmootherRun
     from bondgraph.filter.smoother import smooth as smooth
 else:
@@ -25,6 +27,7 @@ else:
         __name__,
         {
             "filter.adaptive": "AdaptiveNoise",
+            "filter.bands": "FilterBands",
             "filter.choice": "choose_method",
             "filter.degrees": "with_likeliest_degrees",
             "filter.detector": "ChangeDetector Detection",
@@ -34,7 +37,7 @@ else:
             "filter.online": "OnlineFilter",
             "filter.online_state": "FilterStep OnlineState",
             "filter.robust": "Robust",
-            "filter.runs": "run",
+            "filter.runs": "run run_bands",
             "filter.smoother": "SmootherRun smooth",
         },
     )

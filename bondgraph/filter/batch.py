@@ -111,7 +111,16 @@ def _replace_members(run: BatchRun, again: BatchRun, members: npt.NDArray[np.int
 def _all_in_numpy(
     filter_model: FilterModel, logs: Sequence[Samples], batches: Sequence[MemberBatch], depth: int, threads: int | None
 ) -> tuple[BatchRun, ...]:
-    return tuple(_in_numpy(filter_model, samples, batch, depth) for samples, batch in zip(logs, batches, strict=True))
+    """The numpy filter member by member, in the form the kernel gives."""
+    runs = tuple(empty_run(filter_model, samples, batch, depth) for samples, batch in zip(logs, batches, strict=True))
+    for run in runs:
+        for m in range(run.batch.size):
+            one = reference_run(filter_model, run.samples, run.batch.member(m))
+            note_verdict(run.verdicts, m, one)
+            for level, names in ((1, Record._fields[1:3]), (2, Record._fields[3:])):
+                for name in names if depth >= level else ():
+                    getattr(run.record, name)[..., m] = getattr(one, name)
+    return runs
 
 
 def _all_in_kernel(
@@ -139,15 +148,20 @@ def _all_in_kernel(
 
 def empty_run(filter_model: FilterModel, samples: Samples, batch: MemberBatch, depth: int) -> BatchRun:
     """Room for what members give on a log."""
-    n_s, n_y, n = len(filter_model.state_names), len(filter_model.model.outputs), samples.time.size
-    members = batch.size
-    integers = (np.zeros(members, dtype=np.int64) for _ in range(3))
-    verdicts = Verdicts(np.full(members, np.inf), *integers)
+    integers = (np.zeros(batch.size, dtype=np.int64) for _ in range(3))
+    verdicts = Verdicts(np.full(batch.size, np.inf), *integers)
+    record = empty_record(filter_model, samples.time.size, batch.size, depth)
+    return BatchRun(samples, batch, verdicts, record, np.zeros(batch.size, dtype=np.bool_))
+
+
+def empty_record(filter_model: FilterModel, n: int, members: int, depth: int) -> Record:
+    """Room for what is kept of members at ``n`` nodes."""
+    n_s, n_y = len(filter_model.state_names), len(filter_model.model.outputs)
 
     def kept(level: int, *rows: int) -> FloatArray:
         return np.full((*rows, n, members) if depth >= level else (0,) * (len(rows) + 2), np.nan)
 
-    record = Record(
+    return Record(
         depth=depth,
         whitened=kept(1, n_y),
         log_scales=kept(1, n_y),
@@ -159,19 +173,6 @@ def empty_run(filter_model: FilterModel, samples: Samples, batch: MemberBatch, d
         output_mean=kept(2, n_y),
         output_cov=kept(2, n_y, n_y),
     )
-    return BatchRun(samples, batch, verdicts, record, np.zeros(members, dtype=np.bool_))
-
-
-def _in_numpy(filter_model: FilterModel, samples: Samples, batch: MemberBatch, depth: int) -> BatchRun:
-    """The numpy filter member by member, in the form the kernel gives."""
-    run = empty_run(filter_model, samples, batch, depth)
-    for m in range(batch.size):
-        one = reference_run(filter_model, samples, batch.member(m))
-        note_verdict(run.verdicts, m, one)
-        for level, names in ((1, Record._fields[1:3]), (2, Record._fields[3:])):
-            for name in names if depth >= level else ():
-                getattr(run.record, name)[..., m] = getattr(one, name)
-    return run
 
 
 def note_verdict(verdicts: Verdicts, m: int, run: FilterRun) -> None:

@@ -16,17 +16,17 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 
-def belief_columns(filter_model: FilterModel, mean: FloatArray, cov: FloatArray) -> dict[str, FloatArray]:
+def belief_columns(filter_model: FilterModel, mean: FloatArray, variance: FloatArray) -> dict[str, FloatArray]:
     """Means and standard deviations (n,) of each state in its declared unit, by ``name [unit]`` as in logs.
 
     Parameters
     ----------
     filter_model
         Whose states these are.
-    mean, cov
-        Shape (n_s, n) and (n_s, n_s, n).
+    mean, variance
+        Both (n_s, n).
     """
-    std = np.sqrt(np.maximum(np.einsum("iik->ik", cov), 0.0))
+    std = np.sqrt(np.maximum(variance, 0.0))
     columns = {}
     for info, values, deviations in zip(_infos(filter_model), mean, std, strict=True):
         columns[f"{info.name} [{info.display_unit or 1}]"] = info.shown(values)
@@ -34,9 +34,9 @@ def belief_columns(filter_model: FilterModel, mean: FloatArray, cov: FloatArray)
     return columns
 
 
-def belief_table(filter_model: FilterModel, mean: FloatArray, cov: FloatArray) -> Table:
+def belief_table(filter_model: FilterModel, mean: FloatArray, variance: FloatArray) -> Table:
     """A line for each state: first and last mean with their standard deviations; arguments as above."""
-    columns = list(belief_columns(filter_model, mean, cov).values())
+    columns = list(belief_columns(filter_model, mean, variance).values())
     rows = [
         [info.name, info.display_unit or "1", *(number(float(one[k])) for k in (0, -1) for one in (values, deviations))]
         for info, values, deviations in zip(_infos(filter_model), columns[::2], columns[1::2], strict=True)

@@ -19,7 +19,7 @@ import numpy as np
 from scipy.special import gammaincinv
 
 from bondgraph.errors import FilterError
-from bondgraph.filter.filter_run import FilterRun, normalised_innovations
+from bondgraph.filter.abstract_run import AbstractRun, normalised_innovations
 from bondgraph.filter.misfit import LEVEL, ChannelInnovations, Misfit, channel_misfits
 from bondgraph.filter.whiteness import ljung_box, whiteness_p
 from bondgraph.simulate.outcome import Outcome
@@ -76,7 +76,7 @@ class Consistency:
         )
 
 
-def consistency(run: FilterRun, confidence: float = 0.95) -> Consistency:
+def consistency(run: AbstractRun, confidence: float = 0.95) -> Consistency:
     """Consistency of a filter with one log.
 
     Parameters
@@ -123,7 +123,7 @@ def consistency(run: FilterRun, confidence: float = 0.95) -> Consistency:
     return Consistency(tuple(channels), joint, nis_band(values, values, confidence))
 
 
-def joined_innovations(runs: Sequence[FilterRun]) -> tuple[ChannelInnovations, ...]:
+def joined_innovations(runs: Sequence[AbstractRun]) -> tuple[ChannelInnovations, ...]:
     """Innovations of the channels that were measured in some runs of one model, over all their logs."""
     if not runs:
         return ()
@@ -138,7 +138,11 @@ def joined_innovations(runs: Sequence[FilterRun]) -> tuple[ChannelInnovations, .
 
 
 def misfits(
-    runs: Sequence[FilterRun], noise: Mapping[str, float] | None = None, level: float = LEVEL, *, guessed: bool = False
+    runs: Sequence[AbstractRun],
+    noise: Mapping[str, float] | None = None,
+    level: float = LEVEL,
+    *,
+    guessed: bool = False,
 ) -> tuple[Misfit, ...]:
     """Channels that a model does not explain, over the logs of some runs together.
 

@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from bondgraph.errors import FilterError
+from bondgraph.filter.bands import Beliefs, FilterBands, filter_bands
 from bondgraph.filter.batch import BatchRun, run_batches
 from bondgraph.filter.causes import cause
 from bondgraph.filter.ceiling import run_below
@@ -58,6 +59,52 @@ def run(
     nodes = batch.node_run(used, 0)
     mean, cov = nodes.filtered_mean[:, last], nodes.filtered_cov[:, :, last]
     return replace(found, cause=cause(used, batch.samples, members.member(0), last, mean, cov))
+
+
+def run_bands(
+    filter_model: FilterModel,
+    log: MeasuredLog,
+    theta: npt.ArrayLike | None = None,
+    *,
+    compiled: bool = True,
+    told: Beliefs | None = None,
+    **values: Unpack[MemberValues],
+) -> FilterBands:
+    """Filter one log with one set of numbers and keep means, variances and innovations.
+
+    For long logs: memory grows with the states, not with their square. What is kept has the bits that :func:`run`
+    gives.
+
+    Parameters
+    ----------
+    filter_model, log, theta, compiled, **values
+        As for :func:`run`.
+    told
+        Called with every part of the log: the samples it holds, their filtered means (n_s, k) and covariances
+        (n_s, n_s, k), which are not kept. It is called for a part once more where a run is repeated with finer steps.
+
+    Raises
+    ------
+    FilterError, ModelError
+        If log or shapes do not fit the model, or there are several members.
+
+    Examples
+    --------
+    >>> from bondgraph.data.log import MatchedLog
+    >>> from bondgraph.simulate.example import pendulum
+    >>> swing = FilterModel(pendulum(), {"rate": 0.1}, {"deflection": 0.05}, {"angle": 0.1, "rate": 0.1}, substeps=2)
+    >>> time = np.arange(40) * 0.05
+    >>> log = MatchedLog("swing", time, np.zeros((1, 40)), 0.5 * np.cos(3.1 * time)[np.newaxis])
+    >>> bands, whole = run_bands(swing, log, compiled=False), run(swing, log, compiled=False)
+    >>> bool((bands.std("angle") == whole.std("angle")).all()), bands.nll == whole.nll
+    (True, True)
+    """
+    used = choose_method(filter_model, [log], compiled=compiled)
+    samples = Samples.of(used, log)
+    (members,) = member_batches(used, [samples], theta, values)
+    if members.size != 1:
+        raise FilterError(f"{log.name}: run takes one member, not {members.size} - use likelihood for many")
+    return filter_bands(used, samples, members, compiled, told)
 
 
 def member_runs(

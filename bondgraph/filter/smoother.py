@@ -25,6 +25,7 @@ from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.filter_run import FilterRun, solved
 from bondgraph.frames import dataset, frame
 from bondgraph.shown import Tabulated
+from bondgraph.simulate.stored import Kept
 from bondgraph.text import Table, count, text_table
 
 if TYPE_CHECKING:
@@ -34,7 +35,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, repr=False)
-class SmootherRun(Tabulated):
+class SmootherRun(Tabulated, Kept):
     """Smoothed means (n_s, n) and covariances (n_s, n_s, n) of the filter's state at ``time`` (n,)."""
 
     filter_model: FilterModel
@@ -58,7 +59,7 @@ class SmootherRun(Tabulated):
 
     def table(self) -> Table:
         """A line for every state in its declared unit: smoothed mean at both ends, and its standard deviation."""
-        return belief_table(self.filter_model, self.smoothed_mean, self.smoothed_cov)
+        return belief_table(self.filter_model, self.smoothed_mean, self._variance)
 
     def to_dataframe(self) -> pandas.DataFrame:
         """Smoothed means and standard deviations over time in declared units, columns ``name [unit]``.
@@ -68,7 +69,7 @@ class SmootherRun(Tabulated):
         DataError
             If pandas is not installed.
         """
-        columns = belief_columns(self.filter_model, self.smoothed_mean, self.smoothed_cov)
+        columns = belief_columns(self.filter_model, self.smoothed_mean, self._variance)
         return frame(columns, self.time, "time [s]")
 
     def to_xarray(self) -> xarray.Dataset:
@@ -79,7 +80,7 @@ class SmootherRun(Tabulated):
         DataError
             If xarray is not installed.
         """
-        return dataset(belief_columns(self.filter_model, self.smoothed_mean, self.smoothed_cov), self.time)
+        return dataset(belief_columns(self.filter_model, self.smoothed_mean, self._variance), self.time)
 
     def plot(self, name: str | None = None, ax: Axes | None = None) -> Axes:
         """A state or followed parameter over time with two standard deviations, in its declared unit.
@@ -98,6 +99,11 @@ class SmootherRun(Tabulated):
         """
         known = self.state_names[-1] if name is None else name
         return belief_axes(self.filter_model, known, self.time, self.mean(known), self.std(known), ax)
+
+    @property
+    def _variance(self) -> FloatArray:
+        variances: FloatArray = np.einsum("iik->ik", self.smoothed_cov)
+        return variances
 
     def mean(self, name: str) -> FloatArray:
         """Smoothed mean of one state or appended parameter, shape (n,)."""

@@ -130,6 +130,7 @@ def measured_at(filter_model: FilterModel, time: float, u: FloatArray, theta: Fl
     return measure
 
 
+@np.errstate(all="ignore")  # what overflows is told by the outcome
 def reference_run(
     filter_model: FilterModel, samples: Samples, member: Member, highest: FloatArray | None = None
 ) -> FilterRun:
@@ -142,17 +143,13 @@ def reference_run(
     highest
         The run is given up before a sample where its negative log-likelihood so far is higher than this, shape (n,).
     """
-    with np.errstate(all="ignore"):  # what overflows is told by the outcome
-        return _run(filter_model, samples, member, np.full(samples.time.size, np.inf) if highest is None else highest)
-
-
-def _run(filter_model: FilterModel, samples: Samples, member: Member, highest: FloatArray) -> FilterRun:
+    limits = np.full(samples.time.size, np.inf) if highest is None else highest
     start = filter_model.start_mean(member.theta, member.x0)
     belief = Belief(start, member.initial_lower @ member.initial_lower.T, member.initial_lower)
     record = Recorder(filter_model, samples)
     gathered = 0.0
     for k in range(samples.time.size):
-        if gathered > highest[k]:
+        if gathered > limits[k]:
             return record.finish(Outcome.ABANDONED)
         if k > 0:
             if samples.noise_start[k - 1] > 0.0:

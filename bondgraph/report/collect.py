@@ -14,6 +14,7 @@ from bondgraph.data.log import MatchedLog
 from bondgraph.declare.effect import Effect, Place
 from bondgraph.declare.graph import BondGraph
 from bondgraph.estimate.initial import directly_measured
+from bondgraph.filter.abstract_run import AbstractRun
 from bondgraph.filter.filter_run import FilterRun
 from bondgraph.report.series import (
     ChannelSeries,
@@ -36,7 +37,7 @@ LIBRARIES = ("numpy", "scipy", "sympy", "numba")
 class Runs:
     """What one model makes of one log: the filter's record and the free simulation, at the samples of the log."""
 
-    filtered: FilterRun | None = None
+    filtered: AbstractRun | None = None
     simulated: Trajectory | None = None
 
     def prediction(self, row: int, output: OutputInfo) -> Prediction:
@@ -89,7 +90,7 @@ def channel_series(
     )  # fmt: skip
 
 
-def state_bands(run: FilterRun, smoothed: FilterRun | None = None) -> tuple[StateBand, ...]:
+def state_bands(run: AbstractRun, smoothed: AbstractRun | None = None) -> tuple[StateBand, ...]:
     """Filtered states with their standard deviations, and the measurement where an output measures that state alone.
 
     An output of the same name may measure more (a pitch that contains the inclination of the road): it is not shown as
@@ -117,7 +118,7 @@ def state_bands(run: FilterRun, smoothed: FilterRun | None = None) -> tuple[Stat
     return tuple(bands)
 
 
-def output_bands(run: FilterRun, smoothed: FilterRun, u: FloatArray) -> tuple[StateBand, ...]:
+def output_bands(run: AbstractRun, smoothed: FilterRun, u: FloatArray) -> tuple[StateBand, ...]:
     """What the beliefs say about measured outputs that are more than one state, with the measurements.
 
     Parameters
@@ -127,25 +128,51 @@ def output_bands(run: FilterRun, smoothed: FilterRun, u: FloatArray) -> tuple[St
     u
         Inputs at the samples, shape (n_u, n).
     """
-    model = run.filter_model.model
-    direct = directly_measured(model, model.u0(), model.theta())
-    rows = [row for row in range(len(model.outputs)) if row not in direct and np.isfinite(run.y[row]).any()]
-    if not rows:
-        return ()
-    size = len(model.states)
-    values, vectors = np.linalg.eigh(np.moveaxis(smoothed.filtered_cov[:size, :size], -1, 0))
-    spread = np.moveaxis(vectors * np.sqrt(size * np.maximum(values, 0.0))[:, np.newaxis, :], 0, -1)
-    mean = smoothed.filtered_mean[:size, np.newaxis]
-    points = np.concatenate([mean + spread, mean - spread], axis=1)  # (n_x, 2 n_x, n), with the belief's moments
-    y = model.output(0.0, points, u[:, np.newaxis], model.theta())
-    infos = [model.outputs[row] for row in rows]
-    return tuple(
-        StateBand(
-            f"{info.name} (measured)", info.display_unit, run.time,
-            *(info.shown(part) for part in (y[row].mean(axis=0), y[row].std(axis=0), run.y[row])),
-        )
-        for row, info in zip(rows, infos, strict=True)
-    )  # fmt: skip
+    beliefs = OutputBeliefs(run.filter_model.model, run.y, u)
+    beliefs.add(slice(0, run.time.size), smoothed.filtered_mean, smoothed.filtered_cov)
+    return beliefs.bands(run)
+
+
+class OutputBeliefs:
+    """Means and deviations of measured outputs that are more than one state, gathered part after part of a log.
+
+    Parameters
+    ----------
+    model
+        Whose outputs they are.
+    y, u
+        Measurements (n_y, n) and inputs (n_u, n).
+    """
+
+    def __init__(self, model: Model, y: FloatArray, u: FloatArray) -> None:
+        direct = directly_measured(model, model.u0(), model.theta())
+        self._model, self._u = model, u
+        self._rows = [row for row in range(len(model.outputs)) if row not in direct and np.isfinite(y[row]).any()]
+        self._mean, self._std = (np.full((len(self._rows), y.shape[1]), np.nan) for _ in range(2))
+
+    def add(self, own: slice, mean: FloatArray, cov: FloatArray) -> None:
+        """Take the beliefs of some samples: means (n_s, k) and covariances (n_s, n_s, k)."""
+        if not self._rows:
+            return
+        size = len(self._model.states)
+        values, vectors = np.linalg.eigh(np.moveaxis(cov[:size, :size], -1, 0))
+        spread = np.moveaxis(vectors * np.sqrt(size * np.maximum(values, 0.0))[:, np.newaxis, :], 0, -1)
+        middle = mean[:size, np.newaxis]
+        points = np.concatenate([middle + spread, middle - spread], axis=1)  # (n_x, 2 n_x, k), with their moments
+        y = self._model.output(0.0, points, self._u[:, np.newaxis, own], self._model.theta())
+        self._mean[:, own] = y[self._rows].mean(axis=1)
+        self._std[:, own] = y[self._rows].std(axis=1)
+
+    def bands(self, run: AbstractRun) -> tuple[StateBand, ...]:
+        """The bands, with what a run measured."""
+        infos = [self._model.outputs[row] for row in self._rows]
+        return tuple(
+            StateBand(
+                f"{info.name} (measured)", info.display_unit, run.time,
+                *(info.shown(part) for part in (mean, std, run.y[row])),
+            )
+            for row, info, mean, std in zip(self._rows, infos, self._mean, self._std, strict=True)
+        )  # fmt: skip
 
 
 def parameter_changes(

@@ -16,6 +16,8 @@ from bondgraph.data.write import write_log
 from bondgraph.errors import BondGraphError
 from bondgraph.estimate.initial import Initial, initial_states
 from bondgraph.estimate.setup import filter_setup
+from bondgraph.filter.filter_model import FilterModel
+from bondgraph.filter.linear.intervals import integrator, simulation_steps
 from bondgraph.report.closed_loop import write_json
 from bondgraph.report.diagram.text import plain
 from bondgraph.report.figures import BEFORE, MEASURED, PANEL_HEIGHT, WIDTH, figure_style, save_figure
@@ -28,6 +30,10 @@ from bondgraph.simulate.model import Model
 from bondgraph.simulate.simulation import simulate
 from bondgraph.simulate.trajectory import Trajectory
 from bondgraph.text import number, text_table
+
+#: A method that chooses its own steps starts anew at every sample, a millisecond each. Logs with more samples than an
+#: hour of a machine has, at 40 in a second, are simulated with the fixed steps of their filter, halved.
+_LONG = 150_000
 
 
 @dataclass(frozen=True)
@@ -50,13 +56,14 @@ class ChannelMisfit:
 
 @dataclass(frozen=True, repr=False)
 class ComparedLog:
-    """A log with the free simulation of it; ``failure`` says why there is none."""
+    """A log with the free simulation of it; ``failure`` says why there is none, ``steps`` how a long one was made."""
 
     log: str
     errors: tuple[ChannelMisfit, ...]
     series: tuple[ChannelSeries, ...]
     trajectory: Trajectory | None
     failure: str = ""
+    steps: str = ""
 
     def __repr__(self) -> str:
         return f"<ComparedLog {self.log}: {self.failure or ', '.join(error.channel for error in self.errors)}>"
@@ -102,18 +109,22 @@ def compare_logs(
     runs = []
     steps = filter_setup(model, driven or model.names("state"), logs).filter_model
     for log in logs:
-        runs.append(_compared(model, log, initial))
+        runs.append(_compared(model, log, initial, steps))
         found = [*sampling_suspicions(model, log, initial), *unit_suspicions(steps, log, initial)]
         suspicions += [f"{log.name}: {one}" for one in found]
     return Compared(model.name, tuple(runs), tuple(suspicions))
 
 
-def _compared(model: Model, log: MatchedLog, initial: Initial) -> ComparedLog:
+def _compared(model: Model, log: MatchedLog, initial: Initial, filter_model: FilterModel) -> ComparedLog:
     theta = model.theta(**dict(log.theta_overrides))
-    run, failure = None, ""
+    run, failure, steps = None, "", ""
     try:
         start = initial_states(model, [log], theta, initial)[0]
-        run = simulate(model, log.time, log.u, theta, start, compiled=True).raise_if_failed()
+        method: dict[str, Any] = {}
+        if len(log) > _LONG:
+            count = simulation_steps(filter_model, log.time)
+            method, steps = {"method": integrator(filter_model), "substeps": count}, _said(filter_model, count)
+        run = simulate(model, log.time, log.u, theta, start, compiled=True, **method).raise_if_failed()
     except BondGraphError as error:
         run, failure = None, error.message
     errors, series = [], []
@@ -125,7 +136,12 @@ def _compared(model: Model, log: MatchedLog, initial: Initial) -> ComparedLog:
         unit = info.display_unit or "1"
         errors.append(_misfit(info.name, unit, log.time, measured, simulated))
         series.append(ChannelSeries(log.name, info.name, unit, log.time, measured, Prediction(simulated=simulated)))
-    return ComparedLog(log.name, tuple(errors), tuple(series), run, failure)
+    return ComparedLog(log.name, tuple(errors), tuple(series), run, failure, steps)
+
+
+def _said(filter_model: FilterModel, count: int) -> str:
+    """How a long log is simulated."""
+    return f"simulated with {count} steps of {filter_model.method} between samples, twice as many as its filter takes"
 
 
 def _misfit(name: str, unit: str, time: FloatArray, measured: FloatArray, simulated: FloatArray) -> ChannelMisfit:
@@ -155,6 +171,7 @@ def write_comparison(compared: Compared, folder: Path) -> None:
         result["logs"][run.log] = {
             "channels": {error.channel: _plain(error) for error in run.errors},
             "failure": run.failure or None,
+            **({"steps": run.steps} if run.steps else {}),
         }
         if run.trajectory is not None:
             save_figure(comparison_figure(run), folder / f"{run.log}_compared.png")
@@ -195,6 +212,8 @@ def comparison_text(compared: Compared) -> str:
     for run in compared.runs:
         if run.failure:
             lines.append(f"{run.log}: the simulation fails: {run.failure}")
+        elif run.steps:
+            lines.append(f"{run.log}: {run.steps}")
     rows = [
         [
             f"{run.log}: {one.channel} [{one.unit}]", str(one.samples), shown(one.rms), shown(one.mean),

@@ -7,20 +7,21 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from bondgraph.data.log import Log, LogChannel, MatchedLog
+from bondgraph.data.log import FloatArray, Log, LogChannel, MatchedLog
 from bondgraph.data.write import write_log
 from bondgraph.estimate.initial import Initial, initial_states
 from bondgraph.estimate.setup import filter_setup
+from bondgraph.filter.abstract_run import AbstractRun
 from bondgraph.filter.consistency import Consistency, consistency, misfits
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.filter_run import FilterRun
 from bondgraph.filter.misfit import LEVEL, Misfit
 from bondgraph.filter.noise import Noise
 from bondgraph.filter.robust import Robust
-from bondgraph.filter.runs import run
+from bondgraph.filter.runs import run, run_bands
 from bondgraph.filter.smoother import smooth
 from bondgraph.report.closed_loop import write_json
-from bondgraph.report.collect import Runs, channel_series, output_bands, state_bands
+from bondgraph.report.collect import OutputBeliefs, Runs, channel_series, output_bands, state_bands
 from bondgraph.report.figures import save_figure
 from bondgraph.report.html import Provenance, ReportData, write_report
 from bondgraph.report.logs import grouped_notes
@@ -28,7 +29,7 @@ from bondgraph.report.misfits import band_text, misfit_sentences
 from bondgraph.report.noise import noise_sentence
 from bondgraph.report.numbers import shown
 from bondgraph.report.plots import state_figure
-from bondgraph.report.series import ChannelSeries, channel_errors
+from bondgraph.report.series import ChannelSeries, StateBand, channel_errors
 from bondgraph.report.suspicions import sampling_suspicions, unit_suspicions
 from bondgraph.simulate.model import Model
 from bondgraph.simulate.quantities import ParameterInfo, StateInfo
@@ -67,10 +68,9 @@ def filter_logs(
     suspected: list[str] = []
     for log in logs:
         start = initial_states(model, [log], model.theta(), initial)[0]
-        record = run(filter_model, log, x0=start).raise_if_failed()
-        shown_run = _smoothed(record) if smoothed else record
+        record, shown_run, outputs = _filtered(filter_model, log, start, smoothed)
         write_log(folder / f"{log.name}_states.csv", _states_log(shown_run))
-        bands = (*state_bands(record, shown_run), *output_bands(record, shown_run, log.u))
+        bands = (*state_bands(record, shown_run), *outputs)
         save_figure(state_figure(bands, log.name), folder / f"{log.name}_states.png")
         found = consistency(record)
         result[log.name] = {"nll": record.nll, "nis_mean": found.nis_mean, "nis_band": list(found.nis_band)}
@@ -114,13 +114,29 @@ def _filter_model(
     return replace(declared, robust=robust)
 
 
+def _filtered(
+    filter_model: FilterModel, log: MatchedLog, start: FloatArray, smoothed: bool
+) -> tuple[AbstractRun, AbstractRun, tuple[StateBand, ...]]:
+    """The filter over a log, what is shown of its states, and of outputs that are more than one of them.
+
+    Covariances of all states are kept for a smoother alone.
+    """
+    if smoothed:
+        record = run(filter_model, log, x0=start).raise_if_failed()
+        better = _smoothed(record)
+        return record, better, output_bands(record, better, log.u)
+    beliefs = OutputBeliefs(filter_model.model, log.y, log.u)
+    bands = run_bands(filter_model, log, x0=start, told=beliefs.add).raise_if_failed()
+    return bands, bands, beliefs.bands(bands)
+
+
 def _smoothed(record: FilterRun) -> FilterRun:
     """The record with smoothed beliefs in place of the filtered ones."""
     better = smooth(record)
     return replace(record, filtered_mean=better.smoothed_mean, filtered_cov=better.smoothed_cov)
 
 
-def _states_log(record: FilterRun) -> Log:
+def _states_log(record: AbstractRun) -> Log:
     model = record.filter_model.model
     quantities: list[StateInfo | ParameterInfo] = [*model.parameters, *model.states]
     infos = {info.name: info for info in quantities}

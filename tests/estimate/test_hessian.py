@@ -2,18 +2,28 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from bondgraph.data.log import MatchedLog
-from bondgraph.errors import EstimationError
-from bondgraph.estimate.analysis.hessian import hessian
+from bondgraph.errors import EstimationError, FilterError
+from bondgraph.estimate.analysis.hessian import exact_hessian, hessian
+from bondgraph.estimate.derivatives.exact import exact_derivatives
 from bondgraph.estimate.free import FreeParameter
-from bondgraph.estimate.problem import pose
+from bondgraph.estimate.priors import LogNormal, Normal
+from bondgraph.estimate.problem import EstimationProblem, pose
+from bondgraph.filter.curvature import MovingMember, curvature
+from bondgraph.filter.filter_model import FilterModel
+from bondgraph.filter.robust import Robust
+from bondgraph.filter.second_order import Jet
+from bondgraph.simulate.example import pendulum
+from bondgraph.simulate.model import Model
 from tests.estimate.lag_covariance import covariance, one_sensor, pushed, unit_course
-from tests.estimate.linear import simulated
+from tests.estimate.linear import lag, simulated
 
 
 def measured(samples: int) -> MatchedLog:
@@ -73,3 +83,106 @@ def test_a_parameter_of_which_the_data_say_nothing_is_refused() -> None:
     log = replace(pushed(), name="still")
     with pytest.raises(EstimationError, match="the data say nothing about colour"):
         hessian(pose(one_sensor(), log, ["gain", "colour"], initial="model"))
+
+
+def test_the_exact_hessian_by_a_gain_is_that_of_a_gaussian_vector() -> None:
+    log = pushed()
+    course = unit_course(log)
+    expected = course @ np.linalg.solve(covariance(log), course)
+    found = exact_hessian(pose(one_sensor(), log, [FreeParameter("gain", 0.2, 5.0, 1.7)], initial="model"))
+    assert found.matrix[0, 0] == pytest.approx(expected, rel=1e-8)  # the closed form of the course is as exact
+
+
+SWING = FilterModel(pendulum(), {"rate": 0.1}, {"deflection": 0.05}, {"angle": 0.1, "rate": 0.1}, substeps=2)
+SHARE = FreeParameter("damping", 0.05, 2.0, 0.4, scale="logit")
+
+
+def swings(samples: int = 50) -> MatchedLog:
+    """A swing of some amplitude, so that its laws bend, driven, with values missing and uneven times."""
+    chance = np.random.default_rng(5)
+    time = np.cumsum(chance.uniform(0.03, 0.07, samples))
+    y = 0.9 * np.cos(3.0 * time) + 0.05 * chance.standard_normal(samples)
+    y[10:13] = np.nan
+    return MatchedLog("swing", time, 0.3 * np.sin(time)[np.newaxis], y[np.newaxis])
+
+
+def vessel() -> EstimationProblem:
+    """A vessel that empties through two orifices in series, whose flow follows from an algebraic loop."""
+    model = Model.from_file(Path(__file__).parents[1] / "simulate" / "modules" / "orifices.txt")
+    assert model.program.solvers
+    time = 0.05 * np.arange(40)
+    y = np.array([0.6 * np.exp(-0.8 * time), np.full(40, np.nan)])
+    y[0] += 0.02 * np.random.default_rng(2).standard_normal(40)
+    slow = FilterModel(model, {"pressure": 0.05}, {"q_line": 0.02}, {"pressure": 0.3}, substeps=2)
+    return pose(slow, MatchedLog("vessel", time, np.zeros((1, 40)), y), ["a_turbulent", "c_exponent"])
+
+
+PROBLEMS: dict[str, Callable[[], EstimationProblem]] = {
+    "parameters": lambda: pose(SWING, swings(), ["length", "damping", FreeParameter("gravity", 5.0, 15.0, 9.81)]),
+    "levels and starts": lambda: pose(
+        SWING, swings(), ["length", "std(deflection)", "process(rate)", "x0_std(angle)",
+                          FreeParameter("x0(angle, swing)", -2.0, 2.0, 0.8)],
+    ),
+    "logit and a prior": lambda: pose(SWING, swings(), [SHARE, "length"], priors=[Normal("damping", 0.3, 0.1)]),
+    "noise between samples": lambda: pose(
+        replace(SWING, noise_steps=3, noise_grading=0.5), swings(), ["length", "process(rate)"]
+    ),
+    "correlated starts": lambda: pose(
+        replace(SWING, initial_correlation={("angle", "rate"): 0.6}), swings(), ["length", "x0_std(rate)"]
+    ),
+    "several logs, one of which knows a parameter": lambda: pose(
+        SWING, [swings(), replace(swings(30), name="other", theta_overrides={"length": 1.1})], ["length", "damping"]
+    ),
+    "an algebraic loop": vessel,
+    "two sensors of a linear machine": lambda: pose(lag(), simulated("run", 3, {}, 30), ["mass", "drag", "process(v)"]),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=pytest.mark.slow) if "loop" in name else name for name in PROBLEMS]
+)
+def test_the_exact_hessian_is_that_of_differences_within_their_error(name: str) -> None:
+    problem = PROBLEMS[name]()
+    point = problem.start + 0.01 * (problem.upper - problem.lower)
+    exact, differenced = exact_hessian(problem, point), hessian(problem, point)
+    scale = 1.0 / np.sqrt(np.diag(differenced.information))
+    gap = np.abs(exact.matrix - differenced.matrix) * np.outer(scale, scale)
+    assert np.all(gap <= 2.0 * differenced.error * np.outer(scale, scale) + 1e-7)
+    assert exact.relative_error < 1e-9
+    np.testing.assert_allclose(exact.information, differenced.information, rtol=1e-5, atol=1e-5 / scale.max() ** 2)
+
+
+def test_the_curvature_has_the_value_and_the_gradient_of_the_filter() -> None:
+    problem = PROBLEMS["parameters"]()
+    model, point = problem.filter_model.model, problem.start
+    numbers = (problem.initial_states[0], SWING.start_std, SWING.process_std, SWING.noise_std)
+    theta = Jet(model.theta(), problem.batch_slopes(point).theta, np.zeros((3, 3, 3)))
+    found = curvature(SWING, problem.logs[0], MovingMember(theta, *(Jet.still(one, 3) for one in numbers)))
+    (expansion,) = exact_derivatives(problem, point[:, np.newaxis], np.full((3, 1), 1e-4))
+    assert found.nll == pytest.approx(float(problem.nll(point[:, np.newaxis])[0]), rel=1e-12)
+    np.testing.assert_allclose(found.gradient, expansion.gradient, rtol=1e-9)
+
+
+def test_at_a_bound_there_are_exact_second_derivatives() -> None:
+    mass = FreeParameter("mass", 2.0, 8.0, 2.0)
+    assert np.isfinite(exact_hessian(pose(one_sensor(), measured(40), [mass, "drag"])).matrix).all()
+
+
+@pytest.mark.parametrize(("problem", "why"), [
+    (lambda: pose(replace(SWING, method="ros3p"), swings(), ["length"]), "integration by ros3p"),
+    (lambda: pose(replace(SWING, robust=Robust("huber")), swings(), ["length"]), "a robust loss"),
+    (lambda: pose(SWING, swings(), ["length"], ties={"damping": "0.1*length"}), "ties"),
+    (lambda: pose(SWING, swings(), ["length"], priors=[LogNormal("length", 1.0, 0.1)]), "not normal"),
+])  # fmt: skip
+def test_what_has_no_exact_second_derivatives_is_refused(problem: Callable[[], EstimationProblem], why: str) -> None:
+    with pytest.raises(EstimationError, match=why):
+        exact_hessian(problem())
+
+
+def test_a_filter_that_fails_has_no_exact_second_derivatives() -> None:
+    gone = swings()
+    gone.u[0, 30:] = 1e200
+    with pytest.raises(EstimationError, match="no second derivatives at this point, where the filter fails"):
+        exact_hessian(pose(SWING, gone, ["length"]))
+    with pytest.raises(FilterError, match="need method 'rk4'"):
+        curvature(replace(SWING, method="ros3p"), gone, None)  # type: ignore[arg-type]

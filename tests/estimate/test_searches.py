@@ -63,7 +63,7 @@ SEARCHES: dict[str, AbstractSearch] = {
 }
 #: Functions that an estimation goes through to the compiled filter, and a filter run to the equations. Agreed are nine
 #: and seven; more than these numbers, which were measured, may not come to lie between.
-ESTIMATE_HOPS, FILTER_HOPS = 12, 12
+ESTIMATE_HOPS, FILTER_HOPS = 10, 10
 
 START = np.array([[-1.2, 0.5], [1.0, -1.0]])
 

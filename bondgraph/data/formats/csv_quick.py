@@ -153,6 +153,7 @@ def _read(arrow: Any, arrow_csv: Any, path: Path, layout: _Layout, is_code: bool
     for header in layout.headers:  # only one column at a time is held twice
         columns.append((header, _column(arrow, found.column(0))))
         found = found.remove_column(0)
+    arrow.default_memory_pool().release_unused()  # which else keeps as much as the columns take
     return Table(tuple(columns), layout.first_row)
 
 

@@ -1,25 +1,36 @@
 """Second derivatives of a likelihood, from its exact gradient, with an error that is measured.
 
-The filter has no second tangents: those of a stiff step would take the third derivatives of every law. Instead the
-exact gradient is differenced, at two step lengths along every coordinate. Their combination is of fourth order
+The compiled filter has no second tangents: those of a stiff step would take the third derivatives of every law. Instead
+the exact gradient is differenced, at two step lengths along every coordinate. Their combination is of fourth order
 (Richardson 1911; Abramowitz and Stegun 1964, 25.3.21 once integrated), and two things tell how good it is: what the
 shorter step alone would have given, and how far the matrix is from symmetric, which no formula here enforces.
+
+Of a filter with Runge-Kutta steps :func:`exact_hessian` has second derivatives without differences, in numpy.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import cast
 
 import numpy as np
 
 from bondgraph.errors import EstimationError
 from bondgraph.estimate.derivatives.exact import exact_derivatives
+from bondgraph.estimate.likelihoods import FilterLikelihood
 from bondgraph.estimate.objective import Expand, FloatArray, fitted_expansion
+from bondgraph.estimate.priors import Normal
 from bondgraph.estimate.problem import EstimationProblem
+from bondgraph.filter.choice import choose_method
+from bondgraph.filter.curvature import MovingMember, curvature
+from bondgraph.filter.filter_model import FilterModel
+from bondgraph.filter.second_order import Jet
 
 #: Shorter of both steps, in standard deviations of a coordinate given the others. A gradient is right to about 1e-9 of
 #: a nat per standard deviation, so rounding leaves 1e-8, and the fourth order as much of a likelihood of 100 samples.
 _STEP = 0.05
+#: Relative difference up to which two values of a likelihood are the same.
+_SAME = 1e-7
 
 
 @dataclass(frozen=True)
@@ -52,6 +63,112 @@ class Hessian:
         """Largest error with every coordinate in units of its standard deviation given the others."""
         scale = 1.0 / np.sqrt(np.diag(self.information))
         return float(np.nanmax(self.error * np.outer(scale, scale)))
+
+
+def exact_hessian(problem: EstimationProblem, point: FloatArray | None = None) -> Hessian:
+    """Second derivatives of the negative log-likelihood of a problem, forward over the tangents of its filter.
+
+    They cost some milliseconds for each sample, see :mod:`bondgraph.filter.curvature`. ``error`` is half of the
+    asymmetry, which is rounding.
+
+    Parameters
+    ----------
+    problem
+        Free parameters and logs. The filter takes Runge-Kutta steps, without robust losses and appended parameters;
+        nothing is tied, correlations are not free, and priors are normal ones of single parameters.
+    point
+        Coordinates, shape (n,); None: where searches start. It may rest on bounds.
+
+    Raises
+    ------
+    EstimationError
+        If the problem is another one, or the filter fails there.
+
+    Examples
+    --------
+    >>> import bondgraph as bg
+    >>> from bondgraph.simulate.example import pendulum
+    >>> swing = bg.FilterModel(pendulum(), {"rate": 0.05}, {"deflection": 0.05}, {"angle": 0.1, "rate": 0.1}, 2)
+    >>> time = np.arange(60) * 0.05
+    >>> log = bg.MatchedLog("swing", time, np.zeros((1, 60)), 0.45 * np.cos(3.1 * time)[np.newaxis])
+    >>> problem = bg.pose(swing, log, ["length", "damping"])
+    >>> exact, differenced = exact_hessian(problem), hessian(problem)
+    >>> exact.relative_error < 1e-10, bool((np.abs(exact.matrix - differenced.matrix) <= 2 * differenced.error).all())
+    (True, True)
+    """
+    where = problem.start if point is None else np.asarray(point, dtype=np.float64)
+    filter_model = choose_method(problem.filter_model, problem.logs)
+    _require_exact(problem, filter_model)
+    (known,) = exact_derivatives(problem, where[:, np.newaxis], np.full((where.size, 1), _STEP))
+    parts = [curvature(filter_model, *each) for each in zip(problem.logs, _moving(problem, where), strict=True)]
+    value = float(problem.nll(where[:, np.newaxis])[0])
+    own = sum(part.nll for part in parts) + float(problem.prior_values(where[:, np.newaxis])[0])
+    if not (known.is_finite and abs(own - value) <= _SAME * (1.0 + abs(value))):
+        raise EstimationError(
+            f"{problem.name}: no second derivatives at this point, where the filter fails or multiplies rounding - "
+            "start nearer to plausible values, or use more substeps",
+            where=(problem.name,),
+        )
+    total: FloatArray = np.sum([part.hessian for part in parts], axis=0)
+    total = total + _prior_curvature(problem, where)
+    asymmetry = 0.5 * np.abs(total - total.T)
+    return Hessian(problem.names, 0.5 * (total + total.T), asymmetry, known.information, known.evaluations + 1)
+
+
+def _require_exact(problem: EstimationProblem, filter_model: FilterModel) -> None:
+    """Refuse what has no exact second derivatives."""
+    free = {parameter.target.kind for parameter in problem.free}
+    wrong = next(
+        (
+            what
+            for what, holds in (
+                (f"integration by {filter_model.method}", filter_model.method != "rk4"),
+                ("a robust loss", filter_model.robust is not None),
+                ("appended parameters", bool(filter_model.appended)),
+                ("another likelihood than the filter's", not isinstance(problem.likelihood, FilterLikelihood)),
+                ("ties", bool(problem.ties)),
+                ("free correlations", not free <= {"parameter", "std", "process", "x0", "x0_std"}),
+                ("priors that are not normal", not all(isinstance(one, Normal) for one in problem.all_priors)),
+            )
+            if holds
+        ),
+        None,
+    )
+    if wrong is not None:
+        raise EstimationError(
+            f"{problem.name}: there are no exact second derivatives with {wrong} - take hessian, which differences "
+            "exact gradients",
+            where=(problem.name, wrong),
+        )
+
+
+def _moving(problem: EstimationProblem, point: FloatArray) -> list[MovingMember]:
+    """The numbers of each log with their derivatives by the coordinates at a point (n,)."""
+    here, moved = problem.batch(point[:, np.newaxis]), problem.batch_slopes(point)
+    values = list(map(float, problem.values(point)))
+    # every number moves with one coordinate at most, so that it bends with that coordinate as the value does
+    bends = np.array([one.bend(v) / one.slope(v) for one, v in zip(problem.free, values, strict=True)])
+
+    def jet(value: FloatArray, slopes: FloatArray) -> Jet:
+        return Jet(value[:, 0], slopes, (slopes * bends)[..., np.newaxis] * np.eye(point.size))
+
+    shared = [
+        jet(getattr(here, name), getattr(moved, name)) for name in ("initial_std", "process_std", "noise_std")
+    ]  # fmt: skip
+    theta = jet(here.theta, moved.theta)
+    return [MovingMember(theta, jet(x0, d_x0), *shared) for x0, d_x0 in zip(here.x0, moved.x0, strict=True)]
+
+
+def _prior_curvature(problem: EstimationProblem, point: FloatArray) -> FloatArray:
+    """Second derivatives (n, n) of half the squares of the terms of normal priors."""
+    slopes = problem.prior_slopes(point)
+    found: FloatArray = np.einsum("ta,tb->ab", slopes, slopes)
+    terms = problem.prior_terms(point[:, np.newaxis])[:, 0]
+    for term, prior in zip(terms, problem.all_priors, strict=True):
+        k = problem.names.index(prior.names[0])
+        value = float(problem.values(point)[k])
+        found[k, k] += float(term) * problem.free[k].bend(value) / cast(Normal, prior).std
+    return found
 
 
 def hessian(

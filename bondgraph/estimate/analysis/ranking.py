@@ -24,6 +24,7 @@ from bondgraph.estimate.problem import EstimationProblem
 from bondgraph.estimate.sensitivities import Sensitivity, sensitivity_from
 from bondgraph.frames import frame
 from bondgraph.shown import Tabulated, own_axes
+from bondgraph.simulate.stored import Kept
 from bondgraph.text import Table, number, text_table
 
 if TYPE_CHECKING:
@@ -80,7 +81,7 @@ class RankedParameter:
 
 
 @dataclass(frozen=True, repr=False)
-class Ranking(Tabulated):
+class Ranking(Tabulated, Kept):
     """Advice for every free parameter, most informative first, with the sensitivities behind it.
 
     ``combinations`` are groups of which the logs tell only products or sums.

@@ -27,6 +27,7 @@ from bondgraph.estimate.sensitivities import sensitivity
 from bondgraph.filter.choice import choose_method
 from bondgraph.frames import frame
 from bondgraph.shown import Tabulated, own_axes
+from bondgraph.simulate.stored import Kept
 from bondgraph.text import Table, number, text_table
 
 if TYPE_CHECKING:
@@ -53,7 +54,7 @@ class RateRow:
 
 
 @dataclass(frozen=True, repr=False)
-class RateTable(Tabulated):
+class RateTable(Tabulated, Kept):
     """Standard deviations with all parameters free, at several rates, the highest first.
 
     Parameters

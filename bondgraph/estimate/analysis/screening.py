@@ -29,6 +29,7 @@ from bondgraph.execute.shared import Shared
 from bondgraph.execute.tasks import in_order
 from bondgraph.frames import frame
 from bondgraph.shown import Tabulated, own_axes
+from bondgraph.simulate.stored import Kept
 from bondgraph.text import Table, count, number, text_table
 
 if TYPE_CHECKING:
@@ -55,7 +56,7 @@ _RUNAWAY = 1e100
 
 
 @dataclass(frozen=True, repr=False)
-class GlobalSensitivity(Tabulated):
+class GlobalSensitivity(Tabulated, Kept):
     """Indices of a response over a box.
 
     Parameters

@@ -47,9 +47,14 @@ def derivatives(objective: Objective, points: FloatArray, steps: FloatArray) -> 
 
     The choice depends on nothing but the problem, so a search can be repeated.
     """
-    if isinstance(objective, Problem) and filtering_work(objective) * len(objective.names) >= _REPAYS:
+    if isinstance(objective, Problem) and repays_exact(objective):
         return exact_derivatives(objective, points, steps)
     return central_differences(objective, points, steps)
+
+
+def repays_exact(problem: Problem) -> bool:
+    """Whether a search is so long that compiled derivatives repay their compilation."""
+    return filtering_work(problem) * len(problem.names) >= _REPAYS
 
 
 def filtering_work(problem: Problem) -> int:

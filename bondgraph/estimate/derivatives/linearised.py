@@ -16,6 +16,7 @@ import numpy as np
 from bondgraph.compile.machine_code import has_numba
 from bondgraph.data.log import FloatArray
 from bondgraph.estimate.free import FreeParameter
+from bondgraph.estimate.likelihoods import FilterLikelihood
 from bondgraph.estimate.objective import Expansion, expansion_of
 from bondgraph.estimate.problem import EstimationProblem
 from bondgraph.execute.threads import available_cores, in_threads
@@ -38,9 +39,14 @@ _SHIFT = 1e-5
 
 
 def is_linearised(problem: EstimationProblem) -> bool:
-    """Whether a problem is expanded in this way: stiff, and nothing free but parameters and noise levels."""
-    kinds = {parameter.target.kind for parameter in problem.free}
-    return problem.filter_model.is_stiff and has_numba() and kinds <= {"parameter", "std", "process"}
+    """Whether a problem is expanded in this way: stiff, and nothing free but parameters and noise levels.
+
+    What follows from free parameters by ties, robust losses and likelihoods other than the filter's are not.
+    """
+    own, kinds = problem.filter_model, {parameter.target.kind for parameter in problem.free}
+    plain = isinstance(problem.likelihood, FilterLikelihood) and problem.likelihood.compiled
+    told = not problem.ties and not own.robust and not own.appended and kinds <= {"parameter", "std", "process"}
+    return own.is_stiff and has_numba() and plain and told
 
 
 def filter_runs(problem: EstimationProblem, point: FloatArray) -> list[FilterRun]:
@@ -88,7 +94,7 @@ def expansion_along(
         columns_z, columns_s = _columns(problem, point, linear, filtered)
         innovations.append(np.concatenate([filtered.whitened.reshape(-1, 1), columns_z], axis=1))
         scales.append(np.concatenate([filtered.log_scales.reshape(-1, 1), columns_s], axis=1))
-    priors = _priors(problem, point)
+    priors = np.hstack([problem.prior_terms(point[:, np.newaxis]), problem.prior_slopes(point)])
     return expansion_of(
         np.concatenate([*innovations, priors]), np.concatenate([*scales, np.zeros(priors.shape)]), len(runs)
     )
@@ -108,7 +114,7 @@ def kicks_along(problem: EstimationProblem, point: FloatArray, runs: Sequence[Fi
 
 def value_of(problem: EstimationProblem, point: FloatArray, runs: Sequence[FilterRun]) -> float:
     """The negative log-likelihood with the priors; infinite where the filter failed."""
-    total = sum(one.nll for one in runs) + 0.5 * float(np.sum(_priors(problem, point)[:, 0] ** 2))
+    total = sum(one.nll for one in runs) + float(problem.prior_values(point[:, np.newaxis])[0])
     return total if np.isfinite(total) else float("inf")
 
 
@@ -158,18 +164,6 @@ def _levels(free: Sequence[FreeParameter], values: FloatArray, filtered: FilterR
         else:
             measurement[row, model.index("output", parameter.target.name)] = rate
     return LevelChanges(process, measurement)
-
-
-def _priors(problem: EstimationProblem, point: FloatArray) -> FloatArray:
-    """Terms of the priors and their derivatives, (priors, 1 + n)."""
-    rows = []
-    for k, (parameter, value) in enumerate(zip(problem.free, problem.values(point), strict=True)):
-        if parameter.prior_mean is not None and parameter.prior_std is not None:
-            row = np.zeros(1 + point.size)
-            row[0] = (float(value) - parameter.prior_mean) / parameter.prior_std
-            row[1 + k] = parameter.slope(float(value)) / parameter.prior_std
-            rows.append(row)
-    return np.array(rows).reshape(len(rows), 1 + point.size)
 
 
 def divergence(problem: EstimationProblem, point: FloatArray) -> str:

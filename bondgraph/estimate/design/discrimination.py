@@ -34,6 +34,7 @@ from bondgraph.estimate.solvers.gauss_newton import GaussNewtonSettings, gauss_n
 from bondgraph.estimate.symmetric import scaled_eigen
 from bondgraph.frames import frame
 from bondgraph.shown import Tabulated, own_axes
+from bondgraph.simulate.stored import Kept
 from bondgraph.text import Table, number, text_table
 
 if TYPE_CHECKING:
@@ -102,7 +103,7 @@ class Discrimination:
 
 
 @dataclass(frozen=True, repr=False)
-class DiscriminationTable(Tabulated):
+class DiscriminationTable(Tabulated, Kept):
     """Manoeuvres by how soon they tell rivals apart, the best first, and the margin in nats."""
 
     rivals: tuple[str, ...]

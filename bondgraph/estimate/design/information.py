@@ -25,6 +25,7 @@ from bondgraph.estimate.objective import Expand, FloatArray, fitted_expansion
 from bondgraph.estimate.problem import EstimationProblem
 from bondgraph.frames import frame
 from bondgraph.shown import Tabulated, own_axes
+from bondgraph.simulate.stored import Kept
 from bondgraph.text import Table, number, text_table
 
 if TYPE_CHECKING:
@@ -75,7 +76,7 @@ class PlannedInformation:
 
 
 @dataclass(frozen=True, repr=False)
-class DesignTable(Tabulated):
+class DesignTable(Tabulated, Kept):
     """Manoeuvres by what they would tell, the most nats first; ``names`` are the free parameters."""
 
     names: tuple[str, ...]

@@ -12,6 +12,7 @@ from typing import ClassVar
 
 import numpy as np
 
+from bondgraph.errors import FilterError
 from bondgraph.estimate.derivatives.formed import Formed, Scheme
 from bondgraph.estimate.derivatives.linearised import filter_runs, kicks_along, linear_expansion, value_of
 from bondgraph.estimate.objective import Expansion, FloatArray, Objective, SearchOutcome, TraceRow
@@ -113,9 +114,7 @@ class LinearisedScoring(AbstractSearch[LinearisedState]):
         value = value_of(problem, point, runs)
         outcome = None if np.isfinite(value) else SearchOutcome.NO_FINITE_POINT
         state = LinearisedState(0, point, value, point, _DAMPING, 0, 0, (outcome,), 1, ())
-        if outcome is None:
-            self._look(problem, state, runs)
-        return _traced(state)
+        return _traced(state if outcome else self._looked(problem, state, runs))
 
     def step(self, objective: Objective, state: LinearisedState) -> LinearisedState:
         """One trial, damped more if it gains nothing."""
@@ -160,8 +159,21 @@ class LinearisedScoring(AbstractSearch[LinearisedState]):
             state, point=point, value=value, kicked=point if again else state.kicked, damping=damping, idle=idle,
             vain=0, outcomes=(SearchOutcome.GIVEN_UP if behind else None,),
         )  # fmt: skip
-        self._look(problem, after, runs, None if again else self._seen(problem, state).kicks)
-        return _traced(after)
+        return _traced(self._looked(problem, after, runs, None if again else self._seen(problem, state).kicks))
+
+    def _looked(
+        self,
+        problem: EstimationProblem,
+        state: LinearisedState,
+        runs: list[FilterRun],
+        kicks: list[Kicks] | None = None,
+    ) -> LinearisedState:
+        """A state that was looked at; it ends a search where there is nothing to linearise."""
+        try:
+            self._look(problem, state, runs, kicks)
+        except FilterError:
+            return replace(state, outcomes=(SearchOutcome.NO_DERIVATIVES,))
+        return state
 
     def expansion(self, problem: EstimationProblem, state: LinearisedState) -> Expansion:
         """The expansion at the point of a state."""

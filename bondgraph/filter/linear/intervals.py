@@ -30,7 +30,7 @@ from bondgraph.filter.compiled import log_rows
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.filter_run import FilterRun
 from bondgraph.filter.linear import interval_kernel
-from bondgraph.filter.samples import Samples
+from bondgraph.filter.samples import Samples, interval_substeps
 from bondgraph.simulate.stiff import Rosenbrock
 
 #: Points of the quadrature as shares of an interval, of equal weight: what is fast has relaxed from the sample before,
@@ -81,7 +81,7 @@ def kicks(
     lanes = load_lanes(filter_model.model, filter_model.is_stiff)
     rows = log_rows(samples)
     every = interval_kernel.Intervals(
-        rows.time[:-1], np.diff(rows.time), rows.u_left, rows.u_right, _steps(samples), _GRADING,
+        rows.time[:-1], np.diff(rows.time), rows.u_left, rows.u_right, _steps(filter_model, samples), _GRADING,
         TABLEAUS[_METHOD].numbers,
     )  # fmt: skip
     reached, moved = np.empty((count, len(nodes), size)), np.empty((count, len(nodes), size, size))
@@ -121,8 +121,10 @@ def _scratch(lanes: LaneModel, inputs: int) -> interval_kernel.Scratch:
     )
 
 
-def _steps(samples: Samples) -> IntArray:
-    """Integration steps of each interval; longer ones take more."""
+def _steps(filter_model: FilterModel, samples: Samples) -> IntArray:
+    """Integration steps of each interval; longer ones take more, whatever steps were planned for the filter's own."""
+    if filter_model.plan is not None:
+        return interval_substeps(samples.time, _STEPS)
     found: IntArray = _STEPS * samples.substeps // max(int(np.min(samples.substeps)), 1)
     return found
 
