@@ -160,10 +160,9 @@ def tried(row: Row, wheel: Path, source: Path, folder: Path, options: argparse.N
     environment = folder / "environment"
     began = time.monotonic()
     try:
-        subprocess.run([row.path, "-m", "venv", environment], check=True, capture_output=True, text=True)
+        _call(row.path, "-m", "venv", environment)
         python = environment / ("Scripts/python.exe" if os.name == "nt" else "bin/python")
-        install = [python, "-m", "pip", "install", "--quiet", f"bondloop[test] @ {wheel.as_uri()}"]
-        subprocess.run(install, check=True, capture_output=True, text=True)
+        _call(python, "-m", "pip", "install", "--quiet", f"bondloop[test] @ {wheel.as_uri()}")
     except subprocess.CalledProcessError as error:
         said = (error.stderr.strip() or error.stdout.strip() or str(error)).splitlines()[-1]
         return replace(row, problem=f"not installed: {said}")
@@ -171,6 +170,15 @@ def tried(row: Row, wheel: Path, source: Path, folder: Path, options: argparse.N
     for name, tests in runs(unpacked(source, folder), options.quick):
         row = _tested(row, python, folder / name, tests, folder / f"{name}.xml", options)
     return replace(row, testing=time.monotonic() - began)
+
+
+def _clean() -> dict[str, str]:
+    """The environment without places at which another Python would look for modules, and pip for what is installed."""
+    return {key: value for key, value in os.environ.items() if key not in ("PYTHONPATH", "PYTHONHOME")}
+
+
+def _call(*command: str | Path) -> None:
+    subprocess.run(command, check=True, capture_output=True, text=True, env=_clean())
 
 
 def unpacked(source: Path, folder: Path) -> Path:
@@ -204,10 +212,9 @@ def _tested(row: Row, python: Path, folder: Path, tests: list[str], result: Path
         python.parent / "pytest", "-c", "pyproject.toml", "-q", "-n", options.workers, "-p", "no:cacheprovider",
         "--ignore-glob=*/documentation/scripts/*", f"--junitxml={result}", *options.pytest, *tests,
     ]  # fmt: skip
-    environment = {key: value for key, value in os.environ.items() if key not in ("PYTHONPATH", "PYTHONHOME")}
     log = result.with_suffix(".txt")
     with log.open("w", encoding="utf-8") as said:
-        run = subprocess.run(command, cwd=folder, env=environment, stdout=said, stderr=subprocess.STDOUT, check=False)
+        run = subprocess.run(command, cwd=folder, env=_clean(), stdout=said, stderr=subprocess.STDOUT, check=False)
     if not result.is_file() or run.returncode not in (0, 1):
         last = log.read_text(encoding="utf-8").strip().splitlines()[-1:]
         return replace(row, problem=f"tests ended with status {run.returncode}: {''.join(last)}")
