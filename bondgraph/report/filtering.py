@@ -20,7 +20,7 @@ from bondgraph.filter.robust import Robust
 from bondgraph.filter.runs import run
 from bondgraph.filter.smoother import smooth
 from bondgraph.report.closed_loop import write_json
-from bondgraph.report.collect import Runs, channel_series, output_bands, state_bands
+from bondgraph.report.collect import Runs, channel_series, innovation_bands, output_bands, state_bands
 from bondgraph.report.figures import save_figure
 from bondgraph.report.html import Provenance, ReportData, write_report
 from bondgraph.report.logs import grouped_notes
@@ -28,7 +28,7 @@ from bondgraph.report.misfits import band_text, misfit_sentences
 from bondgraph.report.noise import noise_sentence
 from bondgraph.report.numbers import shown
 from bondgraph.report.plots import state_figure
-from bondgraph.report.series import ChannelSeries, channel_errors
+from bondgraph.report.series import ChannelSeries, FilteredLog, channel_errors
 from bondgraph.report.suspicions import sampling_suspicions, unit_suspicions
 from bondgraph.simulate.model import Model
 from bondgraph.simulate.quantities import ParameterInfo, StateInfo
@@ -63,6 +63,7 @@ def filter_logs(
     folder.mkdir(parents=True, exist_ok=True)
     lines, result = [], {}
     series: list[ChannelSeries] = []
+    filtered: list[FilteredLog] = []
     found_misfits: list[Misfit] = []
     suspected: list[str] = []
     for log in logs:
@@ -72,6 +73,7 @@ def filter_logs(
         write_log(folder / f"{log.name}_states.csv", _states_log(shown_run))
         bands = (*state_bands(record, shown_run), *output_bands(record, shown_run, log.u))
         save_figure(state_figure(bands, log.name), folder / f"{log.name}_states.png")
+        filtered.append(FilteredLog(log.name, bands, innovation_bands(record)))
         found = consistency(record)
         result[log.name] = {"nll": record.nll, "nis_mean": found.nis_mean, "nis_band": list(found.nis_band)}
         misfit = misfits([record], level=LEVEL / len(logs), guessed=noise is None)
@@ -98,9 +100,11 @@ def filter_logs(
         explanation=" ".join(sentences) or "No channel contradicts the model.",
         errors=channel_errors(series),
         series=tuple(series),
+        filtered=tuple(filtered),
         suspected=tuple(suspected),
         notes=(*lines, *grouped_notes(logs)),
         made=made,
+        subtitle=f"The model at its declared parameters, {'smoothing' if smoothed else 'filtering'} its measurements.",
     )
     write_report(data, folder / "report.html")
     return Filtered("\n".join([*lines, *sentences, *suspected, f"written: {folder}"]), tuple(found_misfits))

@@ -1,0 +1,58 @@
+"""Figures in HTML: pictures that a page holds itself, wide for a screen and narrow for a phone."""
+
+from __future__ import annotations
+
+import base64
+import io
+from html import escape
+
+from matplotlib.figure import Figure
+
+from bondgraph.report.figures import NARROW, figure_style
+
+
+def figure_svg(figure: Figure) -> str:
+    """The figure as SVG text, the same for the same figure."""
+    buffer = io.StringIO()
+    with figure_style():
+        figure.savefig(buffer, format="svg", dpi=180, metadata={"Date": None, "Creator": None})
+    return buffer.getvalue()
+
+
+def embed(figure: Figure, alternative: str, narrow: Figure | None = None) -> str:
+    """An HTML element that holds the figure itself; ``alternative`` describes it for who cannot see it.
+
+    Parameters
+    ----------
+    figure
+        The figure.
+    alternative
+        What it shows, in words.
+    narrow
+        The same for a window of 640 pixels or less; None takes the figure drawn again at that width, so that its
+        letters keep their size.
+
+    The SVG goes in as a data URI, so that names inside one figure never meet those of another.
+    """
+    width, height = figure.get_size_inches()
+    image = image_of(figure, alternative)
+    if narrow is None and width <= NARROW:
+        return image
+    if narrow is None:
+        figure.set_size_inches(NARROW, height)
+        small = _uri(figure)
+        figure.set_size_inches(width, height)
+    else:
+        small = _uri(narrow)
+    source = f'<source media="(max-width: 640px)" srcset="{small}" width="{round(NARROW * 96)}">'
+    return f"<picture>{source}{image}</picture>"
+
+
+def image_of(figure: Figure, alternative: str) -> str:
+    """An HTML image at the figure's own size, where a phone scrolls it."""
+    width = round(figure.get_size_inches()[0] * 96)
+    return f'<img src="{_uri(figure)}" width="{width}" alt="{escape(alternative, quote=True)}">'
+
+
+def _uri(figure: Figure) -> str:
+    return f"data:image/svg+xml;base64,{base64.b64encode(figure_svg(figure).encode()).decode()}"
