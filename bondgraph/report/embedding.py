@@ -4,11 +4,16 @@ from __future__ import annotations
 
 import base64
 import io
+import textwrap
 from html import escape
 
 from matplotlib.figure import Figure
+from matplotlib.text import Text
 
 from bondgraph.report.figures import NARROW, figure_style
+
+#: Letters of a title or a label that fit into the width of a phone beside the numbers of an axis.
+_LETTERS = 42
 
 
 def figure_svg(figure: Figure) -> str:
@@ -34,16 +39,11 @@ def embed(figure: Figure, alternative: str, narrow: Figure | None = None) -> str
 
     The SVG goes in as a data URI, so that names inside one figure never meet those of another.
     """
-    width, height = figure.get_size_inches()
+    width = figure.get_size_inches()[0]
     image = image_of(figure, alternative)
     if narrow is None and width <= NARROW:
         return image
-    if narrow is None:
-        figure.set_size_inches(NARROW, height)
-        small = _uri(figure)
-        figure.set_size_inches(width, height)
-    else:
-        small = _uri(narrow)
+    small = _narrow(figure) if narrow is None else _uri(narrow)
     source = f'<source media="(max-width: 640px)" srcset="{small}" width="{round(NARROW * 96)}">'
     return f"<picture>{source}{image}</picture>"
 
@@ -52,6 +52,22 @@ def image_of(figure: Figure, alternative: str) -> str:
     """An HTML image at the figure's own size, where a phone scrolls it."""
     width = round(figure.get_size_inches()[0] * 96)
     return f'<img src="{_uri(figure)}" width="{width}" alt="{escape(alternative, quote=True)}">'
+
+
+def _narrow(figure: Figure) -> str:
+    """The figure at the width of a phone, long lines of text broken; the figure stays as it was."""
+    size = figure.get_size_inches().copy()
+    found = figure.findobj(Text)
+    lines = [one for one in found if isinstance(one, Text) and len(one.get_text()) > _LETTERS]
+    texts = [line.get_text() for line in lines]
+    figure.set_size_inches(NARROW, size[1])
+    for line, text in zip(lines, texts, strict=True):
+        line.set_text("\n".join(textwrap.wrap(text, _LETTERS, break_long_words=False)))
+    uri = _uri(figure)
+    for line, text in zip(lines, texts, strict=True):
+        line.set_text(text)
+    figure.set_size_inches(size)
+    return uri
 
 
 def _uri(figure: Figure) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+from dataclasses import replace
 from xml.etree import ElementTree
 
 import numpy as np
@@ -143,6 +144,14 @@ def test_on_a_phone_panels_stand_below_each_other_and_letters_keep_their_size() 
               for part in embed(figure, "residuals").split("base64,")[1:]]  # fmt: skip
     assert widths == [f"{NARROW * 72:g}pt", f"{before[0] * 72:g}pt"]
     assert figure.get_size_inches().tolist() == before
+
+
+def test_long_lines_are_broken_on_a_phone_alone() -> None:
+    figure = missing_effort_figure(replace(missing_drag(), x_label="speed " * 12))
+    uris = embed(figure, "missing").split("base64,")[1:]
+    narrow, wide = (base64.b64decode(uri.split('"')[0]).decode() for uri in uris)
+    assert narrow.count("<!-- speed") == 2 and wide.count("<!-- speed") == 1
+    assert figure.axes[0].get_xlabel() == "speed " * 12
 
 
 def test_innovations_are_dots_in_their_band_and_counted() -> None:
