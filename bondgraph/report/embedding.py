@@ -56,17 +56,17 @@ def image_of(figure: Figure, alternative: str) -> str:
 
 def _narrow(figure: Figure) -> str:
     """The figure at the width of a phone, long lines of text broken; the figure stays as it was."""
-    size = figure.get_size_inches().copy()
+    width, height = figure.get_size_inches()
     found = figure.findobj(Text)
     lines = [one for one in found if isinstance(one, Text) and len(one.get_text()) > _LETTERS]
     texts = [line.get_text() for line in lines]
-    figure.set_size_inches(NARROW, size[1])
+    figure.set_size_inches(NARROW, height)
     for line, text in zip(lines, texts, strict=True):
         line.set_text("\n".join(textwrap.wrap(text, _LETTERS, break_long_words=False)))
     uri = _uri(figure)
     for line, text in zip(lines, texts, strict=True):
         line.set_text(text)
-    figure.set_size_inches(size)
+    figure.set_size_inches(width, height)
     return uri
 
 

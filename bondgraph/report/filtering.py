@@ -82,15 +82,7 @@ def filter_logs(
         suspected += [f"{log.name}: {one}" for one in sampling_suspicions(model, log, initial)]
         suspected += [f"{log.name}: {one}" for one in unit_suspicions(filter_model, log, initial)]
         series += channel_series(model, log, Runs(record), noise_std=filter_model.measurement_noise)
-        lines.append(
-            f"{log.name}: NLL {shown(record.nll, 6)}, NIS "
-            + band_text(found.nis_mean, found.nis_band, [*map(shown, (found.nis_mean, *found.nis_band))])
-        )
-        lines += [
-            f"  {c.name}: innovation rms {shown(c.rmse)} {c.unit}, NIS {shown(c.nis_mean)}, "
-            f"whiteness p {shown(c.whiteness_p)}"
-            for c in found.channels
-        ]
+        lines += _lines(record, found)
     lines.append(noise_sentence(filter_model))
     write_json(folder / "result.json", result)
     sentences = misfit_sentences(found_misfits, folder / "report.html")
@@ -134,6 +126,18 @@ def _states_log(record: FilterRun) -> Log:
         for label, values in ((name, record.mean(name)), (f"{name}_std", record.std(name))):
             channels[label] = LogChannel(label, info.display_unit or "1", info.shown(values))
     return Log(record.log_name, record.time, channels)
+
+
+def _lines(record: FilterRun, found: Consistency) -> list[str]:
+    """What the likelihood and the innovations of a log say, for the terminal."""
+    band = [*map(shown, (found.nis_mean, *found.nis_band))]
+    whole = f"{record.log_name}: NLL {shown(record.nll, 6)}, NIS {band_text(found.nis_mean, found.nis_band, band)}"
+    channels = (
+        f"  {c.name}: innovation rms {shown(c.rmse)} {c.unit}, NIS {shown(c.nis_mean)}, "
+        f"whiteness p {shown(c.whiteness_p)}"
+        for c in found.channels
+    )
+    return [whole, *channels]
 
 
 def _channels(found: Consistency) -> dict[str, Any]:
