@@ -11,6 +11,9 @@ A package says what it exports once for type checkers and once for the interpret
 A test compares both. Python sets ``bondgraph.simulate`` to the room of that name as soon as anything in it is imported,
 so that a function of the same name would come and go with the imports of others: in a package that exports names this
 way, a module never takes the place of an exported name.
+
+On the package index another distribution holds an import package ``bondgraph`` too. Installed over ours, it replaces
+``bondgraph/__init__.py`` and leaves the rest: the rooms say so instead of failing somewhere.
 """
 
 from __future__ import annotations
@@ -22,6 +25,8 @@ from types import ModuleType
 
 from bondgraph.errors import suggest
 
+_DISTRIBUTION = "bondloop"
+
 
 class _Package(ModuleType):
     """A package in which no module takes the place of an exported name."""
@@ -29,6 +34,34 @@ class _Package(ModuleType):
     def __setattr__(self, name: str, value: object) -> None:
         if not (isinstance(value, ModuleType) and name in vars(self).get("__all__", ())):
             super().__setattr__(name, value)
+
+
+def overwritten() -> str:
+    """What has happened to the front door of this package and what to do; empty where it is our own.
+
+    Examples
+    --------
+    >>> overwritten()
+    ''
+    """
+    package = sys.modules["bondgraph"]
+    if isinstance(package, _Package):
+        return ""
+    from importlib.metadata import packages_distributions  # costs more than all other imports of `import bondgraph`
+
+    others = sorted({*packages_distributions().get("bondgraph", ())} - {_DISTRIBUTION})
+    file = getattr(package, "__file__", None)
+    found = f"{file} is not the one of {_DISTRIBUTION}" if file else f"{list(package.__path__)} lacks its __init__.py"
+    cause = (
+        f"the distribution {' and '.join(others)} has an import package of the same name and was installed over it"
+        if others
+        else "another distribution was installed over it, or was removed again"
+    )
+    removal = f"python -m pip uninstall {' '.join(others)}, then " if others else ""
+    return (
+        f"{found}: {cause} - {removal}python -m pip install --force-reinstall --no-deps {_DISTRIBUTION}; where both "
+        "are needed, each in a virtual environment of its own"
+    )
 
 
 def exported(
@@ -43,6 +76,11 @@ def exported(
     names
         What each module exports, names apart by spaces, by the module inside ``bondgraph``.
 
+    Raises
+    ------
+    ImportError
+        If the package belongs to a ``bondgraph`` whose front door another distribution has overwritten.
+
     Examples
     --------
     >>> getattribute, directory, every = exported("bondgraph", {"text": "few count"})
@@ -53,6 +91,8 @@ def exported(
         ...
     AttributeError: module 'bondgraph' has no attribute 'cuont'; did you mean 'count'?
     """
+    if package != "bondgraph" and (problem := overwritten()):
+        raise ImportError(problem, name="bondgraph")
     homes = {name: f"bondgraph.{module}" for module, group in names.items() for name in group.split()}
 
     def load(name: str) -> object:

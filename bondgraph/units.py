@@ -80,6 +80,16 @@ def _require_short(unit: str) -> None:
         raise ValueError("a power that is no number, or a large number")
 
 
+def _require_no_level_in_a_product(unit: pint.Unit) -> None:
+    """Refuse decibels per hertz and the like: no factor belongs to them, and some versions of pint invent one."""
+    terms = [*registry().Quantity(1.0, unit).unit_items()]
+    if len(terms) > 1 or any(power != 1 for _, power in terms):
+        for name, _ in terms:
+            zero, one, two = (registry().Quantity(value, name).to_base_units().magnitude for value in (0.0, 1.0, 2.0))
+            if abs(two - 2.0 * one + zero) > 1e-9 * abs(two):
+                raise ValueError(f"{name} is a logarithm")
+
+
 @functools.cache
 def parse_unit(unit: str) -> pint.Unit:
     """The pint unit of a unit string; ``1`` and ``-`` are dimensionless, ``Nm`` is a newton metre, ``m3`` a cubic one.
@@ -100,6 +110,7 @@ def parse_unit(unit: str) -> pint.Unit:
         _require_short(unit)
         found: pint.Unit = registry().Unit(_spelled(unit))
         _ = found.dimensionality  # worked out when it is first asked for; some units have none
+        _require_no_level_in_a_product(found)
         return found
     except Exception as error:  # pint raises many kinds: undefined unit, tokenizer and syntax errors
         raise DeclarationError(

@@ -10,10 +10,10 @@ import shlex
 import sys
 from collections.abc import Sequence
 
-from bondgraph.cli.arguments import parser
 from bondgraph.cli.interruption import Asked, interruptible
 from bondgraph.errors import BondGraphError, OptionError
 from bondgraph.files import file_problem
+from bondgraph.lazy import overwritten
 
 #: Exit statuses: done, the answer is a failure, bad input; an interrupted command has that of its signal.
 DONE, FAILED, BAD_INPUT = 0, 1, 2
@@ -51,6 +51,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     >>> main(["equations", "there_is_no_such_file.json"])
     2
     """
+    if problem := overwritten():
+        print(f"bondgraph: {problem}", file=sys.stderr)
+        return BAD_INPUT
+    from bondgraph.cli.arguments import parser  # imports rooms, which an overwritten package does not allow
+
     with interruptible() as asked:
         try:
             given = list(sys.argv[1:] if arguments is None else arguments)

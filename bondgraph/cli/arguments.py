@@ -136,7 +136,7 @@ def _add_linearise(commands: Any) -> None:
         "--transfer", nargs=2, action="append", default=[], metavar=("INPUT", "OUTPUT"),
         help="print the transfer function between these, with poles and zeros (repeatable)",
     )  # fmt: skip
-    c.add_argument("--bode", metavar="FILE", help="picture of the frequency response: .png, .svg or .pdf")
+    c.add_argument("--bode", metavar="FILE", help="frequency response in dB, with margins: .png, .svg or .pdf")
     c.add_argument("--json", action="store_true", help="print matrices and modes as one JSON object instead of text")
 
 

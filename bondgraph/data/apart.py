@@ -47,7 +47,9 @@ def _read(kind: str, path: Path, reading: Reading, longest: float) -> Table:
         # -P: what lies in the working folder, perhaps beside the log, is no module
         command = [sys.executable, "-P", "-c", _READ, kind, str(path.absolute()), str(table)]
         command.append(json.dumps({"units": dict(reading.units), "time": reading.time}))
-        places = [str(Path(__file__).parents[2]), *filter(None, sys.path)]
+        own, places = str(Path(__file__).parents[2]), [*filter(None, sys.path)]
+        if own not in places:  # else in the order of this process: libraries may lie beside this package
+            places.insert(0, own)
         environment = {**os.environ, "PYTHONPATH": os.pathsep.join(places)}
         try:
             run = subprocess.run(command, env=environment, capture_output=True, timeout=longest, check=False)

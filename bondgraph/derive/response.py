@@ -2,8 +2,13 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
 import numpy as np
 import numpy.typing as npt
+from scipy.optimize import brentq
 
 from bondgraph.derive.linearisation import LinearModel
 from bondgraph.derive.values import FloatArray
@@ -53,3 +58,61 @@ def telling_frequencies(model: LinearModel, points: int = 400) -> FloatArray:
     rates = rates[rates > 1e-6 * rates.max(initial=0.0)]
     low, high = (rates.min(), rates.max()) if rates.size else (1.0, 1.0)
     return np.geomspace(0.1 * low, 10.0 * high, points)
+
+
+@dataclass(frozen=True)
+class Margins:
+    """How far an output fed back to an input, ``u = r - y``, is from instability; infinite where nothing limits it.
+
+    ``gain`` is the factor by which the response may grow, at ``gain_frequency`` [Hz] where its phase is -180 degrees;
+    ``phase`` [rad] is what its phase may lose, at ``phase_frequency`` [Hz] where its magnitude is one. Of several such
+    frequencies it is the one with the least margin: the gain next to one by its ratio, the phase next to zero. Both
+    count in the coherent units of output and input. They tell of stability where the response itself is stable.
+
+    K. J. Astrom, R. M. Murray (2021), Feedback Systems, 2nd ed., Princeton, section 10.3.
+    """
+
+    gain: float = np.inf
+    gain_frequency: float = np.nan
+    phase: float = np.inf
+    phase_frequency: float = np.nan
+
+
+def margins(model: LinearModel, output: int, given: int) -> Margins:
+    """Margins of one output fed back to one input, by their indices.
+
+    Crossings are looked for between the points of :func:`telling_frequencies` and found to rounding.
+
+    Examples
+    --------
+    >>> from bondgraph.derive.linearisation import Units
+    >>> one, none = np.zeros(1), np.zeros(3)
+    >>> A = np.array([[-1.0, 0.0, 0.0], [1.0, -1.0, 0.0], [0.0, 1.0, -1.0]])
+    >>> B, C = np.array([[4.0], [0.0], [0.0]]), np.array([[0.0, 0.0, 1.0]])
+    >>> units = Units(("1",) * 3, ("1",), ("1",))
+    >>> lags = LinearModel(A, B, C, np.zeros((1, 1)), ("a", "b", "c"), ("u",), ("y",), units, none, one, none, one)
+    >>> found = margins(lags, 0, 0)  # 4 / (s + 1)^3, which oscillates at a gain of 8
+    >>> round(found.gain, 9), round(2 * np.pi * found.gain_frequency, 9), round(found.phase, 4)
+    (2.0, 1.732050808, 0.4737)
+    """
+    frequencies = telling_frequencies(model)
+
+    def curve(frequency: float | FloatArray) -> ComplexArray:
+        found: ComplexArray = frequency_response(model, np.atleast_1d(frequency))[output, given]
+        return found
+
+    turned = [f for f in _zeros(lambda f: curve(f).imag, frequencies) if curve(f)[0].real < 0.0]
+    gains = [(float(1.0 / abs(curve(f)[0])), f) for f in turned]
+    unit = _zeros(lambda f: np.abs(curve(f)) - 1.0, frequencies)
+    phases = [(float(np.angle(-curve(f)[0])), f) for f in unit]
+    gain = min(gains, key=lambda one: abs(math.log(one[0])), default=(np.inf, np.nan))
+    return Margins(*gain, *min(phases, key=lambda one: abs(one[0]), default=(np.inf, np.nan)))
+
+
+def _zeros(function: Callable[[float | FloatArray], FloatArray], at: FloatArray) -> list[float]:
+    """Zeros of a function between points where it changes its sign."""
+    signs = np.sign(function(at))
+    return [
+        float(brentq(lambda f: float(function(f)[0]), at[k], at[k + 1], xtol=1e-13 * at[k]))
+        for k in np.flatnonzero(signs[:-1] * signs[1:] < 0.0)
+    ]

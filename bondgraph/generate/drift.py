@@ -1,7 +1,7 @@
 """Generated modules on disk against what their graphs give now: render, compare, write.
 
 A folder of generated modules is compared as a whole, so a module whose graph is gone is found as well as one that was
-edited or has fallen behind.
+edited or has fallen behind. Modules of graphs that are declared elsewhere may stand beside them and are left alone.
 """
 
 from __future__ import annotations
@@ -21,6 +21,7 @@ from bondgraph.generate.pipeline import render_graph
 
 #: Files of a folder of modules that are not generated.
 _KEPT = ("__init__.py",)
+_COMMAND = re.compile(r"^# Regenerate with: +bondgraph generate (\S+)", re.MULTILINE)
 _VERSIONS = re.compile(r"^# Generator: bondgraph \S+, sympy \S+\.", re.MULTILINE)
 
 
@@ -104,7 +105,7 @@ def check(folder: Path, modules: Mapping[str, str], complete: bool = True) -> tu
     modules
         Text by name.
     complete
-        Whether ``modules`` are all there should be; otherwise other files are left out of the comparison.
+        Whether ``modules`` are all that their package declares; then other modules of it are superfluous.
 
     Examples
     --------
@@ -116,7 +117,7 @@ def check(folder: Path, modules: Mapping[str, str], complete: bool = True) -> tu
     """
     found = {path.stem: path.read_text(encoding="utf-8") for path in _generated_files(folder)}
     differences = []
-    for name in sorted({*modules, *(found if complete else ())}):
+    for name in sorted({*modules, *(_of_the_same_package(found, modules) if complete else ())}):
         if name not in found:
             differences.append(Difference(f"{name}.py", "missing", _diff(name, "", modules[name])))
         elif name not in modules:
@@ -145,7 +146,7 @@ def write(folder: Path, modules: Mapping[str, str], complete: bool = False) -> t
     modules
         Text by name.
     complete
-        Whether ``modules`` are all there should be; then other generated modules are removed.
+        Whether ``modules`` are all that their package declares; then other modules of it are removed.
 
     Returns
     -------
@@ -175,6 +176,18 @@ def _remove(path: Path) -> None:
             f"{path}: stands among generated modules but is none - move it elsewhere", where=(path.name,)
         )
     path.unlink()
+
+
+def _of_the_same_package(found: Mapping[str, str], modules: Mapping[str, str]) -> list[str]:
+    """Names of files whose header names a package of the modules, or none at all."""
+    packages = {"", *map(_package, modules.values())}
+    return [name for name, text in found.items() if _package(text) in packages]
+
+
+def _package(text: str) -> str:
+    """The first part of the reference in a header: ``cars`` of ``cars.sedan:front``, ``sled`` of ``sled.py``."""
+    command = _COMMAND.search(text)
+    return command.group(1).partition(".")[0] if command else ""
 
 
 def _generated_files(folder: Path) -> list[Path]:

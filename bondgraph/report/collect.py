@@ -175,6 +175,31 @@ class OutputBeliefs:
         )  # fmt: skip
 
 
+def innovation_bands(run: AbstractRun) -> tuple[StateBand, ...]:
+    """Innovations of the measured channels, each in the band of zero that the filter expects of it.
+
+    Examples
+    --------
+    >>> from bondgraph.filter import FilterModel, run
+    >>> from bondgraph.simulate.example import pendulum
+    >>> log = MatchedLog("swing", np.arange(3) * 0.1, np.zeros((1, 3)), np.array([[0.1, np.nan, 0.2]]))
+    >>> noise = {"process_noise": {"rate": 0.1}, "measurement_noise": {"deflection": 0.1}}
+    >>> record = run(FilterModel(pendulum(), **noise, initial_std={"angle": 0.1, "rate": 0.1}), log)
+    >>> (band,) = innovation_bands(record)
+    >>> band.name, band.mean.tolist(), np.isnan(band.measured).tolist()
+    ('deflection', [0.0, 0.0, 0.0], [False, True, False])
+    """
+    bands = []
+    for row, info in enumerate(run.filter_model.model.outputs):
+        if np.isfinite(run.y[row]).any():
+            # a difference: the zero of a scale of temperature is no part of it
+            slope = info.shown(1.0) - info.shown(0.0)
+            std = slope * np.sqrt(run.output_var[row])
+            zero = np.zeros(run.time.size)
+            bands.append(StateBand(info.name, info.display_unit, run.time, zero, std, slope * run.innovation[row]))
+    return tuple(bands)
+
+
 def parameter_changes(
     model: Model,
     before: Mapping[str, float],

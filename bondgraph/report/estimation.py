@@ -61,6 +61,7 @@ def estimate_report(estimate: Estimate, made: Provenance, unseen: Sequence[HeldO
         suspected=tuple(one for part in estimate.parts for one in _suspicions(part)),
         notes=(*_notes(estimate), *map(_unseen_note, unseen), *grouped_notes(estimate.problem.logs)),
         made=made,
+        subtitle="The model against its measurements, before and after its parameters were estimated.",
     )
 
 

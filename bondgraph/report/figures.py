@@ -21,6 +21,8 @@ MEASURED, BEFORE, AFTER, FOUND = "#8b95a1", "#d9772b", "#1f5fa8", "#c2185b"
 LINES = ("#1f5fa8", "#d9772b", "#1b7a43", "#8e44ad", "#b3362b", "#007f8c")
 BAND = "#e6e9ed"
 WIDTH, PANEL_HEIGHT = 10.5, 1.9
+#: Width on a phone: 374 pixels of 1/96 inch, in which letters keep their size.
+NARROW = 3.9
 
 _STYLE: Any = {
     "font.family": "sans-serif",

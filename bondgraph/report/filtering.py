@@ -21,7 +21,7 @@ from bondgraph.filter.robust import Robust
 from bondgraph.filter.runs import run, run_bands
 from bondgraph.filter.smoother import smooth
 from bondgraph.report.closed_loop import write_json
-from bondgraph.report.collect import OutputBeliefs, Runs, channel_series, output_bands, state_bands
+from bondgraph.report.collect import OutputBeliefs, Runs, channel_series, innovation_bands, output_bands, state_bands
 from bondgraph.report.figures import save_figure
 from bondgraph.report.html import Provenance, ReportData, write_report
 from bondgraph.report.logs import grouped_notes
@@ -29,7 +29,7 @@ from bondgraph.report.misfits import band_text, misfit_sentences
 from bondgraph.report.noise import noise_sentence
 from bondgraph.report.numbers import shown
 from bondgraph.report.plots import state_figure
-from bondgraph.report.series import ChannelSeries, StateBand, channel_errors
+from bondgraph.report.series import ChannelSeries, FilteredLog, StateBand, channel_errors
 from bondgraph.report.suspicions import sampling_suspicions, unit_suspicions
 from bondgraph.simulate.model import Model
 from bondgraph.simulate.quantities import ParameterInfo, StateInfo
@@ -64,6 +64,7 @@ def filter_logs(
     folder.mkdir(parents=True, exist_ok=True)
     lines, result = [], {}
     series: list[ChannelSeries] = []
+    filtered: list[FilteredLog] = []
     found_misfits: list[Misfit] = []
     suspected: list[str] = []
     for log in logs:
@@ -72,6 +73,7 @@ def filter_logs(
         write_log(folder / f"{log.name}_states.csv", _states_log(shown_run))
         bands = (*state_bands(record, shown_run), *outputs)
         save_figure(state_figure(bands, log.name), folder / f"{log.name}_states.png")
+        filtered.append(FilteredLog(log.name, bands, innovation_bands(record)))
         found = consistency(record)
         result[log.name] = {"nll": record.nll, "nis_mean": found.nis_mean, "nis_band": list(found.nis_band)}
         misfit = misfits([record], level=LEVEL / len(logs), guessed=noise is None)
@@ -80,15 +82,7 @@ def filter_logs(
         suspected += [f"{log.name}: {one}" for one in sampling_suspicions(model, log, initial)]
         suspected += [f"{log.name}: {one}" for one in unit_suspicions(filter_model, log, initial)]
         series += channel_series(model, log, Runs(record), noise_std=filter_model.measurement_noise)
-        lines.append(
-            f"{log.name}: NLL {shown(record.nll, 6)}, NIS "
-            + band_text(found.nis_mean, found.nis_band, [*map(shown, (found.nis_mean, *found.nis_band))])
-        )
-        lines += [
-            f"  {c.name}: innovation rms {shown(c.rmse)} {c.unit}, NIS {shown(c.nis_mean)}, "
-            f"whiteness p {shown(c.whiteness_p)}"
-            for c in found.channels
-        ]
+        lines += _lines(record, found)
     lines.append(noise_sentence(filter_model))
     write_json(folder / "result.json", result)
     sentences = misfit_sentences(found_misfits, folder / "report.html")
@@ -98,9 +92,11 @@ def filter_logs(
         explanation=" ".join(sentences) or "No channel contradicts the model.",
         errors=channel_errors(series),
         series=tuple(series),
+        filtered=tuple(filtered),
         suspected=tuple(suspected),
         notes=(*lines, *grouped_notes(logs)),
         made=made,
+        subtitle=f"The model at its declared parameters, {'smoothing' if smoothed else 'filtering'} its measurements.",
     )
     write_report(data, folder / "report.html")
     return Filtered("\n".join([*lines, *sentences, *suspected, f"written: {folder}"]), tuple(found_misfits))
@@ -146,6 +142,18 @@ def _states_log(record: AbstractRun) -> Log:
         for label, values in ((name, record.mean(name)), (f"{name}_std", record.std(name))):
             channels[label] = LogChannel(label, info.display_unit or "1", info.shown(values))
     return Log(record.log_name, record.time, channels)
+
+
+def _lines(record: AbstractRun, found: Consistency) -> list[str]:
+    """What the likelihood and the innovations of a log say, for the terminal."""
+    band = [*map(shown, (found.nis_mean, *found.nis_band))]
+    whole = f"{record.log_name}: NLL {shown(record.nll, 6)}, NIS {band_text(found.nis_mean, found.nis_band, band)}"
+    channels = (
+        f"  {c.name}: innovation rms {shown(c.rmse)} {c.unit}, NIS {shown(c.nis_mean)}, "
+        f"whiteness p {shown(c.whiteness_p)}"
+        for c in found.channels
+    )
+    return [whole, *channels]
 
 
 def _channels(found: Consistency) -> dict[str, Any]:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import sympy
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from sympy import QQ, Expr
 
@@ -24,13 +26,17 @@ from bondgraph.derive.linearisation import (
     mode_table,
     modes,
 )
-from bondgraph.derive.response import frequency_response, telling_frequencies
+from bondgraph.derive.response import Margins, frequency_response, margins, telling_frequencies
 from bondgraph.derive.transfer import LAPLACE_S, poles_zeros, transfer_function
 from bondgraph.errors import DerivationError, OptionError, suggest
-from bondgraph.report.figures import AFTER, figure_style
+from bondgraph.report.diagram.text import plain
+from bondgraph.report.figures import AFTER, BEFORE, figure_style
+from bondgraph.report.numbers import shown
 
 #: Transfer functions with more states between input and output than this are given in numbers only.
 _IN_SYMBOLS = 6
+#: Ground of a remark that may lie over a curve.
+_OVER_CURVES = {"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 1.5}
 #: Matrices of models with more states than this are not printed as text.
 _ON_A_PAGE = 14
 
@@ -188,24 +194,67 @@ def _list_of(values: np.ndarray[Any, Any]) -> str:
 
 
 def bode_figure(answer: LinearAnswer, pairs: Sequence[tuple[str, str]]) -> Figure:
-    """Magnitude and phase against frequency, a column for each pair of input and output."""
+    """Magnitude in decibels and phase against frequency, a column for each pair of input and output.
+
+    0 dB is one coherent unit of the output per unit of the input. Above stands the operating point; the margins are
+    those of the output fed back to the input with a factor of one.
+    """
     model = answer.model
     frequencies = telling_frequencies(model)
     response = frequency_response(model, frequencies)
     with figure_style():
-        figure = Figure(figsize=(max(5.0, 4.2 * len(pairs)), 5.2), layout="constrained")
+        figure = Figure(figsize=(max(5.0, 4.2 * len(pairs)), 5.6), layout="constrained")
         panels = figure.subplots(2, len(pairs), sharex="col", squeeze=False)
-        for column, (given, measured) in enumerate(pairs):
+        for (above, below), (given, measured) in zip(panels.T, pairs, strict=True):
             row, at = _index(model.outputs, measured, "output"), _index(model.inputs, given, "input")
             unit = f"{model.units.outputs[row] or '1'} per {model.units.inputs[at] or '1'}"
             curve = response[row, at]
-            panels[0, column].loglog(frequencies, np.abs(curve), color=AFTER)
-            panels[0, column].set_title(f"{given} to {measured}")
-            panels[0, column].set_ylabel(f"magnitude [{unit}]")
-            panels[1, column].semilogx(frequencies, np.degrees(np.unwrap(np.angle(curve))), color=AFTER)
-            panels[1, column].set_ylabel("phase [deg]")
-            panels[1, column].set_xlabel("frequency [Hz]")
+            with np.errstate(divide="ignore"):  # a response that is zero has no decibels
+                above.semilogx(frequencies, _decibels(np.abs(curve)), color=AFTER)
+            above.set_title(plain(f"{given} to {measured}"))
+            above.set_ylabel(plain(f"magnitude [dB of {unit}]"))
+            below.semilogx(frequencies, np.degrees(np.unwrap(np.angle(curve))), color=AFTER)
+            below.set_ylabel("phase [deg]")
+            below.set_xlabel("frequency [Hz]")
+            _draw_margins(above, below, margins(model, row, at))
+        letters = round(22 * figure.get_size_inches()[0])
+        point = "\n".join(textwrap.wrap(f"at {_operating_point(answer)}", letters))
+        figure.suptitle(plain(point), x=0.01, ha="left", fontsize="small")
     return figure
+
+
+def _decibels(magnitude: np.ndarray[Any, Any] | float) -> Any:
+    return 20.0 * np.log10(magnitude)
+
+
+def _draw_margins(above: Axes, below: Axes, found: Margins) -> None:
+    """Where margins are taken, as lines, and their numbers in the panels."""
+    told = "no gain margin: the phase never is -180 deg"
+    if np.isfinite(found.gain):
+        told = f"gain margin {shown(_decibels(found.gain))} dB at {shown(found.gain_frequency)} Hz"
+        above.axvline(found.gain_frequency, color=BEFORE, linewidth=0.8, linestyle="--")
+    style: dict[str, Any] = {"xycoords": "axes fraction", "fontsize": "small", "color": BEFORE, "bbox": _OVER_CURVES}
+    above.annotate(told, (0.03, 0.04), **style)
+    told = "no phase margin: the magnitude never is 0 dB"
+    if np.isfinite(found.phase):
+        told = f"phase margin {shown(np.degrees(found.phase))} deg at {shown(found.phase_frequency)} Hz"
+        below.axvline(found.phase_frequency, color=BEFORE, linewidth=0.8, linestyle="--")
+    below.annotate(told, (0.03, 0.04), **style)
+
+
+def _operating_point(answer: LinearAnswer) -> str:
+    """States and inputs with their values, in declared units."""
+    model, equations = answer.model, answer.equations
+    quantities: list[tuple[str, Displayed, float]] = [
+        *zip(model.states, equations.states, model.x.tolist(), strict=True),
+        *zip(model.inputs, equations.inputs, model.u.tolist(), strict=True),
+    ]
+    units = ("" if one.display_unit == "1" else one.display_unit for _, one, _ in quantities)
+    values = [
+        f"{name} = {one.shown(value):.4g} {unit}".strip()
+        for (name, one, value), unit in zip(quantities, units, strict=True)
+    ]
+    return ", ".join(values) or "every point"
 
 
 def _index(names: Sequence[str], name: str, kind: str) -> int:

@@ -12,9 +12,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from bondgraph.files import write_text
+from bondgraph.report.embedding import embed
 from bondgraph.report.figures import figure_style
 from bondgraph.report.html import Provenance, without_folders
-from bondgraph.report.plots import embed
+from bondgraph.report.words import Words
 
 
 @dataclass(frozen=True)
@@ -62,7 +63,7 @@ def page_html(
     )  # fmt: skip
     page = environment.get_template("page.html.jinja").render(
         title=title, subtitle=subtitle, answer=list(answer), sections=list(sections), made=made,
-        command=without_folders(made.command) if made else "",
+        command=without_folders(made.command) if made else "", explained=Words(),
     )  # fmt: skip
     return page + "\n"
 

@@ -1,11 +1,8 @@
-"""Figures of the report (matplotlib, without global state), and their embedding in HTML."""
+"""Figures of the report (matplotlib, without global state)."""
 
 from __future__ import annotations
 
-import base64
-import io
 from collections.abc import Mapping, Sequence
-from html import escape
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -21,46 +18,52 @@ from bondgraph.report.figures import (
     FOUND,
     LINES,
     MEASURED,
+    NARROW,
     PANEL_HEIGHT,
     WIDTH,
     figure_style,
 )
+from bondgraph.report.numbers import shown
 from bondgraph.report.series import ChannelSeries, FloatArray, MissingEffort, Prediction, StateBand
 from bondgraph.simulate.quantities import InputInfo, OutputInfo, StateInfo
 from bondgraph.simulate.trajectory import Trajectory
 
 #: Points of a line beyond which it is thinned.
 MOST_POINTS = 1000
+#: Size of a measurement in points: wider than a line, which may run through it.
+_DOT = 4.0
 
 
-def prediction_figure(series: Sequence[ChannelSeries]) -> Figure:
+def prediction_figure(series: Sequence[ChannelSeries], narrow: bool = False) -> Figure:
     """Measured against predicted, a row per channel: the free simulation on the left, one step ahead on the right.
 
     Parameters
     ----------
     series
         The channels of one log.
+    narrow
+        For a phone: all panels one below the other.
     """
     columns = _columns(series)
     with figure_style():
-        figure, panels = _grid(len(series), len(columns), share_heights=True)
+        figure, panels = _grid(len(series), len(columns), share_heights=True, narrow=narrow)
         for row, one in enumerate(series):
             for column, kind in enumerate(columns):
                 axes = panels[row][column]
                 _dots(axes, one.time, one.measured)
                 for predicted, colour in _before_and_after(one, kind):
                     _line(axes, one.time, predicted, colour)
-                axes.set_ylabel(plain(f"{one.channel}\n[{one.unit}]") if column == 0 else "")
+                axes.set_ylabel(plain(f"{one.channel}\n[{one.unit}]") if narrow or column == 0 else "")
             _limit(panels[row][0], one.measured, 0.5)
-        _finish(figure, panels, [_TITLES[kind] for kind in columns], measured=True)
+        _finish(figure, panels, [_TITLES[kind] for kind in columns], series, measured=True)
     return figure
 
 
-def residual_figure(series: Sequence[ChannelSeries]) -> Figure:
+def residual_figure(series: Sequence[ChannelSeries], narrow: bool = False) -> Figure:
     """Measured minus predicted over time, a row per channel, with the noise band of two standard deviations."""
     columns = _columns(series)
     with figure_style():
-        figure, panels = _grid(len(series), len(columns), share_heights=False)
+        figure, panels = _grid(len(series), len(columns), share_heights=False, narrow=narrow)
         for row, one in enumerate(series):
             for column, kind in enumerate(columns):
                 axes = panels[row][column]
@@ -68,29 +71,66 @@ def residual_figure(series: Sequence[ChannelSeries]) -> Figure:
                     axes.axhspan(-2 * one.noise_std, 2 * one.noise_std, color=BAND, linewidth=0, zorder=0.5)
                 for predicted, colour in _before_and_after(one, kind):
                     _residual(axes, one, predicted, colour)
-                axes.set_ylabel(plain(f"{one.channel}\n[{one.unit}]") if column == 0 else "")
-        _finish(figure, panels, [f"measured minus {_TITLES[kind]}" for kind in columns], measured=False)
+                axes.set_ylabel(plain(f"{one.channel}\n[{one.unit}]") if narrow or column == 0 else "")
+        _finish(figure, panels, [f"measured minus {_TITLES[kind]}" for kind in columns], series, measured=False)
     return figure
 
 
 def state_figure(bands: Sequence[StateBand], title: str = "") -> Figure:
-    """States with their 95 % bands over time, a panel each, and the measurements where there are any."""
+    """States with their 95 % bands over time, a panel each, and the measurements where there are any.
+
+    A band may be narrower than a line: its usual half width stands in the panel.
+    """
     with figure_style():
-        figure = Figure(figsize=(8.5, 0.8 + 1.6 * len(bands)), layout="constrained")
-        panels = figure.subplots(len(bands), 1, sharex=True, squeeze=False)[:, 0]
+        figure, panels = _stacked(len(bands))
         for axes, band in zip(panels, bands, strict=True):
+            _band(axes, band, AFTER)
             _dots(axes, band.time, band.measured)
-            for sign in (-1.0, 1.0):
-                time, edge = thinned(band.time, band.mean + sign * 1.96 * band.std)
-                axes.plot(time, edge, color=AFTER, linewidth=0.6, alpha=0.6)
-            step = max(1, band.time.size // MOST_POINTS)
-            low, high = (band.mean + sign * 1.96 * band.std for sign in (-1.0, 1.0))
-            axes.fill_between(band.time[::step], low[::step], high[::step], color=AFTER, alpha=0.18, linewidth=0)
             _line(axes, band.time, band.mean, AFTER)
             axes.set_ylabel(plain(f"{band.name}\n[{band.unit}]"))
+            known = band.std[np.isfinite(band.std)]
+            if known.size:
+                _note(axes, f"95 % band: ± {shown(1.96 * float(np.median(known)))} {band.unit}")
         panels[0].set_title(plain(title))
         panels[-1].set_xlabel("time [s]")
     return figure
+
+
+def innovation_figure(bands: Sequence[StateBand], title: str = "") -> Figure:
+    """Innovations over time, a panel each, in the 95 % band that the filter expects, and how many lie within it."""
+    with figure_style():
+        figure, panels = _stacked(len(bands))
+        for axes, band in zip(panels, bands, strict=True):
+            _band(axes, band, MEASURED)
+            axes.axhline(0.0, color=MEASURED, linewidth=0.8)
+            _dots(axes, band.time, band.measured, AFTER)
+            axes.set_ylabel(plain(f"{band.name}\n[{band.unit}]"))
+            known = np.isfinite(band.measured)
+            if known.any():
+                within = np.mean(np.abs(band.measured[known]) <= 1.96 * band.std[known])
+                _note(axes, f"{100.0 * within:.0f} % within the 95 % band")
+        panels[0].set_title(plain(title))
+        panels[-1].set_xlabel("time [s]")
+    return figure
+
+
+def _stacked(count: int) -> tuple[Figure, Sequence[Axes]]:
+    figure = Figure(figsize=(8.5, 0.8 + 1.6 * count), layout="constrained")
+    return figure, figure.subplots(count, 1, sharex=True, squeeze=False)[:, 0].tolist()
+
+
+def _band(axes: Axes, band: StateBand, colour: str) -> None:
+    """The 95 % band about a mean, its edges drawn so that it is seen where it is narrow."""
+    step = max(1, band.time.size // MOST_POINTS)
+    low, high = (band.mean + sign * 1.96 * band.std for sign in (-1.0, 1.0))
+    for edge in (low, high):
+        axes.plot(*thinned(band.time, edge), color=colour, linewidth=0.6, alpha=0.6)
+    axes.fill_between(band.time[::step], low[::step], high[::step], color=colour, alpha=0.22, linewidth=0)
+
+
+def _note(axes: Axes, text: str) -> None:
+    """A remark above the right end of a panel."""
+    axes.set_title(plain(text), loc="right", fontsize="small", fontweight="normal", color="#5b636d")
 
 
 def launch_figure(trajectory: Trajectory, names: Sequence[str] = ()) -> Figure:
@@ -178,24 +218,6 @@ def trace_figure(trace: Sequence[TraceRow]) -> Figure:
     return figure
 
 
-def figure_svg(figure: Figure) -> str:
-    """The figure as SVG text, the same for the same figure."""
-    buffer = io.StringIO()
-    with figure_style():
-        figure.savefig(buffer, format="svg", dpi=180, metadata={"Date": None, "Creator": None})
-    return buffer.getvalue()
-
-
-def embed(figure: Figure, alternative: str) -> str:
-    """An HTML image element that holds the figure itself; ``alternative`` describes it for who cannot see it.
-
-    The SVG goes in as a data URI, so that names inside one figure never meet those of another.
-    """
-    data = base64.b64encode(figure_svg(figure).encode()).decode()
-    width = round(figure.get_size_inches()[0] * 96)
-    return f'<img src="data:image/svg+xml;base64,{data}" width="{width}" alt="{escape(alternative, quote=True)}">'
-
-
 _TITLES = {"simulated": "free simulation", "one_step": "one step ahead"}
 
 
@@ -211,8 +233,16 @@ def _before_and_after(one: ChannelSeries, kind: str) -> list[tuple[FloatArray, s
     return [(values, colour) for values, colour in lines if values is not None]
 
 
-def _grid(rows: int, columns: int, share_heights: bool) -> tuple[Figure, list[list[Axes]]]:
+def _grid(rows: int, columns: int, share_heights: bool, narrow: bool) -> tuple[Figure, list[list[Axes]]]:
     columns = max(columns, 1)
+    if narrow:
+        figure = Figure(figsize=(NARROW, 0.9 + PANEL_HEIGHT * rows * columns), layout="constrained")
+        stacked = figure.subplots(rows * columns, 1, sharex=True, squeeze=False)[:, 0]
+        panels = stacked.reshape(rows, columns)
+        for row in panels if share_heights else ():
+            for axes in row[1:]:
+                axes.sharey(row[0])
+        return figure, panels.tolist()
     width = WIDTH if columns > 1 else 0.72 * WIDTH
     figure = Figure(figsize=(width, 0.75 + PANEL_HEIGHT * rows), layout="constrained")
     return figure, figure.subplots(
@@ -220,27 +250,40 @@ def _grid(rows: int, columns: int, share_heights: bool) -> tuple[Figure, list[li
     ).tolist()
 
 
-def _finish(figure: Figure, panels: list[list[Axes]], titles: Sequence[str], measured: bool) -> None:
-    for axes, title in zip(panels[0], titles, strict=False):
-        axes.set_title(title)
-    for axes in panels[-1]:
+def _finish(
+    figure: Figure,
+    panels: list[list[Axes]],
+    titles: Sequence[str],
+    series: Sequence[ChannelSeries],
+    measured: bool,
+) -> None:
+    narrow = figure.get_size_inches()[0] == NARROW
+    for row in panels if narrow else panels[:1]:
+        for axes, title in zip(row, titles, strict=False):
+            axes.set_title(title)
+    for axes in panels[-1][-1:] if narrow else panels[-1]:
         axes.set_xlabel("time [s]")
-    handles = [Line2D([], [], color=BEFORE, label="before"), Line2D([], [], color=AFTER, label="after")]
+    corrected = any(one.after is not None for one in series)
+    handles = [Line2D([], [], color=BEFORE, label="before" if corrected else "the model")]
+    if corrected:
+        handles.append(Line2D([], [], color=AFTER, label="after"))
     if measured:
         handles.insert(0, Line2D([], [], color=MEASURED, linestyle="", marker=".", label="measured"))
     figure.legend(handles=handles, loc="outside upper right", ncols=3)
 
 
 def _line(axes: Axes, time: FloatArray, values: FloatArray, colour: str, label: str = "", steps: bool = False) -> None:
-    shown_time, shown = thinned(time, values)
+    shown_time, shown_values = thinned(time, values)
     style = "steps-post" if steps else "default"
-    axes.plot(shown_time, shown, color=colour, label=label or None, drawstyle=style)
+    axes.plot(shown_time, shown_values, color=colour, label=label or None, drawstyle=style)
 
 
-def _dots(axes: Axes, time: FloatArray, values: FloatArray) -> None:
+def _dots(axes: Axes, time: FloatArray, values: FloatArray, colour: str = MEASURED) -> None:
     finite = np.isfinite(values)
-    shown_time, shown = thinned(time[finite], values[finite])
-    axes.plot(shown_time, shown, ".", color=MEASURED, markersize=2.2, rasterized=True)
+    shown_time, shown_values = thinned(time[finite], values[finite])
+    axes.plot(
+        shown_time, shown_values, ".", color=colour, markersize=4.0, markeredgewidth=0.0, rasterized=True
+    )  # wider than lines
 
 
 def _residual(axes: Axes, one: ChannelSeries, predicted: FloatArray, colour: str) -> None:
@@ -294,10 +337,10 @@ def _quantities(trajectory: Trajectory, names: Sequence[str]) -> list[tuple[str,
     found: dict[str, tuple[str, FloatArray]] = {}
     infos: list[StateInfo | OutputInfo | InputInfo] = [*model.states, *model.outputs, *model.inputs]
     for info, row in zip(infos, (*trajectory.x, *trajectory.y, *trajectory.u), strict=True):
-        own, shown = info.display_unit, info.shown(row)
-        known = any(unit == own and np.array_equal(shown, old, equal_nan=True) for unit, old in found.values())
+        own, values = info.display_unit, info.shown(row)
+        known = any(unit == own and np.array_equal(values, old, equal_nan=True) for unit, old in found.values())
         if info.name in names or not known:
-            found.setdefault(info.name, (own, shown))
+            found.setdefault(info.name, (own, values))
     return [(name, *found[name]) for name in (names or found)]
 
 
@@ -343,8 +386,8 @@ def _limit(axes: Axes, values: FloatArray, margin: float) -> None:
     if finite.size:
         low, high = (float(limit) for limit in np.quantile(finite, (0.002, 0.998)))
         space = margin * ((high - low) or abs(high) or 1.0)
-        shown = axes.get_ylim()
-        axes.set_ylim(max(shown[0], low - space), min(shown[1], high + space))
+        bottom, top = axes.get_ylim()
+        axes.set_ylim(max(bottom, low - space), min(top, high + space))
 
 
 def by_log(series: Sequence[ChannelSeries]) -> Mapping[str, Sequence[ChannelSeries]]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +24,10 @@ class Prediction:
     one_step: FloatArray | None = None
     simulated: FloatArray | None = None
 
+    def within(self, window: slice) -> Prediction:
+        """The same at some of the samples."""
+        return Prediction(*(None if one is None else one[window] for one in (self.one_step, self.simulated)))
+
 
 @dataclass(frozen=True, repr=False)
 class ChannelSeries:
@@ -42,6 +46,13 @@ class ChannelSeries:
     noise_std: float = float("nan")
     held_out: bool = False
 
+    def within(self, window: slice) -> ChannelSeries:
+        """The same at some of the samples."""
+        after = None if self.after is None else self.after.within(window)
+        return replace(
+            self, time=self.time[window], measured=self.measured[window], before=self.before.within(window), after=after
+        )
+
     def __repr__(self) -> str:
         return f"<ChannelSeries {self.log}, {self.channel} [{self.unit}]: {count(self.time.size, 'sample')}>"
 
@@ -56,6 +67,18 @@ class StateBand:
     mean: FloatArray
     std: FloatArray
     measured: FloatArray
+
+
+@dataclass(frozen=True)
+class FilteredLog:
+    """What a filter made of a log: bands of states and measured outputs, and innovations in the band expected of them.
+
+    The ``mean`` of an innovation's band is zero, its ``std`` what the filter expects, ``measured`` the innovation.
+    """
+
+    log: str
+    beliefs: tuple[StateBand, ...]
+    innovations: tuple[StateBand, ...]
 
 
 @dataclass(frozen=True)

@@ -228,7 +228,18 @@ def test_graphs_and_effects_take_no_name_that_leads_elsewhere(name: str) -> None
 
 @pytest.mark.parametrize(
     "unit",
-    ["9**9**9**9", "m^9^9^9", "m**(9**9**9)", "m^999999999", "m**2**3", "1e999999", "m^(1e9)", "m" * 300, "degC**2/dB"],
+    [
+        "9**9**9**9",
+        "m^9^9^9",
+        "m**(9**9**9)",
+        "m^999999999",
+        "m**2**3",
+        "1e999999",
+        "m^(1e9)",
+        "m" * 300,
+        "degC**2/dB",
+        "dB/Hz",
+    ],
 )
 def test_a_unit_that_keeps_a_reader_busy_is_refused(unit: str) -> None:
     with pytest.raises(DeclarationError, match="is not known"):

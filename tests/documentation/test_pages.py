@@ -17,6 +17,7 @@ from urllib.parse import unquote, urlsplit
 import matplotlib as mpl
 import pytest
 
+import bondgraph
 from bondgraph.cli import COMMANDS
 from bondgraph.cli.arguments import parser
 from bondgraph.documentation import build_site
@@ -25,8 +26,8 @@ from bondgraph.documentation.site import NOTEBOOK, SCRIPTS, environment, run_scr
 from bondgraph.effects.catalogue import catalogue
 from bondgraph.errors import OptionError
 
-ROOT = Path(__file__).resolve().parents[2]
-ROOM = ROOT / "bondgraph" / "documentation"
+PACKAGE = Path(bondgraph.__file__).parent
+ROOM = PACKAGE / "documentation"
 #: Tutorials that close loops or estimate from nothing; building the site runs them too.
 SLOW = {"concepts", "write_effect", "estimate", "close_loop"}
 
@@ -142,10 +143,10 @@ ROLE = re.compile(r":(?:func|class|mod|meth|data|attr|exc):`(?:[^`<]*<)?~?(bondg
 
 def test_what_docstrings_refer_to_exists() -> None:
     lost = []
-    for path in sorted((ROOT / "bondgraph").rglob("*.py")):
+    for path in sorted(PACKAGE.rglob("*.py")):
         for name in ROLE.findall(path.read_text(encoding="utf-8")):
             if not _exists(name):
-                lost.append(f"{path.relative_to(ROOT)}: {name}")
+                lost.append(f"{path.relative_to(PACKAGE)}: {name}")
     assert lost == []
 
 

@@ -81,6 +81,17 @@ def test_writing_all_removes_what_is_left_over_but_never_a_file_of_a_person(tmp_
     assert (tmp_path / "notes.py").exists()
 
 
+def test_writing_all_of_a_package_leaves_modules_of_other_graphs_alone(tmp_path: Path) -> None:
+    """``bondgraph generate``, called beside somebody's own machine, removed the module of that machine."""
+    regenerate = HEADER + "# Regenerate with:  bondgraph generate {}\n"
+    own, old = regenerate.format("sled.py"), regenerate.format("cars.tram:tram")
+    write(tmp_path, {"sled": own, "tram": old})
+    declared = {"car": regenerate.format("cars.car:car")}
+    assert [(d.file, d.kind) for d in check(tmp_path, declared)] == [("car.py", "missing"), ("tram.py", "superfluous")]
+    write(tmp_path, declared, complete=True)
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["car.py", "sled.py"]
+
+
 def test_another_version_of_the_generator_is_no_difference_but_other_equations_are(tmp_path: Path) -> None:
     line = "# Generator: bondgraph 0.1.0, sympy 1.14.0.  Equations: 0123456789abcdef\n"
     write(tmp_path, {"car": line + "mass = 1\n"})

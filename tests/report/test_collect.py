@@ -22,7 +22,8 @@ from bondgraph.report.collect import (
     state_bands,
     versions,
 )
-from bondgraph.report.plots import figure_svg, state_figure
+from bondgraph.report.embedding import figure_svg
+from bondgraph.report.plots import state_figure
 from bondgraph.report.series import channel_errors, rmse
 from bondgraph.simulate.example import pendulum
 from bondgraph.simulate.simulation import simulate

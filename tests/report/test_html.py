@@ -3,16 +3,26 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from bondgraph.report.html import Provenance, ReportData, report_html, without_folders, write_report
-from bondgraph.report.series import ChannelError, Tried
+from bondgraph.report.series import (
+    ChannelError,
+    ChannelSeries,
+    FilteredLog,
+    Prediction,
+    StateBand,
+    Tried,
+    channel_errors,
+)
 from tests.report.examples import coast_down_report
 
-VOID = {"meta", "input", "img", "br", "hr", "link"}
+VOID = {"source", "meta", "input", "img", "br", "hr", "link"}
 
 
 class Reader(HTMLParser):
@@ -30,14 +40,18 @@ class Reader(HTMLParser):
     def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
         if tag not in VOID:
             self.open.append(tag)
-        self.references += [value or "" for name, value in attrs if name in ("src", "href", "xlink:href", "action")]
+        self.references += [
+            value or "" for name, value in attrs if name in ("src", "srcset", "href", "xlink:href", "action")
+        ]
         if tag == "tr":
             self.rows.append([])
         if tag in ("td", "th"):
             self.rows[-1].append("")
 
     def handle_startendtag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        self.references += [value or "" for name, value in attrs if name in ("src", "href", "xlink:href", "action")]
+        self.references += [
+            value or "" for name, value in attrs if name in ("src", "srcset", "href", "xlink:href", "action")
+        ]
 
     def handle_endtag(self, tag: str) -> None:
         assert self.open.pop() == tag
@@ -57,7 +71,7 @@ def test_the_page_is_well_nested_and_needs_nothing_else(page: str) -> None:
     reader = Reader(page)
     assert reader.references
     assert all(reference.startswith("data:image/svg+xml;base64,") for reference in reader.references)
-    without_data = re.sub(r'src="data:[^"]*"', "", page)
+    without_data = re.sub(r'src(set)?="data:[^"]*"', "", page)
     assert not re.search(r"https?:|url\(|@import|<script|<link", without_data)
 
 
@@ -136,3 +150,30 @@ def test_names_from_outside_are_escaped() -> None:
 )
 def test_commands_lose_absolute_folders(command: str, expected: str) -> None:
     assert without_folders(command) == expected
+
+
+def test_a_filter_says_one_error_per_kind_and_shows_states_and_innovations() -> None:
+    time = np.linspace(0.0, 1.0, 40)
+    one = ChannelSeries("run", "v", "m/s", time, time, Prediction(one_step=time + 0.5), noise_std=0.1)
+    band = StateBand("v", "m/s", time, time, 0.01 + 0.0 * time, time)
+    data = ReportData(
+        "car", "filtered", "NIS 1.1", errors=channel_errors([one]), series=(one,),
+        filtered=(FilteredLog("run", (band,), (band,)),), subtitle="The model as a filter.",
+    )  # fmt: skip
+    text = report_html(data)
+    rows = [[" ".join(cell.split()) for cell in row] for row in Reader(text).rows]
+    assert rows[-2:] == [["channel", "log", "error", "sensor noise"], ["v [m/s]", "run", "0.500", "0.100"]]
+    assert "The model as a filter." in text and "Error before" not in text
+    assert text.count("<h2>States and innovations</h2>") == 1
+    assert "<b>NIS</b>: square of the innovation" in text
+
+
+def test_a_long_log_is_cut_into_stretches_that_show_every_sample() -> None:
+    time = np.arange(2400.0)
+    one = ChannelSeries("run", "v", "m/s", time, np.sin(time), Prediction(simulated=np.cos(time)))
+    text = report_html(ReportData("car", "filtered", "", series=(one,)))
+    assert [title for title in re.findall("<h3>([^<]*)</h3>", text) if "to" in title] == [
+        "0 to 799 s", "800 to 1599 s", "1600 to 2399 s",
+    ]  # fmt: skip
+    short = replace(one, time=time[:900], measured=one.measured[:900], before=Prediction(simulated=np.cos(time[:900])))
+    assert "stretches" not in report_html(ReportData("car", "filtered", "", series=(short,)))

@@ -10,7 +10,8 @@ import scipy.signal
 
 from bondgraph.declare.domains import TRANSLATION
 from bondgraph.declare.graph import BondGraph
-from bondgraph.derive.response import frequency_response
+from bondgraph.derive.linearisation import LinearModel, Units
+from bondgraph.derive.response import frequency_response, margins
 from bondgraph.errors import DerivationError, OptionError
 from bondgraph.report.figures import save_figure
 from bondgraph.report.linear import bode_figure, linear_answer, linear_json, linear_text, transfer_text
@@ -74,9 +75,33 @@ def test_a_bode_diagram_is_drawn(tmp_path: Path):
     curve = figure.axes[0].lines[0]
     peak = np.argmax(curve.get_ydata())
     assert curve.get_xdata()[peak] == pytest.approx(1 / np.pi, rel=0.02)
-    assert curve.get_ydata()[peak] == pytest.approx(1 / 0.4, rel=1e-2)
+    assert curve.get_ydata()[peak] == pytest.approx(20 * np.log10(1 / 0.4), abs=0.1)
+    assert figure.axes[0].get_ylabel() == "magnitude [dB of m/s per N]"
+    assert figure.get_suptitle() == "at v = 0 m/s, q = 0 m, F = 0 N"
+    said = [axes.texts[0].get_text() for axes in figure.axes]
+    assert said[0] == "no gain margin: the phase never is -180 deg" and said[1].startswith("phase margin ")
     save_figure(figure, tmp_path / "bode.png")
     assert (tmp_path / "bode.png").stat().st_size > 5000
+
+
+@pytest.mark.parametrize("stiffness", [0.5, 30.0, 2000.0])
+def test_margins_are_those_of_python_control(stiffness: float):
+    """A mass on a spring and a slow actuator, position fed back: between one and two crossings of each kind."""
+    control = pytest.importorskip("control", reason="needs the extra 'control'")
+    A = np.array([[0.0, 1.0, 0.0], [-stiffness, -0.3, 1.0], [0.0, 0.0, -2.0]])
+    B, C, D = np.array([[0.0], [0.0], [40.0]]), np.array([[1.0, 0.0, 0.0]]), np.zeros((1, 1))
+    zero, one, units = np.zeros(3), np.zeros(1), Units(("m", "m/s", "N"), ("N",), ("m",))
+    model = LinearModel(A, B, C, D, ("q", "v", "F"), ("u",), ("y",), units, zero, one, zero, one)
+    gains, phases, _, at_gain, at_phase, _ = control.stability_margins(control.ss(A, B, C, D), returnall=True)
+    found = margins(model, 0, 0)
+    least = np.argmin(np.abs(np.log(gains)))
+    assert (found.gain, 2 * np.pi * found.gain_frequency) == pytest.approx((gains[least], at_gain[least]), rel=1e-6)
+    if len(phases):
+        least = np.argmin(np.abs(phases))
+        assert np.degrees(found.phase) == pytest.approx(phases[least], rel=1e-6)
+        assert 2 * np.pi * found.phase_frequency == pytest.approx(at_phase[least], rel=1e-6)
+    else:
+        assert found.phase == np.inf
 
 
 def test_what_cannot_be_answered_is_said(tmp_path: Path):

@@ -3,29 +3,32 @@
 from __future__ import annotations
 
 import base64
+from dataclasses import replace
 from xml.etree import ElementTree
 
 import numpy as np
 import pytest
 
 from bondgraph.estimate.objective import TraceRow
+from bondgraph.report.embedding import embed, figure_svg
+from bondgraph.report.figures import NARROW
 from bondgraph.report.plots import (
     AFTER,
     BEFORE,
     FOUND,
     MEASURED,
     by_log,
-    embed,
-    figure_svg,
+    innovation_figure,
     launch_figure,
     missing_effort_figure,
     prediction_figure,
     residual_figure,
+    state_figure,
     thinned,
     trace_figure,
     with_gaps,
 )
-from bondgraph.report.series import ChannelSeries, Prediction
+from bondgraph.report.series import ChannelSeries, Prediction, StateBand
 from bondgraph.simulate.example import PENDULUM
 from bondgraph.simulate.model import Model
 from bondgraph.simulate.simulation import simulate
@@ -127,6 +130,48 @@ def test_embedded_figures_are_whole_images_and_repeatable() -> None:
     svg = base64.b64decode(first.split("base64,")[1].split('"')[0])
     root = ElementTree.fromstring(svg)
     assert root.tag.endswith("svg")
+
+
+def test_on_a_phone_panels_stand_below_each_other_and_letters_keep_their_size() -> None:
+    series = by_log(coast_down_series(samples=80))["coast_down_1"]
+    narrow = prediction_figure(series, narrow=True)
+    assert narrow.get_size_inches()[0] == NARROW
+    assert len({round(axes.get_subplotspec().colspan.start) for axes in narrow.axes}) == 1
+    assert [axes.get_title(loc="left") for axes in narrow.axes] == ["free simulation", "one step ahead"] * len(series)
+    figure = residual_figure(series)
+    before = figure.get_size_inches().tolist()
+    widths = [ElementTree.fromstring(base64.b64decode(part.split('"')[0])).get("width")
+              for part in embed(figure, "residuals").split("base64,")[1:]]  # fmt: skip
+    assert widths == [f"{NARROW * 72:g}pt", f"{before[0] * 72:g}pt"]
+    assert figure.get_size_inches().tolist() == before
+
+
+def test_long_lines_are_broken_on_a_phone_alone() -> None:
+    figure = missing_effort_figure(replace(missing_drag(), x_label="speed " * 12))
+    uris = embed(figure, "missing").split("base64,")[1:]
+    narrow, wide = (base64.b64decode(uri.split('"')[0]).decode() for uri in uris)
+    assert narrow.count("<!-- speed") == 2 and wide.count("<!-- speed") == 1
+    assert figure.axes[0].get_xlabel() == "speed " * 12
+
+
+def test_innovations_are_dots_in_their_band_and_counted() -> None:
+    time = np.arange(40.0)
+    measured = np.where(time < 30, 1.0, 3.0)
+    measured[5] = np.nan
+    band = StateBand("v", "m/s", time, np.zeros(40), np.ones(40), measured)
+    (axes,) = innovation_figure([band], "run").axes
+    assert axes.get_title(loc="right") == "74 % within the 95 % band"  # 29 of 39
+    np.testing.assert_array_equal(lines(axes, AFTER)[0], measured[np.isfinite(measured)])
+    edges = [line for line in lines(axes, MEASURED) if len(line) == 40]
+    np.testing.assert_allclose(edges, [np.full(40, -1.96), np.full(40, 1.96)])
+
+
+def test_a_band_narrower_than_a_line_is_told_by_its_width() -> None:
+    time = np.arange(10.0)
+    (axes,) = state_figure([StateBand("v", "m/s", time, 100.0 * time, np.full(10, 0.01), time)]).axes
+    assert axes.get_title(loc="right") == "95 % band: ± 0.0196 m/s"
+    unknown = StateBand("v", "m/s", time, time, np.full(10, np.nan), np.full(10, np.nan))
+    assert "svg" in figure_svg(state_figure([unknown])) and "svg" in figure_svg(innovation_figure([unknown]))
 
 
 def test_figures_leave_the_global_style_alone() -> None:

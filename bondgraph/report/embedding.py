@@ -1,0 +1,74 @@
+"""Figures in HTML: pictures that a page holds itself, wide for a screen and narrow for a phone."""
+
+from __future__ import annotations
+
+import base64
+import io
+import textwrap
+from html import escape
+
+from matplotlib.figure import Figure
+from matplotlib.text import Text
+
+from bondgraph.report.figures import NARROW, figure_style
+
+#: Letters of a title or a label that fit into the width of a phone beside the numbers of an axis.
+_LETTERS = 42
+
+
+def figure_svg(figure: Figure) -> str:
+    """The figure as SVG text, the same for the same figure."""
+    buffer = io.StringIO()
+    with figure_style():
+        figure.savefig(buffer, format="svg", dpi=180, metadata={"Date": None, "Creator": None})
+    return buffer.getvalue()
+
+
+def embed(figure: Figure, alternative: str, narrow: Figure | None = None) -> str:
+    """An HTML element that holds the figure itself; ``alternative`` describes it for who cannot see it.
+
+    Parameters
+    ----------
+    figure
+        The figure.
+    alternative
+        What it shows, in words.
+    narrow
+        The same for a window of 640 pixels or less; None takes the figure drawn again at that width, so that its
+        letters keep their size.
+
+    The SVG goes in as a data URI, so that names inside one figure never meet those of another.
+    """
+    width = figure.get_size_inches()[0]
+    image = image_of(figure, alternative)
+    if narrow is None and width <= NARROW:
+        return image
+    small = _narrow(figure) if narrow is None else _uri(narrow)
+    source = f'<source media="(max-width: 640px)" srcset="{small}" width="{round(NARROW * 96)}">'
+    return f"<picture>{source}{image}</picture>"
+
+
+def image_of(figure: Figure, alternative: str) -> str:
+    """An HTML image at the figure's own size, where a phone scrolls it."""
+    width = round(figure.get_size_inches()[0] * 96)
+    return f'<img src="{_uri(figure)}" width="{width}" alt="{escape(alternative, quote=True)}">'
+
+
+def _narrow(figure: Figure) -> str:
+    """The figure at the width of a phone, long lines of text broken; the figure stays as it was."""
+    width, height = figure.get_size_inches()
+    found = figure.findobj(Text)
+    lines = [one for one in found if isinstance(one, Text) and len(one.get_text()) > _LETTERS]
+    texts = [line.get_text() for line in lines]
+    figure.set_size_inches(NARROW, height)
+    for line, text in zip(lines, texts, strict=True):
+        line.set_text("\n".join(textwrap.wrap(text, _LETTERS, break_long_words=False)))
+    uri = _uri(figure)
+    for line, text in zip(lines, texts, strict=True):
+        line.set_text(text)
+    figure.set_size_inches(width, height)
+    return uri
+
+
+def _uri(figure: Figure) -> str:
+    return f"data:image/svg+xml;base64,{base64.b64encode(figure_svg(figure).encode()).decode()}"
