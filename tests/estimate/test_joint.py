@@ -132,7 +132,8 @@ def test_the_swarm_leaves_levels_of_noise_alone_in_every_part() -> None:
     part = without_noise_levels(joint)
     assert part.names == ("mass", "drag", "gain") and not is_shortened(joint, part)
     whole = np.concatenate([part.start[:2], [joint.start[2]], part.start[2:]])[:, np.newaxis]
-    np.testing.assert_array_equal(part.nll(part.start[:, np.newaxis]), joint.nll(whole))
+    # a level that is free goes through its logarithm, which rounds by the machine's own library
+    np.testing.assert_allclose(part.nll(part.start[:, np.newaxis]), joint.nll(whole), rtol=1e-12)
 
 
 def problem(**changes: object) -> EstimationProblem:
