@@ -200,14 +200,13 @@ def _without_needless(state: Progress, number: int, settings: RoundSettings) -> 
     return state
 
 
-def standing(state: Progress, number: int, settings: RoundSettings) -> Progress:
-    """The state after something was taken out, with those of the others that stand without it."""
+def standing(state: Progress, gone: str, number: int, settings: RoundSettings) -> Progress:
+    """The state from which something is gone, with those of the other effects that stand without it."""
     while state.added:
         doubts = [doubt(state.fit, trial.candidate.effect) for trial in state.added]
         worst = int(np.argmax(doubts))
         if doubts[worst] < LEVEL:
             break
-        gone = next(one.what for one in reversed(state.history) if one.action in ("withdrawn", "dropped"))
         state = without(state, worst, "dropped", f"p = {doubts[worst]:.2g} without {gone}", number, settings)
     return state
 

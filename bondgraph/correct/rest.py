@@ -84,7 +84,8 @@ def _searched(
             left = _look(fewer, linearisation(fewer.fit, fewer.train), settings.level)
             if left[0] is None:  # the function shows only beside it: so it is no relative of the function
                 break
-            state = standing(fewer, len(rounds), settings)
+            gone = state.added[spare[-1]].candidate.label
+            state = standing(fewer, gone, len(rounds), settings)
             if state is not fewer:
                 left = _look(state, linearisation(state.fit, state.train), settings.level)
             found, linear, tried = left

@@ -7,18 +7,29 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from bondgraph import effects
 from bondgraph.build import build
-from bondgraph.correct.constants import BLOCKS
-from bondgraph.correct.evidence.decide import channel_shares, doubt, effective_blocks, gauge_p_value, robust_p_value
+from bondgraph.correct.constants import BLOCKS, LEVEL
+from bondgraph.correct.evidence.decide import (
+    channel_shares,
+    choose,
+    doubt,
+    effective_blocks,
+    gauge_p_value,
+    robust_p_value,
+)
+from bondgraph.correct.evidence.trials import Evidence, Trial
+from bondgraph.correct.models.candidates import candidates
 from bondgraph.data.log import MatchedLog
 from bondgraph.declare.editing import handle
 from bondgraph.declare.effect import Effect, Place, Scale
 from bondgraph.effects.losses import relief
+from bondgraph.effects.sensors import sensor_scale
 from bondgraph.estimate.fitted import Fit
 from bondgraph.estimate.free import declared_free
 from bondgraph.estimate.local import fit
 from bondgraph.estimate.setup import filter_setup
-from tests.correct.sled import fitted, pull, sled
+from tests.correct.sled import built, fitted, pull, sled
 from tests.effects.machines.electrical import CLAMP
 
 LOG = pull(sled(), 4)
@@ -88,3 +99,26 @@ def test_a_law_beside_a_gauge_is_judged_by_what_it_gains() -> None:
     assert gauge_p_value(1000.0, tight, law, shape) == 1.0  # there is none
     effect = Effect("breakdown", "breakdown_node", "", tuple(law), shapes=tuple(shape))
     assert doubt(loose, effect) < 1e-6
+
+
+@pytest.mark.parametrize("sensors", [1, 2])
+@pytest.mark.parametrize(("law", "believed", "chosen"), [
+    (20.0, True, ("quadratic_loss", "sensor_scale")),  # a law that passes, however much the fault explains
+    (20.0, False, (None, "sensor_scale")),  # within odds of 20 to 1: it may stand for another law of its kind
+    (2.0, False, ("sensor_scale", "sensor_scale")),
+])  # fmt: skip
+def test_a_fault_of_the_only_sensor_explains_more_than_any_law(
+    sensors: int, law: float, believed: bool, chosen: tuple[str | None, str]
+) -> None:
+    """On the coupled drives a scale of their only sensor was chosen beside two laws that explained as much."""
+    log = replace(LOG, y=np.where([[True], [sensors > 1]], LOG.y, np.nan))
+    base = fitted([log])
+    places = [Place(handle(sled(), "runner"), Scale(150.0, 4.0)), Place.sensor("speed", Scale(4.0, 4.0))]
+    (drag, scale), _ = candidates(built(), [effects.quadratic_loss, sensor_scale], places)
+    doubted = Evidence(law, 1e-9, 1e-9 if believed else 0.5, law, 10)
+    trials = [Trial(drag, law, fit=base, evidence=doubted), Trial(scale, 22.0, fit=base, evidence=_SURE)]
+    best = choose(trials, LEVEL)
+    assert (best and best.candidate.effect.name) == chosen[sensors - 1]
+
+
+_SURE = Evidence(22.0, 1e-9, 1e-9, 22.0, 10)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 
 from bondgraph import effects
@@ -10,7 +12,7 @@ from bondgraph.correct.evidence.context import coefficients
 from bondgraph.correct.evidence.trials import Trial
 from bondgraph.correct.loop import LoopSettings, close_loop
 from bondgraph.correct.models.candidates import candidates
-from bondgraph.correct.progress import Progress, without
+from bondgraph.correct.progress import Progress, standing, without
 from bondgraph.correct.rest import Rest
 from bondgraph.correct.round import RoundSettings
 from bondgraph.declare.editing import handle
@@ -44,6 +46,22 @@ def test_a_wind_on_a_drag_that_is_withdrawn_goes_with_it() -> None:
     alone = without(state, 1, "dropped", "p = 0.5", 2, RoundSettings())
     assert [one.candidate.label for one in alone.added] == ["quadratic_loss at runner"]
     assert alone.fit.nll == pytest.approx(state.fit.nll, abs=20.0)
+
+
+def test_what_was_found_beside_something_has_to_stand_without_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A scale of a sensor that was found beside a disturbance stayed when the disturbance was withdrawn."""
+    log = pull(added(effects.quadratic_loss, "runner", 3.0), 1)
+    at = Place(handle(sled(), "runner"), Scale(150.0, 4.0))
+    state = Progress(sled(), built(), fitted([log]), (log,))
+    for function in (effects.quadratic_loss, effects.constant_effort):
+        (one,), _ = candidates(state.built, [function], [at])
+        own = build(one.apply(state.built.graph))
+        model = replace(state.fit.problem.filter_model, model=own.model)
+        free = (*at_optimum(state.fit), *coefficients(one, model))
+        state = replace(state, built=own, fit=fit(model, [log], free), added=(*state.added, Trial(one, 9.0)))
+    assert standing(state, "a wind", 2, RoundSettings()).added == state.added[:1]  # there is no constant load
+    monkeypatch.setattr("bondgraph.correct.progress.doubt", lambda fitted, effect: 1e-9)
+    assert standing(state, "a wind", 2, RoundSettings()) is state
 
 
 def test_an_effect_that_is_withdrawn_at_the_end_makes_room_for_another(monkeypatch: pytest.MonkeyPatch) -> None:
