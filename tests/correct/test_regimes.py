@@ -7,9 +7,16 @@ import pytest
 
 from bondgraph import effects
 from bondgraph.build import build
+from bondgraph.correct.constants import LEVEL
+from bondgraph.correct.evidence.context import Context
+from bondgraph.correct.evidence.trials import Trial
 from bondgraph.correct.loop import ClosedLoop, close_loop
+from bondgraph.correct.models.candidates import candidates, places
 from bondgraph.correct.places.regimes import Regime, in_regime
 from bondgraph.correct.result import result_json
+from bondgraph.correct.scores.scoring import linearisation, score_candidates
+from bondgraph.correct.search import regimes
+from bondgraph.correct.search.refit import refit_from
 from bondgraph.correct.search.regimes import _gains
 from bondgraph.data.log import MatchedLog
 from bondgraph.declare.editing import copy, handle, with_values
@@ -19,7 +26,11 @@ from bondgraph.declare.graph import BondGraph
 from bondgraph.derive.causality import assign_causality
 from bondgraph.derive.derivation import derive
 from bondgraph.derive.latex import latex
+from bondgraph.estimate.declared import free_parameters
+from bondgraph.estimate.journal import Journal
+from bondgraph.estimate.local import fit
 from bondgraph.estimate.objective import expansion_of
+from bondgraph.estimate.setup import filter_setup
 from bondgraph.report.closed_loop import explanation
 from bondgraph.report.python_lines import correction_lines
 from bondgraph.report.regimes import regime_sentences
@@ -174,3 +185,19 @@ def test_a_machine_that_lacks_nothing_gets_no_regime(seed: int) -> None:
     ):
         closed = _loop(graph, logs[:2], logs[2])
         assert (closed.verdict, closed.added) == ("no missing effect", ())
+
+
+def test_a_law_is_gated_in_the_place_of_itself(monkeypatch: pytest.MonkeyPatch) -> None:
+    """theta() got multiple values for 'c_coulomb_loss_motor': all that a loop on a car had found was lost."""
+    log, own = partly.driven(1), build(partly.drive())
+    setup = filter_setup(own.model, own.driven, [log])
+    base = fit(setup.filter_model, [log], (*free_parameters(setup, ()), *setup.noise))
+    linear = linearisation(base, [log])
+    where = places(own, [log], linear.runs, base.theta_of(own.model))
+    found, _ = candidates(own, [effects.quadratic_loss], [one for one in where if one.label == "shaft"])
+    context = Context(own, base, (log,), 10, LEVEL, 5.0, Journal())
+    leader = refit_from(Trial(found[0], 1.0), [1e-3], context)
+    monkeypatch.setattr(regimes, "_options", lambda linear, laws, seen: [regimes.Option(laws[0], FAST, 1e9)])
+    (gated,) = regimes.gated_in_place(leader, score_candidates(linear, found), where, context)
+    assert gated.trial.candidate.label == "quadratic_loss at shaft where speed of shaft is above a level"
+    assert np.isfinite(gated.prediction.gain) and gated.prediction.starts

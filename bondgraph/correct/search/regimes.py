@@ -93,7 +93,8 @@ def gated_by_scores(linear: Linearisation, known: Scored, where: Sequence[Place]
         return []
     scored = score_candidates(linear, made)
     predictions = predicted_by_scores(context.base, linear, scored, context)
-    return _gated(made, predictions, scored, 2 * len(laws) * len(seen))
+    steps = [tuple(map(float, one)) for one in scored.scores.steps[: len(made)]]
+    return _gated(made, predictions, steps, 2 * len(laws) * len(seen))
 
 
 def gated_in_place(best: Trial, known: Scored, where: Sequence[Place], context: Context) -> list[Gated]:
@@ -118,17 +119,20 @@ def gated_in_place(best: Trial, known: Scored, where: Sequence[Place], context: 
     made = _made(_options(without, laws, seen), beaten + margin, context)
     if not made:
         return []
-    scored = score_candidates(linear, made)
-    predictions = predicted_by_swap(best, made, scored.variants, context)
-    return _gated(made, predictions, scored, 2 * len(laws) * len(seen))
+    # a gated law has one variant, that of its level
+    predictions = predicted_by_swap(best, made, [one.variants[0] for one in made], context)
+    return _gated(made, predictions, [()] * len(made), 2 * len(laws) * len(seen))
 
 
 def _gated(
-    made: Sequence[Candidate], predictions: Sequence[Prediction | None], scored: Scored, tested: int
+    made: Sequence[Candidate],
+    predictions: Sequence[Prediction | None],
+    steps: Sequence[tuple[float, ...]],
+    tested: int,
 ) -> list[Gated]:
     return [
-        Gated(Trial(one, told.gain, tuple(map(float, scored.scores.steps[k]))), told, tested)
-        for k, (one, told) in enumerate(zip(made, predictions, strict=True))
+        Gated(Trial(one, told.gain, step), told, tested)
+        for one, told, step in zip(made, predictions, steps, strict=True)
         if told is not None
     ]
 
