@@ -335,7 +335,7 @@ class _Body:
         return self._do.load_row(place) if self._is_row(node) else self._builder.load(place)
 
     def _is_row(self, node: ast.Subscript) -> bool:
-        """Whether an element is that of a lane: ``w[... + l]`` in a loop over lanes."""
+        """True for an element of a lane: ``w[... + l]`` in a loop over lanes."""
         last = node.slice.right if isinstance(node.slice, ast.BinOp) else node.slice
         return bool(self._lane) and isinstance(last, ast.Name) and last.id == self._lane
 

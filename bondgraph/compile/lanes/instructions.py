@@ -36,7 +36,7 @@ class Array:
 
 
 def is_packed(value: Any) -> bool:
-    """Whether a value is one number per lane."""
+    """True for a value that is one number per lane."""
     return isinstance(value.type, ir.VectorType)
 
 

@@ -73,7 +73,7 @@ def load_functions(source: str, exports: Mapping[str, str]) -> dict[str, Compile
 
 
 def _digest(source: str, exports: Mapping[str, str]) -> str:
-    """What machine code depends on: text, signatures, the compiler of the text, LLVM and the processor."""
+    """Digest of all that machine code depends on: text, signatures, compiler of the text, LLVM, processor."""
     parts = [source, repr(sorted(exports.items())), _compiler(), llvm_version(), *processor()]
     return hashlib.sha256("\0".join(parts).encode()).hexdigest()[:24]
 
