@@ -189,25 +189,24 @@ def _gated_refit(chosen: Trial, gate: Gate, context: Context) -> list[Trial]:
 
 
 def _without_needless(state: Progress, number: int, settings: RoundSettings) -> Progress:
-    """Backward elimination: earlier effects that are no longer needed beside the later ones go."""
-    while len(state.added) > 1:
-        doubts = [doubt(state.fit, trial.candidate.effect) for trial in state.added[:-1]]
-        worst = int(np.argmax(doubts))
-        if doubts[worst] < LEVEL:
-            break
-        why = f"p = {doubts[worst]:.2g} beside {state.added[-1].candidate.label}"
-        state = without(state, worst, "dropped", why, number, settings)
-    return state
+    """Backward elimination: earlier effects that are no longer needed beside the last one go."""
+    last = state.added[-1]
+    return _standing(state, [last], f"beside {last.candidate.label}", number, settings)
 
 
 def standing(state: Progress, gone: str, number: int, settings: RoundSettings) -> Progress:
     """The state from which something is gone, with those of the other effects that stand without it."""
-    while state.added:
-        doubts = [doubt(state.fit, trial.candidate.effect) for trial in state.added]
+    return _standing(state, [], f"without {gone}", number, settings)
+
+
+def _standing(state: Progress, sure: Sequence[Trial], how: str, number: int, settings: RoundSettings) -> Progress:
+    """The state without its effects that are in doubt, the most doubtful first; those that are ``sure`` stay."""
+    while doubtful := [k for k, trial in enumerate(state.added) if all(trial is not one for one in sure)]:
+        doubts = [doubt(state.fit, state.added[k].candidate.effect) for k in doubtful]
         worst = int(np.argmax(doubts))
         if doubts[worst] < LEVEL:
             break
-        state = without(state, worst, "dropped", f"p = {doubts[worst]:.2g} without {gone}", number, settings)
+        state = without(state, doubtful[worst], "dropped", f"p = {doubts[worst]:.2g} {how}", number, settings)
     return state
 
 

@@ -128,7 +128,7 @@ def one_round(
     trials = _searched(search, scoring, settings)
     left = Residual(built, linear, probed, known, located)
     trials = with_formulas(trials, scored, left, search.context, settings.report)
-    trials, chosen = _chosen(trials, search.context, settings.report, search)
+    trials, chosen = _chosen(trials, search.context, settings.report, where)
     others = alternatives(chosen, trials, scored.scores, settings.level)
     others = _with_advice(built, base, chosen, others, scored)
     seen = detectable(vanishing, scored.scores, need)
@@ -166,7 +166,7 @@ def _searched(search: Search, scoring: Scoring, settings: RoundSettings) -> list
 
 
 def _chosen(
-    trials: Sequence[Trial], context: Context, report: Report, search: Search | None = None
+    trials: Sequence[Trial], context: Context, report: Report, where: Sequence[Place]
 ) -> tuple[list[Trial], Trial | None]:
     """The trials, those that would be chosen after a second look at them, and the one that stays the best.
 
@@ -184,9 +184,9 @@ def _chosen(
             freed = at_any_width(best, done, context)
             done = [new if new.fit is old.fit else _less(new, lost) for old, new in zip(done, freed, strict=True)]
             continue
-        if search is not None and best.candidate.effect.regime and index not in gated:
+        if best.candidate.effect.regime and index not in gated:
             gated.add(index)
-            done[index] = _earned(best, done, search, context)
+            done[index] = _earned(best, done, where, context)
             continue
         report(f"look again at {best.candidate.label}", 0, 1)
         sure, further = _second_look(best, context, lost)
@@ -200,11 +200,11 @@ def _chosen(
     return done, best
 
 
-def _earned(best: Trial, done: Sequence[Trial], search: Search, context: Context) -> Trial:
+def _earned(best: Trial, done: Sequence[Trial], where: Sequence[Place], context: Context) -> Trial:
     """The trial after the tests of its gate; where these fail it is not chosen."""
     assert best.evidence is not None  # it would be chosen
     doubted = replace(best, evidence=replace(best.evidence, p_robust=1.0))
-    return attempted(lambda: earned(best, done, search.where, context), lambda why: replace(doubted, failed=why))
+    return attempted(lambda: earned(best, done, where, context), lambda why: replace(doubted, failed=why))
 
 
 def _less(trial: Trial, nats: float) -> Trial:

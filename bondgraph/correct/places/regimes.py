@@ -31,7 +31,7 @@ Side = Literal["above", "below"]
 
 #: Levels of a signal that are tried: between so many knots, between which it is found about equally often.
 _KNOTS = 41
-#: What efforts and flows are called, by their unit; where a unit says nothing they are called that.
+#: Names of efforts and flows by their unit; where a unit says nothing they are called that.
 _WORDS = {
     ("flow", TRANSLATION.flow_unit): "speed", ("flow", ROTATION.flow_unit): "speed",
     ("effort", TRANSLATION.effort_unit): "force", ("effort", ROTATION.effort_unit): "torque",

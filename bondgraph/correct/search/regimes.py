@@ -246,7 +246,7 @@ def earned(trial: Trial, trials: Sequence[Trial], where: Sequence[Place], contex
 
 
 def _against(trial: Trial, where: Sequence[Place], context: Context) -> str:
-    """What speaks against a gate, whatever it gains; empty if nothing does."""
+    """Objection to a gate, whatever it gains; empty if there is none."""
     assert trial.fit is not None and trial.built is not None  # it was refitted
     if trial.fit.held[trial.fit.problem.names.index(level_name(trial.candidate.effect))]:
         return "its level rests on an end of what the logs cover"
