@@ -159,7 +159,7 @@ def growth_of_work(case: Case, rounds: int) -> list[dict[str, object]]:
 
 
 def against_c(rounds: int) -> dict[str, float]:
-    """Runge-Kutta steps of 16 lanes in numba and in C from the same printed equations; on the driveline."""
+    """Runge-Kutta steps of 16 compiled lanes and in C from the same printed equations; on the driveline."""
     if not has_compiler():
         return {}
     model = Model.from_file(RANGER.with_name("driveline.py"))
@@ -175,22 +175,22 @@ def against_c(rounds: int) -> dict[str, float]:
     u, none = model.u0(), np.empty(0)
     length = 1e-5 * steps
 
-    def in_numba() -> None:
+    def in_lanes() -> None:
         calls.call_advance(lanes.advance, 0.0, length, steps, 1.0, none, u, u, clock, inputs, buffers[0], LANES)
 
-    in_numba()
+    in_lanes()
     in_c(buffers[1], 1e-5, steps, np.concatenate([u, u]))
     x = [w.reshape(-1, LANES)[lanes.x : lanes.x + len(model.states)].copy() for w in buffers]
     seconds = side_by_side(
         {
-            "numba": (in_numba, steps * LANES),
+            "lanes": (in_lanes, steps * LANES),
             "C": (lambda: in_c(buffers[1], 1e-5, steps, np.concatenate([u, u])), steps * LANES),
         },
         rounds,
     )
     return {
         **{f"ns_per_step_and_lane: {name}": 1e9 * value for name, value in seconds.items()},
-        "ratio_c_vs_numba": seconds["C"] / seconds["numba"],
+        "ratio_c_vs_lanes": seconds["C"] / seconds["lanes"],
         "relative_difference": float(np.max(np.abs(x[0] - x[1]) / (np.abs(x[0]) + 1e-9))),
     }
 
