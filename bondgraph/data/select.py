@@ -47,7 +47,7 @@ def beginnings(logs: Sequence[AnyLog], share: float, least: int = 1) -> tuple[An
 
 
 def pieces(log: AnyLog, count: int, samples: int) -> tuple[AnyLog, ...]:
-    """So many pieces of so many samples each, evenly over a log; the log itself where they would cover all of it.
+    """Pieces of a log, so many of so many samples each, evenly over it; the log itself where they would cover it all.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""What a filter said of one log, as far as tables, pictures and tests need it, however much of it was kept."""
+"""Records of a filter over one log: what tables, pictures and tests need, however much was kept."""
 
 from __future__ import annotations
 

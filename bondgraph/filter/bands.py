@@ -36,7 +36,7 @@ Beliefs = Callable[[slice, FloatArray, FloatArray], None]
 
 @dataclass(frozen=True, repr=False)
 class FilterBands(AbstractRun):
-    """What is kept of a filter over a long log.
+    """Record of a filter over a long log, without covariances.
 
     Shapes: time (n,); ``filtered_mean`` and ``filtered_var`` (n_s, n), means and variances of the filter's state after
     the measurement of a sample; ``output_mean`` and ``output_var`` (n_y, n) expected of all channels before it, noise

@@ -53,7 +53,7 @@ def derivatives(objective: Objective, points: FloatArray, steps: FloatArray) -> 
 
 
 def repays_exact(problem: Problem) -> bool:
-    """Whether a search is so long that compiled derivatives repay their compilation."""
+    """True for a search so long that compiled derivatives repay their compilation."""
     return filtering_work(problem) * len(problem.names) >= _REPAYS
 
 
