@@ -52,7 +52,6 @@ _NEEDED: dict[Any, tuple[str, ...]] = {
         "create_new_module_pass_manager",
         "create_pass_builder",
         "create_pipeline_tuning_options",
-        "add_symbol",
     ),
     _JITCPUCodegen: ("_get_host_cpu_name", "_get_host_cpu_features"),
     sigutils: ("normalize_signature",),

@@ -23,14 +23,15 @@ from typing import Any
 
 import numpy as np
 
-from bondgraph.compile.lanes.instructions import FLOAT, VECTOR, Array, Instructions, is_packed
+from bondgraph.compile.lanes.instructions import FLOAT, VECTOR, Array, Instructions, is_packed, library_table
 from bondgraph.compile.numba_internals import array_of, cgutils, ir, sigutils, value_type
 from bondgraph.errors import ModelError
+from bondgraph.syntax import parsed
 
 #: Functions of one number that LLVM has itself.
 _INTRINSICS = {"abs": "llvm.fabs", "math.sqrt": "llvm.sqrt", "np.floor": "llvm.floor"}
 #: Names of other functions in the mathematical library of C.
-LIBRARY = {
+_LIBRARY = {
     "np.tan": "tan", "np.arccos": "acos", "np.arctan2": "atan2", "np.sinh": "sinh", "np.cosh": "cosh",
     "np.arcsinh": "asinh", "np.arccosh": "acosh", "np.arctanh": "atanh", "np.log": "log", "math.pow": "pow",
 }  # fmt: skip
@@ -66,6 +67,7 @@ def lane_module(source: str, exports: Mapping[str, str]) -> str:
     True
     """
     printed = _Printed(source)
+    library_table(printed.module)
     for name, signature in exports.items():
         _export(printed, name, sigutils.normalize_signature(signature)[0])
     return str(printed.module)
@@ -83,7 +85,7 @@ class _Printed:
         self.module = ir.Module("lanes")
         self.functions: dict[str, ast.FunctionDef] = {}
         self.scope: dict[str, Any] = {"np": np, "math": math}
-        for node in ast.parse(source).body:
+        for node in parsed(source).body:
             if isinstance(node, ast.FunctionDef):
                 self.functions[node.name] = node
             elif isinstance(node, ast.Assign):
@@ -365,8 +367,8 @@ class _Body:
             return self._do.choose(self._do.compare(ast.LtE(), *given), *given)
         if name in _INTRINSICS:
             return self._do.intrinsic(_INTRINSICS[name], given[0])
-        if name in LIBRARY:
-            return self._do.external(LIBRARY[name], given)
+        if name in _LIBRARY:
+            return self._do.external(_LIBRARY[name], given)
         if name not in self._printed.functions:
             raise _refused(node)
         function = self._printed.functions[name]

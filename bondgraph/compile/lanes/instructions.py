@@ -24,6 +24,11 @@ _ARITHMETIC = {
     ast.Add: ("fadd", "add"), ast.Sub: ("fsub", "sub"), ast.Mult: ("fmul", "mul"), ast.Div: ("fdiv", ""),
     ast.FloorDiv: ("", "sdiv"), ast.BitAnd: ("", "and_"), ast.BitOr: ("", "or_"), ast.LShift: ("", "shl"),
 }  # fmt: skip
+#: Functions of the mathematical library of C that printed text may call.
+LIBRARY = ("tan", "acos", "atan2", "sinh", "cosh", "asinh", "acosh", "atanh", "log", "pow")
+#: Name of the table of their addresses, and of the function that says where it is.
+_LIBRARY_TABLE, LIBRARY_PLACE = "library.table", "library.place"
+_ADDRESS = ir.IntType(8).as_pointer()
 _COMPARISONS = {ast.Lt: "<", ast.LtE: "<=", ast.Gt: ">", ast.GtE: ">=", ast.Eq: "==", ast.NotEq: "!="}
 
 
@@ -108,7 +113,9 @@ class Instructions:
 
     def external(self, name: str, values: Sequence[Any]) -> Any:
         """A function of the mathematical library, called for one lane after another."""
-        function = self._declared(name, FLOAT, [FLOAT] * len(values))
+        place = self.builder.gep(library_table(self.builder.module), [_at(0), _at(LIBRARY.index(name))])
+        kind = ir.FunctionType(FLOAT, [FLOAT] * len(values)).as_pointer()
+        function = self.builder.bitcast(self.builder.load(place), kind)
         values = [self.as_float(value) for value in values]
         if not any(map(is_packed, values)):
             return self.builder.call(function, values)
@@ -174,6 +181,21 @@ class Instructions:
         if name not in module.globals:
             ir.Function(module, ir.FunctionType(result, arguments), name)
         return module.globals[name]
+
+
+def library_table(module: Any) -> Any:
+    """The addresses of the functions of the mathematical library, to be filled in when the module is loaded.
+
+    Were they symbols, the linker would need room beside the code that it does not reckon with beforehand, and could not
+    map everything as one piece.
+    """
+    if _LIBRARY_TABLE not in module.globals:
+        table = ir.GlobalVariable(module, ir.ArrayType(_ADDRESS, len(LIBRARY)), _LIBRARY_TABLE)
+        table.linkage, table.initializer = "internal", ir.Constant(table.value_type, None)
+        place = ir.Function(module, ir.FunctionType(_ADDRESS, []), LIBRARY_PLACE)
+        builder = ir.IRBuilder(place.append_basic_block("entry"))
+        builder.ret(builder.bitcast(table, _ADDRESS))
+    return module.globals[_LIBRARY_TABLE]
 
 
 #: Alignment that is asked of rows; those of a work buffer have more, and a vector is read as fast.

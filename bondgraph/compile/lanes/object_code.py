@@ -17,7 +17,8 @@ from pathlib import Path
 from typing import Any
 
 from bondgraph.compile.cache import keep, kept
-from bondgraph.compile.lanes.compiler import LIBRARY, entry_name, lane_module
+from bondgraph.compile.lanes.compiler import entry_name, lane_module
+from bondgraph.compile.lanes.instructions import LIBRARY, LIBRARY_PLACE
 from bondgraph.compile.numba_internals import binding, llvm_version, processor, sigutils
 from bondgraph.compile.pointer import CompiledFunction
 
@@ -89,16 +90,20 @@ def _compiler() -> str:
 
 def _engine(name: str, source: str, exports: Mapping[str, str]) -> Any:
     """The loaded code of a module, taken from the cache folder or compiled."""
-    _offer_library()
     machine = _machine()
-    # an engine begins with a module; the code itself comes beside it
-    engine = binding.create_mcjit_compiler(binding.parse_assembly(""), machine)
+    # an engine begins with a module; the code itself comes beside it. All of its sections are mapped as one piece: code
+    # reaches its numbers and tables by addresses of 32 bits
+    engine = binding.create_mcjit_compiler(binding.parse_assembly(""), machine, use_lmm=True)
     code = kept(f"{name}.o")
     if code is None:
         code = _compiled(lane_module(source, exports), machine)
         keep(f"{name}.o", code)
     engine.add_object_file(binding.ObjectFileRef.from_data(code))
     engine.finalize_object()
+    place = ctypes.CFUNCTYPE(ctypes.c_void_p)(engine.get_function_address(LIBRARY_PLACE))()
+    table = (ctypes.c_void_p * len(LIBRARY)).from_address(place)
+    for position, address in enumerate(_library()):
+        table[position] = address
     return engine
 
 
@@ -119,9 +124,7 @@ def _machine() -> Any:
 
 
 @functools.cache
-def _offer_library() -> None:
-    """Let machine code find the functions of the mathematical library."""
+def _library() -> list[int]:
+    """Addresses of the functions of the mathematical library."""
     library = ctypes.CDLL(ctypes.util.find_library("m") or ctypes.util.find_library("ucrtbase"))
-    for name in LIBRARY.values():
-        address = ctypes.cast(getattr(library, name), ctypes.c_void_p).value
-        binding.add_symbol(name, address)
+    return [ctypes.cast(getattr(library, name), ctypes.c_void_p).value or 0 for name in LIBRARY]

@@ -27,6 +27,7 @@ from bondgraph.compile.lanes.text import LANES, Place, lane_function
 from bondgraph.compile.passes.hoist import Hoister
 from bondgraph.compile.passes.quick import LoopCalls
 from bondgraph.compile.passes.sparse_lu import SparseFactors, factorise, substitute
+from bondgraph.syntax import parsed
 
 if TYPE_CHECKING:
     from types import ModuleType
@@ -193,5 +194,5 @@ class Writer:
 def module_functions(kernel: ModuleType) -> list[str]:
     """Texts of the functions of a kernel module."""
     text = inspect.getsource(kernel)
-    nodes = [node for node in ast.parse(text).body if isinstance(node, ast.FunctionDef)]
+    nodes = [node for node in parsed(text).body if isinstance(node, ast.FunctionDef)]
     return [ast.get_source_segment(text, node) or "" for node in nodes]
