@@ -18,7 +18,7 @@ ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = ROOT / "bondgraph"
 
 VISIBLE = {"pyproject.toml", "bondgraph", "vehicle_graphs", "generated", "tests", "README.md", "LICENSE"}
-FOUNDATION = ("version", "text", "shown", "errors", "lazy", "files", "frames", "units", "coherent", "arrays")
+FOUNDATION = ("version", "text", "syntax", "shown", "errors", "lazy", "files", "frames", "units", "coherent", "arrays")
 DESIGN_TIME = ("declare", "derive", "generate")
 RUN_TIME = ("execute", "compile", "data", "simulate", "filter", "estimate")
 ON_TOP = ("effects", "correct", "report", "exchange", "documentation", "cli")
@@ -30,6 +30,7 @@ ROOMS = (*DESIGN_TIME, *RUN_TIME, *ON_TOP)
 MAY_IMPORT: dict[str, tuple[str, ...]] = {
     "version": (),
     "text": (),
+    "syntax": (),
     "shown": ("text",),
     "lazy": ("errors",),
     "frames": ("errors",),

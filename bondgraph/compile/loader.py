@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 
 from bondgraph.errors import ModelError, suggest
+from bondgraph.syntax import parsed
 
 FORMAT = "bondgraph-module/1"
 
@@ -43,7 +44,7 @@ def parse_module(text: str, source: str) -> ast.Module:
         If it is not Python, or holds what a generated module cannot hold.
     """
     try:
-        tree = ast.parse(text)
+        tree = parsed(text)
     except (SyntaxError, ValueError) as error:
         line = getattr(error, "lineno", None)
         raise ModelError(

@@ -29,6 +29,7 @@ from bondgraph.compile.cache import store
 from bondgraph.compile.loader import parse_module
 from bondgraph.compile.scalar import scalar_source
 from bondgraph.errors import ModelError
+from bondgraph.syntax import parsed
 
 Scalar = Callable[[float, FloatArray, FloatArray, FloatArray, FloatArray], None]
 Batched = Callable[[float, FloatArray, FloatArray, FloatArray], FloatArray]
@@ -177,7 +178,7 @@ def _functions(kernel: ModuleType, decorator: str, within: str = "@_inner\n") ->
     """The functions and constants of a kernel module, without its imports and types; the public ones as asked for."""
     text = inspect.getsource(kernel)
     parts = []
-    for node in ast.parse(text).body:
+    for node in parsed(text).body:
         segment = ast.get_source_segment(text, node) or ""
         if isinstance(node, ast.FunctionDef):
             parts.append((within if node.name.startswith("_") else decorator) + segment)

@@ -22,6 +22,7 @@ from bondgraph.declare.functions import TableFunction, clip, maximum, minimum, n
 from bondgraph.declare.limits import NoValueError, bounded, check_law_text, power
 from bondgraph.declare.quantities import symbol
 from bondgraph.errors import DeclarationError, suggest
+from bondgraph.syntax import parsed
 
 _SIGNAL = re.compile(r"\b(effort|flow|displacement|momentum)(\d*)\(\s*([A-Za-z0-9_.]+)\s*\)")
 _SIGNAL_NAME = re.compile(r"(effort|flow|displacement|momentum)(\d*)\(([A-Za-z0-9_.]+)\)\Z")
@@ -197,7 +198,7 @@ def parse(text: str, names: Mapping[str, Any], where: str) -> Expr:
     source = re.sub(r"\b[A-Za-z_]\w*\b", _escape_word, source)
     try:
         check_law_text(source)
-        tree = ast.parse(source, mode="eval").body
+        tree = parsed(source, mode="eval").body
         return normalise(_Reader(names, signals, where, text).read(tree))
     except NoValueError as error:
         raise DeclarationError(

@@ -19,6 +19,7 @@ from bondgraph.compile.ir.evaluate import evaluate
 from bondgraph.compile.ir.tape import FUNCTIONS, Program, Tape
 from bondgraph.compile.passes.tangent import tangents
 from bondgraph.errors import EstimationError, ModelError
+from bondgraph.syntax import parsed
 
 #: Functions that an expression may call, by these names.
 _CALLED = (*FUNCTIONS, "minimum", "maximum", "arctan2")
@@ -67,7 +68,7 @@ class Tie:
     @cached_property
     def _tree(self) -> ast.expr:
         try:
-            return ast.parse(self.expression.strip(), mode="eval").body
+            return parsed(self.expression.strip(), mode="eval").body
         except (SyntaxError, ValueError) as error:
             raise EstimationError(
                 f"{self._what}: cannot be read ({error}) - write it like 1.2*k_f", where=(self.name,)

@@ -26,6 +26,7 @@ from bondgraph.declare.loading import is_file_reference, split_reference
 from bondgraph.declare.quantities import Integral, NamedSignal, Parameter
 from bondgraph.errors import BondGraphError
 from bondgraph.files import write_text
+from bondgraph.syntax import parsed
 
 #: Own variables of laws by what they give; those of storages first.
 _OWN = {"R": {"effort": "flow", "flow": "effort"}, "C": {"effort": "displacement"}, "I": {"flow": "momentum"}}
@@ -53,7 +54,7 @@ class _Writer:
 
     def expression(self, value: Any, own: Iterable[str] = ()) -> str:
         """An expression as Python; quantities that are no variables of the lines yet become some."""
-        tree = ast.parse(to_text(value), mode="eval")
+        tree = parsed(to_text(value), mode="eval")
         text = ast.unparse(_Translator(self, set(own)).visit(tree))
         return text
 
@@ -262,7 +263,7 @@ def declaration_patch(reference: str, before: BondGraph, after: BondGraph) -> st
 
 def _return_of(source: str, name: str) -> tuple[int, str] | None:
     """Line of the only ``return`` of a top-level function, and the name that it returns."""
-    for node in ast.parse(source).body:
+    for node in parsed(source).body:
         if isinstance(node, ast.FunctionDef) and node.name == name:
             returns = [one for one in ast.walk(node) if isinstance(one, ast.Return)]
             last = node.body[-1]
@@ -272,7 +273,7 @@ def _return_of(source: str, name: str) -> tuple[int, str] | None:
 
 
 def _renamed(text: str, variable: str) -> str:
-    tree = ast.parse(text)
+    tree = parsed(text)
     for node in ast.walk(tree):
         if isinstance(node, ast.Name) and node.id == "g":
             node.id = variable
