@@ -25,7 +25,7 @@ from bondgraph.correct.evidence.certified import doubts, refined
 from bondgraph.correct.evidence.trials import Added, Detectable, Trial
 from bondgraph.correct.fits.assess import Assessment, assess
 from bondgraph.correct.fits.rates import rated, with_followed_rates
-from bondgraph.correct.fits.whiteness import Whiteness, whiteness
+from bondgraph.correct.fits.whiteness import Whiteness, is_white, whiteness
 from bondgraph.correct.models.failures import FAILURES
 from bondgraph.correct.models.failures import reason as reason_of
 from bondgraph.correct.models.resting import RESTING, with_resting_state, without_resting_state
@@ -199,12 +199,18 @@ def close_loop(
     while _withdrawn(state, rest) and len(state.added) == settings.max_effects and not settings.tables:
         state, rounds, reason = _rounds(rest.state, every, own, settings.max_effects, rounds)
         rest = settle(state, rounds, own, settings.tables)
-    if not rest.unexplained:
-        disturbed = with_disturbance(rest.state, own)
+    if not settings.tables:
+        disturbed = with_disturbance(rest.state, own, _worth(rest))
         if disturbed is not rest.state:  # what it hid may show now
             state, rounds, reason = _rounds(disturbed, every, own, settings.max_effects, rounds)
             rest = settle(state, rounds, own, settings.tables)
     return _result(built, start, rest, rounds, holdout, told, reason, settings, report)
+
+
+def _worth(rest: Rest) -> float:
+    """Nats that a function without a law gains beyond the penalty for its points: a disturbance must explain more."""
+    measured = sum(int(np.isfinite(log.y).sum()) for log in rest.state.train)
+    return max((one.gain - 0.5 * one.knots.size * np.log(measured) for one in rest.unexplained), default=0.0)
 
 
 def _withdrawn(before: Progress, after: Rest) -> bool:
@@ -248,12 +254,15 @@ def _named(state: Progress) -> int:
 
 
 def _explained_at_random(state: Progress, chosen: Trial, own: RoundSettings) -> Progress:
-    """The state with a disturbance that explains more than a candidate with a memory of its own, if there is one.
+    """The state with a disturbance that explains more than a candidate that leaves innovations coloured, if one does.
 
-    A lag, a storage and a late sensor explain coloured innovations by their memory, whatever coloured them.
+    A wind that lasts correlates with every law for a while, and the scatter of blocks tells too little of it. A lag, a
+    storage and a late sensor explain coloured innovations by their memory, whatever coloured them.
     """
     effect, known = chosen.candidate.effect, {one.candidate.effect.kind for one in state.added}
-    if DISTURBANCE in known or not (effect.adds_state or effect.channel) or chosen.evidence is None:
+    if DISTURBANCE in known or chosen.evidence is None or chosen.fit is None:
+        return state
+    if not (effect.adds_state or effect.channel) and is_white(chosen.fit, own.level):
         return state
     return with_disturbance(state, own, chosen.evidence.bic_gain)
 

@@ -18,7 +18,7 @@ from bondgraph.correct.fits.starts import with_starts
 from bondgraph.correct.models.candidates import candidates
 from bondgraph.correct.round import Round, RoundSettings
 from bondgraph.correct.scores.gates import Constancy, Gate, When, constancy, gated, with_gate
-from bondgraph.correct.search.disturbances import described, disturbances
+from bondgraph.correct.search.disturbances import DISTURBANCE, described, disturbances
 from bondgraph.correct.search.refit import refit_from
 from bondgraph.data.log import MatchedLog
 from bondgraph.declare.graph import BondGraph
@@ -96,7 +96,7 @@ def advance(state: Progress, turn: Round, settings: RoundSettings) -> Progress:
     state = _estimated(replace(state, train=train), chosen, settings)
     state = certified(replace(state, history=(*state.history, *history)), number, settings)
     settings.report("add the effect and estimate again", 1, 1)
-    return _without_needless(state, number, settings)
+    return _without_needless(_without_needless_disturbance(state, number, settings), number, settings)
 
 
 def certified(state: Progress, number: int, settings: RoundSettings) -> Progress:
@@ -192,6 +192,19 @@ def _without_needless(state: Progress, number: int, settings: RoundSettings) -> 
     """Backward elimination: earlier effects that are no longer needed beside the last one go."""
     last = state.added[-1]
     return _standing(state, [last], f"beside {last.candidate.label}", number, settings)
+
+
+def _without_needless_disturbance(state: Progress, number: int, settings: RoundSettings) -> Progress:
+    """The state without a disturbance whose intensity and time are not worth their penalty beside the last effect."""
+    measured = sum(int(np.isfinite(log.y).sum()) for log in state.train)
+    for k, trial in enumerate(state.added[:-1]):
+        if trial.candidate.effect.kind == DISTURBANCE:
+            why = (
+                f"its intensity and its time are worth less than their penalty beside {state.added[-1].candidate.label}"
+            )
+            fewer = without(state, k, "dropped", why, number, settings)
+            return fewer if fewer.fit.nll - state.fit.nll < math.log(measured) else state
+    return state
 
 
 def standing(state: Progress, gone: str, number: int, settings: RoundSettings) -> Progress:

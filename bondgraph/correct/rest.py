@@ -26,6 +26,7 @@ from bondgraph.correct.places.unexplained import (
 from bondgraph.correct.progress import Decision, Progress, standing, without
 from bondgraph.correct.round import Round, RoundSettings
 from bondgraph.correct.scores.scoring import Linearisation, linearisation
+from bondgraph.correct.search.disturbances import DISTURBANCE
 from bondgraph.correct.search.refit import refit_from
 from bondgraph.correct.shapes.completions import completions
 
@@ -70,11 +71,13 @@ def _searched(
     try:
         known = rounds[-1].linear if rounds and rounds[-1].base is state.fit else linearisation(state.fit, state.train)
         found, linear, tried = _look(state, known, settings.level)
+        needed: set[str] = set()
         while found is not None and state.added:
             spare = [
                 k
                 for k, trial in enumerate(state.added)
                 if not (trial.candidate.effect.channel or trial.candidate.effect.formula)
+                and trial.candidate.label not in needed
                 and needless(linear, tried, found, trial.candidate.effect.coefficients)
             ]
             if not spare:
@@ -84,7 +87,10 @@ def _searched(
             left = _look(fewer, linearisation(fewer.fit, fewer.train), settings.level)
             if left[0] is None:  # the function shows only beside it: so it is no relative of the function
                 break
-            gone = state.added[spare[-1]].candidate.label
+            gone, kind = state.added[spare[-1]].candidate.label, state.added[spare[-1]].candidate.effect.kind
+            if kind == DISTURBANCE and fewer.fit.nll - state.fit.nll > left[0].gain - found.gain:
+                needed.add(gone)  # it has no size that the function could take: it explains what that does not
+                continue
             state = standing(fewer, gone, len(rounds), settings)
             if state is not fewer:
                 left = _look(state, linearisation(state.fit, state.train), settings.level)

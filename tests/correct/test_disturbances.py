@@ -86,6 +86,46 @@ def test_a_wind_that_lasts_is_described_with_its_size_and_its_correlation_time()
     assert all(test.p_value > 0.01 for test in found.whiteness)
 
 
+def dragged(seed: int, gust: float, quadratic: float, samples: int = 1200) -> MatchedLog:
+    """The cart with a drag that nobody declared beside its own, by Runge-Kutta steps of a tenth of a sample."""
+    rng, step = np.random.default_rng(seed), 0.1 * STEP
+    tones = [(rng.uniform(0.05, 0.6), rng.uniform(0.0, 6.0), rng.uniform(5.0, 20.0)) for _ in range(6)]
+    time = step * np.arange(10 * samples)
+    pushed = sum(size * np.sin(rate * (time + 0.5 * step) + phase) for rate, phase, size in tones)
+    kept, wind, speed = float(np.exp(-step / LASTS)), gust * rng.standard_normal(), 0.0
+    speeds = np.empty(time.size)
+    for k in range(time.size):
+        speeds[k], force = speed, pushed[k] + wind
+
+        def slope(v: float, force: float = force) -> float:
+            return float((force - DRAG * v - quadratic * v * abs(v)) / MASS)
+
+        first = slope(speed)
+        second = slope(speed + 0.5 * step * first)
+        third = slope(speed + 0.5 * step * second)
+        speed += step * (first + 2.0 * second + 2.0 * third + slope(speed + step * third)) / 6.0
+        wind = kept * wind + gust * np.sqrt(1.0 - kept**2) * rng.standard_normal()
+    shown = speeds[::10] + NOISE * rng.standard_normal(samples)
+    push = sum(size * np.sin(rate * time[::10] + phase) for rate, phase, size in tones)
+    return MatchedLog(f"run{seed}", time[::10], push[np.newaxis], shown[np.newaxis])
+
+
+def test_a_law_must_explain_more_than_a_disturbance_would() -> None:
+    """A wind was named a constant load and a saturation of the flow, with certainty, and the drag not found."""
+    functions = (effects.quadratic_loss, effects.coulomb_loss, effects.constant_effort)
+    found = close_loop(cart(), [dragged(11, GUST, 3.0), dragged(12, GUST, 3.0)], [], functions, LoopSettings())
+    (law,), (wind,) = found.added, found.disturbances
+    assert law.trial.candidate.label == "quadratic_loss at body"
+    assert found.corrected.values[law.coefficients[0]] == pytest.approx(3.0, rel=0.2)
+    assert wind.size == pytest.approx(GUST, rel=0.3) and wind.seconds == pytest.approx(LASTS, rel=0.5)
+
+
+def test_a_law_without_a_wind_has_no_disturbance_beside_it() -> None:
+    functions = (effects.quadratic_loss, effects.coulomb_loss, effects.constant_effort)
+    found = close_loop(cart(), [dragged(11, 0.0, 3.0), dragged(12, 0.0, 3.0)], [], functions, LoopSettings())
+    assert [one.trial.candidate.label for one in found.added] == ["quadratic_loss at body"] and not found.disturbances
+
+
 def test_without_a_wind_there_is_none() -> None:
     assert closed(0.0).verdict == "no missing effect"
     assert not closed(0.0).added and not closed(0.0).disturbances
