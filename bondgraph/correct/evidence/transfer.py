@@ -7,6 +7,9 @@ without a fold lies one Newton step away, by the scores and the Fisher informati
 
     x - (I - I_f)^-1 (g - g_f).
 
+What one fold tells of other parameters than the effect's, and the rest hardly, stays as it is: without the launch that
+closes a clutch nothing is known of the clutch, and the launch cannot be predicted with any law.
+
 Reference: Rad and Maleki (2020), J. Royal Stat. Soc. B 82(4); Giordano, Stephenson, Liu, Jordan and Broderick (2019),
 AISTATS, for approximate cross-validation. The gain over all folds must be above zero by more than its scatter over
 blocks of time, and not be that of one fold alone; and over the horizon no channel may be predicted clearly worse.
@@ -31,6 +34,7 @@ from bondgraph.data.log import FloatArray, MatchedLog
 from bondgraph.declare.effect import Effect
 from bondgraph.estimate.fitted import Fit
 from bondgraph.estimate.objective import Terms, expansion_of
+from bondgraph.estimate.symmetric import scaled_eigen
 
 #: Information of a coefficient that is left without a fold, as a share of all of it, below which nothing is known.
 _NOTHING = 1e-6
@@ -146,7 +150,7 @@ def left_out(fitted: Fit, cut: Sequence[Fold], coefficients: Sequence[str]) -> L
     """A fit without each fold; ``coefficients`` of which nothing is known without a fold are zero there."""
     problem, terms = fitted.problem, fitted.expansion.terms
     assert terms is not None  # every fit of a loop has them
-    times, free = term_times(problem), ~fitted.held
+    times = term_times(problem)
     inside = np.full(int(times.sample.max()) + 1, -1)
     for k, rows in enumerate(_rows(problem.logs, cut)):
         inside[rows] = k
@@ -157,8 +161,8 @@ def left_out(fitted: Fit, cut: Sequence[Fold], coefficients: Sequence[str]) -> L
     for k in range(len(cut)):
         rest = of_term != k
         left = expansion_of(terms.innovations[rest], terms.log_scales[rest], 0)
-        step = np.zeros(fitted.point.size)
-        step[free] = -solve(left.information[np.ix_(free, free)], left.gradient[free][:, np.newaxis])[:, 0]
+        along = _told_elsewhere(fitted, left.information, of_effect)
+        step = -along @ solve(along.T @ left.information @ along, along.T @ left.gradient[:, np.newaxis])[:, 0]
         points[:, k] = np.clip(fitted.point + step, problem.lower, problem.upper)
         known = np.diag(left.information) >= _NOTHING * np.diag(fitted.expansion.information)
         zero[of_effect, k] = ~known[of_effect] & (problem.lower[of_effect] <= 0.0)
@@ -169,6 +173,25 @@ def left_out(fitted: Fit, cut: Sequence[Fold], coefficients: Sequence[str]) -> L
     for k, rows in enumerate(_rows(problem.logs, cut)):
         found[rows] = series[rows, k]
     return LeftOut(points, found)
+
+
+def _told_elsewhere(fitted: Fit, without: FloatArray, of_effect: Sequence[int]) -> FloatArray:
+    """Directions (n, kept) in which a fit moves when a fold is left out, by the information that is left then.
+
+    Those of the effect, and of the other parameters those of which the fold tells less than all others together.
+    """
+    rows = np.flatnonzero(~fitted.held)
+    own = np.array([row for row in rows if row in of_effect], dtype=np.intp)
+    others = np.array([row for row in rows if row not in of_effect], dtype=np.intp)
+    found = scaled_eigen(fitted.expansion.information[np.ix_(others, others)])
+    seen = found.values > _NOTHING * found.largest
+    white = found.scale[:, np.newaxis] * found.vectors[:, seen] / np.sqrt(found.values[seen])
+    left, turned = np.linalg.eigh(white.T @ without[np.ix_(others, others)] @ white)
+    kept = white @ turned[:, left > 0.5]
+    directions = np.zeros((fitted.point.size, own.size + kept.shape[1]))
+    directions[own, range(own.size)] = 1.0
+    directions[others, own.size :] = kept
+    return directions
 
 
 def _towards_likelier(
