@@ -24,7 +24,7 @@ from vehicle_graphs.effect_study import study as running
 from vehicle_graphs.effect_study.cases import FAMILIES, NOTHING, Case, all_cases
 from vehicle_graphs.effect_study.generate import LARGEST, Drawn, draw, sensor_noise
 from vehicle_graphs.effect_study.machine import Kind, StudyMachine
-from vehicle_graphs.effect_study.machines import BENCH, MACHINES, RANGER
+from vehicle_graphs.effect_study.machines import BENCH, MACHINES, RANGER, ROAD
 from vehicle_graphs.effect_study.scoring import Answer, Hit, Outcome, compare
 from vehicle_graphs.effect_study.study import Study, close_case
 
@@ -67,6 +67,16 @@ def test_an_effect_leaves_the_wanted_size_and_shows_more(drawn: Drawn) -> None:
     ((_, coefficients),) = drawn.truth.values.items()
     ((name, value),) = coefficients.items()
     assert name == "c_quadratic_loss_body" and 0.01 < value < 0.3
+
+
+def test_the_logs_of_a_road_show_its_waves_and_not_its_profile() -> None:
+    short = replace(ROAD, seconds=10.0)
+    drawn = draw(short, Case("none", "as declared", 0.0, 0))
+    level = draw(replace(short, excite=RANGER.excite), Case("none", "as declared", 0.0, 0))
+    pitch, rate = drawn.truth.model.index("output", "pitch"), drawn.truth.model.index("input", "inclination_rate")
+    for log, same in zip((*drawn.train, *drawn.holdout), (*level.train, *level.holdout), strict=True):
+        assert not log.u[rate].any()
+        assert log.y[pitch].std() > 3.0 * same.y[pitch].std()
 
 
 def test_a_fault_shows_in_its_own_sensor_only() -> None:

@@ -3,6 +3,7 @@
     python -m vehicle_graphs.effect_study --out study                           the vehicle, all: days on one core
     python -m vehicle_graphs.effect_study --out study --executor processes:8    on eight cores
     python -m vehicle_graphs.effect_study --out study --machine bench           a driveline that is quick to simulate
+    python -m vehicle_graphs.effect_study --out study --machine road            the vehicle on an unknown road
     python -m vehicle_graphs.effect_study --out try --machine bench --families none --seeds 4 --short
 
 Every case draws true parameters and drives, puts an effect of a wanted size into the declared graph, simulates logs

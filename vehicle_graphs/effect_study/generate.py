@@ -357,7 +357,11 @@ def _measured(machine: StudyMachine, truth: Truth, drive: Drive, noise: Noise, r
         outputs.append(model.output(piece.time, states, piece.u, members)[:, min(number, 1) :])
     y = np.concatenate(outputs, axis=1)
     std = np.array([machine.noise.get(name, np.nan) for name in model.names("output")])
-    return MatchedLog(pattern.name, pattern.time, pattern.u, y + std[:, np.newaxis] * sensor_noise(noise, y.shape, rng))
+    shown = pattern.u.copy()
+    for name in machine.hidden:
+        row = model.index("input", name)
+        shown[row] = model.u0()[row]
+    return MatchedLog(pattern.name, pattern.time, shown, y + std[:, np.newaxis] * sensor_noise(noise, y.shape, rng))
 
 
 def _states(

@@ -121,6 +121,8 @@ class StudyMachine:
         True values of the free parameters lie within this share of the declared ones.
     settings
         How the loop is closed.
+    hidden
+        Inputs of the drive that the logs do not have: they show their declared defaults.
     """
 
     name: str
@@ -143,6 +145,7 @@ class StudyMachine:
     spread: float = 0.1
     process: Mapping[str, float] = field(default_factory=dict)
     settings: LoopSettings = field(default_factory=LoopSettings)
+    hidden: tuple[str, ...] = ()
 
     def shortened(self, factor: float = 0.5) -> StudyMachine:
         """The same with shorter logs."""

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
+from scipy.integrate import cumulative_trapezoid
 
 from bondgraph import effects
 from bondgraph.correct.loop import LoopSettings
 from bondgraph.data.log import FloatArray
 from bondgraph.declare.effect import Scale, effect_functions
 from bondgraph.effects import sensors
+from bondgraph.simulate.batch import simulate_batch
 from bondgraph.simulate.model import Model
 from vehicle_graphs import ranger
 from vehicle_graphs.demo import SENSOR_NOISE
@@ -55,6 +59,30 @@ def vehicle_drive(model: Model, time: FloatArray, rng: np.random.Generator) -> F
     u = np.repeat(model.u0()[:, np.newaxis], time.size, axis=1)
     u[model.index("input", "throttle")] = pressed
     u[model.index("input", "brake")] = np.where(pressed < 0.05, np.interp(time, knots, stops), 0.0)
+    return u
+
+
+#: Waves of a road, each with its longest and shortest wavelength in m and the standard deviation of its slope: hills,
+#: and waves that pitch the body. Lengths are those of the logs of another simulator, ``ranger_logs``.
+_HILLS, _WAVES = (600.0, 100.0, np.radians(2.0)), (15.0, 4.0, np.radians(0.5))
+
+
+def road_drive(model: Model, time: FloatArray, rng: np.random.Generator) -> FloatArray:
+    """A drive as :func:`vehicle_drive` over hills and waves: the inclination's rate is that at level ground's speed.
+
+    A wave that a vehicle passes at 0 to 20 m/s is no random walk of the inclination, nor white at any time scale.
+    """
+    u = vehicle_drive(model, time, rng)
+    level = simulate_batch(model, time, u, model.theta(), model.x0(), method=RANGER.method, substeps=RANGER.substeps)
+    speed = level.x[model.index("state", "forward_velocity"), :, 0]
+    way = cumulative_trapezoid(speed, time, initial=0.0)
+    rise = np.zeros(time.size)
+    for longest, shortest, std in (_HILLS, _WAVES):
+        numbers = 2.0 * np.pi / np.geomspace(longest, shortest, 12)
+        phases = rng.uniform(0.0, 2.0 * np.pi, numbers.size)
+        turned = np.cos(np.outer(way, numbers) + phases) @ numbers  # of slopes by the way
+        rise += std * np.sqrt(2.0 / numbers.size) * speed * turned
+    u[model.index("input", "inclination_rate")] = rise
     return u
 
 
@@ -170,5 +198,11 @@ RANGER = StudyMachine(
     settings=LoopSettings(free=("T_pk", "T_f0", "k_u", "m_fw", "F_p0", "k_p", "r_h", "mu_b")),
 )  # fmt: skip
 
+#: The same on a road that nothing measures, everything free that has bounds.
+ROAD = replace(
+    RANGER, name="road", excite=road_drive, rate=40.0, seconds=60.0, substeps=24, sizing=8, settings=LoopSettings(),
+    hidden=("inclination_rate",),
+)  # fmt: skip
+
 #: By the name on the command line.
-MACHINES = {machine.name: machine for machine in (RANGER, BENCH)}
+MACHINES = {machine.name: machine for machine in (RANGER, ROAD, BENCH)}
