@@ -2,8 +2,9 @@
 
 The scalar form of a model is written into a source file, named by the digest of what it holds, in a cache folder of the
 user. numba keeps its machine code beside that file: a model is compiled once per machine, and a later start only loads
-it. Kernels that are the same for every model are compiled in the same way, once for all models, and so is the form of a
-model for many states at once (:mod:`bondgraph.compile.lanes.load`). Without numba the numpy form runs instead.
+it. Kernels that are the same for every model are compiled once for all models: the large ones by this package
+(:mod:`bondgraph.compile.kernels`), as is the form of a model for many states at once
+(:mod:`bondgraph.compile.lanes.load`), the others by numba. Without numba the numpy form runs instead.
 """
 
 from __future__ import annotations
@@ -131,15 +132,19 @@ def load_kernel(*kernels: ModuleType, allocates: bool = False, fused: bool = Tru
     return load_compiled("\n\n".join(parts) + "\n")
 
 
-def prepared_call(function: Any, *arguments: Any) -> Callable[[], None]:
-    """A call of a compiled function with arguments whose contents change and not their kinds, as fast as it can be.
+@functools.cache
+def load_translated(name: str, *kernels: ModuleType) -> Any:
+    """A function of kernel modules as a :class:`bondgraph.compile.kernels.calls.Kernel`: compiled by this package.
 
-    numba finds out the type of every argument at every call, which takes longer than a short step of a filter where
-    there are many arrays; here it does so once.
+    Raises
+    ------
+    ModelError
+        If numba is not installed; ask :func:`has_numba` first.
     """
-    typeof = importlib.import_module("numba").typeof
-    entry = function.compile(tuple(typeof(argument) for argument in arguments))
-    return functools.partial(entry, *arguments)
+    if not has_numba():
+        raise ModelError(f"{kernels[0].__name__}: numba is not installed - install the package 'numba'")
+    calls = importlib.import_module("bondgraph.compile.kernels.calls")
+    return calls.Kernel([inspect.getsource(kernel) for kernel in kernels], name)
 
 
 def has_numba() -> bool:

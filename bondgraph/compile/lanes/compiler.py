@@ -33,6 +33,7 @@ _INTRINSICS = {"abs": "llvm.fabs", "math.sqrt": "llvm.sqrt", "np.floor": "llvm.f
 LIBRARY = {
     "np.tan": "tan", "np.arccos": "acos", "np.arctan2": "atan2", "np.sinh": "sinh", "np.cosh": "cosh",
     "np.arcsinh": "asinh", "np.arccosh": "acosh", "np.arctanh": "atanh", "np.log": "log", "math.pow": "pow",
+    "math.log1p": "log1p", "math.copysign": "copysign",
 }  # fmt: skip
 #: The count of lanes in printed text.
 _LANE_COUNT = "n"

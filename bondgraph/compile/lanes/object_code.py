@@ -12,7 +12,7 @@ import ctypes.util
 import functools
 import hashlib
 import threading
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -27,7 +27,10 @@ _EFFORT = 2
 _lock = threading.Lock()
 #: Functions by the digest of their text; their code stays as long as the process.
 _loaded: dict[str, dict[str, CompiledFunction]] = {}
+_entries: dict[str, int] = {}
 _engines: list[Any] = []
+#: Sources of what compiles printed modules.
+_COMPILER = tuple(Path(__file__).with_name(name) for name in ("compiler.py", "instructions.py"))
 
 
 def load_functions(source: str, exports: Mapping[str, str]) -> dict[str, CompiledFunction]:
@@ -59,11 +62,10 @@ def load_functions(source: str, exports: Mapping[str, str]) -> dict[str, Compile
     >>> w[8:]
     array([ 0.,  2.,  4.,  6.,  8., 10., 12., 14.])
     """
-    name = f"lanes_{_digest(source, exports)}"
+    name = f"lanes_{_digest(_COMPILER, source, repr(sorted(exports.items())))}"
     with _lock:
         if name not in _loaded:
-            engine = _engine(name, source, exports)
-            _engines.append(engine)
+            engine = _engine(name, lambda: lane_module(source, exports), _tidy)
             _loaded[name] = {
                 function: CompiledFunction(
                     engine.get_function_address(entry_name(function)), sigutils.normalize_signature(signature)
@@ -73,21 +75,38 @@ def load_functions(source: str, exports: Mapping[str, str]) -> dict[str, Compile
         return _loaded[name]
 
 
-def _digest(source: str, exports: Mapping[str, str]) -> str:
-    """Digest of all that machine code depends on: text, signatures, compiler of the text, LLVM, processor."""
-    parts = [source, repr(sorted(exports.items())), _compiler(), llvm_version(), *processor()]
-    return hashlib.sha256("\0".join(parts).encode()).hexdigest()[:24]
+def load_entry(compiler: Sequence[Path], parts: Sequence[str], instructions: Callable[[], str]) -> int:
+    """Address of the function ``entry`` of a module of instructions, which LLVM improves as far as it can.
+
+    Parameters
+    ----------
+    compiler
+        Sources of what writes the instructions.
+    parts
+        Texts from which it writes them.
+    instructions
+        What writes them, if they are not kept.
+    """
+    name = f"kernel_{_digest(compiler, *parts)}"
+    with _lock:
+        if name not in _entries:
+            _entries[name] = _engine(name, instructions, _improve).get_function_address("entry")
+        return _entries[name]
+
+
+def _digest(compiler: Sequence[Path], *parts: str) -> str:
+    """Digest of all that machine code depends on: texts, their compiler, LLVM, processor."""
+    every = [*parts, _sources(tuple(compiler)), llvm_version(), *processor()]
+    return hashlib.sha256("\0".join(every).encode()).hexdigest()[:24]
 
 
 @functools.cache
-def _compiler() -> str:
-    """Digest of the sources of the compiler."""
-    here = Path(__file__)
-    sources = [here.with_name(name).read_bytes() for name in ("compiler.py", "instructions.py", here.name)]
-    return hashlib.sha256(b"\0".join(sources)).hexdigest()
+def _sources(paths: Sequence[Path]) -> str:
+    """Digest of sources, and of this one."""
+    return hashlib.sha256(b"\0".join(path.read_bytes() for path in (*paths, Path(__file__)))).hexdigest()
 
 
-def _engine(name: str, source: str, exports: Mapping[str, str]) -> Any:
+def _engine(name: str, instructions: Callable[[], str], improve: Callable[[Any, Any], None]) -> Any:
     """The loaded code of a module, taken from the cache folder or compiled."""
     _offer_library()
     machine = _machine()
@@ -95,21 +114,29 @@ def _engine(name: str, source: str, exports: Mapping[str, str]) -> Any:
     engine = binding.create_mcjit_compiler(binding.parse_assembly(""), machine)
     code = kept(f"{name}.o")
     if code is None:
-        code = _compiled(lane_module(source, exports), machine)
+        module = binding.parse_assembly(instructions())
+        improve(module, machine)
+        code = bytes(machine.emit_object(module))
         keep(f"{name}.o", code)
     engine.add_object_file(binding.ObjectFileRef.from_data(code))
     engine.finalize_object()
+    _engines.append(engine)
     return engine
 
 
-def _compiled(instructions: str, machine: Any) -> bytes:
-    module = binding.parse_assembly(instructions)
+def _tidy(module: Any, machine: Any) -> None:
     builder = binding.create_pass_builder(machine, binding.create_pipeline_tuning_options(0))
     passes = binding.create_new_module_pass_manager()
     passes.add_sroa_pass()  # what loops change stands in registers
     passes.add_instruction_combine_pass()
     passes.run(module, builder)
-    return bytes(machine.emit_object(module))
+
+
+def _improve(module: Any, machine: Any) -> None:
+    options = binding.create_pipeline_tuning_options(2)
+    options.loop_vectorization = True
+    builder = binding.create_pass_builder(machine, options)
+    builder.getModulePassManager().run(module, builder)
 
 
 def _machine() -> Any:
