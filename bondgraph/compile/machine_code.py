@@ -41,7 +41,7 @@ import math
 
 import numpy as np
 
-from bondgraph.compile.kept import allocating as _allocating, inner as _inner, jit as _jit, unfused as _unfused
+from bondgraph.compile.kept import inner as _inner, jit as _jit, unfused as _unfused
 '''
 
 _lock = threading.Lock()
@@ -105,15 +105,13 @@ def model_source(text: str, name: str) -> str:
 
 
 @functools.cache
-def load_kernel(*kernels: ModuleType, allocates: bool = False, fused: bool = True) -> Any:
+def load_kernel(*kernels: ModuleType, fused: bool = True) -> Any:
     """The functions of kernel modules, compiled together; kernels take the functions of a model as arguments.
 
     Parameters
     ----------
     *kernels
-        The modules.
-    allocates
-        Whether they make arrays; those that work on what they are given only are faster.
+        The modules; they make no arrays.
     fused
         Whether a product and a sum may be rounded as one; if not, what they give has numpy's bits.
 
@@ -125,7 +123,7 @@ def load_kernel(*kernels: ModuleType, allocates: bool = False, fused: bool = Tru
     if not has_numba():
         raise ModelError(f"{kernels[0].__name__}: numba is not installed - install the package 'numba'")
     title = f"Compiled form of {', '.join(kernel.__name__ for kernel in kernels)}"
-    outer, within = ("@_allocating\n",) * 2 if allocates else ("@_jit\n", "@_inner\n")
+    outer, within = "@_jit\n", "@_inner\n"
     if not fused:
         outer = within = "@_unfused\n"
     parts = [HEADER.format(title=title), *(part for kernel in kernels for part in _functions(kernel, outer, within))]

@@ -63,12 +63,23 @@ def run(outer: Outer, row: FloatArray, floats: FloatArray, integers: IntArray) -
     integers[10] = _sign(row[0]) + 5
     integers[11] = _halved(100)
     integers[12] = _changed(inner.count)
-    integers[13] = int(7.9)
+    integers[13] = int(7.9) + math.ceil(2.1) + math.ceil(-2.9)
+    outer.cube[2] = outer.cube[0]
+    outer.cube[0, 1] = -1.5
+    matrix[4] = row
+    inner.values[:] = row
+    inner.values[:] = matrix[0]
     for i in range(outer.order.size):
         integers[14 + i] = outer.order[i] + 1
     while place < 20:
         place += inner.count
     integers[19] = place
+    for i in range(2):
+        k = outer.order[i]
+        integers[20] += k
+    for k in range(3):
+        integers[21] += 10 * k
+    integers[22] = k
     return integers.size
 
 

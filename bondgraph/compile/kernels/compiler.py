@@ -15,12 +15,13 @@ function, and again everything that it calls.
 from __future__ import annotations
 
 import ast
+import functools
 import math
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 from bondgraph.compile.kernels.arguments import Fields, Kind, Number, Numbers, width
-from bondgraph.compile.kernels.values import Array, Record, Values, flat, loaded, refused
+from bondgraph.compile.kernels.values import Array, Record, Values, flat, indices, is_whole, loaded, refused
 from bondgraph.compile.lanes.instructions import FLOAT, INTEGER
 from bondgraph.compile.numba_internals import ir
 from bondgraph.errors import ModelError
@@ -175,9 +176,9 @@ class _Body(Values):
         elif isinstance(node, ast.AugAssign):
             self._change(node)
         elif isinstance(node, ast.For) and isinstance(node.iter, ast.Call) and isinstance(node.target, ast.Name):
-            self._count(node, node.target.id, node.iter)
+            self._count(node, node.target, node.iter)
         elif isinstance(node, ast.While):
-            self._loop(node.body, lambda: self._truth(node.test), lambda: None)
+            self._loop(lambda: self._run(node.body), lambda: self._truth(node.test), lambda: None)
         elif isinstance(node, ast.If):
             self._branch(node)
         elif isinstance(node, ast.Break):
@@ -197,7 +198,7 @@ class _Body(Values):
         is_float = self._function.function_type.return_type == FLOAT
         self._builder.ret(self._do.as_float(value) if is_float else value)
 
-    def _count(self, node: ast.For, name: str, turns: ast.Call) -> None:
+    def _count(self, node: ast.For, target: ast.Name, turns: ast.Call) -> None:
         """A loop over a range, upwards."""
         limits = [self._value(one) for one in turns.args]
         start, stop = (self._do.number(0), *limits) if len(limits) == 1 else limits[:2]
@@ -207,24 +208,28 @@ class _Body(Values):
         counter = self._first.alloca(INTEGER)
         self._builder.store(start, counter)
 
-        def goes_on() -> Any:
-            now = self._builder.load(counter)
-            self._names[name] = now
-            return self._builder.icmp_signed("<", now, stop)
+        def body() -> None:
+            self._assign(target, self._builder.load(counter))
+            self._run(node.body)
+
+        self._turns(counter, stop, step, body)
+
+    def _turns(self, counter: Any, stop: Any, step: Any, body: Callable[[], None]) -> None:
+        """A loop as long as a counter has not come to its end."""
 
         def turn() -> None:
-            self._builder.store(self._builder.add(self._builder.load(counter), step, flags=("nsw",)), counter)
+            self._builder.store(self._sum(self._builder.load(counter), step), counter)
 
-        self._loop(node.body, goes_on, turn)
+        self._loop(body, lambda: self._builder.icmp_signed("<", self._builder.load(counter), stop), turn)
 
-    def _loop(self, body: Sequence[ast.stmt], goes_on: Callable[[], Any], turn: Callable[[], None]) -> None:
+    def _loop(self, body: Callable[[], None], goes_on: Callable[[], Any], turn: Callable[[], None]) -> None:
         test, inside, after, end = (self._function.append_basic_block(name) for name in ("test", "in", "turn", "end"))
         self._builder.branch(test)
         self._builder.position_at_end(test)
         self._builder.cbranch(goes_on(), inside, end)
         self._builder.position_at_end(inside)
         self._loops.append((after, end))
-        self._run(body)
+        body()
         self._loops.pop()
         if not self._builder.block.is_terminated:
             self._builder.branch(after)
@@ -252,13 +257,39 @@ class _Body(Values):
             for part, one in zip(target.elts, value, strict=True):
                 self._assign(part, one)
         elif isinstance(target, ast.Subscript):
-            self._store(*self._element(target), value)
+            self._set(target, value)
         elif isinstance(target, ast.Name) and isinstance(value, Array | Record):
             self._names[target.id] = value
         elif isinstance(target, ast.Name):
             self._builder.store(value, self._place(target, value))
         else:
             raise refused(target)
+
+    def _set(self, target: ast.Subscript, value: Any) -> None:
+        """Give an element of an array a value, or all elements of an array or a part of it."""
+        if not is_whole(target) and len(indices(target)) == self._axes(target):
+            self._store(*self._element(target), value)
+            return
+        whole = self._part(target)
+        if isinstance(value, Array) and len(value.lengths) != len(whole.lengths):
+            raise refused(target)
+        counter = self._first.alloca(INTEGER)
+        self._builder.store(self._do.number(0), counter)
+        size = functools.reduce(self._product, whole.lengths)
+
+        def element(array: Any) -> tuple[Any, tuple[str, ...]]:
+            return self._builder.gep(array.data, [self._builder.load(counter)], inbounds=True), array.path
+
+        def one() -> None:
+            self._store(*element(whole), self._load(*element(value)) if isinstance(value, Array) else value)
+
+        self._turns(counter, size, self._do.number(1), one)
+
+    def _axes(self, target: ast.Subscript) -> int:
+        owner = self._value(target.value)
+        if not isinstance(owner, Array):
+            raise refused(target)
+        return len(owner.lengths)
 
     def _place(self, target: ast.Name, value: Any) -> Any:
         """The place of a variable, made for its first value."""

@@ -160,20 +160,22 @@ class Values:
         owner = self._value(node.value)
         if isinstance(owner, tuple) and isinstance(node.slice, ast.Constant) and isinstance(node.slice.value, int):
             return owner[node.slice.value]
+        if is_whole(node):
+            return owner
         place, path = self._element(node)
-        left = owner.lengths[len(_indices(node)) :]
+        left = owner.lengths[len(indices(node)) :]
         return Array(place, left, path) if left else self._load(place, path)
 
     def _element(self, node: ast.Subscript) -> tuple[Any, tuple[str, ...]]:
         """Where an element or part of an array is, and the names by which the function came to the array."""
-        owner, indices = self._value(node.value), _indices(node)
-        if not isinstance(owner, Array) or len(indices) > len(owner.lengths):
+        owner, at_each = self._value(node.value), indices(node)
+        if not isinstance(owner, Array) or len(at_each) > len(owner.lengths):
             raise refused(node)
         place = self._do.number(0)
-        for index, length in zip(indices, owner.lengths, strict=False):
+        for index, length in zip(at_each, owner.lengths, strict=False):
             at = self._value(index)
-            place = at if index is indices[0] else self._sum(self._product(place, length), at)
-        for length in owner.lengths[len(indices) :]:
+            place = at if index is at_each[0] else self._sum(self._product(place, length), at)
+        for length in owner.lengths[len(at_each) :]:
             place = self._product(place, length)
         return self._builder.gep(owner.data, [place], inbounds=True), owner.path
 
@@ -283,6 +285,8 @@ class Values:
             return self._do.choose(self._do.compare(kind, values[1], values[0]), values[1], values[0])
         if name == "int":
             return self._do.as_integer(values[0])
+        if name == "math.ceil":
+            return self._do.as_integer(self._do.intrinsic("llvm.ceil", self._do.as_float(values[0])))
         floats = [self._do.as_float(value) for value in values]
         if name == "math.isnan":
             return self._builder.fcmp_unordered("uno", floats[0], floats[0])
@@ -297,7 +301,13 @@ class Values:
         raise refused(node)
 
 
-def _indices(node: ast.Subscript) -> list[ast.expr]:
+def is_whole(node: ast.Subscript) -> bool:
+    """True for ``array[:]``."""
+    return ast.unparse(node.slice) == ":"
+
+
+def indices(node: ast.Subscript) -> list[ast.expr]:
+    """The indices of an element or a part of an array."""
     return node.slice.elts if isinstance(node.slice, ast.Tuple) else [node.slice]
 
 
