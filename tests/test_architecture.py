@@ -55,6 +55,7 @@ COMPILE: dict[str, tuple[str, ...]] = {
     "front": ("ir", "passes"),
     "passes": ("ir", "front"),
     "lanes": ("ir", "front", "passes"),
+    "kernels": ("lanes",),
 }
 
 #: Rooms inside ``correct``, in the order in which a loop goes through them; what stands beside them is the loop itself.

@@ -41,11 +41,6 @@ def inner(function: Callable[..., Any]) -> Any:
     return _keeping(_njit(nogil=True, no_cpython_wrapper=True, no_cfunc_wrapper=True, **_UNCOUNTED)(function))
 
 
-def allocating(function: Callable[..., Any]) -> Any:
-    """As :func:`jit`, for a function that makes arrays."""
-    return _keeping(_njit(nogil=True, **_OPTIONS)(function))
-
-
 def _keeping(dispatcher: Any) -> Any:
     if hasattr(dispatcher, "py_func"):  # numba hands the function back where it is told not to compile
         dispatcher._cache = _cache_of(dispatcher.py_func)

@@ -2,8 +2,9 @@
 
 The scalar form of a model is written into a source file, named by the digest of what it holds, in a cache folder of the
 user. numba keeps its machine code beside that file: a model is compiled once per machine, and a later start only loads
-it. Kernels that are the same for every model are compiled in the same way, once for all models, and so is the form of a
-model for many states at once (:mod:`bondgraph.compile.lanes.load`). Without numba the numpy form runs instead.
+it. Kernels that are the same for every model are compiled once for all models: the large ones by this package
+(:mod:`bondgraph.compile.kernels`), as is the form of a model for many states at once
+(:mod:`bondgraph.compile.lanes.load`), the others by numba. Without numba the numpy form runs instead.
 """
 
 from __future__ import annotations
@@ -41,7 +42,7 @@ import math
 
 import numpy as np
 
-from bondgraph.compile.kept import allocating as _allocating, inner as _inner, jit as _jit, unfused as _unfused
+from bondgraph.compile.kept import inner as _inner, jit as _jit, unfused as _unfused
 '''
 
 _lock = threading.Lock()
@@ -105,15 +106,13 @@ def model_source(text: str, name: str) -> str:
 
 
 @functools.cache
-def load_kernel(*kernels: ModuleType, allocates: bool = False, fused: bool = True) -> Any:
+def load_kernel(*kernels: ModuleType, fused: bool = True) -> Any:
     """The functions of kernel modules, compiled together; kernels take the functions of a model as arguments.
 
     Parameters
     ----------
     *kernels
-        The modules.
-    allocates
-        Whether they make arrays; those that work on what they are given only are faster.
+        The modules; they make no arrays.
     fused
         Whether a product and a sum may be rounded as one; if not, what they give has numpy's bits.
 
@@ -125,22 +124,26 @@ def load_kernel(*kernels: ModuleType, allocates: bool = False, fused: bool = Tru
     if not has_numba():
         raise ModelError(f"{kernels[0].__name__}: numba is not installed - install the package 'numba'")
     title = f"Compiled form of {', '.join(kernel.__name__ for kernel in kernels)}"
-    outer, within = ("@_allocating\n",) * 2 if allocates else ("@_jit\n", "@_inner\n")
+    outer, within = "@_jit\n", "@_inner\n"
     if not fused:
         outer = within = "@_unfused\n"
     parts = [HEADER.format(title=title), *(part for kernel in kernels for part in _functions(kernel, outer, within))]
     return load_compiled("\n\n".join(parts) + "\n")
 
 
-def prepared_call(function: Any, *arguments: Any) -> Callable[[], None]:
-    """A call of a compiled function with arguments whose contents change and not their kinds, as fast as it can be.
+@functools.cache
+def load_translated(name: str, *kernels: ModuleType) -> Any:
+    """A function of kernel modules as a :class:`bondgraph.compile.kernels.calls.Kernel`: compiled by this package.
 
-    numba finds out the type of every argument at every call, which takes longer than a short step of a filter where
-    there are many arrays; here it does so once.
+    Raises
+    ------
+    ModelError
+        If numba is not installed; ask :func:`has_numba` first.
     """
-    typeof = importlib.import_module("numba").typeof
-    entry = function.compile(tuple(typeof(argument) for argument in arguments))
-    return functools.partial(entry, *arguments)
+    if not has_numba():
+        raise ModelError(f"{kernels[0].__name__}: numba is not installed - install the package 'numba'")
+    calls = importlib.import_module("bondgraph.compile.kernels.calls")
+    return calls.Kernel([inspect.getsource(kernel) for kernel in kernels], name)
 
 
 def has_numba() -> bool:

@@ -7,7 +7,7 @@ version does not have.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import llvmlite
@@ -43,7 +43,7 @@ _NEEDED: dict[Any, tuple[str, ...]] = {
     caching.IndexDataCacheFile: ("_open_for_write", "_load_index", "_load_data", "_data_path"),
     caching.CompileResultCacheImpl: ("filename_base", "locator"),
     caching.InTreeCacheLocator: ("get_source_stamp",),
-    cgutils: ("for_range", "alloca_once", "unpack_tuple"),
+    cgutils: ("for_range", "alloca_once", "unpack_tuple", "pack_array"),
     binding: (
         "Target",
         "ObjectFileRef",
@@ -52,6 +52,7 @@ _NEEDED: dict[Any, tuple[str, ...]] = {
         "create_new_module_pass_manager",
         "create_pass_builder",
         "create_pipeline_tuning_options",
+        "add_symbol",
     ),
     _JITCPUCodegen: ("_get_host_cpu_name", "_get_host_cpu_features"),
     sigutils: ("normalize_signature",),
@@ -87,6 +88,14 @@ def array_of(kind: Any, builder: Any, value: Any) -> tuple[Any, tuple[Any, ...]]
     context: Any = _cpu_target.target_context
     array = context.make_array(kind)(context, builder, value)
     return array.data, tuple(cgutils.unpack_tuple(builder, array.shape))
+
+
+def callback_array(kind: Any, builder: Any, data: Any, lengths: Sequence[Any]) -> Any:
+    """An array as numba hands it to C callbacks, with what those of this package read: its place and lengths."""
+    context: Any = _cpu_target.target_context
+    array = context.make_array(kind)(context, builder)
+    array.data, array.shape = data, cgutils.pack_array(builder, lengths)
+    return array._getvalue()
 
 
 def missing() -> tuple[str, ...]:

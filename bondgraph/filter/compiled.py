@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from bondgraph.arrays import FloatArray, IntArray, aligned_zeros
 from bondgraph.compile.lanes.load import LaneModel, load_lanes
 from bondgraph.compile.lanes.text import LANES
-from bondgraph.compile.machine_code import load_kernel
+from bondgraph.compile.machine_code import load_translated
 from bondgraph.compile.rosenbrock import TABLEAUS
 from bondgraph.filter import kernel, kernel_algebra, kernel_alone, kernel_channels, kernel_record, kernel_robust
 from bondgraph.filter.filter_model import FilterModel
@@ -87,14 +87,15 @@ class CompiledFilter:
     """
 
     filter_model: FilterModel
-    filter_members: Callable[..., None]
+    filter_members: Any
     lanes: LaneModel
 
     @classmethod
     def of(cls, filter_model: FilterModel) -> CompiledFilter:
         """Compiled, or from the cache."""
-        functions = load_kernel(kernel, kernel_algebra, kernel_alone, kernel_channels, kernel_record, kernel_robust)
-        return cls(filter_model, functions.filter_members, load_lanes(filter_model.model, filter_model.is_stiff))
+        modules = (kernel, kernel_algebra, kernel_alone, kernel_channels, kernel_record, kernel_robust)
+        filter_members = load_translated("filter_members", *modules)
+        return cls(filter_model, filter_members, load_lanes(filter_model.model, filter_model.is_stiff))
 
     def blocks(self, members: int, samples: Samples, threads: int) -> list[tuple[int, int]]:
         """Blocks of members that are filtered side by side over a log, for as many threads."""
@@ -149,18 +150,17 @@ def log_rows(samples: Samples) -> Log:
     u, u_left, u_right, y = map(rows, (samples.u, samples.u_left, samples.u_right, samples.y))
     time = np.array(samples.time, dtype=np.float64)
     start, end = np.ascontiguousarray(samples.noise_start), np.ascontiguousarray(samples.noise_end)
-    return Log(time, u, u_left, u_right, y, samples.substeps, samples.grading, start, end)
+    substeps = np.ascontiguousarray(samples.substeps, dtype=np.int64)
+    return Log(time, u, u_left, u_right, y, substeps, np.ascontiguousarray(samples.grading), start, end)
 
 
 def kernel_members(batch: MemberBatch) -> Members:
     """Members as the kernel reads them."""
-    return Members(
-        batch.theta,
-        batch.x0,
-        np.ascontiguousarray(batch.initial_lower()),
-        scaled(batch.process_correlation, batch.process_std),
+    arrays = (
+        batch.theta, batch.x0, batch.initial_lower(), scaled(batch.process_correlation, batch.process_std),
         scaled(batch.noise_correlation, np.nan_to_num(batch.noise_std)),
-    )
+    )  # fmt: skip
+    return Members(*map(np.ascontiguousarray, arrays))
 
 
 def whole_log(samples: Samples) -> Part:

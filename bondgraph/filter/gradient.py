@@ -17,7 +17,7 @@ import numpy as np
 from bondgraph.arrays import FloatArray, aligned_zeros
 from bondgraph.compile.lanes.load import TangentLanes, load_tangents
 from bondgraph.compile.lanes.text import LANES
-from bondgraph.compile.machine_code import has_numba, load_kernel
+from bondgraph.compile.machine_code import has_numba, load_translated
 from bondgraph.compile.rosenbrock import TABLEAUS
 from bondgraph.errors import FilterError
 from bondgraph.execute.threads import in_threads, thread_count
@@ -126,7 +126,7 @@ def innovation_tangents(
     moving = np.flatnonzero(np.any([np.any(each.theta != 0.0, axis=1) for each in directions], axis=0))
     tangents = load_tangents(filter_model.model, tuple(int(position) for position in moving), filter_model.method)
     kernels = (gradient_kernel, gradient_algebra, gradient_robust, kernel_channels, kernel_robust)
-    run = load_kernel(*kernels).filter_with_tangents
+    run = load_translated("filter_with_tangents", *kernels)
     samples = [Samples.of(filter_model, log) for log in logs]
 
     def one(part: tuple[int, slice]) -> InnovationTangents:

@@ -1,4 +1,4 @@
-"""Moments and factors with their derivatives, the direction as the last axis; numba compiles them."""
+"""Moments and factors with their derivatives, the direction as the last axis; compiled from their text."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The filter of one member with its derivatives in several directions at once; numba compiles it.
+"""The filter of one member with its derivatives in several directions at once; compiled from its text.
 
 Every quantity of the filter carries its derivatives, with the direction as the last axis D: forward differentiation of
 the same steps as in ``kernel``, so that what comes out is the derivative of the number that the filter computes. The

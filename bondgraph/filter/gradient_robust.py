@@ -1,4 +1,4 @@
-"""The update with robust measurements and its derivatives, the direction as the last axis; numba compiles it.
+"""The update with robust measurements and its derivatives, the direction as the last axis; compiled from its text.
 
 As :mod:`bondgraph.filter.kernel_robust`, step by step. The losses are smooth but where Huber and gate begin to act.
 """

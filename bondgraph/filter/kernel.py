@@ -1,4 +1,4 @@
-"""The unscented Kalman filter in the part of Python that numba compiles: the hot loop of every estimation.
+"""The unscented Kalman filter in the part of Python of kernels: the hot loop of every estimation.
 
 The same steps as :mod:`bondgraph.filter.ukf`, written as loops, for every model: the model's own compiled functions
 ``prepare``, ``advance`` and ``measure`` are arguments. A call filters a block of members over one log or a part of it,

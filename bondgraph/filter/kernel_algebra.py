@@ -1,4 +1,4 @@
-"""Linear algebra of the filter kernel for lanes side by side; numba compiles it. Letters as in ``kernel``."""
+"""Linear algebra of the filter kernel for lanes side by side; compiled from its text. Letters as in ``kernel``."""
 
 from __future__ import annotations
 

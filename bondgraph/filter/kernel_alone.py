@@ -1,4 +1,4 @@
-"""Linear algebra of the filter kernel for one member by itself; numba compiles it. Letters as in ``kernel``.
+"""Linear algebra of the filter kernel for one member by itself; compiled from its text. Letters as in ``kernel``.
 
 The lanes of ``kernel_algebra`` would be one long here, and its loops scalar. Inner loops run along rows of matrices
 instead. Every sum is taken in the same order, so that a member alone and in a block has the same bits.

@@ -1,4 +1,4 @@
-"""Which channels are measured at a sample; numba compiles it."""
+"""Which channels are measured at a sample; compiled from its text."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the filter kernel keeps of every sample; numba compiles it. Letters as in ``kernel``."""
+"""What the filter kernel keeps of every sample; compiled from its text. Letters as in ``kernel``."""
 
 from __future__ import annotations
 

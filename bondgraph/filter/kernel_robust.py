@@ -1,4 +1,4 @@
-"""Losses of robust measurements by kind, and the update they make of a belief; numba compiles it.
+"""Losses of robust measurements by kind, and the update they make of a belief; compiled from its text.
 
 A loss rho(z) of an innovation z over its own standard deviation takes the place of z^2/2. Kinds: 1 Student t,
 (first)/2 log(1 + second z^2); 2 Huber, quadratic to ``first`` and straight beyond; 3 gate, quadratic to ``first`` and

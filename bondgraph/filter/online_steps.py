@@ -9,7 +9,6 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 
 from bondgraph.arrays import FloatArray
-from bondgraph.compile.machine_code import prepared_call
 from bondgraph.filter import kernel
 from bondgraph.filter.belief import Belief, Prediction, predict, update
 from bondgraph.filter.compiled import CompiledFilter, filter_rules, scratch
@@ -143,8 +142,8 @@ class CompiledSteps:
             n_s, nodes = len(self.filter_model.state_names), log.time.size - 1
             part = Part(begin, nodes, np.zeros((n_s, 1)), np.zeros((n_s, n_s, 1)))
             record = _record(self.filter_model, nodes)
-            run = prepared_call(
-                self._run, self._equations, log, self._rules, self._members, 0, 1, part, self._verdicts, record,
+            run = self._run.prepared(
+                self._equations, log, self._rules, self._members, 0, 1, part, self._verdicts, record,
                 self._work,
             )  # fmt: skip
             arrays = (

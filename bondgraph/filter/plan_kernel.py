@@ -1,4 +1,4 @@
-"""Moves points over many intervals with given steps; numba compiles it."""
+"""Moves points over many intervals with given steps; compiled from its text."""
 
 from __future__ import annotations
 

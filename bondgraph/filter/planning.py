@@ -18,7 +18,7 @@ import numpy as np
 
 from bondgraph.arrays import FloatArray, IntArray
 from bondgraph.compile.lanes.load import load_lanes
-from bondgraph.compile.machine_code import has_numba, load_kernel
+from bondgraph.compile.machine_code import has_numba, load_translated
 from bondgraph.compile.rosenbrock import TABLEAUS, Tableau
 from bondgraph.filter import plan_kernel
 from bondgraph.filter.batch import run_batches
@@ -247,7 +247,7 @@ def _mover(filter_model: FilterModel, log: FilteredLog, compiled: bool) -> Move:
             return np.array(moved).reshape(points.shape)
 
         return in_numpy
-    kernel = load_kernel(plan_kernel)
+    move_points = load_translated("move_points", plan_kernel)
     lanes = load_lanes(filter_model.model, filter_model.is_stiff)
     rules = filter_rules(filter_model, lanes)
     clock, inputs = np.zeros(2), np.zeros(2 * len(filter_model.model.inputs))
@@ -257,7 +257,7 @@ def _mover(filter_model: FilterModel, log: FilteredLog, compiled: bool) -> Move:
     def in_kernel(points: FloatArray, intervals: IntArray, substeps: IntArray, grading: float) -> FloatArray:
         moved = np.ascontiguousarray(points)
         rows = log_rows(with_steps(intervals, substeps, grading))
-        kernel.move_points(movement, rows, rules, parameters, intervals, moved)
+        move_points(movement, rows, rules, parameters, intervals, moved)
         return moved
 
     return in_kernel

@@ -8,7 +8,7 @@ import numpy.typing as npt
 from bondgraph.arrays import FloatArray, IntArray, count_members, member_columns
 from bondgraph.compile.lanes.load import load_lanes
 from bondgraph.compile.lanes.text import LANES
-from bondgraph.compile.machine_code import has_numba, load_kernel
+from bondgraph.compile.machine_code import has_numba, load_translated
 from bondgraph.compile.rosenbrock import TABLEAUS
 from bondgraph.errors import OptionError
 from bondgraph.simulate import batch_kernel
@@ -125,5 +125,7 @@ def _in_kernel(
     lanes = load_lanes(task.model, stiff)
     scratch = batch_kernel.Scratch(lanes.buffer(), np.zeros(2), np.zeros(2 * n_u), LANES, lanes.theta, lanes.x, lanes.y)
     equations = batch_kernel.Equations(lanes.prepare, lanes.advance, lanes.measure)
-    load_kernel(batch_kernel).simulate_members(equations, samples, theta, x, y, last, scratch)
+    load_translated("simulate_members", batch_kernel)(
+        equations, samples, np.ascontiguousarray(theta), x, y, last, scratch
+    )
     return x, y, last

@@ -1,4 +1,4 @@
-"""Fixed-step simulation of members side by side in the part of Python that numba compiles; the same for every model."""
+"""Fixed-step simulation of members side by side in the part of Python of kernels; the same for every model."""
 
 from __future__ import annotations
 

@@ -47,10 +47,10 @@ def test_threads_parse_text_while_garbage_is_collected(monkeypatch: pytest.Monke
 
 
 #: Memory in which pieces of a page, two pages and so on are free, each four gigabytes from the next.
-_SCATTERED = """
+_SCATTERED = '''
 import ctypes
 import numba, numpy as np
-from bondgraph.compile.lanes.object_code import load_functions
+from bondgraph.compile.lanes.object_code import load_entry, load_functions
 
 def load(k, lines):
     body = "".join(f"        w[{8*i + 8} + l] = {1.1 + i + k}*w[{8*i} + l] + {0.3 + i}\\n" for i in range(lines))
@@ -81,8 +81,18 @@ for i in range(free):
     c.munmap(base + far*(free + 1 - i) - page*(i + 1), page*(i + 1))
 for k, lines in enumerate([10, 50, 200, 500, 800], 1):
     assert abs(load(k, lines) - (1.1 + k + 0.3)) < 1e-12
-print("loaded")
+kernel = """
+declare double @log(double)
+define double @entry(double %x) {
+  %y = call double @log(double %x)
+  %z = fadd double %y, 0x3FD3333333333333
+  ret double %z
+}
 """
+entry = ctypes.CFUNCTYPE(ctypes.c_double, ctypes.c_double)(load_entry([], [kernel], lambda: kernel))
+assert abs(entry(1.0) - 0.3) < 1e-15
+print("loaded")
+'''
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="maps memory as Linux does")

@@ -7,9 +7,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from bondgraph.compile.machine_code import has_numba, load_kernel
+from bondgraph.compile.machine_code import has_numba
 from bondgraph.data.log import FloatArray
 from bondgraph.filter.linear import level_kernel
+from bondgraph.filter.linear.levels import carry
 
 pytestmark = pytest.mark.skipif(not has_numba(), reason="compiled kernels need numba")
 
@@ -69,7 +70,7 @@ def test_the_recursion_is_that_of_josephs_form(seed: int, size: int, outputs: in
     draw = np.random.default_rng(seed + 1)
     process, noise = draw.random((2, levels)), draw.random((outputs, levels))
     slopes_z, slopes_s = np.empty((30, outputs, levels)), np.empty((30, outputs, levels))
-    load_kernel(level_kernel, allocates=True).carried(filtered, process, noise, slopes_z, slopes_s)
+    carry(filtered, process, noise, slopes_z, slopes_s)
     for level in range(levels):
         z, s = by_joseph(filtered, process[:, level], noise[:, level])
         np.testing.assert_allclose(slopes_z[:, :, level], z, rtol=1e-8, atol=1e-9)
@@ -81,7 +82,7 @@ def test_it_stays_the_same_over_a_long_log() -> None:
     filtered = a_filter(3, 5, 2, 20000)
     process, noise = np.eye(2), np.eye(2)
     slopes_z, slopes_s = np.empty((20000, 2, 2)), np.empty((20000, 2, 2))
-    load_kernel(level_kernel, allocates=True).carried(filtered, process, noise, slopes_z, slopes_s)
+    carry(filtered, process, noise, slopes_z, slopes_s)
     z, s = by_joseph(filtered, process[:, 1], noise[:, 1])
     np.testing.assert_allclose(slopes_z[:, :, 1], z, rtol=1e-8, atol=1e-9)
     np.testing.assert_allclose(slopes_s[:, :, 1], s, rtol=1e-8, atol=1e-9)

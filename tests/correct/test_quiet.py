@@ -121,6 +121,7 @@ def test_a_colour_that_poses_as_motion_names_nothing(seed: int) -> None:
     assert not closed.added  # a disturbance may say how long-lived it is
 
 
+@pytest.mark.slow  # half a minute of CPU each: whole loops on the bench
 @pytest.mark.parametrize("seed", [23, 28], ids=["in half of the run", "beside a parameter that it drives to its bound"])
 def test_a_colour_that_poses_as_creep_names_nothing(seed: int) -> None:
     drawn = draw(BENCH, Case("none", "coloured noise", 0.0, seed))

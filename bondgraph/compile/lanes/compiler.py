@@ -31,9 +31,10 @@ from bondgraph.syntax import parsed
 #: Functions of one number that LLVM has itself.
 _INTRINSICS = {"abs": "llvm.fabs", "math.sqrt": "llvm.sqrt", "np.floor": "llvm.floor"}
 #: Names of other functions in the mathematical library of C.
-_LIBRARY = {
+C_NAMES = {
     "np.tan": "tan", "np.arccos": "acos", "np.arctan2": "atan2", "np.sinh": "sinh", "np.cosh": "cosh",
     "np.arcsinh": "asinh", "np.arccosh": "acosh", "np.arctanh": "atanh", "np.log": "log", "math.pow": "pow",
+    "math.log1p": "log1p", "math.copysign": "copysign",
 }  # fmt: skip
 #: The count of lanes in printed text.
 _LANE_COUNT = "n"
@@ -367,8 +368,8 @@ class _Body:
             return self._do.choose(self._do.compare(ast.LtE(), *given), *given)
         if name in _INTRINSICS:
             return self._do.intrinsic(_INTRINSICS[name], given[0])
-        if name in _LIBRARY:
-            return self._do.external(_LIBRARY[name], given)
+        if name in C_NAMES:
+            return self._do.external(C_NAMES[name], given)
         if name not in self._printed.functions:
             raise _refused(node)
         function = self._printed.functions[name]

@@ -12,7 +12,7 @@ import ctypes.util
 import functools
 import hashlib
 import threading
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -28,7 +28,10 @@ _EFFORT = 2
 _lock = threading.Lock()
 #: Functions by the digest of their text; their code stays as long as the process.
 _loaded: dict[str, dict[str, CompiledFunction]] = {}
+_entries: dict[str, int] = {}
 _engines: list[Any] = []
+#: Sources of what compiles printed modules.
+_COMPILER = tuple(Path(__file__).with_name(name) for name in ("compiler.py", "instructions.py"))
 
 
 def load_functions(source: str, exports: Mapping[str, str]) -> dict[str, CompiledFunction]:
@@ -60,11 +63,13 @@ def load_functions(source: str, exports: Mapping[str, str]) -> dict[str, Compile
     >>> w[8:]
     array([ 0.,  2.,  4.,  6.,  8., 10., 12., 14.])
     """
-    name = f"lanes_{_digest(source, exports)}"
+    name = f"lanes_{_digest(_COMPILER, source, repr(sorted(exports.items())))}"
     with _lock:
         if name not in _loaded:
-            engine = _engine(name, source, exports)
-            _engines.append(engine)
+            engine = _engine(
+                name, lambda: lane_module(source, exports), _tidy, _machine("pic", "small"), one_piece=True
+            )
+            _fill_library(engine)
             _loaded[name] = {
                 function: CompiledFunction(
                     engine.get_function_address(entry_name(function)), sigutils.normalize_signature(signature)
@@ -74,57 +79,95 @@ def load_functions(source: str, exports: Mapping[str, str]) -> dict[str, Compile
         return _loaded[name]
 
 
-def _digest(source: str, exports: Mapping[str, str]) -> str:
-    """Digest of all that machine code depends on: text, signatures, compiler of the text, LLVM, processor."""
-    parts = [source, repr(sorted(exports.items())), _compiler(), llvm_version(), *processor()]
-    return hashlib.sha256("\0".join(parts).encode()).hexdigest()[:24]
+def load_entry(compiler: Sequence[Path], parts: Sequence[str], instructions: Callable[[], str]) -> int:
+    """Address of the function ``entry`` of a module of instructions, which LLVM improves as far as it can.
+
+    Parameters
+    ----------
+    compiler
+        Sources of what writes the instructions.
+    parts
+        Texts from which it writes them.
+    instructions
+        What writes them, if they are not kept.
+    """
+    name = f"kernel_{_digest(compiler, *parts)}"
+    with _lock:
+        if name not in _entries:
+            _library()
+            engine = _engine(name, instructions, _improve, _machine("static", "large"), one_piece=False)
+            _entries[name] = engine.get_function_address("entry")
+        return _entries[name]
+
+
+def _digest(compiler: Sequence[Path], *parts: str) -> str:
+    """Digest of all that machine code depends on: texts, their compiler, LLVM, processor."""
+    every = [*parts, _sources(tuple(compiler)), llvm_version(), *processor()]
+    return hashlib.sha256("\0".join(every).encode()).hexdigest()[:24]
 
 
 @functools.cache
-def _compiler() -> str:
-    """Digest of the sources of the compiler."""
-    here = Path(__file__)
-    sources = [here.with_name(name).read_bytes() for name in ("compiler.py", "instructions.py", here.name)]
-    return hashlib.sha256(b"\0".join(sources)).hexdigest()
+def _sources(paths: Sequence[Path]) -> str:
+    """Digest of sources, and of this one."""
+    return hashlib.sha256(b"\0".join(path.read_bytes() for path in (*paths, Path(__file__)))).hexdigest()
 
 
-def _engine(name: str, source: str, exports: Mapping[str, str]) -> Any:
-    """The loaded code of a module, taken from the cache folder or compiled."""
-    machine = _machine()
-    # an engine begins with a module; the code itself comes beside it. All of its sections are mapped as one piece: code
-    # reaches its numbers and tables by addresses of 32 bits
-    engine = binding.create_mcjit_compiler(binding.parse_assembly(""), machine, use_lmm=True)
+def _engine(
+    name: str, instructions: Callable[[], str], improve: Callable[[Any, Any], None], machine: Any, *, one_piece: bool
+) -> Any:
+    """The loaded code of a module, taken from the cache folder or compiled.
+
+    Lanes reach their numbers and tables by addresses of 32 bits, so that all of their sections are mapped as
+    ``one_piece``. Kernels, which LLVM lets call what it likes, have addresses of 64 bits and lie anywhere.
+    """
+    # an engine begins with a module; the code itself comes beside it
+    engine = binding.create_mcjit_compiler(binding.parse_assembly(""), machine, use_lmm=one_piece or None)
     code = kept(f"{name}.o")
     if code is None:
-        code = _compiled(lane_module(source, exports), machine)
+        module = binding.parse_assembly(instructions())
+        improve(module, machine)
+        code = bytes(machine.emit_object(module))
         keep(f"{name}.o", code)
     engine.add_object_file(binding.ObjectFileRef.from_data(code))
     engine.finalize_object()
-    place = ctypes.CFUNCTYPE(ctypes.c_void_p)(engine.get_function_address(LIBRARY_PLACE))()
-    table = (ctypes.c_void_p * len(LIBRARY)).from_address(place)
-    for position, address in enumerate(_library()):
-        table[position] = address
+    _engines.append(engine)
     return engine
 
 
-def _compiled(instructions: str, machine: Any) -> bytes:
-    module = binding.parse_assembly(instructions)
+def _tidy(module: Any, machine: Any) -> None:
     builder = binding.create_pass_builder(machine, binding.create_pipeline_tuning_options(0))
     passes = binding.create_new_module_pass_manager()
     passes.add_sroa_pass()  # what loops change stands in registers
     passes.add_instruction_combine_pass()
     passes.run(module, builder)
-    return bytes(machine.emit_object(module))
 
 
-def _machine() -> Any:
+def _improve(module: Any, machine: Any) -> None:
+    options = binding.create_pipeline_tuning_options(2)
+    options.loop_vectorization = True
+    builder = binding.create_pass_builder(machine, options)
+    builder.getModulePassManager().run(module, builder)
+
+
+def _machine(addresses: str, distance: str) -> Any:
     name, features = processor()
     target = binding.Target.from_default_triple()
-    return target.create_target_machine(cpu=name, features=features, opt=_EFFORT, reloc="pic", codemodel="small")
+    return target.create_target_machine(cpu=name, features=features, opt=_EFFORT, reloc=addresses, codemodel=distance)
+
+
+def _fill_library(engine: Any) -> None:
+    """Write the addresses of the functions of the mathematical library into the table that a module has for them."""
+    place = ctypes.CFUNCTYPE(ctypes.c_void_p)(engine.get_function_address(LIBRARY_PLACE))()
+    table = (ctypes.c_void_p * len(LIBRARY)).from_address(place)
+    for position, address in enumerate(_library()):
+        table[position] = address
 
 
 @functools.cache
 def _library() -> list[int]:
-    """Addresses of the functions of the mathematical library."""
+    """Addresses of the functions of the mathematical library, which modules may call by their names from then on."""
     library = ctypes.CDLL(ctypes.util.find_library("m") or ctypes.util.find_library("ucrtbase"))
-    return [ctypes.cast(getattr(library, name), ctypes.c_void_p).value or 0 for name in LIBRARY]
+    addresses = [ctypes.cast(getattr(library, name), ctypes.c_void_p).value or 0 for name in LIBRARY]
+    for name, address in zip(LIBRARY, addresses, strict=True):
+        binding.add_symbol(name, address)
+    return addresses

@@ -1,4 +1,4 @@
-"""How kicks of the states inside the intervals of a log reach their ends, in the part of Python that numba compiles.
+"""How kicks of the states inside the intervals of a log reach their ends, in the part of Python of kernels.
 
 They are followed from one node to the next, where the states are kicked anew: a transition is the product of those of
 its parts, which costs less than to follow the kicks of every node to the end.
@@ -8,8 +8,6 @@ from __future__ import annotations
 
 import math
 from typing import NamedTuple
-
-import numpy as np
 
 from bondgraph.arrays import FloatArray, IntArray
 from bondgraph.compile.lanes.load import Advance, Prepare
@@ -35,13 +33,17 @@ class Intervals(NamedTuple):
 
 
 class Scratch(NamedTuple):
-    """Work buffer of the model with the first rows of theta and x in it, for so many lanes; inputs of a part."""
+    """Work buffer of the model with the first rows of theta and x in it, for so many lanes.
+
+    ``left`` and ``right`` are inputs of a part of an interval, ``whole`` a transition.
+    """
 
     buffer: FloatArray
     clock: FloatArray
     inputs: FloatArray
     left: FloatArray
     right: FloatArray
+    whole: FloatArray
     lanes: int
     theta: int
     x: int
@@ -67,7 +69,6 @@ def kicked(
         for lane in range(scratch.lanes):
             scratch.buffer[(scratch.theta + i) * scratch.lanes + lane] = theta[i]
     equations.prepare(scratch.buffer, scratch.lanes)
-    whole = np.empty((x.shape[1], x.shape[1]))
     for k in range(x.shape[0]):
         for i in range(x.shape[1]):
             for lane in range(scratch.lanes):
@@ -78,8 +79,9 @@ def kicked(
             reached[k, 0, i] = scratch.buffer[(scratch.x + i) * scratch.lanes]
         for m in range(nodes.size):
             _kick(equations, intervals, k, m, kicks, nodes, reached, moved, scratch)
-        for m in range(nodes.size - 2, -1, -1):
-            _joined(moved[k, m + 1], moved[k, m], whole)
+        for turn in range(nodes.size - 1):
+            m = nodes.size - 2 - turn
+            _joined(moved[k, m + 1], moved[k, m], scratch.whole)
 
 
 def _kick(

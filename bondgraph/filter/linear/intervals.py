@@ -22,7 +22,7 @@ import numpy as np
 from bondgraph.arrays import IntArray
 from bondgraph.compile.lanes.load import LaneModel, load_lanes
 from bondgraph.compile.lanes.text import LANES
-from bondgraph.compile.machine_code import load_kernel
+from bondgraph.compile.machine_code import load_translated
 from bondgraph.compile.rosenbrock import TABLEAUS
 from bondgraph.data.log import FloatArray
 from bondgraph.execute.threads import available_cores, in_threads
@@ -87,13 +87,13 @@ def kicks(
     reached, moved = np.empty((count, len(nodes), size)), np.empty((count, len(nodes), size, size))
     largest = np.maximum(np.abs(start).max(axis=1, initial=0.0), 1e-3)
     equations = interval_kernel.Equations(lanes.prepare, lanes.advance)
-    kicked = load_kernel(interval_kernel, allocates=True).kicked
+    kicked = load_translated("kicked", interval_kernel)
     begin, parameters, places = np.ascontiguousarray(start.T), np.ascontiguousarray(theta), np.array(nodes)
 
     def some(own: slice) -> None:
         kicked(
             equations, _some(every, own), parameters, begin[own], _KICK * largest, places, reached[own], moved[own],
-            _scratch(lanes, rows.u.shape[1]),
+            _scratch(lanes, rows.u.shape[1], size),
         )  # fmt: skip
 
     in_threads(available_cores(), some, _shares(count))
@@ -114,10 +114,10 @@ def _some(every: interval_kernel.Intervals, own: slice) -> interval_kernel.Inter
     )  # fmt: skip
 
 
-def _scratch(lanes: LaneModel, inputs: int) -> interval_kernel.Scratch:
-    left, right = np.zeros(inputs), np.zeros(inputs)
+def _scratch(lanes: LaneModel, inputs: int, size: int) -> interval_kernel.Scratch:
+    left, right, whole = np.zeros(inputs), np.zeros(inputs), np.zeros((size, size))
     return interval_kernel.Scratch(
-        lanes.buffer(), np.zeros(2), np.zeros(2 * inputs), left, right, LANES, lanes.theta, lanes.x
+        lanes.buffer(), np.zeros(2), np.zeros(2 * inputs), left, right, whole, LANES, lanes.theta, lanes.x
     )
 
 

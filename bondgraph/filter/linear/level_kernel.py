@@ -1,4 +1,4 @@
-"""The recursion of :mod:`bondgraph.filter.linear.levels`, in the part of Python that numba compiles.
+"""The recursion of :mod:`bondgraph.filter.linear.levels`, in the part of Python of kernels.
 
 Levels are the last axis of all that depends on them, so that each product is a loop over neighbouring numbers. What the
 gain leaves of a covariance, in Joseph's form (I - K H) dP (I - K H)' + K dR K', is written as
@@ -12,8 +12,6 @@ Joseph's form damps it, so that one half is computed and the other is its mirror
 from __future__ import annotations
 
 from typing import NamedTuple
-
-import numpy as np
 
 from bondgraph.arrays import FloatArray
 
@@ -36,22 +34,43 @@ class Filter(NamedTuple):
     whitened: FloatArray
 
 
+class Scratch(NamedTuple):
+    """Shifts by levels: of the state, its covariance and that of the innovation, and parts of their products.
+
+    ``weight`` is the innovation over its covariance.
+    """
+
+    weight: FloatArray
+    moved: FloatArray
+    turned: FloatArray
+    spread: FloatArray
+    half: FloatArray
+    shown: FloatArray
+    left: FloatArray
+    change: FloatArray
+    part: FloatArray
+    expected: FloatArray
+
+
 def carried(
-    filtered: Filter, process: FloatArray, noise: FloatArray, slopes_z: FloatArray, slopes_s: FloatArray
+    filtered: Filter,
+    process: FloatArray,
+    noise: FloatArray,
+    slopes_z: FloatArray,
+    slopes_s: FloatArray,
+    scratch: Scratch,
 ) -> None:
     """Fill derivatives (n, n_y, levels) of whitened innovations and of log scales.
 
     process (drivers, levels) and noise (n_y, levels) are those of the variances per second that drive states, and of
-    the variances of the sensors.
+    the variances of the sensors. The scratch begins with zeros.
     """
     size, outputs, levels = filtered.slope.shape[2], noise.shape[0], process.shape[1]
-    moved, turned = np.zeros((size, 1, levels)), np.zeros((size, 1, levels))
-    spread, half = np.zeros((size, size, levels)), np.zeros((size, size, levels))
-    shown, left = np.zeros((outputs, size, levels)), np.zeros((size, outputs, levels))
-    change, part = np.zeros((outputs, outputs, levels)), np.zeros((outputs, outputs, levels))
-    expected, weight = np.zeros((outputs, 1, levels)), np.zeros(outputs)
+    moved, turned, spread, half = scratch.moved, scratch.turned, scratch.spread, scratch.half
+    shown, left, change, part = scratch.shown, scratch.left, scratch.change, scratch.part
+    expected, weight = scratch.expected, scratch.weight
     for k in range(filtered.slope.shape[0]):
-        if k:
+        if k > 0:
             _predict(filtered.transition[k - 1], filtered.gathered[k - 1], process, moved, turned, spread, half)
         slope, gain, whitener = filtered.slope[k], filtered.gain[k], filtered.whitener[k]
         _before(slope, spread, shown)

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from bondgraph.arrays import IntArray
-from bondgraph.compile.machine_code import load_kernel
+from bondgraph.compile.machine_code import load_translated
 from bondgraph.data.log import FloatArray
 from bondgraph.filter.filter_run import FilterRun
 from bondgraph.filter.linear import level_kernel
@@ -49,10 +49,28 @@ def respond_to_levels(linear: LinearLog, run: FilterRun, changes: LevelChanges) 
     )  # fmt: skip
     slopes_z, slopes_s = np.zeros((count, outputs, levels)), np.zeros((count, outputs, levels))
     process, noise = np.ascontiguousarray(changes.process.T[drivers]), np.ascontiguousarray(changes.measurement.T)
-    load_kernel(level_kernel, allocates=True).carried(filtered, process, noise, slopes_z, slopes_s)
+    carry(filtered, process, noise, slopes_z, slopes_s)
     rows = (np.moveaxis(found, 1, 0).reshape(-1, levels) for found in (slopes_z, slopes_s))
     first, second = rows
     return np.ascontiguousarray(first), np.ascontiguousarray(second)
+
+
+def carry(
+    filtered: level_kernel.Filter,
+    process: FloatArray,
+    noise: FloatArray,
+    slopes_z: FloatArray,
+    slopes_s: FloatArray,
+) -> None:
+    """Fill in derivatives by levels as :func:`bondgraph.filter.linear.level_kernel.carried` says."""
+    size, outputs, levels = filtered.slope.shape[2], noise.shape[0], process.shape[1]
+    shapes = (
+        (size, 1), (size, 1), (size, size), (size, size), (outputs, size), (size, outputs), (outputs, outputs),
+        (outputs, outputs), (outputs, 1),
+    )  # fmt: skip
+    by_level = (np.zeros((*shape, levels)) for shape in shapes)
+    scratch = level_kernel.Scratch(np.zeros(outputs), *by_level)
+    load_translated("carried", level_kernel)(filtered, process, noise, slopes_z, slopes_s, scratch)
 
 
 def _gathered(run: FilterRun, drivers: IntArray) -> FloatArray:

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from bondgraph.compile.machine_code import has_numba, load_kernel
+from bondgraph.compile.machine_code import has_numba, load_translated
 from bondgraph.data.log import FloatArray
 from bondgraph.filter.linear import response_kernel
 from bondgraph.filter.linear.response import Change, LinearLog
@@ -58,9 +58,11 @@ def _carried(
         )
     )
     states = np.zeros((len(at), *moved.shape))
-    load_kernel(response_kernel, allocates=True).carried(
-        filtered, _shifts(change), first, moved, np.asarray(at, dtype=np.int64), found, lane, states
-    )
+    expected = np.zeros((filtered.slope.shape[1], moved.shape[1]))
+    load_translated("carried", response_kernel)(
+        filtered, _shifts(change), first, moved, np.asarray(at, dtype=np.int64), found, lane, states,
+        np.zeros_like(moved), expected,
+    )  # fmt: skip
     return states
 
 

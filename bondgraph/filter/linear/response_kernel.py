@@ -1,4 +1,4 @@
-"""The recursion of :mod:`bondgraph.filter.linear.response`, in the part of Python that numba compiles.
+"""The recursion of :mod:`bondgraph.filter.linear.response`, in the part of Python of kernels.
 
 Lanes are the last axis of all that depends on them, so that each product is a loop over neighbouring numbers.
 """
@@ -6,8 +6,6 @@ Lanes are the last axis of all that depends on them, so that each product is a l
 from __future__ import annotations
 
 from typing import NamedTuple
-
-import numpy as np
 
 from bondgraph.arrays import FloatArray, IntArray
 
@@ -45,27 +43,31 @@ def carried(
     found: FloatArray,
     lane: int,
     states: FloatArray,
+    before: FloatArray,
+    expected: FloatArray,
 ) -> None:
     """Fill in changes of whitened innovations from sample ``first`` on, the state before it shifted by ``moved``.
 
     ``found`` (n_y, n, all lanes) takes them from ``lane`` on, ``states`` (at, n_x, lanes) the shifts of the filtered
-    states at increasing samples ``at``; ``moved`` (n_x, lanes) is overwritten.
+    states at increasing samples ``at``; ``moved`` (n_x, lanes) is overwritten. Scratch: ``before`` (n_x, lanes) and
+    ``expected`` (n_y, lanes).
     """
     size, lanes = moved.shape
-    outputs = filtered.slope.shape[1]
-    before, expected = np.zeros((size, lanes)), np.zeros((outputs, lanes))
+    outputs = expected.shape[0]
     place = 0
     for k in range(first, filtered.slope.shape[0]):
         if k > 0:
             before[:] = moved
             _times(filtered.transition[k - 1], before, moved)
-            for j in shifts.moving:
+            for row in range(shifts.moving.size):
+                j = shifts.moving[row]
                 for i in range(size):
                     early, late = filtered.early[k - 1, i, j], filtered.late[k - 1, i, j]
                     for q in range(lanes):
                         moved[i, q] += early * shifts.start[j, k - 1, q] + late * shifts.end[j, k - 1, q]
         _times(filtered.slope[k], moved, expected)
-        for a in shifts.showing:
+        for row in range(shifts.showing.size):
+            a = shifts.showing[row]
             for q in range(lanes):
                 expected[a, q] += shifts.outputs[a, k, q]
         for a in range(outputs):
