@@ -18,6 +18,8 @@ from bondgraph.exchange.libraries import library
 
 #: Kinds of FMUs as FMPy calls them.
 _FMPY = {"co-simulation": "CoSimulation", "model-exchange": "ModelExchange"}
+#: Communication steps that FMPy is given at a time: so few that the search for the next event costs less than a step.
+_BLOCK = 500
 #: Share of a step by which times of an even log differ from even ones, by the digits in which they are written.
 _EVEN = 0.01
 #: Relative distance below which FMPy takes two times for one (that of math.isclose), with a margin of ten.
@@ -112,12 +114,7 @@ def simulated(fmu: Fmu, course: Course, starts: Mapping[str, float], kind: str, 
                 instance = simulation.instantiate_fmu(folder, fmu.described, _FMPY[kind])
                 if kind == "model-exchange":
                     _let_inputs_run(instance, fmu, course)
-                answer = simulation.simulate_fmu(
-                    folder, start_time=course.times[0], stop_time=course.times[-1], relative_tolerance=rtol,
-                    output_interval=course.interval, input=course.table(fmu) if fmu.inputs else None,
-                    start_values=dict(starts), output=_names(fmu.outputs), model_description=fmu.described,
-                    fmi_type=_FMPY[kind], fmu_instance=instance,
-                )  # fmt: skip
+                answer = _answer(simulation, folder, fmu, instance, course, starts, kind, rtol)
                 instance.freeInstance()
         except BondGraphError:
             raise
@@ -128,6 +125,30 @@ def simulated(fmu: Fmu, course: Course, starts: Mapping[str, float], kind: str, 
                 where=(str(fmu.path),),
             ) from None
     return _at_samples(fmu, course, answer)
+
+
+def _answer(
+    simulation: Any, folder: str, fmu: Fmu, instance: Any, course: Course, starts: Mapping[str, float], kind: str,
+    rtol: float,
+) -> Any:  # fmt: skip
+    """What FMPy records; co-simulation goes block by block, since FMPy seeks each event among all of its inputs."""
+    table, answers, last = course.table(fmu), [], course.times.size - 1
+    block = _BLOCK if kind == "co-simulation" else last
+    for first in range(0, last, block):
+        end = min(first + block, last)
+        begins, ends = first == 0, end == last
+        # at the first time of a table FMPy takes its first row: before the start, after the end of a block before
+        rows = table[2 * first + (not begins) : 2 * end + 2] if fmu.inputs else None
+        answers.append(
+            simulation.simulate_fmu(
+                folder, start_time=course.times[first], stop_time=course.times[end], set_stop_time=False,
+                relative_tolerance=rtol, output_interval=course.interval, output=_names(fmu.outputs),
+                input=rows, start_values=dict(starts) if begins else {},
+                model_description=fmu.described, fmi_type=_FMPY[kind], fmu_instance=instance, initialize=begins,
+                terminate=ends,
+            )
+        )  # fmt: skip
+    return np.concatenate(answers)
 
 
 def _require_binary(fmu: Fmu, fmpy: Any, folder: str) -> None:

@@ -301,3 +301,10 @@ def test_commands_say_what_an_fmu_has_not(
 def test_an_fmu_is_no_graph(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["filter", "engine.fmu", "--data", "run.csv"]) == 2
     assert "an FMU holds compiled code and no equations, so it is no graph" in capsys.readouterr().err
+
+
+def test_blocks_of_co_simulation_are_no_seams(heater: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    log, units = _heating(power=LogChannel("power", "W", np.linspace(0.0, 40.0, 21) ** 2)), {"power": "W"}
+    whole = fmu_outputs(heater, log, units=units).channel("temperature").numbers
+    monkeypatch.setattr("bondgraph.exchange.fmu_course._BLOCK", 7)
+    np.testing.assert_array_equal(fmu_outputs(heater, log, units=units).channel("temperature").numbers, whole)
