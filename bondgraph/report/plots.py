@@ -23,7 +23,7 @@ from bondgraph.report.figures import (
     PANEL_HEIGHT,
     WIDTH,
     figure_style,
-)  # fmt: skip
+)
 from bondgraph.report.numbers import shown
 from bondgraph.report.series import ChannelSeries, FloatArray, MissingEffort, Prediction, StateBand
 from bondgraph.simulate.quantities import InputInfo, OutputInfo, StateInfo
@@ -31,8 +31,7 @@ from bondgraph.simulate.trajectory import Trajectory
 
 #: Points of a line beyond which it is thinned.
 MOST_POINTS = 1000
-#: Letters in a line of a legend, beside its sign, that fit into a figure of 7 inches and into one for a phone; and the
-#: height of such a line in inches.
+#: Letters in a line of a legend that fit into 7 inches and into a phone, and the height of such a line in inches.
 _LETTERS, _LETTERS_NARROW, _LINE_HEIGHT = 84, 42, 0.16
 #: Size of a measurement in points: wider than a line, which may run through it.
 _DOT = 4.0
@@ -166,10 +165,7 @@ def launch_figure(trajectory: Trajectory, names: Sequence[str] = ()) -> Figure:
 
 
 def missing_effort_figure(found: MissingEffort, narrow: bool = False) -> Figure:
-    """What is missing against the quantity it depends on, with medians, and the found law drawn through it.
-
-    The law stands below the axes, in as many lines as it needs: a formula may be longer than they are wide.
-    """
+    """What is missing against what it depends on, with medians and the found law, which is written below the axes."""
     letters = _LETTERS_NARROW if narrow else _LETTERS
     law = "\n".join(textwrap.wrap(f"found: {plain(found.law_text)}", letters))
     with figure_style():
