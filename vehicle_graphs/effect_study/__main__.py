@@ -113,7 +113,11 @@ def write(found: Sequence[Outcome], folder: Path) -> None:
 
 def write_report(found: Sequence[Outcome], folder: Path, counted: str, command: Command) -> None:
     """Write ``report.html``: the tables of the study with the picture of what was said."""
-    sections = [Section(title, header=header, rows=rows) for title, header, rows in tables.all_tables(found)]
+    sections = []
+    for title, header, rows in tables.all_tables(found):
+        head, colon, rest = f"{title[:1].upper()}{title[1:]}".partition(", by its size")
+        text = [f"By its size{rest}."] if colon else []
+        sections.append(Section(head, text, header if rows else (), rows))
     if any(one.family == "effect" for one in found):
         sections.insert(0, Section("What was said of every missing effect", figure=picture(found), scrolls=True))
     write_page(
