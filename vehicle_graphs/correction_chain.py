@@ -11,13 +11,14 @@ The models are taken as exact (no process noise), so that a fit minimises the er
 
 from __future__ import annotations
 
-import hashlib
-import json
 import math
-from collections.abc import Callable, Sequence
+import sys
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import asdict, dataclass, replace
+from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -36,10 +37,15 @@ from bondgraph.estimate.problem import EstimationProblem
 from bondgraph.estimate.setup import filter_setup
 from bondgraph.execute.executors import open_executor
 from bondgraph.execute.tasks import as_done
-from bondgraph.files import write_text
+from bondgraph.report import series
+from bondgraph.report.html import Provenance, ReportData, write_report
 from bondgraph.report.progress import WorkProgress
+from bondgraph.simulate.model import Model
 from bondgraph.simulate.simulation import simulate
+from bondgraph.simulate.trajectory import Trajectory
+from vehicle_graphs.chain_reports import Command, Fitted, chain_report, held, intervals
 from vehicle_graphs.commands import command_parser, run_command
+from vehicle_graphs.kept_fits import KeptFits, fit_key
 
 #: An effect must lower the error on unseen training logs by this share.
 LEAST_GAIN = 0.03
@@ -104,33 +110,19 @@ class Bench:
         self, machine: Machine, sets: Sequence[tuple[str, ...]], train: Sequence[Log], known: dict[str, float]
     ) -> list[Tried]:
         """Sets of effects, fitted, in their order: as they were kept, or fitted by workers and kept."""
-        keys = [_key(machine, effects, train, known) for effects in sets]
-        found = {k: one for k, key in enumerate(keys) if (one := self._kept(key)) is not None}
+        keys = [fit_key(build(machine.declared(effects)).text, known, train) for effects in sets]
+        kept = KeptFits(self.folder)
+        found = {k: _tried_again(one) for k, key in enumerate(keys) if (one := kept.get(key)) is not None}
         due = [k for k in range(len(sets)) if k not in found]
-        for position, one in as_done(self.executor, tried, [(machine, sets[k], train, known) for k in due]):
-            found[due[position]] = one
-            if self.folder is not None:
-                self.folder.mkdir(parents=True, exist_ok=True)
-                write_text(self.folder / f"{keys[due[position]]}.json", json.dumps(asdict(one), indent=1))
+        for position, fitted in as_done(self.executor, tried, [(machine, sets[k], train, known) for k in due]):
+            found[due[position]] = fitted
+            kept.put(keys[due[position]], asdict(fitted))
             self.progress()
         return [found[k] for k in range(len(sets))]
 
-    def _kept(self, key: str) -> Tried | None:
-        path = None if self.folder is None else self.folder / f"{key}.json"
-        if path is None or not path.is_file():
-            return None
-        kept = json.loads(path.read_text(encoding="utf-8"))
-        return Tried(**{**kept, "effects": tuple(kept["effects"])})
 
-
-def _key(machine: Machine, effects: tuple[str, ...], train: Sequence[Log], known: dict[str, float]) -> str:
-    """Digest of all that a fitted set depends on; a changed graph, log or start has another."""
-    content = hashlib.sha256(repr((build(machine.declared(effects)).text, sorted(known.items()))).encode())
-    for log in train:
-        content.update(log.name.encode() + log.time.tobytes())
-        for channel in log.channels.values():
-            content.update(channel.name.encode() + channel.values.tobytes())
-    return content.hexdigest()[:24]
+def _tried_again(kept: dict[str, Any]) -> Tried:
+    return Tried(**{**kept, "effects": tuple(kept["effects"])})
 
 
 def forward_selection(
@@ -230,12 +222,17 @@ def _at_noise_levels(declared: Sequence[FreeParameter], start: np.ndarray) -> li
     return [start + (point - reference) for point in noisy_starts(declared)[:3]]
 
 
+def simulated(model: Model, values: Mapping[str, float], log: MatchedLog) -> Trajectory:
+    """Free simulation of a log with fitted values."""
+    theta = {name: value for name, value in values.items() if name in model.names("parameter")}
+    return simulate(model, log.time, log.u, theta, method="rk4", substeps=8, compiled=True)
+
+
 def simulation_errors(built: BuiltModel, values: dict[str, float], logs: Sequence[MatchedLog]) -> dict[str, float]:
     """Root mean square error of the first output in free simulation, by log."""
     errors = {}
     for log in logs:
-        theta = {name: value for name, value in values.items() if name in built.model.names("parameter")}
-        run = simulate(built.model, log.time, log.u, theta, method="rk4", substeps=8, compiled=True)
+        run = simulated(built.model, values, log)
         errors[log.name] = float(np.sqrt(np.nanmean((run.y[0] - log.y[0]) ** 2)))
     return errors
 
@@ -262,6 +259,42 @@ def table(steps: Sequence[Step]) -> str:
     return "\n".join(lines)
 
 
+def selection_report(
+    title: str, machine: Machine, steps: Sequence[Step], logs: tuple[Sequence[Log], Sequence[Log]], made: Provenance
+) -> ReportData:
+    """The report of a forward selection; intervals are those of the last fit, taken up once more where it ended."""
+    first, last = steps[0].chosen, steps[-1].chosen
+    built = build(machine.declared(last.effects))
+    fitted = fitted_exactly(built, [match(log, built.model) for log in logs[0]], last.values, spread=0)
+    history = [
+        series.Step(
+            k, "added", step.chosen.effects[-1],
+            f"error on unseen training logs {before.chosen.unseen:.4g} -> {step.chosen.unseen:.4g}, criterion (BIC/2) "
+            f"{before.chosen.penalised:.1f} -> {step.chosen.penalised:.1f}",
+        )
+        for k, (before, step) in enumerate(pairwise(steps), start=1)
+    ]  # fmt: skip
+    tried = [
+        series.Tried(
+            other.effects[-1], "", last.nll - other.nll,
+            f"error on unseen training logs {other.unseen:.4g} instead of {last.unseen:.4g}, criterion (BIC/2) "
+            f"{other.penalised:.1f} instead of {last.penalised:.1f}",
+        )
+        for other in steps[-1].rejected if other.effects[:-1] == last.effects
+    ]  # fmt: skip
+    return chain_report(
+        title, Fitted(machine.declared(first.effects), first.values),
+        Fitted(machine.declared(last.effects), last.values, intervals(fitted), held(fitted)),
+        logs, simulated, history, made, tried=tried,
+        notes=[
+            "The intervals take the errors of free simulation for white; where they are not, the intervals are too "
+            "narrow.",
+            "An effect is added where it lowers the error on training logs that its fit has not seen by "
+            f"{100.0 * LEAST_GAIN:g} % at least, and pays for its parameters.",
+        ],
+    )  # fmt: skip
+
+
 def chain_command(
     name: str,
     doc: str | None,
@@ -284,8 +317,11 @@ def chain_command(
     """
     parser = command_parser(name, doc)
     parser.add_argument("logs", type=Path, help=f"folder written by vehicle_graphs.{name.removesuffix('_chain')}_logs")
-    parser.add_argument("--out", type=Path, metavar="DIR", help="folder that keeps finished fits, so that it can go on")
+    parser.add_argument(
+        "--out", type=Path, metavar="DIR", help="folder of report.html and of finished fits, from which it goes on"
+    )
     options = parser.parse_args(arguments)
+    command = Command(name, sys.argv[1:] if arguments is None else arguments)
 
     def work() -> None:
         train, test = read(options.logs)
@@ -297,5 +333,10 @@ def chain_command(
             steps = forward_selection(machine, train, test, lambda step: print(table([step]), flush=True), (), bench)
         print("the chain, with what was tried after its last step:")
         print(table(steps))
+        if options.out is not None:
+            title = name.removesuffix("_chain").replace("_", " ")
+            data = selection_report(title, machine, steps, (train, test), command.made(train, test))
+            write_report(data, options.out / "report.html")
+            print(f"report: {options.out / 'report.html'}")
 
     return run_command(work, f"the same command goes on with what is in {options.out}" if options.out else "")

@@ -4,7 +4,7 @@ Usage, after ``python -m vehicle_graphs.emps_logs FOLDER --out LOGS``::
 
     bondgraph close-loop vehicle_graphs.emps:start --effects bondgraph.effects vehicle_graphs.machine_effects \
         --data LOGS/train_slow.csv --holdout LOGS/test_slow.csv --max-effects 6 --out loop
-    python -m vehicle_graphs.emps_chain LOGS
+    python -m vehicle_graphs.emps_chain LOGS --out kept
 
 The first command looks for effects by itself; ``emps.FOUND_ONE_STEP`` is what it found among laws of one coefficient.
 The second fits the graph with the first of ``emps.CHOSEN``, the first two, and so on to the training log: once by
@@ -27,8 +27,9 @@ friction, a newton at full speed, and no drift.
 from __future__ import annotations
 
 import sys
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -45,10 +46,16 @@ from bondgraph.estimate.free import FreeParameter
 from bondgraph.estimate.local import fit
 from bondgraph.estimate.noise_starts import noisy_starts
 from bondgraph.estimate.setup import filter_setup
+from bondgraph.report import series
+from bondgraph.report.html import Provenance, ReportData, write_report
+from bondgraph.report.progress import WorkProgress
 from bondgraph.simulate.model import Model
 from bondgraph.simulate.simulation import simulate
+from bondgraph.simulate.trajectory import Trajectory
 from vehicle_graphs import emps
+from vehicle_graphs.chain_reports import Command, Fitted, chain_report, held, intervals
 from vehicle_graphs.commands import command_parser, run_command
+from vehicle_graphs.kept_fits import KeptFits, fit_key
 
 #: Samples at the start of a log from which its initial state is taken, as the benchmark allows.
 WINDOW = 20
@@ -101,10 +108,15 @@ def force_error(model: Model, values: Mapping[str, float], log: MatchedLog, held
 
 def position_error(model: Model, values: Mapping[str, float], log: MatchedLog) -> float:
     """Root mean square error of position in open loop [mm]; the first ``WINDOW`` samples give position and speed."""
+    run = simulated(model, values, log)
+    return 1e3 * float(np.sqrt(np.mean((run.y[0] - log.y[0]) ** 2)))
+
+
+def simulated(model: Model, values: Mapping[str, float], log: MatchedLog) -> Trajectory:
+    """Free simulation from the state that the first samples tell."""
     start = initial_state(log)
     run = simulate(model, log.time, log.u, known(model, values), start, method="rk4", substeps=2, compiled=True)
-    run.raise_if_failed()
-    return 1e3 * float(np.sqrt(np.mean((run.y[0] - log.y[0]) ** 2)))
+    return run.raise_if_failed()
 
 
 def initial_state(log: MatchedLog) -> dict[str, float]:
@@ -135,15 +147,23 @@ def one_step_fit(built: BuiltModel, log: MatchedLog, start: Mapping[str, float])
 
 def free_simulation_fit(built: BuiltModel, log: MatchedLog, start: Mapping[str, float]) -> dict[str, float]:
     """Parameters that minimise the error of free simulation, and of the speed at the first sample."""
+    return _held_ripple(start) | free_run_fit(built, log, start).values
+
+
+def free_run_fit(built: BuiltModel, log: MatchedLog, start: Mapping[str, float]) -> Fit:
+    """The fit by the error of free simulation; the ripple is held as it starts."""
     setup = filter_setup(built.model, built.driven, [log], "none")
     # the sensor is a thousand times better than any open-loop position: its noise would set no scale
     filter_model = replace(setup.filter_model, measurement_noise={"position": 1e-3}, initial_std={})
-    held = {name: value for name, value in start.items() if name in _HELD}
-    log = replace(log, theta_overrides=held)
+    log = replace(log, theta_overrides=_held_ripple(start))
     free = [parameter for parameter in _free(built, log, start, "none") if parameter.name not in _HELD]
     speed = initial_state(log)["v_carriage"]
     free.append(FreeParameter("x0(v_carriage)", speed - SPEED_MARGIN, speed + SPEED_MARGIN, speed))
-    return held | fit(filter_model, [log], free, 60, 1e-3).values
+    return fit(filter_model, [log], free, 60, 1e-3)
+
+
+def _held_ripple(start: Mapping[str, float]) -> dict[str, float]:
+    return {name: value for name, value in start.items() if name in _HELD}
 
 
 def _free(built: BuiltModel, log: MatchedLog, start: Mapping[str, float], noise: str) -> tuple[FreeParameter, ...]:
@@ -151,38 +171,106 @@ def _free(built: BuiltModel, log: MatchedLog, start: Mapping[str, float], noise:
     return tuple(replace(p, start=float(np.clip(start.get(p.name, p.start), p.lower, p.upper))) for p in declared)
 
 
-def chain(folder: Path) -> list[str]:
-    """Lines of the table, one pair per step; see the module's first lines."""
-    fast = {part: read_log(folder / f"{part}.csv.gz") for part in ("train", "test")}
+@dataclass(frozen=True)
+class ChainStep:
+    """The graph with some effects, fitted in both ways; intervals and bounds are those of free simulation."""
+
+    effects: tuple[str, ...]
+    one_step: dict[str, float]
+    free_run: dict[str, float]
+    ci95: dict[str, tuple[float, float]]
+    at_bound: tuple[str, ...]
+
+    def fitted(self) -> Fitted:
+        """As the report wants it."""
+        return Fitted(emps.declared(self.effects), self.free_run, self.ci95, self.at_bound)
+
+
+def chain_step(effects: tuple[str, ...], slow: Log, start: dict[str, float], kept: KeptFits) -> ChainStep:
+    """A step of the chain from where the one before it ended: as it was kept, or fitted and kept."""
+    built = build(emps.declared(effects))
+    key = fit_key(built.text, start, [slow])
+    content = kept.get(key)
+    if content is not None:
+        ends = {name: (low, high) for name, (low, high) in content["ci95"].items()}
+        return ChainStep(effects, content["one_step"], content["free_run"], ends, tuple(content["at_bound"]))
+    log = match(slow, built.model)
+    one_step = one_step_fit(built, log, start).values
+    found = free_run_fit(built, log, one_step)
+    step = ChainStep(effects, one_step, _held_ripple(one_step) | found.values, intervals(found), held(found))
+    kept.put(key, asdict(step))
+    return step
+
+
+def chain(folder: Path, out: Path | None = None) -> list[ChainStep]:
+    """Steps of the chain, each told when it is made; see the module's first lines. ``out`` keeps finished fits."""
+    logs = {part: read_log(folder / f"{part}.csv.gz") for part in ("train", "test")}
     slow = read_log(folder / "train_slow.csv")
-    lines: list[str] = []
-    one_step: dict[str, float] = {}
-    for count in range(len(emps.CHOSEN) + 1):
-        names = emps.CHOSEN[:count]
-        built = build(emps.declared(names))
-        log = match(slow, built.model)
-        one_step = one_step_fit(built, log, one_step).values
-        free_run = free_simulation_fit(built, log, one_step)
-        for kind, values in (("one step", one_step), ("free run", free_run)):
-            found = "; ".join(f"{part}: {errors(built.model, values, fast[part])}" for part in fast)
-            lines.append(f"{names[-1] if names else 'start':26s} {kind}: {found}")
-            lines.append(
-                "    " + ", ".join(f"{name} {value:.5g}" for name, value in known(built.model, values).items())
-            )
-            print("\n".join(lines[-2:]), flush=True)
+    steps: list[ChainStep] = []
+    with WorkProgress("fitting", len(emps.CHOSEN) + 1, "sets of effects") as work:
+        for count in range(len(emps.CHOSEN) + 1):
+            effects = emps.CHOSEN[:count]
+            work.describe(effects[-1] if effects else "as declared")
+            step = chain_step(effects, slow, steps[-1].one_step if steps else {}, KeptFits(out))
+            steps.append(step)
+            print("\n".join(_told(step, logs)), flush=True)
+            work.advance()
+    return steps
+
+
+def _told(step: ChainStep, logs: Mapping[str, Log]) -> list[str]:
+    model, lines = build(emps.declared(step.effects)).model, []
+    for kind, values in (("one step", step.one_step), ("free run", step.free_run)):
+        found = "; ".join(f"{part}: {errors(model, values, log)}" for part, log in logs.items())
+        lines.append(f"{step.effects[-1] if step.effects else 'start':26s} {kind}: {found}")
+        lines.append("    " + ", ".join(f"{name} {value:.5g}" for name, value in known(model, values).items()))
     return lines
+
+
+def emps_report(steps: Sequence[ChainStep], logs: Mapping[str, Log], made: Provenance) -> ReportData:
+    """The report of the chain: fits in free simulation, errors of the position at the full rate."""
+    history = [
+        series.Step(k, "added", step.effects[-1], "; ".join(_reasons(before, step, logs)))
+        for k, (before, step) in enumerate(pairwise(steps), start=1)
+    ]
+    return chain_report(
+        "EMPS", steps[0].fitted(), steps[-1].fitted(), ([logs["train"]], [logs["test"]]), simulated, history, made,
+        notes=[
+            "The intervals take the errors of free simulation for white; where they are not, the intervals are too "
+            "narrow.",
+            "The ripple is found by the force and held while position is fitted, so it has no interval.",
+        ],
+    )  # fmt: skip
+
+
+def _reasons(before: ChainStep, step: ChainStep, logs: Mapping[str, Log]) -> Iterator[str]:
+    for part, log in logs.items():
+        first, second = (
+            position_error(model := build(emps.declared(one.effects)).model, one.free_run, match(log, model))
+            for one in (before, step)
+        )
+        yield f"open-loop position, {part}: {first:.4g} -> {second:.4g} mm"
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Command line; 0 when done, 2 with a message for bad input, 130 when interrupted."""
     parser = command_parser("emps_chain", __doc__, executor=False)  # each fit begins where the one before it ended
     parser.add_argument("logs", type=Path, help="folder written by vehicle_graphs.emps_logs")
+    parser.add_argument(
+        "--out", type=Path, metavar="DIR", help="folder of report.html and of finished fits, from which it goes on"
+    )
     options = parser.parse_args(arguments)
+    command = Command("emps_chain", sys.argv[1:] if arguments is None else arguments)
 
     def work() -> None:
-        chain(options.logs)
+        steps = chain(options.logs, options.out)
+        if options.out is not None:
+            logs = {part: read_log(options.logs / f"{part}.csv.gz") for part in ("train", "test")}
+            data = emps_report(steps, logs, command.made([logs["train"]], [logs["test"]]))
+            write_report(data, options.out / "report.html")
+            print(f"report: {options.out / 'report.html'}")
 
-    return run_command(work)
+    return run_command(work, f"the same command goes on with what is in {options.out}" if options.out else "")
 
 
 if __name__ == "__main__":

@@ -2,7 +2,7 @@
 
 Usage, after ``python -m vehicle_graphs.i3_logs FOLDER --out LOGS``::
 
-    python -m vehicle_graphs.i3_chain LOGS
+    python -m vehicle_graphs.i3_chain LOGS --executor processes --out kept
 
 The speed of the car is measured to 0.01 km/h, so the only state is known at every sample, and what the accelerometer
 reads is an output of the model there: a fit is a regression of the generated output equation, with the loss of Huber
@@ -12,19 +12,23 @@ each lowers the error on training trips that were left out (five groups of trips
 Printed after every step: the force error, that is the declared mass times the error in acceleration, root mean square
 over all samples at which the car moves; over those at which the motor drives; over those at which the accelerator is
 pressed, so that no friction brake can act; and over means of a second. Held-out trips are assessed and decide nothing.
+Intervals of the parameters are those of the jackknife over the groups of trips (Efron 1982, The Jackknife, the
+Bootstrap and Other Resampling Plans, chapter 3): they hold whatever errors of neighbouring samples have in common.
 """
 
 from __future__ import annotations
 
 import math
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
+from matplotlib.axes import Axes
+from scipy import stats
 from scipy.optimize import least_squares
 
 from bondgraph.build import build
@@ -33,10 +37,17 @@ from bondgraph.data.matching import match
 from bondgraph.data.read import read_log
 from bondgraph.errors import DataError
 from bondgraph.execute.executors import open_executor
-from bondgraph.execute.tasks import in_order
+from bondgraph.execute.tasks import as_done
+from bondgraph.report.collect import parameter_changes
+from bondgraph.report.figures import AFTER, BEFORE, MEASURED
+from bondgraph.report.numbers import shown, with_interval
+from bondgraph.report.page import Section, drawn, write_page
+from bondgraph.report.progress import WorkProgress
 from bondgraph.simulate.model import Model
 from vehicle_graphs import i3
+from vehicle_graphs.chain_reports import Command
 from vehicle_graphs.commands import command_parser, importable_main, run_command
+from vehicle_graphs.kept_fits import KeptFits, fit_key
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -98,6 +109,14 @@ class Balance:
     model: Model
     values: dict[str, float]
     left_out: float
+    std: dict[str, float]
+
+    @property
+    def ci95(self) -> dict[str, tuple[float, float]]:
+        """95 % intervals by the quantile of Student's t for as many groups."""
+        reach = float(stats.t.ppf(0.975, GROUPS - 1))
+        return {name: (value - reach * self.std[name], value + reach * self.std[name])
+                for name, value in self.values.items()}  # fmt: skip
 
 
 def samples(logs: Sequence[Log], model: Model) -> Samples:
@@ -168,12 +187,15 @@ def balance(effects: tuple[str, ...], logs: Sequence[Log]) -> Balance:
     data = samples(logs, model)
     thin = data.rows(np.arange(data.speed.size) % THINNED == 0)
     values = fitted(model, thin)
-    squares = 0.0
+    squares, without = 0.0, []
     for group in range(GROUPS):
         inside = thin.trip % GROUPS != group
         others = fitted(model, thin.rows(inside))
+        without.append(list(others.values()))
         squares += float(np.sum(_huber(missing_acceleration(model, others, thin.rows(~inside)))))
-    return Balance(effects, model, values, i3.MASS * math.sqrt(squares / thin.speed.size))
+    std = math.sqrt(GROUPS - 1) * np.std(without, axis=0)  # each fit lacks a group and keeps the others
+    named = dict(zip(values, map(float, std), strict=True))
+    return Balance(effects, model, values, i3.MASS * math.sqrt(squares / thin.speed.size), named)
 
 
 def _huber(missing: FloatArray) -> FloatArray:
@@ -183,19 +205,46 @@ def _huber(missing: FloatArray) -> FloatArray:
     return loss
 
 
-def chain(train: Sequence[Log], holdout: Sequence[Log], executor: Executor | None = None) -> list[Balance]:
-    """Steps of the correction, each printed when it is made; see the module's first lines."""
-    current = balance((), train)
+@dataclass(frozen=True)
+class Bench:
+    """Who fits the sets of effects, the folder that keeps finished ones, and whom to tell."""
+
+    executor: Executor | None = None
+    folder: Path | None = None
+    progress: Callable[[], None] = lambda: None
+
+    def balances(self, sets: Sequence[tuple[str, ...]], train: Sequence[Log]) -> list[Balance]:
+        """Sets of effects, fitted, in their order: as they were kept, or fitted by workers and kept."""
+        kept = KeptFits(self.folder)
+        models = [build(i3.declared(effects)).model for effects in sets]
+        keys = [fit_key(model.text, {}, train) for model in models]
+        found = {
+            k: Balance(sets[k], models[k], content["values"], content["left_out"], content["std"])
+            for k, key in enumerate(keys) if (content := kept.get(key)) is not None
+        }  # fmt: skip
+        due = [k for k in range(len(sets)) if k not in found]
+        for position, one in as_done(self.executor, balance, [(sets[k], train) for k in due]):
+            found[due[position]] = one
+            kept.put(keys[due[position]], {"values": one.values, "left_out": one.left_out, "std": one.std})
+            self.progress()
+        return [found[k] for k in range(len(sets))]
+
+
+def chain(
+    train: Sequence[Log], holdout: Sequence[Log], bench: Bench | None = None
+) -> tuple[list[Balance], list[Balance]]:
+    """Steps of the correction, each printed when it is made, and what was tried last; see the module's first lines."""
+    bench = bench or Bench()
+    (current,) = bench.balances([()], train)
     steps = [current]
     _tell(current, train, holdout)
     while True:
         sets = [(*current.effects, name) for name in i3.EFFECTS if name not in current.effects]
-        trials = in_order(executor, balance, [(effects, train) for effects in sets])
-        trials.sort(key=lambda trial: trial.left_out)
+        trials = sorted(bench.balances(sets, train), key=lambda trial: trial.left_out)
         for trial in trials:
             print(f"    {trial.effects[-1]:28s} left-out trips {trial.left_out:7.2f} N", flush=True)
         if not trials or trials[0].left_out > (1.0 - LEAST_GAIN) * current.left_out:
-            return steps
+            return steps, trials
         current = trials[0]
         steps.append(current)
         _tell(current, train, holdout)
@@ -208,11 +257,66 @@ def _tell(step: Balance, train: Sequence[Log], holdout: Sequence[Log]) -> None:
     print("    " + ", ".join(f"{key} {value:.5g}" for key, value in step.values.items()), flush=True)
 
 
+def report_sections(
+    steps: Sequence[Balance], tried: Sequence[Balance], train: Sequence[Log], holdout: Sequence[Log]
+) -> list[Section]:
+    """Errors of every step, parameters before and after, what was not added, and the missing force over the speed."""
+    first, last = steps[0], steps[-1]
+    groups = {"training": train, "held out": holdout}
+    rows = []
+    for step in steps:
+        for group, logs in groups.items():
+            found = force_error(step.model, step.values, samples(logs, step.model))
+            name = step.effects[-1] if step.effects else "as declared"
+            rows.append([name, group, *(shown(value, 4) for value in astuple(found)), shown(step.left_out, 4)])
+    parameters = [
+        [one.name, one.unit, shown(one.before, 4), *with_interval(one.after, one.ci95), one.meaning]
+        for one in parameter_changes(last.model, first.values, last.values, last.ci95)
+    ]
+    figure = drawn(lambda axes: missing_plot(axes, (first, last), holdout), 8.0, 4.0)
+    return [
+        Section(
+            "Error before and after", ["Root mean square force errors in N, samples and means of one second."],
+            ["added", "trips", "moving", "driving", "moving, means", "driving, means", "pressed, means", "left out"],
+            rows,
+        ),
+        Section("Missing force over the speed, held-out trips", figure=figure),
+        Section(
+            "Parameters", ["The intervals are those of the jackknife over groups of trips."],
+            ["parameter", "unit", "before", "after", "95 % interval", "meaning"], parameters,
+        ),
+        Section(
+            "Not added", [f"None lowers the error on left-out trips by {100.0 * LEAST_GAIN:g} %."],
+            ["effect", "left-out trips [N]"], [[one.effects[-1], shown(one.left_out, 5)] for one in tried],
+        ),
+    ]  # fmt: skip
+
+
+def missing_plot(axes: Axes | None, steps: Sequence[Balance], logs: Sequence[Log]) -> Axes:
+    """The mean missing force over the speed, of the first and the last step; bins of a twentieth of the samples."""
+    assert axes is not None
+    for step, colour, label in zip(steps, (BEFORE, AFTER), ("before", "after"), strict=True):
+        data = samples(logs, step.model)
+        missing = i3.MASS * missing_acceleration(step.model, step.values, data)
+        parts = np.array_split(np.argsort(data.speed), 20)
+        middle = [[float(values[part].mean()) for part in parts] for values in (data.speed, missing)]
+        axes.plot(*middle, "o-", color=colour, label=label, markersize=3.0)
+    axes.axhline(0.0, color=MEASURED, linewidth=0.8)
+    axes.set_xlabel("speed [m/s]")
+    axes.set_ylabel("mean missing force [N]")
+    axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, borderaxespad=0.0)
+    return axes
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """Command line; 0 when done, 2 with a message for bad input, 130 when interrupted."""
     parser = command_parser("i3_chain", __doc__)
     parser.add_argument("logs", type=Path, help="folder written by vehicle_graphs.i3_logs")
+    parser.add_argument(
+        "--out", type=Path, metavar="DIR", help="folder of report.html and of finished fits, from which it goes on"
+    )
     options = parser.parse_args(arguments)
+    command = Command("i3_chain", sys.argv[1:] if arguments is None else arguments)
 
     def work() -> None:
         train, holdout = (
@@ -220,10 +324,32 @@ def main(arguments: Sequence[str] | None = None) -> int:
         )
         if len(train) < GROUPS or not holdout:
             raise DataError(f"{options.logs}: {len(train)} training trips - give the folder of vehicle_graphs.i3_logs")
-        with open_executor(options.executor) as executor:
-            chain(train, holdout, executor)
+        with (
+            open_executor(options.executor) as executor,
+            WorkProgress("fitting sets of effects", None, "fits") as progress,
+        ):
+            steps, tried = chain(train, holdout, Bench(executor, options.out, progress.advance))
+        if options.out is not None:
+            _write(options.out, steps, tried, (train, holdout), command)
 
-    return run_command(work)
+    return run_command(work, f"the same command goes on with what is in {options.out}" if options.out else "")
+
+
+def _write(
+    folder: Path,
+    steps: Sequence[Balance],
+    tried: Sequence[Balance],
+    logs: tuple[Sequence[Log], Sequence[Log]],
+    command: Command,
+) -> None:
+    added = ", ".join(step.effects[-1] for step in steps[1:])
+    answer = [f"Added one by one: {added}." if added else "Nothing that was tried is worth its parameters."]
+    answer.append(f"Error on left-out trips: {steps[0].left_out:.4g} N before, {steps[-1].left_out:.4g} N after.")
+    write_page(
+        folder / "report.html", "BMW i3", "The force balance of the car, before and after the correction.", answer,
+        report_sections(steps, tried, *logs), command.made(*logs),
+    )  # fmt: skip
+    print(f"report: {folder / 'report.html'}")
 
 
 if __name__ == "__main__":

@@ -19,9 +19,11 @@ import json
 import sys
 from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
+
+from matplotlib.figure import Figure
 
 from bondgraph.build import build
 from bondgraph.data.log import MatchedLog
@@ -43,11 +45,15 @@ from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.runs import run
 from bondgraph.filter.smoother import smooth
 from bondgraph.report.collect import output_bands, state_bands
+from bondgraph.report.estimation import write_estimate
 from bondgraph.report.figures import save_figure
-from bondgraph.report.numbers import shown
+from bondgraph.report.html import Provenance
+from bondgraph.report.numbers import shown, with_interval
+from bondgraph.report.page import Section, write_page
 from bondgraph.report.plots import state_figure
 from bondgraph.report.progress import WorkProgress
 from vehicle_graphs import ranger
+from vehicle_graphs.chain_reports import Command
 from vehicle_graphs.commands import command_parser, run_command
 from vehicle_graphs.ranger_filters import NOISE
 from vehicle_graphs.thesis import (
@@ -76,17 +82,21 @@ class Recorded:
 
     coasting: Estimate
     driving: Estimate
-    drives: Mapping[str, Consistency]
+    drives: Mapping[str, Looked]
     joint: Estimate | None = None
 
 
 @dataclass(frozen=True)
 class Way:
-    """How estimations are made: where their states are kept, whether they go on from there, and who computes."""
+    """How estimations are made: where their states are kept, whether they go on from there, and who computes.
+
+    With a ``command`` each stage leaves the report of an estimate in its folder.
+    """
 
     folder: Path
     resume: bool = False
     executor: Executor | None = None
+    command: Command | None = None
 
     def estimated(self, problem: Problem, settings: Settings, stage: str) -> Estimate:
         """The estimate of a stage, by exact derivatives.
@@ -105,6 +115,8 @@ class Way:
             )  # fmt: skip
         if found.outcome is SearchOutcome.INTERRUPTED:
             raise KeyboardInterrupt
+        if self.command is not None:
+            write_estimate(found, folder, self.command.made())
         return found
 
 
@@ -159,7 +171,15 @@ def estimate_jointly(coasting: Estimate, driving: Estimate, way: Way) -> Estimat
     return way.estimated(pose_joint(parts), settings, "coast-downs and drives")
 
 
-def look(log: MatchedLog, filter_model: FilterModel, folder: Path) -> Consistency:
+@dataclass(frozen=True)
+class Looked:
+    """A whole drive, filtered with what was found: how consistent, and its picture."""
+
+    found: Consistency
+    figure: Figure = field(compare=False)
+
+
+def look(log: MatchedLog, filter_model: FilterModel, folder: Path) -> Looked:
     """Filter and smooth a whole drive, and draw it."""
     model = filter_model.model
     (start,) = initial_states(model, [log], model.theta(), "settled")
@@ -171,8 +191,9 @@ def look(log: MatchedLog, filter_model: FilterModel, folder: Path) -> Consistenc
     told = [f"{c.name} {c.nis_mean:.3f} ({c.nis_band[0]:.3f} to {c.nis_band[1]:.3f})" for c in found.channels]
     pairs = [", ".join(told[k : k + 2]) for k in range(0, len(told), 2)]
     title = "\n".join([f"{log.name}: mean NIS (and its 95 % band)", *pairs])
-    save_figure(state_figure(bands, title), folder / f"{log.name}.png")
-    return found
+    figure = state_figure(bands, title)
+    save_figure(figure, folder / f"{log.name}.png")
+    return Looked(found, figure)
 
 
 def study_runs(data: Path, way: Way, jointly: bool = False) -> Recorded:
@@ -202,7 +223,8 @@ def table(result: Recorded) -> str:
             lines.append(f"{free.name:22}{free.start:>12.5g}{value:>12.5g}{std:>12.2g}{change:>9}")
         lines.append(f"  {one.outcome.value}; NLL {one.nll:.2f}, {one.evaluations} evaluations\n  {one.certification}")
     lines += [] if result.joint is None else comparison(result.driving, result.joint)
-    for name, found in result.drives.items():
+    for name, looked in result.drives.items():
+        found = looked.found
         lines.append(f"{name}: NIS {shown(found.nis_mean)} in {shown(found.nis_band[0])} to {shown(found.nis_band[1])}")
         for c in found.channels:
             mark = "" if c.nis_band[0] <= c.nis_mean <= c.nis_band[1] else "  outside"
@@ -232,16 +254,51 @@ def _written(result: Recorded) -> dict[str, Any]:
         "joint": None if result.joint is None else result.joint.to_dict(),
         "drives": {
             name: {
-                "nis_mean": found.nis_mean,
-                "nis_band": list(found.nis_band),
+                "nis_mean": looked.found.nis_mean,
+                "nis_band": list(looked.found.nis_band),
                 "channels": {
                     c.name: {"nis_mean": c.nis_mean, "nis_band": list(c.nis_band), "whiteness_p": c.whiteness_p}
-                    for c in found.channels
+                    for c in looked.found.channels
                 },
             }
-            for name, found in result.drives.items()
+            for name, looked in result.drives.items()
         },
     }
+
+
+def write_recorded(result: Recorded, folder: Path, made: Provenance) -> None:
+    """Write ``report.html``: estimates with intervals, how consistent the filter is, and the drives."""
+    stages = [("Coast-downs", result.coasting), ("Drives", result.driving)]
+    if result.joint is not None:
+        stages.append(("Coast-downs and drives at once", result.joint))
+    sections = [
+        Section(
+            title, [f"{one.outcome.value[:1].upper()}{one.outcome.value[1:]}.", f"{one.certification}."],
+            ("parameter", "declared", "found", "95 % interval"),
+            [(free.name, shown(free.start, 4), *with_interval(one.values[free.name], one.ci95[free.name]))
+             for free in one.problem.free],
+        )
+        for title, one in stages
+    ]  # fmt: skip
+    for name, looked in result.drives.items():
+        rows = [
+            (c.name, shown(c.nis_mean, 3), " to ".join(shown(end, 3) for end in c.nis_band), shown(c.whiteness_p, 2))
+            for c in looked.found.channels
+        ]
+        sections.append(Section(name, (), ("channel", "mean NIS", "95 % band", "whiteness p"), rows, looked.figure))
+    outside = sum(
+        not c.nis_band[0] <= c.nis_mean <= c.nis_band[1] for one in result.drives.values() for c in one.found.channels
+    )
+    channels = sum(len(one.found.channels) for one in result.drives.values())
+    answer = [
+        f"{len(result.coasting.problem.free)} parameters from coast-downs, {len(result.driving.problem.free)} from "
+        f"drives; of the mean NIS of {channels} channels of whole drives {outside} are outside their bands.",
+        "The reports of the stages, with the errors before and after, are in their folders.",
+    ]
+    write_page(
+        folder / "report.html", "The recorded runs of the Ranger",
+        "Coast-downs first, then engine and CVT from the drives, then what the filter says.", answer, sections, made,
+    )  # fmt: skip
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -252,12 +309,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--joint", action="store_true", help="also estimate from coast-downs and drives at once")
     parser.add_argument("--resume", action="store_true", help="go on from the states of the searches in --out")
     options = parser.parse_args(arguments)
+    command = Command("ranger_recorded", sys.argv[1:] if arguments is None else arguments)
 
     def work() -> None:
         options.out.mkdir(parents=True, exist_ok=True)
         with open_executor(options.executor) as executor:
-            way = Way(options.out, options.resume, executor)
-            print(table(study_runs(options.data, way, options.joint)))
+            way = Way(options.out, options.resume, executor, command)
+            result = study_runs(options.data, way, options.joint)
+        print(table(result))
+        write_recorded(result, options.out, command.made())
         print(f"written: {options.out}")
 
     return run_command(work, "the same command with --resume goes on")

@@ -48,9 +48,12 @@ from bondgraph.files import write_text
 from bondgraph.filter.draw import draw_logs
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.report.figures import AFTER, BEFORE, figure_style, save_figure
+from bondgraph.report.numbers import shown
+from bondgraph.report.page import Section, write_page
 from bondgraph.report.progress import WorkProgress
 from bondgraph.simulate.model import Model
 from vehicle_graphs import ranger
+from vehicle_graphs.chain_reports import Command
 from vehicle_graphs.commands import command_parser, importable_main, run_command
 from vehicle_graphs.ranger_filters import SENSORS
 
@@ -300,6 +303,33 @@ def run_study(study: Study, stages: Sequence[str], executor: Executor | None = N
     return found
 
 
+def write_recovery(found: Mapping[str, Recovery], study: Study, command: Command) -> None:
+    """Write ``report.html``: a table for each variant, and the picture of errors and coverage."""
+    header = ("parameter", "truth", "mean error", "of its s.e.", "scatter", "stated", "covered", "")
+    sections = [Section("Mean errors and coverage", figure=recovery_figure(found))]
+    for name, result in found.items():
+        rows = [
+            (
+                row.name, shown(row.truth, 4), shown(row.mean_error, 3), f"{row.in_standard_errors:+.1f}",
+                shown(row.scatter, 3), shown(row.stated, 3), f"{100.0 * row.coverage:.0f} %",
+                "biased" if row.biased else "",
+            )
+            for row in result.parameters
+        ]  # fmt: skip
+        failed = [f"Failed: {failure}." for failure in result.failures]
+        sections.append(Section(name[:1].upper() + name[1:], failed, header, rows))
+    answer = [
+        f"{name}: {100.0 * result.coverage:.0f} % of the 95 % intervals hold the truth, "
+        f"{sum(row.biased for row in result.parameters)} of {len(result.parameters)} parameters are biased."
+        for name, result in found.items()
+    ]
+    write_page(
+        study.folder / "report.html", "The thesis' estimation with known truth",
+        f"{study.repetitions} repetitions: are estimates biased, and do their intervals hold?", answer, sections,
+        command.made(seed=study.seed),
+    )  # fmt: skip
+
+
 def recovery_figure(found: Mapping[str, Recovery]) -> Figure:
     """Mean error of every parameter in units of the scatter, with twice its standard error, and the coverage."""
     names = list(dict.fromkeys(row.name for result in found.values() for row in result.parameters))
@@ -311,9 +341,9 @@ def recovery_figure(found: Mapping[str, Recovery]) -> Figure:
             for row in result.parameters:
                 at = len(names) - 1 - names.index(row.name) + 0.22 * (0.5 - number % 2)
                 bar = 2.0 * row.standard_error / row.stated
-                shown = label if row is result.parameters[0] else None
+                first = label if row is result.parameters[0] else None
                 errors.errorbar(
-                    row.mean_error / row.stated, at, xerr=bar, fmt="o", color=colour, capsize=3, label=shown
+                    row.mean_error / row.stated, at, xerr=bar, fmt="o", color=colour, capsize=3, label=first
                 )
                 covered.plot(100.0 * row.coverage, at, "o", color=colour)
         errors.axvline(0.0, color="#5b636d", linewidth=0.8)
@@ -336,6 +366,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--seed", type=int, default=0, help="default: 0")
     parser.add_argument("--short", action="store_true", help="runs of 6 s instead of 30 s and 12 s")
     options = parser.parse_args(arguments)
+    command = Command("thesis", sys.argv[1:] if arguments is None else arguments)
     study = Study(options.out, max(options.repetitions, 2), options.seed, options.method, options.short)
 
     def work() -> None:
@@ -344,7 +375,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
             found = run_study(study, STAGES if options.stage == "both" else (options.stage,), executor)
         for name, result in found.items():
             print(f"{name}, {study.repetitions} repetitions\n{recovery_table(result)}\n")
-        print(f"written: {options.out / 'result.json'}, {options.out / 'recovery.png'}")
+        write_recovery(found, study, command)
+        names = ("result.json", "recovery.png", "report.html")
+        print(f"written: {', '.join(str(options.out / name) for name in names)}")
 
     return run_command(work, f"the same command goes on with what is in {options.out}")
 

@@ -7,7 +7,16 @@ from typing import Any
 
 from bondgraph.cli.daily_arguments import add_daily_commands
 from bondgraph.cli.experiment_options import design_options, sensitivity_options
-from bondgraph.cli.log_options import LOGS_HELP, add_between, add_map, add_reading, add_set, add_start, add_window
+from bondgraph.cli.log_options import (
+    LOGS_HELP,
+    add_between,
+    add_fmu_units,
+    add_map,
+    add_reading,
+    add_set,
+    add_start,
+    add_window,
+)
 from bondgraph.cli.numbers import count, finite, positive, seed, share
 from bondgraph.execute.executors import add_executor
 from bondgraph.version import __version__
@@ -145,15 +154,17 @@ def _add_simulate(commands: Any) -> None:
         commands, "simulate", "simulate a graph over a table of inputs",
         "  bondgraph simulate motor.json --inputs steps.csv --until 2 --step 0.01 --set J=0.05 --out run.csv\n"
         "  bondgraph simulate vehicle_graphs.driveline:driveline --until 20 --set engine_torque=30 --plot run.png\n"
-        "  bondgraph simulate vehicle_graphs.ranger:full --scenario full_throttle_launch --plot launch.png",
+        "  bondgraph simulate vehicle_graphs.ranger:full --scenario full_throttle_launch --plot launch.png\n"
+        "  bondgraph simulate engine.fmu --inputs drive.csv --set T_ambient=293 --out torque.csv",
     )  # fmt: skip
-    c.add_argument("graph", metavar="GRAPH", help=GRAPH_HELP)
+    c.add_argument("graph", metavar="GRAPH", help=f"{GRAPH_HELP}; or an FMU, whose outputs are written")
     _add_exact(c)
     c.add_argument(
         "--inputs", metavar="FILE",
         help="log with a column per input: 'time [s],u_a [V]'; measured columns may stand beside them",
     )  # fmt: skip
     add_reading(c)
+    add_fmu_units(c)
     add_map(c)
     add_window(c, until=False)
     add_between(c)

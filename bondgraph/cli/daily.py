@@ -11,6 +11,7 @@ from pathlib import Path
 import shtab
 
 from bondgraph.cli.arguments import parser
+from bondgraph.cli.fmus import compare_fmu, is_fmu
 from bondgraph.cli.log_options import read_given
 from bondgraph.cli.printing import say
 from bondgraph.cli.runs import model_and_logs
@@ -53,6 +54,8 @@ def inspect(options: argparse.Namespace) -> int:
 
 def compare(options: argparse.Namespace) -> int:
     """Lay a model at its declared values over logs."""
+    if is_fmu(options.model):
+        return compare_fmu(options)
     model, driven, logs = model_and_logs(options)
     folder = output_folder(Path(options.out))
     compared = compare_logs(model, logs, driven, options.start)

@@ -6,7 +6,16 @@ import argparse
 from collections.abc import Callable
 from typing import Any
 
-from bondgraph.cli.log_options import LOGS_HELP, add_between, add_map, add_reading, add_set, add_start, add_window
+from bondgraph.cli.log_options import (
+    LOGS_HELP,
+    add_between,
+    add_fmu_units,
+    add_map,
+    add_reading,
+    add_set,
+    add_start,
+    add_window,
+)
 
 #: Adds a command: all commands, its name, summary and examples.
 AddCommand = Callable[[Any, str, str, str], argparse.ArgumentParser]
@@ -36,12 +45,14 @@ def add_daily_commands(commands: Any, command: AddCommand) -> None:
     c = command(
         commands, "compare", "lay a declared model over logs: errors of free simulation per channel, pictures",
         "  bondgraph compare sled.py --data run1.csv run2.csv\n"
-        "  bondgraph compare motor.json --data run.csv --set R_a=1.2 --map engine_rpm=omega --from 2 --until 9",
+        "  bondgraph compare motor.json --data run.csv --set R_a=1.2 --map engine_rpm=omega --from 2 --until 9\n"
+        "  bondgraph compare engine.fmu --data drive.csv",
     )  # fmt: skip
-    c.add_argument("model", metavar="MODEL", help="as for filter: graph of a file or module, or generated module")
+    c.add_argument("model", metavar="MODEL", help="graph or generated module, as for filter; or an FMU")
     c.add_argument("--data", nargs="+", required=True, metavar="FILE", help=LOGS_HELP)
     add_map(c)
     add_reading(c)
+    add_fmu_units(c)
     add_window(c)
     add_between(c)
     add_set(c, "value of an input where the logs have no column of it, or of a parameter of a declared graph")

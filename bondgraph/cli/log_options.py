@@ -35,6 +35,14 @@ def add_reading(command: argparse.ArgumentParser) -> None:
     command.add_argument("--time", metavar="COLUMN", help="column with the time, where it is not called so")
 
 
+def add_fmu_units(command: argparse.ArgumentParser) -> None:
+    """Add ``--fmu-units``: what an FMU does not say itself."""
+    command.add_argument(
+        "--fmu-units", nargs="+", action="extend", default=[], metavar="NAME=UNIT",
+        help="units of variables for which an FMU has none, or a JSON file of them",
+    )  # fmt: skip
+
+
 def add_window(command: argparse.ArgumentParser, *, until: bool = True) -> None:
     """Add ``--from`` and, where the command has none of its own, ``--until``: the part of each log that is used."""
     command.add_argument("--from", dest="start_time", type=finite, metavar="T", help="first time of the logs used, s")
@@ -90,6 +98,19 @@ def inputs_between(graph: BondGraph, options: argparse.Namespace) -> BondGraph:
     >>> [one.interpolation for one in inputs_between(g, asked).inputs]
     ['band limited', 'hold']
     """
+    running = [one.name for one in graph.flatten().inputs if not one.is_held]
+    ways = ways_between(running, options)
+    return with_inputs_between(graph, **ways) if ways else graph
+
+
+def ways_between(running: Sequence[str], options: argparse.Namespace) -> dict[str, Interpolation]:
+    """How inputs run between samples, by their names; ``running`` are those that are meant where none is named.
+
+    Raises
+    ------
+    OptionError
+        If there is no such way.
+    """
     ways: dict[str, Interpolation] = {}
     for option in options.inputs_between:
         name, equals, word = (part.strip() for part in option.rpartition("="))
@@ -98,9 +119,8 @@ def inputs_between(graph: BondGraph, options: argparse.Namespace) -> BondGraph:
                 f"--inputs-between {option}: write {', '.join(WAYS)}, or input=way such as force=band",
                 where=("--inputs-between", option),
             )
-        running = [one.name for one in graph.flatten().inputs if not one.is_held]
         ways |= dict.fromkeys([name] if name else running, WAYS[word])
-    return with_inputs_between(graph, **ways) if ways else graph
+    return ways
 
 
 def read_given(path: str | Path, options: argparse.Namespace) -> Log:
@@ -122,7 +142,7 @@ def read_given(path: str | Path, options: argparse.Namespace) -> Log:
     )
 
 
-def units_by_column(options: Sequence[str]) -> dict[str, str]:
+def units_by_column(options: Sequence[str], option_name: str = "--units") -> dict[str, str]:
     """Units from ``column=unit`` pairs and JSON files.
 
     Raises
@@ -139,24 +159,27 @@ def units_by_column(options: Sequence[str]) -> dict[str, str]:
     for option in options:
         column, equals, unit = option.rpartition("=")
         if option.endswith(".json") and not equals:
-            found |= _units_file(Path(option))
+            found |= _units_file(Path(option), option_name)
         elif equals and column.strip() and unit.strip():
             found[column.strip()] = unit.strip()
         else:
             raise OptionError(
-                f"--units {option}: write it as column=unit, such as speed=km/h, or name a JSON file",
-                where=("--units", option),
+                f"{option_name} {option}: write it as column=unit, such as speed=km/h, or name a JSON file",
+                where=(option_name, option),
             )
     return found
 
 
-def _units_file(path: Path) -> dict[str, str]:
+def _units_file(path: Path, option_name: str) -> dict[str, str]:
     try:
         content = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError, RecursionError) as error:
-        raise OptionError(f"--units {path}: the file cannot be read ({error})", where=("--units", str(path))) from None
+        raise OptionError(
+            f"{option_name} {path}: the file cannot be read ({error})", where=(option_name, str(path))
+        ) from None
     if not isinstance(content, dict) or not all(isinstance(unit, str) for unit in content.values()):
         raise OptionError(
-            f'--units {path}: the file must hold an object such as {{"speed": "km/h"}}', where=("--units", str(path))
+            f'{option_name} {path}: the file must hold an object such as {{"speed": "km/h"}}',
+            where=(option_name, str(path)),
         )
     return content

@@ -11,6 +11,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from bondgraph.build import build
+from bondgraph.cli.fmus import is_fmu, simulate_fmu
 from bondgraph.cli.knowledge import posed, with_values
 from bondgraph.cli.log_options import inputs_between, read_given
 from bondgraph.cli.printing import say
@@ -57,6 +58,8 @@ def simulate(options: argparse.Namespace) -> int:
     for file in (options.out, options.plot):
         if file:
             output_file(Path(file))
+    if is_fmu(options.graph):
+        return simulate_fmu(options)
     graph = inputs_between(load_graph(options.graph), options)
     inputs = _inputs(options)
     scenario = declared_scenario(options.graph, options.scenario) if options.scenario else None

@@ -26,6 +26,12 @@ def load_graph(reference: str) -> BondGraph:
     path = Path(reference)
     if is_code_reference(reference):
         return python_graph(reference)
+    if path.suffix == ".fmu":
+        raise DeclarationError(
+            f"{reference}: an FMU holds compiled code and no equations, so it is no graph - bondgraph simulate and "
+            "compare run it along a log; what it gives may feed a source of a model",
+            where=(reference,),
+        )
     if path.suffix != ".json" and not path.is_file():
         raise DeclarationError(
             f"{reference}: no such file - give a graph file (motor.json, sled.py, sled.py:name), or module:name such "

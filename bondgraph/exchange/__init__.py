@@ -13,6 +13,8 @@ if TYPE_CHECKING:
     from bondgraph.exchange.diagrams import dot_text as dot_text
     from bondgraph.exchange.diagrams import mermaid_text as mermaid_text
     from bondgraph.exchange.fmu import export_fmu as export_fmu
+    from bondgraph.exchange.fmu_import import fmu_outputs as fmu_outputs
+    from bondgraph.exchange.fmu_variables import read_fmu as read_fmu
     from bondgraph.exchange.networks import from_networkx as from_networkx
     from bondgraph.exchange.networks import read_graphml as read_graphml
     from bondgraph.exchange.networks import write_graphml as write_graphml
@@ -26,6 +28,8 @@ else:
             "exchange.control": "from_control to_control",
             "exchange.diagrams": "dot_text mermaid_text",
             "exchange.fmu": "export_fmu",
+            "exchange.fmu_import": "fmu_outputs",
+            "exchange.fmu_variables": "read_fmu",
             "exchange.networks": "from_networkx read_graphml write_graphml",
         },
     )

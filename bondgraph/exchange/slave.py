@@ -72,24 +72,50 @@ def build_slave(model: Model, path: Path, version: str) -> None:
         with contextlib.redirect_stdout(io.StringIO()):
             made = builder.FmuBuilder.build_FMU(script, dest=folder, project_files=[equations])
         content = Path(made).read_bytes()
-    write_bytes(path, _with_unknowns(content) if version == "2.0" else content)
+    write_bytes(path, _described(content, model, version))
 
 
-def _with_unknowns(fmu: bytes) -> bytes:
-    """The FMU with the list of outputs computed at the start, which the standard asks for and pythonfmu omits."""
+def _described(fmu: bytes, model: Model, version: str) -> bytes:
+    """The FMU with what the libraries leave out: units, meanings and, in FMI 2.0, the outputs computed at the start."""
     made = io.BytesIO()
     with zipfile.ZipFile(io.BytesIO(fmu)) as old, zipfile.ZipFile(made, "w", zipfile.ZIP_DEFLATED) as new:
         for member in old.infolist():
             data = old.read(member)
             if member.filename == "modelDescription.xml":
                 root = ET.fromstring(data)
-                unknowns = ET.SubElement(next(root.iter("ModelStructure")), "InitialUnknowns")
-                for index, one in enumerate(root.iter("ScalarVariable"), start=1):
-                    if one.get("causality") == "output":
-                        ET.SubElement(unknowns, "Unknown", index=str(index))
+                _add_units(root, model)
+                if version == "2.0":
+                    _add_unknowns(root)
                 data = ET.tostring(root, encoding="utf-8", xml_declaration=True)
             new.writestr(member, data)
     return made.getvalue()
+
+
+def _add_units(root: ET.Element, model: Model) -> None:
+    known = {one.name: one for one in variables(model)}
+    used = []
+    for element in root.find("ModelVariables") or ():
+        one = known.get(element.get("name", ""))
+        if one is None:  # the time
+            continue
+        real = element.find("Real") if element.tag == "ScalarVariable" else element
+        assert real is not None  # all are real numbers
+        real.set("unit", one.unit)
+        used.append(one.unit)
+        if one.meaning:
+            element.set("description", one.meaning)
+    definitions = ET.Element("UnitDefinitions")
+    for unit in dict.fromkeys(used):
+        ET.SubElement(definitions, "Unit", name=unit)
+    place = [child.tag for child in root].index("CoSimulation") + 1  # their place in the order of the standards
+    root.insert(place, definitions)
+
+
+def _add_unknowns(root: ET.Element) -> None:
+    unknowns = ET.SubElement(next(root.iter("ModelStructure")), "InitialUnknowns")
+    for index, one in enumerate(root.iter("ScalarVariable"), start=1):
+        if one.get("causality") == "output":
+            ET.SubElement(unknowns, "Unknown", index=str(index))
 
 
 def _script(model: Model, module: str, version: str) -> str:

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from bondgraph.data.log import FloatArray, MatchedLog
+from bondgraph.data.log import FloatArray, Log, MatchedLog
 from bondgraph.data.write import write_log
 from bondgraph.errors import BondGraphError
 from bondgraph.estimate.initial import Initial, initial_states
@@ -28,7 +28,6 @@ from bondgraph.report.simulation import trajectory_log
 from bondgraph.report.suspicions import sampling_suspicions, unit_suspicions
 from bondgraph.simulate.model import Model
 from bondgraph.simulate.simulation import simulate
-from bondgraph.simulate.trajectory import Trajectory
 from bondgraph.text import number, text_table
 
 #: A method that chooses its own steps starts anew at every sample, a millisecond each. Logs with more samples than an
@@ -56,12 +55,15 @@ class ChannelMisfit:
 
 @dataclass(frozen=True, repr=False)
 class ComparedLog:
-    """A log with the free simulation of it; ``failure`` says why there is none, ``steps`` how a long one was made."""
+    """A log with the free simulation of it; ``failure`` says why there is none, ``steps`` how a long one was made.
+
+    ``simulated`` holds what was computed, also what the log does not measure.
+    """
 
     log: str
     errors: tuple[ChannelMisfit, ...]
     series: tuple[ChannelSeries, ...]
-    trajectory: Trajectory | None
+    simulated: Log | None
     failure: str = ""
     steps: str = ""
 
@@ -127,16 +129,50 @@ def _compared(model: Model, log: MatchedLog, initial: Initial, filter_model: Fil
         run = simulate(model, log.time, log.u, theta, start, compiled=True, **method).raise_if_failed()
     except BondGraphError as error:
         run, failure = None, error.message
-    errors, series = [], []
+    channels = []
     for row, info in enumerate(model.outputs):
-        if np.isnan(log.y[row]).all():
-            continue
-        measured = np.asarray(info.shown(log.y[row]))
-        simulated = np.full(measured.shape, np.nan) if run is None else np.asarray(info.shown(run.y[row]))
-        unit = info.display_unit or "1"
-        errors.append(_misfit(info.name, unit, log.time, measured, simulated))
-        series.append(ChannelSeries(log.name, info.name, unit, log.time, measured, Prediction(simulated=simulated)))
-    return ComparedLog(log.name, tuple(errors), tuple(series), run, failure, steps)
+        if not np.isnan(log.y[row]).all():
+            measured = np.asarray(info.shown(log.y[row]))
+            simulated = np.full(measured.shape, np.nan) if run is None else np.asarray(info.shown(run.y[row]))
+            channels.append((info.name, info.display_unit or "1", measured, simulated))
+    return laid_over(log.name, log.time, channels, None if run is None else trajectory_log(run), failure, steps)
+
+
+def laid_over(
+    name: str,
+    time: FloatArray,
+    channels: Sequence[tuple[str, str, FloatArray, FloatArray]],
+    simulated: Log | None,
+    failure: str = "",
+    steps: str = "",
+) -> ComparedLog:
+    """A log with what was simulated of it.
+
+    Parameters
+    ----------
+    name
+        Of the log.
+    time
+        Shape (n,), s.
+    channels
+        Name, unit, measured and simulated values, shape (n,) each; NaN where there are none.
+    simulated
+        All that was simulated.
+    failure, steps
+        Why there is no simulation, and how a long one was made.
+
+    Examples
+    --------
+    >>> time, measured = np.arange(3.0), np.array([1.0, np.nan, 3.0])
+    >>> laid_over("run", time, [("speed", "m/s", measured, time)], None).errors[0].rms
+    1.0
+    """
+    errors = tuple(_misfit(label, unit, time, measured, values) for label, unit, measured, values in channels)
+    series = tuple(
+        ChannelSeries(name, label, unit, time, measured, Prediction(simulated=values))
+        for label, unit, measured, values in channels
+    )
+    return ComparedLog(name, errors, series, simulated, failure, steps)
 
 
 def _said(filter_model: FilterModel, count: int) -> str:
@@ -173,9 +209,9 @@ def write_comparison(compared: Compared, folder: Path) -> None:
             "failure": run.failure or None,
             **({"steps": run.steps} if run.steps else {}),
         }
-        if run.trajectory is not None:
+        if run.simulated is not None:
             save_figure(comparison_figure(run), folder / f"{run.log}_compared.png")
-            write_log(folder / f"{run.log}_simulated.csv", trajectory_log(run.trajectory))
+            write_log(folder / f"{run.log}_simulated.csv", run.simulated)
     write_json(folder / "result.json", result)
 
 

@@ -266,7 +266,8 @@ def _error_kinds(errors: Sequence[ChannelError]) -> list[tuple[str, str]]:
 
 
 def _figure_of_missing(found: MissingEffort) -> Markup:
-    return Markup(embed(missing_effort_figure(found), f"{found.title}: {found.y_label} against {found.x_label}"))
+    alternative = f"{found.title}: {found.y_label} against {found.x_label}"
+    return Markup(embed(missing_effort_figure(found), alternative, missing_effort_figure(found, narrow=True)))
 
 
 def _graph(data: ReportData) -> Markup | str:

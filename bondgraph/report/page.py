@@ -12,7 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from bondgraph.files import write_text
-from bondgraph.report.embedding import embed
+from bondgraph.report.embedding import embed, image_of
 from bondgraph.report.figures import figure_style
 from bondgraph.report.html import Provenance, without_folders
 from bondgraph.report.words import Words
@@ -32,6 +32,8 @@ class Section:
         Table, its first column flush left.
     figure
         Picture, described by the title to who cannot see it.
+    scrolls
+        Whether the picture keeps its size on a phone, which scrolls it; others are drawn again at that width.
     """
 
     title: str
@@ -39,11 +41,14 @@ class Section:
     header: Sequence[str] = ()
     rows: Sequence[Sequence[str]] = ()
     figure: Figure | None = field(default=None, compare=False)
+    scrolls: bool = False
 
     @property
     def picture(self) -> Markup | str:
         """The picture as an element of HTML."""
-        return Markup(embed(self.figure, self.title)) if self.figure is not None else ""
+        if self.figure is None:
+            return ""
+        return Markup((image_of if self.scrolls else embed)(self.figure, self.title))
 
 
 def page_html(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -30,6 +31,8 @@ from bondgraph.simulate.trajectory import Trajectory
 
 #: Points of a line beyond which it is thinned.
 MOST_POINTS = 1000
+#: Letters in a line of a legend that fit into 7 inches and into a phone, and the height of such a line in inches.
+_LETTERS, _LETTERS_NARROW, _LINE_HEIGHT = 84, 42, 0.16
 #: Size of a measurement in points: wider than a line, which may run through it.
 _DOT = 4.0
 
@@ -161,24 +164,21 @@ def launch_figure(trajectory: Trajectory, names: Sequence[str] = ()) -> Figure:
     return figure
 
 
-def missing_effort_figure(found: MissingEffort) -> Figure:
-    """What is missing against the quantity it depends on, with medians, and the found law drawn through it."""
+def missing_effort_figure(found: MissingEffort, narrow: bool = False) -> Figure:
+    """What is missing against what it depends on, with medians and the found law, which is written below the axes."""
+    letters = _LETTERS_NARROW if narrow else _LETTERS
+    law = "\n".join(textwrap.wrap(f"found: {plain(found.law_text)}", letters))
     with figure_style():
-        figure = Figure(figsize=(7.0, 4.4), layout="constrained")
+        size = NARROW if narrow else 7.0, 4.4 + _LINE_HEIGHT * law.count("\n")
+        figure = Figure(figsize=size, layout="constrained")
         axes = figure.subplots()
         finite = np.isfinite(found.x) & np.isfinite(found.missing)
         x, missing = found.x[finite], found.missing[finite]
         keep = slice(None, None, max(1, x.size // 6000))
         axes.plot(
-            x[keep],
-            missing[keep],
-            ".",
-            color=MEASURED,
-            markersize=2.5,
-            alpha=0.35,
-            label="each sample",
+            x[keep], missing[keep], ".", color=MEASURED, markersize=2.5, alpha=0.35, label="each sample",
             rasterized=True,
-        )
+        )  # fmt: skip
         centres, low, middle, high = _binned(x, missing)
         axes.errorbar(
             centres, middle, [middle - low, high - middle], fmt="o", color="#3a424b", markersize=4, linewidth=1.0,
@@ -186,13 +186,13 @@ def missing_effort_figure(found: MissingEffort) -> Figure:
         )  # fmt: skip
         if found.lower is not None and found.upper is not None:
             axes.fill_between(found.law_x, found.lower, found.upper, color=FOUND, alpha=0.15, linewidth=0)
-        axes.plot(found.law_x, found.law, color=FOUND, linewidth=2.0, label=f"found: {plain(found.law_text)}")
+        axes.plot(found.law_x, found.law, color=FOUND, linewidth=2.0, label=law)
         axes.axhline(0.0, color="#8b95a1", linewidth=0.8)
-        axes.set_title(plain(found.title))
-        axes.set_xlabel(plain(found.x_label))
+        axes.set_title("\n".join(textwrap.wrap(plain(found.title), letters)))
+        axes.set_xlabel("\n".join(textwrap.wrap(plain(found.x_label), letters)) if narrow else plain(found.x_label))
         axes.set_ylabel(plain(found.y_label))
         _limit(axes, np.concatenate((missing, found.law)), 0.1)
-        axes.legend(loc="best")
+        figure.legend(*axes.get_legend_handles_labels(), loc="outside lower left", ncols=1)
     return figure
 
 

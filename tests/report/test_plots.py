@@ -96,6 +96,17 @@ def test_the_found_law_runs_through_the_missing_effort() -> None:
     np.testing.assert_allclose(y, np.interp(x, found.law_x, found.law), atol=12.0)
 
 
+@pytest.mark.parametrize("narrow", [False, True])
+@pytest.mark.parametrize("law", ["tau = 2·omega", "-0.023·omega_shaft·|omega_shaft| + 1.2·tanh(omega) " * 4, "x" * 150])
+def test_a_law_of_any_length_stays_in_its_figure_and_leaves_the_axes_their_width(law: str, narrow: bool) -> None:
+    figure = missing_effort_figure(replace(missing_drag(), law_text=law), narrow)
+    figure.draw_without_rendering()
+    page, (legend,), axes = figure.bbox, figure.legends, figure.axes[0]
+    box = legend.get_window_extent()
+    assert page.x0 <= box.x0 and box.x1 <= page.x1 and page.y0 <= box.y0
+    assert box.y1 <= axes.get_tightbbox().y0 and axes.bbox.width > 0.7 * page.width
+
+
 def test_a_trace_falls_by_stage() -> None:
     rows = [TraceRow("swarm", i, 10 * i, 100.0 - i, ()) for i in range(5)] + [TraceRow("gradient", 0, 60, 90.0, ())]
     axes = trace_figure(rows).axes[0]

@@ -279,6 +279,9 @@ def test_the_command_prints_tables_and_writes_results(
     assert result["no_effect"]["all"]["false_alarm"]["hits"] == 8 and len(result["cases"]) == 420
     assert sum(result["confusion"]["slip at belt"].values()) == 20
     assert (tmp_path / "confusion.png").stat().st_size > 10_000
+    page = (tmp_path / "report.html").read_text(encoding="utf-8")
+    assert "bench, 420 of 420 cases." in page and "8/100 = 8 % (4 to 15 %)" in page
+    assert "<h2>What was said of every missing effect</h2>" in page
     assert command.main([*options, "--families", "outside", "--seeds", "1", "--first-seed", "40"]) == 0
     assert {case.seed for case in quick[420:]} == {40}
     capsys.readouterr()

@@ -72,6 +72,9 @@ def test_the_command_goes_through_all_stages(
     assert written["driving"]["parameters"]["T_pk"]["value"] == pytest.approx(FOUND["T_pk"], rel=0.02)
     assert written["driving"]["continuation"][0]["scale"] == 1.0
     assert (tmp_path / "out" / "drive_2.png").stat().st_size > 50_000
+    page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+    assert "<h2>Coast-downs</h2>" in page and "<h2>drive_2</h2>" in page and "process(inclination)" in page
+    assert (tmp_path / "out" / "coast-downs" / "report.html").is_file()
     assert main([str(tmp_path), "--out", str(tmp_path / "out"), "--resume"]) == 0
     again = json.loads((tmp_path / "out" / "result.json").read_text(encoding="utf-8"))
     for stage in ("coasting", "driving"):

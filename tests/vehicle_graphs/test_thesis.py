@@ -123,6 +123,8 @@ def test_the_command_prints_a_table_per_variant(
     quasi_static = text.split("quasi-static suspension")[1].split("full model")[0]
     assert quasi_static.count("biased") == len(COAST_DOWN)
     assert all(name in text for name in DRIVELINE) and len(DRIVELINE) == 8
+    page = (tmp_path / "report.html").read_text(encoding="utf-8")
+    assert "<h2>Quasi-static suspension</h2>" in page and page.count(">biased<") == text.count("biased")
     assert main(["--out", str(tmp_path), "--repetitions", "12", "--seed", "4"]) == 2
     assert "take another folder" in capsys.readouterr().err
 

@@ -25,7 +25,9 @@ from pathlib import Path
 from bondgraph.errors import BondGraphError
 from bondgraph.execute.executors import open_executor
 from bondgraph.report.figures import save_figure
+from bondgraph.report.page import Section, write_page
 from bondgraph.report.progress import WorkProgress
+from vehicle_graphs.chain_reports import Command
 from vehicle_graphs.commands import command_parser
 from vehicle_graphs.effect_study import tables
 from vehicle_graphs.effect_study.cases import DESCRIPTIONS, FAMILIES, Case, all_cases
@@ -60,6 +62,7 @@ def _parser() -> argparse.ArgumentParser:
 def main(arguments: Sequence[str] | None = None) -> int:
     """Command line; 0 when done, 2 with a message for bad input, 130 when interrupted."""
     options = _parser().parse_args(arguments)
+    command = Command("effect_study", sys.argv[1:] if arguments is None else arguments)
     machine = MACHINES[options.machine]
     study = Study(options.out, machine.shortened() if options.short else machine)
     found: list[Outcome] = []
@@ -75,9 +78,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except (BondGraphError, OSError) as error:
         print(error, file=sys.stderr)
         return 2
+    counted = f"{machine.name}, {len(found)} of {len(cases)} cases"
     write(found, options.out)
-    print(f"{machine.name}, {len(found)} of {len(cases)} cases\n\n{tables.text(found)}\n")
-    print(f"written: {options.out / 'result.json'}, {options.out / 'confusion.png'}")
+    write_report(found, options.out, counted, command)
+    print(f"{counted}\n\n{tables.text(found)}\n")
+    print(f"written: {options.out / 'result.json'}, {options.out / 'confusion.png'}, {options.out / 'report.html'}")
     if interrupted:
         print(f"stopped; the same command goes on with what is in {options.out}", file=sys.stderr)
     return 130 if interrupted else 0
@@ -105,6 +110,22 @@ def write(found: Sequence[Outcome], folder: Path) -> None:
     (folder / "result.json").write_text(json.dumps(tables.result(ordered), indent=1), encoding="utf-8")
     if any(one.family == "effect" for one in ordered):
         save_figure(picture(ordered), folder / "confusion.png")
+
+
+def write_report(found: Sequence[Outcome], folder: Path, counted: str, command: Command) -> None:
+    """Write ``report.html``: the tables of the study with the picture of what was said."""
+    sections = []
+    for title, header, rows in tables.all_tables(found):
+        head, colon, rest = f"{title[:1].upper()}{title[1:]}".partition(", by its size")
+        text = [f"By its size{rest}."] if colon else []
+        sections.append(Section(head, text, header if rows else (), rows))
+    if any(one.family == "effect" for one in found):
+        sections.insert(0, Section("What was said of every missing effect", figure=picture(found), scrolls=True))
+    write_page(
+        folder / "report.html", "Missing effects that are found",
+        "Simulated machines with a known effect, and what the closed loop says of each.",
+        [f"{counted}.", *(f"{one[:1].upper()}{one[1:]}." for one in tables.failures(found))], sections, command.made(),
+    )  # fmt: skip
 
 
 if __name__ == "__main__":

@@ -12,6 +12,8 @@ from bondgraph.report.figures import AFTER, BEFORE, MEASURED, figure_style
 from vehicle_graphs.effect_study.scoring import Outcome
 from vehicle_graphs.effect_study.tables import is_right, share
 
+#: Inches that the label of the curve's axis needs beside the names below the matrix.
+_LEAST_HEIGHT = 4.6
 #: Columns for answers that name nothing.
 _UNNAMED = ("unexplained", "none", "failed")
 #: An effect that was named at most so often and is none of the true ones goes to the column of the others.
@@ -23,7 +25,9 @@ def picture(outcomes: Sequence[Outcome]) -> Figure:
     main = [one for one in outcomes if one.family == "effect"]
     labels = list(dict.fromkeys(one.subject for one in main))
     with figure_style():
-        figure = Figure(figsize=(8.5 + 0.36 * len(labels), 3.0 + 0.3 * len(labels)), layout="constrained")
+        figure = Figure(
+            figsize=(8.5 + 0.36 * len(labels), max(3.0 + 0.3 * len(labels), _LEAST_HEIGHT)), layout="constrained"
+        )
         matrix, curve = figure.subplots(1, 2, width_ratios=(2.0 + 0.08 * len(labels), 1.3))
         _confusion(matrix, main, labels)
         _detection(curve, main, labels)
@@ -72,7 +76,7 @@ def _detection(axes: Axes, outcomes: Sequence[Outcome], labels: list[str]) -> No
     axes.set_xticks(sizes, [f"{size:g}" for size in sizes])
     axes.minorticks_off()
     axes.set_ylim(-3.0, 103.0)
-    axes.set_xlabel("size left by a fit of the declared model, over noise")
+    axes.set_xlabel("size left by a fit of the declared model,\nover noise")
     axes.set_ylabel("right effect and place, or their group [%]")
     axes.set_title("found, by size (grey: each kind)")
     axes.legend(loc="lower right")

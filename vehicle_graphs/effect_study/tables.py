@@ -13,6 +13,8 @@ from vehicle_graphs.effect_study.cases import DESCRIPTIONS, FAMILIES, NOTHING
 from vehicle_graphs.effect_study.scoring import Answer, Outcome
 
 ANSWERS: tuple[Answer, ...] = get_args(Answer)
+#: Title, columns and rows of a table.
+Table = tuple[str, Sequence[str], Sequence[Sequence[str]]]
 #: An effect counts as of three times the noise from here on: sizes are met within a tenth.
 CLEARLY = 2.7
 
@@ -174,29 +176,39 @@ def confusion(outcomes: Sequence[Outcome]) -> dict[str, dict[str, int]]:
 
 def text(outcomes: Sequence[Outcome]) -> str:
     """The tables for a terminal."""
+    parts = [_text(*one) if one[2] else one[0] for one in all_tables(outcomes)]
+    return "\n\n".join([*parts, *failures(outcomes)])
+
+
+def failures(outcomes: Sequence[Outcome]) -> list[str]:
+    """Sentences on cases that failed."""
+    counted = Counter(one.failure for one in outcomes if one.failure)
+    return [f"failed {count} times: {why}" for why, count in counted.most_common()]
+
+
+def all_tables(outcomes: Sequence[Outcome]) -> list[Table]:
+    """Title, columns and rows of every table; a title without rows is a sentence."""
     found = result(outcomes)
-    parts = []
+    tables: list[Table] = []
     if any(one.family == "effect" for one in outcomes):
-        parts += [_main_table(found["one_effect"]), _instead(found["confusion"])]
+        tables += [*_main_tables(found["one_effect"]), _instead(found["confusion"])]
     if found["no_effect"]:
         rows = [
             (name, said(one["false_alarm"]), said(one["called_unexplained"]), str(one["failed"]))
             for name, one in found["no_effect"].items()
         ]
-        parts.append(_table("no effect (intervals of Clopper and Pearson)",
-                            ("machine", "an effect is named", "called unexplained", "failed"), rows))  # fmt: skip
+        tables.append(("no effect (intervals of Clopper and Pearson)",
+                       ("machine", "an effect is named", "called unexplained", "failed"), rows))  # fmt: skip
     rows = [
         (DESCRIPTIONS[family], said(one["right"]), said(one["each"]), _listed(one["said"]))
         for family, one in found["others"].items()
     ]
     if rows:
-        parts.append(_table("other cases", ("missing", "all right", "each right", "said"), rows))
-    failures = Counter(one.failure for one in outcomes if one.failure)
-    parts += [f"failed {count} times: {why}" for why, count in failures.most_common()]
-    return "\n\n".join(parts)
+        tables.append(("other cases", ("missing", "all right", "each right", "said"), rows))
+    return tables
 
 
-def _main_table(found: dict[str, Any]) -> str:
+def _main_tables(found: dict[str, Any]) -> list[Table]:
     sizes = list(found["by_size"])
     rows = [
         (subject, *(f"{one['hits']}/{one['runs']}" for one in (by[size] for size in sizes)))
@@ -204,7 +216,7 @@ def _main_table(found: dict[str, Any]) -> str:
     ]
     rows.append(("all", *(said(found["by_size"][size]["right"]) for size in sizes)))
     head = "one effect, by its size over the noise that a fit of the declared model leaves: right effect and place, or"
-    tables = [_table(f"{head} their group, and nothing else named", ("missing", *sizes), rows)]
+    first: Table = (f"{head} their group, and nothing else named", ("missing", *sizes), rows)
     clear = {
         **{f"left {size}": found["by_size"][size] for size in sizes},
         "left at least 3": found["left_three_times_the_noise"],
@@ -218,41 +230,33 @@ def _main_table(found: dict[str, Any]) -> str:
         for name, one in clear.items()
     ]  # fmt: skip
     columns = (
-        "size",
-        "right",
-        "effect or group",
-        "place or group",
-        "answers",
-        "mean group",
-        "another beside",
+        "size", "right", "effect or group", "place or group", "answers", "mean group", "another beside",
         "interval holds",
-    )
-    tables.append(_table("over all kinds", columns, rates))
+    )  # fmt: skip
     keys = ("held_out_error_before", "held_out_error_after", "held_out_nll_gain", "processor_seconds")
     middles = [(name, *(_number(one[key]) for key in keys)) for name, one in clear.items()]
     heads = ("size", "held-out error / noise before", "after", "held-out gain, nats", "processor seconds")
-    tables.append(_table("medians", heads, middles))
-    return "\n\n".join(tables)
+    return [first, ("over all kinds", columns, rates), ("medians", heads, middles)]
 
 
 def _number(value: float | None) -> str:
     return "-" if value is None else f"{value:.3g}"
 
 
-def _instead(found: dict[str, dict[str, int]]) -> str:
+def _instead(found: dict[str, dict[str, int]]) -> Table:
     rows = [
         (label, _listed({other: count for other, count in counts.items() if other != label}))
         for label, counts in found.items()
         if set(counts) - {label}
     ]
-    return _table("said instead", ("missing", "said"), rows) if rows else "said instead: nothing"
+    return ("said instead" if rows else "said instead: nothing", ("missing", "said"), rows)
 
 
 def _listed(counts: dict[str, int]) -> str:
     return ", ".join(f"{count} {name}" for name, count in counts.items())
 
 
-def _table(title: str, columns: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+def _text(title: str, columns: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     widths = [max(len(row[k]) for row in (columns, *rows)) for k in range(len(columns))]
     lines = ["  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)) for row in (columns, *rows)]
     return "\n".join([title, *(f"  {line}".rstrip() for line in lines)])
