@@ -17,6 +17,7 @@ from bondgraph.effects.hysteresis import hysteresis_loss
 from bondgraph.effects.loads import constant_flow
 from bondgraph.effects.losses import relief
 from bondgraph.effects.storages import added_inertia, hardening_spring, magnetic_saturation
+from bondgraph.effects.thermal import ROOM, varying_heat_capacity
 from bondgraph.estimate.setup import filter_setup
 from tests.effects.machines import late
 from tests.effects.machines.count import KINDS, TRAIN, asked
@@ -25,7 +26,7 @@ from tests.effects.machines.hydraulic import PRESS, TANK, WORN_RAM
 from tests.effects.machines.machine import Machine
 from tests.effects.machines.mechanical import STRUT
 from tests.effects.machines.mixed import SERVO
-from tests.effects.machines.thermal import SINK
+from tests.effects.machines.thermal import BLOCK, SINK
 
 
 def test_there_are_four_machines_of_each_kind() -> None:
@@ -95,6 +96,20 @@ def test_a_scale_of_the_heater_does_not_hide_process_noise() -> None:
 )  # fmt: skip
 def test_a_law_of_another_form_is_found_at_its_place(machine: Machine) -> None:
     assert asked("machine", machine, True).right
+
+
+def test_a_capacity_is_as_declared_at_the_temperature_of_a_room() -> None:
+    """Where what is around is an input, it was so at absolute zero: then it could not rise by much over 300 K."""
+    graph, capacity, u = BLOCK.graph(), 360.0, np.array([100.0, 293.0])
+    place = Place(handle(graph, "core"), Scale(600.0, 500.0))
+    (made,), _ = candidates(bg.build(graph), [varying_heat_capacity], [place])
+    (name,) = made.effect.coefficients
+    for c in (0.0, 4e-3):
+        for temperature in (ROOM, 450.0):
+            stored = np.array([capacity * temperature])  # in what is declared of the capacity
+            warms = made.model.rhs(0.0, stored, u, made.model.theta(**{name: c}))[0] / capacity
+            flow = 100.0 - (temperature - 293.0) / 0.9
+            assert warms == pytest.approx(flow / (capacity * (1.0 + c * (temperature - ROOM))))
 
 
 @pytest.mark.slow
