@@ -272,7 +272,7 @@ def alternatives(
     """The other candidates, best first, each with the reason it was not chosen."""
     ranked = sorted((t for t in trials if t is not chosen), key=lambda t: -t.gain)
     order = {trial.candidate.label: index for index, trial in enumerate(trials)}
-    listed: list[Alternative] = []
+    listed = [] if chosen is None or not chosen.candidate.effect.formula else _twins(chosen)
     for trial in ranked:
         close, why = _why_not(chosen, trial, found, order, level)
         why = f"acting {trial.gate}, {why}" if trial.gate else why
@@ -281,10 +281,15 @@ def alternatives(
             place = trial.candidate.place.label
             listed.append(Alternative(trial.candidate.effect.described, place, trial.gain, close, why))
         if close and trial.gate is not None:
-            same = f"its response is that of {trial.candidate.label} to these sensors"
-            names = [label.partition(" at ") for label in trial.stands_for]
-            listed += [Alternative(name, where, trial.gain, True, same) for name, _, where in names]
+            listed += _twins(trial)
     return listed
+
+
+def _twins(trial: Trial) -> list[Alternative]:
+    """What a trial stands for, which shows in the same way."""
+    same = f"its response is that of {trial.candidate.label} to these sensors"
+    names = [label.partition(" at ") for label in trial.stands_for]
+    return [Alternative(name, where, trial.gain, True, same) for name, _, where in names]
 
 
 def _why_not(
