@@ -240,7 +240,8 @@ def choose(trials: Sequence[Trial], level: float) -> Trial | None:
     """The refitted candidate with the largest penalised gain among those that pass, or None.
 
     A fault of the only sensor is chosen where no law passes and none explains as much: nothing else measures what would
-    contradict the law, and one that is not believed may stand for another law of its kind.
+    contradict the law, and one that is not believed may stand for another law of its kind. What gives a law that was
+    found before a form of its own is preferred to one more law.
     """
     fitted = [trial for trial in trials if trial.fit is not None and trial.transfers]
     passed = [trial for trial in fitted if trial.evidence is not None and trial.evidence.accepted(level)]
@@ -248,7 +249,12 @@ def choose(trials: Sequence[Trial], level: float) -> Trial | None:
         laws = [trial for trial in passed if not trial.candidate.effect.channel]
         told = max((_bic_gain(one) for one in trials if not one.candidate.effect.channel), default=-math.inf)
         passed = laws or [fault for fault in passed if _bic_gain(fault) > told + INDIFFERENT]
-    return max(passed, key=_bic_gain, default=None)
+    best = max(passed, key=_bic_gain, default=None)
+    forms = [one for one in passed if one.completes]
+    own = max(forms, key=_bic_gain, default=None)
+    if best is not None and own is not None and _bic_gain(own) > _bic_gain(best) - INDIFFERENT:
+        return own
+    return best
 
 
 def _has_one_sensor(trial: Trial) -> bool:
@@ -261,9 +267,9 @@ def _has_one_sensor(trial: Trial) -> bool:
 def _bic_gain(trial: Trial) -> float:
     if trial.evidence is None:
         return -math.inf
-    return trial.evidence.bic_gain - (
-        INDIFFERENT if trial.candidate.effect.formula or trial.candidate.effect.regime else 0.0
-    )  # a known law that acts everywhere is preferred
+    effect = trial.candidate.effect
+    preferred = trial.completes or not (effect.formula or effect.regime)  # a known law that acts everywhere is
+    return trial.evidence.bic_gain - (0.0 if preferred else INDIFFERENT)
 
 
 def alternatives(

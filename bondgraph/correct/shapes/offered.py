@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -29,6 +29,7 @@ from bondgraph.correct.places.probes import Probe, Signal
 from bondgraph.correct.places.unexplained import Spline, distinct, splines, unexplained
 from bondgraph.correct.scores.scoring import Linearisation, Scored
 from bondgraph.correct.search.refit import refit_from
+from bondgraph.correct.shapes.completions import arguments
 from bondgraph.correct.shapes.formula import Formula
 from bondgraph.correct.shapes.subsets import MOST_TERMS, Sum, Terms, best_sums, elsewhere, lost, scored_terms, tried
 from bondgraph.declare.effect import Place
@@ -98,9 +99,11 @@ def with_formulas(
     options, counts = _options(functions, known, left, measured, 1 if law is not None else MOST_TERMS)
     if law is not None and options and _says(law, options[0], scored, left):
         return list(trials)
-    done = list(trials)
+    done, refitted = list(trials), {one.candidate.label for one in trials}
     for k, option in enumerate(options):
         report("refit formulas", k, len(options))
+        if f"{formula_at(option.probe, option.chosen, left.signals).name} at {option.probe.place.label}" in refitted:
+            continue  # as a form of a law that was found before
         made = _refitted(option, left, context, context.tried + counts[len(option.chosen.terms)])
         done += made
         if law is not None and made and not made[0].gain > law.gain + INDIFFERENT:
@@ -168,6 +171,40 @@ def _belongs(name: str, place: Place, built: BuiltModel) -> bool:
     if variable in ("effort", "flow"):
         return of == place.label and (variable == "flow") == (place.junction.kind == "1")
     return {place.junction.name, of} in ({bond.source, bond.target} for bond in built.causal.graph.bonds)
+
+
+def own_forms(laws: Sequence[Trial], scored: Scored, left: Residual, context: Context, report: Report) -> list[Trial]:
+    """Formulas by which laws that were found before take a form of their own, refitted.
+
+    They come before all other candidates: what acts at another place must explain more than such a form does, and what
+    acts at its place is one anyway. None where the best law promises more than twice as much, and of stiff models.
+    """
+    done: list[Trial] = []
+    measured = sum(int(np.isfinite(log.y).sum()) for log in context.train)
+    promised = float(np.max(scored.scores.gain, initial=0.0))
+    for first in [] if context.base.problem.filter_model.is_stiff else laws:
+        free = _free_form(first, left)
+        if free is None or free.gain < max(_WORTH * promised, context.required):
+            continue
+        terms = scored_terms(left.linear, free.probe, [free.signal], [free.signal])
+        sums = _sums(terms, free, measured, MOST_TERMS)
+        for k, chosen in enumerate(sums):
+            report(f"refit forms of {first.candidate.label}", k, len(sums))
+            count = context.tried + MOST_TERMS * tried(terms, len(chosen.terms))
+            made = _refitted(Option(terms, chosen, free.probe), left, context, count)
+            done += [replace(one, completes=first.candidate.label) for one in made]
+    return done
+
+
+def _free_form(first: Trial, left: Residual) -> Spline | None:
+    """What is left at the place of a law as a free function of its only signal; None of one that stores."""
+    names, element = arguments(first, left.built.graph), first.candidate.effect.element
+    node, kind = left.built.causal.graph.nodes.get(element), first.candidate.place.junction.kind
+    if names is None or len(names) != 1 or (node is not None and (node.kind, kind) in (("I", "1"), ("C", "0"))):
+        return None
+    signal = next((one for one in left.signals if {one.name} == names), None)
+    probe = next((one for one in left.probed if one.place.label == first.candidate.place.label), None)
+    return None if signal is None or probe is None else next(iter(splines(left.linear, [probe], [signal])), None)
 
 
 def _says(law: Trial, option: Option, scored: Scored, left: Residual) -> bool:
