@@ -20,6 +20,7 @@ from bondgraph.correct.round import Round, RoundSettings
 from bondgraph.correct.scores.gates import Constancy, Gate, When, constancy, gated, with_gate
 from bondgraph.correct.search.disturbances import DISTURBANCE, described, disturbances
 from bondgraph.correct.search.refit import refit_from
+from bondgraph.correct.shapes.forms import as_one, joined, own_form
 from bondgraph.data.log import MatchedLog
 from bondgraph.declare.graph import BondGraph
 from bondgraph.errors import DeclarationError, EstimationError
@@ -34,8 +35,8 @@ from bondgraph.estimate.problem import EstimationProblem
 class Decision:
     """One decision: its round, what was done, and why.
 
-    ``action`` is ``"added"``, ``"event"``, ``"not constant"``, ``"dropped"``, ``"withdrawn"``,
-    ``"disturbance"`` or ``"stopped"``.
+    ``action`` is ``"added"``, ``"own form"`` (what was added became a part of a law), ``"event"``, ``"not constant"``,
+    ``"dropped"``, ``"withdrawn"``, ``"disturbance"`` or ``"stopped"``.
     """
 
     round: int
@@ -65,7 +66,7 @@ class Progress:
     @property
     def present(self) -> set[tuple[str, str]]:
         """Effects that are not to be offered, by name of function and label of place."""
-        return {_key(trial) for trial in self.added} | self.banned
+        return {_key(part) for trial in self.added for part in trial.forms or (trial,)} | self.banned
 
     @property
     def laws(self) -> tuple[Trial, ...]:
@@ -96,7 +97,12 @@ def advance(state: Progress, turn: Round, settings: RoundSettings) -> Progress:
     state = _estimated(replace(state, train=train), chosen, settings)
     state = certified(replace(state, history=(*state.history, *history)), number, settings)
     settings.report("add the effect and estimate again", 1, 1)
-    return _without_needless(_without_needless_disturbance(state, number, settings), number, settings)
+    if not state.added:
+        return state
+    state, last = _in_own_form(state, number, settings)
+    state = _without_needless_disturbance(state, last, number, settings)
+    # earlier effects that are no longer needed beside the last one go
+    return _standing(state, [last], f"beside {last.candidate.label}", number, settings)
 
 
 def certified(state: Progress, number: int, settings: RoundSettings) -> Progress:
@@ -188,20 +194,47 @@ def _gated_refit(chosen: Trial, gate: Gate, context: Context) -> list[Trial]:
     return [] if tried.failed else [tried]
 
 
-def _without_needless(state: Progress, number: int, settings: RoundSettings) -> Progress:
-    """Backward elimination: earlier effects that are no longer needed beside the last one go."""
-    last = state.added[-1]
-    return _standing(state, [last], f"beside {last.candidate.label}", number, settings)
+def _in_own_form(state: Progress, number: int, settings: RoundSettings) -> tuple[Progress, Trial]:
+    """The state, and what was added last: as a part of a law where that has a form of its own by it."""
+    *earlier, last = state.added
+    whole = next((k for k, one in enumerate(earlier) if own_form(one, last, state.built.graph)), None)
+    if last.gate is not None or whole is None:
+        return state, last
+    label = earlier[whole].candidate.label
+    why = f"{last.candidate.label} is of the same signal at the same place: the logs tell only their sum"
+    earlier[whole] = joined(earlier[whole], last)
+    history = (*state.history, Decision(number, "own form", label, why))
+    state = _in_fewer_parts(replace(state, added=tuple(earlier), history=history), whole, number, settings)
+    return state, state.added[whole]
 
 
-def _without_needless_disturbance(state: Progress, number: int, settings: RoundSettings) -> Progress:
+def _in_fewer_parts(state: Progress, whole: int, number: int, settings: RoundSettings) -> Progress:
+    """The state with a law in as few parts as explain as much: what came first may only have been near it."""
+    *earlier, _ = state.added[whole].forms
+    for part in earlier:
+        law = state.added[whole]
+        rest = as_one(tuple(one for one in law.forms if one is not part), law.candidate.model)
+        reduced = _reduced(state, [rest if one is law else one for one in state.added])
+        fitted = fit(reduced.problem.filter_model, reduced.problem.logs, reduced.problem.free, journal=settings.journal)
+        assert part.evidence is not None  # it was chosen
+        told = judge(fitted, state.fit, part.candidate.effect, part.evidence.tried)
+        if told.bic_gain > 0.0:
+            continue
+        fitted, check = refined(fitted, settings.journal, settings.substeps)
+        why = f"as a part of {law.candidate.label} it gains {told.delta_nll:.1f} nats, too little"
+        state = replace(
+            state, built=reduced.built, fit=fitted, check=check, added=reduced.kept,
+            history=(*state.history, Decision(number, "dropped", part.candidate.label, why)),
+        )  # fmt: skip
+    return state
+
+
+def _without_needless_disturbance(state: Progress, last: Trial, number: int, settings: RoundSettings) -> Progress:
     """The state without a disturbance whose intensity and time are not worth their penalty beside the last effect."""
     measured = sum(int(np.isfinite(log.y).sum()) for log in state.train)
-    for k, trial in enumerate(state.added[:-1]):
+    for k, trial in enumerate(state.added):
         if trial.candidate.effect.kind == DISTURBANCE:
-            why = (
-                f"its intensity and its time are worth less than their penalty beside {state.added[-1].candidate.label}"
-            )
+            why = f"its intensity and its time are worth less than their penalty beside {last.candidate.label}"
             fewer = without(state, k, "dropped", why, number, settings)
             return fewer if fewer.fit.nll - state.fit.nll < math.log(measured) else state
     return state

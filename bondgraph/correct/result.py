@@ -6,6 +6,8 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
+import numpy as np
+
 from bondgraph.correct.confirmation import Confirmation
 from bondgraph.correct.constants import LEVEL
 from bondgraph.correct.evidence.transfer import Transfer
@@ -13,9 +15,12 @@ from bondgraph.correct.evidence.trials import Added, Trial
 from bondgraph.correct.fits.assess import Assessment, ChannelError
 from bondgraph.correct.fits.compared import Compared
 from bondgraph.correct.loop import ClosedLoop
+from bondgraph.correct.places.probes import Signal
 from bondgraph.correct.places.regimes import level_name, regime_of
+from bondgraph.correct.shapes.forms import curve, departure, only_signal, whole_text
 from bondgraph.correct.shapes.formula import formula_of
 from bondgraph.correct.shapes.words import other_words
+from bondgraph.data.log import FloatArray
 from bondgraph.estimate.certify import NEGLIGIBLE_SHIFT, Check
 from bondgraph.estimate.fitted import Fit
 from bondgraph.estimate.quantities import quantity_of, unit_of
@@ -32,7 +37,7 @@ def result_json(closed: ClosedLoop) -> dict[str, Any]:
         "corrected": _state(closed.corrected, closed.corrected_check, closed.corrected_train, closed.corrected_holdout),
         "confirmation": None if closed.confirmation is None else _confirmation(closed.confirmation, closed),
         **_located(closed),
-        "effects": [_effect(added, closed.corrected) for added in closed.added],
+        "effects": [_effect(added, closed.corrected) | _own_form(added, closed) for added in closed.added],
         "disturbances": [
             {
                 "place": one.trial.candidate.place.label, "state": one.state, "std": number(one.size),
@@ -233,7 +238,7 @@ def _effect(added: Added, corrected: Fit) -> dict[str, Any]:
         "reference": effect.reference,
         **({"completes": added.completes} if added.completes else {}),
         **fault,
-        **_formula(added, corrected),
+        **({} if added.trial.forms else _formula(added.trial, corrected)),
         **_regime(added),
         "coefficients": {
             name: {
@@ -247,14 +252,60 @@ def _effect(added: Added, corrected: Fit) -> dict[str, Any]:
     }
 
 
-def _formula(added: Added, corrected: Fit) -> dict[str, Any]:
+def _formula(law: Trial, corrected: Fit) -> dict[str, Any]:
     """The formula of an effect that is one: as a law with its numbers, in other words, and as lines of Python."""
-    formula = formula_of(added.trial.candidate.function)
+    formula = formula_of(law.candidate.function)
     if formula is None:
         return {}
-    values = corrected.values
-    told = {"text": formula.text(values), "known_as": other_words(formula, values), "python": formula.python(values)}
-    return {"formula": told}
+    values, ends = corrected.values, intervals(corrected)
+    known = other_words(formula, values)
+    return {"formula": {"text": formula.text(values, ends), "known_as": known, "python": formula.python(values, ends)}}
+
+
+def _own_form(added: Added, closed: ClosedLoop) -> dict[str, Any]:
+    """The form of a law that is not its name's: whole, how far it departs from the name, and its parts."""
+    law = added.trial
+    if not law.forms:
+        return {}
+    parts = [
+        {
+            "name": one.candidate.effect.name, "element": one.candidate.effect.element, "law": one.candidate.effect.law,
+            "coefficients": list(one.candidate.effect.parameters), "evidence": evidence_json(one),
+            **_formula(one, closed.corrected),
+        }
+        for one in law.forms
+    ]  # fmt: skip
+    return {"own_form": {"text": form_text(added, closed), "departs": departs(added, closed), "parts": parts}}
+
+
+def form_text(added: Added, closed: ClosedLoop) -> str | None:
+    """The sum of a law's parts as one formula with its numbers; None where the parts do not give the same."""
+    values = graph_values(closed)
+    return whole_text(added.trial, closed.corrected_graph, values, intervals(closed.corrected))
+
+
+def departs(added: Added, closed: ClosedLoop) -> float | None:
+    """How far a law's own form is from the nearest multiple of what it is called; see :func:`departure`."""
+    known = closed.rounds[-1].signals
+    found = departure(added.trial, closed.corrected_graph, graph_values(closed), known)
+    return None if found is None else number(found)
+
+
+def own_curve(added: Added, closed: ClosedLoop, points: int) -> tuple[Signal, FloatArray, FloatArray] | None:
+    """The signal of a law in a form of its own, values of it over what the logs visit, and the law there, both (n,)."""
+    graph, known = closed.corrected_graph, closed.rounds[-1].signals
+    signal = only_signal(added.trial, graph, known)
+    if signal is None:
+        return None
+    together = np.concatenate(signal.values)
+    at = np.linspace(float(together.min()), float(together.max()), points)
+    drawn = curve(added.trial, graph, graph_values(closed), signal, at)
+    return None if drawn is None else (signal, at, drawn)
+
+
+def graph_values(closed: ClosedLoop) -> dict[str, float]:
+    """The values of all parameters of the corrected declaration."""
+    return {one.name: one.value for one in closed.corrected_graph.flatten().parameters}
 
 
 def _regime(added: Added) -> dict[str, Any]:

@@ -30,9 +30,9 @@ from bondgraph.correct.scores.gates import gate_samples
 from bondgraph.correct.scores.scoring import Linearisation, Scored, linearisation, score_candidates
 from bondgraph.correct.search.opening import Scoring, is_driven_still, look_beneath_noise, opened
 from bondgraph.correct.search.regimes import earned
-from bondgraph.correct.search.search import Search, left_out, searched
+from bondgraph.correct.search.search import Entry, Search, left_out, searched
 from bondgraph.correct.search.widths import at_any_width, is_due
-from bondgraph.correct.shapes.offered import Residual, with_formulas
+from bondgraph.correct.shapes.offered import Residual, own_forms, with_formulas
 from bondgraph.data.log import MatchedLog
 from bondgraph.declare.effect import EffectFunction, Place
 from bondgraph.errors import DataError
@@ -95,6 +95,7 @@ def one_round(
     functions: Sequence[EffectFunction],
     settings: RoundSettings | None = None,
     present: Collection[tuple[str, str]] = (),
+    laws: Sequence[Trial] = (),
 ) -> Round:
     """Locate the residual, score every candidate on the fitted model, refit the best, decide.
 
@@ -125,8 +126,9 @@ def one_round(
     )
     scoring = Scoring(linear, scored, tuple(_trials(scored, tried)), tuple(stateful), tuple(where))
     search = opened(scoring, context, bool(present), settings.report)
-    trials = _searched(search, scoring, settings)
     left = Residual(built, linear, probed, known, located)
+    search.entries += [Entry(trial) for trial in own_forms(laws, scored, left, context, settings.report)]
+    trials = _searched(search, scoring, settings)
     trials = with_formulas(trials, scored, left, search.context, settings.report)
     trials, chosen = _chosen(trials, search.context, settings.report, where)
     others = alternatives(chosen, trials, scored.scores, settings.level)

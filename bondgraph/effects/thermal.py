@@ -13,7 +13,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import networkx as nx
-from sympy import Expr, Integer, Rational
+from sympy import Expr, Float, Integer, Rational
 
 from bondgraph.declare.domains import THERMAL
 from bondgraph.declare.effect import Effect, Place, between_junctions
@@ -110,7 +110,9 @@ def varying_heat_capacity(g: BondGraph, at: Place) -> Effect | None:
     name = f"varying_heat_capacity_{at.name}"
     limit = 0.5 / _difference(at)
     c = g.parameter(f"c_{name}", 0.0, "1/K", "relative rise of the heat capacity per kelvin", (-limit, limit))
-    middle = around.temperature if around.temperature.free_symbols <= _parameters(g) else Integer(0)
+    # an input, which moves, is no constant of the body: its capacity is then declared at the temperature of a room
+    fixed = around.temperature.free_symbols <= _parameters(g)
+    middle = around.temperature if fixed else Float(ROOM - around.zero)
     g.compliance(name, displacement=lambda e: c * (e - middle) ** 2 / (2 * parts[0]), at=at.junction)
     return Effect(
         "varying_heat_capacity", name, "capacity = declared*(1 + c*(effort - around))", (c.name,),

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -16,13 +16,13 @@ from bondgraph.correct.evidence.trials import Added
 from bondgraph.correct.fits.assess import Assessment
 from bondgraph.correct.loop import ClosedLoop
 from bondgraph.correct.places.unexplained import Unexplained
-from bondgraph.correct.result import intervals, result_json
+from bondgraph.correct.result import form_text, intervals, result_json
 from bondgraph.declare.files import write_graph
 from bondgraph.estimate.fitted import Fit
 from bondgraph.files import write_text
 from bondgraph.report.collect import Runs, added_nodes, channel_series, found_effect, parameter_changes
 from bondgraph.report.drawing import draw_svg, drawing_of
-from bondgraph.report.formulas import formula_sentences
+from bondgraph.report.formulas import formula_sentences, round_of
 from bondgraph.report.html import Located, Provenance, ReportData, write_report
 from bondgraph.report.logs import grouped_notes
 from bondgraph.report.missing import missing_efforts
@@ -141,8 +141,10 @@ def found_effects(closed: ClosedLoop) -> list[FoundEffect]:
             *_transfer(added.trial.transfer),
             *([("completes the form of", added.completes)] if added.completes else []),
         )
-        model = closed.corrected_built.model
-        effects.append(found_effect(candidate.effect, candidate.place, model, closed.corrected.values, ci95, said))
+        model, effect = closed.corrected_built.model, candidate.effect
+        text = form_text(added, closed) if added.trial.forms else None
+        effect = effect if text is None else replace(effect, law=text)
+        effects.append(found_effect(effect, candidate.place, model, closed.corrected.values, ci95, said))
     return effects
 
 
@@ -258,12 +260,15 @@ def _power(closed: ClosedLoop) -> list[Power]:
 
 def _tried(closed: ClosedLoop) -> list[Tried]:
     rows = []
-    kept = {added.trial.candidate.label for added in closed.added}
+    kept = {added.trial.candidate.label: "added" for added in closed.added}
+    for added in closed.added:
+        said = f"a part of the form of {added.trial.candidate.label}"
+        kept |= {one.candidate.label: said for one in added.trial.forms[1:]}
     for turn in closed.rounds:
         if turn.chosen is not None:
             chosen = turn.chosen.candidate
             stays = chosen.label in kept
-            done = "added" if stays else "added, taken out again later"
+            done = kept.get(chosen.label, "added, taken out again later")
             rows.append(Tried(chosen.effect.described, chosen.place.label, turn.chosen.gain, done, chosen=stays))
         rows += [
             Tried(
@@ -281,9 +286,8 @@ def _notes(closed: ClosedLoop) -> list[str]:
         notes.append(_held_out(closed.confirmation))
     notes += [_event(one, closed.eventful or closed.corrected) for one in closed.events]
     for added in closed.added:
-        twins = [
-            a for turn in closed.rounds if turn.chosen is added.trial for a in turn.alternatives if a.indistinguishable
-        ]
+        turn = round_of(closed, added)
+        twins = [] if turn is None else [one for one in turn.alternatives if one.indistinguishable]
         if twins:
             names = ", ".join(f"{twin.name} at {twin.junction}" for twin in twins)
             first = next((twin.separate for twin in twins if twin.separate), "")

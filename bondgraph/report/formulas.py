@@ -4,22 +4,25 @@ from __future__ import annotations
 
 from bondgraph.correct.evidence.trials import Added
 from bondgraph.correct.loop import ClosedLoop
+from bondgraph.correct.result import departs, form_text, intervals
 from bondgraph.correct.round import Round
 from bondgraph.correct.shapes.formula import formula_of
 from bondgraph.correct.shapes.words import lies_in, other_words
 
 
 def formula_sentences(closed: ClosedLoop) -> list[str]:
-    """A sentence for every added effect that is a formula."""
-    return [sentence for added in closed.added if (sentence := _sentence(closed, added))]
+    """Sentences for every added effect that is a formula, or has a form of its own."""
+    found = [sentence for added in closed.added if (sentence := _sentence(closed, added))]
+    return [*found, *(sentence for added in closed.added if (sentence := _own_form(closed, added)))]
 
 
 def _sentence(closed: ClosedLoop, added: Added) -> str:
     formula = formula_of(added.trial.candidate.function)
-    if formula is None:
+    if formula is None or added.trial.forms:
         return ""
-    known = other_words(formula, closed.corrected.values)
-    said = f"Formula at {formula.place.label}: {formula.text(closed.corrected.values)}"
+    values = closed.corrected.values
+    known = other_words(formula, values)
+    said = f"Formula at {formula.place.label}: {formula.text(values, intervals(closed.corrected))}"
     said += f", known as {known}" if known else ""
     turn = round_of(closed, added)
     if turn is not None and added.trial.fit is not None:
@@ -28,7 +31,20 @@ def _sentence(closed: ClosedLoop, added: Added) -> str:
     return f"{said}."
 
 
+def _own_form(closed: ClosedLoop, added: Added) -> str:
+    """What the form of a law is that is not its name's, and how far it departs."""
+    law = added.trial
+    if not law.forms:
+        return ""
+    text, away = form_text(added, closed), departs(added, closed)
+    said = f"{law.candidate.label} has a form of its own: "
+    said += text or " and ".join(f"{one.candidate.effect.name} ({one.candidate.effect.law})" for one in law.forms)
+    first = law.forms[0].candidate.effect.name
+    far = "" if away is None else f"; over the logs it is {100.0 * away:.0f} % away from any {first}"
+    return f"{said}{far}."
+
+
 def round_of(closed: ClosedLoop, added: Added) -> Round | None:
     """The round that chose an effect, None of one that was added otherwise."""
-    own = added.trial.candidate
-    return next((one for one in closed.rounds if one.chosen is not None and one.chosen.candidate is own), None)
+    own = added.trial.candidate.label
+    return next((one for one in closed.rounds if one.chosen is not None and one.chosen.candidate.label == own), None)

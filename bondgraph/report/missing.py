@@ -11,8 +11,9 @@ from bondgraph.correct.evidence.trials import Added
 from bondgraph.correct.loop import ClosedLoop
 from bondgraph.correct.models.failures import FAILURES
 from bondgraph.correct.places.missing import missing_effort
+from bondgraph.correct.places.probes import variable_of
 from bondgraph.correct.places.unexplained import Unexplained
-from bondgraph.correct.result import intervals
+from bondgraph.correct.result import form_text, intervals, own_curve
 from bondgraph.correct.shapes.formula import Formula, formula_of
 from bondgraph.data.log import FloatArray
 from bondgraph.declare.graph import BondGraph
@@ -61,6 +62,8 @@ def _unexplained(closed: ClosedLoop, one: Unexplained) -> MissingEffort | None:
 
 def _picture(closed: ClosedLoop, added: Added) -> MissingEffort | None:
     candidate = added.trial.candidate
+    if added.trial.forms:
+        return _own_form(closed, added)
     formula = formula_of(candidate.function)
     if formula is not None:
         return _formula(closed, added, formula)
@@ -94,6 +97,32 @@ def _picture(closed: ClosedLoop, added: Added) -> MissingEffort | None:
     )
 
 
+def _own_form(closed: ClosedLoop, added: Added) -> MissingEffort | None:
+    """What is missing against the signal of a law with a form of its own, and the sum of its parts through it."""
+    place, text, found = added.trial.candidate.place, form_text(added, closed), own_curve(added, closed, _POINTS)
+    if found is None or text is None:
+        return None
+    signal, span, law = found
+    logs = [log.log for log in closed.nominal_train.logs]
+    try:
+        missing = missing_effort(closed.nominal_built, closed.corrected, logs, place)
+    except FAILURES:
+        return None
+    variable = variable_of(place)
+    return MissingEffort(
+        title=f"{added.trial.candidate.effect.name} at {place.label} in a form of its own",
+        x_label=f"{signal.name} [{signal.unit}]" if signal.unit else signal.name,
+        y_label=f"missing {variable} [{missing.effort_unit}]",
+        x=np.concatenate(signal.values),
+        missing=missing.effort,
+        law_x=span,
+        law=law,
+        law_text=text,
+        lower=law,
+        upper=law,
+    )
+
+
 def _formula(closed: ClosedLoop, added: Added, formula: Formula) -> MissingEffort | None:
     """What is missing against the signal of a formula of one signal, and the formula through it."""
     turn = round_of(closed, added)
@@ -118,7 +147,7 @@ def _formula(closed: ClosedLoop, added: Added, formula: Formula) -> MissingEffor
         missing=found.effort,
         law_x=span,
         law=curves[0],
-        law_text=formula.text(values),
+        law_text=formula.text(values, intervals(closed.corrected)),
         lower=np.minimum(curves[1], curves[2]),
         upper=np.maximum(curves[1], curves[2]),
     )

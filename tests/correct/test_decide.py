@@ -122,3 +122,19 @@ def test_a_fault_of_the_only_sensor_explains_more_than_any_law(
 
 
 _SURE = Evidence(22.0, 1e-9, 1e-9, 22.0, 10)
+
+
+@pytest.mark.parametrize(("more", "own"), [(0.0, True), (2.9, True), (3.1, False)])
+def test_one_more_law_must_do_better_than_a_form_of_a_law_that_is_there(more: float, own: bool) -> None:
+    """What a law of another form leaves was found as a load at the next shaft."""
+    base = fitted([LOG])
+    place = Place(handle(sled(), "runner"), Scale(150.0, 4.0))
+    (form, law), _ = candidates(built(), [effects.quadratic_loss, effects.constant_effort], [place])
+    better = replace(_SURE, delta_nll=22.0 + more, bic_gain=22.0 + more)
+    trials = [
+        Trial(form, 22.0, fit=base, evidence=_SURE, completes="a law at the runner"),
+        Trial(law, 22.0, fit=base, evidence=better),
+    ]
+    assert choose(trials, LEVEL) is trials[0 if own else 1]
+    doubted = replace(trials[0], evidence=replace(_SURE, p_robust=0.5))
+    assert choose([doubted, trials[1]], LEVEL) is trials[1]  # it must pass like every other

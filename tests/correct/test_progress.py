@@ -81,3 +81,16 @@ def test_an_effect_that_is_withdrawn_at_the_end_makes_room_for_another(monkeypat
     assert rested == [1, 1] and len(closed.added) == 1
     assert [one.action for one in closed.history] == ["added", "withdrawn", "added", "stopped"]
     assert closed.reason.startswith("the limit of 1 effects was reached")
+
+
+def test_nothing_is_tested_again_where_shorter_steps_withdraw_all(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The last of what was added was looked for where nothing was left."""
+    truth = added(effects.quadratic_loss, "runner", 3.0)
+
+    def withdrawing(state: Progress, number: int, settings: RoundSettings) -> Progress:
+        return without(state, len(state.added) - 1, "withdrawn", "judged with shorter steps", number, settings)
+
+    monkeypatch.setattr("bondgraph.correct.progress.certified", withdrawing)
+    closed = close_loop(sled(), [pull(truth, 4)], [], (effects.quadratic_loss,), LoopSettings(faults=False))
+    assert closed.added == ()
+    assert [one.action for one in closed.history[:2]] == ["added", "withdrawn"]

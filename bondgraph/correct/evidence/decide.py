@@ -240,7 +240,8 @@ def choose(trials: Sequence[Trial], level: float) -> Trial | None:
     """The refitted candidate with the largest penalised gain among those that pass, or None.
 
     A fault of the only sensor is chosen where no law passes and none explains as much: nothing else measures what would
-    contradict the law, and one that is not believed may stand for another law of its kind.
+    contradict the law, and one that is not believed may stand for another law of its kind. What gives a law that was
+    found before a form of its own is preferred to one more law.
     """
     fitted = [trial for trial in trials if trial.fit is not None and trial.transfers]
     passed = [trial for trial in fitted if trial.evidence is not None and trial.evidence.accepted(level)]
@@ -248,7 +249,12 @@ def choose(trials: Sequence[Trial], level: float) -> Trial | None:
         laws = [trial for trial in passed if not trial.candidate.effect.channel]
         told = max((_bic_gain(one) for one in trials if not one.candidate.effect.channel), default=-math.inf)
         passed = laws or [fault for fault in passed if _bic_gain(fault) > told + INDIFFERENT]
-    return max(passed, key=_bic_gain, default=None)
+    best = max(passed, key=_bic_gain, default=None)
+    forms = [one for one in passed if one.completes]
+    own = max(forms, key=_bic_gain, default=None)
+    if best is not None and own is not None and _bic_gain(own) > _bic_gain(best) - INDIFFERENT:
+        return own
+    return best
 
 
 def _has_one_sensor(trial: Trial) -> bool:
@@ -261,9 +267,9 @@ def _has_one_sensor(trial: Trial) -> bool:
 def _bic_gain(trial: Trial) -> float:
     if trial.evidence is None:
         return -math.inf
-    return trial.evidence.bic_gain - (
-        INDIFFERENT if trial.candidate.effect.formula or trial.candidate.effect.regime else 0.0
-    )  # a known law that acts everywhere is preferred
+    effect = trial.candidate.effect
+    preferred = trial.completes or not (effect.formula or effect.regime)  # a known law that acts everywhere is
+    return trial.evidence.bic_gain - (0.0 if preferred else INDIFFERENT)
 
 
 def alternatives(
@@ -272,7 +278,7 @@ def alternatives(
     """The other candidates, best first, each with the reason it was not chosen."""
     ranked = sorted((t for t in trials if t is not chosen), key=lambda t: -t.gain)
     order = {trial.candidate.label: index for index, trial in enumerate(trials)}
-    listed: list[Alternative] = []
+    listed = [] if chosen is None or not chosen.candidate.effect.formula else _twins(chosen)
     for trial in ranked:
         close, why = _why_not(chosen, trial, found, order, level)
         why = f"acting {trial.gate}, {why}" if trial.gate else why
@@ -281,10 +287,15 @@ def alternatives(
             place = trial.candidate.place.label
             listed.append(Alternative(trial.candidate.effect.described, place, trial.gain, close, why))
         if close and trial.gate is not None:
-            same = f"its response is that of {trial.candidate.label} to these sensors"
-            names = [label.partition(" at ") for label in trial.stands_for]
-            listed += [Alternative(name, where, trial.gain, True, same) for name, _, where in names]
+            listed += _twins(trial)
     return listed
+
+
+def _twins(trial: Trial) -> list[Alternative]:
+    """What a trial stands for, which shows in the same way."""
+    same = f"its response is that of {trial.candidate.label} to these sensors"
+    names = [label.partition(" at ") for label in trial.stands_for]
+    return [Alternative(name, where, trial.gain, True, same) for name, _, where in names]
 
 
 def _why_not(

@@ -58,6 +58,8 @@ class Trial:
     remark: str = ""
     failed: str = ""
     transfer: Transfer | None = None
+    forms: tuple[Trial, ...] = ()
+    completes: str = ""
 
     @property
     def transfers(self) -> bool:

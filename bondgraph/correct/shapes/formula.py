@@ -6,9 +6,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from sympy import Add, Expr, Float, Function, Symbol
+from sympy import Add, Expr, Function, Symbol
 
 from bondgraph.correct.places.probes import Variable, argument
+from bondgraph.correct.shapes.law_text import LETTERS, Intervals, rounded, with_numbers
 from bondgraph.correct.shapes.library import Term
 from bondgraph.data.log import FloatArray
 from bondgraph.declare.effect import Effect, EffectFunction, Place
@@ -17,12 +18,10 @@ from bondgraph.declare.graph import BondGraph
 
 #: Coefficients are searched up to this many times what would make the term as large as the efforts (flows) there.
 _REACH = 2.0
-#: Digits of a coefficient in a law that a person reads.
-_DIGITS = 3
+#: Digits of a constant of a law in lines that a machine reads.
+_CONSTANT_DIGITS = 6
 #: Where the functions of laws are imported from.
 _SOURCES = {"sympy": ("Abs", "cos", "exp", "sin", "tanh"), "bondgraph.declare.functions": ("maximum",)}
-#: Letters of the signals of a formula, in order; inner parameters and coefficients keep their names.
-_LETTERS = ("x", "y", "z", "w")
 
 
 @dataclass(frozen=True)
@@ -149,8 +148,10 @@ class Formula:
         else:
             g.flow_source(self.element, -law, at=at.junction)
 
-    def text(self, values: Mapping[str, float] | None = None) -> str:
+    def text(self, values: Mapping[str, float] | None = None, ends: Intervals | None = None) -> str:
         """The law as a person reads it, with the values of its parameters where they are given.
+
+        These have as many digits as the ``ends`` of their intervals support, three where there are none.
 
         Examples
         --------
@@ -165,33 +166,42 @@ class Formula:
         >>> found = Formula(place, "effort", "N", (cube,), (0.008,))
         >>> found.text(), found.text({found.coefficients()[0].name: 3.7812})
         ('effort = c*x**3, x the displacement of spring', 'effort = 3.78*x**3  [N], x the displacement of spring')
+        >>> found.text({found.coefficients()[0].name: 3.7812}, {found.coefficients()[0].name: (2.6, 4.9)})
+        'effort = 3.8*x**3  [N], x the displacement of spring'
         """
         every = [*self.coefficients(), *self.inner()]
-        letters = dict(zip(map(argument, self.signals), map(Symbol, _LETTERS), strict=False))
+        letters = dict(zip(map(argument, self.signals), map(Symbol, LETTERS), strict=False))
         if values is None:
-            known = {one.name: Symbol(one.name.partition("_")[0]) for one in every}
+            short = {one.name: Symbol(one.name.partition("_")[0]) for one in every}
+            law = with_numbers(self.law(short).xreplace(letters), {})
         else:
-            known = {one.name: Float(f"{values[one.name]:.{_DIGITS}g}") for one in every}
-        law = to_text(self.law(known).xreplace(letters))
+            named = {one.name: Symbol(one.name) for one in every}
+            own = {one.name: values[one.name] for one in every}
+            law = with_numbers(self.law(named).xreplace(letters), own, ends)
         unit = f"  [{self.unit}]" if values is not None and self.unit else ""
         words = " and ".join(f"{letters[argument(one)]} the {one}" for one in self.signals if argument(one) in letters)
         return f"{self.variable} = {law}{unit}, {words}"
 
-    def python(self, values: Mapping[str, float]) -> str:
-        """Lines of Python that declare the formula in a graph ``g``, with the values of its parameters."""
+    def python(self, values: Mapping[str, float], ends: Intervals | None = None) -> str:
+        """Lines of Python that declare the formula in a graph ``g``, with the values of its parameters.
+
+        With the ``ends`` of their intervals these are rounded to what that supports, without they are exact.
+        """
         every = [*self.coefficients(), *self.inner()]
-        letters = dict(zip(map(argument, self.signals), map(Symbol, _LETTERS), strict=False))
+        letters = dict(zip(map(argument, self.signals), map(Symbol, LETTERS), strict=False))
         short = {one.name: Symbol(one.name.partition("_")[0]) for one in every}
         law = self.law(short).xreplace(letters)
         used = {type(one).__name__ for one in law.atoms(Function)}
         lines = [f"from {room} import {name}" for room, names in _SOURCES.items() for name in names if name in used]
         lines += _signal_lines({name: letters[argument(name)].name for name in self.signals if not self.is_own})
         for one in every:
-            value = values[one.name]
-            bounds = (min(one.bounds[0], value), max(one.bounds[1], value))
+            value = values[one.name] if ends is None else float(rounded(values[one.name], ends.get(one.name)))
+            bounds = tuple(value if ends is None else float(rounded(value)) for value in one.bounds)
+            bounds = (min(bounds[0], value), max(bounds[1], value))
             own = short[one.name].name
             lines.append(f"{own} = g.parameter({one.name!r}, {value!r}, {one.unit!r}, {one.meaning!r}, {bounds!r})")
-        text, at = to_text(law), self.place.junction.name
+        text = to_text(law) if ends is None else with_numbers(law, {}, digits=_CONSTANT_DIGITS)
+        at = self.place.junction.name
         kind = "effort" if self.variable == "effort" else "flow"
         if self.is_own:
             law_of = f"lambda x: {text}" if kind == "effort" else f"flow=lambda x: {text}"

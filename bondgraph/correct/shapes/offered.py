@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -27,11 +27,12 @@ from bondgraph.correct.models.candidates import candidates
 from bondgraph.correct.places.located import LocatedAt
 from bondgraph.correct.places.probes import Probe, Signal
 from bondgraph.correct.places.unexplained import Spline, distinct, splines, unexplained
-from bondgraph.correct.scores.score import solve
 from bondgraph.correct.scores.scoring import Linearisation, Scored
 from bondgraph.correct.search.refit import refit_from
+from bondgraph.correct.shapes.completions import arguments
 from bondgraph.correct.shapes.formula import Formula
-from bondgraph.correct.shapes.subsets import MOST_TERMS, Sum, Terms, best_sums, scored_terms, tried
+from bondgraph.correct.shapes.subsets import MOST_TERMS, Sum, Terms, best_sums, elsewhere, lost, scored_terms, tried
+from bondgraph.declare.effect import Place
 from bondgraph.estimate.local import Report
 
 #: Places at which functions are tried while a law of the dictionary passes, and where none does; signals of a formula.
@@ -56,6 +57,16 @@ class Residual:
     probed: Sequence[Probe]
     signals: Sequence[Signal]
     located: Sequence[LocatedAt]
+
+
+@dataclass(frozen=True)
+class Option:
+    """A sum of terms worth a refit: the library it is of, its place, and others at which it shows in the same way."""
+
+    terms: Terms
+    chosen: Sum
+    probe: Probe
+    twins: tuple[Place, ...] = ()
 
 
 def with_formulas(
@@ -88,10 +99,12 @@ def with_formulas(
     options, counts = _options(functions, known, left, measured, 1 if law is not None else MOST_TERMS)
     if law is not None and options and _says(law, options[0], scored, left):
         return list(trials)
-    done = list(trials)
-    for k, (terms, one) in enumerate(options):
+    done, refitted = list(trials), {one.candidate.label for one in trials}
+    for k, option in enumerate(options):
         report("refit formulas", k, len(options))
-        made = _refitted(terms.probe, one, left, context, context.tried + counts[len(one.terms)])
+        if f"{formula_at(option.probe, option.chosen, left.signals).name} at {option.probe.place.label}" in refitted:
+            continue  # as a form of a law that was found before
+        made = _refitted(option, left, context, context.tried + counts[len(option.chosen.terms)])
         done += made
         if law is not None and made and not made[0].gain > law.gain + INDIFFERENT:
             break  # the foremost does not beat the law
@@ -109,7 +122,7 @@ def _promised(scored: Scored, law: Trial | None) -> float:
 
 def _options(
     functions: Sequence[Spline], known: Sequence[Signal], left: Residual, measured: int, most: int
-) -> tuple[list[tuple[Terms, Sum]], dict[int, int]]:
+) -> tuple[list[Option], dict[int, int]]:
     """Sums of terms worth a refit, of all places, the most promising first, and what counts as tried by their length.
 
     Every length has an equal share in the chance of a false alarm, so that short sums are not judged by how many long
@@ -118,34 +131,90 @@ def _options(
     Each is worth more than the free function, by the Bayesian information criterion: what leaves a part of that is no
     law of the shape.
     """
-    found: list[tuple[Terms, Sum]] = []
+    found: list[Option] = []
     counts = dict.fromkeys(range(1, most + 1), 0)
     for one in _places(functions):
         signals = [_signal(known, name) for name in _arguments(functions, one)]
         terms = scored_terms(left.linear, one.probe, known, signals)
         counts = {size: before + most * tried(terms, size) for size, before in counts.items()}
-        free = one.gain - 0.5 * one.knots.size * math.log(max(measured, 2))
-        sums = [chosen for chosen in best_sums(terms, measured, most, _ALONE) if chosen.worth > free]
-        found += [(terms, chosen) for chosen in _worthwhile(sums)]
-    return sorted(found, key=lambda option: -option[1].worth), counts
+        found += [_at_home(terms, chosen, left) for chosen in _sums(terms, one, measured, most)]
+    return sorted(found, key=lambda option: -option.chosen.worth), counts
 
 
-def _says(law: Trial, option: tuple[Terms, Sum], scored: Scored, left: Residual) -> bool:
-    """Whether a law of the dictionary says the same as a term, in other words: it would lose next to nothing to it.
+def _sums(terms: Terms, free: Spline, measured: int, most: int) -> list[Sum]:
+    """Sums worth a refit, which are worth more than a free function of the signal."""
+    worth = free.gain - 0.5 * free.knots.size * math.log(max(measured, 2))
+    return _worthwhile([chosen for chosen in best_sums(terms, measured, most, _ALONE) if chosen.worth > worth])
 
-    Of two responses with the correlation r one loses the share 1 - r^2 of its gain in the place of the other.
+
+def _at_home(terms: Terms, chosen: Sum, left: Residual) -> Option:
+    """The sum at the place that its signals belong to, if it shows there as where it was found, and its other places.
+
+    A current that a node loses by its own voltage shows as a drop of the line before it by the voltage of the node. A
+    law of what is its own at a place is simpler than one of what happens elsewhere.
     """
+    same = {terms.probe.place.label: (terms.probe, chosen)}
+    for probe in left.probed:
+        if probe.variable != "sensor" and probe is not terms.probe:
+            there = elsewhere(left.linear, chosen, terms.probe, probe, left.signals)
+            if there is not None:
+                same[probe.place.label] = (probe, there)
+    signals = {name for term in chosen.terms for name in term.signals}
+    best = max(same, key=lambda label: sum(_belongs(name, same[label][0].place, left.built) for name in signals))
+    twins = tuple(probe.place for label, (probe, _) in same.items() if label != best)
+    return Option(terms, same[best][1], same[best][0], twins)
+
+
+def _belongs(name: str, place: Place, built: BuiltModel) -> bool:
+    """Whether a signal is a variable of a place, or of an element there."""
+    variable, _, of = name.partition(" of ")
+    if variable in ("effort", "flow"):
+        return of == place.label and (variable == "flow") == (place.junction.kind == "1")
+    return {place.junction.name, of} in ({bond.source, bond.target} for bond in built.causal.graph.bonds)
+
+
+def own_forms(laws: Sequence[Trial], scored: Scored, left: Residual, context: Context, report: Report) -> list[Trial]:
+    """Formulas by which laws that were found before take a form of their own, refitted.
+
+    They come before all other candidates: what acts at another place must explain more than such a form does, and what
+    acts at its place is one anyway. None where the best law promises more than twice as much, and of stiff models.
+    """
+    done: list[Trial] = []
+    measured = sum(int(np.isfinite(log.y).sum()) for log in context.train)
+    promised = float(np.max(scored.scores.gain, initial=0.0))
+    for first in [] if context.base.problem.filter_model.is_stiff else laws:
+        free = _free_form(first, left)
+        if free is None or free.gain < max(_WORTH * promised, context.required):
+            continue
+        terms = scored_terms(left.linear, free.probe, [free.signal], [free.signal])
+        sums = _sums(terms, free, measured, MOST_TERMS)
+        for k, chosen in enumerate(sums):
+            report(f"refit forms of {first.candidate.label}", k, len(sums))
+            count = context.tried + MOST_TERMS * tried(terms, len(chosen.terms))
+            made = _refitted(Option(terms, chosen, free.probe), left, context, count)
+            done += [replace(one, completes=first.candidate.label) for one in made]
+    return done
+
+
+def _free_form(first: Trial, left: Residual) -> Spline | None:
+    """What is left at the place of a law as a free function of its only signal; None of one that stores."""
+    names, element = arguments(first, left.built.graph), first.candidate.effect.element
+    node, kind = left.built.causal.graph.nodes.get(element), first.candidate.place.junction.kind
+    if names is None or len(names) != 1 or (node is not None and (node.kind, kind) in (("I", "1"), ("C", "0"))):
+        return None
+    signal = next((one for one in left.signals if {one.name} == names), None)
+    probe = next((one for one in left.probed if one.place.label == first.candidate.place.label), None)
+    return None if signal is None or probe is None else next(iter(splines(left.linear, [probe], [signal])), None)
+
+
+def _says(law: Trial, option: Option, scored: Scored, left: Residual) -> bool:
+    """Whether a law of the dictionary says the same as a term, in other words: it would lose next to nothing to it."""
     labels = [one.label for one in scored.candidates]
-    terms, one = option
     if law.candidate.label not in labels:
         return False
     own = scored.columns[labels.index(law.candidate.label)]
-    shaped_like = terms.responses(left.linear, one, left.signals)
-    projected = left.linear.projected(np.concatenate([shaped_like, own], axis=1))
-    information, split = projected.information, shaped_like.shape[1]
-    inner, across = information[:split, :split], information[:split, split:]
-    kept = np.trace(solve(inner, across @ solve(information[split:, split:], across.T))) / split
-    return bool((1.0 - min(kept, 1.0)) * one.gain < INDIFFERENT)
+    shown = option.terms.responses(left.linear, option.chosen, left.signals)
+    return lost(left.linear, shown, own) * option.chosen.gain < INDIFFERENT
 
 
 def _suspects(left: Residual, most: int) -> list[Probe]:
@@ -193,13 +262,15 @@ def _worthwhile(sums: Sequence[Sum]) -> list[Sum]:
     return kept
 
 
-def _refitted(probe: Probe, found: Sum, left: Residual, context: Context, count: int) -> list[Trial]:
+def _refitted(option: Option, left: Residual, context: Context, count: int) -> list[Trial]:
     """The trial of a sum of terms as a formula, refitted; none where the graph has no room for it."""
-    formula = formula_at(probe, found, left.signals)
-    made, _ = candidates(left.built, [formula.effect()], [probe.place])
+    found = option.chosen
+    formula = formula_at(option.probe, found, left.signals)
+    made, _ = candidates(left.built, [formula.effect()], [option.probe.place])
     if not made:
         return []
-    trial = Trial(made[0], found.gain, tuple(map(float, found.step)))
+    twins = tuple(f"{formula.name} at {place.label}" for place in option.twins)
+    trial = Trial(made[0], found.gain, tuple(map(float, found.step)), stands_for=twins)
     start = [float(value) for value in found.step]
     return [trial.attempted(lambda: refit_from(trial, start, context, tried=count))]
 

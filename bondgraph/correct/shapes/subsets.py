@@ -10,12 +10,13 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from bondgraph.correct.constants import INDIFFERENT
 from bondgraph.correct.places.probes import Probe, Signal, shaped
-from bondgraph.correct.scores.score import Projected
+from bondgraph.correct.scores.score import Projected, solve
 from bondgraph.correct.scores.scoring import Linearisation
 from bondgraph.correct.shapes.library import Term, library
 from bondgraph.data.log import FloatArray
@@ -75,6 +76,28 @@ def scored_terms(linear: Linearisation, probe: Probe, known: Sequence[Signal], o
     edges = np.cumsum([0, *sizes])
     kept = [k for k in range(len(terms)) if left[edges[k] : edges[k + 1]].all()]
     return _only(Terms(probe, tuple(terms), edges, projected.score, projected.information), kept, projected)
+
+
+def elsewhere(linear: Linearisation, chosen: Sum, own: Probe, other: Probe, known: Sequence[Signal]) -> Sum | None:
+    """The same terms at another place, where their responses are the same; None where the logs tell the two apart.
+
+    Of two responses with the correlation r one loses the share 1 - r^2 of its gain in the place of the other.
+    """
+    here, there = (_responses(linear, probe, chosen.terms, known) for probe in (own, other))
+    if lost(linear, here, there) * chosen.gain >= INDIFFERENT:
+        return None
+    projected = linear.projected(there)
+    told = _best(projected.score, projected.information)
+    return None if told is None else replace(chosen, step=told[0], gain=told[1])
+
+
+def lost(linear: Linearisation, columns: FloatArray, others: FloatArray) -> float:
+    """Share of what some responses (n_terms, k) explain that is lost where others (n_terms, m) take their place."""
+    projected = linear.projected(np.concatenate([columns, others], axis=1))
+    information, split = projected.information, columns.shape[1]
+    inner, across = information[:split, :split], information[:split, split:]
+    kept = np.trace(solve(inner, across @ solve(information[split:, split:], across.T))) / split
+    return float(1.0 - min(kept, 1.0))
 
 
 def _responses(linear: Linearisation, probe: Probe, terms: Sequence[Term], known: Sequence[Signal]) -> FloatArray:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import re
 
 import numpy as np
 import pytest
@@ -156,6 +157,23 @@ def test_it_reads_as_a_law_with_its_unit() -> None:
     product = formula(swing(), "effort", _term("product", PULL))
     assert product.text() == "effort = c*x*y, x the displacement of spring and y the pull"
     assert product.coefficients()[0].unit == "N/((m)*(N))"
+
+
+@pytest.mark.parametrize("terms", SUMS, ids=lambda terms: "+".join(one.kind.name for one in terms))
+def test_no_number_has_more_digits_than_its_interval_supports(terms: tuple[Term, ...]) -> None:
+    """A law was told as 0.05555555555555555*x, and its lines of Python had all digits of a double."""
+    g = swing()
+    found = formula(g, "effort", *terms)
+    every = [*found.coefficients(), *found.inner()]
+    values = {one.name: (1.0 if one.bounds[0] < 1.0 < one.bounds[1] else one.start) / 3.0 for one in every}
+    ends = {name: (0.9 * value, 1.1 * value) for name, value in values.items()}
+    text, lines = found.text(values, ends).partition(" = ")[2], found.python(values, ends)
+    assert max(len(digits.strip("0")) for digits in re.findall(r"\d[\d.]*", text.replace(".", ""))) <= 3
+    for name, value in values.items():
+        (told,) = re.findall(rf"g.parameter\('{name}', ([^,]*),", lines)
+        assert float(told) == pytest.approx(value, abs=0.06 * 0.1 * abs(value)) and len(told.strip("-0.")) <= 4
+    pasted = swing()
+    exec(lines, {"g": pasted})  # what is rounded still is a law with a value in its bounds
 
 
 def fitted(train: list[MatchedLog]) -> Fit:
