@@ -199,18 +199,12 @@ def close_loop(
     while _withdrawn(state, rest) and len(state.added) == settings.max_effects and not settings.tables:
         state, rounds, reason = _rounds(rest.state, every, own, settings.max_effects, rounds)
         rest = settle(state, rounds, own, settings.tables)
-    if not settings.tables:
-        disturbed = with_disturbance(rest.state, own, _worth(rest))
+    if not rest.unexplained:
+        disturbed = with_disturbance(rest.state, own)
         if disturbed is not rest.state:  # what it hid may show now
             state, rounds, reason = _rounds(disturbed, every, own, settings.max_effects, rounds)
             rest = settle(state, rounds, own, settings.tables)
     return _result(built, start, rest, rounds, holdout, told, reason, settings, report)
-
-
-def _worth(rest: Rest) -> float:
-    """Nats that a function without a law gains beyond the penalty for its points: a disturbance must explain more."""
-    measured = sum(int(np.isfinite(log.y).sum()) for log in rest.state.train)
-    return max((one.gain - 0.5 * one.knots.size * np.log(measured) for one in rest.unexplained), default=0.0)
 
 
 def _withdrawn(before: Progress, after: Rest) -> bool:
@@ -257,14 +251,16 @@ def _explained_at_random(state: Progress, chosen: Trial, own: RoundSettings) -> 
     """The state with a disturbance that explains more than a candidate that leaves innovations coloured, if one does.
 
     A wind that lasts correlates with every law for a while, and the scatter of blocks tells too little of it. A lag, a
-    storage and a late sensor explain coloured innovations by their memory, whatever coloured them.
+    storage and a late sensor explain coloured innovations by their memory, whatever coloured them. What a law of the
+    machine explains is not blamed on the noise of a sensor.
     """
     effect, known = chosen.candidate.effect, {one.candidate.effect.kind for one in state.added}
     if DISTURBANCE in known or chosen.evidence is None or chosen.fit is None:
         return state
-    if not (effect.adds_state or effect.channel) and is_white(chosen.fit, own.level):
+    remembers = effect.adds_state or bool(effect.channel)
+    if not remembers and is_white(chosen.fit, own.level):
         return state
-    return with_disturbance(state, own, chosen.evidence.bic_gain)
+    return with_disturbance(state, own, chosen.evidence.bic_gain, sensors=remembers)
 
 
 def _result(

@@ -256,13 +256,13 @@ def _standing(state: Progress, sure: Sequence[Trial], how: str, number: int, set
     return state
 
 
-def with_disturbance(state: Progress, settings: RoundSettings, worth: float = 0.0) -> Progress:
+def with_disturbance(state: Progress, settings: RoundSettings, worth: float = 0.0, *, sensors: bool = True) -> Progress:
     """The state with the disturbance that explains most, if innovations are coloured and one passes its tests.
 
-    It must gain more than ``worth`` nats beyond the penalty for its parameters.
+    It must gain more than ``worth`` nats beyond the penalty for its parameters; ``sensors``: that of a sensor is one.
     """
     settings.report("look for a disturbance", 0, 1)
-    found = disturbances(state.built, state.fit, state.train, settings.level, settings.journal)
+    found = disturbances(state.built, state.fit, state.train, settings.level, settings.journal, sensors=sensors)
     settings.report("look for a disturbance", 1, 1)
     if found is None or found.fit is None or found.built is None or found.evidence is None:
         return state

@@ -88,8 +88,8 @@ def _searched(
             if left[0] is None:  # the function shows only beside it: so it is no relative of the function
                 break
             gone, kind = state.added[spare[-1]].candidate.label, state.added[spare[-1]].candidate.effect.kind
-            if kind == DISTURBANCE and fewer.fit.nll - state.fit.nll > left[0].gain - found.gain:
-                needed.add(gone)  # it has no size that the function could take: it explains what that does not
+            if kind == DISTURBANCE and fewer.fit.nll - state.fit.nll > left[0].gain:
+                needed.add(gone)  # it has no size that the function could take, and explains more than that
                 continue
             state = standing(fewer, gone, len(rounds), settings)
             if state is not fewer:

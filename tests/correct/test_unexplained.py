@@ -55,7 +55,8 @@ def test_a_residual_outside_the_dictionary_is_unexplained_and_near_relatives_are
     assert (closed.verdict, closed.added) == ("unexplained residual", ())
     (found,) = closed.unexplained
     assert found.signal == "torque" and {found.place.label, *found.like} == {"drum", "runner"}
-    assert {step.action for step in closed.history} <= {"added", "not constant", "withdrawn", "stopped"}
+    assert not closed.disturbances  # one beside the torque is withdrawn: the function explains more than it
+    assert {step.action for step in closed.history} <= {"added", "not constant", "disturbance", "withdrawn", "stopped"}
 
 
 def test_its_shape_is_that_of_the_truth(closed: ClosedLoop) -> None:

@@ -73,7 +73,13 @@ class Disturbance:
 
 
 def disturbances(
-    built: BuiltModel, base: Fit, train: Sequence[MatchedLog], level: float, journal: Journal | None = None
+    built: BuiltModel,
+    base: Fit,
+    train: Sequence[MatchedLog],
+    level: float,
+    journal: Journal | None = None,
+    *,
+    sensors: bool = True,
 ) -> Trial | None:
     """The disturbance that explains most, if it passes its tests; None where innovations are white or nothing passes.
 
@@ -85,11 +91,13 @@ def disturbances(
         Chance of a false alarm over all that are tried.
     journal
         Finished fits.
+    sensors
+        Whether the noise of a sensor with a memory is one too.
     """
     tests = whiteness(base, train)
     if not any(test.p_value * len(tests) < level for test in tests):
         return None
-    coloured = [test.channel for test in tests if test.p_value * len(tests) < level]
+    coloured = [test.channel for test in tests if sensors and test.p_value * len(tests) < level]
     made = [
         *(one for one in (_candidate(built, train, name) for name in _driven_states(base, level)) if one is not None),
         *(one for one in (_at_sensor(built, train, name) for name in coloured) if one is not None),

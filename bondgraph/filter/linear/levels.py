@@ -42,11 +42,11 @@ def respond_to_levels(linear: LinearLog, run: FilterRun, changes: LevelChanges) 
     levels = changes.process.shape[0]
     seen = np.isfinite(run.y).T.astype(np.float64)
     drivers = np.flatnonzero(changes.process.any(axis=0))
-    filtered = level_kernel.Filter(
-        np.ascontiguousarray(linear.transition), _gathered(run, drivers), linear.slope * seen[:, :, np.newaxis], seen,
-        np.ascontiguousarray(linear.gain), np.ascontiguousarray(linear.whitener),
-        np.nan_to_num(run.innovation).T.copy(), np.nan_to_num(run.whitened).T.copy(),
+    arrays = (
+        linear.transition, _gathered(run, drivers), linear.slope * seen[:, :, np.newaxis], seen, linear.gain,
+        linear.whitener, np.nan_to_num(run.innovation).T, np.nan_to_num(run.whitened).T,
     )  # fmt: skip
+    filtered = level_kernel.Filter(*map(np.ascontiguousarray, arrays))
     slopes_z, slopes_s = np.zeros((count, outputs, levels)), np.zeros((count, outputs, levels))
     process, noise = np.ascontiguousarray(changes.process.T[drivers]), np.ascontiguousarray(changes.measurement.T)
     carry(filtered, process, noise, slopes_z, slopes_s)
