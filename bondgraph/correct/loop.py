@@ -24,6 +24,7 @@ from bondgraph.correct.constants import LEVEL, MEASUREMENTS_EACH, MOST_EFFECTS, 
 from bondgraph.correct.evidence.certified import doubts, refined
 from bondgraph.correct.evidence.trials import Added, Detectable, Trial
 from bondgraph.correct.fits.assess import Assessment, assess
+from bondgraph.correct.fits.compared import predicts_worse
 from bondgraph.correct.fits.rates import rated, with_followed_rates
 from bondgraph.correct.fits.whiteness import Whiteness, is_white, whiteness
 from bondgraph.correct.models.failures import FAILURES
@@ -252,7 +253,7 @@ def _explained_at_random(state: Progress, chosen: Trial, own: RoundSettings) -> 
 
     A wind that lasts correlates with every law for a while, and the scatter of blocks tells too little of it. A lag, a
     storage and a late sensor explain coloured innovations by their memory, whatever coloured them. What a law of the
-    machine explains is not blamed on the noise of a sensor.
+    machine explains is not blamed on the noise of a sensor; nor goes one that predicts better over the horizon.
     """
     effect, known = chosen.candidate.effect, {one.candidate.effect.kind for one in state.added}
     if DISTURBANCE in known or chosen.evidence is None or chosen.fit is None:
@@ -260,7 +261,8 @@ def _explained_at_random(state: Progress, chosen: Trial, own: RoundSettings) -> 
     remembers = effect.adds_state or bool(effect.channel)
     if not remembers and is_white(chosen.fit, own.level):
         return state
-    return with_disturbance(state, own, chosen.evidence.bic_gain, sensors=remembers)
+    other = with_disturbance(state, own, chosen.evidence.bic_gain, sensors=remembers)
+    return state if not remembers and predicts_worse(chosen.fit, other.fit, state.train) else other
 
 
 def _result(

@@ -16,7 +16,9 @@ import numpy as np
 from scipy import stats
 
 from bondgraph.correct.constants import LEVEL
-from bondgraph.data.log import FloatArray
+from bondgraph.correct.fits.horizon import horizon, predicted, windows
+from bondgraph.data.log import FloatArray, MatchedLog
+from bondgraph.estimate.fitted import Fit
 
 Data = Literal["training", "held-out", "left-out"]
 Kind = Literal["prediction", "free simulation"]
@@ -79,6 +81,23 @@ def judged(one: Errors, random: bool, count: int) -> Compared:
     margin = max(one.noise**2, before if random and one.kind == "free simulation" else 0.0)
     clearly = p_worse * count < LEVEL and after - before > margin
     return Compared(one.data, one.kind, one.channel, math.sqrt(before), math.sqrt(after), p_worse, clearly)
+
+
+def predicts_worse(first: Fit, second: Fit, logs: Sequence[MatchedLog]) -> bool:
+    """Whether a second fit predicts the channels of logs worse over the horizon than the first.
+
+    By the ratio of their root mean square errors, of several channels its geometric mean.
+    """
+    seconds = horizon(first, logs)
+    pieces: list[list[tuple[float, float, int]]] = [[] for _ in first.problem.filter_model.model.outputs]
+    for log, *runs in zip(logs, first.runs(logs), second.runs(logs), strict=True):
+        parts = windows(log, seconds)
+        shown = [predicted(one, log, run, parts) for one, run in zip((first, second), runs, strict=True)]
+        for row, found in enumerate(pieces):
+            found += squares(log.y[row], [y[row] for y in shown], parts)
+    told = [np.array(found, dtype=np.float64) for found in pieces if found]
+    means = [np.average(one[:, :2], axis=0, weights=one[:, 2]) for one in told]
+    return sum(math.log(after / before) for before, after in means if before > 0.0 and after > 0.0) > 0.0
 
 
 def _p_worse(grown: FloatArray, weight: FloatArray) -> float:
