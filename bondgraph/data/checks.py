@@ -88,7 +88,8 @@ def _value_findings(channel: LogChannel, limits: tuple[float, float] | None, fir
     valid = np.flatnonzero(~channel.missing)
     values = channel.numbers[valid]
     if values.size > 1 and np.ptp(values) == 0.0:
-        text = f"is constant at {values[0]:.6g} {channel.unit} in all {values.size} samples"
+        unit = "" if channel.unit in ("", "1") else f" {channel.unit}"
+        text = f"is constant at {values[0]:.6g}{unit} in all {values.size} samples"
         yield _finding("constant", channel, valid, text, first_row)
         return
     lower, upper = limits if limits is not None else _usual_limits(channel.unit)
