@@ -35,7 +35,7 @@ _OF_GRAPHS: Mapping[str, str] = {
 
 
 def is_fmu(reference: str) -> bool:
-    """Whether a reference names an FMU.
+    """True for a reference to an FMU.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""What a compiled kernel is given: numbers, arrays, compiled functions and records of them, as one row of words.
+"""Arguments of a compiled kernel: numbers, arrays, compiled functions and records of them, as one row of words.
 
 A word is 64 bits: a number, an address or a length. An array is its address and its lengths, a record what its fields
 are, one after the other. So a record of a record lies in one piece, and code finds a field at a place that it knows.

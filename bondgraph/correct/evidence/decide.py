@@ -292,7 +292,7 @@ def alternatives(
 
 
 def _twins(trial: Trial) -> list[Alternative]:
-    """What a trial stands for, which shows in the same way."""
+    """Candidates that show in the same way as a trial, for which it stands."""
     same = f"its response is that of {trial.candidate.label} to these sensors"
     names = [label.partition(" at ") for label in trial.stands_for]
     return [Alternative(name, where, trial.gain, True, same) for name, _, where in names]

@@ -84,7 +84,7 @@ def judged(one: Errors, random: bool, count: int) -> Compared:
 
 
 def predicts_worse(first: Fit, second: Fit, logs: Sequence[MatchedLog]) -> bool:
-    """Whether a second fit predicts the channels of logs worse over the horizon than the first.
+    """True where a second fit predicts the channels of logs worse over the horizon than the first.
 
     By the ratio of their root mean square errors, of several channels its geometric mean.
     """

@@ -30,7 +30,7 @@ from bondgraph.simulate.model import Model
 
 
 def own_form(first: Trial, further: Trial, graph: BondGraph) -> bool:
-    """Whether a law is of no signal that another one at its place is not: their sum is one law.
+    """True for a law of the signals of another one at its place, and no others: their sum is one law.
 
     ``graph`` has both. What acts in a regime and what acts everywhere stay two: each is told for itself.
     """
@@ -83,7 +83,7 @@ def _joined_functions(functions: Sequence[EffectFunction], effect: Effect) -> Ef
 
 
 def whole_law(law: Trial, graph: BondGraph) -> tuple[str, Expr] | None:
-    """What a law gives (an effort, a flow, a displacement), and its expression in signals, summed over its parts.
+    """The variable that a law gives (effort, flow, displacement), and its expression in signals, summed over its parts.
 
     None where a part has no element of its own, or the parts do not give the same.
     """

@@ -67,6 +67,6 @@ class _Numbers(TextPrinter):
         return rounded(float(expression), digits=self._digits)
 
     def _as_ordered_terms(self, expression: Expr, order: str | None = None) -> list[Expr]:
-        """What moves comes before what does not: x - 6.2."""
+        """Terms that move before those that do not: x - 6.2."""
         terms = super()._as_ordered_terms(expression, order)
         return sorted(terms, key=lambda term: {one.name for one in term.free_symbols} <= self._shown.keys())

@@ -166,7 +166,7 @@ def _at_home(terms: Terms, chosen: Sum, left: Residual) -> Option:
 
 
 def _belongs(name: str, place: Place, built: BuiltModel) -> bool:
-    """Whether a signal is a variable of a place, or of an element there."""
+    """True for a signal that is a variable of a place, or of an element there."""
     variable, _, of = name.partition(" of ")
     if variable in ("effort", "flow"):
         return of == place.label and (variable == "flow") == (place.junction.kind == "1")
