@@ -200,7 +200,7 @@ def close_loop(
     while _withdrawn(state, rest) and len(state.added) == settings.max_effects and not settings.tables:
         state, rounds, reason = _rounds(rest.state, every, own, settings.max_effects, rounds)
         rest = settle(state, rounds, own, settings.tables)
-    if not rest.unexplained:
+    if all(one.signal == "time" for one in rest.unexplained):  # which is no law either
         disturbed = with_disturbance(rest.state, own)
         if disturbed is not rest.state:  # what it hid may show now
             state, rounds, reason = _rounds(disturbed, every, own, settings.max_effects, rounds)

@@ -120,6 +120,13 @@ def test_a_law_must_explain_more_than_a_disturbance_would() -> None:
     assert wind.size == pytest.approx(GUST, rel=0.3) and wind.seconds == pytest.approx(LASTS, rel=0.5)
 
 
+def test_what_shows_as_a_function_of_time_alone_is_a_disturbance() -> None:
+    """A wind was "an unknown effort as a function of time"."""
+    functions = (effects.quadratic_loss, effects.coulomb_loss, effects.constant_effort)
+    found = close_loop(cart(), [dragged(11, GUST, 0.0), dragged(12, GUST, 0.0)], [], functions, LoopSettings())
+    assert found.verdict == "disturbance" and not found.added and not found.unexplained
+
+
 def test_a_law_without_a_wind_has_no_disturbance_beside_it() -> None:
     functions = (effects.quadratic_loss, effects.coulomb_loss, effects.constant_effort)
     found = close_loop(cart(), [dragged(11, 0.0, 3.0), dragged(12, 0.0, 3.0)], [], functions, LoopSettings())
