@@ -121,8 +121,7 @@ def load_kernel(*kernels: ModuleType, fused: bool = True) -> Any:
     ModelError
         If numba is not installed; ask :func:`has_numba` first.
     """
-    if not has_numba():
-        raise ModelError(f"{kernels[0].__name__}: numba is not installed - install the package 'numba'")
+    _ask_for_numba(kernels)
     title = f"Compiled form of {', '.join(kernel.__name__ for kernel in kernels)}"
     outer, within = "@_jit\n", "@_inner\n"
     if not fused:
@@ -140,10 +139,14 @@ def load_translated(name: str, *kernels: ModuleType) -> Any:
     ModelError
         If numba is not installed; ask :func:`has_numba` first.
     """
-    if not has_numba():
-        raise ModelError(f"{kernels[0].__name__}: numba is not installed - install the package 'numba'")
+    _ask_for_numba(kernels)
     calls = importlib.import_module("bondgraph.compile.kernels.calls")
     return calls.Kernel([inspect.getsource(kernel) for kernel in kernels], name)
+
+
+def _ask_for_numba(kernels: tuple[ModuleType, ...]) -> None:
+    if not has_numba():
+        raise ModelError(f"{kernels[0].__name__}: numba is not installed - install the package 'numba'")
 
 
 def has_numba() -> bool:

@@ -53,7 +53,7 @@ def _names(variables: Collection[FmuVariable]) -> list[str]:
 
 
 def course_of(fmu: Fmu, log: Log, rows: FloatArray, kind: str, steps: int) -> Course:
-    """What an FMU is fed with: inputs at the samples of a log, shape (n_u, n), between them as they run.
+    """Inputs of an FMU: values at the samples of a log, shape (n_u, n), between them as they run.
 
     Raises
     ------
@@ -131,7 +131,7 @@ def _answer(
     simulation: Any, folder: str, fmu: Fmu, instance: Any, course: Course, starts: Mapping[str, float], kind: str,
     rtol: float,
 ) -> Any:  # fmt: skip
-    """What FMPy records; co-simulation goes block by block, since FMPy seeks each event among all of its inputs."""
+    """Records of FMPy; co-simulation goes block by block, since FMPy seeks each event among all of its inputs."""
     table, answers, last = course.table(fmu), [], course.times.size - 1
     block = _BLOCK if kind == "co-simulation" else last
     for first in range(0, last, block):

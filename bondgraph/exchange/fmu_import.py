@@ -35,7 +35,7 @@ STEPS = 4
 
 @dataclass(frozen=True)
 class FmuRun:
-    """What an FMU made of a log: a log of its outputs at the same times, and what deserves attention."""
+    """Answer of an FMU to a log: a log of its outputs at the same times, and what deserves attention."""
 
     log: Log
     notes: tuple[str, ...]

@@ -49,7 +49,7 @@ class FmuVariable:
 
 @dataclass(frozen=True, repr=False)
 class Fmu:
-    """What an FMU says of itself: ``kinds`` it can be run as, inputs, parameters and outputs.
+    """Description of an FMU by itself: ``kinds`` it can be run as, inputs, parameters and outputs.
 
     ``settable`` are all variables with a start value, ``left_out`` outputs that a log cannot hold: text and arrays.
     ``problem`` says where the description departs from the standard.

@@ -1,4 +1,4 @@
-"""What the filter kernel keeps of every sample; compiled from its text. Letters as in ``kernel``."""
+"""Records that the filter kernel keeps of every sample; compiled from its text. Letters as in ``kernel``."""
 
 from __future__ import annotations
 

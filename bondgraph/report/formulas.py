@@ -32,7 +32,7 @@ def _sentence(closed: ClosedLoop, added: Added) -> str:
 
 
 def _own_form(closed: ClosedLoop, added: Added) -> str:
-    """What the form of a law is that is not its name's, and how far it departs."""
+    """Sentence on a form of a law's own, and how far it is from its name; empty without one."""
     law = added.trial
     if not law.forms:
         return ""

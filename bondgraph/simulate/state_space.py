@@ -21,6 +21,7 @@ from bondgraph.coherent import coherent
 from bondgraph.errors import ModelError, suggest
 from bondgraph.simulate.model import Model
 from bondgraph.simulate.traced import CALLED, Traced, TraceError, constant, lines_of, noted
+from bondgraph.syntax import parsed
 
 #: Rates or outputs: expressions by name, or a function of ``(t, x, u, theta)``.
 Given = Mapping[str, str] | Callable[..., Any]
@@ -238,7 +239,7 @@ def _read(tables: _Tables, what: str, text: str) -> Any:
     for vector in tables.vectors:
         known.update(zip(vector.names, vector, strict=True))
     try:
-        return _evaluated(ast.parse(text.strip(), mode="eval").body, known)
+        return _evaluated(parsed(text.strip(), mode="eval").body, known)
     except (SyntaxError, ValueError, TypeError, RecursionError, TraceError) as error:
         raise ModelError(
             f"{tables.name}: {what}: {text!r} cannot be read ({error}) - write it like 'k*x - sqrt(c)*v'",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import gc
 import inspect
 import os
@@ -12,6 +13,7 @@ from pathlib import Path
 
 import pytest
 
+import bondgraph
 from bondgraph.compile.lanes import compiler
 from bondgraph.syntax import parsed
 
@@ -44,6 +46,18 @@ def test_threads_parse_text_while_garbage_is_collected(monkeypatch: pytest.Monke
         sys.setswitchinterval(interval)
         gc.set_threshold(*threshold)
     assert set(found) == {len(parsed(text).body)}
+
+
+def test_all_parsing_goes_through_one_lock() -> None:
+    package = Path(bondgraph.__file__).parent
+    calls = [
+        f"{path.relative_to(package)}:{node.lineno}"
+        for path in package.rglob("*.py")
+        if path.name != "syntax.py" and "documentation" not in path.parts  # pages are built by no thread
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        if isinstance(node, ast.Call) and ast.unparse(node.func) == "ast.parse"
+    ]
+    assert calls == []
 
 
 #: Memory in which pieces of a page, two pages and so on are free, each four gigabytes from the next.

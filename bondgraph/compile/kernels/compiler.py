@@ -25,6 +25,7 @@ from bondgraph.compile.kernels.values import Array, Record, Values, flat, indice
 from bondgraph.compile.lanes.instructions import FLOAT, INTEGER
 from bondgraph.compile.numba_internals import ir
 from bondgraph.errors import ModelError
+from bondgraph.syntax import parsed
 
 _RESULTS = {"None": ir.VoidType(), "int": INTEGER, "float": FLOAT}
 _WORDS = INTEGER.as_pointer()
@@ -89,7 +90,7 @@ class _Kernel:
         self.functions: dict[str, ast.FunctionDef] = {}
         self.scope: dict[str, Any] = {"math": math}
         self._written: dict[tuple[str, tuple[Kind, ...]], Any] = {}
-        for node in (node for source in sources for node in ast.parse(source).body):
+        for node in (node for source in sources for node in parsed(source).body):
             if isinstance(node, ast.FunctionDef):
                 self.functions[node.name] = node
             elif isinstance(node, ast.Assign):

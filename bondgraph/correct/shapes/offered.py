@@ -197,7 +197,7 @@ def own_forms(laws: Sequence[Trial], scored: Scored, left: Residual, context: Co
 
 
 def _free_form(first: Trial, left: Residual) -> Spline | None:
-    """What is left at the place of a law as a free function of its only signal; None of one that stores."""
+    """Free function of the only signal of a law that is left at its place; None of a law that stores."""
     names, element = arguments(first, left.built.graph), first.candidate.effect.element
     node, kind = left.built.causal.graph.nodes.get(element), first.candidate.place.junction.kind
     if names is None or len(names) != 1 or (node is not None and (node.kind, kind) in (("I", "1"), ("C", "0"))):
@@ -208,7 +208,7 @@ def _free_form(first: Trial, left: Residual) -> Spline | None:
 
 
 def _says(law: Trial, option: Option, scored: Scored, left: Residual) -> bool:
-    """Whether a law of the dictionary says the same as a term, in other words: it would lose next to nothing to it."""
+    """True for a term that a law of the dictionary says in other words: the law would lose next to nothing to it."""
     labels = [one.label for one in scored.candidates]
     if law.candidate.label not in labels:
         return False
