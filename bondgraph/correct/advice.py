@@ -101,7 +101,7 @@ def _simulated(fitted: Fit, log: MatchedLog, u: FloatArray, time: FloatArray) ->
     for name, value in log.theta_overrides.items():
         theta[model.index("parameter", name)] = value
     steps = simulation_steps(fitted.problem.filter_model, time)
-    x0 = fitted.problem.initial_states[0]
+    x0 = fitted.problem.batch(fitted.point[:, np.newaxis]).x0[0][:, 0]
     method = integrator(fitted.problem.filter_model)
     run = simulate(model, time, u, theta, x0, method=method, substeps=steps, compiled=True)
     if not np.isfinite(run.x).all():

@@ -80,14 +80,20 @@ def _from_measurements(model: Model, log: MatchedLog, theta: FloatArray) -> tupl
     """Initial state (n_x,), and which of its parts were measured; a start that is declared comes before others."""
     x0 = model.x0()
     held = np.zeros(x0.size, dtype=np.bool_)
-    early = log.time <= log.time[0] + BEGINNING * (log.time[-1] - log.time[0])
     for output, (state, slope, offset) in directly_measured(model, log.u[:, 0], theta).items():
-        first = np.flatnonzero(~np.isnan(log.y[output]) & early)
-        if first.size:
-            x0[state] = (log.y[output, first[0]] - offset) / slope
+        value = first_measured(log, output)
+        if value is not None:
+            x0[state] = (value - offset) / slope
             held[state] = True
     x0, given = starts_in(model, log.time, log.u, log.y, x0)
     return x0, held | given
+
+
+def first_measured(log: MatchedLog, output: int) -> float | None:
+    """The first value of an output, None where it is not measured near the beginning of the log."""
+    early = log.time <= log.time[0] + BEGINNING * (log.time[-1] - log.time[0])
+    first = np.flatnonzero(~np.isnan(log.y[output]) & early)
+    return float(log.y[output, first[0]]) if first.size else None
 
 
 def measured_at_start(model: Model, log: MatchedLog, theta: FloatArray) -> frozenset[int]:

@@ -18,13 +18,14 @@ from bondgraph.data.log import MatchedLog
 from bondgraph.errors import EstimationError, suggest
 from bondgraph.estimate.coordinates import AbstractProblem, checked_priors
 from bondgraph.estimate.free import FreeParameter, Target, declared_free, parse_target, require_known
-from bondgraph.estimate.initial import Initial, initial_states, measured_at_start
+from bondgraph.estimate.initial import Initial, initial_states
 from bondgraph.estimate.likelihoods import Batch, CeilingLikelihood, FilterLikelihood, LikelihoodFunction
 from bondgraph.estimate.objective import Below, FloatArray, Terms
 from bondgraph.estimate.priors import Prior
+from bondgraph.estimate.shown_starts import Beginnings, led, shown_starts
 from bondgraph.estimate.ties import Tie, read_ties
 from bondgraph.filter.filter_model import FilterModel
-from bondgraph.filter.follows import with_followers
+from bondgraph.filter.follows import Follow, with_followers
 from bondgraph.text import count, few
 
 #: What an estimation maximises unless another likelihood is asked for.
@@ -120,22 +121,39 @@ class EstimationProblem(AbstractProblem):
 
     @cached_property
     def initial_states(self) -> list[FloatArray]:
-        """Initial state of each log, shape (n_x,), where it is not free."""
+        """Initial state of each log, shape (n_x,), where it is not free, with the parameters where searches start."""
         model = self.filter_model.model
-        starts = {target.name: row for target, row in self.numbers(self.start) if target.kind == "parameter"}
-        theta = model.theta(**{name: float(value) for name, value in starts.items()})
-        found = initial_states(model, self.logs, theta, self.initial)
-        follows = self.filter_model.follows
-        if not follows or self.initial != "measured":
-            return found
-        names = model.names("state")
+        found = initial_states(model, self.logs, self._start_theta, self.initial)
         return [
-            with_followers(model, x0, log.u[:, 0], {
-                name: follow for name, follow in follows.items()
-                if name in names and names.index(name) not in measured_at_start(model, log, theta)
-            })
-            for x0, log in zip(found, self.logs, strict=True)
-        ]  # fmt: skip
+            with_followers(model, x0, log.u[:, 0], follows)
+            for x0, log, follows in zip(found, self.logs, self._follows, strict=True)
+        ]
+
+    @cached_property
+    def _follows(self) -> list[Mapping[str, Follow]]:
+        """By log the states that begin where others lead them."""
+        own, theta = self.filter_model, self._start_theta
+        follows = own.follows if self.initial == "measured" else {}
+        return [led(own.model, log, theta, follows) for log in self.logs]
+
+    @cached_property
+    def _start_theta(self) -> FloatArray:
+        """Parameters (n_theta,) where searches start."""
+        starts = {target.name: row for target, row in self.numbers(self.start) if target.kind == "parameter"}
+        return self.filter_model.model.theta(**{name: float(value) for name, value in starts.items()})
+
+    @cached_property
+    def beginnings(self) -> Beginnings:
+        """How logs begin where free parameters say what an output shows of a state."""
+        own, moved = self.filter_model, [target for target, _ in self.numbers(self.start)]
+        begin = isinstance(self.initial, str) and self.initial != "model"
+        moving = [one.name for one in moved if begin and one.kind == "parameter"]
+        kept = (own.model.index("state", one.name) for one in moved if one.kind == "x0_std")
+        found = (
+            shown_starts(own.model, log, moving, moved, follows)
+            for log, follows in zip(self.logs, self._follows, strict=True)
+        )
+        return Beginnings(tuple(found), tuple(kept))
 
     def known_values(self, values: FloatArray) -> Mapping[str, FloatArray]:
         """Free and tied quantities by name, each (members,), at values of the free ones (n, members)."""
@@ -179,12 +197,15 @@ class EstimationProblem(AbstractProblem):
     def batch(self, points: FloatArray) -> Batch:
         """All numbers that the members at coordinates (n, members) need."""
         declared = Batch.declared(self.filter_model, self.initial_states, points.shape[1])
-        return declared.written(self.filter_model, self.logs, self.numbers(points))
+        return self.beginnings.of(declared.written(self.filter_model, self.logs, self.numbers(points)))
 
     def batch_slopes(self, point: FloatArray) -> Batch:
         """Derivatives of all numbers by the coordinates at a point (n,): a batch with a member per coordinate."""
-        still = Batch.declared(self.filter_model, self.initial_states, point.size).zeros()
-        return still.written(self.filter_model, self.logs, self._by_target(self.known_slopes(point)))
+        declared = Batch.declared(self.filter_model, self.initial_states, point.size)
+        turned = declared.zeros().written(self.filter_model, self.logs, self._by_target(self.known_slopes(point)))
+        if not self.beginnings.move:
+            return turned
+        return self.beginnings.slopes(self.batch(point[:, np.newaxis]), declared.initial_std, turned)
 
     def nll(self, points: FloatArray) -> FloatArray:
         """Negative log-likelihood plus priors at coordinates (n, members), shape (members,)."""

@@ -10,14 +10,14 @@ Of a filter with Runge-Kutta steps :func:`exact_hessian` has second derivatives 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import cast
 
 import numpy as np
 
 from bondgraph.errors import EstimationError
 from bondgraph.estimate.derivatives.exact import exact_derivatives
-from bondgraph.estimate.likelihoods import FilterLikelihood
+from bondgraph.estimate.likelihoods import Batch, FilterLikelihood
 from bondgraph.estimate.objective import Expand, FloatArray, fitted_expansion
 from bondgraph.estimate.priors import Normal
 from bondgraph.estimate.problem import EstimationProblem
@@ -29,6 +29,9 @@ from bondgraph.filter.second_order import Jet
 #: Shorter of both steps, in standard deviations of a coordinate given the others. A gradient is right to about 1e-9 of
 #: a nat per standard deviation, so rounding leaves 1e-8, and the fourth order as much of a likelihood of 100 samples.
 _STEP = 0.05
+#: Slopes of where logs begin are differenced over this: a cube root of rounding, best for central differences. Press et
+#: al. (2007), Numerical Recipes, section 5.7.
+_START_STEP = 6e-6
 #: Relative difference up to which two values of a likelihood are the same.
 _SAME = 1e-7
 
@@ -146,17 +149,35 @@ def _moving(problem: EstimationProblem, point: FloatArray) -> list[MovingMember]
     """The numbers of each log with their derivatives by the coordinates at a point (n,)."""
     here, moved = problem.batch(point[:, np.newaxis]), problem.batch_slopes(point)
     values = list(map(float, problem.values(point)))
-    # every number moves with one coordinate at most, so that it bends with that coordinate as the value does
+    # every other number moves with one coordinate at most, so that it bends with that coordinate as the value does
     bends = np.array([one.bend(v) / one.slope(v) for one, v in zip(problem.free, values, strict=True)])
 
     def jet(value: FloatArray, slopes: FloatArray) -> Jet:
         return Jet(value[:, 0], slopes, (slopes * bends)[..., np.newaxis] * np.eye(point.size))
 
-    shared = [
-        jet(getattr(here, name), getattr(moved, name)) for name in ("initial_std", "process_std", "noise_std")
-    ]  # fmt: skip
-    theta = jet(here.theta, moved.theta)
-    return [MovingMember(theta, jet(x0, d_x0), *shared) for x0, d_x0 in zip(here.x0, moved.x0, strict=True)]
+    theta, *levels = (jet(getattr(here, name), getattr(moved, name)) for name in ("theta", "process_std", "noise_std"))
+    begun = [jet(value, slopes) for value, slopes in zip(_begun(here), _begun(moved), strict=True)]
+    if problem.beginnings.move:
+        begun = [replace(one, h=bent) for one, bent in zip(begun, _bent(problem, point), strict=True)]
+    *starts, width = begun
+    return [MovingMember(theta, start, width, *levels) for start in starts]
+
+
+def _begun(batch: Batch) -> list[FloatArray]:
+    """Where logs begin, and how uncertain that is."""
+    return [*batch.x0, batch.initial_std]
+
+
+def _bent(problem: EstimationProblem, point: FloatArray) -> list[FloatArray]:
+    """Second derivatives (n_x, n, n) of where logs begin: central differences of the exact first ones."""
+    found = [np.zeros((one.shape[0], point.size, point.size)) for one in _begun(problem.batch_slopes(point))]
+    for k in range(point.size):
+        away = np.zeros(point.size)
+        away[k] = _START_STEP * max(1.0, abs(float(point[k])))
+        slopes = [_begun(problem.batch_slopes(point + sign * away)) for sign in (1.0, -1.0)]
+        for own, ahead, behind in zip(found, *slopes, strict=True):
+            own[:, :, k] = (ahead - behind) / (2.0 * away[k])
+    return [0.5 * (own + own.transpose(0, 2, 1)) for own in found]
 
 
 def _prior_curvature(problem: EstimationProblem, point: FloatArray) -> FloatArray:

@@ -10,6 +10,7 @@ single sigma points pass a kink of a law (a wheel that starts to roll), which sa
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -90,8 +91,9 @@ def expansion_along(
 ) -> Expansion:
     """As :func:`linear_expansion`, with the filter's runs along all logs already linearised."""
     innovations, scales = [], []
-    for filtered, linear in zip(runs, every, strict=True):
-        columns_z, columns_s = _columns(problem, point, linear, filtered)
+    starts = problem.batch_slopes(point).x0 if problem.beginnings.move else (None,) * len(runs)
+    for filtered, linear, begun in zip(runs, every, starts, strict=True):
+        columns_z, columns_s = _columns(problem, point, linear, filtered, begun)
         innovations.append(np.concatenate([filtered.whitened.reshape(-1, 1), columns_z], axis=1))
         scales.append(np.concatenate([filtered.log_scales.reshape(-1, 1), columns_s], axis=1))
     priors = np.hstack([problem.prior_terms(point[:, np.newaxis]), problem.prior_slopes(point)])
@@ -119,9 +121,9 @@ def value_of(problem: EstimationProblem, point: FloatArray, runs: Sequence[Filte
 
 
 def _columns(
-    problem: EstimationProblem, point: FloatArray, linear: LinearLog, filtered: FilterRun
+    problem: EstimationProblem, point: FloatArray, linear: LinearLog, filtered: FilterRun, begun: FloatArray | None
 ) -> tuple[FloatArray, FloatArray]:
-    """Derivatives of innovations and of log scales of one log, (n_y * n, n)."""
+    """Derivatives of innovations and of log scales of one log, (n_y * n, n); of its start they are ``begun``."""
     columns_z = np.zeros((linear.slope.shape[0] * linear.slope.shape[1], len(problem.free)))
     columns_s = np.zeros(columns_z.shape)
     values = problem.values(point)
@@ -132,6 +134,7 @@ def _columns(
     def by_parameters() -> None:
         if known:
             changes = together([_shift(problem.free[k], float(values[k]), linear, filtered) for k in known])
+            changes = changes if begun is None else replace(changes, begun=begun[:, known])
             columns_z[:, known] = respond(linear, changes)[0]
 
     def by_levels() -> None:

@@ -28,7 +28,9 @@ def respond(linear: LinearLog, change: Change, at: Sequence[int] = ()) -> tuple[
 
 def respond_into(found: FloatArray, lane: int, linear: LinearLog, change: Change, at: Sequence[int] = ()) -> FloatArray:
     """As :func:`respond`, into (n_y, n, all lanes) from a lane on; the shifts of the states at increasing samples."""
-    return _carried(linear, change, 0, np.zeros((linear.slope.shape[2], change.outputs.shape[2])), at, found, lane)
+    still = np.zeros((linear.slope.shape[2], change.outputs.shape[2]))
+    begun = still if change.begun is None else change.begun.copy()
+    return _carried(linear, change, 0, begun, at, found, lane)
 
 
 def decay(linear: LinearLog, sample: int) -> FloatArray:

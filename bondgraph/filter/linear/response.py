@@ -105,12 +105,14 @@ class LinearLog:
 class Change:
     """How changes of the model shift it along one log, each lane a change.
 
-    ``start`` and ``end`` (n_x, n - 1, lanes) are shifts of the rates, ``outputs`` (n_y, n, lanes) of the outputs.
+    ``start`` and ``end`` (n_x, n - 1, lanes) are shifts of the rates, ``outputs`` (n_y, n, lanes) of the outputs;
+    ``begun`` (n_x, lanes) are shifts of the initial states, None: there are none.
     """
 
     start: FloatArray
     end: FloatArray
     outputs: FloatArray
+    begun: FloatArray | None = None
 
 
 def linearise(run: FilterRun, log: MatchedLog, theta: FloatArray, kicked: Kicks | None = None) -> LinearLog:

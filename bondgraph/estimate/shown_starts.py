@@ -1,0 +1,198 @@
+"""States that begin at what an output shows, where free parameters say what a state shows.
+
+A heat q shows as the temperature q/C, a volume as a pressure, a speed through the scale of its sensor. The first
+measurement says where the temperature begins, not the heat: that is C times as much, for every C that is tried. With
+the heat of the declared C a search would take every other capacity for another temperature, and the declared one for
+certain.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable, Mapping
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+
+from bondgraph.data.log import MatchedLog
+from bondgraph.estimate.free import Target
+from bondgraph.estimate.initial import directly_measured, first_measured, measured_at_start
+from bondgraph.estimate.likelihoods import Batch
+from bondgraph.estimate.objective import FloatArray
+from bondgraph.filter.follows import Follow
+from bondgraph.simulate.model import Model
+
+
+@dataclass(frozen=True)
+class ShownStart:
+    """A state that begins where an output shows it: their positions, the first measurement, and the output's slope.
+
+    The slope is that at the parameters at which the filter's uncertainty of the start was said.
+    """
+
+    state: int
+    output: int
+    value: float
+    slope: float
+
+
+@dataclass(frozen=True)
+class ShownStarts:
+    """How the states of a log begin that an output shows by a law with free parameters in it.
+
+    ``model`` and ``log`` are what begins; ``shown`` the states; ``follows`` the other states that begin on a line in
+    them, with their positions.
+    """
+
+    model: Model
+    log: MatchedLog
+    shown: tuple[ShownStart, ...]
+    follows: tuple[tuple[int, Follow], ...] = ()
+
+    def begun(self, theta: FloatArray, x0: FloatArray) -> FloatArray:
+        """Initial states (n_x, members) at parameters (n_theta, members), others as in ``x0`` (n_x, members)."""
+        if not self.shown:
+            return x0
+        moved = np.zeros_like(x0)
+        with np.errstate(all="ignore"):
+            shows = self.model.output(*self._at(theta, x0))
+            slopes = self._by("x", theta, x0)
+            for one in self.shown:
+                moved[one.state] = (one.value - shows[one.output]) / slopes[one.output, one.state]
+        return x0 + self._followed(moved)
+
+    def widths(self, theta: FloatArray, x0: FloatArray) -> FloatArray:
+        """How uncertain these states are, as multiples (n_x, members) of what was said: the output is as much as ever.
+
+        Told in the state instead the likelihood would like outputs best that show little of it.
+        """
+        found = np.ones_like(x0)
+        with np.errstate(all="ignore"):
+            slopes = self._by("x", theta, x0)
+            for one in self.shown:
+                found[one.state] = np.abs(one.slope / slopes[one.output, one.state])
+        return found
+
+    def slopes(self, theta: FloatArray, x0: FloatArray, turned: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Derivatives (n_x, n) of both of the above by coordinates; ``turned`` (n_theta, n) are those of theta.
+
+        ``theta`` (n_theta, 1) and ``x0`` (n_x, 1) are where the log begins. What an output shows of a state,
+        h = s(theta) x + o(theta), stays as it is, so that dx/dtheta = -(dh/dtheta) / s.
+        """
+        moved, wider = np.zeros((2, x0.shape[0], turned.shape[1]))
+        turned = turned.copy()
+        turned[[self.model.index("parameter", name) for name in self.log.theta_overrides]] = 0.0
+        for one in self.shown:
+            away = x0.copy()
+            away[one.state] += 1.0
+            with np.errstate(all="ignore"):
+                by_state = float(self._by("x", theta, x0)[one.output, one.state, 0])
+                here, there = (self._by("theta", theta, at)[one.output, :, 0] @ turned for at in (x0, away))
+                moved[one.state] = -here / by_state
+                wider[one.state] = -abs(one.slope / by_state) * (there - here) / by_state
+        return self._followed(moved), wider
+
+    def _at(self, theta: FloatArray, x0: FloatArray) -> tuple[float, FloatArray, FloatArray, FloatArray]:
+        """What equations are asked with at the first sample, parameters known for the log in their place."""
+        own = theta.copy()
+        for name, value in self.log.theta_overrides.items():
+            own[self.model.index("parameter", name)] = value
+        return float(self.log.time[0]), x0, np.repeat(self.log.u[:, :1], theta.shape[1], axis=1), own
+
+    def _by(self, variables: Literal["x", "theta"], theta: FloatArray, x0: FloatArray) -> FloatArray:
+        """Derivatives of the outputs, (n_y, variables, members)."""
+        slopes = self.model.jacobian_x if variables == "x" else self.model.jacobian_theta
+        return slopes(*self._at(theta, x0), "output")
+
+    def _followed(self, moved: FloatArray) -> FloatArray:
+        """Shifts (n_x, lanes) of states with those of what follows them."""
+        names = self.model.names("state")
+        for row, follow in self.follows:
+            moved[row] = sum(slope * moved[names.index(name)] for name, slope in follow.slopes if name in names)
+        return moved
+
+
+@dataclass(frozen=True)
+class Beginnings:
+    """The beginnings of all logs of a problem; ``kept`` are states whose uncertainty is free itself."""
+
+    logs: tuple[ShownStarts, ...]
+    kept: tuple[int, ...] = ()
+
+    @property
+    def move(self) -> bool:
+        """Whether any of them depends on a parameter."""
+        return any(one.shown for one in self.logs)
+
+    def of(self, members: Batch) -> Batch:
+        """The members, each with its own beginnings."""
+        if not self.move:
+            return members
+        pairs = list(zip(self.logs, members.x0, strict=True))
+        own, x0 = next(pair for pair in pairs if pair[0].shown)
+        begun = tuple(one.begun(members.theta, start) for one, start in pairs)
+        return replace(members, x0=begun, initial_std=self._wider(members.initial_std, own.widths(members.theta, x0)))
+
+    def slopes(self, here: Batch, said: FloatArray, turned: Batch) -> Batch:
+        """Derivatives of :meth:`of` at one member; ``said`` (n_s, 1) is the uncertainty, ``turned`` all else's."""
+        if not self.move:
+            return turned
+        pairs = list(zip(self.logs, here.x0, strict=True))
+        own = [one.slopes(here.theta, start, turned.theta) for one, start in pairs]
+        wider = next(slopes[1] for slopes, (one, _) in zip(own, pairs, strict=True) if one.shown)
+        widths = turned.initial_std.copy()
+        for row in np.flatnonzero(wider.any(axis=1)):
+            if row not in self.kept:
+                widths[row] = said[row] * wider[row]
+        moved = tuple(start + slopes[0] for start, slopes in zip(turned.x0, own, strict=True))
+        return replace(turned, x0=moved, initial_std=widths)
+
+    def _wider(self, said: FloatArray, widths: FloatArray) -> FloatArray:
+        found = said.copy()
+        found[: widths.shape[0]] *= widths
+        found[list(self.kept)] = said[list(self.kept)]
+        return found
+
+
+def led(model: Model, log: MatchedLog, theta: FloatArray, follows: Mapping[str, Follow]) -> Mapping[str, Follow]:
+    """The states of a log that begin where others lead them: those of ``follows`` that no measurement shows."""
+    names = model.names("state")
+    known = [name for name in follows if name in names]
+    shown = measured_at_start(model, log, theta) if known else frozenset()
+    return {name: follows[name] for name in known if names.index(name) not in shown}
+
+
+def shown_starts(
+    model: Model,
+    log: MatchedLog,
+    moving: Collection[str],
+    free: Iterable[Target],
+    follows: Mapping[str, Follow],
+) -> ShownStarts:
+    """The states of a log that begin at a measurement which parameters translate.
+
+    Parameters
+    ----------
+    model, log
+        What begins.
+    moving
+        Names of the parameters that may move.
+    free
+        What is free; an initial state that is does not begin at a measurement.
+    follows
+        States that begin where others lead them, see :func:`led`.
+    """
+    own, said = {model.index("parameter", name) for name in moving}, model.theta()
+    jacobian = model.program.jacobian("output", "theta") if own else None
+    if jacobian is None or not own.intersection(map(int, jacobian.columns)):
+        return ShownStarts(model, log, ())
+    translated = {int(row) for row, column in zip(jacobian.rows, jacobian.columns, strict=True) if int(column) in own}
+    begun = {one.name for one in free if one.kind == "x0" and one.log in (None, log.name)}
+    elsewhere = {model.index("state", name) for name in (*begun, *(one.state for one in model.starts))}
+    found = []
+    for output, (state, slope, _) in directly_measured(model, log.u[:, 0], said).items():
+        value = first_measured(log, output)
+        if output in translated and state not in elsewhere and value is not None:
+            found.append(ShownStart(state, output, value, slope))
+    rows = tuple((model.index("state", name), one) for name, one in follows.items() if name not in begun)
+    return ShownStarts(model, log, tuple(found), rows if found else ())
