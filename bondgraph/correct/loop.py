@@ -34,7 +34,7 @@ from bondgraph.correct.models.started import start_cautions, with_declared_start
 from bondgraph.correct.places.structure import Structure, structure
 from bondgraph.correct.places.unexplained import Unexplained
 from bondgraph.correct.progress import Decision, Progress, advance, with_disturbance, without_events
-from bondgraph.correct.rest import Rest, settle
+from bondgraph.correct.rest import Rest, at_random, settle
 from bondgraph.correct.round import Round, RoundSettings, one_round, round_cautions, unsearched
 from bondgraph.correct.search.disturbances import DISTURBANCE, Disturbance, described
 from bondgraph.data.log import MatchedLog
@@ -200,11 +200,10 @@ def close_loop(
     while _withdrawn(state, rest) and len(state.added) == settings.max_effects and not settings.tables:
         state, rounds, reason = _rounds(rest.state, every, own, settings.max_effects, rounds)
         rest = settle(state, rounds, own, settings.tables)
-    if all(one.signal == "time" for one in rest.unexplained):  # which is no law either
-        disturbed = with_disturbance(rest.state, own)
-        if disturbed is not rest.state:  # what it hid may show now
-            state, rounds, reason = _rounds(disturbed, every, own, settings.max_effects, rounds)
-            rest = settle(state, rounds, own, settings.tables)
+    disturbed = at_random(rest, own)
+    if disturbed is not rest.state:  # what it hid may show now
+        state, rounds, reason = _rounds(disturbed, every, own, settings.max_effects, rounds)
+        rest = settle(state, rounds, own, settings.tables)
     return _result(built, start, rest, rounds, holdout, told, reason, settings, report)
 
 

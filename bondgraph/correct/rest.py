@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
@@ -23,7 +24,7 @@ from bondgraph.correct.places.unexplained import (
     table_effect,
     unexplained,
 )
-from bondgraph.correct.progress import Decision, Progress, standing, without
+from bondgraph.correct.progress import Decision, Progress, standing, with_disturbance, without
 from bondgraph.correct.round import Round, RoundSettings
 from bondgraph.correct.scores.scoring import Linearisation, linearisation
 from bondgraph.correct.search.disturbances import DISTURBANCE
@@ -58,6 +59,18 @@ def settle(state: Progress, rounds: Sequence[Round], settings: RoundSettings, ta
         state, said = _attempted(lambda: _with_table(state, found, len(rounds), settings), state, "add a table of it")
         cautions = (*cautions, *said)
     return Rest(state, (found,), cautions, completes)
+
+
+def at_random(rest: Rest, settings: RoundSettings) -> Progress:
+    """The state with a disturbance that explains more than what stays unexplained as a function, if there is one.
+
+    A function of time is no law, and a disturbance is preferred to it. What a function of another signal explains is
+    not blamed on the noise of a sensor.
+    """
+    functions = [one for one in rest.unexplained if one.signal != "time"]
+    measured = max(sum(int(np.isfinite(log.y).sum()) for log in rest.state.train), 2)
+    worth = max((one.gain - 0.5 * one.knots.size * math.log(measured) for one in functions), default=0.0)
+    return with_disturbance(rest.state, settings, worth, sensors=not functions)
 
 
 def _searched(

@@ -11,6 +11,7 @@ from scipy.integrate import solve_ivp
 from bondgraph.data.log import MatchedLog
 from bondgraph.errors import EstimationError
 from bondgraph.estimate.objective import BoolArray, FloatArray
+from bondgraph.filter.follows import Follow, with_followers
 from bondgraph.simulate.model import Model
 from bondgraph.simulate.starts import BEGINNING, starts_in
 
@@ -25,7 +26,13 @@ Initial = InitialRule | tuple[Mapping[str, float], ...]
 _SETTLING = 10.0
 
 
-def initial_states(model: Model, logs: Sequence[MatchedLog], theta: FloatArray, rule: Initial) -> list[FloatArray]:
+def initial_states(
+    model: Model,
+    logs: Sequence[MatchedLog],
+    theta: FloatArray,
+    rule: Initial,
+    follows: Sequence[Mapping[str, Follow]] = (),
+) -> list[FloatArray]:
     """Initial state of each log, shape (n_x,).
 
     Parameters
@@ -39,6 +46,8 @@ def initial_states(model: Model, logs: Sequence[MatchedLog], theta: FloatArray, 
     rule
         Where initial states come from, or the states themselves. States that are not measured, or only later than a
         twentieth of the log, start as declared or settled.
+    follows
+        For each log states that start where others lead them, as those behind a late sensor do.
 
     Raises
     ------
@@ -60,11 +69,12 @@ def initial_states(model: Model, logs: Sequence[MatchedLog], theta: FloatArray, 
     if rule == "model":
         return [starts_in(model, log.time, log.u, log.y)[0] for log in logs]
     starts = []
-    for log in logs:
+    for log, led in zip(logs, follows or [{}] * len(logs), strict=True):
         known = theta.copy()
         for name, value in log.theta_overrides.items():
             known[model.index("parameter", name)] = value
-        x0, held = _from_measurements(model, log, known)
+        x0, held = _from_measurements(model, log, known, led)
+        x0 = with_followers(model, x0, log.u[:, 0], led)
         starts.append(settled(model, x0, log.u[:, 0], known, held) if rule == "settled" else x0)
     return starts
 
@@ -76,11 +86,13 @@ def _with_given(model: Model, log: MatchedLog, given: Mapping[str, float]) -> Fl
     return x0
 
 
-def _from_measurements(model: Model, log: MatchedLog, theta: FloatArray) -> tuple[FloatArray, BoolArray]:
+def _from_measurements(
+    model: Model, log: MatchedLog, theta: FloatArray, follows: Mapping[str, Follow]
+) -> tuple[FloatArray, BoolArray]:
     """Initial state (n_x,), and which of its parts were measured; a start that is declared comes before others."""
     x0 = model.x0()
     held = np.zeros(x0.size, dtype=np.bool_)
-    for output, (state, slope, offset) in directly_measured(model, log.u[:, 0], theta).items():
+    for output, (state, slope, offset) in directly_measured(model, log.u[:, 0], theta, follows).items():
         value = first_measured(log, output)
         if value is not None:
             x0[state] = (value - offset) / slope
@@ -94,11 +106,6 @@ def first_measured(log: MatchedLog, output: int) -> float | None:
     early = log.time <= log.time[0] + BEGINNING * (log.time[-1] - log.time[0])
     first = np.flatnonzero(~np.isnan(log.y[output]) & early)
     return float(log.y[output, first[0]]) if first.size else None
-
-
-def measured_at_start(model: Model, log: MatchedLog, theta: FloatArray) -> frozenset[int]:
-    """Positions of the states that start at a measurement."""
-    return frozenset(map(int, np.flatnonzero(_from_measurements(model, log, theta)[1])))
 
 
 def settled(model: Model, x0: FloatArray, u: FloatArray, theta: FloatArray, held: BoolArray) -> FloatArray:
@@ -139,11 +146,13 @@ def settled(model: Model, x0: FloatArray, u: FloatArray, theta: FloatArray, held
     return x0
 
 
-def directly_measured(model: Model, u: FloatArray, theta: FloatArray) -> dict[int, tuple[int, float, float]]:
+def directly_measured(
+    model: Model, u: FloatArray, theta: FloatArray, follows: Mapping[str, Follow] | None = None
+) -> dict[int, tuple[int, float, float]]:
     """Outputs that are slope * state + offset for one state only: output -> (state, slope, offset).
 
     Found by probing the output equations at states drawn around the declared ones; where two outputs measure the same
-    state the first counts.
+    state the first counts. States that follow others are where these lead them.
 
     Examples
     --------
@@ -153,16 +162,19 @@ def directly_measured(model: Model, u: FloatArray, theta: FloatArray) -> dict[in
     """
     size = len(model.states)
     middle = model.x0()
-    reach = np.maximum(np.abs(middle), 1.0)
+    led = np.isin(model.names("state"), list(follows or {}))
+    reach = np.where(led, 0.0, np.maximum(np.abs(middle), 1.0))
     rng = np.random.default_rng(0)
     probes = middle[:, np.newaxis] + reach[:, np.newaxis] * rng.uniform(-1.0, 1.0, (size, 4 * size + 8))
+    if led.any():
+        probes = np.array([with_followers(model, probe, u, follows or {}) for probe in probes.T]).T
     with np.errstate(all="ignore"):
         outputs = model.output(0.0, probes, u, theta)
     found: dict[int, tuple[int, float, float]] = {}
     for index, row in enumerate(outputs):
         if not np.isfinite(row).all():
             continue
-        columns = np.vstack([probes, np.ones(probes.shape[1])])
+        columns = np.vstack([np.where(led[:, np.newaxis], 0.0, probes), np.ones(probes.shape[1])])
         coefficients = np.linalg.lstsq(columns.T, row)[0]
         straight = np.allclose(columns.T @ coefficients, row, rtol=1e-9, atol=1e-9 * np.ptp(row))
         acting = np.flatnonzero(np.abs(coefficients[:-1]) * reach > 1e-9 * max(float(np.ptp(row)), 1e-300))

@@ -22,10 +22,10 @@ from bondgraph.estimate.initial import Initial, initial_states
 from bondgraph.estimate.likelihoods import Batch, CeilingLikelihood, FilterLikelihood, LikelihoodFunction
 from bondgraph.estimate.objective import Below, FloatArray, Terms
 from bondgraph.estimate.priors import Prior
-from bondgraph.estimate.shown_starts import Beginnings, led, shown_starts
+from bondgraph.estimate.shown_starts import Beginnings, led, shown_starts, start_shifts
 from bondgraph.estimate.ties import Tie, read_ties
 from bondgraph.filter.filter_model import FilterModel
-from bondgraph.filter.follows import Follow, with_followers
+from bondgraph.filter.follows import Follow
 from bondgraph.text import count, few
 
 #: What an estimation maximises unless another likelihood is asked for.
@@ -122,12 +122,7 @@ class EstimationProblem(AbstractProblem):
     @cached_property
     def initial_states(self) -> list[FloatArray]:
         """Initial state of each log, shape (n_x,), where it is not free, with the parameters where searches start."""
-        model = self.filter_model.model
-        found = initial_states(model, self.logs, self._start_theta, self.initial)
-        return [
-            with_followers(model, x0, log.u[:, 0], follows)
-            for x0, log, follows in zip(found, self.logs, self._follows, strict=True)
-        ]
+        return initial_states(self.filter_model.model, self.logs, self._start_theta, self.initial, self._follows)
 
     @cached_property
     def _follows(self) -> list[Mapping[str, Follow]]:
@@ -154,6 +149,17 @@ class EstimationProblem(AbstractProblem):
             for log, follows in zip(self.logs, self._follows, strict=True)
         )
         return Beginnings(tuple(found), tuple(kept))
+
+    def start_shifts(self, log: MatchedLog, theta: FloatArray) -> FloatArray:
+        """Shifts (n_x, n_y) of where a log begins by a unit more of each output, at parameters (n_theta,).
+
+        None of them where states begin as declared.
+        """
+        model, moved = self.filter_model.model, [target for target, _ in self.numbers(self.start)]
+        if not isinstance(self.initial, str) or self.initial == "model":
+            return np.zeros((len(model.states), len(model.outputs)))
+        follows = led(model, log, theta, self.filter_model.follows if self.initial == "measured" else {})
+        return start_shifts(model, log, theta, moved, follows)
 
     def known_values(self, values: FloatArray) -> Mapping[str, FloatArray]:
         """Free and tied quantities by name, each (members,), at values of the free ones (n, members)."""

@@ -8,15 +8,14 @@ certain.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
-from typing import Literal
 
 import numpy as np
 
 from bondgraph.data.log import MatchedLog
 from bondgraph.estimate.free import Target
-from bondgraph.estimate.initial import directly_measured, first_measured, measured_at_start
+from bondgraph.estimate.initial import directly_measured, first_measured
 from bondgraph.estimate.likelihoods import Batch
 from bondgraph.estimate.objective import FloatArray
 from bondgraph.filter.follows import Follow
@@ -56,7 +55,7 @@ class ShownStarts:
         moved = np.zeros_like(x0)
         with np.errstate(all="ignore"):
             shows = self.model.output(*self._at(theta, x0))
-            slopes = self._by("x", theta, x0)
+            slopes = self._by_states(theta, x0)
             for one in self.shown:
                 moved[one.state] = (one.value - shows[one.output]) / slopes[one.output, one.state]
         return x0 + self._followed(moved)
@@ -68,7 +67,7 @@ class ShownStarts:
         """
         found = np.ones_like(x0)
         with np.errstate(all="ignore"):
-            slopes = self._by("x", theta, x0)
+            slopes = self._by_states(theta, x0)
             for one in self.shown:
                 found[one.state] = np.abs(one.slope / slopes[one.output, one.state])
         return found
@@ -83,11 +82,14 @@ class ShownStarts:
         turned = turned.copy()
         turned[[self.model.index("parameter", name) for name in self.log.theta_overrides]] = 0.0
         for one in self.shown:
-            away = x0.copy()
-            away[one.state] += 1.0
+            away = np.zeros_like(x0)
+            away[one.state] = 1.0
             with np.errstate(all="ignore"):
-                by_state = float(self._by("x", theta, x0)[one.output, one.state, 0])
-                here, there = (self._by("theta", theta, at)[one.output, :, 0] @ turned for at in (x0, away))
+                by_state = float(self._by_states(theta, x0)[one.output, one.state, 0])
+                here, there = (
+                    self.model.jacobian_theta(*self._at(theta, at), "output")[one.output, :, 0] @ turned
+                    for at in (x0, x0 + self._followed(away))
+                )
                 moved[one.state] = -here / by_state
                 wider[one.state] = -abs(one.slope / by_state) * (there - here) / by_state
         return self._followed(moved), wider
@@ -99,10 +101,16 @@ class ShownStarts:
             own[self.model.index("parameter", name)] = value
         return float(self.log.time[0]), x0, np.repeat(self.log.u[:, :1], theta.shape[1], axis=1), own
 
-    def _by(self, variables: Literal["x", "theta"], theta: FloatArray, x0: FloatArray) -> FloatArray:
-        """Derivatives of the outputs, (n_y, variables, members)."""
-        slopes = self.model.jacobian_x if variables == "x" else self.model.jacobian_theta
-        return slopes(*self._at(theta, x0), "output")
+    def _by_states(self, theta: FloatArray, x0: FloatArray) -> FloatArray:
+        """Derivatives of the outputs by the states (n_y, n_x, members), with what follows each of them."""
+        names = self.model.names("state")
+        alone = self.model.jacobian_x(*self._at(theta, x0), "output")
+        found = alone.copy()
+        for row, follow in self.follows:
+            for name, slope in follow.slopes:
+                if name in names:
+                    found[:, names.index(name)] += slope * alone[:, row]
+        return found
 
     def _followed(self, moved: FloatArray) -> FloatArray:
         """Shifts (n_x, lanes) of states with those of what follows them."""
@@ -155,10 +163,11 @@ class Beginnings:
 
 
 def led(model: Model, log: MatchedLog, theta: FloatArray, follows: Mapping[str, Follow]) -> Mapping[str, Follow]:
-    """The states of a log that begin where others lead them: those of ``follows`` that no measurement shows."""
+    """The states of a log that begin where others lead them: those of ``follows`` that no output shows alone."""
     names = model.names("state")
     known = [name for name in follows if name in names]
-    shown = measured_at_start(model, log, theta) if known else frozenset()
+    direct = directly_measured(model, log.u[:, 0], theta) if known else {}
+    shown = {state for output, (state, _, _) in direct.items() if first_measured(log, output) is not None}
     return {name: follows[name] for name in known if names.index(name) not in shown}
 
 
@@ -166,7 +175,7 @@ def shown_starts(
     model: Model,
     log: MatchedLog,
     moving: Collection[str],
-    free: Iterable[Target],
+    free: Collection[Target],
     follows: Mapping[str, Follow],
 ) -> ShownStarts:
     """The states of a log that begin at a measurement which parameters translate.
@@ -187,12 +196,59 @@ def shown_starts(
     if jacobian is None or not own.intersection(map(int, jacobian.columns)):
         return ShownStarts(model, log, ())
     translated = {int(row) for row, column in zip(jacobian.rows, jacobian.columns, strict=True) if int(column) in own}
-    begun = {one.name for one in free if one.kind == "x0" and one.log in (None, log.name)}
-    elsewhere = {model.index("state", name) for name in (*begun, *(one.state for one in model.starts))}
-    found = []
-    for output, (state, slope, _) in directly_measured(model, log.u[:, 0], said).items():
-        value = first_measured(log, output)
-        if output in translated and state not in elsewhere and value is not None:
-            found.append(ShownStart(state, output, value, slope))
+    away = directly_measured(model, log.u[:, 0], _moved(model, own), follows)  # a dead zone is not straight there
+    found = [
+        one
+        for one in _begun_at_outputs(model, log, said, free, follows)
+        if one.output in translated and away.get(one.output, (None,))[0] == one.state
+    ]
+    begun = _free_starts(log, free)
     rows = tuple((model.index("state", name), one) for name, one in follows.items() if name not in begun)
     return ShownStarts(model, log, tuple(found), rows if found else ())
+
+
+def start_shifts(
+    model: Model, log: MatchedLog, theta: FloatArray, free: Collection[Target], follows: Mapping[str, Follow]
+) -> FloatArray:
+    """Shifts (n_x, n_y) of the initial states of a log where an output shows a unit more of the same states.
+
+    What was measured stays, so that the state is less by as much. Arguments as for :func:`shown_starts`, with
+    parameters theta (n_theta,).
+    """
+    shifts, names = np.zeros((len(model.states), len(model.outputs))), model.names("state")
+    begun = _free_starts(log, free)
+    for one in _begun_at_outputs(model, log, theta, free, follows):
+        shifts[one.state, one.output] = -1.0 / one.slope
+    for name, follow in follows.items():
+        if name not in begun:
+            known = [(slope, names.index(other)) for other, slope in follow.slopes if other in names]
+            shifts[names.index(name)] = sum((slope * shifts[row] for slope, row in known), np.zeros(shifts.shape[1]))
+    return shifts
+
+
+def _moved(model: Model, rows: Collection[int]) -> FloatArray:
+    """Parameters (n_theta,) of which those in some rows are half-way to their larger bound, or half as large again."""
+    theta = model.theta()
+    for row in rows:
+        info = model.parameters[row]
+        theta[row] = 1.5 * theta[row] if info.upper is None else 0.5 * (theta[row] + info.upper)
+    return theta
+
+
+def _free_starts(log: MatchedLog, free: Collection[Target]) -> set[str]:
+    return {one.name for one in free if one.kind == "x0" and one.log in (None, log.name)}
+
+
+def _begun_at_outputs(
+    model: Model, log: MatchedLog, theta: FloatArray, free: Collection[Target], follows: Mapping[str, Follow]
+) -> list[ShownStart]:
+    """The states that begin at a measurement: neither free nor declared to begin elsewhere."""
+    elsewhere = {
+        model.index("state", name) for name in (*_free_starts(log, free), *(one.state for one in model.starts))
+    }
+    found = []
+    for output, (state, slope, _) in directly_measured(model, log.u[:, 0], theta, follows).items():
+        value = first_measured(log, output)
+        if state not in elsewhere and value is not None:
+            found.append(ShownStart(state, output, value, slope))
+    return found

@@ -16,6 +16,7 @@ from scipy import stats
 from bondgraph.correct.constants import BLOCKS, INDIFFERENT, POWER
 from bondgraph.correct.evidence.trials import Alternative, Detectable, Evidence, Trial
 from bondgraph.correct.fits.times import summed, term_times
+from bondgraph.correct.fits.whiteness import is_white
 from bondgraph.correct.models.candidates import Candidate
 from bondgraph.correct.scores.score import Scores, robust_variance, solve
 from bondgraph.data.log import FloatArray, MatchedLog
@@ -239,8 +240,9 @@ def detectable(vanishing: Sequence[Candidate], found: Scores, need: float) -> tu
 def choose(trials: Sequence[Trial], level: float) -> Trial | None:
     """The refitted candidate with the largest penalised gain among those that pass, or None.
 
-    A fault of the only sensor is chosen where no law passes and none explains as much: nothing else measures what would
-    contradict the law, and one that is not believed may stand for another law of its kind. What gives a law that was
+    A fault of the only sensor is chosen where no law passes, none explains as much, and it leaves nothing unexplained:
+    nothing else measures what would contradict the law, one that is not believed may stand for another law of its kind,
+    and a fault beside which something is missing may be a part of that. What gives a law that was
     found before a form of its own is preferred to one more law.
     """
     fitted = [trial for trial in trials if trial.fit is not None and trial.transfers]
@@ -248,13 +250,19 @@ def choose(trials: Sequence[Trial], level: float) -> Trial | None:
     if passed and _has_one_sensor(passed[0]):
         laws = [trial for trial in passed if not trial.candidate.effect.channel]
         told = max((_bic_gain(one) for one in trials if not one.candidate.effect.channel), default=-math.inf)
-        passed = laws or [fault for fault in passed if _bic_gain(fault) > told + INDIFFERENT]
+        passed = laws or [one for one in passed if _bic_gain(one) > told + INDIFFERENT and _is_all(one, level)]
     best = max(passed, key=_bic_gain, default=None)
     forms = [one for one in passed if one.completes]
     own = max(forms, key=_bic_gain, default=None)
     if best is not None and own is not None and _bic_gain(own) > _bic_gain(best) - INDIFFERENT:
         return own
     return best
+
+
+def _is_all(trial: Trial, level: float) -> bool:
+    """Whether a trial leaves innovations that could be white."""
+    assert trial.fit is not None  # it was refitted
+    return is_white(trial.fit, level)
 
 
 def _has_one_sensor(trial: Trial) -> bool:

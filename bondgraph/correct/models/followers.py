@@ -3,6 +3,7 @@
 An elastic part sets free an inertia that was tied to another one, and carries what went through the tie; a lag holds a
 command. Their declared start, mostly zero, is no knowledge of a log that begins in motion. So they start where every
 bond that both models have is as near as it can be to what it is without the effect, as if that had just begun to act.
+What a late sensor holds is no bond's: its states start at rest, as if the machine had stood where it begins.
 """
 
 from __future__ import annotations
@@ -55,6 +56,36 @@ def followers(
     return {
         name: Follow(float(constants[k]), tuple(zip((*names, *inputs), map(float, slopes[:, k]), strict=True)))
         for k, name in enumerate(own)
+    }
+
+
+def at_rest(
+    before: BuiltModel, after: BuiltModel, x: FloatArray, u: FloatArray, values: Mapping[str, float]
+) -> dict[str, Follow]:
+    """Starts of the states that only ``after`` has where their rates vanish; arguments as for :func:`followers`.
+
+    None where they come to rest nowhere, or anywhere.
+    """
+    names, model = before.model.names("state"), after.model
+    own = [k for k, name in enumerate(model.names("state")) if name not in names]
+    if not own or model.names("input") != before.model.names("input"):
+        return {}
+    rest = [k for k in range(len(model.states)) if k not in own]
+    point = model.x0(**dict(zip(names, map(float, x), strict=True)))
+    theta = model.theta(**{name: value for name, value in values.items() if name in model.names("parameter")})
+    with np.errstate(all="ignore"):
+        rates = model.rhs(0.0, point, u, theta)[own]
+        by_x = model.jacobian_x(0.0, point, u, theta)[own]
+        by_u = model.jacobian_u(0.0, point, u, theta)[own]
+    if not np.isfinite(by_x).all() or np.linalg.matrix_rank(by_x[:, own]) < len(own):
+        return {}
+    slopes = -np.linalg.solve(by_x[:, own], np.hstack([by_x[:, rest], by_u]))
+    middle = point[own] - np.linalg.solve(by_x[:, own], rates)
+    constants = middle - slopes @ np.concatenate([point[rest], u])
+    signals = (*(model.names("state")[k] for k in rest), *model.names("input"))
+    return {
+        model.names("state")[row]: Follow(float(constants[k]), tuple(zip(signals, map(float, slopes[k]), strict=True)))
+        for k, row in enumerate(own)
     }
 
 

@@ -45,10 +45,14 @@ def with_declared_starts(
     owned = {state.symbol.name: state for state in built.equations.states}
     due = {name: follow for name, follow in follows.items() if name in names and owned[name].start is None}
     sizes = _sizes(built.model, logs, paths)
-    measured = _measured(built.model, logs[0])
+    known = {name: follow for name, follow in follows.items() if name in names}
+    measured, alone = (_measured(built.model, logs[0], led) for led in (known, {}))
+    due |= {name: Follow(0.0) for name in measured if name not in (*alone, *due) and owned[name].start is None}
     graph = copy(built.graph)
     left = []
     for name, follow in due.items():
+        if _is_as_declared(follow, sizes, float(built.model.x0()[names.index(name)])) and name not in measured:
+            continue
         start = measured.get(name) or _single(follow, sizes, built.model, measured)
         if start is None or not _declared(graph, owned[name], start):
             left.append(name)
@@ -73,9 +77,9 @@ def _sizes(model: Model, logs: Sequence[MatchedLog], paths: Sequence[FloatArray]
     return dict(zip((*model.names("state"), *model.names("input")), map(float, largest), strict=True))
 
 
-def _measured(model: Model, log: MatchedLog) -> dict[str, Start]:
+def _measured(model: Model, log: MatchedLog, follows: Mapping[str, Follow]) -> dict[str, Start]:
     """The states that an output shows times a factor, as what they are of it."""
-    found = directly_measured(model, log.u[:, 0], model.theta(**dict(log.theta_overrides)))
+    found = directly_measured(model, log.u[:, 0], model.theta(**dict(log.theta_overrides)), follows)
     outputs, states = model.names("output"), model.names("state")
     return {
         states[state]: Start(outputs[output], _rounded(1.0 / slope))
@@ -97,6 +101,12 @@ def _single(follow: Follow, sizes: Mapping[str, float], model: Model, measured: 
         return None if name in unfit else Start(name, _rounded(slope))
     shown = measured.get(name)
     return None if shown is None else Start(shown.signal, _rounded(slope * shown.factor))
+
+
+def _is_as_declared(follow: Follow, sizes: Mapping[str, float], declared: float) -> bool:
+    """Whether a start depends on no signal, and is the declared one."""
+    moved = sum(abs(slope) * sizes.get(name, 0.0) for name, slope in follow.slopes)
+    return moved <= _ALONE * abs(declared) and abs(follow.constant - declared) <= _ALONE * abs(declared)
 
 
 def _rounded(factor: float) -> float:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -34,7 +34,7 @@ class Linearisation:
 
     ``runs`` are those of the filter. ``free`` and ``scales`` (n_terms, 1 + free) hold the terms of the likelihood and
     of their logarithmic scales, with their derivatives by the free coordinates that do not rest on a bound; ``times``
-    the times of the terms.
+    the times of the terms. ``begun`` (n_x, n_y) are, per log, the shifts of its start by what outputs show more.
     """
 
     base: Fit
@@ -44,6 +44,7 @@ class Linearisation:
     free: FloatArray
     scales: FloatArray
     times: Times
+    begun: tuple[FloatArray, ...] = ()
 
     def __repr__(self) -> str:
         return f"<Linearisation {self.model.name}: {self.free.shape[0]} terms, {self.count} free>"
@@ -87,7 +88,9 @@ class Linearisation:
         def respond_to(part: int) -> None:
             for k, linear in enumerate(self.logs):
                 own = found[rows[k] : rows[k + 1]].reshape(*linear.whitened.shape, -1)
-                moved = respond_into(own, int(edges[part]), linear, changes(part, k), at[k])
+                change = changes(part, k)
+                begun = np.einsum("ij,jl->il", self.begun[k], change.outputs[:, 0])
+                moved = respond_into(own, int(edges[part]), linear, replace(change, begun=begun), at[k])
                 states[k][..., edges[part] : edges[part + 1]] = moved
 
         in_threads(available_cores(), respond_to, range(len(sizes)))
@@ -136,7 +139,8 @@ def linearisation(base: Fit, train: Sequence[MatchedLog]) -> Linearisation:
     assert terms is not None  # fits keep their terms
     chosen = np.concatenate([[0], 1 + kept])
     free, scales = terms.innovations[:, chosen].copy(), terms.log_scales[:, chosen].copy()
-    bare = Linearisation(base, model, runs, logs, free, scales, term_times(base.problem))
+    begun = tuple(base.problem.start_shifts(log, linear.path.theta) for log, linear in zip(train, logs, strict=True))
+    bare = Linearisation(base, model, runs, logs, free, scales, term_times(base.problem), begun)
     moved = {
         column: base.problem.free[index]
         for column, index in enumerate(kept, start=1)

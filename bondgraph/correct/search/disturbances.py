@@ -40,9 +40,11 @@ from bondgraph.estimate.excerpt import excerpt
 from bondgraph.estimate.fitted import Fit, at_optimum
 from bondgraph.estimate.free import FreeParameter
 from bondgraph.estimate.journal import Journal
-from bondgraph.estimate.local import ROUGH, ROUGH_ITERATIONS, fit, left_open
+from bondgraph.estimate.local import ROUGH, ROUGH_ITERATIONS, fit, left_open, refitted
 from bondgraph.estimate.problem import EstimationProblem
 from bondgraph.estimate.setup import filter_setup
+from bondgraph.filter.filter_model import FilterModel
+from bondgraph.filter.follows import Follow
 from bondgraph.text import number
 
 #: Kind of effect of a disturbance.
@@ -51,6 +53,8 @@ DISTURBANCE = "disturbance"
 _TIMES = (0.15, 0.3, 0.45, 0.6, 0.75, 0.9)
 #: Its noise carries as much as the white noise in its place, or a tenth or ten times that.
 _INTENSITIES = (0.1, 1.0, 10.0)
+#: It is searched as far again beyond these. A bound in the unit of what nothing measures would mean nothing.
+_FARTHEST = (1e-2, 1e2)
 _ITERATIONS, _TOLERANCE = 40, 0.05
 _REFERENCE = "Maybeck (1979), Stochastic Models, Estimation, and Control 1, section 4.11"
 
@@ -250,7 +254,7 @@ class _Begun:
 def _begun(built: BuiltModel, candidate: Candidate, state: str, base: Fit) -> _Begun:
     """The best of its starts; of a stiff model a rough search goes on from there on the beginnings of long logs."""
     extended = build(candidate.apply(built.graph))
-    problem = _problem(extended, candidate, base)
+    problem = _problem(extended, candidate, state, base)
     points, part = _starts(problem, candidate, state, base), excerpt(problem)
     values = (part or problem).nll(np.array(points).T)
     best = points[int(np.argmin(np.where(np.isfinite(values), values, np.inf)))]
@@ -273,6 +277,9 @@ def _estimated(begun: _Begun, base: Fit, tried: int, journal: Journal | None) ->
     fitted = fit(
         problem.filter_model, problem.logs, problem.free, _ITERATIONS, _TOLERANCE, [begun.point], journal=journal
     )
+    own, (time,) = candidate.effect.element, candidate.effect.shapes
+    at_rest = _starting(problem.filter_model, own, fitted.values[f"process({own})"], fitted.values[time])
+    fitted = refitted(fitted, at_rest, journal)
     gain = base.nll - fitted.nll
     measured = sum(int(np.isfinite(log.y).sum()) for log in problem.logs)
     ratio = float(stats.chi2.sf(2.0 * max(gain, 0.0), 2))  # its intensity and its time
@@ -282,7 +289,7 @@ def _estimated(begun: _Begun, base: Fit, tried: int, journal: Journal | None) ->
     return Trial(candidate, gain, built=begun.built, fit=fitted, evidence=evidence)
 
 
-def _problem(extended: BuiltModel, candidate: Candidate, base: Fit) -> EstimationProblem:
+def _problem(extended: BuiltModel, candidate: Candidate, state: str, base: Fit) -> EstimationProblem:
     """The problem of the model with a disturbance, its noise and its time free beside everything else."""
     own, train = candidate.effect.element, base.problem.logs
     setup = filter_setup(extended.model, [own], train)
@@ -295,11 +302,25 @@ def _problem(extended: BuiltModel, candidate: Candidate, base: Fit) -> Estimatio
         model=extended.model,
         process_noise={**used.process_noise, own: setup.filter_model.process_noise[own]},
         initial_std={**used.initial_std, own: setup.filter_model.initial_std[own]},
+        follows={**used.follows, own: Follow(0.0)},  # what a sensor shows is the state at first
     )
     (name,) = candidate.effect.shapes
     lower, upper = candidate.bounds(name)
     time = FreeParameter(name, lower, upper, float(np.sqrt(lower * upper)), scale="log")
-    return EstimationProblem(filter_model, train, (*at_optimum(base), time, level))
+    problem = EstimationProblem(filter_model, train, (*at_optimum(base), time, level))
+    noise = _alike(problem, candidate, state, base, time.start)
+    least, most = (_alike(problem, candidate, state, base, seconds) for seconds in (upper, lower))
+    level = replace(level, lower=least * _FARTHEST[0], upper=most * _FARTHEST[1], start=noise)
+    return replace(
+        problem, filter_model=_starting(problem.filter_model, own, noise, time.start),
+        free=(*problem.free[:-1], level),
+    )  # fmt: skip
+
+
+def _starting(filter_model: FilterModel, own: str, noise: float, seconds: float) -> FilterModel:
+    """The filter whose disturbance starts anywhere in the distribution that it has at any time."""
+    width = noise * float(np.sqrt(0.5 * seconds))
+    return replace(filter_model, initial_std={**filter_model.initial_std, own: width})
 
 
 def _starts(problem: EstimationProblem, candidate: Candidate, state: str, base: Fit) -> list[FloatArray]:
@@ -315,14 +336,18 @@ def _starts(problem: EstimationProblem, candidate: Candidate, state: str, base: 
     found = []
     for share in _TIMES:
         seconds = float(time.lower * (time.upper / time.lower) ** share)
-        if state:
-            alike = base.values[f"process({state})"] / (_push(problem, candidate, state, base) * seconds)
-        else:
-            alike = base.values[f"std({candidate.effect.channel})"] * float(np.sqrt(2.0 / seconds))
+        alike = _alike(problem, candidate, state, base, seconds)
         for many in _INTENSITIES:
             ends = [time.coordinate(seconds), level.coordinate(float(np.clip(many * alike, level.lower, level.upper)))]
             found.append(np.concatenate([quiet, ends]))
     return found
+
+
+def _alike(problem: EstimationProblem, candidate: Candidate, state: str, base: Fit, seconds: float) -> float:
+    """The noise with which a disturbance carries as much as the white noise in its place."""
+    if not state:
+        return base.values[f"std({candidate.effect.channel})"] * float(np.sqrt(2.0 / seconds))
+    return base.values[f"process({state})"] / (_push(problem, candidate, state, base) * seconds)
 
 
 def _push(problem: EstimationProblem, candidate: Candidate, state: str, base: Fit) -> float:

@@ -15,7 +15,7 @@ import numpy as np
 from bondgraph.build import BuiltModel, build
 from bondgraph.correct.evidence.context import Context, coefficients
 from bondgraph.correct.evidence.trials import Trial
-from bondgraph.correct.models.followers import followers
+from bondgraph.correct.models.followers import at_rest, followers
 from bondgraph.data.log import FloatArray
 from bondgraph.estimate.derivatives.linearised import filter_runs, is_linearised, linear_expansion, value_of
 from bondgraph.estimate.excerpt import excerpt
@@ -82,9 +82,9 @@ def storage_problem(trial: Trial, extended: BuiltModel, context: Context) -> Est
     filter_model = replace(
         base,
         model=extended.model,
-        initial_std={**own.filter_model.initial_std, **_estimated_starts(context.base)},
+        initial_std={**own.filter_model.initial_std, **base.initial_std},
         substeps=max(min(own.filter_model.substeps, most), base.substeps) if alike else most,
-        follows={**base.follows, **_followers(context, extended)},
+        follows={**base.follows, **_followers(context, extended, trial.candidate.effect.channel)},
     )
     free = (*at_optimum(context.base), *coefficients(trial.candidate, filter_model))
     return EstimationProblem(filter_model, context.train, free)
@@ -120,12 +120,15 @@ def _promise(problem: EstimationProblem, point: FloatArray, expansion: Expansion
     return newton_decrement(problem, point, expansion) if expansion.is_finite else float("nan")
 
 
-def _followers(context: Context, extended: BuiltModel) -> dict[str, Follow]:
+def _followers(context: Context, extended: BuiltModel, channel: str) -> dict[str, Follow]:
     """Where the states of a candidate start, by where the first log begins, at the size in the middle of its bounds."""
     base, log = context.base, context.train[0]
     first = base.runs(context.train)[0].filtered_mean[: len(context.built.model.states), 0]
     values = dict(zip(base.problem.filter_model.model.names("parameter"), map(float, base.theta), strict=True))
-    return followers(context.built, extended, first, log.u[:, 0], values | dict(log.theta_overrides))
+    values |= dict(log.theta_overrides)
+    if channel:  # a sensor has shown the machine for ever
+        return at_rest(context.built, extended, first, log.u[:, 0], values)
+    return followers(context.built, extended, first, log.u[:, 0], values)
 
 
 def _worth_a_run(problem: EstimationProblem, trial: Trial, context: Context) -> tuple[FloatArray, str]:
@@ -156,9 +159,3 @@ def _remark(problem: EstimationProblem, points: FloatArray, values: FloatArray, 
         f"{problem.names[-count]} of {left_out.min():.3g} to {left_out.max():.3g} was not tried, for which "
         f"{problem.filter_model.substeps} steps from sample to sample are too few"
     )
-
-
-def _estimated_starts(base: Fit) -> dict[str, float]:
-    """How unsure the filter is of states whose starts are estimated."""
-    estimated = {one.target.name for one in base.problem.free if one.target.kind == "x0"}
-    return {name: std for name, std in base.problem.filter_model.initial_std.items() if name in estimated}
