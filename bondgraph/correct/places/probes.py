@@ -175,13 +175,17 @@ def signals(built: BuiltModel, linear: Linearisation, where: Sequence[Place]) ->
 
 
 def _stored(built: BuiltModel, linear: Linearisation) -> list[Signal]:
-    """Displacements and momenta of storages, and positions that the graph integrates."""
+    """Displacements and momenta of storages, and positions that the graph integrates.
+
+    What a disturbance or a late sensor stores, which an effect brought with it, moves nothing but by that effect.
+    """
+    brought = linear.base.problem.filter_model.follows
     found = []
     for state in built.equations.states:
         name = state.symbol.name
         if state.variable in ("displacement", "momentum"):
             name = f"{state.variable} of {state.element}"
-        elif state.variable != "integral":
+        elif state.variable != "integral" or name in brought:
             continue  # the flow or effort of a junction
         row = linear.model.index("state", state.symbol.name)
         found.append(Signal(name, state.unit, tuple(log.path.before[row] for log in linear.logs)))

@@ -34,7 +34,8 @@ class Linearisation:
 
     ``runs`` are those of the filter. ``free`` and ``scales`` (n_terms, 1 + free) hold the terms of the likelihood and
     of their logarithmic scales, with their derivatives by the free coordinates that do not rest on a bound; ``times``
-    the times of the terms. ``begun`` (n_x, n_y) are, per log, the shifts of its start by what outputs show more.
+    the times of the terms. ``begun`` (n_x, n_y) are, per log, the shifts of its start by what outputs show more;
+    ``bounded`` (n_terms, k) the derivatives by parameters that rest on a bound.
     """
 
     base: Fit
@@ -45,6 +46,7 @@ class Linearisation:
     scales: FloatArray
     times: Times
     begun: tuple[FloatArray, ...] = ()
+    bounded: FloatArray | None = None
 
     def __repr__(self) -> str:
         return f"<Linearisation {self.model.name}: {self.free.shape[0]} terms, {self.count} free>"
@@ -118,6 +120,19 @@ class Linearisation:
         score = -(over_terms(columns, z[:, np.newaxis])[:, 0] - share.T @ gradient)
         return score, np.where(left > LEFT * np.maximum(own, np.finfo(float).tiny), left, 0.0)
 
+    def left_by_parameters(self, columns: FloatArray) -> FloatArray:
+        """Share (lanes,) of what responses (n_terms, lanes) tell that parameters leave, those on bounds among them.
+
+        What a parameter would do beyond its bound is a question of the bound, and no law.
+        """
+        everything = self
+        if self.bounded is not None:
+            free, still = np.concatenate([self.free, self.bounded], axis=1), np.zeros(self.bounded.shape)
+            everything = replace(self, free=free, scales=np.concatenate([self.scales, still], axis=1))
+        own = np.einsum("ij,ij->j", columns, columns)
+        share: FloatArray = everything.each_alone(columns)[1] / np.maximum(own, np.finfo(float).tiny)
+        return share
+
     def projected(self, columns: FloatArray) -> Projected:
         """Scores of responses (n_terms, lanes) with the free coordinates taken out."""
         return project(self.expansion(columns), self.count, self.times)
@@ -146,11 +161,17 @@ def linearisation(base: Fit, train: Sequence[MatchedLog]) -> Linearisation:
         for column, index in enumerate(kept, start=1)
         if base.problem.free[index].target.kind == "parameter"
     }
-    if not moved:
+    resting = [
+        base.problem.free[k] for k in np.flatnonzero(base.held) if base.problem.free[k].target.kind == "parameter"
+    ]
+    every = [*moved.values(), *resting]
+    if not every:
         return bare
-    changes = [together([_moved(linear.path, base, one) for one in moved.values()]) for linear in logs]
-    responses = bare.columns(changes)
+    responses = bare.columns([together([_moved(linear.path, base, one) for one in every]) for linear in logs])
     timed = bare.times.sample >= 0
+    if resting:
+        bare = replace(bare, bounded=responses[:, len(moved) :])
+        responses = responses[:, : len(moved)]
     for column, response in zip(moved, responses.T, strict=True):
         free[timed, column], scales[timed, column] = response[timed], 0.0
     return bare

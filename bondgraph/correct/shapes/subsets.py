@@ -66,13 +66,12 @@ class Terms:
 
 
 def scored_terms(linear: Linearisation, probe: Probe, known: Sequence[Signal], of: Sequence[Signal]) -> Terms:
-    """The terms in some signals at one place, those of which free parameters leave something."""
+    """The terms in some signals at one place, those of which parameters leave something."""
     terms = list({(one.name, one.inner): one for signal in of for one in library(known, signal)}.values())
     sizes = [len(term.kind.laws) for term in terms]
     columns = _responses(linear, probe, terms, known)
     projected = linear.projected(columns)
-    whole = np.diag(projected.expansion.information)[-columns.shape[1] :] if columns.shape[1] else np.empty(0)
-    left = np.diag(projected.information) > _LEFT * np.maximum(whole, np.finfo(float).tiny)
+    left = linear.left_by_parameters(columns) > _LEFT
     edges = np.cumsum([0, *sizes])
     kept = [k for k in range(len(terms)) if left[edges[k] : edges[k + 1]].all()]
     return _only(Terms(probe, tuple(terms), edges, projected.score, projected.information), kept, projected)
