@@ -124,7 +124,7 @@ def refitted(fitted: Fit, filter_model: FilterModel, journal: Journal | None = N
     free = at_optimum(fitted)
     problem = replace(fitted.problem, filter_model=filter_model, free=free)
     journal = journal or Journal()
-    key = fit_key(filter_model, problem.logs, free, ["by known derivatives", fitted.point])
+    key = fit_key(problem, ["by known derivatives", fitted.point])
     noted = journal.find(key)
     if noted is not None:
         around = fitted.expansion.around(problem.terms(noted.point[:, np.newaxis]))
@@ -160,8 +160,7 @@ def _noted(problem: EstimationProblem, journal: Journal | None, *how: Any) -> Fi
     if journal is None:
         return _search(problem, *how)[0]
     iterations, tolerance, starts, beat, first, reach = how
-    options = (iterations, tolerance, [*starts, first], beat, reach)
-    key = fit_key(problem.filter_model, problem.logs, problem.free, options)
+    key = fit_key(problem, [iterations, tolerance, [*starts, first], beat, reach])
     known = journal.find(key)
     if known is not None:
         expansion = formed_again(problem, known.point, known.formed)

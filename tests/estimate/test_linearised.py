@@ -18,7 +18,7 @@ from bondgraph.estimate.derivatives import exact
 from bondgraph.estimate.derivatives.linearised import filter_runs, is_linearised, kicks_along
 from bondgraph.estimate.estimation import Settings, estimate
 from bondgraph.estimate.fitted import Fit
-from bondgraph.estimate.journal import Journal
+from bondgraph.estimate.journal import Journal, fit_key
 from bondgraph.estimate.local import fit, refitted
 from bondgraph.estimate.objective import SearchOutcome, TraceRow
 from bondgraph.estimate.problem import EstimationProblem
@@ -85,6 +85,18 @@ def test_a_refit_is_taken_from_the_journal(tmp_path: Path) -> None:
     assert (tmp_path / "fits.json").is_file()
     assert np.array_equal(first.point, again.point) and first.nll == again.nll
     assert np.array_equal(first.expansion.information, again.expansion.information)
+
+
+def test_a_fit_in_the_journal_is_known_by_every_number_of_its_filter() -> None:
+    """Nodes of the process noise and correlations of sensors were no part of the key."""
+    own = problem().filter_model
+    others = [
+        replace(own, noise_steps=own.noise_steps + 1), replace(own, noise_scheme="sampled"), replace(own, beta=1.0),
+        own.with_halved_steps(), replace(own, robust=Robust("huber", 2.0)),
+    ]  # fmt: skip
+    keys = [fit_key(replace(problem(), filter_model=one), [0.1, [problem().start]]) for one in (own, *others)]
+    assert len(set(keys)) == len(keys)
+    assert fit_key(problem(), [0.1, [problem().start]]) == keys[0] != fit_key(problem(), [0.1, [problem().upper]])
 
 
 def _estimated(monkeypatch: pytest.MonkeyPatch, repays: int, **asked: Any) -> Estimate:
