@@ -15,7 +15,7 @@ from bondgraph.errors import FilterError
 from bondgraph.estimate import estimation
 from bondgraph.estimate.checkpoint import Checkpoint, load_checkpoint, save_checkpoint
 from bondgraph.estimate.derivatives import exact
-from bondgraph.estimate.derivatives.linearised import filter_runs, is_linearised, kicks_along
+from bondgraph.estimate.derivatives.linearised import filter_runs, is_linearised, kicks_along, linear_expansion
 from bondgraph.estimate.estimation import Settings, estimate
 from bondgraph.estimate.fitted import Fit
 from bondgraph.estimate.journal import Journal, fit_key
@@ -85,6 +85,18 @@ def test_a_refit_is_taken_from_the_journal(tmp_path: Path) -> None:
     assert (tmp_path / "fits.json").is_file()
     assert np.array_equal(first.point, again.point) and first.nll == again.nll
     assert np.array_equal(first.expansion.information, again.expansion.information)
+
+
+def test_terms_along_the_filter_are_those_of_the_likelihood_in_every_bit() -> None:
+    """So that exact derivatives need not filter for them where a search along the linearised filter ended."""
+    with_gaps = problem().logs[0].y.copy()
+    with_gaps[0, 20:25] = np.nan
+    for y in (problem().logs[0].y, with_gaps):
+        own = replace(problem(), logs=(replace(problem().logs[0], y=y),))
+        along, alone = linear_expansion(own, own.start).terms, own.terms(own.start[:, np.newaxis])
+        assert along is not None
+        np.testing.assert_array_equal(along.innovations[:, :1], alone.innovations)
+        np.testing.assert_array_equal(along.log_scales[:, :1], alone.log_scales)
 
 
 def test_a_fit_in_the_journal_is_known_by_every_number_of_its_filter() -> None:
