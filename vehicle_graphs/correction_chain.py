@@ -31,6 +31,7 @@ from bondgraph.estimate.declared import free_parameters
 from bondgraph.estimate.fitted import Fit
 from bondgraph.estimate.free import FreeParameter
 from bondgraph.estimate.handover import spread_starts
+from bondgraph.estimate.journal import Journal
 from bondgraph.estimate.local import fit
 from bondgraph.estimate.noise_starts import noisy_starts
 from bondgraph.estimate.problem import EstimationProblem
@@ -45,7 +46,7 @@ from bondgraph.simulate.simulation import simulate
 from bondgraph.simulate.trajectory import Trajectory
 from vehicle_graphs.chain_reports import Command, Fitted, chain_report, held, intervals
 from vehicle_graphs.commands import command_parser, run_command
-from vehicle_graphs.kept_fits import KeptFits, fit_key
+from vehicle_graphs.kept_fits import fit_key
 
 #: An effect must lower the error on unseen training logs by this share.
 LEAST_GAIN = 0.03
@@ -111,12 +112,12 @@ class Bench:
     ) -> list[Tried]:
         """Sets of effects, fitted, in their order: as they were kept, or fitted by workers and kept."""
         keys = [fit_key(build(machine.declared(effects)).text, known, train) for effects in sets]
-        kept = KeptFits(self.folder)
-        found = {k: _tried_again(one) for k, key in enumerate(keys) if (one := kept.get(key)) is not None}
+        journal = Journal(self.folder)
+        found = {k: _tried_again(one) for k, key in enumerate(keys) if (one := journal.entry(key)) is not None}
         due = [k for k in range(len(sets)) if k not in found]
         for position, fitted in as_done(self.executor, tried, [(machine, sets[k], train, known) for k in due]):
             found[due[position]] = fitted
-            kept.put(keys[due[position]], asdict(fitted))
+            journal.enter(keys[due[position]], asdict(fitted))
             self.progress()
         return [found[k] for k in range(len(sets))]
 

@@ -43,6 +43,7 @@ from bondgraph.data.read import read_log
 from bondgraph.estimate.declared import free_parameters
 from bondgraph.estimate.fitted import Fit
 from bondgraph.estimate.free import FreeParameter
+from bondgraph.estimate.journal import Journal
 from bondgraph.estimate.local import fit
 from bondgraph.estimate.noise_starts import noisy_starts
 from bondgraph.estimate.setup import filter_setup
@@ -55,7 +56,7 @@ from bondgraph.simulate.trajectory import Trajectory
 from vehicle_graphs import emps
 from vehicle_graphs.chain_reports import Command, Fitted, chain_report, held, intervals
 from vehicle_graphs.commands import command_parser, run_command
-from vehicle_graphs.kept_fits import KeptFits, fit_key
+from vehicle_graphs.kept_fits import fit_key
 
 #: Samples at the start of a log from which its initial state is taken, as the benchmark allows.
 WINDOW = 20
@@ -186,11 +187,11 @@ class ChainStep:
         return Fitted(emps.declared(self.effects), self.free_run, self.ci95, self.at_bound)
 
 
-def chain_step(effects: tuple[str, ...], slow: Log, start: dict[str, float], kept: KeptFits) -> ChainStep:
+def chain_step(effects: tuple[str, ...], slow: Log, start: dict[str, float], journal: Journal) -> ChainStep:
     """A step of the chain from where the one before it ended: as it was kept, or fitted and kept."""
     built = build(emps.declared(effects))
     key = fit_key(built.text, start, [slow])
-    content = kept.get(key)
+    content = journal.entry(key)
     if content is not None:
         ends = {name: (low, high) for name, (low, high) in content["ci95"].items()}
         return ChainStep(effects, content["one_step"], content["free_run"], ends, tuple(content["at_bound"]))
@@ -198,7 +199,7 @@ def chain_step(effects: tuple[str, ...], slow: Log, start: dict[str, float], kep
     one_step = one_step_fit(built, log, start).values
     found = free_run_fit(built, log, one_step)
     step = ChainStep(effects, one_step, _held_ripple(one_step) | found.values, intervals(found), held(found))
-    kept.put(key, asdict(step))
+    journal.enter(key, asdict(step))
     return step
 
 
@@ -211,7 +212,7 @@ def chain(folder: Path, out: Path | None = None) -> list[ChainStep]:
         for count in range(len(emps.CHOSEN) + 1):
             effects = emps.CHOSEN[:count]
             work.describe(effects[-1] if effects else "as declared")
-            step = chain_step(effects, slow, steps[-1].one_step if steps else {}, KeptFits(out))
+            step = chain_step(effects, slow, steps[-1].one_step if steps else {}, Journal(out))
             steps.append(step)
             print("\n".join(_told(step, logs)), flush=True)
             work.advance()

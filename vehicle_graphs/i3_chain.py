@@ -36,6 +36,7 @@ from bondgraph.data.log import Log, MatchedLog
 from bondgraph.data.matching import match
 from bondgraph.data.read import read_log
 from bondgraph.errors import DataError
+from bondgraph.estimate.journal import Journal
 from bondgraph.execute.executors import open_executor
 from bondgraph.execute.tasks import as_done
 from bondgraph.report.collect import parameter_changes
@@ -47,7 +48,7 @@ from bondgraph.simulate.model import Model
 from vehicle_graphs import i3
 from vehicle_graphs.chain_reports import Command
 from vehicle_graphs.commands import command_parser, importable_main, run_command
-from vehicle_graphs.kept_fits import KeptFits, fit_key
+from vehicle_graphs.kept_fits import fit_key
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -215,17 +216,17 @@ class Bench:
 
     def balances(self, sets: Sequence[tuple[str, ...]], train: Sequence[Log]) -> list[Balance]:
         """Sets of effects, fitted, in their order: as they were kept, or fitted by workers and kept."""
-        kept = KeptFits(self.folder)
+        journal = Journal(self.folder)
         models = [build(i3.declared(effects)).model for effects in sets]
         keys = [fit_key(model.text, {}, train) for model in models]
         found = {
             k: Balance(sets[k], models[k], content["values"], content["left_out"], content["std"])
-            for k, key in enumerate(keys) if (content := kept.get(key)) is not None
+            for k, key in enumerate(keys) if (content := journal.entry(key)) is not None
         }  # fmt: skip
         due = [k for k in range(len(sets)) if k not in found]
         for position, one in as_done(self.executor, balance, [(sets[k], train) for k in due]):
             found[due[position]] = one
-            kept.put(keys[due[position]], {"values": one.values, "left_out": one.left_out, "std": one.std})
+            journal.enter(keys[due[position]], {"values": one.values, "left_out": one.left_out, "std": one.std})
             self.progress()
         return [found[k] for k in range(len(sets))]
 

@@ -1,16 +1,16 @@
-"""A journal of finished fits, so that an interrupted loop goes on where it stopped.
+"""A journal of finished fits, so that an interrupted loop or chain of fits goes on where it stopped.
 
 Closing a loop is a fixed sequence of fits with quick work between them. Each finished fit is noted under a digest of
 everything it depends on; a loop that is run again takes the noted ones as they are and reaches the point of
 interruption in seconds. A changed graph, log or option has other digests, so that nothing stale is ever used.
+A search that is not finished yet is no matter of the journal: its state is kept by ``checkpoint``.
 """
 
 from __future__ import annotations
 
-import hashlib
 import json
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -18,13 +18,13 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from bondgraph.data.log import FloatArray, MatchedLog
+from bondgraph.data.log import FloatArray
 from bondgraph.errors import EstimationError
+from bondgraph.estimate.checkpoint import problem_digest
 from bondgraph.estimate.derivatives.formed import Formed, Scheme
-from bondgraph.estimate.free import FreeParameter
+from bondgraph.estimate.problem import EstimationProblem
 from bondgraph.execute.tasks import in_order
 from bondgraph.files import write_text
-from bondgraph.filter.filter_model import FilterModel
 
 _Answer = TypeVar("_Answer")
 
@@ -46,7 +46,12 @@ class Noted:
 
 @dataclass(frozen=True)
 class Journal:
-    """Fits noted in a folder; without a folder nothing is noted. Those that are not are computed by an executor."""
+    """Fits noted in a folder; without a folder nothing is noted. Those that are not are computed by an executor.
+
+    Examples
+    --------
+    >>> Journal().entry("4f")
+    """
 
     folder: Path | None = None
     executor: Executor | None = field(default=None, compare=False, repr=False)
@@ -73,7 +78,7 @@ class Journal:
 
     def find(self, key: str) -> Noted | None:
         """A fit that was noted."""
-        entry = self._read().get(key)
+        entry = self.entry(key)
         if entry is None or "derivatives" not in entry:  # an earlier version noted no such thing
             return None
         formed = Formed(Scheme[entry["derivatives"]], np.array(entry["formed"]))
@@ -82,15 +87,23 @@ class Journal:
 
     def note(self, key: str, fit: Noted) -> None:
         """Note a finished fit."""
-        if self.folder is None:
-            return
-        entry = {
+        self.enter(key, {
             "point": fit.point.tolist(), "derivatives": fit.formed.scheme.name, "formed": fit.formed.at.tolist(),
             "nll": fit.nll, "evaluations": fit.evaluations, "outcome": fit.outcome,
-        }  # fmt: skip
+        })  # fmt: skip
+
+    def entry(self, key: str) -> dict[str, Any] | None:
+        """What was entered under a key, or None."""
+        found: dict[str, Any] | None = self._read().get(key)
+        return found
+
+    def enter(self, key: str, content: Mapping[str, Any]) -> None:
+        """Keep what JSON can hold under a key."""
+        if self.folder is None:
+            return
         self.folder.mkdir(parents=True, exist_ok=True)
         with _NOTING:
-            write_text(self.folder / FILE, json.dumps(self._read() | {key: entry}))
+            write_text(self.folder / FILE, json.dumps(self._read() | {key: dict(content)}))
 
     def computed(self, search: Callable[..., _Answer], *task: Any) -> _Answer:
         """The answer of a search of a module to its task, by a worker where there are some."""
@@ -109,22 +122,9 @@ class Journal:
             ) from None
 
 
-def fit_key(
-    filter_model: FilterModel, logs: Sequence[MatchedLog], free: Sequence[FreeParameter], options: Sequence[object]
-) -> str:
+def fit_key(problem: EstimationProblem, options: Sequence[object]) -> str:
     """Digest of everything on which a fit depends."""
-    content = hashlib.sha256()
-    own = filter_model
-    starts = sorted((name, (one.constant, one.slopes)) for name, one in own.follows.items())
-    numbers = (own.process_noise, own.measurement_noise, own.initial_std, own.appended, own.alpha, starts)
-    steps = (own.method, own.substeps, own.grading)
-    said = (own.model.digest, own.model.text, numbers, steps, tuple(free), tuple(map(_plain, options)))
-    content.update(repr(said).encode())
-    for log in logs:
-        content.update(repr((log.name, sorted(log.theta_overrides.items()))).encode())
-        for array in (log.time, log.u, log.y):
-            content.update(np.ascontiguousarray(array).tobytes())
-    return content.hexdigest()
+    return problem_digest(problem, {"options": _plain(options)})
 
 
 def _plain(option: object) -> object:

@@ -11,10 +11,11 @@ import numpy as np
 from bondgraph.data.log import MatchedLog
 from bondgraph.estimate.free import Target
 from bondgraph.estimate.objective import Below, FloatArray, Terms
+from bondgraph.filter.batch import run_batches
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.likelihood import innovations, likelihood
 from bondgraph.filter.members import MemberValues
-from bondgraph.filter.runs import member_runs
+from bondgraph.filter.runs import prepared
 
 
 @dataclass(frozen=True)
@@ -129,9 +130,8 @@ class FilterLikelihood:
 
     def nll(self, filter_model: FilterModel, logs: Sequence[MatchedLog], batch: Batch) -> FloatArray:
         """Negative log-likelihood, shape (members,)."""
-        _, _, runs = member_runs(
-            filter_model, logs, batch.theta, batch.values(), depth=0, threads=self.threads, compiled=self.compiled
-        )
+        used, samples, members = prepared(filter_model, logs, batch.theta, batch.values(), self.compiled)
+        runs = run_batches(used, samples, members, 0, self.threads, self.compiled)
         values: FloatArray = np.sum([run.verdicts.nll for run in runs], axis=0)
         return values
 

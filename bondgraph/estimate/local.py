@@ -124,7 +124,7 @@ def refitted(fitted: Fit, filter_model: FilterModel, journal: Journal | None = N
     free = at_optimum(fitted)
     problem = replace(fitted.problem, filter_model=filter_model, free=free)
     journal = journal or Journal()
-    key = fit_key(filter_model, problem.logs, free, ["by known derivatives", fitted.point])
+    key = fit_key(problem, ["by known derivatives", fitted.point])
     noted = journal.find(key)
     if noted is not None:
         around = fitted.expansion.around(problem.terms(noted.point[:, np.newaxis]))
@@ -160,8 +160,7 @@ def _noted(problem: EstimationProblem, journal: Journal | None, *how: Any) -> Fi
     if journal is None:
         return _search(problem, *how)[0]
     iterations, tolerance, starts, beat, first, reach = how
-    options = (iterations, tolerance, [*starts, first], beat, reach)
-    key = fit_key(problem.filter_model, problem.logs, problem.free, options)
+    key = fit_key(problem, [iterations, tolerance, [*starts, first], beat, reach])
     known = journal.find(key)
     if known is not None:
         expansion = formed_again(problem, known.point, known.formed)
@@ -194,7 +193,7 @@ def _search(
     if first is not None:
         begun = _search(problem, ROUGH_ITERATIONS, ROUGH, [first], np.inf, None, reach)[0]
         starts = [*(starts or [problem.start]), begun.point]
-    start, evaluations = _best_start(problem, starts)
+    start, _, evaluations = _best_start(problem, starts)
     differences = _Expansions()
     state = initial_starts(problem, start, settings)
     if not np.isfinite(state.values[0]):
@@ -223,7 +222,7 @@ def _linear_search(
     """The fit of a stiff model, and how its derivatives were formed."""
     polishes, part = tolerance < ROUGH, excerpt(problem)
     if first is None:
-        best, evaluations = _best_start(problem, starts)
+        best, _, evaluations = _best_start(problem, starts)
         start = best[:, 0]
     else:
         rough = _rough(part or problem, ROUGH_ITERATIONS, first, starts)
@@ -246,23 +245,24 @@ def _rough(problem: EstimationProblem, iterations: int, first: FloatArray, start
     search = LinearisedScoring(iterations, ROUGH)
     found = linear_search(search, problem, first)
     evaluations = found.evaluations + len(starts)
-    other, _ = _best_start(problem, starts)
-    if starts and not problem.nll(other)[0] > found.nll:
+    other, value, _ = _best_start(problem, starts)
+    if starts and not (problem.nll(other)[0] if value is None else value) > found.nll:
         again = linear_search(search, problem, other[:, 0])
         evaluations += again.evaluations
         found = again if again.nll < found.nll else found
     return replace(found, evaluations=evaluations)
 
 
-def _best_start(problem: EstimationProblem, starts: Sequence[FloatArray]) -> tuple[FloatArray, int]:
+def _best_start(problem: EstimationProblem, starts: Sequence[FloatArray]) -> tuple[FloatArray, float | None, int]:
+    """The best start (n, 1), its value if it was asked, and how many were."""
     if not starts:
-        return problem.start[:, np.newaxis], 0
+        return problem.start[:, np.newaxis], None, 0
     points = np.clip(np.array(starts).T, problem.lower[:, np.newaxis], problem.upper[:, np.newaxis])
     if len(starts) == 1:
-        return points, 0
+        return points, None, 0
     values = problem.nll(points)
     best = int(np.argmin(np.where(np.isfinite(values), values, np.inf)))
-    return points[:, best : best + 1], len(starts)
+    return points[:, best : best + 1], float(values[best]), len(starts)
 
 
 class _Expansions:

@@ -40,6 +40,13 @@ class BatchRun:
         """How member ``m`` ended."""
         return OUTCOMES[self.verdicts.outcome[m]]
 
+    def note(self, m: int, run: FilterRun) -> None:
+        """Note what the numpy filter found about member ``m``, in the form the kernel gives."""
+        note_verdict(self.verdicts, m, run)
+        for level, names in ((1, Record._fields[1:3]), (2, Record._fields[3:])):
+            for name in names if self.record.depth >= level else ():
+                getattr(self.record, name)[..., m] = getattr(run, name)
+
     def filter_run(self, filter_model: FilterModel, m: int) -> FilterRun:
         """The full record of member ``m`` on the samples of the log; needs depth 2."""
         run = self.node_run(filter_model, m)
@@ -73,8 +80,10 @@ def run_batches(
     depth: int,
     threads: int | None,
     compiled: bool,
+    *,
+    refine: bool = True,
 ) -> tuple[BatchRun, ...]:
-    """Filter every member over every log; a member that diverges is tried once more with twice the steps.
+    """Filter every member over every log.
 
     Parameters
     ----------
@@ -86,14 +95,21 @@ def run_batches(
         Threads to use; None: one per available core.
     compiled
         Use the compiled kernel; without numba, or with False, the numpy filter does the same one by one.
+    refine
+        Try a member that diverges once more, with twice the steps.
     """
-    filter_all = _all_in_kernel if compiled and has_numba() else _all_in_numpy
-    runs = filter_all(filter_model, logs, batches, depth, threads)
+    runs = tuple(empty_run(filter_model, samples, batch, depth) for samples, batch in zip(logs, batches, strict=True))
+    if compiled and has_numba():
+        _fill_in_kernel(runs, filter_model, threads)
+    else:
+        for run in runs:
+            for m in range(run.batch.size):
+                run.note(m, reference_run(filter_model, run.samples, run.batch.member(m)))
     for run, batch in zip(runs, batches, strict=True):
         diverged = np.flatnonzero(run.verdicts.outcome == OUTCOMES.index(Outcome.DIVERGED))
-        if diverged.size:
-            finer = replace(run.samples, substeps=2 * run.samples.substeps)
-            (again,) = filter_all(filter_model, [finer], [batch.chosen(diverged)], depth, threads)
+        if refine and diverged.size:
+            finer, some = replace(run.samples, substeps=2 * run.samples.substeps), batch.chosen(diverged)
+            (again,) = run_batches(filter_model, [finer], [some], depth, threads, compiled, refine=False)
             _replace_members(run, again, diverged)
     return runs
 
@@ -108,42 +124,24 @@ def _replace_members(run: BatchRun, again: BatchRun, members: npt.NDArray[np.int
     run.refined[members] = True
 
 
-def _all_in_numpy(
-    filter_model: FilterModel, logs: Sequence[Samples], batches: Sequence[MemberBatch], depth: int, threads: int | None
-) -> tuple[BatchRun, ...]:
-    """The numpy filter member by member, in the form the kernel gives."""
-    runs = tuple(empty_run(filter_model, samples, batch, depth) for samples, batch in zip(logs, batches, strict=True))
-    for run in runs:
-        for m in range(run.batch.size):
-            one = reference_run(filter_model, run.samples, run.batch.member(m))
-            note_verdict(run.verdicts, m, one)
-            for level, names in ((1, Record._fields[1:3]), (2, Record._fields[3:])):
-                for name in names if depth >= level else ():
-                    getattr(run.record, name)[..., m] = getattr(one, name)
-    return runs
-
-
-def _all_in_kernel(
-    filter_model: FilterModel, logs: Sequence[Samples], batches: Sequence[MemberBatch], depth: int, threads: int | None
-) -> tuple[BatchRun, ...]:
-    runs = tuple(empty_run(filter_model, samples, batch, depth) for samples, batch in zip(logs, batches, strict=True))
+def _fill_in_kernel(runs: Sequence[BatchRun], filter_model: FilterModel, threads: int | None) -> None:
+    """Filter the members of runs in blocks, which threads share."""
     compiled_filter = CompiledFilter.of(filter_model)
     rows = [(log_rows(run.samples), whole_log(run.samples)) for run in runs]
     workers = thread_count(threads)
     for_each = math.ceil(workers / len(runs))  # several logs share them
     tasks = [
         (index, block)
-        for index, batch in enumerate(batches)
-        for block in compiled_filter.blocks(batch.size, runs[index].samples, for_each)
+        for index, run in enumerate(runs)
+        for block in compiled_filter.blocks(run.batch.size, run.samples, for_each)
     ]
 
     def filter_block(task: tuple[int, tuple[int, int]]) -> None:
         index, block = task
         run = runs[index]
-        compiled_filter.run(*rows[index], batches[index], run.verdicts, run.record, block)
+        compiled_filter.run(*rows[index], run.batch, run.verdicts, run.record, block)
 
     in_threads(workers, filter_block, tasks)
-    return runs
 
 
 def empty_run(filter_model: FilterModel, samples: Samples, batch: MemberBatch, depth: int) -> BatchRun:

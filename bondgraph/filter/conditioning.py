@@ -19,9 +19,10 @@ import numpy as np
 import numpy.typing as npt
 
 from bondgraph.arrays import FloatArray
+from bondgraph.filter.batch import run_batches
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.members import MemberValues, per_log
-from bondgraph.filter.runs import member_runs
+from bondgraph.filter.runs import prepared
 from bondgraph.filter.samples import MeasuredLog
 from bondgraph.simulate.outcome import Outcome
 
@@ -106,8 +107,8 @@ def conditioning(
     x0 = [model.x0() if one is None else one for one in per_log("x0", values.get("x0"), len(listed))]
     moved: MemberValues = {**values, "x0": [_twins(np.asarray(one, dtype=np.float64), rng) for one in x0]}
     parameters = _twins(model.theta() if theta is None else np.asarray(theta, dtype=np.float64), rng)
-    _, _, runs = member_runs(filter_model, listed, parameters, moved, depth=0, threads=1, compiled=compiled)
-    nll = np.sum([run.verdicts.nll for run in runs], axis=0)
+    used, samples, batches = prepared(filter_model, listed, parameters, moved, compiled)
+    nll = np.sum([run.verdicts.nll for run in run_batches(used, samples, batches, 0, 1, compiled)], axis=0)
     if not np.isfinite(nll).any():
         return Conditioning(np.inf, 0.0)
     return Conditioning(float(nll[0]), float(np.max(np.abs(nll - nll[0]))) if np.isfinite(nll).all() else np.inf)

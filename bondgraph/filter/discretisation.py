@@ -15,12 +15,13 @@ import numpy as np
 import numpy.typing as npt
 
 from bondgraph.arrays import FloatArray
+from bondgraph.filter.batch import run_batches
 from bondgraph.filter.choice import choose_method
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.filter_run import FilterRun
 from bondgraph.filter.members import MemberValues, per_log
 from bondgraph.filter.rates import fastest_rates, looked_at
-from bondgraph.filter.runs import member_runs, run
+from bondgraph.filter.runs import prepared, run
 from bondgraph.filter.samples import MeasuredLog, Samples
 from bondgraph.simulate.model import Model
 
@@ -118,8 +119,8 @@ def _nll(
     compiled: bool,
 ) -> float:
     """The value of the first member over all logs; infinite where it diverged."""
-    _, _, runs = member_runs(filter_model, logs, theta, values, depth=0, threads=None, compiled=compiled)
-    return float(sum(one.verdicts.nll[0] for one in runs))
+    used, samples, batches = prepared(filter_model, logs, theta, values, compiled)
+    return float(sum(one.verdicts.nll[0] for one in run_batches(used, samples, batches, 0, None, compiled)))
 
 
 def jacobian(model: Model, t: float, x: FloatArray, u: FloatArray, theta: FloatArray) -> FloatArray:

@@ -7,6 +7,7 @@ transition is the product of those of its steps.
 
 from __future__ import annotations
 
+import functools
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -101,15 +102,19 @@ class NodeRecord:
             ended_at=float(run.time[chosen[max(int(finished), 0)]]), **arrays,
         )  # fmt: skip
 
+    @functools.cached_property
     def transitions(self) -> FloatArray:
-        """Transitions (m-1, n_s, n_s) of the filter over each step, in the directions that are not known exactly."""
+        """Transitions (m-1, n_s, n_s) of the filter over each step, in the directions that are not known exactly.
+
+        They cost an eigenvalue problem for each step, and are kept for every noise that is carried through them.
+        """
         cross = np.moveaxis(self.run.cross_cov[..., 1:], -1, 0)
         return np.swapaxes(solved(self.driven_cov(), cross), 1, 2)
 
     def noise_gathered(self, state: int) -> FloatArray:
         """Covariance (n-1, n_s, n_s) that noise of intensity one in a state leaves over each interval of the log."""
         samples, size = self.samples, self.process_cov.shape[0]
-        moves = self.transitions()
+        moves = self.transitions
         gathered = np.zeros((samples.sample.size - 1, size, size))
         unit = np.zeros((size, size))
         unit[state, state] = 1.0
@@ -133,7 +138,6 @@ class NodeRecord:
         edges = self.samples.sample
         cross = np.moveaxis(self.run.cross_cov[..., 1:], -1, 0)
         before = np.moveaxis(self.run.filtered_cov[..., :-1], -1, 0)
-        driven = self.driven_cov()
         found = np.full((edges.size, *self.process_cov.shape), np.nan)
         counts = np.diff(edges)
         for hop in range(int(np.max(counts, initial=0))):
@@ -143,7 +147,7 @@ class NodeRecord:
                 found[own + 1] = cross[step]
                 continue
             reached = before[step] if hop == 0 else found[own + 1]
-            found[own + 1] = reached @ solved(driven[step], cross[step])
+            found[own + 1] = reached @ np.swapaxes(self.transitions[step], 1, 2)
         return np.moveaxis(found, 0, -1)
 
 

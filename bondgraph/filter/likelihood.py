@@ -16,12 +16,14 @@ import numpy as np
 import numpy.typing as npt
 
 from bondgraph.arrays import BoolArray, FloatArray, IntArray
-from bondgraph.filter.batch import BatchRun
+from bondgraph.errors import FilterError
+from bondgraph.filter.batch import BatchRun, run_batches
+from bondgraph.filter.ceiling import run_below
 from bondgraph.filter.conditioning import Conditioning, conditioning
 from bondgraph.filter.discretisation import DiscretisationError, discretisation_error
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.members import MemberValues
-from bondgraph.filter.runs import member_runs
+from bondgraph.filter.runs import prepared
 from bondgraph.filter.samples import MeasuredLog
 from bondgraph.simulate.outcome import Outcome
 
@@ -129,9 +131,11 @@ def likelihood(
     >>> int(np.argmin(likelihood(swing, log, lengths).nll))
     1
     """
-    used, batches, runs = member_runs(
-        filter_model, logs, theta, values, depth=0, threads=threads, compiled=compiled, ceilings=ceilings
-    )
+    used, samples, batches = prepared(filter_model, logs, theta, values, compiled)
+    if ceilings is None:
+        runs = run_batches(used, samples, batches, 0, threads, compiled)
+    else:
+        runs = run_below(used, samples, batches, _for_each(ceilings, batches[0].size), threads, compiled)
     per_log = np.array([run.verdicts.nll for run in runs])
     floored = np.sum([run.verdicts.floored for run in runs], axis=0)
     refined = np.any([run.refined for run in runs], axis=0)
@@ -190,8 +194,19 @@ def innovations(
 
     With z and log s of a record, nll = sum(z^2/2 + log s) + log(2 pi)/2 per measured value.
     """
-    _, _, runs = member_runs(filter_model, logs, theta, values, depth=1, threads=threads, compiled=compiled)
-    return tuple(_whitened(run) for run in runs)
+    used, samples, batches = prepared(filter_model, logs, theta, values, compiled)
+    return tuple(_whitened(run) for run in run_batches(used, samples, batches, 1, threads, compiled))
+
+
+def _for_each(ceilings: npt.ArrayLike, members: int) -> FloatArray:
+    """Ceilings of the members, shape (members,)."""
+    highest = np.asarray(ceilings, dtype=np.float64)
+    if highest.shape not in ((), (members,)):
+        raise FilterError(
+            f"ceilings has shape {highest.shape} for {members} members - give one for each, or one for all",
+            where=("ceilings",),
+        )
+    return np.array(np.broadcast_to(highest, members))
 
 
 def _outcomes(runs: Sequence[BatchRun]) -> tuple[Outcome, ...]:

@@ -6,14 +6,12 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Unpack
 
-import numpy as np
 import numpy.typing as npt
 
 from bondgraph.errors import FilterError
 from bondgraph.filter.bands import Beliefs, FilterBands, filter_bands
-from bondgraph.filter.batch import BatchRun, run_batches
+from bondgraph.filter.batch import run_batches
 from bondgraph.filter.causes import cause
-from bondgraph.filter.ceiling import run_below
 from bondgraph.filter.choice import choose_method
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.filter_run import FilterRun
@@ -41,6 +39,7 @@ def run(
 
     Examples
     --------
+    >>> import numpy as np
     >>> from bondgraph.data.log import MatchedLog
     >>> from bondgraph.simulate.example import pendulum
     >>> swing = FilterModel(pendulum(), {"rate": 0.1}, {"deflection": 0.05}, {"angle": 0.1, "rate": 0.1}, substeps=2)
@@ -49,7 +48,8 @@ def run(
     >>> run(swing, log, compiled=False).mean("angle").shape
     (40,)
     """
-    used, (members,), (batch,) = member_runs(filter_model, log, theta, values, depth=2, threads=1, compiled=compiled)
+    used, samples, (members,) = prepared(filter_model, log, theta, values, compiled)
+    (batch,) = run_batches(used, samples, [members], 2, 1, compiled)
     if batch.verdicts.nll.size != 1:
         raise FilterError(f"{log.name}: run takes one member, not {batch.verdicts.nll.size} - use likelihood for many")
     found = batch.filter_run(used, 0)
@@ -90,6 +90,7 @@ def run_bands(
 
     Examples
     --------
+    >>> import numpy as np
     >>> from bondgraph.data.log import MatchedLog
     >>> from bondgraph.simulate.example import pendulum
     >>> swing = FilterModel(pendulum(), {"rate": 0.1}, {"deflection": 0.05}, {"angle": 0.1, "rate": 0.1}, substeps=2)
@@ -99,35 +100,27 @@ def run_bands(
     >>> bool((bands.std("angle") == whole.std("angle")).all()), bands.nll == whole.nll
     (True, True)
     """
-    used = choose_method(filter_model, [log], compiled=compiled)
-    samples = Samples.of(used, log)
-    (members,) = member_batches(used, [samples], theta, values)
+    used, (samples,), (members,) = prepared(filter_model, log, theta, values, compiled)
     if members.size != 1:
         raise FilterError(f"{log.name}: run takes one member, not {members.size} - use likelihood for many")
     return filter_bands(used, samples, members, compiled, told)
 
 
-def member_runs(
+def prepared(
     filter_model: FilterModel,
     logs: MeasuredLog | Sequence[MeasuredLog],
     theta: npt.ArrayLike | None,
     values: MemberValues,
-    *,
-    depth: int,
-    threads: int | None,
     compiled: bool,
-    ceilings: npt.ArrayLike | None = None,
-) -> tuple[FilterModel, tuple[MemberBatch, ...], tuple[BatchRun, ...]]:
-    """The filter model with its method decided, and for each log the members and the run.
+) -> tuple[FilterModel, list[Samples], tuple[MemberBatch, ...]]:
+    """What a run takes: the filter model with its method decided, and for each log its samples and its members.
 
     Parameters
     ----------
-    filter_model, logs, theta, threads, compiled, ceilings
+    filter_model, logs, theta, compiled
         As for :func:`bondgraph.filter.likelihood.likelihood`.
     values
         Numbers of the members.
-    depth
-        What is recorded: 0 the likelihood, 1 whitened innovations too, 2 everything.
 
     Raises
     ------
@@ -139,14 +132,4 @@ def member_runs(
         raise FilterError(f"{filter_model.model.name}: there is no log to filter - give at least one")
     filter_model = choose_method(filter_model, listed, compiled=compiled)
     samples = [Samples.of(filter_model, log) for log in listed]
-    batches = member_batches(filter_model, samples, theta, values)
-    if ceilings is None:
-        return filter_model, batches, run_batches(filter_model, samples, batches, depth, threads, compiled)
-    highest = np.asarray(ceilings, dtype=np.float64)
-    if highest.shape not in ((), (batches[0].size,)):
-        raise FilterError(
-            f"ceilings has shape {highest.shape} for {batches[0].size} members - give one for each, or one for all",
-            where=("ceilings",),
-        )
-    each = np.array(np.broadcast_to(highest, batches[0].size))
-    return filter_model, batches, run_below(filter_model, samples, batches, each, threads, compiled)
+    return filter_model, samples, member_batches(filter_model, samples, theta, values)

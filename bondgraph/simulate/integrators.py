@@ -95,23 +95,18 @@ class RK4(AbstractIntegrator):
         t, x = state.time, state.x
         values = np.empty((x.shape[0], times.size, *x.shape[1:]))
         for k, end in enumerate(times):
-            x = self._advance(rhs, segment, t, float(end) - t, x)
+            step = (float(end) - t) / self.substeps
+            for now in (t + i * step for i in range(self.substeps)):
+                u_left, u_middle, u_right = (segment.at(now + share * step) for share in (0.0, 0.5, 1.0))
+                slope_1 = rhs(now, x, u_left)
+                slope_2 = rhs(now + 0.5 * step, x + 0.5 * step * slope_1, u_middle)
+                slope_3 = rhs(now + 0.5 * step, x + 0.5 * step * slope_2, u_middle)
+                slope_4 = rhs(now + step, x + step * slope_3, u_right)
+                x = x + step / 6.0 * (slope_1 + 2.0 * (slope_2 + slope_3) + slope_4)
             values[:, k] = x
             t = float(end)
         outcome = state.outcome if np.isfinite(x).all() else Outcome.DIVERGED
         return values, IntegratorState(t, x, state.steps + self.substeps * times.size, outcome)
-
-    def _advance(self, rhs: Equations, segment: InputSegment, start: float, length: float, x: FloatArray) -> FloatArray:
-        step = length / self.substeps
-        for k in range(self.substeps):
-            t = start + k * step
-            u_left, u_middle, u_right = (segment.at(t + share * step) for share in (0.0, 0.5, 1.0))
-            slope_1 = rhs(t, x, u_left)
-            slope_2 = rhs(t + 0.5 * step, x + 0.5 * step * slope_1, u_middle)
-            slope_3 = rhs(t + 0.5 * step, x + 0.5 * step * slope_2, u_middle)
-            slope_4 = rhs(t + step, x + step * slope_3, u_right)
-            x = x + step / 6.0 * (slope_1 + 2.0 * (slope_2 + slope_3) + slope_4)
-        return x
 
 
 @dataclass(frozen=True)

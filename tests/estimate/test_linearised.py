@@ -15,10 +15,10 @@ from bondgraph.errors import FilterError
 from bondgraph.estimate import estimation
 from bondgraph.estimate.checkpoint import Checkpoint, load_checkpoint, save_checkpoint
 from bondgraph.estimate.derivatives import exact
-from bondgraph.estimate.derivatives.linearised import filter_runs, is_linearised, kicks_along
+from bondgraph.estimate.derivatives.linearised import filter_runs, is_linearised, kicks_along, linear_expansion
 from bondgraph.estimate.estimation import Settings, estimate
 from bondgraph.estimate.fitted import Fit
-from bondgraph.estimate.journal import Journal
+from bondgraph.estimate.journal import Journal, fit_key
 from bondgraph.estimate.local import fit, refitted
 from bondgraph.estimate.objective import SearchOutcome, TraceRow
 from bondgraph.estimate.problem import EstimationProblem
@@ -85,6 +85,30 @@ def test_a_refit_is_taken_from_the_journal(tmp_path: Path) -> None:
     assert (tmp_path / "fits.json").is_file()
     assert np.array_equal(first.point, again.point) and first.nll == again.nll
     assert np.array_equal(first.expansion.information, again.expansion.information)
+
+
+def test_terms_along_the_filter_are_those_of_the_likelihood_in_every_bit() -> None:
+    """So that exact derivatives need not filter for them where a search along the linearised filter ended."""
+    with_gaps = problem().logs[0].y.copy()
+    with_gaps[0, 20:25] = np.nan
+    for y in (problem().logs[0].y, with_gaps):
+        own = replace(problem(), logs=(replace(problem().logs[0], y=y),))
+        along, alone = linear_expansion(own, own.start).terms, own.terms(own.start[:, np.newaxis])
+        assert along is not None
+        np.testing.assert_array_equal(along.innovations[:, :1], alone.innovations)
+        np.testing.assert_array_equal(along.log_scales[:, :1], alone.log_scales)
+
+
+def test_a_fit_in_the_journal_is_known_by_every_number_of_its_filter() -> None:
+    """Nodes of the process noise and correlations of sensors were no part of the key."""
+    own = problem().filter_model
+    others = [
+        replace(own, noise_steps=own.noise_steps + 1), replace(own, noise_scheme="sampled"), replace(own, beta=1.0),
+        own.with_halved_steps(), replace(own, robust=Robust("huber", 2.0)),
+    ]  # fmt: skip
+    keys = [fit_key(replace(problem(), filter_model=one), [0.1, [problem().start]]) for one in (own, *others)]
+    assert len(set(keys)) == len(keys)
+    assert fit_key(problem(), [0.1, [problem().start]]) == keys[0] != fit_key(problem(), [0.1, [problem().upper]])
 
 
 def _estimated(monkeypatch: pytest.MonkeyPatch, repays: int, **asked: Any) -> Estimate:

@@ -61,9 +61,9 @@ SEARCHES: dict[str, AbstractSearch] = {
     "L-BFGS-B": LBFGSB(),
     "Gauss-Newton": GaussNewton(),
 }
-#: Functions that an estimation goes through to the compiled filter, and a filter run to the equations. Agreed are nine
-#: and seven; more than these numbers, which were measured, may not come to lie between.
-ESTIMATE_HOPS, FILTER_HOPS = 10, 10
+#: Functions that an estimation goes through to the compiled filter, and a filter run to the equations: no more than
+#: these may come to lie between, so that a reader reaches the arithmetic in few turns.
+ESTIMATE_HOPS, FILTER_HOPS = 9, 7
 
 START = np.array([[-1.2, 0.5], [1.0, -1.0]])
 

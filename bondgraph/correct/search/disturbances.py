@@ -35,6 +35,7 @@ from bondgraph.declare.elements import Node
 from bondgraph.declare.graph import BondGraph
 from bondgraph.declare.revision import replace_signal, revise_output
 from bondgraph.errors import DataError
+from bondgraph.estimate.derivatives.exact import compile_exact
 from bondgraph.estimate.derivatives.linearised import is_linearised
 from bondgraph.estimate.excerpt import excerpt
 from bondgraph.estimate.fitted import Fit, at_optimum
@@ -43,6 +44,8 @@ from bondgraph.estimate.journal import Journal
 from bondgraph.estimate.local import ROUGH, ROUGH_ITERATIONS, fit, left_open, refitted
 from bondgraph.estimate.problem import EstimationProblem
 from bondgraph.estimate.setup import filter_setup
+from bondgraph.execute.threads import in_threads
+from bondgraph.filter.compiled import CompiledFilter
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.follows import Follow
 from bondgraph.text import number
@@ -56,6 +59,8 @@ _INTENSITIES = (0.1, 1.0, 10.0)
 #: It is searched as far again beyond these. A bound in the unit of what nothing measures would mean nothing.
 _FARTHEST = (1e-2, 1e2)
 _ITERATIONS, _TOLERANCE = 40, 0.05
+#: Disturbances of stiff models that are searched at once: a filter of one log takes one thread.
+_ABREAST = 2
 _REFERENCE = "Maybeck (1979), Stochastic Models, Estimation, and Control 1, section 4.11"
 
 
@@ -106,14 +111,22 @@ def disturbances(
         *(one for one in (_candidate(built, train, name) for name in _driven_states(base, level)) if one is not None),
         *(one for one in (_at_sensor(built, train, name) for name in coloured) if one is not None),
     ]
-    begun = [attempted(lambda one=one: _begun(built, one[0], one[1], base), lambda why: None) for one in made]  # type: ignore[misc]
-    trials = [
-        attempted(
-            lambda one=one: _estimated(one, base, len(made), journal),  # type: ignore[misc]
-            lambda why, one=one: Trial(one.candidate, 0.0, failed=why),  # type: ignore[misc]
-        )
-        for one in _leading([one for one in begun if one is not None])
-    ]
+    abreast = _ABREAST if base.problem.filter_model.is_stiff else 1
+    posed = [attempted(lambda one=one: _posed(built, one[0], one[1], base), lambda why: None) for one in made]  # type: ignore[misc]
+    begun = in_threads(
+        abreast, lambda one: attempted(lambda: _begun(one, base), lambda why: None),
+        [one for one in posed if one is not None],
+    )  # fmt: skip
+    leading = _leading([one for one in begun if one is not None])
+    for one in leading:
+        attempted(lambda one=one: _compile(one.problem), lambda why: None)  # type: ignore[misc]
+    trials = in_threads(
+        abreast,
+        lambda one: attempted(
+            lambda: _estimated(one, base, len(made), journal), lambda why: Trial(one.candidate, 0.0, failed=why)
+        ),
+        leading,
+    )
     passed = [one for one in trials if one.evidence is not None and one.evidence.accepted(level)]
     return max(passed, key=_worth, default=None)
 
@@ -241,6 +254,31 @@ def _times(train: Sequence[MatchedLog]) -> tuple[float, float]:
 
 
 @dataclass(frozen=True)
+class _Posed:
+    """A disturbance with its problem and the points (n,) at which its search may start."""
+
+    candidate: Candidate
+    built: BuiltModel
+    problem: EstimationProblem
+    starts: list[FloatArray]
+
+
+def _posed(built: BuiltModel, candidate: Candidate, state: str, base: Fit) -> _Posed:
+    """The problem of a disturbance, its filter compiled: text is parsed before threads start."""
+    extended = build(candidate.apply(built.graph))
+    problem = _problem(extended, candidate, state, base)
+    if is_linearised(problem):
+        CompiledFilter.of(problem.filter_model)
+    return _Posed(candidate, extended, problem, _starts(problem, candidate, state, base))
+
+
+def _compile(problem: EstimationProblem) -> None:
+    """Compile the derivatives that end the search of a stiff model, before threads start."""
+    if is_linearised(problem):
+        compile_exact(problem)
+
+
+@dataclass(frozen=True)
 class _Begun:
     """A disturbance with its problem and where to go on; of a stiff model its gain on the beginnings of long logs."""
 
@@ -251,11 +289,10 @@ class _Begun:
     gain: float | None
 
 
-def _begun(built: BuiltModel, candidate: Candidate, state: str, base: Fit) -> _Begun:
+def _begun(posed: _Posed, base: Fit) -> _Begun:
     """The best of its starts; of a stiff model a rough search goes on from there on the beginnings of long logs."""
-    extended = build(candidate.apply(built.graph))
-    problem = _problem(extended, candidate, state, base)
-    points, part = _starts(problem, candidate, state, base), excerpt(problem)
+    candidate, extended, problem, points = posed.candidate, posed.built, posed.problem, posed.starts
+    part = excerpt(problem)
     values = (part or problem).nll(np.array(points).T)
     best = points[int(np.argmin(np.where(np.isfinite(values), values, np.inf)))]
     if part is None or not is_linearised(problem):
@@ -326,7 +363,8 @@ def _starting(filter_model: FilterModel, own: str, noise: float, seconds: float)
 def _starts(problem: EstimationProblem, candidate: Candidate, state: str, base: Fit) -> list[FloatArray]:
     """Points (n,) at several times and intensities, the white noise in its place as low as it may be.
 
-    Of a sensor's own noise the white part stays; its coloured part starts as large as that.
+    Of a sensor's own noise the white part stays; its coloured part starts as large as that. Intensities that end on the
+    same bound are one point.
     """
     time, level = problem.free[-2], problem.free[-1]
     quiet = base.point.copy()
@@ -340,7 +378,7 @@ def _starts(problem: EstimationProblem, candidate: Candidate, state: str, base: 
         for many in _INTENSITIES:
             ends = [time.coordinate(seconds), level.coordinate(float(np.clip(many * alike, level.lower, level.upper)))]
             found.append(np.concatenate([quiet, ends]))
-    return found
+    return list({point.tobytes(): point for point in found}.values())
 
 
 def _alike(problem: EstimationProblem, candidate: Candidate, state: str, base: Fit, seconds: float) -> float:

@@ -59,7 +59,7 @@ def polished(problem: EstimationProblem, found: Reached, tolerance: float) -> Re
     """
     reached = found
     for _ in range(_MOST):
-        seen = reached.expansion.terms if reached.formed.scheme is Scheme.EXACT else None
+        seen = reached.expansion.terms  # however its derivatives were formed, its terms are the filter's
         expansion = exact_expansion(problem, reached.point, seen and seen.members(np.array([0])))
         if expansion is None:
             return reached
