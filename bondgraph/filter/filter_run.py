@@ -139,11 +139,12 @@ class NodeRecord:
         for hop in range(int(np.max(counts, initial=0))):
             own = np.flatnonzero(counts > hop)
             step = edges[own] + hop
-            if hop == 0 and not self.samples.noise_start.any():
-                found[own + 1] = cross[step]
-                continue
             reached = before[step] if hop == 0 else found[own + 1]
-            found[own + 1] = reached @ solved(driven[step], cross[step])
+            gone = reached @ solved(driven[step], cross[step])
+            if hop == 0:  # a step without noise at its start begins at the sample itself
+                without = self.samples.noise_start[step] == 0.0
+                gone[without] = cross[step[without]]
+            found[own + 1] = gone
         return np.moveaxis(found, 0, -1)
 
 
