@@ -29,7 +29,8 @@ from bondgraph.execute.executors import open_executor
 from bondgraph.filter.bands import FilterBands
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.filter_run import FilterRun
-from bondgraph.filter.runs import run, run_bands
+from bondgraph.filter.runs import run, run_bands, run_smoothed
+from bondgraph.filter.smoother_bands import SmootherBands
 from bondgraph.simulate.model import Model
 
 if TYPE_CHECKING:
@@ -66,6 +67,7 @@ def filter_log(
 ) -> FilterBands: ...
 
 
+@overload
 def filter_log(
     model: Model | FilterModel,
     log: GivenLog,
@@ -76,8 +78,22 @@ def filter_log(
     columns: Mapping[str, str] | None = None,
     constants: Mapping[str, float | str] | None = None,
     compiled: bool = True,
-    keep: Literal["all", "bands"] = "all",
-) -> FilterRun | FilterBands:
+    keep: Literal["smoothed"],
+) -> SmootherBands: ...
+
+
+def filter_log(
+    model: Model | FilterModel,
+    log: GivenLog,
+    theta: Vector = None,
+    x0: Mapping[str, float] | None = None,
+    *,
+    initial: Initial = "measured",
+    columns: Mapping[str, str] | None = None,
+    constants: Mapping[str, float | str] | None = None,
+    compiled: bool = True,
+    keep: Literal["all", "bands", "smoothed"] = "all",
+) -> FilterRun | FilterBands | SmootherBands:
     """Filter a log: states with their uncertainty, and what each measurement said.
 
     Parameters
@@ -100,13 +116,15 @@ def filter_log(
         Use compiled equations; for short logs interpreted ones are ready sooner.
     keep
         ``"all"``: with every covariance, which smoothing needs. ``"bands"``: means, variances and innovations, the same
-        numbers in a fraction of the memory, for logs of hours and days. Of whom the likelihood is enough calls
-        :func:`bondgraph.filter.likelihood.likelihood`, which keeps nothing of the samples.
+        numbers in a fraction of the memory, for logs of hours and days. ``"smoothed"``: these, and means and variances
+        given the whole log, with the numbers of :func:`bondgraph.filter.smoother.smooth`. Of whom the likelihood is
+        enough calls :func:`bondgraph.filter.likelihood.likelihood`, which keeps nothing of the samples.
 
     Raises
     ------
     BondGraphError
-        If the log does not fit the model, or a name or shape is wrong. A run that diverges says so in its outcome.
+        If the log does not fit the model, or a name or shape is wrong. A run that diverges says so in its outcome;
+        one that is to be smoothed raises.
 
     Examples
     --------
@@ -123,10 +141,12 @@ def filter_log(
     filter_model = model if isinstance(model, FilterModel) else filter_setup(own, own.driven, [fitting]).filter_model
     values = own.theta(**theta) if isinstance(theta, Mapping) else own.theta() if theta is None else np.asarray(theta)
     start = initial_states(own, [fitting], values, initial if x0 is None else (x0,))[0]
-    if keep not in ("all", "bands"):
-        raise OptionError(f"filter_log: keep {keep!r} is not known - choose all or bands", where=("keep", keep))
-    kept = run if keep == "all" else run_bands
-    return kept(filter_model, fitting, values, x0=start, compiled=compiled)
+    kept = {"all": run, "bands": run_bands, "smoothed": run_smoothed}.get(keep)
+    if kept is None:
+        raise OptionError(
+            f"filter_log: keep {keep!r} is not known - choose all, bands or smoothed", where=("keep", keep)
+        )
+    return kept(filter_model, fitting, values, x0=start, compiled=compiled)  # type: ignore[operator, no-any-return]
 
 
 def estimate(

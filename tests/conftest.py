@@ -2,11 +2,67 @@
 
 from __future__ import annotations
 
+import hashlib
+import os
+import sys
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pytest
+from hypothesis import HealthCheck, settings
+
+# a busy machine may take seconds for what takes none otherwise: no example has a time, nor has drawing one
+settings.register_profile("any machine", deadline=None, suppress_health_check=[HealthCheck.too_slow])
+settings.load_profile("any machine")
+
+
+def pytest_configure() -> None:
+    """Let Python keep what it compiles, whatever it was told.
+
+    Workers, and the processes that tests start, import the toolkit anew; each would compile its six hundred modules.
+    """
+    os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+    sys.dont_write_bytecode = False
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
+    """The tests of a module on one worker, so that what they share is fitted and compiled once."""
+    if config.getoption("dist") != "load":
+        return None
+    from xdist.scheduler import LoadFileScheduling
+
+    return LoadFileScheduling(config, log)
+
 
 SHARED_DATA = Path(__file__).resolve().parents[2] / "shared" / "data"
+
+
+@pytest.fixture
+def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Figures are made, and say what they hold in place of being rendered: for tests that do not look at pictures."""
+    from bondgraph.report import embedding, figures
+
+    monkeypatch.setattr(embedding, "figure_svg", lambda figure: f"<svg><!-- {_contents(figure)} --></svg>")
+    monkeypatch.setattr(figures, "picture", lambda figure, ending, **_: f"{ending} {_contents(figure)}".encode())
+
+
+def _contents(figure: Any) -> str:
+    """Digest of the lines, texts, dots and bands of a figure."""
+    found = hashlib.sha256(repr(figure.get_size_inches().tolist()).encode())
+    texts = [*figure.texts, *(text for legend in figure.legends for text in legend.get_texts())]
+    for axes in figure.axes:
+        legend = axes.get_legend()
+        titles = [axes.get_title(loc=place) for place in ("left", "center", "right")]
+        found.update(repr([*titles, axes.get_xlabel(), axes.get_ylabel()]).encode())
+        texts += [*axes.texts, *(legend.get_texts() if legend else ())]
+        numbers = [*axes.get_xlim(), *axes.get_ylim()], *(line.get_xydata() for line in axes.lines)
+        paths = [path.vertices for one in axes.collections for path in one.get_paths()]
+        for values in (*numbers, *(one.get_offsets() for one in axes.collections), *paths):
+            found.update(np.asarray(values, dtype=float).tobytes())
+    found.update(repr([text.get_text() for text in texts]).encode())
+    return found.hexdigest()
 
 
 @pytest.fixture(scope="session")

@@ -20,8 +20,10 @@ if TYPE_CHECKING:
     from bondgraph.filter.robust import Robust as Robust
     from bondgraph.filter.runs import run as run
     from bondgraph.filter.runs import run_bands as run_bands
+    from bondgraph.filter.runs import run_smoothed as run_smoothed
     from bondgraph.filter.smoother import SmootherRun as SmootherRun
     from bondgraph.filter.smoother import smooth as smooth
+    from bondgraph.filter.smoother_bands import SmootherBands as SmootherBands
 else:
     __getattr__, __dir__, __all__ = exported(
         __name__,
@@ -37,7 +39,8 @@ else:
             "filter.online": "OnlineFilter",
             "filter.online_state": "FilterStep OnlineState",
             "filter.robust": "Robust",
-            "filter.runs": "run run_bands",
+            "filter.runs": "run run_bands run_smoothed",
             "filter.smoother": "SmootherRun smooth",
+            "filter.smoother_bands": "SmootherBands",
         },
     )

@@ -8,18 +8,20 @@ it is the same in every bit as from a filter that keeps all.
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
-from bondgraph.arrays import FloatArray
+from bondgraph.arrays import FloatArray, IntArray
 from bondgraph.compile.machine_code import has_numba
 from bondgraph.filter.abstract_run import AbstractRun
 from bondgraph.filter.batch import empty_record
 from bondgraph.filter.causes import cause
 from bondgraph.filter.compiled import CompiledFilter, log_rows
 from bondgraph.filter.filter_model import FilterModel
+from bondgraph.filter.filter_run import FilterRun
 from bondgraph.filter.kernel_record import Record
 from bondgraph.filter.kernel_types import Part, Verdicts
 from bondgraph.filter.members import MemberBatch
@@ -59,6 +61,12 @@ class FilterBands(AbstractRun):
     ended_at: float
     cause: str = ""
 
+    @classmethod
+    def of(cls, run: FilterRun) -> FilterBands:
+        """What bands keep of a record that has everything."""
+        names = (one.name for one in fields(cls))
+        return cls(**{name: getattr(run, name) for name in names})
+
     @property
     def nbytes(self) -> int:
         """Memory of what is kept, bytes."""
@@ -75,19 +83,30 @@ def filter_bands(
     :func:`bondgraph.filter.batch.run_batches` does, and parts are then told anew.
     """
     in_parts = _in_kernel if compiled and has_numba() else _in_numpy
-    kept = _Kept(filter_model, samples, batch, told)
-    in_parts(kept)
-    if kept.outcome is Outcome.DIVERGED:
-        kept = _Kept(filter_model, replace(samples, substeps=2 * samples.substeps), batch, told)
-        in_parts(kept)
-    found = kept.bands()
+    return gathered(BandRecorder(filter_model, samples, batch, told), in_parts)[1]
+
+
+def gathered(recorder: BandRecorder, in_parts: Callable[[BandRecorder], None]) -> tuple[BandRecorder, FilterBands]:
+    """The recorder of a filter that took a log in parts, and its bands; with finer steps where it diverged."""
+    filter_model, samples, batch = recorder.filter_model, recorder.samples, recorder.batch
+    in_parts(recorder)
+    if recorder.outcome is Outcome.DIVERGED:
+        recorder = recorder.finer()
+        in_parts(recorder)
+    found = recorder.bands()
     if found.outcome is not Outcome.DIVERGED:
-        return found
-    return replace(found, cause=cause(filter_model, samples, batch.member(0), kept.last, *kept.ended))
+        return recorder, found
+    return recorder, replace(found, cause=cause(filter_model, samples, batch.member(0), recorder.last, *recorder.ended))
 
 
-class _Kept:
-    """What is kept so far, and the belief in which the last part left off."""
+class BandRecorder:
+    """What is kept so far of the parts of a log, and the belief in which the last part left off.
+
+    Parameters
+    ----------
+    filter_model, samples, batch, told
+        As for :func:`filter_bands`.
+    """
 
     def __init__(self, filter_model: FilterModel, samples: Samples, batch: MemberBatch, told: Beliefs | None) -> None:
         n_s, n_y, n = len(filter_model.state_names), samples.y.shape[0], samples.sample.size
@@ -97,6 +116,11 @@ class _Kept:
         self._arrays = {name: np.full((count, n), np.nan) for name, count in rows.items()}
         self.last, self.ended = -1, (np.full(n_s, np.nan), np.full((n_s, n_s), np.nan))
         self.outcome, self.floored = Outcome.OK, 0
+
+    def finer(self) -> BandRecorder:
+        """An empty one for the same log with twice the integration steps."""
+        samples = replace(self.samples, substeps=2 * self.samples.substeps)
+        return BandRecorder(self.filter_model, samples, self.batch, self._told)
 
     def add(self, record: Record, first: int, begin: int, last: int) -> None:
         """Keep the nodes ``begin <= k <= last`` of a record whose first node is ``first``."""
@@ -130,32 +154,75 @@ class _Kept:
         )  # fmt: skip
 
 
-def _in_kernel(kept: _Kept) -> None:
+def _in_kernel(recorder: BandRecorder) -> None:
     """Part after part, each over its own stretch of the log."""
-    filter_model, samples, count = kept.filter_model, kept.samples, kept.samples.time.size
-    compiled, n_s = CompiledFilter.of(filter_model), len(filter_model.state_names)
-    mean, lower = np.zeros((n_s, 1)), np.zeros((n_s, n_s, 1))
-    verdicts = Verdicts(np.zeros(1), *(np.zeros(1, dtype=np.int64) for _ in range(3)))
-    record = empty_record(filter_model, min(PART + 2, count), 1, depth=2)
-    for begin in range(0, count, PART):
-        end = min(begin + PART, count)
-        # a step needs the node before it, and a part leaves its belief where the log goes on
-        first, beyond = max(begin - 1, 0), min(end + 1, count)
-        verdicts.last[0] = -1
-        part = Part(begin - first, end - first, mean, lower)
-        compiled.run(log_rows(stretch(samples, first, beyond)), part, kept.batch, verdicts, record, (0, 1))
-        kept.add(record, first, begin, first + int(verdicts.last[0]))
+    filter_in_parts(recorder, PartFilter(recorder.filter_model, recorder.batch), PART)
+
+
+class PartFilter:
+    """The compiled filter of one member over parts of a log.
+
+    ``belief`` is where the last part left off: mean (n_s, 1) and factor (n_s, n_s, 1) of the covariance.
+    """
+
+    def __init__(self, filter_model: FilterModel, batch: MemberBatch) -> None:
+        n_s = len(filter_model.state_names)
+        self._filter_model, self._batch = filter_model, batch
+        self._compiled = CompiledFilter.of(filter_model)
+        self.belief = np.zeros((n_s, 1)), np.zeros((n_s, n_s, 1))
+        self.verdicts = Verdicts(np.zeros(1), *(np.zeros(1, dtype=np.int64) for _ in range(3)))
+
+    def room(self, nodes: int) -> Record:
+        """Room for everything about so many nodes."""
+        return empty_record(self._filter_model, nodes, 1, depth=2)
+
+    def run(self, samples: Samples, begin: int, end: int, record: Record) -> int:
+        """Filter the nodes ``begin <= k < end`` from the belief; the node that comes first in the record.
+
+        A step needs the node before it, and a part leaves its belief where the log goes on.
+        """
+        first, beyond = max(begin - 1, 0), min(end + 1, samples.time.size)
+        self.verdicts.last[0] = -1
+        part = Part(begin - first, end - first, *self.belief)
+        rows = log_rows(stretch(samples, first, beyond))
+        self._compiled.run(rows, part, self._batch, self.verdicts, record, (0, 1))
+        return first
+
+
+def filter_in_parts(
+    recorder: BandRecorder, filter_part: PartFilter, longest: int, began: Callable[[int, int], None] | None = None
+) -> None:
+    """Filter a log in parts of at most so many nodes; ``began`` is told of each part, before it, its nodes."""
+    edges = part_edges(recorder.samples, longest)
+    record, verdicts = filter_part.room(int(np.diff(edges).max()) + 2), filter_part.verdicts
+    for begin, end in itertools.pairwise(map(int, edges)):
+        if began is not None:
+            began(begin, end)
+        first = filter_part.run(recorder.samples, begin, end, record)
+        recorder.add(record, first, begin, first + int(verdicts.last[0]))
         if verdicts.outcome[0] != 0:
             break
-    kept.outcome, kept.floored = OUTCOMES[verdicts.outcome[0]], int(verdicts.floored[0])
+    recorder.outcome, recorder.floored = OUTCOMES[verdicts.outcome[0]], int(verdicts.floored[0])
 
 
-def _in_numpy(kept: _Kept) -> None:
+def part_edges(samples: Samples, longest: int) -> IntArray:
+    """First node of each part of a log, and the end of the last; every part ends with a sample.
+
+    Parts have at most ``longest`` nodes, or those of one interval where it has more.
+    """
+    ends, edges = samples.sample + 1, [0]
+    while edges[-1] < ends[-1]:
+        own = np.searchsorted(ends, [edges[-1], edges[-1] + longest], side="right")
+        edges.append(int(ends[max(int(own[1]) - 1, int(own[0]))]))
+    return np.array(edges)
+
+
+def _in_numpy(recorder: BandRecorder) -> None:
     """All at once by the filter in numpy, which is for short logs."""
-    run = reference_run(kept.filter_model, kept.samples, kept.batch.member(0))
+    run = reference_run(recorder.filter_model, recorder.samples, recorder.batch.member(0))
     record = Record(2, *(getattr(run, name)[..., np.newaxis] for name in Record._fields[1:]))
-    kept.outcome, kept.floored = run.outcome, run.floored_pivots
-    kept.add(record, 0, 0, int(np.count_nonzero(~np.isnan(run.whitened[0]))) - 1)
+    recorder.outcome, recorder.floored = run.outcome, run.floored_pivots
+    recorder.add(record, 0, 0, int(np.count_nonzero(~np.isnan(run.whitened[0]))) - 1)
 
 
 def stretch(samples: Samples, first: int, end: int) -> Samples:

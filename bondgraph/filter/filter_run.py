@@ -143,11 +143,12 @@ class NodeRecord:
         for hop in range(int(np.max(counts, initial=0))):
             own = np.flatnonzero(counts > hop)
             step = edges[own] + hop
-            if hop == 0 and not self.samples.noise_start.any():
-                found[own + 1] = cross[step]
-                continue
             reached = before[step] if hop == 0 else found[own + 1]
-            found[own + 1] = reached @ np.swapaxes(self.transitions[step], 1, 2)
+            without = (self.samples.noise_start[step] == 0.0) & (hop == 0)
+            # a step without noise at its start begins at the sample itself
+            gone = cross[step] if without.all() else reached @ np.swapaxes(self.transitions[step], 1, 2)
+            gone[without] = cross[step[without]]
+            found[own + 1] = gone
         return np.moveaxis(found, 0, -1)
 
 

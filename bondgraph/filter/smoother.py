@@ -20,6 +20,7 @@ import numpy as np
 
 from bondgraph.arrays import FloatArray
 from bondgraph.errors import FilterError, suggest
+from bondgraph.filter.bands import FilterBands
 from bondgraph.filter.beliefs_shown import belief_axes, belief_columns, belief_table
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.filter_run import FilterRun, solved
@@ -33,20 +34,33 @@ if TYPE_CHECKING:
     import xarray
     from matplotlib.axes import Axes
 
+#: Samples whose gains are computed together: some megabytes.
+_AT_ONCE = 1000
 
-@dataclass(frozen=True, repr=False)
-class SmootherRun(Tabulated, Kept):
-    """Smoothed means (n_s, n) and covariances (n_s, n_s, n) of the filter's state at ``time`` (n,)."""
 
-    filter_model: FilterModel
-    log_name: str
-    time: FloatArray
-    smoothed_mean: FloatArray
-    smoothed_cov: FloatArray
+class AbstractSmootherRun(Tabulated, Kept):
+    """Smoothed means and variances (n_s, n) of the filter's state at ``time`` (n,)."""
+
+    if TYPE_CHECKING:  # fields of the records that are final
+
+        @property
+        def filter_model(self) -> FilterModel: ...  # noqa: D102
+
+        @property
+        def log_name(self) -> str: ...  # noqa: D102
+
+        @property
+        def time(self) -> FloatArray: ...  # noqa: D102
+
+        @property
+        def smoothed_mean(self) -> FloatArray: ...  # noqa: D102
+
+        @property
+        def smoothed_var(self) -> FloatArray: ...  # noqa: D102
 
     def __repr__(self) -> str:
         sizes = f"{count(self.time.size, 'sample')}, {count(len(self.state_names), 'state')}"
-        return f"<SmootherRun {self.filter_model.model.name}, {self.log_name}: {sizes}>"
+        return f"<{type(self).__name__} {self.filter_model.model.name}, {self.log_name}: {sizes}>"
 
     @property
     def state_names(self) -> tuple[str, ...]:
@@ -59,7 +73,7 @@ class SmootherRun(Tabulated, Kept):
 
     def table(self) -> Table:
         """A line for every state in its declared unit: smoothed mean at both ends, and its standard deviation."""
-        return belief_table(self.filter_model, self.smoothed_mean, self._variance)
+        return belief_table(self.filter_model, self.smoothed_mean, self.smoothed_var)
 
     def to_dataframe(self) -> pandas.DataFrame:
         """Smoothed means and standard deviations over time in declared units, columns ``name [unit]``.
@@ -69,7 +83,7 @@ class SmootherRun(Tabulated, Kept):
         DataError
             If pandas is not installed.
         """
-        columns = belief_columns(self.filter_model, self.smoothed_mean, self._variance)
+        columns = belief_columns(self.filter_model, self.smoothed_mean, self.smoothed_var)
         return frame(columns, self.time, "time [s]")
 
     def to_xarray(self) -> xarray.Dataset:
@@ -80,7 +94,7 @@ class SmootherRun(Tabulated, Kept):
         DataError
             If xarray is not installed.
         """
-        return dataset(belief_columns(self.filter_model, self.smoothed_mean, self._variance), self.time)
+        return dataset(belief_columns(self.filter_model, self.smoothed_mean, self.smoothed_var), self.time)
 
     def plot(self, name: str | None = None, ax: Axes | None = None) -> Axes:
         """A state or followed parameter over time with two standard deviations, in its declared unit.
@@ -100,11 +114,6 @@ class SmootherRun(Tabulated, Kept):
         known = self.state_names[-1] if name is None else name
         return belief_axes(self.filter_model, known, self.time, self.mean(known), self.std(known), ax)
 
-    @property
-    def _variance(self) -> FloatArray:
-        variances: FloatArray = np.einsum("iik->ik", self.smoothed_cov)
-        return variances
-
     def mean(self, name: str) -> FloatArray:
         """Smoothed mean of one state or appended parameter, shape (n,)."""
         row: FloatArray = self.smoothed_mean[self._row(name)]
@@ -112,8 +121,7 @@ class SmootherRun(Tabulated, Kept):
 
     def std(self, name: str) -> FloatArray:
         """Smoothed standard deviation of one state or appended parameter, shape (n,)."""
-        row = self._row(name)
-        deviation: FloatArray = np.sqrt(np.maximum(self.smoothed_cov[row, row], 0.0))
+        deviation: FloatArray = np.sqrt(np.maximum(self.smoothed_var[self._row(name)], 0.0))
         return deviation
 
     def _row(self, name: str) -> int:
@@ -124,6 +132,23 @@ class SmootherRun(Tabulated, Kept):
                 where=(name,),
             )
         return self.state_names.index(name)
+
+
+@dataclass(frozen=True, repr=False)
+class SmootherRun(AbstractSmootherRun):
+    """Smoothed means (n_s, n) and covariances (n_s, n_s, n) of the filter's state at ``time`` (n,)."""
+
+    filter_model: FilterModel
+    log_name: str
+    time: FloatArray
+    smoothed_mean: FloatArray
+    smoothed_cov: FloatArray
+
+    @property
+    def smoothed_var(self) -> FloatArray:
+        """Variances of the smoothed states, shape (n_s, n)."""
+        variances: FloatArray = np.einsum("iik->ik", self.smoothed_cov)
+        return variances
 
 
 def smooth(run: FilterRun) -> SmootherRun:
@@ -151,6 +176,12 @@ def smooth(run: FilterRun) -> SmootherRun:
     True
     """
     run.raise_if_failed()
+    if isinstance(run, FilterBands):
+        raise FilterError(
+            f"{run.log_name}: bands have no covariances, which smoothing needs"
+            " - filter the log with keep 'smoothed', or with keep 'all'",
+            where=(run.log_name,),
+        )
     if run.nodes is None:
         raise FilterError(
             f"{run.log_name}: filtered on line, where nothing is kept of how samples depend on each other"
@@ -158,17 +189,37 @@ def smooth(run: FilterRun) -> SmootherRun:
             where=(run.log_name,),
         )
     mean, cov = run.filtered_mean.copy(), run.filtered_cov.copy()
-    for k in range(run.time.size - 2, -1, -1):
-        mean[:, k], cov[..., k] = smooth_step(
-            run.filtered_mean[:, k],
-            run.filtered_cov[..., k],
-            run.cross_cov[..., k + 1],
-            run.predicted_mean[:, k + 1],
-            run.predicted_cov[..., k + 1],
-            mean[:, k + 1],
-            cov[..., k + 1],
-        )
+    smooth_back(run, mean, cov)
     return SmootherRun(run.filter_model, run.log_name, run.time, mean, cov)
+
+
+def smooth_back(run: FilterRun, mean: FloatArray, cov: FloatArray) -> None:
+    """Smooth all samples of a run but the last, which is smoothed already.
+
+    Parameters
+    ----------
+    run
+        Of which beliefs and ``cross_cov`` are read; the latter of the first sample is not.
+    mean, cov
+        Smoothed means (n_s, n) and covariances (n_s, n_s, n); those of the last sample are read, the others written.
+    """
+    for end in range(run.time.size - 1, 0, -_AT_ONCE):
+        own = slice(max(end - _AT_ONCE, 0), end)
+        ahead = slice(own.start + 1, end + 1)
+        # copies in order of samples: those of filtered beliefs become smoothed ones
+        filtered, predicted, cross = (
+            np.array(np.moveaxis(array, -1, 0), order="C")
+            for array in (run.filtered_cov[..., own], run.predicted_cov[..., ahead], run.cross_cov[..., ahead])
+        )
+        means, expected = (
+            np.array(array.T, order="C") for array in (run.filtered_mean[:, own], run.predicted_mean[:, ahead])
+        )
+        gains = np.ascontiguousarray(np.swapaxes(solved(predicted, np.swapaxes(cross, 1, 2)), 1, 2))
+        now, spread = mean[:, end].copy(), cov[..., end].copy()
+        for k in range(end - 1 - own.start, -1, -1):
+            now, spread = _stepped(gains[k], means[k], filtered[k], expected[k], predicted[k], now, spread)
+            means[k], filtered[k] = now, spread
+        mean[:, own], cov[..., own] = means.T, np.moveaxis(filtered, 0, -1)
 
 
 def smooth_step(
@@ -197,18 +248,24 @@ def smooth_step(
     >>> smooth_step(zero, one, one, zero, 2 * one, np.ones(1), one)
     (array([0.5]), array([[0.75]]))
     """
-    gain = _gain(cross_cov, predicted_cov)
+    gain = solved(predicted_cov[np.newaxis], cross_cov.T[np.newaxis])[0].T
+    return _stepped(gain, filtered_mean, filtered_cov, predicted_mean, predicted_cov, smoothed_mean, smoothed_cov)
+
+
+def _stepped(
+    gain: FloatArray,
+    filtered_mean: FloatArray,
+    filtered_cov: FloatArray,
+    predicted_mean: FloatArray,
+    predicted_cov: FloatArray,
+    smoothed_mean: FloatArray,
+    smoothed_cov: FloatArray,
+) -> tuple[FloatArray, FloatArray]:
+    """As :func:`smooth_step`, with the gain ``cross_cov predicted_cov^-1`` (n, n).
+
+    States that are known exactly have none. Directions that are known up to rounding (fast states that have forgotten
+    where they were) say nothing about the sample before: they have none either.
+    """
     mean = filtered_mean + gain @ (smoothed_mean - predicted_mean)
     cov = filtered_cov + gain @ (smoothed_cov - predicted_cov) @ gain.T
     return mean, 0.5 * (cov + cov.T)
-
-
-def _gain(cross_cov: FloatArray, predicted_cov: FloatArray) -> FloatArray:
-    """``cross_cov`` times the inverse of ``predicted_cov``; a state known exactly takes no part.
-
-    Scaled to unit variances first, since states in different units may differ by many orders of magnitude. Directions
-    that are known up to rounding (fast states that have forgotten where they were) say nothing about the sample before:
-    they take no part either.
-    """
-    gain: FloatArray = solved(predicted_cov[np.newaxis], cross_cov.T[np.newaxis])[0].T
-    return gain

@@ -22,10 +22,10 @@ from bondgraph.report.closed_loop import write_json
 from bondgraph.report.diagram.text import plain
 from bondgraph.report.figures import BEFORE, MEASURED, PANEL_HEIGHT, WIDTH, figure_style, save_figure
 from bondgraph.report.numbers import shown
-from bondgraph.report.plots import thinned
 from bondgraph.report.series import ChannelSeries, Prediction
 from bondgraph.report.simulation import trajectory_log
 from bondgraph.report.suspicions import sampling_suspicions, unit_suspicions
+from bondgraph.report.thinning import thinned
 from bondgraph.simulate.model import Model
 from bondgraph.simulate.simulation import simulate
 from bondgraph.text import number, text_table

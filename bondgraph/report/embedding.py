@@ -10,7 +10,7 @@ from html import escape
 from matplotlib.figure import Figure
 from matplotlib.text import Text
 
-from bondgraph.report.figures import NARROW, figure_style
+from bondgraph.report.figures import NARROW, figure_style, laid_out
 
 #: Letters of a title or a label that fit into the width of a phone beside the numbers of an axis.
 _LETTERS = 42
@@ -19,7 +19,7 @@ _LETTERS = 42
 def figure_svg(figure: Figure) -> str:
     """The figure as SVG text, the same for the same figure."""
     buffer = io.StringIO()
-    with figure_style():
+    with figure_style(), laid_out(figure):
         figure.savefig(buffer, format="svg", dpi=180, metadata={"Date": None, "Creator": None})
     return buffer.getvalue()
 

@@ -57,6 +57,23 @@ def figure_style() -> Iterator[None]:
         yield
 
 
+@contextmanager
+def laid_out(figure: Figure) -> Iterator[None]:
+    """The figure with its layout made, to be saved.
+
+    To find a layout, matplotlib would draw everything once more, which takes as long as drawing itself.
+    """
+    engine = figure.get_layout_engine()
+    if engine is not None:
+        engine.execute(figure)
+    with matplotlib.rc_context({"figure.autolayout": False, "figure.constrained_layout.use": False}):
+        figure.set_layout_engine(None)
+    try:
+        yield
+    finally:
+        figure.set_layout_engine(engine)
+
+
 def save_figure(figure: Figure, path: Path, dpi: int = 150) -> None:
     """Write a figure; the ending of the name says how.
 
@@ -77,5 +94,6 @@ def save_figure(figure: Figure, path: Path, dpi: int = 150) -> None:
 def picture(figure: Figure, ending: str, **options: Any) -> bytes:
     """The figure as the content of a file with this ending; a writer that meets a full disk may leave half of it."""
     content = io.BytesIO()
-    figure.savefig(content, format=ending, **options)
+    with laid_out(figure):
+        figure.savefig(content, format=ending, **options)
     return content.getvalue()

@@ -7,6 +7,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from bondgraph.data.log import FloatArray, Log, LogChannel, MatchedLog
 from bondgraph.data.write import write_log
 from bondgraph.estimate.initial import Initial, initial_states
@@ -14,14 +16,12 @@ from bondgraph.estimate.setup import filter_setup
 from bondgraph.filter.abstract_run import AbstractRun
 from bondgraph.filter.consistency import Consistency, consistency, misfits
 from bondgraph.filter.filter_model import FilterModel
-from bondgraph.filter.filter_run import FilterRun
 from bondgraph.filter.misfit import LEVEL, Misfit
 from bondgraph.filter.noise import Noise
 from bondgraph.filter.robust import Robust
-from bondgraph.filter.runs import run, run_bands
-from bondgraph.filter.smoother import smooth
+from bondgraph.filter.runs import run_bands, run_smoothed
 from bondgraph.report.closed_loop import write_json
-from bondgraph.report.collect import OutputBeliefs, Runs, channel_series, innovation_bands, output_bands, state_bands
+from bondgraph.report.collect import OutputBeliefs, Runs, channel_series, innovation_bands, state_bands
 from bondgraph.report.figures import save_figure
 from bondgraph.report.html import Provenance, ReportData, write_report
 from bondgraph.report.logs import grouped_notes
@@ -115,21 +115,17 @@ def _filtered(
 ) -> tuple[AbstractRun, AbstractRun, tuple[StateBand, ...]]:
     """The filter over a log, what is shown of its states, and of outputs that are more than one of them.
 
-    Covariances of all states are kept for a smoother alone.
+    No covariances are kept, however long the log is.
     """
-    if smoothed:
-        record = run(filter_model, log, x0=start).raise_if_failed()
-        better = _smoothed(record)
-        return record, better, output_bands(record, better, log.u)
     beliefs = OutputBeliefs(filter_model.model, log.y, log.u)
+    if smoothed:
+        known = run_smoothed(filter_model, log, x0=start, told=beliefs.add)
+        bands = known.filtered
+        variance = np.maximum(known.smoothed_var, 0.0)  # a difference, which rounding may leave below zero
+        shown_run = replace(bands, filtered_mean=known.smoothed_mean, filtered_var=variance)
+        return bands, shown_run, beliefs.bands(bands)
     bands = run_bands(filter_model, log, x0=start, told=beliefs.add).raise_if_failed()
     return bands, bands, beliefs.bands(bands)
-
-
-def _smoothed(record: FilterRun) -> FilterRun:
-    """The record with smoothed beliefs in place of the filtered ones."""
-    better = smooth(record)
-    return replace(record, filtered_mean=better.smoothed_mean, filtered_cov=better.smoothed_cov)
 
 
 def _states_log(record: AbstractRun) -> Log:

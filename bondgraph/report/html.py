@@ -19,7 +19,6 @@ from bondgraph.report.drawing import Drawing, draw_svg
 from bondgraph.report.embedding import embed, image_of
 from bondgraph.report.numbers import change, shown, with_interval
 from bondgraph.report.plots import (
-    MOST_POINTS,
     by_log,
     innovation_figure,
     missing_effort_figure,
@@ -41,6 +40,7 @@ from bondgraph.report.series import (
     Tried,
 )
 from bondgraph.report.tables import ALL_LOGS, grouped_errors, pooled
+from bondgraph.report.thinning import MOST_POINTS
 from bondgraph.report.words import Words
 
 #: Stretches that are drawn of one long log, and of all: each takes a third of a second and 0.2 MB of the page.

@@ -16,7 +16,7 @@ from bondgraph.data.suspicions import looks_like_milliseconds, time_gaps
 from bondgraph.report.diagram.text import plain
 from bondgraph.report.figures import LINES, figure_style
 from bondgraph.report.numbers import shown
-from bondgraph.report.plots import thinned
+from bondgraph.report.thinning import thinned
 from bondgraph.text import few, number, text_table
 
 #: Steps of time differ where they lie so far apart, as shares of the usual step.

@@ -26,11 +26,10 @@ from bondgraph.report.figures import (
 )
 from bondgraph.report.numbers import shown
 from bondgraph.report.series import ChannelSeries, FloatArray, MissingEffort, Prediction, StateBand
+from bondgraph.report.thinning import MOST_POINTS, thinned, with_gaps
 from bondgraph.simulate.quantities import InputInfo, OutputInfo, StateInfo
 from bondgraph.simulate.trajectory import Trajectory
 
-#: Points of a line beyond which it is thinned.
-MOST_POINTS = 1000
 #: Letters in a line of a legend that fit into 7 inches and into a phone, and the height of such a line in inches.
 _LETTERS, _LETTERS_NARROW, _LINE_HEIGHT = 84, 42, 0.16
 #: Size of a measurement in points: wider than a line, which may run through it.
@@ -291,44 +290,6 @@ def _residual(axes: Axes, one: ChannelSeries, predicted: FloatArray, colour: str
     finite = np.isfinite(difference)
     time, values = thinned(*with_gaps(one.time[finite], difference[finite]))
     axes.plot(time, values, color=colour, linewidth=0.8, alpha=0.85)
-
-
-def with_gaps(time: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """The same points with a NaN wherever samples are missing, so that no line is drawn across the gap.
-
-    Examples
-    --------
-    >>> with_gaps(np.array([0.0, 1.0, 2.0, 3.0, 20.0]), np.ones(5))[1]
-    array([ 1.,  1.,  1.,  1., nan,  1.])
-    """
-    steps = np.diff(time)
-    gaps = np.flatnonzero(steps > 5 * np.median(steps)) + 1 if steps.size else np.empty(0, dtype=int)
-    return np.insert(time, gaps, time[gaps - 1]), np.insert(values, gaps, np.nan)
-
-
-def thinned(time: FloatArray, values: FloatArray, most: int = MOST_POINTS) -> tuple[FloatArray, FloatArray]:
-    """Fewer points with the same look: of each interval its smallest and largest value and a gap if there is one.
-
-    Examples
-    --------
-    >>> time = np.arange(10000.0)
-    >>> spike = np.where(time == 1234.0, 5.0, 0.0)
-    >>> shown_time, shown = thinned(time, spike)
-    >>> shown.size <= 1000, float(shown.max())
-    (True, 5.0)
-    """
-    if values.size <= most:
-        return time, values
-    kept = []
-    for indices in np.array_split(np.arange(values.size), most // 2):
-        part = values[indices]
-        if np.isfinite(part).any():
-            gap = indices[np.isnan(part)][:1]
-            kept += sorted({int(indices[np.nanargmin(part)]), int(indices[np.nanargmax(part)]), *map(int, gap)})
-        else:
-            kept.append(int(indices[0]))
-    order = np.array(kept)
-    return time[order], values[order]
 
 
 def _quantities(trajectory: Trajectory, names: Sequence[str]) -> list[tuple[str, str, FloatArray]]:

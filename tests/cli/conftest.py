@@ -1,4 +1,4 @@
-"""A motor as a graph file, written anew for each test."""
+"""A motor as a graph file, written anew for each test, and pictures that are rendered where a test looks at them."""
 
 from __future__ import annotations
 
@@ -60,3 +60,10 @@ def motor_file(motor: dict[str, Any], tmp_path: Path) -> Path:
     path = tmp_path / "motor.json"
     path.write_text(json.dumps(motor), encoding="utf-8")
     return path
+
+
+@pytest.fixture(autouse=True)
+def _pictures(request: pytest.FixtureRequest) -> None:
+    """Reports of commands have eight pictures, which take longer than all else that a command does."""
+    if request.node.get_closest_marker("rendered") is None:
+        request.getfixturevalue("undrawn")

@@ -36,6 +36,7 @@ def machine(begun: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Pat
     return tmp_path / "toboggan"
 
 
+@pytest.mark.rendered
 def test_what_new_writes_can_be_laid_over_its_logs(machine: Path, capsys: pytest.CaptureFixture[str]) -> None:
     written = {path.name for path in machine.iterdir()} - {"__pycache__"}  # which Python may write
     assert written == {"run1.csv", "run2.csv", "toboggan.py"}
@@ -105,6 +106,7 @@ def test_a_report_is_written_again_as_it_was(machine: Path, capsys: pytest.Captu
     assert "it is damaged or of another version" in capsys.readouterr().err
 
 
+@pytest.mark.rendered
 def test_inspect_tells_rates_gaps_and_suspicious_units(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     time = np.arange(400) * 0.05
     speed = 10.0 + np.sin(time)

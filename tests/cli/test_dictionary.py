@@ -28,6 +28,7 @@ def test_one_domain_and_its_words(capsys: pytest.CaptureFixture[str]) -> None:
     assert "coulomb" not in said and "creep" not in said
 
 
+@pytest.mark.rendered
 def test_one_effect_with_formula_reference_and_manoeuvre(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     assert main(["effects", "radiation", "--picture", str(tmp_path / "radiation.svg")]) == 0
     said = capsys.readouterr().out

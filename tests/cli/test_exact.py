@@ -37,6 +37,7 @@ def test_without_the_flag_the_same_graph_is_smooth(clutch_file: Path, capsys: py
     assert told.err == "" and "mode_plates" not in told.out
 
 
+@pytest.mark.rendered
 def test_a_picture_has_its_events_marked(clutch_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     picture = tmp_path / "run.svg"
     assert main(["simulate", str(clutch_file), "--until", "2", "--exact", "--plot", str(picture)]) == 0

@@ -125,6 +125,7 @@ def test_impossible_designs_are_refused(
     assert said in capsys.readouterr().err
 
 
+@pytest.mark.rendered
 def test_estimate_writes_profiles(
     motor_file: Path, run_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

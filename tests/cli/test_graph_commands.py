@@ -156,6 +156,7 @@ def test_either_of_two_geared_inertias_may_be_given(tmp_path: Path, capsys: pyte
     assert first["bonds"]["b->two"] == pytest.approx(second["bonds"]["b->two"])
 
 
+@pytest.mark.rendered
 def test_linearise_prints_modes_and_transfer_functions(
     motor_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -46,6 +46,7 @@ def test_simulate_reaches_the_stationary_speed(motor_file: Path, capsys: pytest.
     assert float(lines[-1]["effort(loop->R) [V]"]) == pytest.approx(current, rel=1e-7)
 
 
+@pytest.mark.rendered
 def test_estimate_recovers_the_changed_parameter(
     motor_file: Path, run_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -108,6 +109,7 @@ def test_wishes_that_cannot_be_read_are_refused(
     assert message in capsys.readouterr().err
 
 
+@pytest.mark.rendered
 def test_filter_writes_states_with_bands(motor_file: Path, run_file: Path, tmp_path: Path) -> None:
     out = tmp_path / "filtered"
     assert main(["filter", str(motor_file), "--data", str(run_file), "--smooth", "--out", str(out)]) == 0

@@ -14,6 +14,7 @@ import pytest
 
 from bondgraph.compile import cache
 from bondgraph.errors import OptionError
+from tests.forked import run_forked
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -42,6 +43,8 @@ print(*(sum(counted.values()) for counted in (made.twice.stats.cache_hits, made.
 
 def _run(folder: Path, before: str = "", path: str = "") -> subprocess.CompletedProcess[str]:
     environment = {**os.environ, cache.CACHE_VARIABLE: str(folder), "PYTHONPATH": path, "TMPDIR": str(folder.parent)}
+    if not path:
+        return run_forked(before + _TWICE, cwd=ROOT, environment=environment)
     return subprocess.run(
         [sys.executable, "-c", before + _TWICE], cwd=ROOT, env=environment, capture_output=True, text=True, check=False
     )

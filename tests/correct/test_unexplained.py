@@ -19,6 +19,7 @@ from bondgraph.declare.effect import Effect, EffectFunction, Place
 from bondgraph.declare.graph import BondGraph
 from bondgraph.declare.quantities import symbol
 from bondgraph.estimate.fitted import at_optimum
+from bondgraph.estimate.journal import Journal
 from bondgraph.estimate.local import fit
 from bondgraph.report.missing import missing_efforts
 from bondgraph.simulate.simulation import simulate
@@ -43,8 +44,14 @@ def logs() -> list[MatchedLog]:
 
 
 @pytest.fixture(scope="module")
-def closed() -> ClosedLoop:
-    return close_loop(sled(), logs(), [], OFFERED)
+def journal(tmp_path_factory: pytest.TempPathFactory) -> Journal:
+    """Finished fits, which loops with the same logs and laws share."""
+    return Journal(tmp_path_factory.mktemp("fits"))
+
+
+@pytest.fixture(scope="module")
+def closed(journal: Journal) -> ClosedLoop:
+    return close_loop(sled(), logs(), [], OFFERED, LoopSettings(journal=journal))
 
 
 def truth(torque: np.ndarray) -> np.ndarray:
@@ -72,8 +79,8 @@ def test_its_shape_is_that_of_the_truth(closed: ClosedLoop) -> None:
     assert picture.x_label == "torque [N m]" and picture.x.shape == picture.missing.shape == (800,)
 
 
-def test_on_request_it_is_added_as_a_table(closed: ClosedLoop) -> None:
-    tabled = close_loop(sled(), logs(), [], OFFERED, LoopSettings(tables=True))
+def test_on_request_it_is_added_as_a_table(closed: ClosedLoop, journal: Journal) -> None:
+    tabled = close_loop(sled(), logs(), [], OFFERED, LoopSettings(tables=True, journal=journal))
     assert tabled.verdict == "unexplained residual"
     (table,) = tabled.added
     assert table.trial.candidate.effect.name == "table" and len(table.coefficients) > 4

@@ -111,8 +111,9 @@ def test_the_page_says_nothing_of_the_machine_it_was_made_on(page: str) -> None:
     assert "bondgraph close-loop coast.py:car --data=coast_down_1.csv --holdout coast_down_2.csv" in page
 
 
-def test_the_same_data_give_the_same_page(page: str) -> None:
-    assert report_html(coast_down_report()) == page
+@pytest.mark.usefixtures("undrawn")  # that a figure is rendered to the same text is tested with the figures
+def test_the_same_data_give_the_same_page() -> None:
+    assert report_html(coast_down_report()) == report_html(coast_down_report())
 
 
 def test_parts_without_data_are_left_out(tmp_path: Path) -> None:

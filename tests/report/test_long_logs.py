@@ -31,6 +31,7 @@ def swing(samples: int = 400) -> MatchedLog:
     return MatchedLog("swing", time, u, clean + 0.01 * np.random.default_rng(0).standard_normal(clean.shape))
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_a_filter_report_is_the_same_in_parts_and_whole(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     texts = []
     for folder, part in ((tmp_path / "whole", 10**6), (tmp_path / "parts", 16)):

@@ -24,11 +24,10 @@ from bondgraph.report.plots import (
     prediction_figure,
     residual_figure,
     state_figure,
-    thinned,
     trace_figure,
-    with_gaps,
 )
 from bondgraph.report.series import ChannelSeries, Prediction, StateBand
+from bondgraph.report.thinning import thinned, with_gaps
 from bondgraph.simulate.example import PENDULUM
 from bondgraph.simulate.model import Model
 from bondgraph.simulate.simulation import simulate
@@ -124,6 +123,23 @@ def test_thinning_keeps_extremes_and_gaps() -> None:
     assert np.nanmax(shown) == 9.0 and shown_time[int(np.nanargmax(shown))] == 31234.0
     assert np.isnan(shown[(shown_time > 20000) & (shown_time < 20500)]).all()
     assert (np.diff(shown_time) > 0).all()
+
+
+@pytest.mark.parametrize("size", [1001, 1337, 5000])
+def test_thinning_keeps_of_each_stretch_what_it_says(size: int) -> None:
+    chance = np.random.default_rng(size)
+    values = chance.integers(-5, 5, size).astype(float)
+    values[chance.random(size) < 0.3] = np.nan
+    values[chance.random(size) < 0.02] = np.inf
+    values[40:60] = np.nan
+    kept: set[int] = set()
+    for stretch in np.array_split(np.arange(size), 500):
+        part = values[stretch]
+        if np.isfinite(part).any():
+            kept |= {int(stretch[np.nanargmin(part)]), int(stretch[np.nanargmax(part)]), *stretch[np.isnan(part)][:1]}
+        else:
+            kept.add(int(stretch[0]))
+    np.testing.assert_array_equal(thinned(np.arange(float(size)), values)[0], sorted(kept))
 
 
 def test_gaps_are_found_among_irregular_samples() -> None:

@@ -6,12 +6,14 @@ from dataclasses import fields
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from bondgraph.report.html import ReportData, report_html
 from bondgraph.report.saved import NAME, load_data, save_data
 from tests.report.examples import coast_down_report
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_every_part_of_a_report_reads_back(tmp_path: Path) -> None:
     data = coast_down_report()
     save_data(data, tmp_path / NAME)

@@ -99,6 +99,7 @@ def test_a_measured_pitch_is_not_shown_as_the_pitch_of_the_body(
     assert np.std(pitch.measured - pitch.mean) == pytest.approx(left, rel=0.1)
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_the_command_filters_with_the_declared_noise(
     coasting: FilterModel,
     coast: tuple[MatchedLog, FilterRun, SmootherRun],
@@ -118,7 +119,7 @@ def test_the_command_filters_with_the_declared_noise(
     assert float(capsys.readouterr().out.split("NIS ")[1].split()[0]) > 1.2
     assert main([*command, "--set", "f_r=high"]) == 2
     assert "--set gives numbers" in capsys.readouterr().err
-    assert (tmp_path / "out" / "run_states.png").stat().st_size > 20_000
+    assert (tmp_path / "out" / "run_states.png").is_file()
 
 
 def test_every_declared_noise_fits_a_graph() -> None:
