@@ -227,10 +227,10 @@ def _shape(one: Unexplained) -> str:
         f"{shown(float(value))} ± {shown(float(std))} at {shown(float(knot))}"
         for knot, value, std in zip(one.knots, one.values, one.std, strict=True)
     )
-    units = " over ".join(f"[{unit}]" for unit in (one.unit, one.signal_unit) if unit)
+    unit, over = (f" [{text}]" if text else "" for text in (one.unit, one.signal_unit))
     return (
-        f"The unknown {one.variable} at {one.place.label}{f' {units}' if units else ''}, less what "
-        f"{' and '.join(one.taken) or 'free parameters'} can take of it, over {one.signal}: {points}."
+        f"The unknown {one.variable} at {one.place.label}{unit} over {one.signal}{over}, less what "
+        f"{' and '.join(one.taken) or 'free parameters'} can take of it: {points}."
     )
 
 

@@ -30,6 +30,8 @@ from bondgraph.simulate.quantities import OutputInfo, ParameterInfo, StateInfo
 from bondgraph.simulate.trajectory import Trajectory
 from bondgraph.version import __version__
 
+#: A start is forgotten once the error expected of a prediction is within this factor of its usual one.
+_FORGOTTEN = 3.0
 LIBRARIES = ("numpy", "scipy", "sympy", "numba")
 
 
@@ -41,10 +43,16 @@ class Runs:
     simulated: Trajectory | None = None
 
     def prediction(self, row: int, output: OutputInfo) -> Prediction:
-        """The predictions of one output as it is shown; the first sample was not predicted but given by the prior."""
+        """The predictions of one output as it is shown, one step ahead from where the start is forgotten.
+
+        The first sample was not predicted but given by the prior, and with more states than sensors some samples after
+        it are too: errors that the filter itself expects there are many times those of its model.
+        """
         one_step = None if self.filtered is None else self.filtered.output_mean[row].copy()
-        if one_step is not None:
-            one_step[0] = np.nan
+        if one_step is not None and self.filtered is not None:
+            expected = np.sqrt(self.filtered.output_var[row])
+            known = expected <= _FORGOTTEN * np.nanmedian(expected)
+            one_step[: max(int(np.argmax(known)), 1)] = np.nan
         return Prediction(
             None if one_step is None else output.shown(one_step),
             None if self.simulated is None else output.shown(self.simulated.y[row]),

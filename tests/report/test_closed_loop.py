@@ -4,7 +4,11 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from bondgraph.report.closed_loop import summary
+import numpy as np
+
+from bondgraph.correct.places.unexplained import Unexplained
+from bondgraph.declare.effect import Place, Scale
+from bondgraph.report.closed_loop import _shape, summary
 from tests.report.examples import coast_down_report
 
 
@@ -15,3 +19,15 @@ def test_coefficients_are_told_with_their_units_and_intervals() -> None:
     share = replace(effect.coefficients[0], name="share", value=0.0272, unit="1", ci95=(0.0259, 0.0284))
     bare = replace(data, effects=(replace(effect, coefficients=(share,)),))
     assert "share = 0.0272 [0.0259, 0.0284]" in summary(bare)
+
+
+def test_an_unknown_function_is_told_with_the_units_of_both() -> None:
+    place = Place.sensor("way", Scale(1.0, 1.0))
+    found = Unexplained(
+        place, "effort", "effort of rope", "N", "V", np.array([-1.0, 2.0]), np.array([0.03, -0.04]), np.full(2, 0.005),
+        12.0, 1e-4,
+    )  # fmt: skip
+    told = "[V] over effort of rope [N], less what free parameters can take of it: 0.0300 ± 0.00500 at -1.00; "
+    assert told in _shape(found)
+    bare = replace(found, signal="slip", signal_unit="", unit="", taken=("k",))
+    assert "sensor way over slip, less what k can take of it: " in _shape(bare)

@@ -52,12 +52,24 @@ def test_errors_of_the_series_are_those_of_the_runs(log: MatchedLog) -> None:
     (series,) = channel_series(pendulum(), log, before, after, {"deflection": NOISE}, held_out=True)
     (error,) = channel_errors([series])
     assert before.filtered is not None and before.simulated is not None
-    assert error.one_step_before == pytest.approx(rmse(before.filtered.innovation[0]))
+    told = before.filtered.innovation[0, 2:]  # the first sample is missing, the second is given by the prior
+    assert error.one_step_before == pytest.approx(rmse(told))
     assert error.simulation_before == pytest.approx(rmse(log.y[0] - before.simulated.output("deflection")))
     assert error.simulation_after == pytest.approx(NOISE, rel=0.2)
     assert error.simulation_after < 0.2 * error.simulation_before
     assert error.samples == int(np.isfinite(log.y).sum())
     assert (error.held_out, error.noise_std) == (True, NOISE)
+
+
+def test_what_an_unknown_start_leaves_is_no_error_of_the_model(log: MatchedLog) -> None:
+    model = pendulum()
+    lost = {"angle": 0.01, "rate": 4.0}  # one sensor and two states: only the second measurement tells the rate
+    begun = FilterModel(model, {"rate": 0.05}, {"deflection": NOISE}, lost, substeps=2)
+    theta = model.theta(damping=0.4)
+    filtered = run(begun, log, theta, x0=model.x0() + np.array([0.0, 4.0]), compiled=False)
+    (error,) = channel_errors(channel_series(model, log, Runs(filtered)))
+    assert abs(filtered.innovation[0, 1]) > 10.0 * NOISE
+    assert error.one_step_before < 3.0 * NOISE
 
 
 def test_channels_that_were_not_measured_are_left_out(log: MatchedLog) -> None:

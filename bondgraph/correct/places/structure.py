@@ -4,6 +4,7 @@ An unknown effort or flow at a place reaches the sensors through its transfer fu
 transfer functions are parallel at every frequency explain the same measurements, with other courses of the unknown:
 no data tell them apart unless a law ties the course down. A place whose vector vanishes is invisible. Both are decided
 numerically at random complex frequencies and operating points, which meets the generic rank with probability one.
+Neither depends on units: frequencies lie between the rates of the machine, and an unknown is as large as it moves it.
 Reference: Basseville and Nikiforov (1993), chapter 9; Blanke et al. (2016), chapter 5, for structural detectability and
 isolability; Schwartz (1980), J. ACM 27(4), for random points.
 """
@@ -22,9 +23,12 @@ from bondgraph.declare.effect import Place
 from bondgraph.simulate.model import Model
 
 _POINTS = 8
-_FREQUENCIES = (0.4 + 1.1j, 2.3 + 0.7j, 0.9 + 5.3j, 7.1 + 12.0j)
-#: Vectors that are parallel, or vanish, up to what finite differences leave.
-_PARALLEL, _VANISHING = 1e-6, 1e-7
+#: Frequencies in rates of the machine, from its slowest to its fastest.
+_FREQUENCIES = (0.4 + 1.1j, 2.3 + 0.7j, 0.3 + 1.6j, 0.5 + 0.9j)
+#: Rates below this share of the fastest are those of integrals.
+_STILL = 1e-9
+#: Sine of the angle between vectors that are parallel, and size of those that vanish: what finite differences leave.
+_PARALLEL, _VANISHING = 1e-5, 1e-7
 
 
 @dataclass(frozen=True)
@@ -87,7 +91,10 @@ def _sizes(built: BuiltModel, model: Model, sizes: FloatArray) -> FloatArray:
 def _vectors(
     model: Model, probes: Sequence[str], rows: Sequence[int], logs: Sequence[MatchedLog], sizes: FloatArray
 ) -> list[FloatArray]:
-    """Transfer vectors (sensors, places) at random frequencies and points, each sensor scaled by its largest entry."""
+    """Transfer vectors (sensors, places) at random frequencies and points, each sensor scaled by its largest entry.
+
+    Places are scaled before: a flow in m^3/s and a pressure in Pa have no size in common.
+    """
     rng = np.random.default_rng(20240517)
     inputs = np.concatenate([log.u for log in logs], axis=1)
     found: list[FloatArray] = []
@@ -97,17 +104,35 @@ def _vectors(
         a, b, c, d = _matrices(model, probes, x, u, sizes)
         if not all(np.isfinite(matrix).all() for matrix in (a, b, c, d)):
             continue
-        for frequency in _FREQUENCIES:
+        for frequency in _frequencies(a):
             try:
                 whole = (c @ np.linalg.solve(frequency * np.eye(x.size) - a, b) + d)[rows]
             except np.linalg.LinAlgError:  # a pole lies on this frequency; others tell as much
                 continue
             if not np.isfinite(whole).all():
                 continue
+            whole = whole / _moved(b, d[rows], frequency)
             largest = np.abs(whole).max(axis=1, keepdims=True, initial=0.0)
             scaled = np.where(largest > 0.0, whole / np.where(largest > 0.0, largest, 1.0), 0.0)
             found.append(np.concatenate([scaled, np.eye(len(rows))], axis=1))
     return found
+
+
+def _frequencies(a: FloatArray) -> list[complex]:
+    """Complex frequencies, 1/s, over the rates of a linear model; those of a machine that only integrates are any."""
+    rates = np.abs(np.linalg.eigvals(a))
+    moving = rates[rates > _STILL * rates.max(initial=0.0)]
+    if not moving.size:
+        return list(_FREQUENCIES)
+    scales = np.geomspace(moving.min(), moving.max(), len(_FREQUENCIES))
+    return [complex(scale * one) for scale, one in zip(scales, _FREQUENCIES, strict=True)]
+
+
+def _moved(b: FloatArray, d: FloatArray, frequency: complex) -> FloatArray:
+    """How far each unknown of one moves the states over their sizes, or else the sensors, shape (places,)."""
+    states, shown = np.linalg.norm(b, axis=0) / abs(frequency), np.linalg.norm(d, axis=0)
+    moved = np.where(states > 0.0, states, shown)
+    return np.where(moved > 0.0, moved, 1.0)
 
 
 def _matrices(
@@ -143,6 +168,7 @@ def _parallel(vectors: Sequence[FloatArray], a: int, b: int) -> bool:
         if size <= _VANISHING**2:
             continue
         compared += 1
-        if abs(np.vdot(one, other)) < (1.0 - _PARALLEL) * size:
+        apart = other - one * (np.vdot(one, other) / np.vdot(one, one))
+        if np.linalg.norm(apart) > _PARALLEL * np.linalg.norm(other):
             return False
     return compared > 0
