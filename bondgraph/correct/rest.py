@@ -30,6 +30,7 @@ from bondgraph.correct.scores.scoring import Linearisation, linearisation
 from bondgraph.correct.search.disturbances import DISTURBANCE
 from bondgraph.correct.search.refit import refit_from
 from bondgraph.correct.shapes.completions import completions
+from bondgraph.correct.shapes.formula import formula_of
 
 #: Functions without a law are tried at so many places.
 _SUSPECTS = 8
@@ -68,6 +69,8 @@ def at_random(rest: Rest, settings: RoundSettings) -> Progress:
     not blamed on the noise of a sensor.
     """
     functions = [one for one in rest.unexplained if one.signal != "time"]
+    if functions and any(name == DISTURBANCE for name, _ in rest.state.banned):
+        return rest.state  # a function explained more than it
     measured = max(sum(int(np.isfinite(log.y).sum()) for log in rest.state.train), 2)
     worth = max((one.gain - 0.5 * one.knots.size * math.log(measured) for one in functions), default=0.0)
     return with_disturbance(rest.state, settings, worth, sensors=not functions)
@@ -89,9 +92,7 @@ def _searched(
             spare = [
                 k
                 for k, trial in enumerate(state.added)
-                if not (trial.candidate.effect.channel or trial.candidate.effect.formula)
-                and trial.candidate.label not in needed
-                and needless(linear, tried, found, trial.candidate.effect.coefficients)
+                if trial.candidate.label not in needed and _is_spare(trial, linear, tried, found)
             ]
             if not spare:
                 break
@@ -112,6 +113,19 @@ def _searched(
     except FAILURES as error:
         return found, state, (f"what stays unexplained could not be looked for to the end: {reason(error)}",), {}
     return found, state, (), completes
+
+
+def _is_spare(trial: Trial, linear: Linearisation, tried: Sequence[Spline], found: Unexplained) -> bool:
+    """Whether an effect may be a near relative of a function that stays unexplained beside it.
+
+    A formula of its signal is: it leaves a part of what a free function explains. Another formula is a shape of its
+    own, and a fault of a sensor no law.
+    """
+    effect, formula = trial.candidate.effect, formula_of(trial.candidate.function)
+    if formula is not None:
+        alike = trial.candidate.place.label in (found.place.label, *found.like)
+        return alike and formula.signals == (found.signal,)
+    return not effect.channel and needless(linear, tried, found, effect.coefficients)
 
 
 def _attempted(action: Callable[[], Progress], state: Progress, what: str) -> tuple[Progress, tuple[str, ...]]:
