@@ -79,6 +79,7 @@ def _closed(options: argparse.Namespace, graph: BondGraph, logs: Splits) -> tupl
             level=options.level, max_effects=options.max_effects, process_noise=options.process_noise,
             free=tuple(names(options.free)), faults=not options.no_faults, tables=options.tables,
             journal=replace(journal, executor=workers), without=tuple(names(options.without)),
+            inputs_as_declared=bool(getattr(options, "inputs_between", [])),
         )  # fmt: skip
 
         def report(stage: str, done: int, total: int) -> None:

@@ -15,21 +15,19 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import Literal
 
-import numpy as np
-
 from bondgraph.build import BuiltModel, build
 from bondgraph.correct.cautions import cautions_of
 from bondgraph.correct.confirmation import Confirmation, confirmation
-from bondgraph.correct.constants import LEVEL, MEASUREMENTS_EACH, MOST_EFFECTS, MOST_REFITS
-from bondgraph.correct.evidence.certified import doubts, refined
+from bondgraph.correct.constants import LEVEL, MOST_EFFECTS, MOST_REFITS
+from bondgraph.correct.declared_fit import DeclaredFit, fit_declared
+from bondgraph.correct.evidence.certified import doubts
 from bondgraph.correct.evidence.trials import Added, Detectable, Trial
 from bondgraph.correct.fits.assess import Assessment, assess
 from bondgraph.correct.fits.compared import predicts_worse
-from bondgraph.correct.fits.rates import rated, with_followed_rates
 from bondgraph.correct.fits.whiteness import Whiteness, is_white, whiteness
 from bondgraph.correct.models.failures import FAILURES
 from bondgraph.correct.models.failures import reason as reason_of
-from bondgraph.correct.models.resting import RESTING, with_resting_state, without_resting_state
+from bondgraph.correct.models.resting import without_resting_state
 from bondgraph.correct.models.started import start_cautions, with_declared_starts
 from bondgraph.correct.places.structure import Structure, structure
 from bondgraph.correct.places.unexplained import Unexplained
@@ -44,18 +42,10 @@ from bondgraph.declare.graph import BondGraph
 from bondgraph.effects.sensors import SENSOR_FAULTS
 from bondgraph.errors import BondGraphError, DataError, EstimationError, OptionError
 from bondgraph.estimate.certify import Check
-from bondgraph.estimate.declared import free_parameters
 from bondgraph.estimate.fitted import Fit
-from bondgraph.estimate.free import FreeParameter, parse_target
 from bondgraph.estimate.journal import Journal
-from bondgraph.estimate.local import Report, fit, no_report
-from bondgraph.estimate.noise_starts import noisy_starts, quiet_start
-from bondgraph.estimate.setup import FilterSetup, filter_setup
+from bondgraph.estimate.local import Report, no_report
 from bondgraph.text import count, few
-
-#: The declared model is fitted to this many nats, far below what an effect must gain.
-_TOLERANCE = 0.05
-_MOST_ITERATIONS = 60
 
 Verdict = Literal[
     "effect found", "effect not confirmed", "disturbance", "sensor fault suspected", "unexplained residual",
@@ -70,7 +60,8 @@ class LoopSettings:
     ``level`` is the chance of a false alarm over all candidates of one round; ``refits`` how many of the best scores
     are refitted at most; ``process_noise`` as in :func:`bondgraph.estimate.setup.filter_setup`; ``faults``: faults
     of sensors are candidates too; ``tables``: what stays unexplained is added as a table whose points are parameters;
-    ``journal`` keeps finished fits; ``without`` names effects and faults that are not tried.
+    ``journal`` keeps finished fits; ``without`` names effects and faults that are not tried; ``inputs_as_declared``:
+    inputs run between samples as declared, though a log of constant pieces looks held.
     """
 
     level: float = LEVEL
@@ -82,6 +73,7 @@ class LoopSettings:
     tables: bool = False
     journal: Journal = field(default_factory=Journal)
     without: tuple[str, ...] = ()
+    inputs_as_declared: bool = False
 
 
 @dataclass(frozen=True, repr=False)
@@ -174,27 +166,13 @@ def close_loop(
     """
     settings = settings or LoopSettings()
     _check_given(graph, train, functions)
-    before = build(graph)
-    graph = with_followed_rates(graph if before.model.states else with_resting_state(graph))
-    built = before if graph is before.graph else build(graph)
-    if built is not before:
-        train, holdout = rated(train, before.model, built.model), rated(holdout, before.model, built.model)
-    driven = [name for name in built.driven if name != RESTING]
-    setup = filter_setup(built.model, driven, train, settings.process_noise)
-    free = _all_free(setup, settings.free)
-    _check_enough(graph, train, len(free))
-    told = structure(built, _everywhere(built, train), train, setup.sizes)
-    report("fit the declared model", 0, 1)
-    nominal = fit(
-        setup.filter_model, train, free, _MOST_ITERATIONS, _TOLERANCE, noisy_starts(free), journal=settings.journal,
-        first=quiet_start(free, np.array([one.coordinate(one.start) for one in free])),
-    )  # fmt: skip
-    nominal, check = refined(nominal, settings.journal, setup.filter_model.substeps)  # before anything is scored
-    report("fit the declared model", 1, 1)
+    begun = fit_declared(graph, train, holdout, settings, report)
+    told = structure(begun.built, _everywhere(begun.built, begun.train), begun.train, begun.setup.sizes)
     offered = (*functions, *(SENSOR_FAULTS if settings.faults else ()))
     every = tuple(one for one in offered if one.__name__ not in settings.without)
-    own = RoundSettings(settings.level, settings.refits, report, settings.journal, setup.filter_model.substeps)
-    start = Progress(graph, built, nominal, tuple(train), check=check)
+    substeps = begun.setup.filter_model.substeps
+    own = RoundSettings(settings.level, settings.refits, report, settings.journal, substeps)
+    start = Progress(begun.graph, begun.built, begun.fit, begun.train, check=begun.check)
     state, rounds, reason = _rounds(start, every, own, settings.max_effects)
     rest = settle(state, rounds, own, settings.tables)
     while _withdrawn(state, rest) and len(state.added) == settings.max_effects and not settings.tables:
@@ -204,7 +182,7 @@ def close_loop(
     if disturbed is not rest.state:  # what it hid may show now
         state, rounds, reason = _rounds(disturbed, every, own, settings.max_effects, rounds)
         rest = settle(state, rounds, own, settings.tables)
-    return _result(built, start, rest, rounds, holdout, told, reason, settings, report)
+    return _result(begun, start, rest, rounds, told, reason, settings, report)
 
 
 def _withdrawn(before: Progress, after: Rest) -> bool:
@@ -265,20 +243,19 @@ def _explained_at_random(state: Progress, chosen: Trial, own: RoundSettings) -> 
 
 
 def _result(
-    built: BuiltModel,
+    begun: DeclaredFit,
     start: Progress,
     rest: Rest,
     rounds: Sequence[Round],
-    holdout: Sequence[MatchedLog],
     told: Structure,
     reason: str,
     settings: LoopSettings,
     report: Report,
 ) -> ClosedLoop:
-    nominal, first = start.fit, start.check
+    nominal, first, holdout = begun.fit, begun.check, begun.holdout
     state = _eventless(start, rest.state)
     current, last = state.fit, state.check
-    assert first is not None and last is not None  # every fit of the way is certified
+    assert last is not None  # every fit of the way is certified
     train = nominal.problem.logs
     residual = whiteness(current, state.train)
     corrected_built, undeclared = with_declared_starts(
@@ -294,7 +271,7 @@ def _result(
     random = tuple(described(one.trial, current) for one in every if one not in added)
     history = (*state.history, Decision(len(rounds), "stopped", "", reason))
     cautions = (
-        *cautions_of(nominal, rounds), *_doubts(nominal, current, first, last), *rest.cautions,
+        *begun.cautions, *cautions_of(nominal, rounds), *_doubts(nominal, current, first, last), *rest.cautions,
         *(round_cautions(rounds[0]) if rounds else ()), *unsearched(rounds), *start_cautions(undeclared),
     )  # fmt: skip
     before = assess(nominal, train), assess(nominal, holdout)
@@ -302,7 +279,7 @@ def _result(
     logs = confirmation(nominal, current, before, after) if every else None
     result = ClosedLoop(
         *_verdict(added, random, rest.unexplained, residual, settings.level, reason, logs), nominal, current,
-        before[0], before[1], after[0], after[1], built, corrected_built, added, tuple(rounds), told, first, last,
+        before[0], before[1], after[0], after[1], begun.built, corrected_built, added, tuple(rounds), told, first, last,
         residual, rest.unexplained, history, cautions, logs, _events(rest.state), rest.state.fit, random,
     )  # fmt: skip
     report("assess", 1, 1)
@@ -341,26 +318,6 @@ def _check_given(graph: BondGraph, train: Sequence[MatchedLog], functions: Seque
         raise DataError(f"{graph.name}: no training log - give at least one with --data")
     if not functions:
         raise OptionError(f"{graph.name}: no effect to try - give a module with effect functions")
-
-
-def _check_enough(graph: BondGraph, train: Sequence[MatchedLog], free: int) -> None:
-    measured = sum(int(np.isfinite(log.y).sum()) for log in train)
-    if measured < MEASUREMENTS_EACH * free:
-        raise DataError(
-            f"{graph.name}: {measured} measurements in {', '.join(log.name for log in train)} are too few for {free} "
-            f"free parameters and noise levels - give longer logs, at least {MEASUREMENTS_EACH * free} measurements"
-        )
-
-
-def _all_free(setup: FilterSetup, names: Sequence[str]) -> tuple[FreeParameter, ...]:
-    """The named parameters, or all with bounds, and all noise levels, which are free whether named or not.
-
-    A machine all of whose parameters were measured may lack an effect too.
-    """
-    noise = {one.target for one in setup.noise}
-    named = [name for name in names if parse_target(name) not in noise]
-    bounded = any(info.lower is not None for info in setup.filter_model.model.parameters)
-    return (*(free_parameters(setup, named) if bounded or named else ()), *setup.noise)
 
 
 def _model_values(fitted: Fit) -> dict[str, float]:

@@ -1,0 +1,161 @@
+"""Where a loop begins: the declared model, fitted to the training logs with its integration steps certified.
+
+A log says nothing of its inputs between the samples. Straight lines lead an input that is held there, a controller's
+output, by half a sample, and whatever comes late, a lag or a delay, would make good for that. So an input that is
+constant in pieces in all logs is tried held as well. The two ways have the same parameters: the likelier is taken where
+the odds are those of strong evidence.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Protocol
+
+import numpy as np
+
+from bondgraph.build import BuiltModel, build
+from bondgraph.correct.constants import INDIFFERENT, MEASUREMENTS_EACH
+from bondgraph.correct.evidence.certified import refined
+from bondgraph.correct.fits.rates import rated, with_followed_rates
+from bondgraph.correct.models.failures import attempted
+from bondgraph.correct.models.resting import RESTING, with_resting_state
+from bondgraph.data.log import MatchedLog
+from bondgraph.declare.editing import with_inputs_between
+from bondgraph.declare.graph import BondGraph
+from bondgraph.declare.quantities import Interpolation
+from bondgraph.errors import DataError
+from bondgraph.estimate.certify import Check
+from bondgraph.estimate.declared import free_parameters
+from bondgraph.estimate.fitted import Fit
+from bondgraph.estimate.free import FreeParameter, parse_target
+from bondgraph.estimate.journal import Journal
+from bondgraph.estimate.local import Report, fit
+from bondgraph.estimate.noise_starts import noisy_starts, quiet_start
+from bondgraph.estimate.setup import FilterSetup, filter_setup
+from bondgraph.text import few, number
+
+#: The declared model is fitted to this many nats, far below what an effect must gain.
+_TOLERANCE = 0.05
+_MOST_ITERATIONS = 60
+
+
+class Wishes(Protocol):
+    """What a user may say of the fit of the declared model."""
+
+    @property
+    def process_noise(self) -> str:
+        """As in :func:`bondgraph.estimate.setup.filter_setup`."""
+
+    @property
+    def free(self) -> tuple[str, ...]:
+        """Names of what is free; none: all parameters with bounds."""
+
+    @property
+    def journal(self) -> Journal:
+        """Finished fits."""
+
+    @property
+    def inputs_as_declared(self) -> bool:
+        """Whether inputs run between samples as declared, whatever the logs say."""
+
+
+@dataclass(frozen=True)
+class DeclaredFit:
+    """The declared model and its fit, with what was set up for it, and logs matched to it.
+
+    ``graph`` may have rates among its inputs that no equation uses; ``cautions`` say what was changed in it.
+    """
+
+    graph: BondGraph
+    built: BuiltModel
+    setup: FilterSetup
+    fit: Fit
+    check: Check
+    train: tuple[MatchedLog, ...]
+    holdout: tuple[MatchedLog, ...]
+    cautions: tuple[str, ...] = ()
+
+
+def fit_declared(
+    graph: BondGraph, train: Sequence[MatchedLog], holdout: Sequence[MatchedLog], wishes: Wishes, report: Report
+) -> DeclaredFit:
+    """The declared model fitted to training logs, inputs that are constant in pieces held where that is likelier.
+
+    Raises
+    ------
+    DataError
+        If the logs hold too little.
+    EstimationError
+        If the model cannot be fitted at all.
+    BondGraphError
+        If the graph is refused.
+    """
+    report("fit the declared model", 0, 1)
+    found = _fitted(graph, train, holdout, wishes)
+    names = [] if wishes.inputs_as_declared else _steps(found.built, found.train)
+    if names:
+        ways: dict[str, Interpolation] = dict.fromkeys(names, "hold")
+        graph = with_inputs_between(graph, **ways)
+        held = attempted(lambda: _fitted(graph, train, holdout, wishes), lambda why: None)
+        if held is not None and held.fit.nll < found.fit.nll - INDIFFERENT:
+            found = replace(held, cautions=(_said(names, found.fit.nll - held.fit.nll),))
+    report("fit the declared model", 1, 1)
+    return found
+
+
+def _said(names: Sequence[str], nats: float) -> str:
+    verb = "is" if len(names) == 1 else "are"
+    return (
+        f"{few(list(names))} {verb} constant in pieces, and {verb} taken as held between samples, {number(nats)} nats "
+        "likelier than straight lines - declare hold=True, or say --inputs-between linear"
+    )
+
+
+def _fitted(
+    graph: BondGraph, train: Sequence[MatchedLog], holdout: Sequence[MatchedLog], wishes: Wishes
+) -> DeclaredFit:
+    before = build(graph)
+    graph = with_followed_rates(graph if before.model.states else with_resting_state(graph))
+    built = before if graph is before.graph else build(graph)
+    if built is not before:
+        train, holdout = rated(train, before.model, built.model), rated(holdout, before.model, built.model)
+    setup = filter_setup(built.model, [name for name in built.driven if name != RESTING], train, wishes.process_noise)
+    free = _all_free(setup, wishes.free)
+    _check_enough(graph, train, len(free))
+    found = fit(
+        setup.filter_model, train, free, _MOST_ITERATIONS, _TOLERANCE, noisy_starts(free), journal=wishes.journal,
+        first=quiet_start(free, np.array([one.coordinate(one.start) for one in free])),
+    )  # fmt: skip
+    found, check = refined(found, wishes.journal, setup.filter_model.substeps)  # before anything is scored
+    return DeclaredFit(graph, built, setup, found, check, tuple(train), tuple(holdout))
+
+
+def _steps(built: BuiltModel, train: Sequence[MatchedLog]) -> list[str]:
+    """Inputs that would run straight between samples, and stay as they are from most samples to the next."""
+    found = []
+    for row, info in enumerate(built.model.inputs):
+        moved = np.concatenate([np.diff(log.u[row]) != 0.0 for log in train])
+        if info.interpolation == "linear" and not info.rate_of and 0 < moved.sum() < 0.5 * moved.size:
+            found.append(info.name)
+    return found
+
+
+def _check_enough(graph: BondGraph, train: Sequence[MatchedLog], free: int) -> None:
+    measured = sum(int(np.isfinite(log.y).sum()) for log in train)
+    if measured < MEASUREMENTS_EACH * free:
+        raise DataError(
+            f"{graph.name}: {measured} measurements in {', '.join(log.name for log in train)} are too few for {free} "
+            f"free parameters and noise levels - give longer logs, at least {MEASUREMENTS_EACH * free} measurements"
+        )
+
+
+def _all_free(setup: FilterSetup, names: Sequence[str]) -> tuple[FreeParameter, ...]:
+    """The named parameters, or all with bounds, and all noise levels, which are free whether named or not.
+
+    A machine all of whose parameters were measured may lack an effect too.
+    """
+    noise = {one.target for one in setup.noise}
+    named = [name for name in names if parse_target(name) not in noise]
+    bounded = any(info.lower is not None for info in setup.filter_model.model.parameters)
+    return (*(free_parameters(setup, named) if bounded or named else ()), *setup.noise)

@@ -1,0 +1,61 @@
+"""Inputs that a log shows as constant in pieces: held between samples, or straight lines, whichever is likelier."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.signal import cont2discrete, lfilter
+
+import bondgraph as bg
+from bondgraph import effects
+from bondgraph.correct.loop import LoopSettings, close_loop
+from bondgraph.data.log import MatchedLog
+
+_MASS, _DRAG, _NOISE = 20.0, 8.0, 0.002
+
+
+def _cart() -> bg.BondGraph:
+    g = bg.BondGraph("cart")
+    force = g.input("force", "N")
+    body = g.one_junction("body", bg.TRANSLATION)
+    g.effort_source("motor", force, at=body)
+    g.inertance("mass", g.parameter("m", 25.0, "kg", "", (5.0, 100.0)), at=body, state="v")
+    g.resistance("drag", g.parameter("d", 6.0, "N s/m", "", (0.5, 50.0)), at=body)
+    g.measure_flow("speed", body)
+    return g
+
+
+def _log(held: bool, seed: int) -> MatchedLog:
+    """A cart behind a force that is held, or straight, between samples 0.1 s apart: the exact discrete system."""
+    chance = np.random.default_rng(seed)
+    force = np.repeat(chance.uniform(-30.0, 30.0, 100), 8)
+    system = tuple(np.array([[one]]) for one in (-_DRAG / _MASS, 1.0 / _MASS, 1.0, 0.0))
+    a, b, c, d, _ = cont2discrete(system, 0.1, "zoh" if held else "foh")
+    speed = lfilter([float(d[0, 0]), float((c @ b - a * d)[0, 0])], [1.0, -float(a[0, 0])], force)
+    speed += _NOISE * chance.standard_normal(speed.size)
+    return MatchedLog("run", 0.1 * np.arange(speed.size), force[np.newaxis], speed[np.newaxis])
+
+
+@pytest.mark.parametrize("held", [True, False])
+def test_the_likelier_way_between_samples_is_taken_and_no_lag_found(held: bool) -> None:
+    closed = close_loop(_cart(), [_log(held, 3)], [], [effects.actuator_lag], LoopSettings())
+    assert closed.verdict == "no missing effect"
+    said = [text for text in closed.cautions if "held between samples" in text]
+    assert bool(said) == held
+    (info,) = closed.nominal_built.model.inputs
+    assert info.interpolation == ("hold" if held else "linear")
+    assert abs(closed.nominal.values["m"] - _MASS) < 4.0 * closed.nominal.std["m"]
+
+
+def test_inputs_stay_as_declared_where_that_is_asked_for() -> None:
+    settings = LoopSettings(max_effects=0, inputs_as_declared=True)
+    closed = close_loop(_cart(), [_log(True, 3)], [], [effects.actuator_lag], settings)
+    assert closed.nominal_built.model.inputs[0].interpolation == "linear"
+
+
+def test_an_input_that_always_moves_is_left_as_it_is() -> None:
+    log = _log(True, 4)
+    wave = 10.0 * np.sin(0.7 * log.time)[np.newaxis]
+    settings = LoopSettings(max_effects=0)
+    closed = close_loop(_cart(), [MatchedLog("run", log.time, wave, log.y)], [], [effects.actuator_lag], settings)
+    assert closed.nominal_built.model.inputs[0].interpolation == "linear"
