@@ -8,12 +8,12 @@ import numpy as np
 
 from bondgraph import effects
 from bondgraph.build import BuiltModel, build
-from bondgraph.correct.loop import free_parameters
 from bondgraph.data.log import MatchedLog
 from bondgraph.declare.domains import ROTATION, TRANSLATION
 from bondgraph.declare.editing import handle, with_values
 from bondgraph.declare.effect import Effect, EffectFunction, Place, Scale
 from bondgraph.declare.graph import BondGraph
+from bondgraph.estimate.declared import free_parameters
 from bondgraph.estimate.fitted import Fit
 from bondgraph.estimate.local import fit
 from bondgraph.estimate.setup import filter_setup

@@ -7,12 +7,12 @@ import pytest
 
 from bondgraph import effects
 from bondgraph.build import build
-from bondgraph.correct.loop import free_parameters
 from bondgraph.correct.models.absent import absent_when_zero
 from bondgraph.correct.models.candidates import candidates, places
 from bondgraph.data.log import MatchedLog
 from bondgraph.declare.domains import ROTATION, TRANSLATION
 from bondgraph.declare.graph import BondGraph
+from bondgraph.estimate.declared import free_parameters
 from bondgraph.estimate.local import fit
 from bondgraph.estimate.setup import filter_setup
 

@@ -15,7 +15,7 @@ from bondgraph.correct.evidence.certified import certify, doubts, refined, resol
 from bondgraph.correct.evidence.context import Context
 from bondgraph.correct.evidence.resolved import resolved
 from bondgraph.correct.evidence.trials import Trial
-from bondgraph.correct.loop import LoopSettings, close_loop, free_parameters
+from bondgraph.correct.loop import LoopSettings, close_loop
 from bondgraph.correct.models.candidates import candidates, places
 from bondgraph.correct.progress import Progress
 from bondgraph.correct.progress import certified as in_certified_steps
@@ -23,6 +23,7 @@ from bondgraph.correct.round import RoundSettings
 from bondgraph.correct.search.refit import refit_from
 from bondgraph.declare.editing import with_values
 from bondgraph.estimate.certify import NEGLIGIBLE_SHIFT, check
+from bondgraph.estimate.declared import free_parameters
 from bondgraph.estimate.fitted import Fit
 from bondgraph.estimate.local import expand, fit
 from bondgraph.estimate.setup import filter_setup

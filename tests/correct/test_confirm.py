@@ -9,8 +9,8 @@ import pytest
 
 from bondgraph.correct.evidence import confirm
 from bondgraph.correct.evidence.confirm import confirmed
-from bondgraph.correct.loop import free_parameters
 from bondgraph.correct.search.refit import refit_from
+from bondgraph.estimate.declared import free_parameters
 from bondgraph.estimate.excerpt import excerpt
 from bondgraph.estimate.fitted import Fit
 from bondgraph.estimate.local import fit

@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bondgraph.correct.loop import free_parameters
 from bondgraph.estimate import local as fitting
+from bondgraph.estimate.declared import free_parameters
 from bondgraph.estimate.excerpt import excerpt
 from bondgraph.estimate.fitted import Fit
 from bondgraph.estimate.local import fit

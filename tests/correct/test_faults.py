@@ -10,13 +10,14 @@ import pytest
 
 from bondgraph import effects
 from bondgraph.build import build
-from bondgraph.correct.loop import LoopSettings, close_loop, free_parameters
+from bondgraph.correct.loop import LoopSettings, close_loop
 from bondgraph.correct.result import result_json
 from bondgraph.correct.round import one_round
 from bondgraph.data.log import FloatArray, MatchedLog
 from bondgraph.declare.editing import handle
 from bondgraph.effects.sensors import sensor_bias
 from bondgraph.errors import EstimationError
+from bondgraph.estimate.declared import free_parameters
 from bondgraph.estimate.journal import Journal
 from bondgraph.estimate.local import fit
 from bondgraph.estimate.setup import filter_setup

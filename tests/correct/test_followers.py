@@ -12,7 +12,6 @@ from bondgraph.build import BuiltModel, build
 from bondgraph.correct.evidence.context import Context
 from bondgraph.correct.evidence.trials import Trial
 from bondgraph.correct.fits.assess import assess
-from bondgraph.correct.loop import free_parameters
 from bondgraph.correct.models.candidates import Candidate, candidates, places
 from bondgraph.correct.models.followers import followers
 from bondgraph.correct.models.started import with_declared_starts
@@ -22,6 +21,7 @@ from bondgraph.declare.domains import ROTATION
 from bondgraph.declare.graph import BondGraph
 from bondgraph.declare.json_reader import graph_from_json
 from bondgraph.declare.json_writer import graph_to_json
+from bondgraph.estimate.declared import free_parameters
 from bondgraph.estimate.fitted import Fit
 from bondgraph.estimate.local import fit
 from bondgraph.estimate.setup import filter_setup

@@ -14,12 +14,13 @@ from bondgraph.correct.evidence.confirm import confirmed
 from bondgraph.correct.evidence.context import Context
 from bondgraph.correct.evidence.trials import Trial
 from bondgraph.correct.fits.whiteness import whiteness
-from bondgraph.correct.loop import LoopSettings, close_loop, free_parameters
+from bondgraph.correct.loop import LoopSettings, close_loop
 from bondgraph.correct.models.candidates import candidates, places
 from bondgraph.correct.scores.quiet import annealed_fit, quiet_fit, quiet_scores
 from bondgraph.correct.scores.scoring import linearisation, score_candidates
 from bondgraph.correct.search.refit import refit_from
 from bondgraph.data.log import MatchedLog
+from bondgraph.estimate.declared import free_parameters
 from bondgraph.estimate.fitted import Fit, at_optimum
 from bondgraph.estimate.local import fit
 from bondgraph.estimate.noise_starts import noisy_starts

@@ -16,7 +16,6 @@ from bondgraph.correct.constants import INDIFFERENT, OPTIMISM
 from bondgraph.correct.evidence.context import Context
 from bondgraph.correct.evidence.decide import alternatives, choose
 from bondgraph.correct.evidence.trials import Trial
-from bondgraph.correct.loop import free_parameters
 from bondgraph.correct.models.candidates import candidates, places
 from bondgraph.correct.round import Round, one_round, unsearched
 from bondgraph.correct.scores.gates import Gate, _peers, best_gated, gate_samples, gated
@@ -28,6 +27,7 @@ from bondgraph.declare.editing import handle, with_values
 from bondgraph.declare.effect import EffectFunction, Place, Scale
 from bondgraph.effects.sensors import sensor_delay
 from bondgraph.errors import FilterError
+from bondgraph.estimate.declared import free_parameters
 from bondgraph.estimate.local import fit, no_report
 from bondgraph.simulate.simulation import simulate
 from tests.correct.test_stiff import cubic_loss

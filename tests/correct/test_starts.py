@@ -8,11 +8,11 @@ from bondgraph import effects
 from bondgraph.build import build
 from bondgraph.correct.fits import starts
 from bondgraph.correct.fits.starts import with_starts
-from bondgraph.correct.loop import free_parameters
 from bondgraph.data.log import MatchedLog
 from bondgraph.declare.editing import copy, handle, with_values
 from bondgraph.declare.effect import Place
 from bondgraph.declare.graph import BondGraph
+from bondgraph.estimate.declared import free_parameters
 from bondgraph.estimate.fitted import Fit
 from bondgraph.estimate.local import fit
 from bondgraph.estimate.noise_starts import noisy_starts

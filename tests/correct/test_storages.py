@@ -15,7 +15,6 @@ from bondgraph.correct.evidence.context import Context
 from bondgraph.correct.evidence.decide import alternatives
 from bondgraph.correct.evidence.trials import Trial
 from bondgraph.correct.fits.assess import gain_interval, gain_p_value
-from bondgraph.correct.loop import free_parameters
 from bondgraph.correct.models.candidates import candidates, places
 from bondgraph.correct.round import one_round
 from bondgraph.correct.scores.scoring import linearisation, score_candidates
@@ -28,6 +27,7 @@ from bondgraph.declare.editing import handle, with_values
 from bondgraph.declare.effect import Place, Scale
 from bondgraph.declare.elements import Bond
 from bondgraph.declare.graph import BondGraph
+from bondgraph.estimate.declared import free_parameters
 from bondgraph.estimate.local import fit
 from bondgraph.estimate.noise_starts import noisy_starts
 from bondgraph.estimate.setup import FilterSetup, filter_setup

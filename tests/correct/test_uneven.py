@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 
 from bondgraph.correct.fits.assess import assess
-from bondgraph.correct.loop import free_parameters
 from bondgraph.declare.editing import with_values
+from bondgraph.estimate.declared import free_parameters
 from bondgraph.estimate.local import fit
 from bondgraph.estimate.setup import filter_setup
 from tests.correct.sled import NOISE, build, pull, sled

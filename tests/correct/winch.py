@@ -8,11 +8,11 @@ import numpy as np
 from sympy import tanh
 
 from bondgraph.build import BuiltModel, build
-from bondgraph.correct.loop import free_parameters
 from bondgraph.data.log import MatchedLog
 from bondgraph.declare.domains import ROTATION
 from bondgraph.declare.editing import with_values
 from bondgraph.declare.graph import BondGraph
+from bondgraph.estimate.declared import free_parameters
 from bondgraph.estimate.fitted import Fit
 from bondgraph.estimate.local import fit
 from bondgraph.estimate.setup import FilterSetup, filter_setup

@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from bondgraph.correct.loop import free_parameters
 from bondgraph.errors import FilterError
 from bondgraph.estimate import estimation
 from bondgraph.estimate.checkpoint import Checkpoint, load_checkpoint, save_checkpoint
+from bondgraph.estimate.declared import free_parameters
 from bondgraph.estimate.derivatives import exact
 from bondgraph.estimate.derivatives.linearised import filter_runs, is_linearised, kicks_along, linear_expansion
 from bondgraph.estimate.estimation import Settings, estimate

@@ -22,6 +22,7 @@ from bondgraph.correct.models.candidates import Candidate
 from bondgraph.correct.scores.scoring import Linearisation, Scored, linearisation, score_candidates
 from bondgraph.data.log import MatchedLog
 from bondgraph.errors import EstimationError, FilterError
+from bondgraph.estimate.excerpt import excerpt
 from bondgraph.estimate.fitted import Fit
 from bondgraph.estimate.free import FreeParameter
 from bondgraph.estimate.journal import Journal
@@ -80,7 +81,8 @@ def quiet_fit(base: Fit, train: Sequence[MatchedLog], journal: Journal | None = 
 def annealed_fit(base: Fit, train: Sequence[MatchedLog], journal: Journal | None = None) -> Fit | None:
     """The quiet fit again, its process noise lowered by steps; the sensors may count as noisy as what they show varies.
 
-    None where :func:`quiet_fit` gives none, and of stiff models, which so many fits are too much for.
+    The steps only lead somewhere, so that all but the last are made on the beginnings of long logs. None where
+    :func:`quiet_fit` gives none, and of stiff models, which so many fits are too much for.
     """
     problem = base.problem
     process = {
@@ -91,6 +93,7 @@ def annealed_fit(base: Fit, train: Sequence[MatchedLog], journal: Journal | None
     free = [_widened(one, problem, train) for one in problem.free if one.target.kind != "process"]
     sensors = np.array([one.target.kind == "std" for one in free])
     fitted, values = None, base.values
+    part = excerpt(replace(problem, logs=tuple(train), free=tuple(free)))
     for share in _DESCENT:
         held = {name: level * (lowest / level) ** share for name, (level, lowest) in process.items()}
         model = replace(problem.filter_model, process_noise={**problem.filter_model.process_noise, **held})
@@ -98,7 +101,8 @@ def annealed_fit(base: Fit, train: Sequence[MatchedLog], journal: Journal | None
         start = np.array([one.coordinate(one.start) for one in free])
         starts = [start + np.where(sensors, np.log(factor), 0.0) for factor in _RISING]
         try:
-            fitted = fit(model, train, free, _MOST_ITERATIONS, _TOLERANCE, starts, journal=journal)
+            logs = train if part is None or share == _DESCENT[-1] else part.logs
+            fitted = fit(model, logs, free, _MOST_ITERATIONS, _TOLERANCE, starts, journal=journal)
         except EstimationError:
             return None
         values = fitted.values

@@ -11,7 +11,7 @@ import sympy
 
 import bondgraph as bg
 from bondgraph.arrays import FloatArray
-from bondgraph.correct.loop import LoopSettings, close_loop, free_parameters
+from bondgraph.correct.loop import LoopSettings, close_loop
 from bondgraph.correct.models.candidates import candidates, places
 from bondgraph.correct.places.probes import Signal, argument, probes, signals
 from bondgraph.correct.places.unexplained import distinct, splines
@@ -24,6 +24,7 @@ from bondgraph.data.log import MatchedLog
 from bondgraph.declare.domains import TRANSLATION
 from bondgraph.declare.editing import handle
 from bondgraph.declare.effect import Place, Scale
+from bondgraph.estimate.declared import free_parameters
 from bondgraph.estimate.local import Fit, fit
 from bondgraph.estimate.setup import filter_setup
 from bondgraph.report.formulas import formula_sentences
