@@ -3,7 +3,8 @@
 A log says nothing of its inputs between the samples. Straight lines lead an input that is held there, a controller's
 output, by half a sample, and whatever comes late, a lag or a delay, would make good for that. So an input that is
 constant in pieces in all logs is tried held as well. The two ways have the same parameters: the likelier is taken where
-the odds are those of strong evidence.
+the odds are those of strong evidence. A sensor that is late by more makes held inputs likelier too; so where a law with
+a memory was found beside them, straight lines are tried once more with it.
 """
 
 from __future__ import annotations
@@ -17,9 +18,11 @@ import numpy as np
 from bondgraph.build import BuiltModel, build
 from bondgraph.correct.constants import INDIFFERENT, MEASUREMENTS_EACH
 from bondgraph.correct.evidence.certified import refined
+from bondgraph.correct.evidence.trials import Trial
 from bondgraph.correct.fits.rates import rated, with_followed_rates
 from bondgraph.correct.models.failures import attempted
 from bondgraph.correct.models.resting import RESTING, with_resting_state
+from bondgraph.correct.search.disturbances import DISTURBANCE
 from bondgraph.data.log import MatchedLog
 from bondgraph.declare.editing import with_inputs_between
 from bondgraph.declare.graph import BondGraph
@@ -27,7 +30,7 @@ from bondgraph.declare.quantities import Interpolation
 from bondgraph.errors import DataError
 from bondgraph.estimate.certify import Check
 from bondgraph.estimate.declared import free_parameters
-from bondgraph.estimate.fitted import Fit
+from bondgraph.estimate.fitted import Fit, at_optimum
 from bondgraph.estimate.free import FreeParameter, parse_target
 from bondgraph.estimate.journal import Journal
 from bondgraph.estimate.local import Report, fit
@@ -64,7 +67,8 @@ class Wishes(Protocol):
 class DeclaredFit:
     """The declared model and its fit, with what was set up for it, and logs matched to it.
 
-    ``graph`` may have rates among its inputs that no equation uses; ``cautions`` say what was changed in it.
+    ``graph`` may have rates among its inputs that no equation uses; ``held`` are inputs that are taken as held against
+    the declaration, and ``cautions`` say so.
     """
 
     graph: BondGraph
@@ -74,6 +78,7 @@ class DeclaredFit:
     check: Check
     train: tuple[MatchedLog, ...]
     holdout: tuple[MatchedLog, ...]
+    held: tuple[str, ...] = ()
     cautions: tuple[str, ...] = ()
 
 
@@ -99,9 +104,29 @@ def fit_declared(
         graph = with_inputs_between(graph, **ways)
         held = attempted(lambda: _fitted(graph, train, holdout, wishes), lambda why: None)
         if held is not None and held.fit.nll < found.fit.nll - INDIFFERENT:
-            found = replace(held, cautions=(_said(names, found.fit.nll - held.fit.nll),))
+            found = replace(held, held=tuple(names), cautions=(_said(names, found.fit.nll - held.fit.nll),))
     report("fit the declared model", 1, 1)
     return found
+
+
+def straight_is_likelier(
+    begun: DeclaredFit, fitted: Fit, built: BuiltModel, journal: Journal, laws: Sequence[Trial]
+) -> bool:
+    """Whether a corrected model is likelier with straight lines where inputs were taken as held.
+
+    Asked where a law has a memory, which held inputs may have stood in for.
+    """
+    if not any(one.candidate.effect.adds_state and one.candidate.effect.kind != DISTURBANCE for one in laws):
+        return False
+
+    def straight() -> Fit:
+        ways: dict[str, Interpolation] = dict.fromkeys(begun.held, "linear")
+        model = build(with_inputs_between(built.graph, **ways)).model
+        filter_model = replace(fitted.problem.filter_model, model=model)
+        return fit(filter_model, fitted.problem.logs, at_optimum(fitted), journal=journal)
+
+    other = attempted(straight, lambda why: fitted)
+    return other.nll < fitted.nll - INDIFFERENT
 
 
 def _said(names: Sequence[str], nats: float) -> str:

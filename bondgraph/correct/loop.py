@@ -11,7 +11,7 @@ decide nothing.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Literal
 
@@ -19,7 +19,7 @@ from bondgraph.build import BuiltModel, build
 from bondgraph.correct.cautions import cautions_of
 from bondgraph.correct.confirmation import Confirmation, confirmation
 from bondgraph.correct.constants import LEVEL, MOST_EFFECTS, MOST_REFITS
-from bondgraph.correct.declared_fit import DeclaredFit, fit_declared
+from bondgraph.correct.declared_fit import DeclaredFit, fit_declared, straight_is_likelier
 from bondgraph.correct.evidence.certified import doubts
 from bondgraph.correct.evidence.trials import Added, Detectable, Trial
 from bondgraph.correct.fits.assess import Assessment, assess
@@ -167,6 +167,17 @@ def close_loop(
     settings = settings or LoopSettings()
     _check_given(graph, train, functions)
     begun = fit_declared(graph, train, holdout, settings, report)
+    found, result = _closed(begun, functions, settings, report)
+    if begun.held and straight_is_likelier(begun, found.fit, found.built, settings.journal, found.laws):
+        begun = fit_declared(graph, train, holdout, replace(settings, inputs_as_declared=True), report)
+        return _closed(begun, functions, settings, report)[1]()
+    return result()
+
+
+def _closed(
+    begun: DeclaredFit, functions: Sequence[EffectFunction], settings: LoopSettings, report: Report
+) -> tuple[Progress, Callable[[], ClosedLoop]]:
+    """Where the rounds end from a fit of the declared model, and what makes the result of that."""
     told = structure(begun.built, _everywhere(begun.built, begun.train), begun.train, begun.setup.sizes)
     offered = (*functions, *(SENSOR_FAULTS if settings.faults else ()))
     every = tuple(one for one in offered if one.__name__ not in settings.without)
@@ -182,7 +193,7 @@ def close_loop(
     if disturbed is not rest.state:  # what it hid may show now
         state, rounds, reason = _rounds(disturbed, every, own, settings.max_effects, rounds)
         rest = settle(state, rounds, own, settings.tables)
-    return _result(begun, start, rest, rounds, told, reason, settings, report)
+    return rest.state, lambda: _result(begun, start, rest, rounds, told, reason, settings, report)
 
 
 def _withdrawn(before: Progress, after: Rest) -> bool:

@@ -137,6 +137,7 @@ def run_smoothed(
 
     Examples
     --------
+    >>> import numpy as np
     >>> from bondgraph.data.log import MatchedLog
     >>> from bondgraph.filter.smoother import smooth
     >>> from bondgraph.simulate.example import pendulum
