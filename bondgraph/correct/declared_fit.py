@@ -3,8 +3,8 @@
 A log says nothing of its inputs between the samples. Straight lines lead an input that is held there, a controller's
 output, by half a sample, and whatever comes late, a lag or a delay, would make good for that. So an input that is
 constant in pieces in all logs is tried held as well. The two ways have the same parameters: the likelier is taken where
-the odds are those of strong evidence. A sensor that is late by more makes held inputs likelier too; so where a law with
-a memory was found beside them, straight lines are tried once more with it.
+the odds are those of strong evidence. What the machine lacks may make held inputs likelier too, a late sensor above
+all; so straight lines are tried once more with what was found.
 """
 
 from __future__ import annotations
@@ -18,11 +18,9 @@ import numpy as np
 from bondgraph.build import BuiltModel, build
 from bondgraph.correct.constants import INDIFFERENT, MEASUREMENTS_EACH
 from bondgraph.correct.evidence.certified import refined
-from bondgraph.correct.evidence.trials import Trial
 from bondgraph.correct.fits.rates import rated, with_followed_rates
 from bondgraph.correct.models.failures import attempted
 from bondgraph.correct.models.resting import RESTING, with_resting_state
-from bondgraph.correct.search.disturbances import DISTURBANCE
 from bondgraph.data.log import MatchedLog
 from bondgraph.declare.editing import with_inputs_between
 from bondgraph.declare.graph import BondGraph
@@ -109,15 +107,8 @@ def fit_declared(
     return found
 
 
-def straight_is_likelier(
-    begun: DeclaredFit, fitted: Fit, built: BuiltModel, journal: Journal, laws: Sequence[Trial]
-) -> bool:
-    """Whether a corrected model is likelier with straight lines where inputs were taken as held.
-
-    Asked where a law has a memory, which held inputs may have stood in for.
-    """
-    if not any(one.candidate.effect.adds_state and one.candidate.effect.kind != DISTURBANCE for one in laws):
-        return False
+def straight_is_likelier(begun: DeclaredFit, fitted: Fit, built: BuiltModel, journal: Journal) -> bool:
+    """Whether a corrected model is likelier with straight lines where inputs were taken as held."""
 
     def straight() -> Fit:
         ways: dict[str, Interpolation] = dict.fromkeys(begun.held, "linear")

@@ -168,7 +168,7 @@ def close_loop(
     _check_given(graph, train, functions)
     begun = fit_declared(graph, train, holdout, settings, report)
     found, result = _closed(begun, functions, settings, report)
-    if begun.held and straight_is_likelier(begun, found.fit, found.built, settings.journal, found.laws):
+    if begun.held and straight_is_likelier(begun, found.fit, found.built, settings.journal):
         begun = fit_declared(graph, train, holdout, replace(settings, inputs_as_declared=True), report)
         return _closed(begun, functions, settings, report)[1]()
     return result()

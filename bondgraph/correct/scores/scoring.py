@@ -161,9 +161,7 @@ def linearisation(base: Fit, train: Sequence[MatchedLog]) -> Linearisation:
         for column, index in enumerate(kept, start=1)
         if base.problem.free[index].target.kind == "parameter"
     }
-    resting = [
-        base.problem.free[k] for k in np.flatnonzero(base.held) if base.problem.free[k].target.kind == "parameter"
-    ]
+    resting = _resting(base)
     every = [*moved.values(), *resting]
     if not every:
         return bare
@@ -175,6 +173,16 @@ def linearisation(base: Fit, train: Sequence[MatchedLog]) -> Linearisation:
     for column, response in zip(moved, responses.T, strict=True):
         free[timed, column], scales[timed, column] = response[timed], 0.0
     return bare
+
+
+def _resting(base: Fit) -> list[FreeParameter]:
+    """Parameters of the machine that rest on a bound; a shape of a law that was added ends where its signal does.
+
+    Shapes are named after their law, whose coefficients have bounds that widen.
+    """
+    laws = [law for one in base.problem.free if one.widens and (law := one.name.partition("_")[2])]
+    held = (one for one, rests in zip(base.problem.free, base.held, strict=True) if rests)
+    return [one for one in held if one.target.kind == "parameter" and not any(law in one.name for law in laws)]
 
 
 def _moved(path: Path, base: Fit, parameter: FreeParameter) -> Change:
