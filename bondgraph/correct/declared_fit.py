@@ -42,7 +42,7 @@ _MOST_ITERATIONS = 60
 
 
 class Wishes(Protocol):
-    """What a user may say of the fit of the declared model."""
+    """Wishes of a user for the fit of the declared model."""
 
     @property
     def process_noise(self) -> str:
@@ -58,7 +58,7 @@ class Wishes(Protocol):
 
     @property
     def inputs_as_declared(self) -> bool:
-        """Whether inputs run between samples as declared, whatever the logs say."""
+        """True where inputs run between samples as declared, whatever the logs say."""
 
 
 @dataclass(frozen=True)
@@ -108,7 +108,7 @@ def fit_declared(
 
 
 def straight_is_likelier(begun: DeclaredFit, fitted: Fit, built: BuiltModel, journal: Journal) -> bool:
-    """Whether a corrected model is likelier with straight lines where inputs were taken as held."""
+    """True where a corrected model is likelier with straight lines where inputs were taken as held."""
 
     def straight() -> Fit:
         ways: dict[str, Interpolation] = dict.fromkeys(begun.held, "linear")

@@ -116,7 +116,7 @@ def _searched(
 
 
 def _is_spare(trial: Trial, linear: Linearisation, tried: Sequence[Spline], found: Unexplained) -> bool:
-    """Whether an effect may be a near relative of a function that stays unexplained beside it.
+    """True for an effect that may be a near relative of a function that stays unexplained beside it.
 
     A formula of its signal is: it leaves a part of what a free function explains. Another formula is a shape of its
     own, and a fault of a sensor no law.

@@ -93,7 +93,7 @@ class Journal:
         })  # fmt: skip
 
     def entry(self, key: str) -> dict[str, Any] | None:
-        """What was entered under a key, or None."""
+        """Content that was entered under a key, or None."""
         found: dict[str, Any] | None = self._read().get(key)
         return found
 

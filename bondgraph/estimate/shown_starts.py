@@ -95,7 +95,7 @@ class ShownStarts:
         return self._followed(moved), wider
 
     def _at(self, theta: FloatArray, x0: FloatArray) -> tuple[float, FloatArray, FloatArray, FloatArray]:
-        """What equations are asked with at the first sample, parameters known for the log in their place."""
+        """Arguments of equations at the first sample, parameters known for the log in their place."""
         own = theta.copy()
         for name, value in self.log.theta_overrides.items():
             own[self.model.index("parameter", name)] = value

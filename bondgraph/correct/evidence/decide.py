@@ -260,7 +260,7 @@ def choose(trials: Sequence[Trial], level: float) -> Trial | None:
 
 
 def _is_all(trial: Trial, level: float) -> bool:
-    """Whether a trial leaves innovations that could be white."""
+    """True for a trial that leaves innovations that could be white."""
     assert trial.fit is not None  # it was refitted
     return is_white(trial.fit, level)
 

@@ -104,7 +104,7 @@ def _single(follow: Follow, sizes: Mapping[str, float], model: Model, measured: 
 
 
 def _is_as_declared(follow: Follow, sizes: Mapping[str, float], declared: float) -> bool:
-    """Whether a start depends on no signal, and is the declared one."""
+    """True for a start that depends on no signal, and is the declared one."""
     moved = sum(abs(slope) * sizes.get(name, 0.0) for name, slope in follow.slopes)
     return moved <= _ALONE * abs(declared) and abs(follow.constant - declared) <= _ALONE * abs(declared)
 
