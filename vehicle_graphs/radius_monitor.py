@@ -92,7 +92,7 @@ class Watched:
 
     @classmethod
     def from_dict(cls, content: Mapping[str, Any]) -> Watched:
-        """What :meth:`to_dict` gave, bit for bit."""
+        """Drive from what :meth:`to_dict` gave, bit for bit."""
         own = dict(content["detection"])
         own["time"] = np.array(own["time"])
         own["evidence"] = {name: np.array(values) for name, values in own["evidence"].items()}

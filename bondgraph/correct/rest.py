@@ -69,7 +69,7 @@ def at_random(rest: Rest, settings: RoundSettings) -> Progress:
     not blamed on the noise of a sensor.
     """
     functions = [one for one in rest.unexplained if one.signal != "time"]
-    if functions and any(name == DISTURBANCE for name, _ in rest.state.banned):
+    if functions and any(one.action == "withdrawn" and one.what.startswith(DISTURBANCE) for one in rest.state.history):
         return rest.state  # a function explained more than it
     measured = max(sum(int(np.isfinite(log.y).sum()) for log in rest.state.train), 2)
     worth = max((one.gain - 0.5 * one.knots.size * math.log(measured) for one in functions), default=0.0)

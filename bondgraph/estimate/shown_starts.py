@@ -129,7 +129,7 @@ class Beginnings:
 
     @property
     def move(self) -> bool:
-        """Whether any of them depends on a parameter."""
+        """True where any of them depends on a parameter."""
         return any(one.shown for one in self.logs)
 
     def of(self, members: Batch) -> Batch:

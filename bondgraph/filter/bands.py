@@ -63,7 +63,7 @@ class FilterBands(AbstractRun):
 
     @classmethod
     def of(cls, run: FilterRun) -> FilterBands:
-        """What bands keep of a record that has everything."""
+        """Bands of a record that has everything."""
         names = (one.name for one in fields(cls))
         return cls(**{name: getattr(run, name) for name in names})
 
@@ -100,7 +100,7 @@ def gathered(recorder: BandRecorder, in_parts: Callable[[BandRecorder], None]) -
 
 
 class BandRecorder:
-    """What is kept so far of the parts of a log, and the belief in which the last part left off.
+    """Record kept so far of the parts of a log, and the belief in which the last part left off.
 
     Parameters
     ----------

@@ -176,7 +176,7 @@ def prepared(
     values: MemberValues,
     compiled: bool,
 ) -> tuple[FilterModel, list[Samples], tuple[MemberBatch, ...]]:
-    """What a run takes: the filter model with its method decided, and for each log its samples and its members.
+    """Inputs of a run: the filter model with its method decided, and for each log its samples and its members.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""What sensors can tell apart depends on the machine, and neither on its units nor on how slow it is."""
+"""Places that sensors can tell apart: they depend on the machine, and neither on its units nor on how slow it is."""
 
 from __future__ import annotations
 

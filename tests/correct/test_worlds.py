@@ -29,7 +29,7 @@ def wandering(chance: np.random.Generator, count: int, step: float, std: float, 
 
 
 def late(values: np.ndarray, step: float, seconds: float) -> np.ndarray:
-    """What a sensor of first order shows of values."""
+    """Values behind a sensor of first order."""
     kept = np.exp(-step / seconds)
     return np.asarray(lfilter([1.0 - kept], [1.0, -kept], values, zi=[kept * values[0]])[0])
 

@@ -240,10 +240,9 @@ def detectable(vanishing: Sequence[Candidate], found: Scores, need: float) -> tu
 def choose(trials: Sequence[Trial], level: float) -> Trial | None:
     """The refitted candidate with the largest penalised gain among those that pass, or None.
 
-    A fault of the only sensor is chosen where no law passes, none explains as much, and it leaves nothing unexplained:
-    nothing else measures what would contradict the law, one that is not believed may stand for another law of its kind,
-    and a fault beside which something is missing may be a part of that. What gives a law that was
-    found before a form of its own is preferred to one more law.
+    Nothing contradicts a fault of the only sensor. It is chosen where no law passes, none explains as much, and nothing
+    stays unexplained beside it: a law that is not believed may stand for another of its kind, and a fault for a part of
+    what is missing. A further part of a known law is preferred to one more law.
     """
     fitted = [trial for trial in trials if trial.fit is not None and trial.transfers]
     passed = [trial for trial in fitted if trial.evidence is not None and trial.evidence.accepted(level)]
