@@ -81,7 +81,11 @@ class Journal:
         entry = self.entry(key)
         if entry is None or "derivatives" not in entry:  # an earlier version noted no such thing
             return None
-        formed = Formed(Scheme[entry["derivatives"]], np.array(entry["formed"]))
+        near = entry.get("near")
+        formed = Formed(
+            Scheme[entry["derivatives"]], np.array(entry["formed"]), None if near is None else np.array(near),
+            int(entry.get("doublings", 0)),
+        )  # fmt: skip
         point, evaluations = np.array(entry["point"]), int(entry["evaluations"])
         return Noted(point, formed, float(entry["nll"]), evaluations, str(entry["outcome"]))
 
@@ -90,6 +94,7 @@ class Journal:
         self.enter(key, {
             "point": fit.point.tolist(), "derivatives": fit.formed.scheme.name, "formed": fit.formed.at.tolist(),
             "nll": fit.nll, "evaluations": fit.evaluations, "outcome": fit.outcome,
+            "near": None if fit.formed.near is None else fit.formed.near.tolist(), "doublings": fit.formed.doublings,
         })  # fmt: skip
 
     def entry(self, key: str) -> dict[str, Any] | None:

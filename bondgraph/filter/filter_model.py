@@ -33,6 +33,8 @@ NOISE_SCHEMES = ("continuous", "sampled")
 Correlations = Mapping[tuple[str, str], float]
 
 _CORRELATIONS = ("process_correlation", "measurement_correlation", "initial_correlation")
+#: Least and largest length of a step over that of the one before.
+_GRADINGS = (0.1, 10.0)
 
 
 @dataclass(frozen=True, repr=False)
@@ -204,6 +206,20 @@ class FilterModel:
             noise_steps=max(1, 2 * self.noise_steps), noise_grading=math.sqrt(self.noise_grading),
         )  # fmt: skip
 
+    def with_doubled_steps(self) -> FilterModel | None:
+        """The same filter with every two steps made one, of the integration and of the process noise.
+
+        The inverse of :meth:`with_halved_steps`; None where there are no two, or where they would be too unequal.
+        """
+        low, high = _GRADINGS
+        uneven = not low <= self.grading**2 <= high or not low <= self.noise_grading**2 <= high
+        if self.substeps < 2 or self.plan is not None or uneven:
+            return None
+        return replace(
+            self, substeps=self.substeps // 2, grading=self.grading**2,
+            noise_steps=max(1, self.noise_steps // 2), noise_grading=self.noise_grading**2,
+        )  # fmt: skip
+
     @functools.cached_property
     def points(self) -> MerweScaled:
         """The sigma points of the filter's state."""
@@ -296,7 +312,7 @@ class FilterModel:
                 f"{self.model.name}: noise_scheme {self.noise_scheme!r} is not known - use {', '.join(NOISE_SCHEMES)}",
                 where=(self.model.name, "noise_scheme"),
             )
-        if self.noise_steps < 0 or not 0.1 <= self.noise_grading <= 10.0:
+        if self.noise_steps < 0 or not _GRADINGS[0] <= self.noise_grading <= _GRADINGS[1]:
             raise FilterError(
                 f"{self.model.name}: noise_steps={self.noise_steps}, noise_grading={self.noise_grading!r}"
                 " - give a whole number from 0 and a ratio from 0.1 to 10",
@@ -307,7 +323,7 @@ class FilterModel:
                 f"{self.model.name}: filter method {self.method!r} is not known - use {', '.join(METHODS)}",
                 where=(self.model.name, "method"),
             )
-        if not 0.1 <= self.grading <= 10.0:
+        if not _GRADINGS[0] <= self.grading <= _GRADINGS[1]:
             raise FilterError(
                 f"{self.model.name}: grading={self.grading!r} - give a number from 0.1 to 10",
                 where=(self.model.name, "grading"),

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bondgraph.estimate import local as fitting
+from bondgraph.estimate import searches as fitting
 from bondgraph.estimate.declared import free_parameters
 from bondgraph.estimate.excerpt import excerpt
 from bondgraph.estimate.fitted import Fit

@@ -4,9 +4,8 @@ Steps that are too long shift innovations by something that follows the states a
 exactly declared fan a loss of its motor gained 18 nats, of which shorter steps left nothing. So steps are certified
 before anything is scored, and what is chosen is judged with steps that resolve its own model.
 
-Let halved steps move the whitened innovations by d. Any effect explains at most the part of the innovations that its
-responses span, so that the root of twice its gain moves by |d| at most: effects gain no more than |d|^2 / 2 by making
-up for the steps. That, and how far estimates would move, must be negligible.
+What effects could gain at most by making up for the steps (:func:`bondgraph.estimate.longer_steps.step_gain`), and how
+far estimates would move, must be negligible.
 """
 
 from __future__ import annotations
@@ -22,9 +21,11 @@ from bondgraph.estimate.certify import NEGLIGIBLE_SHIFT, Check, check, check_of
 from bondgraph.estimate.fitted import Fit, restricted
 from bondgraph.estimate.free import Kind
 from bondgraph.estimate.journal import Journal
-from bondgraph.estimate.local import expand, refitted
+from bondgraph.estimate.local import refitted
+from bondgraph.estimate.longer_steps import step_gain
 from bondgraph.estimate.objective import Expansion, Objective, Terms
 from bondgraph.estimate.problem import EstimationProblem
+from bondgraph.estimate.searches import expand
 from bondgraph.filter.discretisation import NEGLIGIBLE
 from bondgraph.filter.filter_model import FilterModel
 
@@ -69,21 +70,6 @@ def resolving(fitted: Fit, least: int | None = None) -> FilterModel:
             break
         used, seen = finer, again
     return used
-
-
-def step_gain(seen: Terms, again: Terms) -> float:
-    """Nats that effects may gain at most by what moves the terms (n_terms, 1) of a likelihood from one to another.
-
-    Examples
-    --------
-    >>> before, after = (Terms(np.array([[z], [0.0]]), np.zeros((2, 1))) for z in (1.0, 1.2))
-    >>> round(step_gain(before, after), 6)
-    0.02
-    """
-    with np.errstate(invalid="ignore", over="ignore"):  # of a filter that fails nothing is a number
-        scales = again.log_scales - seen.log_scales
-        moved = again.innovations - seen.innovations + seen.innovations * scales
-        return float(0.5 * np.sum(moved**2) + np.sum(scales**2))
 
 
 def with_steps(fitted: Fit, filter_model: FilterModel, journal: Journal | None = None) -> Fit:

@@ -25,9 +25,10 @@ from bondgraph.correct.search.swap import swaps
 from bondgraph.data.log import FloatArray
 from bondgraph.estimate.fitted import Fit
 from bondgraph.estimate.free import FreeParameter
-from bondgraph.estimate.local import expand, fit
+from bondgraph.estimate.local import fit
 from bondgraph.estimate.noise_starts import noisy_starts
 from bondgraph.estimate.objective import SearchOutcome
+from bondgraph.estimate.searches import expand
 from bondgraph.estimate.solvers.gauss_newton import GaussNewtonSettings
 from bondgraph.filter.filter_model import FilterModel
 

@@ -20,9 +20,9 @@ from bondgraph.data.log import FloatArray
 from bondgraph.estimate.derivatives.linearised import filter_runs, is_linearised, linear_expansion, value_of
 from bondgraph.estimate.excerpt import excerpt
 from bondgraph.estimate.fitted import Fit, at_optimum
-from bondgraph.estimate.local import expand
 from bondgraph.estimate.objective import Expansion
 from bondgraph.estimate.problem import EstimationProblem
+from bondgraph.estimate.searches import expand
 from bondgraph.estimate.setup import filter_setup
 from bondgraph.estimate.solvers.gauss_newton import GaussNewtonSettings
 from bondgraph.estimate.solvers.steps import newton_decrement

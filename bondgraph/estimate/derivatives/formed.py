@@ -6,7 +6,7 @@ A search takes several steps with the same derivatives, so that those of its end
 from __future__ import annotations
 
 import enum
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -14,6 +14,7 @@ from bondgraph.errors import EstimationError
 from bondgraph.estimate.derivatives.differences import forward_differences
 from bondgraph.estimate.derivatives.exact import exact_expansion
 from bondgraph.estimate.derivatives.linearised import filter_runs, kicks_along, linear_expansion
+from bondgraph.estimate.longer_steps import doubled
 from bondgraph.estimate.objective import Expansion, FloatArray
 from bondgraph.estimate.problem import EstimationProblem
 
@@ -28,14 +29,20 @@ class Scheme(enum.Enum):
 
 @dataclass(frozen=True)
 class Formed:
-    """A scheme with an array (n,): its difference steps, the point of exact ones, or the point of the states' kicks."""
+    """A scheme with an array (n,): its difference steps, the point of exact ones, or the point of the states' kicks.
+
+    ``near`` (n,) is where they were formed with steps of the filter doubled ``doublings`` times; None: where they are
+    used, or as the scheme says.
+    """
 
     scheme: Scheme
     at: FloatArray
+    near: FloatArray | None = None
+    doublings: int = 0
 
 
 def formed_again(problem: EstimationProblem, point: FloatArray, formed: Formed) -> Expansion:
-    """The expansion at a point (n,) with derivatives as they were formed.
+    """The expansion at a point (n,) of a problem with derivatives as they were formed.
 
     Raises
     ------
@@ -44,6 +51,10 @@ def formed_again(problem: EstimationProblem, point: FloatArray, formed: Formed) 
     FilterError
         If the filter diverges.
     """
+    if formed.near is not None:
+        longer = doubled(problem, formed.doublings)
+        known = formed_again(longer, formed.near, replace(formed, near=None, doublings=0))
+        return known.around(problem.terms(point[:, np.newaxis]))
     if formed.scheme is Scheme.DIFFERENCES:
         return forward_differences(problem, point[:, np.newaxis], formed.at[:, np.newaxis])[0]
     here = np.array_equal(formed.at, point)

@@ -72,12 +72,24 @@ def polished(problem: EstimationProblem, found: Reached, tolerance: float) -> Re
         gained = before.nll - reached.nll
         near = promise < _LAST
         left = newton_decrement(problem, reached.point, reached.expansion)
-        arrived = near and (left < ENOUGH or gained > _KEPT * promise)
         if not near and gained < ENOUGH:
             reached = min(reached, _along_ridge(problem, before), key=lambda one: one.nll)
-        if arrived or before.nll - reached.nll < (ENOUGH if near else _LEAST):
+        if arrived(promise, gained, left) or before.nll - reached.nll < (ENOUGH if near else _LEAST):
             return replace(reached, outcome=SearchOutcome.CONVERGED)
     return replace(reached, outcome=SearchOutcome.ITERATION_LIMIT)
+
+
+def arrived(promise: float, gained: float, left: float) -> bool:
+    """True where steps with the same derivatives led to an optimum as far as the filter of a stiff model can tell.
+
+    They promised, gained and leave so many nats.
+
+    Examples
+    --------
+    >>> arrived(0.6, 0.5, 0.7), arrived(20.0, 19.9, 0.1)
+    (True, False)
+    """
+    return promise < _LAST and (left < ENOUGH or gained > _KEPT * promise)
 
 
 def newton_steps(

@@ -1,0 +1,127 @@
+"""Searches by way of longer integration steps: the same optimum for less, the same bits again, no wrong way."""
+
+from __future__ import annotations
+
+import functools
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from bondgraph.data.log import FloatArray
+from bondgraph.estimate import searches
+from bondgraph.estimate.fitted import Fit
+from bondgraph.estimate.journal import Journal
+from bondgraph.estimate.local import fit
+from bondgraph.estimate.longer_steps import doubled, ladder, longest_that_lead, step_gain
+from bondgraph.estimate.objective import Terms
+from bondgraph.estimate.problem import EstimationProblem
+from bondgraph.filter.filter_model import FilterModel
+from bondgraph.filter.samples import Samples
+from bondgraph.simulate.example import pendulum
+from tests.correct.sled import fitted, pull, sled
+
+#: The steps of the sled's filter are halved so often here, as a certificate of a fast model would.
+HALVINGS = 4
+
+
+@functools.cache
+def problem() -> EstimationProblem:
+    """A sled whose filter takes far more steps than it needs."""
+    base = fitted([pull(sled(), 1)]).problem
+    filter_model = base.filter_model
+    for _ in range(HALVINGS):
+        filter_model = filter_model.with_halved_steps()
+    return replace(base, filter_model=filter_model)
+
+
+def counted(monkeypatch: pytest.MonkeyPatch) -> list[int]:
+    """Integration steps of every evaluation of a likelihood from now on."""
+    steps: list[int] = []
+    terms, nll = EstimationProblem.terms, EstimationProblem.nll
+
+    def cost(one: EstimationProblem, points: FloatArray) -> None:
+        taken = sum(int(Samples.of(one.filter_model, log).substeps.sum()) for log in one.logs)
+        steps.append(taken * points.shape[1])
+
+    def counting_terms(self: EstimationProblem, points: FloatArray) -> Terms:
+        cost(self, points)
+        return terms(self, points)
+
+    def counting_nll(self: EstimationProblem, points: FloatArray) -> FloatArray:
+        cost(self, points)
+        return nll(self, points)
+
+    monkeypatch.setattr(EstimationProblem, "terms", counting_terms)
+    monkeypatch.setattr(EstimationProblem, "nll", counting_nll)
+    return steps
+
+
+def by_own_steps(one: EstimationProblem, monkeypatch: pytest.MonkeyPatch) -> Fit:
+    """The fit without a ladder."""
+    with monkeypatch.context() as patch:
+        patch.setattr(searches, "ladder", lambda problem: [])
+        return fit(one.filter_model, one.logs, one.free)
+
+
+@given(
+    substeps=st.integers(1, 64), grading=st.floats(0.4, 3.0), noise=st.integers(1, 8), uneven=st.floats(0.4, 3.0),
+)  # fmt: skip
+def test_doubled_steps_are_those_that_halving_cuts(substeps: int, grading: float, noise: int, uneven: float) -> None:
+    swing = FilterModel(
+        pendulum(), {"rate": 0.1}, {"deflection": 0.05}, {}, substeps, "ros3p", grading, noise_steps=noise,
+        noise_grading=uneven,
+    )  # fmt: skip
+    again = swing.with_halved_steps().with_doubled_steps()
+    assert again is not None and (again.substeps, again.noise_steps) == (substeps, noise)
+    assert again.grading == pytest.approx(grading) and again.noise_grading == pytest.approx(uneven)
+
+
+def test_the_ladder_ends_with_one_step_and_before_steps_become_too_unequal() -> None:
+    steps = [one.filter_model.substeps for one in ladder(problem())]
+    assert steps == [problem().filter_model.substeps >> k for k in range(1, len(steps) + 1)] and steps[-1] == 1
+    graded = replace(problem(), filter_model=replace(problem().filter_model, substeps=16, grading=2.0))
+    assert [one.filter_model.grading for one in ladder(graded)] == [4.0]
+
+
+def test_the_optimum_is_that_of_the_own_steps_for_a_fraction_of_them(monkeypatch: pytest.MonkeyPatch) -> None:
+    own = by_own_steps(problem(), monkeypatch)
+    steps = counted(monkeypatch)
+    found = fit(problem().filter_model, problem().logs, problem().free)
+    short = sum(steps)
+    steps.clear()
+    by_own_steps(problem(), monkeypatch)
+    assert found.outcome.succeeded and found.nll == pytest.approx(own.nll, abs=2e-3)
+    own_std = np.array([own.std[name] for name in problem().names])
+    assert np.all(np.abs(found.point - own.point)[~own.held] < 0.05 * own_std[~own.held])
+    assert short < 0.3 * sum(steps)
+
+
+def test_a_fit_taken_from_the_journal_is_the_same_in_every_bit(tmp_path: Path) -> None:
+    first = fit(problem().filter_model, problem().logs, problem().free, journal=Journal(tmp_path))
+    again = fit(problem().filter_model, problem().logs, problem().free, journal=Journal(tmp_path))
+    assert np.array_equal(first.point, again.point) and first.nll == again.nll
+    assert first.expansion.terms is not None and again.expansion.terms is not None
+    assert np.array_equal(first.expansion.information, again.expansion.information)
+    assert np.array_equal(first.expansion.terms.innovations, again.expansion.terms.innovations)
+
+
+def test_steps_that_move_innovations_lead_no_search() -> None:
+    one = problem()
+    seen = one.terms(one.start[:, np.newaxis])
+    rungs = longest_that_lead(one, len(ladder(one)), one.start)
+    assert rungs == len(ladder(one))
+    assert step_gain(seen, doubled(one, rungs).terms(one.start[:, np.newaxis])) < 0.05 * np.sum(seen.innovations**2)
+    far = Terms(seen.innovations + 1.0, seen.log_scales)
+    assert not step_gain(seen, far) < 0.05 * np.sum(seen.innovations**2)
+
+
+def test_where_long_steps_tell_something_else_the_own_ones_decide(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Steps that shift the likelihood may lead a search, but not end it."""
+    own = by_own_steps(problem(), monkeypatch)
+    monkeypatch.setattr(searches, "_tell_the_same", lambda one, found: False)
+    found = fit(problem().filter_model, problem().logs, problem().free)
+    assert found.nll == pytest.approx(own.nll, abs=2e-3)
