@@ -9,7 +9,7 @@ all; so straight lines are tried once more with what was found.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Protocol
 
@@ -99,25 +99,28 @@ def fit_declared(
     names = [] if wishes.inputs_as_declared else _steps(found.built, found.train)
     if names:
         ways: dict[str, Interpolation] = dict.fromkeys(names, "hold")
-        graph = with_inputs_between(graph, **ways)
-        held = attempted(lambda: _fitted(graph, train, holdout, wishes), lambda why: None)
-        if held is not None and held.fit.nll < found.fit.nll - INDIFFERENT:
-            found = replace(held, held=tuple(names), cautions=(_said(names, found.fit.nll - held.fit.nll),))
+        if _is_likelier(found.fit, found.built, ways, wishes.journal):
+            graph = with_inputs_between(graph, **ways)
+            held = attempted(lambda: _fitted(graph, train, holdout, wishes), lambda why: None)
+            if held is not None and held.fit.nll < found.fit.nll - INDIFFERENT:
+                found = replace(held, held=tuple(names), cautions=(_said(names, found.fit.nll - held.fit.nll),))
     report("fit the declared model", 1, 1)
     return found
 
 
 def straight_is_likelier(begun: DeclaredFit, fitted: Fit, built: BuiltModel, journal: Journal) -> bool:
     """True where a corrected model is likelier with straight lines where inputs were taken as held."""
+    return _is_likelier(fitted, built, dict.fromkeys(begun.held, "linear"), journal)
 
-    def straight() -> Fit:
-        ways: dict[str, Interpolation] = dict.fromkeys(begun.held, "linear")
-        model = build(with_inputs_between(built.graph, **ways)).model
-        filter_model = replace(fitted.problem.filter_model, model=model)
+
+def _is_likelier(fitted: Fit, built: BuiltModel, ways: Mapping[str, Interpolation], journal: Journal) -> bool:
+    """True where a fitted model is likelier with its inputs otherwise between samples, searched from where it is."""
+
+    def otherwise() -> Fit:
+        filter_model = replace(fitted.problem.filter_model, model=build(with_inputs_between(built.graph, **ways)).model)
         return fit(filter_model, fitted.problem.logs, at_optimum(fitted), journal=journal)
 
-    other = attempted(straight, lambda why: fitted)
-    return other.nll < fitted.nll - INDIFFERENT
+    return attempted(otherwise, lambda why: fitted).nll < fitted.nll - INDIFFERENT
 
 
 def _said(names: Sequence[str], nats: float) -> str:

@@ -28,13 +28,14 @@ from bondgraph.correct.fits.whiteness import Whiteness, is_white, whiteness
 from bondgraph.correct.models.failures import FAILURES
 from bondgraph.correct.models.failures import reason as reason_of
 from bondgraph.correct.models.resting import without_resting_state
+from bondgraph.correct.models.shaping_filters import DISTURBANCE
 from bondgraph.correct.models.started import start_cautions, with_declared_starts
 from bondgraph.correct.places.structure import Structure, structure
 from bondgraph.correct.places.unexplained import Unexplained
 from bondgraph.correct.progress import Decision, Progress, advance, with_disturbance, without_events
 from bondgraph.correct.rest import Rest, at_random, settle
 from bondgraph.correct.round import Round, RoundSettings, one_round, round_cautions, unsearched
-from bondgraph.correct.search.disturbances import DISTURBANCE, Disturbance, described
+from bondgraph.correct.search.disturbances import Disturbance, described
 from bondgraph.data.log import MatchedLog
 from bondgraph.declare.editing import handle, with_bounds, with_values, without_input_rates
 from bondgraph.declare.effect import EffectFunction, Place, Scale
@@ -249,7 +250,7 @@ def _explained_at_random(state: Progress, chosen: Trial, own: RoundSettings) -> 
     remembers = effect.adds_state or bool(effect.channel)
     if not remembers and is_white(chosen.fit, own.level):
         return state
-    other = with_disturbance(state, own, chosen.evidence.bic_gain, sensors=remembers)
+    other = with_disturbance(state, own, chosen.evidence.bic_gain, chosen.fit, sensors=remembers)
     return state if not remembers and predicts_worse(chosen.fit, other.fit, state.train) else other
 
 

@@ -16,9 +16,10 @@ from bondgraph.correct.evidence.decide import doubt, judge
 from bondgraph.correct.evidence.trials import Trial
 from bondgraph.correct.fits.starts import with_starts
 from bondgraph.correct.models.candidates import candidates
+from bondgraph.correct.models.shaping_filters import DISTURBANCE
 from bondgraph.correct.round import Round, RoundSettings
 from bondgraph.correct.scores.gates import Constancy, Gate, When, constancy, gated, with_gate
-from bondgraph.correct.search.disturbances import DISTURBANCE, described, disturbances
+from bondgraph.correct.search.disturbances import described, disturbances
 from bondgraph.correct.search.refit import refit_from
 from bondgraph.correct.shapes.forms import as_one, joined, own_form
 from bondgraph.data.log import MatchedLog
@@ -256,13 +257,18 @@ def _standing(state: Progress, sure: Sequence[Trial], how: str, number: int, set
     return state
 
 
-def with_disturbance(state: Progress, settings: RoundSettings, worth: float = 0.0, *, sensors: bool = True) -> Progress:
+def with_disturbance(
+    state: Progress, settings: RoundSettings, worth: float = 0.0, rival: Fit | None = None, *, sensors: bool = True
+) -> Progress:
     """The state with the disturbance that explains most, if innovations are coloured and one passes its tests.
 
-    It must gain more than ``worth`` nats beyond the penalty for its parameters; ``sensors``: that of a sensor is one.
+    It must gain more than ``worth`` nats beyond the penalty for its parameters, which a ``rival`` gains if there is
+    one; ``sensors``: that of a sensor is one.
     """
     settings.report("look for a disturbance", 0, 1)
-    found = disturbances(state.built, state.fit, state.train, settings.level, settings.journal, sensors=sensors)
+    found = disturbances(
+        state.built, state.fit, state.train, settings.level, settings.journal, sensors=sensors, worth=worth, rival=rival
+    )
     settings.report("look for a disturbance", 1, 1)
     if found is None or found.fit is None or found.built is None or found.evidence is None:
         return state

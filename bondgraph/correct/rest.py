@@ -13,6 +13,7 @@ from bondgraph.correct.evidence.context import Context
 from bondgraph.correct.evidence.trials import Trial
 from bondgraph.correct.models.candidates import candidates, places
 from bondgraph.correct.models.failures import FAILURES, attempted, reason
+from bondgraph.correct.models.shaping_filters import DISTURBANCE
 from bondgraph.correct.places.located import locate
 from bondgraph.correct.places.probes import Probe, Signal, probes, signals
 from bondgraph.correct.places.unexplained import (
@@ -27,7 +28,6 @@ from bondgraph.correct.places.unexplained import (
 from bondgraph.correct.progress import Decision, Progress, standing, with_disturbance, without
 from bondgraph.correct.round import Round, RoundSettings
 from bondgraph.correct.scores.scoring import Linearisation, linearisation
-from bondgraph.correct.search.disturbances import DISTURBANCE
 from bondgraph.correct.search.refit import refit_from
 from bondgraph.correct.shapes.completions import completions
 from bondgraph.correct.shapes.formula import formula_of

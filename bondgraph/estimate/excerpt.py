@@ -11,6 +11,7 @@ from typing import TypeVar, cast
 
 import numpy as np
 
+from bondgraph.arrays import FloatArray
 from bondgraph.data.select import beginnings
 from bondgraph.estimate.joint import Problem
 
@@ -63,3 +64,22 @@ def excerpt(
             return None
         parts.append(replace(part, logs=logs))
     return cast(ProblemT, problem.with_parts(parts))
+
+
+def on_beginnings(problem: Problem, point: FloatArray) -> float:
+    """The negative log-likelihood of the beginnings of the logs at a point (n,); of all of them where these are short.
+
+    Examples
+    --------
+    >>> from bondgraph.data.log import MatchedLog
+    >>> from bondgraph.estimate.problem import pose
+    >>> from bondgraph.filter.filter_model import FilterModel
+    >>> from bondgraph.simulate.example import pendulum
+    >>> swing = FilterModel(pendulum(), {"rate": 0.1}, {"deflection": 0.02}, {"angle": 0.1, "rate": 0.1})
+    >>> time = np.arange(100) * 0.05
+    >>> log = MatchedLog("swing", time, np.zeros((1, 100)), 0.5 * np.cos(3.1 * time)[np.newaxis])
+    >>> problem = pose(swing, log, ["length"])
+    >>> on_beginnings(problem, problem.start) == problem.nll(problem.start[:, np.newaxis])[0]
+    True
+    """
+    return float((excerpt(problem) or problem).nll(point[:, np.newaxis])[0])

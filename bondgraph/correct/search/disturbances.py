@@ -26,23 +26,20 @@ from bondgraph.correct.constants import INDIFFERENT
 from bondgraph.correct.evidence.trials import Evidence, Trial
 from bondgraph.correct.fits.assess import gain_p_value
 from bondgraph.correct.fits.whiteness import whiteness
-from bondgraph.correct.models.candidates import Candidate, placed
+from bondgraph.correct.models.candidates import Candidate
 from bondgraph.correct.models.failures import attempted
+from bondgraph.correct.models.shaping_filters import at_sensor, at_state
 from bondgraph.data.log import FloatArray, MatchedLog
-from bondgraph.declare.editing import copy, handle
-from bondgraph.declare.effect import Effect, EffectFunction, Place, Scale
-from bondgraph.declare.elements import Node
-from bondgraph.declare.graph import BondGraph
-from bondgraph.declare.revision import replace_signal, revise_output
 from bondgraph.errors import DataError
 from bondgraph.estimate.derivatives.exact import compile_exact
 from bondgraph.estimate.derivatives.linearised import is_linearised
-from bondgraph.estimate.excerpt import excerpt
+from bondgraph.estimate.excerpt import excerpt, on_beginnings
 from bondgraph.estimate.fitted import Fit, at_optimum
 from bondgraph.estimate.free import FreeParameter
 from bondgraph.estimate.journal import Journal
-from bondgraph.estimate.local import ROUGH, ROUGH_ITERATIONS, fit, left_open, refitted
+from bondgraph.estimate.local import fit, left_open, refitted
 from bondgraph.estimate.problem import EstimationProblem
+from bondgraph.estimate.searches import ROUGH, ROUGH_ITERATIONS
 from bondgraph.estimate.setup import filter_setup
 from bondgraph.execute.threads import in_threads
 from bondgraph.filter.compiled import CompiledFilter
@@ -50,8 +47,6 @@ from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.follows import Follow
 from bondgraph.text import number
 
-#: Kind of effect of a disturbance.
-DISTURBANCE = "disturbance"
 #: Corner times that are tried, as shares of the logarithm from a sample to the length of the longest log.
 _TIMES = (0.15, 0.3, 0.45, 0.6, 0.75, 0.9)
 #: Its noise carries as much as the white noise in its place, or a tenth or ten times that.
@@ -61,7 +56,6 @@ _FARTHEST = (1e-2, 1e2)
 _ITERATIONS, _TOLERANCE = 40, 0.05
 #: Disturbances of stiff models that are searched at once: a filter of one log takes one thread.
 _ABREAST = 2
-_REFERENCE = "Maybeck (1979), Stochastic Models, Estimation, and Control 1, section 4.11"
 
 
 @dataclass(frozen=True)
@@ -89,6 +83,8 @@ def disturbances(
     journal: Journal | None = None,
     *,
     sensors: bool = True,
+    worth: float = 0.0,
+    rival: Fit | None = None,
 ) -> Trial | None:
     """The disturbance that explains most, if it passes its tests; None where innovations are white or nothing passes.
 
@@ -102,14 +98,17 @@ def disturbances(
         Finished fits.
     sensors
         Whether the noise of a sensor with a memory is one too.
+    worth, rival
+        Nats beyond the penalty that it must gain to be of use, and the fit that gains them otherwise, if there is one:
+        what is clearly behind is not searched to its end.
     """
     tests = whiteness(base, train)
     if not any(test.p_value * len(tests) < level for test in tests):
         return None
     coloured = [test.channel for test in tests if sensors and test.p_value * len(tests) < level]
     made = [
-        *(one for one in (_candidate(built, train, name) for name in _driven_states(base, level)) if one is not None),
-        *(one for one in (_at_sensor(built, train, name) for name in coloured) if one is not None),
+        *(one for one in (at_state(built, train, name) for name in _driven_states(base, level)) if one is not None),
+        *(one for one in (at_sensor(built, train, name) for name in coloured) if one is not None),
     ]
     abreast = _ABREAST if base.problem.filter_model.is_stiff else 1
     posed = [attempted(lambda one=one: _posed(built, one[0], one[1], base), lambda why: None) for one in made]  # type: ignore[misc]
@@ -117,13 +116,14 @@ def disturbances(
         abreast, lambda one: attempted(lambda: _begun(one, base), lambda why: None),
         [one for one in posed if one is not None],
     )  # fmt: skip
-    leading = _leading([one for one in begun if one is not None])
+    leading = _leading([one for one in begun if one is not None], base, rival)
+    beat = base.nll - worth - _penalty(base.problem, len(made))
     for one in leading:
         attempted(lambda one=one: _compile(one.problem), lambda why: None)  # type: ignore[misc]
     trials = in_threads(
         abreast,
         lambda one: attempted(
-            lambda: _estimated(one, base, len(made), journal), lambda why: Trial(one.candidate, 0.0, failed=why)
+            lambda: _estimated(one, base, len(made), beat, journal), lambda why: Trial(one.candidate, 0.0, failed=why)
         ),
         leading,
     )
@@ -158,99 +158,6 @@ def _driven_states(base: Fit, level: float) -> list[str]:
     need = 0.5 * float(stats.chi2.isf(level / len(rows), 1))
     order = sorted(range(len(rows)), key=lambda k: -float(lost[k]))
     return [problem.free[rows[k]].target.name for k in order if not lost[k] < need]
-
-
-def _candidate(built: BuiltModel, train: Sequence[MatchedLog], state: str) -> tuple[Candidate, str] | None:
-    """The disturbance in the place of the white noise of a state; None where there is no place for it."""
-    node = _storage_of(built, state)
-    place = _place_of(built, state, node)
-    return None if place is None else _made(built, _function(state, node, _times(train)), place, state)
-
-
-def _at_sensor(built: BuiltModel, train: Sequence[MatchedLog], output: str) -> tuple[Candidate, str] | None:
-    """Noise of a sensor with a memory; None where it has no place."""
-    return _made(built, _sensor_function(output, _times(train)), Place.sensor(output, Scale(1.0, 1.0)), "")
-
-
-def _made(built: BuiltModel, function: EffectFunction, place: Place, state: str) -> tuple[Candidate, str] | None:
-    """The candidate of a disturbance and the state whose white noise it replaces; None where the graph refuses it."""
-    graph = copy(built.graph)
-    effect = attempted(lambda: function(graph, placed(graph, place)), lambda why: None)
-    if effect is None:
-        return None
-    model = attempted(lambda: build(graph).model, lambda why: None)
-    return None if model is None else (Candidate(function, place, effect, model), state)
-
-
-def _storage_of(built: BuiltModel, state: str) -> Node | None:
-    """The storage whose state it is; None for an integral of a signal."""
-    found = next((one.element for one in built.equations.states if one.symbol.name == state), None)
-    return built.causal.graph.nodes.get(found) if found is not None else None
-
-
-def _place_of(built: BuiltModel, state: str, node: Node | None) -> Place | None:
-    one = Scale(1.0, 1.0)
-    if node is None:
-        known = state in {integral.name for integral in built.graph.flatten().integrals}
-        return Place.sensor(state, one) if known else None
-    bonds = [bond for bond in built.causal.graph.bonds if node.name in (bond.source, bond.target)]
-    ends = [bond.target if bond.source == node.name else bond.source for bond in bonds]
-    junctions = [end for end in ends if built.causal.graph.nodes[end].is_junction]
-    return Place(handle(built.graph, junctions[0]), one) if len(junctions) == 1 else None
-
-
-def _function(state: str, node: Node | None, times: tuple[float, float]) -> EffectFunction:
-    """The effect function of a disturbance that acts on a state."""
-    lower, upper = times
-
-    def disturbance(g: BondGraph, at: Place) -> Effect | None:
-        name = f"{DISTURBANCE}_{state}".replace(".", "_")
-        flat = g.flatten()
-        time = g.parameter(f"T_{name}", float(np.sqrt(lower * upper)), "s", "correlation time", (lower, upper))
-        if node is None:
-            unit = next(one.unit for one in flat.integrals if one.name == state)
-            own = g.integral(name, lambda x: -x / time, unit, f"what wanders beside {state}")
-            replace_signal(g, state, own)
-            law = f"{state} + x, dx/dt = -x/T + noise"
-        else:
-            domain, at_flow = at.domain, flat.nodes[at.junction.name].kind == "1"
-            unit = "" if domain is None else domain.effort_unit if at_flow else domain.flow_unit
-            own = g.integral(name, lambda x: -x / time, unit, f"what nothing measures at {at.label}")
-            source = g.effort_source if at_flow else g.flow_source
-            source(f"{name}_source", own, at=at.junction)
-            law = f"{'effort' if at_flow else 'flow'} = x, dx/dt = -x/T + noise"
-        return Effect(
-            DISTURBANCE, name, law, (), adds_state=True, shapes=(time.name,), reference=_REFERENCE, kind=DISTURBANCE
-        )
-
-    return disturbance
-
-
-def _sensor_function(output: str, times: tuple[float, float]) -> EffectFunction:
-    """The effect function of a sensor whose noise has a memory."""
-    lower, upper = times
-
-    def disturbance(g: BondGraph, at: Place) -> Effect | None:
-        name = f"{DISTURBANCE}_sensor_{at.name}"
-        unit = next(one.unit for one in g.outputs if one.name == output)
-        time = g.parameter(f"T_{name}", float(np.sqrt(lower * upper)), "s", "correlation time", (lower, upper))
-        own = g.integral(name, lambda x: -x / time, unit, f"what the sensor of {output} adds")
-        revise_output(g, output, lambda shown: shown + own)
-        return Effect(
-            DISTURBANCE, name, "shown = true + x, dx/dt = -x/T + noise", (), adds_state=True, shapes=(time.name,),
-            reference=_REFERENCE, channel=output, kind=DISTURBANCE,
-        )  # fmt: skip
-
-    disturbance.__dict__["for_sensors"] = True
-    return disturbance
-
-
-def _times(train: Sequence[MatchedLog]) -> tuple[float, float]:
-    """From the time between samples to the length of the longest log, s."""
-    return (
-        min(float(np.median(np.diff(log.time))) for log in train),
-        max(float(log.time[-1] - log.time[0]) for log in train),
-    )
 
 
 @dataclass(frozen=True)
@@ -298,32 +205,42 @@ def _begun(posed: _Posed, base: Fit) -> _Begun:
     if part is None or not is_linearised(problem):
         return _Begun(candidate, extended, problem, best, None)
     rough = fit(part.filter_model, part.logs, part.free, ROUGH_ITERATIONS, ROUGH, [best])
-    without = replace(base.problem, logs=part.logs).nll(base.point[:, np.newaxis])
-    return _Begun(candidate, extended, problem, rough.point, float(without[0]) - rough.nll)
+    return _Begun(candidate, extended, problem, rough.point, on_beginnings(base.problem, base.point) - rough.nll)
 
 
-def _leading(begun: Sequence[_Begun]) -> list[_Begun]:
-    """Disturbances that are not clearly behind, on the beginnings of long logs: the best, and the fit without any."""
-    least = max((one.gain for one in begun if one.gain is not None), default=0.0)
+def _leading(begun: Sequence[_Begun], base: Fit, rival: Fit | None) -> list[_Begun]:
+    """Disturbances that are not clearly behind, on the beginnings of long logs: the best, a rival, the fit without."""
+    gains = [one.gain for one in begun if one.gain is not None]
+    if gains and rival is not None:
+        gains.append(on_beginnings(base.problem, base.point) - on_beginnings(rival.problem, rival.point))
+    least = max(gains, default=0.0)
     return [one for one in begun if one.gain is None or one.gain >= max(least, 0.0) - left_open(one.problem)]
 
 
-def _estimated(begun: _Begun, base: Fit, tried: int, journal: Journal | None) -> Trial:
-    """The trial of a disturbance, estimated with everything else."""
+def _estimated(begun: _Begun, base: Fit, tried: int, beat: float, journal: Journal | None) -> Trial:
+    """The trial of a disturbance, estimated with everything else as far as it may reach the value to beat."""
     candidate, problem = begun.candidate, begun.problem
     fitted = fit(
-        problem.filter_model, problem.logs, problem.free, _ITERATIONS, _TOLERANCE, [begun.point], journal=journal
+        problem.filter_model, problem.logs, problem.free, _ITERATIONS, _TOLERANCE, [begun.point], beat, journal
     )
+    if fitted.nll > beat + left_open(problem):
+        why = f"gains {base.nll - fitted.nll:.1f} nats, clearly less than what explains it otherwise"
+        return Trial(candidate, base.nll - fitted.nll, built=begun.built, remark=why)
     own, (time,) = candidate.effect.element, candidate.effect.shapes
     at_rest = _starting(problem.filter_model, own, fitted.values[f"process({own})"], fitted.values[time])
     fitted = refitted(fitted, at_rest, journal)
     gain = base.nll - fitted.nll
-    measured = sum(int(np.isfinite(log.y).sum()) for log in problem.logs)
     ratio = float(stats.chi2.sf(2.0 * max(gain, 0.0), 2))  # its intensity and its time
     along = gain_p_value(base.own_runs, fitted.own_runs)
-    worth = gain - float(np.log(max(measured, 2))) - float(np.log(tried))
+    worth = gain - _penalty(problem, tried)
     evidence = Evidence(gain, min(1.0, ratio * tried), min(1.0, along * tried), worth, tried)
     return Trial(candidate, gain, built=begun.built, fit=fitted, evidence=evidence)
+
+
+def _penalty(problem: EstimationProblem, tried: int) -> float:
+    """Nats for the intensity and the time of a disturbance, and for how many were tried."""
+    measured = sum(int(np.isfinite(log.y).sum()) for log in problem.logs)
+    return float(np.log(max(measured, 2))) + float(np.log(max(tried, 1)))
 
 
 def _problem(extended: BuiltModel, candidate: Candidate, state: str, base: Fit) -> EstimationProblem:

@@ -20,11 +20,12 @@ from bondgraph.correct.evidence.trials import Trial
 from bondgraph.correct.search.storages import sizes, storage_problem
 from bondgraph.data.log import FloatArray
 from bondgraph.estimate.derivatives.linearised import is_linearised
-from bondgraph.estimate.excerpt import excerpt
+from bondgraph.estimate.excerpt import excerpt, on_beginnings
 from bondgraph.estimate.fitted import Fit, at_optimum
-from bondgraph.estimate.local import ROUGH, ROUGH_ITERATIONS, fit, left_open
+from bondgraph.estimate.local import fit, left_open
 from bondgraph.estimate.noise_starts import quiet_start
 from bondgraph.estimate.problem import EstimationProblem
+from bondgraph.estimate.searches import ROUGH, ROUGH_ITERATIONS
 from bondgraph.filter.filter_model import FilterModel
 
 #: Candidates are compared to this many nats; the chosen one is then estimated to the end.
@@ -77,7 +78,9 @@ def refit(
     part = excerpt(problem)
     if part is not None:
         begun = _fit(part, points, context, ROUGH_ITERATIONS, ROUGH, first=first)
-        if lead is not None and begun.nll > _on_beginnings(lead) + context.required + left_open(problem):
+        if lead is not None and begun.nll > on_beginnings(lead.problem, lead.point) + context.required + left_open(
+            problem
+        ):
             gain = context.base.nll - lead.nll
             remark = f"given up on the beginnings of the logs, clearly behind what gains {gain:.1f} nats"
             return replace(trial, built=built, remark=remark)
@@ -161,9 +164,3 @@ def _quiet_beginning(problem: EstimationProblem, context: Context) -> FloatArray
         return None
     own = problem.start[context.base.point.size :]
     return quiet_start(problem.free, np.concatenate([declared_point(context.base), own]))
-
-
-def _on_beginnings(best: Fit) -> float:
-    """The negative log-likelihood of the beginnings of the logs at the optimum of them all."""
-    part = excerpt(best.problem) or best.problem
-    return float(part.nll(best.point[:, np.newaxis])[0])
