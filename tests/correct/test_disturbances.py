@@ -12,9 +12,12 @@ from scipy.linalg import expm
 from bondgraph import effects
 from bondgraph.correct.loop import ClosedLoop, LoopSettings, close_loop
 from bondgraph.correct.result import result_json
+from bondgraph.correct.search.disturbances import disturbances
 from bondgraph.data.log import FloatArray, MatchedLog
 from bondgraph.declare.domains import TRANSLATION
 from bondgraph.declare.graph import BondGraph
+from bondgraph.estimate.objective import Terms
+from bondgraph.estimate.problem import EstimationProblem
 from bondgraph.report.closed_loop import explanation
 
 #: Mass, drag, standard deviation and correlation time of the wind of the cart below, and the noise of its sensor.
@@ -84,6 +87,28 @@ def test_a_wind_that_lasts_is_described_with_its_size_and_its_correlation_time()
     assert any("disturbance" in one.name for one in found.corrected_graph.integrals)
     assert found.corrected.values["m"] == pytest.approx(MASS, rel=0.1)
     assert all(test.p_value > 0.01 for test in found.whiteness)
+
+
+def test_what_cannot_explain_enough_is_not_searched_to_its_end(monkeypatch: pytest.MonkeyPatch) -> None:
+    """On a vehicle a disturbance 700 nats behind a law took a quarter of the loop."""
+    base, logs = closed(GUST).nominal, closed(GUST).nominal.problem.logs
+    asked: list[int] = []
+    terms = EstimationProblem.terms
+
+    def counting(self: EstimationProblem, points: FloatArray) -> Terms:
+        asked.append(points.shape[1])
+        return terms(self, points)
+
+    monkeypatch.setattr(EstimationProblem, "terms", counting)
+    free = disturbances(closed(GUST).nominal_built, base, logs, 0.01)
+    assert free is not None and free.gain > 100.0
+    whole, gain = sum(asked), free.gain
+    asked.clear()
+    needed = disturbances(closed(GUST).nominal_built, base, logs, 0.01, worth=0.5 * gain)
+    assert needed is not None and needed.gain == pytest.approx(gain, abs=0.5)
+    asked.clear()
+    assert disturbances(closed(GUST).nominal_built, base, logs, 0.01, worth=gain + 1000.0) is None
+    assert sum(asked) < 0.7 * whole
 
 
 def dragged(seed: int, gust: float, quadratic: float, samples: int = 1200) -> MatchedLog:
