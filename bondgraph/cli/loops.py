@@ -34,8 +34,8 @@ from bondgraph.report.python_lines import write_python
 
 def close_loop(options: argparse.Namespace) -> int:
     """Find what a declared graph lacks, from measured logs."""
-    declared = inputs_between(load_graph(options.graph), options)
-    graph, given = set_values(declared, options.set)
+    declared = load_graph(options.graph)
+    graph, given = set_values(inputs_between(declared, options), options.set)
     logs = training_and_held_out(
         build(graph).model, options.data, options.holdout, read_mapping(options.map), options.rate, given,
         lambda path: read_given(path, options),

@@ -85,7 +85,8 @@ class ClosedLoop:
     rates among their inputs that no equation uses, see :func:`bondgraph.correct.fits.rates.with_followed_rates`.
     ``confirmation`` is what the logs say of the correction, None where nothing was added. ``events`` act in part of one
     log; they are no part of the corrected declaration, and their sizes are those of ``eventful``, the fit with them.
-    ``disturbances`` wander at random; the corrected declaration has them as states that noise drives.
+    ``disturbances`` wander at random; the corrected declaration has them as states that noise drives. ``held`` are
+    inputs that are held between samples in both models, against the declaration.
     """
 
     verdict: Verdict
@@ -111,6 +112,7 @@ class ClosedLoop:
     events: tuple[Added, ...] = ()
     eventful: Fit | None = None
     disturbances: tuple[Disturbance, ...] = ()
+    held: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
         name, added = self.nominal_built.graph.name, few([one.trial.candidate.label for one in self.added])
@@ -293,6 +295,7 @@ def _result(
         *_verdict(added, random, rest.unexplained, residual, settings.level, reason, logs), nominal, current,
         before[0], before[1], after[0], after[1], begun.built, corrected_built, added, tuple(rounds), told, first, last,
         residual, rest.unexplained, history, cautions, logs, _events(rest.state), rest.state.fit, random,
+        begun.held,
     )  # fmt: skip
     report("assess", 1, 1)
     return result

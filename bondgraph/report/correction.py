@@ -13,13 +13,15 @@ from typing import TYPE_CHECKING
 from bondgraph.build import build
 from bondgraph.correct.loop import ClosedLoop, LoopSettings
 from bondgraph.correct.loop import close_loop as close_matched
+from bondgraph.correct.models.resting import without_resting_state
 from bondgraph.correct.result import intervals
 from bondgraph.data.given import GivenLog, all_matched
-from bondgraph.declare.editing import without_input_rates
+from bondgraph.declare.editing import with_inputs_between, without_input_rates
 from bondgraph.declare.effect import EFFECTS, EffectFunction, effect_functions
 from bondgraph.declare.files import load_graph
 from bondgraph.declare.graph import BondGraph
 from bondgraph.declare.loading import load_module
+from bondgraph.declare.quantities import Interpolation
 from bondgraph.errors import OptionError, suggest
 from bondgraph.estimate.local import Report, no_report
 from bondgraph.execute.executors import open_executor
@@ -56,7 +58,7 @@ class Correction(ClosedLoop, Tabulated):
         They are pasted before the ``return g`` of a declaration, see
         :func:`bondgraph.report.python_lines.correction_lines`.
         """
-        return correction_lines(without_input_rates(self.nominal_built.graph), self.graph)
+        return correction_lines(_declared(self), self.graph)
 
     def summary(self) -> str:
         """Verdict, effects with their intervals, and errors before and after, as text."""
@@ -134,7 +136,7 @@ class Correction(ClosedLoop, Tabulated):
             Of ``report.html``.
         """
         write_closed_loop(self, Path(folder), self.made)
-        write_python(Path(folder), without_input_rates(self.nominal_built.graph), self.graph)
+        write_python(Path(folder), _declared(self), self.graph)
         return Path(folder) / "report.html"
 
 
@@ -201,3 +203,10 @@ def close_loop(
     names = [tuple(log.name for log in logs) for logs in (training, held_out)]
     made = Provenance("bondgraph.close_loop", None, versions(), names[0], names[1], time.monotonic() - started)
     return Correction(**{one.name: getattr(closed, one.name) for one in fields(ClosedLoop)}, made=made)
+
+
+def _declared(closed: ClosedLoop) -> BondGraph:
+    """The graph as it was declared, before the loop gave it rates, a state or inputs that are held."""
+    graph = without_resting_state(without_input_rates(closed.nominal_built.graph))
+    straight: dict[str, Interpolation] = dict.fromkeys(closed.held, "linear")  # only such inputs are tried as held
+    return with_inputs_between(graph, **straight)

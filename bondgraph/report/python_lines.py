@@ -105,7 +105,7 @@ def correction_lines(before: BondGraph, after: BondGraph) -> str:
     """Python lines that make one graph, called ``g``, the other; empty where there are none that do so exactly.
 
     They stand before the ``return g`` of a declaration: what was added with its names, units, meanings and bounds, laws
-    that were changed, and the estimated values.
+    that were changed, inputs that run another way between samples, and the estimated values.
 
     Examples
     --------
@@ -129,6 +129,7 @@ def correction_lines(before: BondGraph, after: BondGraph) -> str:
     try:
         _write_quantities(writer, before, after)
         _write_nodes(writer, before, after)
+        _write_ways(writer, before, after)
         _write_values(writer, before, after)
     except (_UnwritableError, SyntaxError):
         return ""
@@ -214,6 +215,20 @@ def _laws(writer: _Writer, node: Node) -> str:
         first = given == ("flow" if node.kind == "I" else "effort")
         texts.append(text if first and node.kind != "I" else f"{given}={text}")
     return ", ".join(texts)
+
+
+def _write_ways(writer: _Writer, before: BondGraph, after: BondGraph) -> None:
+    """Inputs that run another way between samples, and what their own declarations could say instead."""
+    old = {one.name: one.interpolation for one in before.flatten().inputs}
+    changed = [one for one in after.flatten().inputs if old.get(one.name, one.interpolation) != one.interpolation]
+    for way in dict.fromkeys(one.interpolation for one in changed):
+        names = [one.name for one in changed if one.interpolation == way]
+        plain = all(map(str.isidentifier, names))
+        given = ", ".join(f"{name}={way!r}" for name in names) if plain else f"**{dict.fromkeys(names, way)!r}"
+        said = "hold=True" if way == "hold" else f"between={way!r}"
+        told = f"or {said} where {' and '.join(names)} {'is' if len(names) == 1 else 'are'} declared"
+        function = writer.use("bondgraph.declare.editing", "with_inputs_between")
+        writer.lines.append(f"g = {function}(g, {given})  # {told}")
 
 
 def _write_values(writer: _Writer, before: BondGraph, after: BondGraph) -> None:

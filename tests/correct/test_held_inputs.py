@@ -59,3 +59,13 @@ def test_an_input_that_always_moves_is_left_as_it_is() -> None:
     settings = LoopSettings(max_effects=0)
     closed = close_loop(_cart(), [MatchedLog("run", log.time, wave, log.y)], [], [effects.actuator_lag], settings)
     assert closed.nominal_built.model.inputs[0].interpolation == "linear"
+
+
+def test_lines_of_a_correction_hold_what_the_loop_took_as_held() -> None:
+    declared = _cart()
+    closed = bg.close_loop(declared, [_log(True, 3)], [], [effects.actuator_lag], LoopSettings(max_effects=0))
+    assert closed.held == ("force",)
+    names = {"g": declared}
+    exec(closed.python_lines(), names)
+    assert names["g"] == closed.graph
+    assert names["g"].inputs[0].is_held

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 import bondgraph as bg
-from bondgraph.declare.editing import copy, with_values
+from bondgraph.declare.editing import copy, with_inputs_between, with_values
 from bondgraph.declare.effect import EffectFunction, Place, Scale, effect_functions
 from bondgraph.declare.elements import Node
 from bondgraph.declare.handles import Handle
@@ -87,6 +87,24 @@ def test_files_without_one_place_for_lines_get_no_patch(spoiled: str, tmp_path: 
     graph = bg.build(str(path)).graph
     assert declaration_patch(str(path), graph, with_values(graph, {"mass": 90.0})) == ""
     assert declaration_patch("vehicle_graphs.driveline:driveline", graph, graph) == ""
+
+
+def test_inputs_that_run_another_way_between_samples_do_so_after_the_lines(file: Path, tmp_path: Path) -> None:
+    declared = bg.build(str(file)).graph
+    corrected = with_inputs_between(declared, force="hold")
+    lines = correction_lines(declared, corrected)
+    assert "with_inputs_between(g, force='hold')  # or hold=True where force is declared" in lines
+    names = {"g": copy(declared)}
+    exec(lines, names)
+    assert names["g"] == corrected
+    assert len(write_python(tmp_path, declared, corrected, str(file))) == 2
+    outer = bg.BondGraph("two")
+    outer.include("front", copy(declared))
+    outer.include("rear", copy(declared))
+    both = with_inputs_between(outer, **{"rear.force": "band limited", "front.force": "hold"})
+    names = {"g": copy(outer)}
+    exec(correction_lines(outer, both), names)
+    assert names["g"] == both
 
 
 def test_a_changed_output_and_what_has_no_lines(file: Path) -> None:
