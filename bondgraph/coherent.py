@@ -41,7 +41,7 @@ def coherent(unit: str, value: float = 20.0) -> tuple[str, float]:
     Traceback (most recent call last):
     ...
     bondgraph.errors.DeclarationError: unit 'degC' has an offset - write kelvins, 293.15 K for 20 degC, or 'delta_degC'
-    for a difference of temperatures
+    for a difference of temperatures; columns of logs may be in degC
     """
     try:
         return _coherent(unit)
@@ -50,7 +50,7 @@ def coherent(unit: str, value: float = 20.0) -> tuple[str, float]:
         si = f"{_in_base(value, parsed, unit):.10g} {_coherent_text(parsed)}"
         raise DeclarationError(
             f"unit {unit!r} has an offset - write kelvins, {si} for {value:g} {unit}, or 'delta_{unit}' "
-            "for a difference of temperatures",
+            f"for a difference of temperatures; columns of logs may be in {unit}",
             where=(unit,),
         ) from None
 
@@ -156,7 +156,7 @@ def in_si(value: Any, unit: str = "") -> Any:
     Raises
     ------
     DeclarationError
-        If it does not fit.
+        If it does not fit; a temperature in degC fits no unit of differences.
 
     Examples
     --------
@@ -170,7 +170,16 @@ def in_si(value: Any, unit: str = "") -> Any:
     try:
         return value.magnitude * coherent(text)[1]
     except DeclarationError:
-        return registry().Quantity(value.magnitude, parse_unit(text)).to_base_units().magnitude
+        given = registry().Quantity(value.magnitude, parse_unit(text))
+        try:
+            _ = given.to(parse_unit(unit)) if unit else given
+        except pint.DimensionalityError:  # pint keeps degC from units of differences, whose dimension is the same
+            raise DeclarationError(
+                f"{value:~} is counted from another zero than kelvins, {unit!r} is for differences of temperatures - "
+                f"write the difference itself in {unit}",
+                where=(unit,),
+            ) from None
+        return given.to_base_units().magnitude
 
 
 def is_quantity(value: Any) -> bool:

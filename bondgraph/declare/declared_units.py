@@ -56,7 +56,8 @@ def declared_unit(unit: str | pint.Unit | None, where: str, value: Any = 20.0) -
         unit = unit_text(value.units)
     if unit is None:
         raise DeclarationError(f"{where}: {value} has no unit - give one, '1' for a pure number", where=(where,))
-    number = value if isinstance(value, int | float) else 20.0
+    number = value.magnitude if is_quantity(value) else value
+    number = number if isinstance(number, int | float) else 20.0
     text = unit
     own, factor = _located(where, lambda: coherent(text, float(number)))
     return DeclaredUnit(own, "" if own == text else text, factor, text, where)

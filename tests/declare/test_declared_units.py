@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from bondgraph.coherent import coherent, displayed
-from bondgraph.declare.domains import ROTATION, TRANSLATION, Domain
+from bondgraph.declare.domains import ROTATION, THERMAL, TRANSLATION, Domain
 from bondgraph.declare.editing import with_values
 from bondgraph.declare.graph import BondGraph
 from bondgraph.declare.json_reader import graph_from_json
@@ -135,6 +135,40 @@ def test_units_without_a_factor_to_si_are_refused(unit, message):
     with pytest.raises(DeclarationError, match=message):
         BondGraph("g").parameter("T", 20.0, unit)
     assert coherent("delta_degC")[1] == 1.0
+
+
+@pytest.mark.parametrize(
+    "declare",
+    [
+        lambda g: g.parameter("T", ureg.Quantity(35.0, "degC")),
+        lambda g: g.input("T", "degC"),
+        lambda g: g.input("T", "degC", default=35.0),
+        lambda g: g.integral("T", 1, "degC"),
+        lambda g: g.signal("T", g.input("level", "K"), "degC"),
+        lambda g: g.table("T", [0.0, 1.0], [300.0, 310.0], "degC", "s"),
+        lambda g: g.table("T", [0.0, 1.0], [300.0, 310.0], "W", "degC"),
+        lambda g: g.measure_effort("T", g.zero_junction("wall", THERMAL), unit="degC"),
+    ],
+)
+def test_every_declaration_in_celsius_says_what_to_declare_instead(declare):
+    with pytest.raises(DeclarationError, match=r"write kelvins, .* K for .*; columns of logs may be in"):
+        declare(BondGraph("g"))
+
+
+def test_a_temperature_in_celsius_is_one_in_kelvins_and_no_difference():
+    """20 degC as a difference in delta_degC was read as 293.15."""
+    g = BondGraph("g")
+    warm = ureg.Quantity(20.0, "degC")
+    g.input("ambient", "K", default=warm)
+    wall = g.zero_junction("wall", THERMAL)
+    store = g.compliance("store", 100.0, at=wall, initial=warm)
+    g.integral("mean", 0, "K", initial=warm)
+    assert g.inputs[0].default == g.integrals[0].initial == 293.15
+    assert g.nodes[store.name].initial == (293.15,)
+    with pytest.raises(DeclarationError, match=r"g: dT: 20.0 °C is counted from another zero than kelvins"):
+        g.parameter("dT", warm, "delta_degC")
+    g.parameter("dT", ureg.Quantity(36.0, "delta_degF"), "K")
+    assert g.parameters[-1].value == pytest.approx(20.0)
 
 
 def test_values_and_bounds_are_told_in_the_declared_unit():
