@@ -329,7 +329,7 @@ def _held_out(told: Confirmation) -> str:
 
 
 def summary(data: ReportData) -> str:
-    """Verdict, effects and errors before and after, for a terminal."""
+    """Verdict, effects and errors before and after, for a terminal; then what could have been found, if nothing was."""
     lines = [f"\n{data.verdict}: {data.explanation}"]
     for effect in data.effects:
         values = ", ".join(
@@ -339,9 +339,9 @@ def summary(data: ReportData) -> str:
         )
         lines.append(f"  {effect.name} at {effect.junction}: {effect.law}, {values}")
     lines += [f"  {note}" for note in (*data.notes, *data.structure)]
+    lines.append(text_of(error_table(data.errors)))
     if not data.effects and data.power:
         lines.append(text_of(power_table(data.power)))
-    lines.append(text_of(error_table(data.errors)))
     return "\n".join(lines)
 
 

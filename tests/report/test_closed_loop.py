@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 
 from bondgraph.correct.places.unexplained import Unexplained
 from bondgraph.declare.effect import Place, Scale
 from bondgraph.report.closed_loop import _shape, summary
+from bondgraph.report.html import write_report
+from bondgraph.report.series import Power
 from tests.report.examples import coast_down_report
 
 
@@ -19,6 +22,15 @@ def test_coefficients_are_told_with_their_units_and_intervals() -> None:
     share = replace(effect.coefficients[0], name="share", value=0.0272, unit="1", ci95=(0.0259, 0.0284))
     bare = replace(data, effects=(replace(effect, coefficients=(share,)),))
     assert "share = 0.0272 [0.0259, 0.0284]" in summary(bare)
+
+
+def test_errors_come_before_the_sizes_that_would_have_been_found(tmp_path: Path) -> None:
+    data = replace(coast_down_report(), effects=(), power=(Power("drag", "body", 0.12, "kg/m"),))
+    told = summary(data)
+    assert 0 < told.index("error before and after") < told.index("smallest size found")
+    write_report(data, tmp_path / "report.html")
+    page = (tmp_path / "report.html").read_text()
+    assert 0 < page.index('<section id="errors">') < page.index('<section id="power">')
 
 
 def test_an_unknown_function_is_told_with_the_units_of_both() -> None:
