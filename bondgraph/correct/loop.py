@@ -215,7 +215,7 @@ def _rounds(
     rounds = list(earlier)
     while _named(state) < most and len(rounds) - len(earlier) < 2 * most + 1:
         try:
-            turn = one_round(state.built, state.fit, state.train, functions, own, state.present, state.laws)
+            turn = one_round(state.built, state.fit, state.train, functions, own, state.present, state.added)
             rounds.append(turn)
             if turn.chosen is None:
                 further = "further " if state.added else ""

@@ -95,9 +95,11 @@ def one_round(
     functions: Sequence[EffectFunction],
     settings: RoundSettings | None = None,
     present: Collection[tuple[str, str]] = (),
-    laws: Sequence[Trial] = (),
+    added: Sequence[Trial] = (),
 ) -> Round:
     """Locate the residual, score every candidate on the fitted model, refit the best, decide.
+
+    ``added`` are the effects that the model has beside its declaration, events among them.
 
     Raises
     ------
@@ -106,7 +108,7 @@ def one_round(
     """
     settings = settings or RoundSettings()
     settings.report("score the candidates", 0, 1)
-    linear = linearisation(base, train)
+    linear = linearisation(base, train, [name for one in added for name in one.candidate.effect.parameters])
     where = _moving_places(built, base, linear, train)
     found, refused = candidates(built, functions, where, present)
     found, spoiling = absent_when_zero(built, found, train, linear.runs)
@@ -127,7 +129,7 @@ def one_round(
     scoring = Scoring(linear, scored, tuple(_trials(scored, tried)), tuple(stateful), tuple(where))
     search = opened(scoring, context, bool(present), settings.report)
     left = Residual(built, linear, probed, known, located)
-    search.entries += [Entry(trial) for trial in own_forms(laws, scored, left, context, settings.report)]
+    search.entries += [Entry(trial) for trial in own_forms(_laws(added), scored, left, context, settings.report)]
     trials = _searched(search, scoring, settings)
     trials = with_formulas(trials, scored, left, search.context, settings.report)
     trials, chosen = _chosen(trials, search.context, settings.report, where)
@@ -262,6 +264,11 @@ def _with_advice(
         told = functools.partial(separation, built, base, pair[0], pair[1], known)
         done[k] = replace(others[k], separate=attempted(lambda told=told: str(told()), lambda why: ""))  # type: ignore[misc]
     return done
+
+
+def _laws(added: Sequence[Trial]) -> list[Trial]:
+    """Effects that were added to the declaration: everything but events."""
+    return [one for one in added if one.gate is None]
 
 
 def _trials(scored: Scored, tried: int) -> list[Trial]:

@@ -14,14 +14,17 @@ from bondgraph.build import build
 from bondgraph.correct.evidence.decide import robust_p_value
 from bondgraph.correct.loop import LoopSettings, close_loop
 from bondgraph.correct.models.candidates import candidates
+from bondgraph.correct.scores.scoring import linearisation
 from bondgraph.declare.domains import ROTATION
-from bondgraph.declare.editing import copy, handle
+from bondgraph.declare.editing import copy, handle, with_bounds, with_values
 from bondgraph.declare.effect import Effect, EffectFunction, Place, Scale, effect_functions, is_for
 from bondgraph.declare.graph import BondGraph
 from bondgraph.declare.json_reader import graph_from_json
 from bondgraph.declare.json_writer import graph_to_json
+from bondgraph.estimate.declared import free_parameters
 from bondgraph.estimate.free import FreeParameter
 from bondgraph.estimate.local import fit
+from bondgraph.estimate.setup import filter_setup
 from tests.correct import sled
 from tests.correct.buggy import AIR, LOSS, RADIUS, buggy, coast
 from vehicle_graphs import machine_effects
@@ -115,6 +118,27 @@ def taken(g: BondGraph, at: Place) -> Effect | None:
     """The same, which says that it takes energy."""
     effect = pushed(g, at)
     return None if effect is None else replace(effect, name="taken", dissipative=True)
+
+
+def test_names_do_not_tell_a_parameter_of_the_machine_from_a_shape_of_a_law() -> None:
+    """A parameter named as an added law was taken for a shape of that law, and its bound for none."""
+    graph = with_bounds(with_values(sled.sled(), {"c_guide": 4.0}), {"c_guide": (2.0, 5.0)})
+    size = graph.parameter("k_guide", 1.0, "N s^2/m^2", "", (0.0, 5.0))
+    speed = graph.parameter("v_guide", 20.0, "m/s", "", (19.0, 20.0))
+    graph.resistance("law", lambda v: size * v * abs(v) / (1 + (v / speed) ** 2), at="runner")
+    train = [sled.pull(sled.sled(), 3)]
+    own = build(graph)
+    setup = filter_setup(own.model, own.driven, train)
+    free = [replace(one, widens=one.name == "k_guide") for one in (*free_parameters(setup, ()), *setup.noise)]
+    base = fit(setup.filter_model, train, free)
+    resting = {one.name for one, rests in zip(base.problem.free, base.held, strict=True) if rests}
+    assert {"c_guide", "v_guide"} <= resting
+    bounded = linearisation(base, train, ["k_guide", "v_guide"]).bounded
+    assert bounded is not None and bounded.shape[1] == 1
+    every = linearisation(base, train).bounded
+    assert every is not None and every.shape[1] == 2
+    assert np.array_equal(every[:, 0], bounded[:, 0])
+    assert linearisation(base, train, ["k_guide", "v_guide", "c_guide"]).bounded is None
 
 
 def test_a_loss_that_would_give_energy_is_refused() -> None:

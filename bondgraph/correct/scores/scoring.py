@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -142,8 +142,12 @@ def _arrays(change: Change) -> tuple[FloatArray, FloatArray, FloatArray]:
     return change.start, change.end, change.outputs
 
 
-def linearisation(base: Fit, train: Sequence[MatchedLog]) -> Linearisation:
-    """Linearise the filter of a fit along its training logs."""
+def linearisation(base: Fit, train: Sequence[MatchedLog], added: Collection[str] = ()) -> Linearisation:
+    """Linearise the filter of a fit along its training logs.
+
+    ``added`` names the coefficients and shapes of effects that were added; what the machine does at a bound is no
+    question of them, a shape of a law ends where its signal does.
+    """
     model = base.problem.filter_model.model
     runs = tuple(base.runs(train))
     logs = base.linear_logs if base.fits(train) else None
@@ -161,7 +165,7 @@ def linearisation(base: Fit, train: Sequence[MatchedLog]) -> Linearisation:
         for column, index in enumerate(kept, start=1)
         if base.problem.free[index].target.kind == "parameter"
     }
-    resting = _resting(base)
+    resting = _resting(base, added)
     every = [*moved.values(), *resting]
     if not every:
         return bare
@@ -175,14 +179,10 @@ def linearisation(base: Fit, train: Sequence[MatchedLog]) -> Linearisation:
     return bare
 
 
-def _resting(base: Fit) -> list[FreeParameter]:
-    """Parameters of the machine that rest on a bound; a shape of a law that was added ends where its signal does.
-
-    Shapes are named after their law, whose coefficients have bounds that widen.
-    """
-    laws = [law for one in base.problem.free if one.widens and (law := one.name.partition("_")[2])]
+def _resting(base: Fit, added: Collection[str]) -> list[FreeParameter]:
+    """Parameters of the machine that rest on a bound."""
     held = (one for one, rests in zip(base.problem.free, base.held, strict=True) if rests)
-    return [one for one in held if one.target.kind == "parameter" and not any(law in one.name for law in laws)]
+    return [one for one in held if one.target.kind == "parameter" and one.target.name not in added]
 
 
 def _moved(path: Path, base: Fit, parameter: FreeParameter) -> Change:
