@@ -40,26 +40,30 @@ _SUSPECTS = 8
 class Rest:
     """Where a loop ends: its state, what stays unexplained, and what of that could not be looked for.
 
-    ``completes``: labels of laws that only complete the form of another, with its label.
+    ``completes``: labels of laws that only complete the form of another, with its label. ``explained``: nats that
+    effects explained which what stays unexplained made needless, so that it explains as many at least.
     """
 
     state: Progress
     unexplained: tuple[Unexplained, ...]
     cautions: tuple[str, ...] = ()
     completes: Mapping[str, str] = field(default_factory=dict)
+    explained: float = 0.0
 
 
 def settle(state: Progress, rounds: Sequence[Round], settings: RoundSettings, tables: bool) -> Rest:
     """Try functions without a law on the final model; withdraw what they make needless; add a table if asked for."""
     settings.report("look for what stays unexplained", 0, 1)
+    begun = state.fit.nll
     found, state, cautions, completes = _searched(state, rounds, settings)
     settings.report("look for what stays unexplained", 1, 1)
     if found is None:
         return Rest(state, (), cautions, completes)
+    explained = state.fit.nll - begun
     if tables:
         state, said = _attempted(lambda: _with_table(state, found, len(rounds), settings), state, "add a table of it")
         cautions = (*cautions, *said)
-    return Rest(state, (found,), cautions, completes)
+    return Rest(state, (found,), cautions, completes, explained)
 
 
 def at_random(rest: Rest, settings: RoundSettings) -> Progress:
@@ -72,7 +76,8 @@ def at_random(rest: Rest, settings: RoundSettings) -> Progress:
     if functions and any(one.action == "withdrawn" and one.what.startswith(DISTURBANCE) for one in rest.state.history):
         return rest.state  # a function explained more than it
     measured = max(sum(int(np.isfinite(log.y).sum()) for log in rest.state.train), 2)
-    worth = max((one.gain - 0.5 * one.knots.size * math.log(measured) for one in functions), default=0.0)
+    gained = (max(one.gain, rest.explained) - 0.5 * one.knots.size * math.log(measured) for one in functions)
+    worth = max(gained, default=0.0)
     return with_disturbance(rest.state, settings, worth, sensors=not functions)
 
 

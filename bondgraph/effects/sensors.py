@@ -10,12 +10,14 @@ from __future__ import annotations
 
 from sympy import Abs
 
+from bondgraph.coherent import coherent
 from bondgraph.declare.effect import Effect, EffectFunction, Place, sensor_fault
 from bondgraph.declare.functions import clip
 from bondgraph.declare.graph import BondGraph
 from bondgraph.declare.quantities import symbol
 from bondgraph.declare.revision import revise_integral, revise_output
 from bondgraph.effects.places import ceiling, over
+from bondgraph.errors import DeclarationError
 
 _PADE = "Golub, Van Loan (2013), Matrix Computations, section 9.3, for the approximations of Pade"
 _REFERENCE = "Isermann (2006), Fault-Diagnosis Systems, chapter 3"
@@ -26,8 +28,9 @@ LONGEST_DELAY = 2.0
 @sensor_fault
 def sensor_bias(g: BondGraph, at: Place) -> Effect | None:
     """A constant that the sensor adds: a zero that was not set, an inclined mounting."""
-    limit = 2.0 * at.scale.effort
-    bias = g.parameter(f"bias_{at.name}", 0.0, _unit(g, at), f"bias of {at.output}", (-limit, limit))
+    unit, one = _shown_unit(g, at)
+    limit = 2.0 * at.scale.effort / one
+    bias = g.parameter(f"bias_{at.name}", 0.0, unit, f"bias of {at.output}", (-limit, limit))
     revise_output(g, at.output, lambda shown: shown + bias)
     return _fault("bias", at, "shown = true + b", bias.name, "rest")
 
@@ -43,7 +46,8 @@ def sensor_scale(g: BondGraph, at: Place) -> Effect | None:
 @sensor_fault
 def sensor_drift(g: BondGraph, at: Place) -> Effect | None:
     """A value that wanders off evenly with time: a strain gauge that warms up, an integrated offset."""
-    limit, unit = 0.5 * at.scale.effort, _unit(g, at)
+    unit, one = _shown_unit(g, at)
+    limit = 0.5 * at.scale.effort / one
     drift = g.parameter(f"drift_{at.name}", 0.0, f"{unit}/s" if unit else "", f"drift of {at.output}", (-limit, limit))
     revise_output(g, at.output, lambda shown: shown + drift * symbol("t"))
     return _fault("drift", at, "shown = true + d*t", drift.name, "rest at both ends of a long log")
@@ -92,7 +96,8 @@ def sensor_ceiling(g: BondGraph, at: Place) -> Effect | None:
 def sensor_dead_zone(g: BondGraph, at: Place) -> Effect | None:
     """A sensor that shows nothing of small values: a threshold against noise, a pick-up that needs speed."""
     name = f"dead_zone_{at.name}"
-    b = g.parameter(name, 0.0, _unit(g, at), f"what {at.output} must exceed to be seen", (0.0, at.scale.effort))
+    unit, one = _shown_unit(g, at)
+    b = g.parameter(name, 0.0, unit, f"what {at.output} must exceed to be seen", (0.0, at.scale.effort / one))
     revise_output(g, at.output, lambda shown: shown - clip(shown, -b, b))
     return Effect(
         "sensor_dead_zone", at.output, "shown = x - clip(x, -b, b), x true", (name,), amplitudes=(0.03, 0.1, 0.3),
@@ -138,6 +143,18 @@ def _fault(kind: str, at: Place, law: str, coefficient: str, manoeuvre: str) -> 
         f"sensor_{kind}", at.output, law, (coefficient,), reference=_REFERENCE, channel=at.output, kind=kind,
         manoeuvre=manoeuvre,
     )  # fmt: skip
+
+
+def _shown_unit(g: BondGraph, at: Place) -> tuple[str, float]:
+    """The unit in which a sensor is declared, and one of it in coherent units; of one with an offset its coherent one.
+
+    What a fault adds is a difference.
+    """
+    declared = next((output.shown_unit for output in g.outputs if output.name == at.output), "")
+    try:
+        return (declared, coherent(declared)[1]) if declared else (_unit(g, at), 1.0)
+    except DeclarationError:
+        return _unit(g, at), 1.0
 
 
 def _unit(g: BondGraph, at: Place) -> str:

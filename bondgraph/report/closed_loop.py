@@ -12,7 +12,7 @@ from typing import Any
 from bondgraph.correct.confirmation import Confirmation
 from bondgraph.correct.constants import LEVEL
 from bondgraph.correct.evidence.transfer import Transfer
-from bondgraph.correct.evidence.trials import Added
+from bondgraph.correct.evidence.trials import Added, Alternative
 from bondgraph.correct.fits.assess import Assessment
 from bondgraph.correct.loop import ClosedLoop
 from bondgraph.correct.places.unexplained import Unexplained
@@ -169,7 +169,7 @@ def _explained(closed: ClosedLoop) -> str:
         f"an unknown {one.variable} at {one.place.label} as a function of {one.signal}" for one in closed.unexplained
     ]
     if closed.added:
-        names = ", then ".join(named(added, closed.corrected) for added in closed.added if not added.completes)
+        names = ", then ".join(_or_twins(closed, added) for added in closed.added if not added.completes)
         if closed.verdict == "effect not confirmed":
             assert closed.confirmation is not None  # it is what contradicts
             against = "; ".join(closed.confirmation.contradictions)
@@ -200,6 +200,22 @@ def _explained(closed: ClosedLoop) -> str:
     if not tried:
         return "No effect could be tried, but all innovations are white: nothing asks for one."
     return f"None of the {tried} effects and faults tried passes the tests, and all innovations are white."
+
+
+def _or_twins(closed: ClosedLoop, added: Added) -> str:
+    """An effect with those that the data do not tell from it."""
+    own, twins = named(added, closed.corrected), _twins(closed, added)
+    if not twins:
+        return own
+    if len(twins) == 1:
+        return f"{own} or {twins[0].name} at {twins[0].junction}, which these data do not tell apart"
+    return f"{own} or one of {len(twins)} others that these data do not tell from it"
+
+
+def _twins(closed: ClosedLoop, added: Added) -> list[Alternative]:
+    """Effects that the data do not tell from one that was added."""
+    turn = round_of(closed, added)
+    return [] if turn is None else [one for one in turn.alternatives if one.indistinguishable]
 
 
 def _completing(added: Sequence[Added]) -> str:
@@ -247,7 +263,7 @@ def structure_lines(closed: ClosedLoop) -> list[str]:
     else:
         lines.append(
             f"By the structure of the model, the sensors {', '.join(told.sensors)} can tell an unknown at every place "
-            "from one at every other."
+            "from one at every other; what these logs tell apart stands beside each effect."
         )
     if told.invisible:
         lines.append(f"No sensor sees what is missing at {', '.join(told.invisible)}.")
@@ -286,19 +302,26 @@ def _notes(closed: ClosedLoop) -> list[str]:
         notes.append(_held_out(closed.confirmation))
     notes += [_event(one, closed.eventful or closed.corrected) for one in closed.events]
     for added in closed.added:
-        turn = round_of(closed, added)
-        twins = [] if turn is None else [one for one in turn.alternatives if one.indistinguishable]
+        twins = _twins(closed, added)
         if twins:
             names = ", ".join(f"{twin.name} at {twin.junction}" for twin in twins)
             first = next((twin.separate for twin in twins if twin.separate), "")
             advice = f" What would: {first}." if first else ""
             notes.append(f"These data do not tell {added.trial.candidate.label} from {names}.{advice}")
     notes += [*regime_sentences(closed), *formula_sentences(closed), *(_shape(one) for one in closed.unexplained)]
-    notes.append(f"{noise_sentence(closed.corrected.problem.filter_model)}.")
+    notes.append(f"{noise_sentence(closed.corrected.problem.filter_model, _idle(closed.corrected))}.")
     notes += closed.cautions
     logs = [log.log for part in (closed.nominal_train, closed.nominal_holdout) for log in part.logs]
     notes += grouped_notes(logs)
     return notes
+
+
+def _idle(fitted: Fit) -> list[str]:
+    """States whose process noise rests on its lower bound."""
+    problem = fitted.problem
+    low = fitted.held & (fitted.expansion.gradient > 0.0)
+    resting = [one.target for one, rests in zip(problem.free, low, strict=True) if rests]
+    return [target.name for target in resting if target.kind == "process"]
 
 
 def _event(event: Added, fitted: Fit) -> str:

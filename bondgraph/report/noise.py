@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
+
 from bondgraph.filter.filter_model import FilterModel
 
 
-def noise_sentence(filter_model: FilterModel) -> str:
-    """Which states process noise drives, as a sentence.
+def noise_sentence(filter_model: FilterModel, idle: Collection[str] = ()) -> str:
+    """Which states process noise drives, as a sentence; ``idle`` are those whose noise rests on its least.
 
     Examples
     --------
@@ -15,6 +17,11 @@ def noise_sentence(filter_model: FilterModel) -> str:
     'Process noise drives rate'
     >>> noise_sentence(FilterModel(pendulum(), {}, {"deflection": 0.05}, {}))
     'Process noise drives no state: the model is taken as exact'
+    >>> noise_sentence(FilterModel(pendulum(), {"rate": 1e-9}, {"deflection": 0.05}, {}), ["rate"])
+    'Process noise drives no state noticeably: that of rate rests on its lower bound'
     """
-    driven = ", ".join(filter_model.process_noise)
+    driven = ", ".join(name for name in filter_model.process_noise if name not in idle)
+    if idle:
+        rests = f"that of {', '.join(idle)} rests on its lower bound"
+        return f"Process noise drives {driven + '; ' if driven else 'no state noticeably: '}{rests}"
     return f"Process noise drives {driven or 'no state: the model is taken as exact'}"
