@@ -111,6 +111,7 @@ def _located(closed: ClosedLoop) -> dict[str, Any]:
             "indistinguishable": [list(group) for group in closed.structure.classes],
             "undetectable": list(closed.structure.invisible),
             "sensors": list(closed.structure.sensors),
+            "sums": list(closed.structure.sums),
         },
     }
 

@@ -267,7 +267,7 @@ def structure_lines(closed: ClosedLoop) -> list[str]:
         )
     if told.invisible:
         lines.append(f"No sensor sees what is missing at {', '.join(told.invisible)}.")
-    return lines
+    return [*lines, *(f"{one}." for one in told.sums)]
 
 
 def _power(closed: ClosedLoop) -> list[Power]:

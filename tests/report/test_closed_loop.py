@@ -4,12 +4,16 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import cast
 
 import numpy as np
 
+from bondgraph.correct.loop import ClosedLoop
+from bondgraph.correct.places.structure import Structure
 from bondgraph.correct.places.unexplained import Unexplained
 from bondgraph.declare.effect import Place, Scale
-from bondgraph.report.closed_loop import _shape, summary
+from bondgraph.report.closed_loop import _shape, structure_lines, summary
 from bondgraph.report.html import write_report
 from bondgraph.report.series import Power
 from tests.report.examples import coast_down_report
@@ -43,3 +47,8 @@ def test_an_unknown_function_is_told_with_the_units_of_both() -> None:
     assert told in _shape(found)
     bare = replace(found, signal="slip", signal_unit="", unit="", taken=("k",))
     assert "sensor way over slip, less what k can take of it: " in _shape(bare)
+
+
+def test_outputs_that_add_elements_of_one_junction_are_told_with_the_structure() -> None:
+    loop = SimpleNamespace(structure=Structure((), (), ("force",), ("force is declared as a sum",)))
+    assert structure_lines(cast(ClosedLoop, loop))[-1] == "force is declared as a sum."

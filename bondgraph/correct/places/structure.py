@@ -18,6 +18,7 @@ import numpy as np
 
 from bondgraph.build import BuiltModel
 from bondgraph.correct.places.probes import probed_model
+from bondgraph.correct.places.sums import summed_outputs
 from bondgraph.data.log import FloatArray, MatchedLog
 from bondgraph.declare.effect import Place
 from bondgraph.simulate.model import Model
@@ -35,12 +36,14 @@ _PARALLEL, _VANISHING = 1e-5, 1e-7
 class Structure:
     """Places and sensors by label: ``classes`` that no course of an unknown tells apart, and those that are invisible.
 
-    ``sensors`` are the measured outputs on which this rests.
+    ``sensors`` are the measured outputs on which this rests; ``sums`` are sentences on those that add elements of one
+    junction, see :func:`bondgraph.correct.places.sums.summed_outputs`.
     """
 
     classes: tuple[tuple[str, ...], ...]
     invisible: tuple[str, ...]
     sensors: tuple[str, ...]
+    sums: tuple[str, ...] = ()
 
     def like(self, label: str) -> tuple[str, ...]:
         """The other places of the same class."""
@@ -80,7 +83,7 @@ def structure(built: BuiltModel, where: Sequence[Place], logs: Sequence[MatchedL
             twin.append(k)
     invisible = tuple(label for k, label in enumerate(labels) if k not in visible)
     classes = tuple(tuple(labels[k] for k in group) for group in groups if len(group) > 1)
-    return Structure(classes, invisible, tuple(sensors))
+    return Structure(classes, invisible, tuple(sensors), summed_outputs(built.graph, sensors))
 
 
 def _sizes(built: BuiltModel, model: Model, sizes: FloatArray) -> FloatArray:
