@@ -54,7 +54,14 @@ def cautions_of(nominal: Fit, rounds: Sequence[Round]) -> tuple[str, ...]:
     if unknown:
         said.append(f"these logs say next to nothing about {', '.join(unknown)}: drive with more variety, or fix them")
     seen = rounds[0].detectable if rounds else ()
-    blind = [f"{one.effect} at {one.junction}" for one in seen if not np.isfinite(one.size)]
+    found = {
+        (turn.chosen.candidate.effect.described, turn.chosen.candidate.place.label) for turn in rounds if turn.chosen
+    }
+    blind = [
+        f"{one.effect} at {one.junction}"
+        for one in seen
+        if not np.isfinite(one.size) and (one.effect, one.junction) not in found  # a later round could see it
+    ]
     if blind:
         said.append(f"cannot be detected with these logs, at any size that its law may have: {', '.join(blind)}")
     return tuple(said)
