@@ -227,6 +227,20 @@ def test_pairs_are_neighbours_that_are_not_tied() -> None:
     assert neighbours(cylinder()) == [("front", "back")]  # the piston between them ties no pressures
 
 
+def test_heat_passes_between_any_two_bodies() -> None:
+    """A bridge of 0.35 W/K between two boards in one air stream was two formulas of the other board's heat flow."""
+    g = BondGraph("rack")
+    air = g.zero_junction("air", THERMAL)
+    g.effort_source("inlet", g.input("T_air", "K"), at=air)
+    for name in ("left", "right"):
+        board, film = g.zero_junction(name, THERMAL), g.one_junction(f"film_{name}", THERMAL)
+        g.compliance(f"heat_{name}", g.parameter(f"k_{name}", 0.01, "K/J"), at=board)
+        g.bond(board, film)
+        g.resistance(f"cooling_{name}", g.parameter(f"r_{name}", 1.0, "K/W"), at=film)
+        g.bond(film, air)
+    assert ("left", "right") in neighbours(g.flatten())
+
+
 def test_an_effect_between_junctions_is_offered_pairs_alone() -> None:
     tank = Place(handle(bench("hydraulic").graph, "first"), Scale(1.0, 1.0))
     pair = next(place for place in bench("hydraulic").places() if place.other is not None)
