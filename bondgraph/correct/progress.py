@@ -16,6 +16,7 @@ from bondgraph.correct.evidence.decide import doubt, judge
 from bondgraph.correct.evidence.trials import Trial
 from bondgraph.correct.fits.starts import with_starts
 from bondgraph.correct.models.candidates import candidates
+from bondgraph.correct.models.failures import attempted
 from bondgraph.correct.models.shaping_filters import DISTURBANCE
 from bondgraph.correct.round import Round, RoundSettings
 from bondgraph.correct.scores.gates import Constancy, Gate, When, constancy, gated, with_gate
@@ -216,7 +217,9 @@ def _in_fewer_parts(state: Progress, whole: int, number: int, settings: RoundSet
         law = state.added[whole]
         rest = as_one(tuple(one for one in law.forms if one is not part), law.candidate.model)
         reduced = _reduced(state, [rest if one is law else one for one in state.added])
-        fitted = fit(reduced.problem.filter_model, reduced.problem.logs, reduced.problem.free, journal=settings.journal)
+        fitted = _refitted(reduced, settings)
+        if fitted is None:  # without it the rest has no value somewhere: it is needed
+            continue
         assert part.evidence is not None  # it was chosen
         told = judge(fitted, state.fit, part.candidate.effect, part.evidence.tried)
         if told.bic_gain > 0.0:
@@ -228,6 +231,12 @@ def _in_fewer_parts(state: Progress, whole: int, number: int, settings: RoundSet
             history=(*state.history, Decision(number, "dropped", part.candidate.label, why)),
         )  # fmt: skip
     return state
+
+
+def _refitted(reduced: _Reduced, settings: RoundSettings) -> Fit | None:
+    """The fit of a model with a part of what was added; None where it has no value."""
+    one = reduced.problem
+    return attempted(lambda: fit(one.filter_model, one.logs, one.free, journal=settings.journal), lambda why: None)
 
 
 def _without_needless_disturbance(state: Progress, last: Trial, number: int, settings: RoundSettings) -> Progress:

@@ -8,6 +8,7 @@ import pytest
 
 from bondgraph import effects
 from bondgraph.build import build
+from bondgraph.correct import progress
 from bondgraph.correct.evidence.context import coefficients
 from bondgraph.correct.evidence.trials import Trial
 from bondgraph.correct.loop import LoopSettings, close_loop
@@ -15,9 +16,11 @@ from bondgraph.correct.models.candidates import candidates
 from bondgraph.correct.progress import Progress, standing, without
 from bondgraph.correct.rest import Rest
 from bondgraph.correct.round import RoundSettings
+from bondgraph.correct.shapes.forms import joined
 from bondgraph.declare.editing import handle
 from bondgraph.declare.effect import Place, Scale
-from bondgraph.estimate.fitted import at_optimum
+from bondgraph.errors import EstimationError
+from bondgraph.estimate.fitted import Fit, at_optimum
 from bondgraph.estimate.local import fit
 from tests.correct.sled import added, built, fitted, pull, sled
 
@@ -62,6 +65,24 @@ def test_what_was_found_beside_something_has_to_stand_without_it(monkeypatch: py
     assert standing(state, "a wind", 2, RoundSettings()).added == state.added[:1]  # there is no constant load
     monkeypatch.setattr("bondgraph.correct.progress.doubt", lambda fitted, effect: 1e-9)
     assert standing(state, "a wind", 2, RoundSettings()) is state
+
+
+def test_a_part_without_which_a_law_has_no_value_stays(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A round ended where an exponential without its other half had no value at a sigma point."""
+    log = pull(added(effects.quadratic_loss, "runner", 3.0), 1)
+    at = Place(handle(sled(), "runner"), Scale(150.0, 4.0))
+    state = Progress(sled(), built(), fitted([log]), (log,))
+    for function in (effects.quadratic_loss, effects.constant_effort):
+        (one,), _ = candidates(state.built, [function], [at])
+        own = build(one.apply(state.built.graph))
+        state = replace(state, built=own, added=(*state.added, Trial(one, 9.0, built=own)))
+    whole = replace(state, added=(joined(*state.added),))
+
+    def diverging(*args: object, **settings: object) -> Fit:
+        raise EstimationError("a law has no value at a sigma point")
+
+    monkeypatch.setattr(progress, "fit", diverging)
+    assert progress._in_fewer_parts(whole, 0, 2, RoundSettings()) is whole
 
 
 def test_an_effect_that_is_withdrawn_at_the_end_makes_room_for_another(monkeypatch: pytest.MonkeyPatch) -> None:
