@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 
+from bondgraph.cli.log_options import add_between, add_map, add_reading, add_set, add_start, add_window
 from bondgraph.execute.executors import add_executor
 
 
@@ -66,17 +67,12 @@ def design_options(command: argparse.ArgumentParser, model_help: str) -> None:
     command.add_argument(
         "--error", type=float, default=0.01, help="chance of a wrong decision between rivals (default: 0.01)"
     )
-    command.add_argument(
-        "--map", action="append", default=[], metavar="COLUMN=NAME", help="other names, or a JSON file of them"
-    )
-    command.add_argument(
-        "--set", action="append", default=[], metavar="NAME=VALUE",
-        help="value of an input where the logs have no column of it, or of a parameter of a declared graph",
-    )  # fmt: skip
-    command.add_argument(
-        "--start", default="measured", choices=("measured", "settled", "model"),
-        help="states at the start of the logs at hand (default: measured)",
-    )  # fmt: skip
+    add_map(command)
+    add_reading(command)
+    add_window(command)
+    add_between(command)
+    add_set(command, "value of an input where the logs have no column of it, or of a parameter of a declared graph")
+    add_start(command)
     add_executor(command)
     command.add_argument("--json", action="store_true", help="print one JSON object instead of tables")
     command.add_argument("--out", default="design", metavar="DIR", help="folder to write (default: design)")

@@ -14,11 +14,11 @@ import numpy as np
 
 from bondgraph.build import BuiltModel, build
 from bondgraph.cli.knowledge import posed
+from bondgraph.cli.log_options import inputs_between, read_given
 from bondgraph.cli.runs import model_and_logs, provenance
 from bondgraph.cli.values import assignments, finite, names, set_values
 from bondgraph.data.log import MatchedLog
 from bondgraph.data.matching import match, match_inputs, match_outputs, read_mapping, renamed
-from bondgraph.data.read import read_log
 from bondgraph.declare.files import load_graph
 from bondgraph.declare.loading import is_model_file
 from bondgraph.errors import OptionError
@@ -140,10 +140,10 @@ def _machine(options: argparse.Namespace, reference: str, workers: Executor | No
     """A model with its noises, what is free in it, and where it stands: as declared, or fitted to logs at hand."""
     if is_model_file(reference):
         raise OptionError(f"{reference}: design takes declared graphs - name the graph", where=(reference,))
-    graph, given = set_values(load_graph(reference), options.set)
+    graph, given = set_values(inputs_between(load_graph(reference), options), options.set)
     built = build(graph)
     mapping = read_mapping(options.map)
-    logs = [match(read_log(path), built.model, mapping, given) for path in options.data]
+    logs = [match(read_given(path, options), built.model, mapping, given) for path in options.data]
     wanted = [name for name in names(options.free) if name in built.model.names("parameter") or "(" in name]
     if not logs:
         model = built.model
@@ -211,7 +211,7 @@ def _manoeuvres(options: argparse.Namespace, first: Rival) -> list[Manoeuvre]:
     ]
     mapping, given = read_mapping(options.map), set_values(load_graph(options.model), options.set)[1]
     for path in options.inputs:
-        log = renamed(read_log(path), model, mapping)
+        log = renamed(read_given(path, options), model, mapping)
         y = match_outputs(log, model)
         found.append(Manoeuvre.of_log(MatchedLog(log.name, log.time, match_inputs(log, model, given), y)))
     if options.data:

@@ -109,6 +109,26 @@ def test_design_ranks_manoeuvres_and_tells_rivals_apart(
     assert written["discrimination"]["margin"] == pytest.approx(np.log(99.0))
 
 
+def test_design_reads_logs_by_the_options_of_all_commands_with_logs(
+    motor_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """``--units``, ``--time``, windows and ways between samples were unknown to it, and ``--map`` took one pair."""
+    plan, log = tmp_path / "plan.csv", tmp_path / "run.csv"
+    rows = [f"{10 * k},{12000 if (k // 10) % 2 == 0 else 2000},{0.1 * k:.3f}\n" for k in range(60)]
+    plan.write_text("clock,volts,turns\n" + "".join(rows), encoding="utf-8")
+    log.write_text("clock,volts,turns\n" + "".join(rows), encoding="utf-8")
+    options = ["--time", "clock", "--units", "clock=ms", "volts=mV", "turns=rad/s", "--map", "volts=u_a", "turns=omega"]
+    command = ["design", str(motor_file), "--noise", "omega=0.05", "--free", "b", "--json", "--inputs", str(plan)]
+    command += ["--data", str(log), *options, "--inputs-between", "held"]
+    found = []
+    for part in ((), ("--from", "0.1", "--until", "0.4")):
+        assert main([*command, *part, "--out", str(tmp_path / "out")]) == 0
+        rows_told = json.loads(capsys.readouterr().out)["information"]["manoeuvres"]
+        found.append(next(row for row in rows_told if row["manoeuvre"] == "plan"))
+    assert [round(row["duration"], 6) for row in found] == [0.59, 0.3]
+    assert found[0]["gain"] > found[1]["gain"] > 0.0
+
+
 @pytest.mark.parametrize(
     ("options", "said"),
     [
