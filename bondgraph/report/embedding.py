@@ -5,8 +5,10 @@ from __future__ import annotations
 import base64
 import io
 import textwrap
+from collections.abc import Sequence
 from html import escape
 
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.text import Text
 
@@ -14,6 +16,10 @@ from bondgraph.report.figures import NARROW, figure_style, laid_out
 
 #: Letters of a title or a label that fit into the width of a phone beside the numbers of an axis.
 _LETTERS = 42
+#: Letters of a name beside a row of a picture that leave it half of that width.
+_LETTERS_BESIDE = 22
+#: Height of a line of text over that of its letters, as matplotlib sets lines.
+_LINE = 1.2
 
 
 def figure_svg(figure: Figure) -> str:
@@ -60,14 +66,30 @@ def _narrow(figure: Figure) -> str:
     found = figure.findobj(Text)
     lines = [one for one in found if isinstance(one, Text) and len(one.get_text()) > _LETTERS]
     texts = [line.get_text() for line in lines]
-    figure.set_size_inches(NARROW, height)
+    beside = [(axes, [label.get_text() for label in axes.get_yticklabels()]) for axes in figure.axes]
+    named = [(axes, names) for axes, names in beside if max(map(len, names), default=0) > _LETTERS_BESIDE]
+    figure.set_size_inches(NARROW, height + sum(_name_beside(axes, names) for axes, names in named))
     for line, text in zip(lines, texts, strict=True):
-        line.set_text("\n".join(textwrap.wrap(text, _LETTERS, break_long_words=False)))
+        line.set_text(_broken(text, _LETTERS))
     uri = _uri(figure)
     for line, text in zip(lines, texts, strict=True):
         line.set_text(text)
+    for axes, names in named:
+        axes.set_yticks(axes.get_yticks(), names)
     figure.set_size_inches(width, height)
     return uri
+
+
+def _name_beside(axes: Axes, names: Sequence[str]) -> float:
+    """Break the names beside the rows of a picture; the height in inches of the lines that this adds."""
+    broken = [_broken(name, _LETTERS_BESIDE) for name in names]
+    axes.set_yticks(axes.get_yticks(), broken)
+    line = _LINE * float(axes.get_yticklabels()[0].get_fontsize()) / 72.0
+    return line * sum(name.count("\n") for name in broken)
+
+
+def _broken(text: str, letters: int) -> str:
+    return "\n".join(textwrap.wrap(text, letters, break_long_words=False))
 
 
 def _uri(figure: Figure) -> str:

@@ -8,10 +8,11 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 
 from bondgraph.estimate.objective import TraceRow
 from bondgraph.report.embedding import embed, figure_svg
-from bondgraph.report.figures import NARROW
+from bondgraph.report.figures import NARROW, figure_style
 from bondgraph.report.plots import (
     AFTER,
     BEFORE,
@@ -191,6 +192,23 @@ def test_innovations_are_dots_in_their_band_and_counted() -> None:
     np.testing.assert_array_equal(lines(axes, AFTER)[0], measured[np.isfinite(measured)])
     edges = [line for line in lines(axes, MEASURED) if len(line) == 40]
     np.testing.assert_allclose(edges, [np.full(40, -1.96), np.full(40, 1.96)])
+
+
+def test_long_names_beside_rows_are_broken_on_a_phone() -> None:
+    """The names of planned steps ran out of the picture, and matplotlib warned that it had no axes left."""
+    name = "steps of force every 12 s, the other inputs at rest: 1.71 nats"
+    with figure_style():
+        figure = Figure(figsize=(8.0, 2.4), layout="constrained")
+        axes = figure.subplots()
+        axes.barh(range(3), [1.0, 2.0, 3.0])
+        axes.set_yticks(range(3), [name, "run1", name])
+    uris = embed(figure, "nats").split("base64,")[1:]
+    narrow, wide = (base64.b64decode(uri.split('"')[0]).decode() for uri in uris)
+    assert f"<!-- {name} -->" in wide and "<!-- steps of force every -->" in narrow and "<!-- run1 -->" in narrow
+    wide_height, narrow_height = (float(ElementTree.fromstring(text).attrib["height"][:-2]) for text in (wide, narrow))
+    assert narrow_height > wide_height
+    assert [label.get_text() for label in axes.get_yticklabels()] == [name, "run1", name]
+    assert figure.get_size_inches().tolist() == [8.0, 2.4]
 
 
 def test_a_band_narrower_than_a_line_is_told_by_its_width() -> None:
