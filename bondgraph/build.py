@@ -13,6 +13,7 @@ from bondgraph.declare.graph import BondGraph
 from bondgraph.declare.validation import node_domains
 from bondgraph.derive.causality import CausalGraph
 from bondgraph.derive.equations import ImplicitLoop, State, StateEquations
+from bondgraph.errors import require_kind
 from bondgraph.generate.module import render
 from bondgraph.generate.pipeline import render_graph
 from bondgraph.simulate.model import Model
@@ -93,6 +94,7 @@ def build(graph: BondGraph | str | Path, command: str | None = None, *, smooth: 
     >>> bg.build(g).names("state")
     ('f_mass',)
     """
+    require_kind("build", graph, (BondGraph, str, Path), "graph")
     declared = graph if isinstance(graph, BondGraph) else load_graph(str(graph))
     rendered = render_graph(declared, command, smooth=smooth)
     model = Model.from_text(rendered.text, source=declared.name)

@@ -89,6 +89,54 @@ class OptionError(BondGraphError):
     """A command was given options that are unknown or contradict each other."""
 
 
+#: What gives a thing of each kind that verbs of the front door ask for.
+_GIVEN_BY = {
+    "model": "bg.build(graph) or bg.load(file) gives one",
+    "filter model": "bg.FilterModel(model, ...) gives one",
+    "graph": "give a bg.BondGraph or its file",
+    "log": "bg.read_log(file) or bg.Log.from_dataframe(table) gives one",
+    "posed problem": "bg.pose(filter_model, logs, free) gives one",
+    "data frame": "give one of pandas",
+    "file": "give its name",
+}
+
+
+def require_kind(verb: str, given: object, kinds: type | tuple[type, ...], wanted: str) -> None:
+    """Refuse a thing of another kind than a verb asks for, with what gives one of that kind.
+
+    Raises
+    ------
+    OptionError
+        If it is none of ``kinds``.
+
+    Examples
+    --------
+    >>> require_kind("draw", 3, str, "graph")
+    Traceback (most recent call last):
+        ...
+    bondgraph.errors.OptionError: draw: int was given where a graph is expected - give a bg.BondGraph or its file
+    """
+    if not isinstance(given, kinds):
+        raise wrong_kind(verb, given, wanted)
+
+
+def wrong_kind(verb: str, given: object, wanted: str) -> OptionError:
+    """The error of a thing of another kind than a verb asks for, to be raised.
+
+    Examples
+    --------
+    >>> wrong_kind("build", suggest, "graph").message
+    'build: the function suggest was given where a graph is expected - call it: suggest()'
+    """
+    kind = type(given).__name__
+    name = getattr(given, "__name__", "")
+    if kind == "function" and wanted == "graph":
+        told, remedy = f"the function {name}", f"call it: {name}()"
+    else:
+        told, remedy = kind, _GIVEN_BY[wanted]
+    return OptionError(f"{verb}: {told} was given where a {wanted} is expected - {remedy}", where=(verb, kind))
+
+
 def suggest(name: str, known: Iterable[str]) -> str:
     """A close-match hint for an unknown name, empty where nothing is close.
 

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Literal, overload
 import numpy as np
 
 from bondgraph.data.given import GivenLog, all_matched, matched
-from bondgraph.errors import OptionError
+from bondgraph.errors import OptionError, require_kind
 from bondgraph.estimate.declared import declared_problem
 from bondgraph.estimate.estimation import Settings
 from bondgraph.estimate.estimation import estimate as estimate_problem
@@ -101,7 +101,7 @@ def filter_log(
     model
         A filter model, or a model whose noises are taken from the log.
     log
-        As read, matched, or a file.
+        As read, matched, a file, or a data frame.
     theta
         Parameters by name or as a vector (n_theta,); None: declared values.
     x0
@@ -136,6 +136,7 @@ def filter_log(
     >>> bg.filter_log(swing, log, compiled=False).mean("angle").shape
     (40,)
     """
+    require_kind("filter_log", model, (Model, FilterModel), "model")
     own = model.model if isinstance(model, FilterModel) else model
     fitting = matched(log, own, columns, constants)
     filter_model = model if isinstance(model, FilterModel) else filter_setup(own, own.driven, [fitting]).filter_model
@@ -152,7 +153,7 @@ def filter_log(
 def estimate(
     model: Model | FilterModel | Problem,
     logs: GivenLog | Sequence[GivenLog] = (),
-    free: Sequence[str | FreeParameter] = (),
+    free: str | Sequence[str | FreeParameter] = (),
     settings: Settings | None = None,
     *,
     process_noise: str = "free",
@@ -171,7 +172,7 @@ def estimate(
     model
         A model, whose noise levels are estimated too; a filter model, whose noises are known; or a posed problem.
     logs
-        One or several logs, as read, matched, or files; none with a problem, which has its own.
+        One or several logs, as read, matched, files or data frames; none with a problem, which has its own.
     free
         Names of what to estimate, see :mod:`bondgraph.estimate.free`; empty: all parameters that declare bounds.
     settings
@@ -220,7 +221,7 @@ def estimate(
 def _problem(
     model: Model | FilterModel | Problem,
     logs: GivenLog | Sequence[GivenLog],
-    free: Sequence[str | FreeParameter],
+    free: str | Sequence[str | FreeParameter],
     process_noise: str,
     initial: Initial,
     columns: Mapping[str, str] | None,
@@ -230,6 +231,8 @@ def _problem(
         if logs or free:
             raise OptionError("estimate: a posed problem has its own logs and free parameters - give it alone")
         return model
+    require_kind("estimate", model, (Model, FilterModel), "model")
+    free = [free] if isinstance(free, str) else free
     own = model.model if isinstance(model, FilterModel) else model
     fitting = all_matched(logs, own, columns, constants)
     if isinstance(model, FilterModel):

@@ -48,6 +48,70 @@ def pushed(name: str = "run1", seed: int = 1, samples: int = 400) -> bg.Log:
     return bg.Log.from_dataframe(table, name)
 
 
+class _Things:
+    """One thing of each kind that verbs take."""
+
+    graph = sled()
+    model = bg.build(sled())
+
+    @staticmethod
+    def log() -> bg.Log:
+        times = 0.1 * np.arange(50)
+        channels = {"force": LogChannel("force", "N", np.ones(50)), "speed": LogChannel("speed", "km/h", times)}
+        return bg.Log("run", times, channels)
+
+
+#: Calls with a thing of another kind than is asked for, and what is said.
+WRONG = {
+    "match a model": (lambda a: bg.match(a.model, a.log()), "match: BuiltModel was given where a log is expected"),
+    "match to a log": (
+        lambda a: bg.match(a.log(), a.log()),
+        "match: Log was given where a model is expected - bg.build",
+    ),
+    "build a model": (lambda a: bg.build(a.model), "build: BuiltModel was given where a graph is expected"),
+    "build a function": (lambda a: bg.build(sled), "build: the function sled was given .* - call it: sled"),
+    "estimate a graph": (lambda a: bg.estimate(a.graph, a.log()), "BondGraph was given where a model .* - bg.build"),
+    "estimate a log": (lambda a: bg.estimate(a.log(), a.model), "estimate: Log was given where a model is expected"),
+    "logs that are none": (lambda a: bg.estimate(a.model, [3]), "int was given where a log is expected - bg.read_log"),
+    "a model for logs": (lambda a: bg.estimate(a.model, a.model), "BuiltModel was given where a log is expected"),
+    "filter a graph": (lambda a: bg.filter_log(a.graph, a.log()), "filter_log: BondGraph was given where a model"),
+    "simulate a graph": (lambda a: bg.simulate(a.graph, [0.0, 1.0]), "simulate: BondGraph was given where a model"),
+    "a log for times": (lambda a: bg.simulate(a.model, a.log()), "give it by name, inputs=log"),
+    "loop of a model": (lambda a: bg.close_loop(a.model, [a.log()]), "close_loop: BuiltModel was given where a graph"),
+    "draw a log": (lambda a: bg.draw(a.log()), "draw: Log was given where a graph is expected"),
+    "linearise a number": (lambda a: bg.linearise(3), "linearise: int was given where a model is expected"),
+    "pose a model": (
+        lambda a: bg.pose(a.model, a.log(), ["mass"]),
+        "where a filter model is expected - bg.FilterModel",
+    ),
+    "sensitivity": (lambda a: bg.sensitivity(a.model), "where a posed problem is expected - bg.pose"),
+    "read a log": (lambda a: bg.read_log(a.log()), "read_log: Log was given where a file is expected"),
+    "write a graph": (lambda a: bg.write_log("x.csv", a.graph), "write_log: BondGraph was given where a log"),
+    "write to a log": (lambda a: bg.write_log(a.log(), "x.csv"), "write_log: Log was given where a file is expected"),
+    "write a model": (lambda a: bg.write_graph(a.model, "x.json"), "write_graph: BuiltModel was given where a graph"),
+    "load a graph": (lambda a: bg.load(a.graph), "load: BondGraph was given where a file is expected"),
+    "no data frame": (lambda a: bg.Log.from_dataframe(a.log()), "Log was given where a data frame is expected"),
+}
+
+
+@pytest.mark.parametrize("call", WRONG)
+def test_things_of_another_kind_are_refused_in_a_sentence(call: str) -> None:
+    """All ended in an AttributeError or a TypeError from somewhere within, or took a model for the name of a file."""
+    wrong, said = WRONG[call]
+    with pytest.raises(OptionError, match=said):
+        wrong(_Things())
+
+
+def test_estimation_takes_data_frames_and_one_name() -> None:
+    """The change log said so; a data frame ended in an AttributeError, and a name was taken letter by letter."""
+    log = pushed(samples=100)
+    table, model, how = log.to_dataframe(), bg.build(sled(1.5)), bg.Settings(method="gradient", starts=1)
+    fits = [bg.estimate(model, given, "mass", how) for given in (log, table, [table])]
+    assert fits[0].values == fits[1].values == fits[2].values
+    assert "mass" in fits[0].values and "drag" not in fits[0].values
+    assert bg.filter_log(model, table).log_name == "log"
+
+
 def _typed(path: Path) -> dict[str, str]:
     """Names that a package shows to type checkers, with their modules."""
     found = {}

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING, TypeGuard, Union
 
 from bondgraph.data.log import Log, MatchedLog
 from bondgraph.data.matching import match
 from bondgraph.data.read import read_log
 from bondgraph.data.signals import Signals
 
-GivenLog = Log | MatchedLog | str | Path
+if TYPE_CHECKING:
+    import pandas
+
+GivenLog = Union[Log, MatchedLog, str, Path, "pandas.DataFrame"]
 
 
 def matched(
@@ -18,28 +22,37 @@ def matched(
     model: Signals,
     columns: Mapping[str, str] | None = None,
     constants: Mapping[str, float | str] | None = None,
+    name: str = "log",
 ) -> MatchedLog:
     """A log in the order and units of a model; one that is matched already is taken as it is.
 
     Parameters
     ----------
     log
-        As read, matched, or a file.
+        As read, matched, a file, or a data frame whose columns are called ``name [unit]``.
     model
         The model.
     columns
         Name of a column -> name in the model, where they differ.
     constants
         Values (or letters) of inputs that the log lacks.
+    name
+        Of a data frame, which has none.
 
     Raises
     ------
     DataError
         If the file cannot be read or the log does not fit the model.
+    OptionError
+        If it is no log.
     """
+    if isinstance(log, MatchedLog):
+        return log
     if isinstance(log, str | Path):
         log = read_log(log)
-    return match(log, model, columns, constants) if isinstance(log, Log) else log
+    elif _is_table(log):
+        log = Log.from_dataframe(log, name)
+    return match(log, model, columns, constants)
 
 
 def all_matched(
@@ -47,7 +60,16 @@ def all_matched(
     model: Signals,
     columns: Mapping[str, str] | None = None,
     constants: Mapping[str, float | str] | None = None,
+    name: str = "log",
 ) -> list[MatchedLog]:
-    """One or several logs in the order and units of a model; arguments and errors as for :func:`matched`."""
-    listed = [logs] if isinstance(logs, Log | MatchedLog | str | Path) else logs
-    return [matched(log, model, columns, constants) for log in listed]
+    """One or several logs in the order and units of a model; arguments and errors as for :func:`matched`.
+
+    Data frames are called ``name`` and their place among the logs.
+    """
+    listed = logs if isinstance(logs, Iterable) and not isinstance(logs, str) and not _is_table(logs) else [logs]
+    return [matched(log, model, columns, constants, f"{name}{k}") for k, log in enumerate(listed, start=1)]
+
+
+def _is_table(log: object) -> TypeGuard[pandas.DataFrame]:
+    """Whether a log is a data frame of pandas, which need not be installed."""
+    return type(log).__module__.partition(".")[0] == "pandas" and hasattr(log, "columns")

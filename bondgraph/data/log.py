@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from bondgraph.data.frame_columns import frame_columns
-from bondgraph.errors import DataError, suggest
+from bondgraph.errors import DataError, suggest, wrong_kind
 from bondgraph.files import check_name
 from bondgraph.frames import frame
 from bondgraph.shown import Tabulated
@@ -158,6 +158,8 @@ class Log(Tabulated):
         >>> log
         <Log run7: 2 samples, 0 to 0.1 s; speed [km/h], gear [text]>
         """
+        if not hasattr(table, "columns"):
+            raise wrong_kind("Log.from_dataframe", table, "data frame")
         times, columns = frame_columns(table, name, units or {}, time)
         return cls(name, times, {label: LogChannel(label, unit, values) for label, unit, values in columns})
 

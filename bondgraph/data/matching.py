@@ -21,7 +21,7 @@ from bondgraph.data.log import FloatArray, Log, LogChannel, MatchedLog
 from bondgraph.data.rates import slopes
 from bondgraph.data.signals import InputQuantity, Quantity, Signals, names_of
 from bondgraph.data.suspicions import time_gaps
-from bondgraph.errors import DataError, OptionError, suggest
+from bondgraph.errors import DataError, OptionError, require_kind, suggest, wrong_kind
 
 
 def match(
@@ -65,6 +65,9 @@ def match(
     >>> log.y.tolist(), log.u.tolist()
     ([[0.1, nan, 0.08]], [[0.0, 0.0, 0.0]])
     """
+    require_kind("match", log, Log, "log")
+    if not all(hasattr(model, group) for group in ("inputs", "outputs", "parameters")):
+        raise wrong_kind("match", model, "model")
     channels, renamed = _rename(log, model, mapping or {})
     _require_outputs(log, model, channels)
     notes = [finding.message for finding in check_log(log) if _matters(finding, renamed[finding.channel], model)]

@@ -32,7 +32,7 @@ from bondgraph.data.header import (
     split_header,
 )
 from bondgraph.data.log import FloatArray, Log, LogChannel, TextArray
-from bondgraph.errors import DataError
+from bondgraph.errors import DataError, require_kind
 
 
 def _read_csv(path: Path, reading: Reading) -> Table:
@@ -100,6 +100,7 @@ def read_log(path: str | Path, *, units: Mapping[str, str] | None = None, time: 
     >>> other.time.tolist(), other.channel("speed").values.tolist()
     ([0.0, 0.1], [36.5, nan])
     """
+    require_kind("read_log", path, (str, Path), "file")
     path = Path(path)
     suffix = _suffix(path)
     if not path.is_file():

@@ -12,7 +12,7 @@ import numpy as np
 
 from bondgraph.data.formats.table import extra
 from bondgraph.data.log import Log, LogChannel
-from bondgraph.errors import DataError
+from bondgraph.errors import DataError, require_kind
 from bondgraph.files import write_bytes
 
 #: Rows that are turned into text at a time.
@@ -54,6 +54,8 @@ def write_log(path: str | Path, log: Log) -> Path:
     0.0,1.5
     0.1,
     """
+    require_kind("write_log", path, (str, Path), "file")
+    require_kind("write_log", log, Log, "log")
     path = Path(path)
     name = path.name.lower()
     if name.endswith(".parquet"):

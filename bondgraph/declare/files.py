@@ -9,7 +9,7 @@ from bondgraph.declare.graph import BondGraph
 from bondgraph.declare.json_reader import FORMAT, graph_from_json
 from bondgraph.declare.json_writer import graph_to_json, to_networkx
 from bondgraph.declare.loading import is_code_reference, python_graph
-from bondgraph.errors import DeclarationError
+from bondgraph.errors import DeclarationError, require_kind
 from bondgraph.files import write_text
 
 __all__ = ["FORMAT", "graph_from_json", "graph_to_json", "load_graph", "read_graph", "to_networkx", "write_graph"]
@@ -88,4 +88,6 @@ def write_graph(graph: BondGraph, path: Path | str) -> None:
     ...     bg.build(f"{folder}/rotor.json")
     <BuiltModel rotor: 1 state, 0 inputs, 0 parameters, 0 outputs>
     """
+    require_kind("write_graph", graph, BondGraph, "graph")
+    require_kind("write_graph", path, (str, Path), "file")
     write_text(Path(path), json.dumps(graph_to_json(graph), indent=1) + "\n")

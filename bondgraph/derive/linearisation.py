@@ -27,7 +27,7 @@ from bondgraph.derive.values import (
     point_values,
     vanishes,
 )
-from bondgraph.errors import DerivationError, suggest
+from bondgraph.errors import DerivationError, suggest, wrong_kind
 from bondgraph.text import count
 
 # ---------------------------------------------------------------------- linear models
@@ -113,6 +113,8 @@ def linearise(
     >>> model.A.tolist(), model.B.tolist(), model.rates.tolist()
     ([[-0.02]], [[0.00125]], [-0.2])
     """
+    if not isinstance(equations, StateEquations) and not hasattr(equations, "equations"):
+        raise wrong_kind("linearise", equations, "model")
     equations = equations if isinstance(equations, StateEquations) else equations.equations
     slopes = slopes or jacobian(equations, by=("x", "u"))
     evaluator = Evaluator(equations)

@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from bondgraph.data.given import GivenLog, all_matched
 from bondgraph.data.log import MatchedLog
-from bondgraph.errors import EstimationError, suggest
+from bondgraph.errors import EstimationError, require_kind, suggest
 from bondgraph.estimate.coordinates import AbstractProblem, checked_priors
 from bondgraph.estimate.free import FreeParameter, Target, declared_free, parse_target, require_known
 from bondgraph.estimate.initial import Initial, initial_states
@@ -284,6 +284,7 @@ def pose(
     >>> bg.pose(swing, log, ["length", "std(deflection)"]).values(np.array([0.0, 0.0])).tolist()
     [1.0, 1.0]
     """
+    require_kind("pose", filter_model, FilterModel, "filter model")
     listed = tuple(all_matched(logs, filter_model.model))
     starts = initial_states(filter_model.model, listed, filter_model.model.theta(), initial)
     chosen = tuple(

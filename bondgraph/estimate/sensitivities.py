@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from bondgraph.coherent import Displayed
-from bondgraph.errors import EstimationError
+from bondgraph.errors import EstimationError, require_kind
 from bondgraph.estimate.derivatives.exact import derivatives
 from bondgraph.estimate.objective import Expand, Expansion, FloatArray, fitted_expansion
 from bondgraph.estimate.problem import EstimationProblem
@@ -142,6 +142,7 @@ def sensitivity(
     >>> list(bg.sensitivity(bg.pose(swing, log, ["length", "damping"])).to_dict()["parameters"])
     ['length', 'damping']
     """
+    require_kind("sensitivity", problem, EstimationProblem, "posed problem")
     where = problem.start if point is None else point
     return sensitivity_from(problem, where, fitted_expansion(problem, where, jacobian))
 

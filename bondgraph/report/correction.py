@@ -22,7 +22,7 @@ from bondgraph.declare.files import load_graph
 from bondgraph.declare.graph import BondGraph
 from bondgraph.declare.loading import load_module
 from bondgraph.declare.quantities import Interpolation
-from bondgraph.errors import OptionError, suggest
+from bondgraph.errors import OptionError, require_kind, suggest
 from bondgraph.estimate.local import Report, no_report
 from bondgraph.execute.executors import open_executor
 from bondgraph.frames import frame
@@ -160,7 +160,7 @@ def close_loop(
         The declared graph, or a reference such as ``sled.py:sled``. Parameters with bounds are free unless
         ``settings.free`` names others.
     train, holdout
-        Logs as read, matched, or files. Held-out logs are assessed and decide nothing.
+        Logs as read, matched, files or data frames. Held-out logs are assessed and decide nothing.
     effects
         Effect functions to try; None: those of the toolkit.
     settings
@@ -192,9 +192,11 @@ def close_loop(
     bondgraph.errors.DataError: sled: no training log - give at least one with --data
     """
     started = time.monotonic()
+    require_kind("close_loop", graph, (BondGraph, str), "graph")
     declared = load_graph(graph) if isinstance(graph, str) else graph
     model = build(declared).model
-    training, held_out = (all_matched(logs, model, columns, constants) for logs in (train, holdout))
+    training = all_matched(train, model, columns, constants, "train")
+    held_out = all_matched(holdout, model, columns, constants, "holdout")
     functions = effect_functions(load_module(EFFECTS)) if effects is None else effects
     own = settings or LoopSettings()
     with open_executor(executor) as workers:

@@ -16,7 +16,7 @@ from bondgraph.build import BuiltModel
 from bondgraph.declare.files import load_graph
 from bondgraph.declare.graph import BondGraph
 from bondgraph.derive.causality import CausalGraph, assign_causality
-from bondgraph.errors import BondGraphError, DeclarationError, OptionError, suggest
+from bondgraph.errors import BondGraphError, DeclarationError, OptionError, require_kind, suggest
 from bondgraph.files import write_bytes, write_text
 from bondgraph.report.declared import drawing_of
 from bondgraph.report.diagram.canvas import Line, Picture, Primitive, Rectangle, Text, figure, svg_text
@@ -141,6 +141,7 @@ def draw(
     >>> [node.name for node in bg.draw(g).nodes]
     ['shaft', 'J']
     """
+    require_kind("draw", graph, (BondGraph, BuiltModel, str), "graph")
     if isinstance(graph, BuiltModel):
         causal = graph.causal
     else:

@@ -20,7 +20,7 @@ import numpy.typing as npt
 from bondgraph.arrays import FloatArray
 from bondgraph.compile.loader import parse_module, require_function, run_module
 from bondgraph.data.band_limited import BAND_LIMITED
-from bondgraph.errors import ModelError, suggest
+from bondgraph.errors import ModelError, require_kind, suggest
 from bondgraph.simulate.quantities import InputInfo, OutputInfo, ParameterInfo, StartInfo, StateInfo
 from bondgraph.simulate.rows import EventInfo, ModeInfo, events_of, input_rows, rows, shown_rows
 from bondgraph.text import count
@@ -327,6 +327,7 @@ def load(path: str | Path) -> Model:
     ...     bg.load(f"{folder}/pendulum.py")
     <Model pendulum: 2 states, 1 input, 3 parameters, 1 output>
     """
+    require_kind("load", path, (str, Path), "file")
     return Model.from_file(path)
 
 

@@ -13,7 +13,7 @@ from bondgraph.arrays import FloatArray
 from bondgraph.data.band_limited import is_even
 from bondgraph.data.log import Log, MatchedLog
 from bondgraph.data.matching import match_recorded
-from bondgraph.errors import ModelError
+from bondgraph.errors import ModelError, OptionError, require_kind
 from bondgraph.simulate.inputs import InputSignal, limited_rows
 from bondgraph.simulate.model import Model
 
@@ -46,6 +46,9 @@ class Task:
         ModelError
             If times do not increase, a name is unknown or a shape does not fit.
         """
+        require_kind("simulate", model, Model, "model")
+        if isinstance(time, Log | MatchedLog) and inputs is None:
+            raise OptionError("simulate: a log was given as times - give it by name, inputs=log", where=("time",))
         if isinstance(inputs, Log | MatchedLog):
             time = inputs.time if time is None else time
             inputs, known = _recorded(model, inputs)
