@@ -27,7 +27,7 @@ class SensitivityAnswer:
     def text(self) -> str:
         """All tables as a terminal shows them."""
         parts = [self.ranking.summary(), *(one.summary() for one in self.screened)]
-        parts += [self.rates.summary()] if self.rates else []
+        parts += [f"{self.rates.summary()}\n{_RATES}"] if self.rates else []
         return "\n\n".join(parts)
 
     def to_dict(self) -> dict[str, Any]:
@@ -51,7 +51,7 @@ def write_sensitivity(answer: SensitivityAnswer, folder: Path, made: Provenance)
     if answer.rates:
         figure = drawn(answer.rates.plot)
         save_figure(figure, folder / "rates.png")
-        sections.append(Section("Rate of samples", (answer.rates.verdict,), *answer.rates.table(), figure))
+        sections.append(Section("Rate of samples", (answer.rates.verdict, _RATES), *answer.rates.table(), figure))
     subtitle = "What these logs say about each parameter before anything is estimated."
     write_page(folder / "report.html", answer.model, subtitle, answer.ranking.advice(), sections, made)
 
@@ -61,6 +61,13 @@ _READING = (
     "Known before: the standard deviation of a prior, or of a uniform law over the bounds. Nats: what an error of that "
     "size costs. Alone: with all other parameters known; joint: with all free; if freed: with only those free that "
     "should be.",
+)
+
+#: Why deviations of the table of rates are not those of the first table.
+_RATES = (
+    "Deviations by rate are those of logs that the model explains with these values and noises; the first table takes "
+    "the logs as they are. Where the two differ much the values are far from what the logs say: estimate first, and "
+    "look again with --set NAME=VALUE."
 )
 
 
