@@ -102,6 +102,12 @@ def test_things_of_another_kind_are_refused_in_a_sentence(call: str) -> None:
         wrong(_Things())
 
 
+def test_a_log_too_short_for_a_noise_is_told_as_such() -> None:
+    """Three samples of the speed were told as "no log measures any of its outputs (speed)"."""
+    with pytest.raises(DataError, match=r"no log has 4 samples of speed, .* - give a longer log"):
+        bg.estimate(bg.build(sled()), pushed().rows(np.arange(3)))
+
+
 def test_estimation_takes_data_frames_and_one_name() -> None:
     """The change log said so; a data frame ended in an AttributeError, and a name was taken letter by letter."""
     log = pushed(samples=100)

@@ -24,6 +24,7 @@ from bondgraph.filter.noise_choice import with_noise_steps
 from bondgraph.filter.runs import run
 from bondgraph.simulate.model import Model
 from bondgraph.simulate.simulation import simulate
+from bondgraph.text import few
 
 #: Largest step times spectral radius that fixed-step RK4 takes (its limit of stability is 2.78).
 _STEP_RADIUS = 1.8
@@ -53,6 +54,8 @@ _SAMPLES = 20
 #: position cost 49 nats, which a bias of its sensor made good.
 _START_WIDTH = 10.0
 _SMALLEST = 1e-12
+#: Samples of which second differences tell a level: two of these at least, whose median means something.
+_FEWEST = 4
 #: Rates are looked at along so many pieces of so many samples of a log that is longer than these, as a day is: each
 #: piece is filtered with all that a filter records, and forty of its samples are looked at.
 _PIECES, _PIECE = 8, 20_000
@@ -95,10 +98,7 @@ def filter_setup(
         raise OptionError(f"process noise {process_noise!r} - use 'free' or 'none'", where=(process_noise,))
     noise = {name: level for name, level in zip(model.names("output"), noise_levels(logs), strict=True) if level > 0}
     if not noise:
-        raise DataError(
-            f"{model.name}: no log measures any of its outputs ({', '.join(model.names('output'))}) - map columns with "
-            "--map column=output"
-        )
+        raise _without_noise(model, logs)
     sizes = state_sizes(model, logs, looks_stiff(model, logs))
     unknown = unknown_drives(model, logs)
     share = _PROCESS_START / math.sqrt(max(1.0, _SAMPLES * _interval(logs)))
@@ -119,6 +119,22 @@ def filter_setup(
     return FilterSetup(filter_model, tuple(free), sizes)
 
 
+def _without_noise(model: Model, logs: Sequence[MatchedLog]) -> DataError:
+    """Why no noise of a sensor can be told: no output is measured, or none long enough."""
+    names = model.names("output")
+    seen = [name for row, name in enumerate(names) if any(np.isfinite(log.y[row]).any() for log in logs)]
+    if seen:
+        return DataError(
+            f"{model.name}: no log has {_FEWEST} samples of {few(seen)}, which the noise of a sensor is taken from - "
+            "give a longer log, or a longer part of it",
+            where=(model.name, *seen),
+        )
+    return DataError(
+        f"{model.name}: no log measures any of its outputs ({', '.join(names)}) - map columns with --map column=output",
+        where=(model.name, *names),
+    )
+
+
 def _interval(logs: Sequence[MatchedLog]) -> float:
     """The usual interval between samples, s."""
     return float(np.median(np.concatenate([np.diff(log.time) for log in logs])))
@@ -134,7 +150,7 @@ def noise_levels(logs: Sequence[MatchedLog]) -> FloatArray:
     levels = []
     for row in range(logs[0].y.shape[0]):
         measured = [log.y[row][~np.isnan(log.y[row])] for log in logs]
-        pieces = [np.diff(values, 2) for values in measured if values.size > 3]
+        pieces = [np.diff(values, 2) for values in measured if values.size >= _FEWEST]
         if not pieces:
             levels.append(0.0)
             continue
