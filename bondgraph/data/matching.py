@@ -72,6 +72,11 @@ def match(
     _require_outputs(log, model, channels)
     notes = [finding.message for finding in check_log(log) if _matters(finding, renamed[finding.channel], model)]
     notes += time_gaps(log.time, log.first_row)
+    notes += [
+        f"no column {column!r} to map to {name!r}; the log has a column {name!r}, which is taken"
+        for column, name in (mapping or {}).items()
+        if column not in log.channels
+    ]
     u = _inputs(log, channels, model, given or {}, notes)
     y = np.array([_output(log, channels, quantity, notes) for quantity in model.outputs]).reshape(-1, len(log))
     overrides = {

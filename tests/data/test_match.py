@@ -187,6 +187,13 @@ def test_a_log_that_measures_no_output_is_refused() -> None:
         match(log_of(engine_spd=("rpm", [1.0, 2.0, 3.0, 4.0, 5.0])), Car())
 
 
+def test_a_pair_of_a_mapping_that_changes_nothing_is_told() -> None:
+    """A pair with a wrong column was taken in silence where the log has the name of the model too."""
+    before, after = (match(base(), Car(), mapping).notes for mapping in ({}, {"spd": "engine_speed"}))
+    (note,) = set(after) - set(before)
+    assert note.startswith("no column 'spd' to map to 'engine_speed'") and set(before) < set(after)
+
+
 def test_mappings_come_from_options_and_files(tmp_path: Path) -> None:
     path = tmp_path / "names.json"
     path.write_text(json.dumps({"rev": "engine_speed"}))
