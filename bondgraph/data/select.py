@@ -26,11 +26,16 @@ def window(log: AnyLog, start: float, end: float) -> AnyLog:
     chosen = (log.time >= start) & (log.time < end)
     if not chosen.any():
         raise DataError(
-            f"{log.name}: no samples from {start:g} s to {end:g} s; the log runs from {log.time[0]:g} s "
-            f"to {log.time[-1]:g} s",
+            f"{log.name}: no samples {_said(start, end)}; the log runs from {log.time[0]:g} s to {log.time[-1]:g} s",
             where=(log.name,),
         )
     return log.rows(chosen)
+
+
+def _said(start: float, end: float) -> str:
+    """A window in words; an end that is not given is no number."""
+    parts = [f"from {start:g} s"] if math.isfinite(start) else []
+    return " ".join([*parts, f"to {end:g} s"] if math.isfinite(end) else [*parts, "on"])
 
 
 def beginnings(logs: Sequence[AnyLog], share: float, least: int = 1) -> tuple[AnyLog, ...]:

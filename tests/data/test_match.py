@@ -290,6 +290,10 @@ def test_parts_of_logs() -> None:
     assert len(window(log, 1.0, 2.0)) == 100
     with pytest.raises(DataError, match=r"no samples from 9 s to 10 s; the log runs from 0 s to 3\.99 s"):
         window(log, 9.0, 10.0)
+    with pytest.raises(DataError, match=r"no samples from 9 s on; the log runs"):
+        window(log, 9.0, np.inf)
+    with pytest.raises(DataError, match=r"no samples to -1 s; the log runs"):
+        window(log, -np.inf, -1.0)
     with pytest.raises(DataError, match="cannot be split at 1 "):
         split(log, 1.0)
     with pytest.raises(DataError, match="rate of 0 samples"):
