@@ -8,6 +8,7 @@ from types import ModuleType
 from bondgraph.cli.values import names
 from bondgraph.declare.effect import EffectFunction, effect_functions
 from bondgraph.declare.loading import load_module, split_reference
+from bondgraph.effects.catalogue import catalogue, every_effect
 from bondgraph.effects.sensors import SENSOR_FAULTS
 from bondgraph.errors import DeclarationError, OptionError, suggest
 
@@ -22,9 +23,9 @@ def chosen_effects(given: Sequence[str], without: Sequence[str] = ()) -> tuple[E
     ----------
     given
         Modules or files of effect functions, single functions of them (``module:name``, ``FILE.py:name``), or names of
-        shipped ones.
+        shipped ones, of the function or in the words of a domain.
     without
-        Names of functions that are left out; those of sensor faults are known too.
+        Names of what is left out; those of sensor faults are known too.
 
     Raises
     ------
@@ -35,10 +36,12 @@ def chosen_effects(given: Sequence[str], without: Sequence[str] = ()) -> tuple[E
     --------
     >>> [one.__name__ for one in chosen_effects(["backlash", "bondgraph.effects:creep"])]
     ['backlash', 'creep']
+    >>> [one.__name__ for one in chosen_effects(["heat_bridge"])]  # as `bondgraph effects` lists it
+    ['leak_between']
     """
     found = {function: None for one in names(given) for function in _functions(one)}
-    left_out = set(names(without))
     known = {one.__name__ for one in (*found, *SENSOR_FAULTS)}
+    left_out = {own for name in names(without) for own in ([name] if name in known else _called(name) or [name])}
     for name in sorted(left_out - known):
         raise OptionError(
             f"--without {name}: no effect of this name is tried{suggest(name, known)} - those tried are "
@@ -56,7 +59,13 @@ def _functions(reference: str) -> tuple[EffectFunction, ...]:
     shipped = _by_name(_module(SHIPPED)) if reference.isidentifier() else {}
     if not name and reference in shipped:
         return (shipped[reference],)
-    functions = _by_name(_module(reference, shipped))
+    try:
+        functions = _by_name(_module(reference, shipped))
+    except OptionError:
+        alike = _called(reference)
+        if not alike:
+            raise
+        return tuple(every_effect()[one] for one in alike)
     if not functions:
         raise OptionError(
             f"--effects {reference}: {place} has no effect functions - they take a graph and a Place and are declared "
@@ -74,6 +83,11 @@ def _functions(reference: str) -> tuple[EffectFunction, ...]:
     return (functions[name],)
 
 
+def _called(name: str) -> list[str]:
+    """Functions of the shipped effects that have a name in the words of a domain; none where no domain has it."""
+    return list(dict.fromkeys(one.function for one in catalogue() if one.name == name))
+
+
 def _by_name(module: ModuleType) -> dict[str, EffectFunction]:
     return {one.__name__: one for one in effect_functions(module)}
 
@@ -82,6 +96,6 @@ def _module(reference: str, shipped: Mapping[str, EffectFunction] | None = None)
     try:
         return load_module(reference)
     except DeclarationError as error:
-        hint = suggest(reference, shipped or {})
+        hint = suggest(reference, [*shipped, *(one.name for one in catalogue())]) if shipped else ""
         message = f"--effects {error.message}{hint and f'{hint}, a shipped effect'}"
         raise OptionError(message, where=("--effects", reference)) from None

@@ -53,18 +53,23 @@ def cautions_of(nominal: Fit, rounds: Sequence[Round]) -> tuple[str, ...]:
     ]
     if unknown:
         said.append(f"these logs say next to nothing about {', '.join(unknown)}: drive with more variety, or fix them")
+    blind = _blind(rounds)
+    if blind:
+        said.append(f"cannot be detected with these logs, at any size that its law may have: {', '.join(blind)}")
+    return tuple(said)
+
+
+def _blind(rounds: Sequence[Round]) -> list[str]:
+    """Effects that the logs do not show at any size, less those that a later round could see."""
     seen = rounds[0].detectable if rounds else ()
     found = {
         (turn.chosen.candidate.effect.described, turn.chosen.candidate.place.label) for turn in rounds if turn.chosen
     }
-    blind = [
+    return [
         f"{one.effect} at {one.junction}"
         for one in seen
-        if not np.isfinite(one.size) and (one.effect, one.junction) not in found  # a later round could see it
+        if not np.isfinite(one.size) and (one.effect, one.junction) not in found
     ]
-    if blind:
-        said.append(f"cannot be detected with these logs, at any size that its law may have: {', '.join(blind)}")
-    return tuple(said)
 
 
 def _uninformed(fitted: Fit, parameter: FreeParameter) -> bool:

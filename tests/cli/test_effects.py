@@ -12,7 +12,7 @@ import pytest
 import bondgraph
 from bondgraph import effects
 from bondgraph.cli import main
-from bondgraph.cli.effects import chosen_effects
+from bondgraph.cli.effects import SHIPPED, chosen_effects
 from bondgraph.declare.effect import effect_functions
 from bondgraph.effects.sensors import SENSOR_FAULTS
 from bondgraph.errors import OptionError
@@ -107,3 +107,11 @@ def test_a_wrong_name_ends_with_status_2(tmp_path: Path, capsys: pytest.CaptureF
     command = ["close-loop", "vehicle_graphs.driveline:driveline", "--data", str(log), "--out", str(tmp_path / "out")]
     assert main([*command, "--effects", "backlsh"]) == 2
     assert "backlsh" in capsys.readouterr().err
+
+
+def test_names_in_the_words_of_a_domain_are_names_too() -> None:
+    """``bondgraph effects`` lists heat_bridge, and --effects knew leak_between alone."""
+    assert names(["heat_bridge"]) == ["leak_between"] == names(["leak_between"])
+    assert "leak_between" not in names([SHIPPED], ["heat_bridge"])
+    with pytest.raises(OptionError, match="did you mean 'heat_bridge'"):
+        names(["heat_brigde"])
