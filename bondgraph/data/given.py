@@ -46,7 +46,7 @@ def matched(
     OptionError
         If it is no log.
     """
-    if isinstance(log, MatchedLog):
+    if isinstance(log, MatchedLog) or _is_matched(log):
         return log
     if isinstance(log, str | Path):
         log = read_log(log)
@@ -68,6 +68,11 @@ def all_matched(
     """
     listed = logs if isinstance(logs, Iterable) and not isinstance(logs, str) and not _is_table(logs) else [logs]
     return [matched(log, model, columns, constants, f"{name}{k}") for k, log in enumerate(listed, start=1)]
+
+
+def _is_matched(log: object) -> TypeGuard[MatchedLog]:
+    """Whether a log of another class has what filters read, see :class:`bondgraph.filter.samples.MeasuredLog`."""
+    return all(hasattr(log, part) for part in ("name", "time", "u", "y", "theta_overrides"))
 
 
 def _is_table(log: object) -> TypeGuard[pandas.DataFrame]:

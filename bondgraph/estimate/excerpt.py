@@ -79,7 +79,7 @@ def on_beginnings(problem: Problem, point: FloatArray) -> float:
     >>> time = np.arange(100) * 0.05
     >>> log = MatchedLog("swing", time, np.zeros((1, 100)), 0.5 * np.cos(3.1 * time)[np.newaxis])
     >>> problem = pose(swing, log, ["length"])
-    >>> on_beginnings(problem, problem.start) == problem.nll(problem.start[:, np.newaxis])[0]
+    >>> on_beginnings(problem, problem.start) == float(problem.nll(problem.start[:, np.newaxis])[0])
     True
     """
     return float((excerpt(problem) or problem).nll(point[:, np.newaxis])[0])

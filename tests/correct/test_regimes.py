@@ -69,7 +69,7 @@ def test_drag_above_a_speed_is_found_with_its_speed(rubbing: ClosedLoop) -> None
 
 
 def test_a_regime_is_named_in_words_with_its_level(rubbing: ClosedLoop) -> None:
-    assert "viscous_loss at shaft where speed of shaft is above 12.0 rad/s." in explanation(rubbing)
+    assert "viscous_loss at shaft where speed of shaft is above 12.0 rad/s" in explanation(rubbing)
     (said,) = regime_sentences(rubbing)
     assert said.startswith("Regime: viscous_loss at shaft acts where speed of shaft is above 12.0 rad/s [")
     (told,) = result_json(rubbing)["effects"]
