@@ -1,4 +1,4 @@
-"""Exchange with other tools: C, FMUs, python-control, CasADi, networkx, GraphML, BondGraphTools, DOT and Mermaid."""
+"""Exchange with other tools: C, FMUs, control, CasADi, filterpy, networkx, GraphML, BondGraphTools, DOT and Mermaid."""
 
 from typing import TYPE_CHECKING
 
@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from bondgraph.exchange.networks import from_networkx as from_networkx
     from bondgraph.exchange.networks import read_graphml as read_graphml
     from bondgraph.exchange.networks import write_graphml as write_graphml
+    from bondgraph.filter.filterpy_bridge import filterpy_filter as filterpy_filter
 else:
     __getattr__, __dir__, __all__ = exported(
         __name__,
@@ -31,5 +32,6 @@ else:
             "exchange.fmu_import": "fmu_outputs",
             "exchange.fmu_variables": "read_fmu",
             "exchange.networks": "from_networkx read_graphml write_graphml",
+            "filter.filterpy_bridge": "filterpy_filter",
         },
     )
