@@ -93,6 +93,7 @@ class OptionError(BondGraphError):
 _GIVEN_BY = {
     "model": "bg.build(graph) or bg.load(file) gives one",
     "filter model": "bg.FilterModel(model, ...) gives one",
+    "linear model": "bg.linearise(model, x={...}) gives one",
     "graph": "give a bg.BondGraph or its file",
     "log": "bg.read_log(file) or bg.Log.from_dataframe(table) gives one",
     "posed problem": "bg.pose(filter_model, logs, free) gives one",

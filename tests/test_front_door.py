@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 
 import bondgraph as bg
+from bondgraph import exchange
 from bondgraph.data import LogChannel
 from bondgraph.errors import DataError, ModelError, OptionError
 from bondgraph.simulate import InputSignal, simulate_batch
@@ -91,6 +92,15 @@ WRONG = {
     "write a model": (lambda a: bg.write_graph(a.model, "x.json"), "write_graph: BuiltModel was given where a graph"),
     "load a graph": (lambda a: bg.load(a.graph), "load: BondGraph was given where a file is expected"),
     "no data frame": (lambda a: bg.Log.from_dataframe(a.log()), "Log was given where a data frame is expected"),
+    "FMU of a graph": (
+        lambda a: exchange.export_fmu(a.graph, "x.fmu"),
+        "export_fmu: BondGraph was given where a model",
+    ),
+    "C of a graph": (lambda a: exchange.c_source(a.graph), "c_source: BondGraph was given where a model is expected"),
+    "casadi of a graph": (lambda a: exchange.to_casadi(a.graph), "to_casadi: BondGraph was given where a model"),
+    "control of a model": (lambda a: exchange.to_control(a.model), "where a linear model is expected - bg.linearise"),
+    "diagram of a log": (lambda a: exchange.dot_text(a.log()), "a diagram: Log was given where a graph is expected"),
+    "a model as GraphML": (lambda a: exchange.write_graphml(a.model, "x"), "write_graphml: BuiltModel was given where"),
 }
 
 

@@ -13,7 +13,7 @@ import numpy as np
 from bondgraph.compile.front.model_program import ModelProgram
 from bondgraph.compile.front.solver import LoopPrograms, loop_programs
 from bondgraph.compile.ir.tape import TRUTHS, Operation, Program
-from bondgraph.errors import GenerationError
+from bondgraph.errors import GenerationError, require_kind
 from bondgraph.simulate.model import Model
 
 _INFIX = {"add": "+", "sub": "-", "mul": "*", "div": "/", "lt": "<", "le": "<=", "gt": ">", "ge": ">=", "eq": "==",
@@ -68,6 +68,7 @@ def c_source(model: Model) -> str:
       dx[1] = ((u[0] - (x[1] * theta[1])) - ((theta[2] / theta[0]) * v_7));
     }
     """
+    require_kind("c_source", model, Model, "model")
     if model.modes:
         raise GenerationError(
             f"{model.name}: modes have no form in C - derive the graph smooth (without --exact)", where=(model.name,)

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from bondgraph.compile.ir.tape import FUNCTIONS, Operation, Program
-from bondgraph.errors import GenerationError
+from bondgraph.errors import GenerationError, require_kind
 from bondgraph.exchange.libraries import library
 from bondgraph.simulate.model import Model
 
@@ -33,6 +33,7 @@ def to_casadi(model: Model) -> tuple[Any, Any]:
     >>> rhs(0.0, [0.1, 0.0], [0.0], swing.theta()).full().ravel().round(4).tolist()
     [0.0, -0.9794]
     """
+    require_kind("to_casadi", model, Model, "model")
     casadi = library("casadi", "casadi")
     if model.modes:
         raise GenerationError(

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from bondgraph.derive.linearisation import LinearModel, Units
-from bondgraph.errors import DerivationError
+from bondgraph.errors import DerivationError, require_kind
 from bondgraph.exchange.libraries import library
 
 
@@ -34,6 +34,7 @@ def to_control(model: LinearModel) -> Any:
     >>> bool(abs(system.dcgain() - 0.0625) < 1e-12)
     True
     """
+    require_kind("to_control", model, LinearModel, "linear model")
     control = library("control", "control")
     return control.ss(
         model.A, model.B, model.C, model.D,

@@ -10,6 +10,7 @@ import re
 
 from bondgraph.declare.graph import BondGraph
 from bondgraph.derive.causality import assign_causality
+from bondgraph.errors import require_kind
 from bondgraph.report.declared import drawing_of
 from bondgraph.report.diagram.drawn import Drawing, DrawnBond, DrawnNode, frame_of, local_name
 from bondgraph.report.diagram.text import plain
@@ -81,6 +82,7 @@ def mermaid_text(graph: BondGraph | Drawing) -> str:
 
 
 def _drawing(graph: BondGraph | Drawing) -> Drawing:
+    require_kind("a diagram", graph, (BondGraph, Drawing), "graph")
     return graph if isinstance(graph, Drawing) else drawing_of(assign_causality(graph))
 
 

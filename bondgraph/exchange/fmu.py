@@ -19,7 +19,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Literal
 
-from bondgraph.errors import GenerationError, OptionError
+from bondgraph.errors import GenerationError, OptionError, require_kind
 from bondgraph.exchange.c_source import c_source
 from bondgraph.exchange.fmu_description import description, token, variables
 from bondgraph.exchange.slave import build_slave
@@ -62,6 +62,7 @@ def export_fmu(model: Model, path: Path | str, version: Version = "2.0", kind: K
     GenerationError
         If the model has modes, a library is missing, or the C compiler fails.
     """
+    require_kind("export_fmu", model, Model, "model")
     path = Path(path)
     if version not in ("2.0", "3.0") or kind not in ("model-exchange", "co-simulation"):
         raise OptionError(

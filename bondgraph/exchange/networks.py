@@ -11,7 +11,7 @@ import networkx as nx
 from bondgraph.declare.graph import BondGraph
 from bondgraph.declare.json_reader import graph_from_json
 from bondgraph.declare.json_writer import graph_to_json
-from bondgraph.errors import DeclarationError
+from bondgraph.errors import DeclarationError, require_kind
 from bondgraph.files import write_bytes
 
 #: GraphML knows texts and numbers; lists and objects stand in it as JSON behind this sign.
@@ -66,6 +66,7 @@ def write_graphml(graph: BondGraph, path: Path | str) -> None:
     OSError
         If the file cannot be written.
     """
+    require_kind("write_graphml", graph, BondGraph, "graph")
     data = graph_to_json(graph)
     network: nx.MultiDiGraph[str] = nx.MultiDiGraph(**{key: _packed(value) for key, value in data["graph"].items()})
     for record in data["nodes"]:
