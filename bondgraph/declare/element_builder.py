@@ -134,7 +134,10 @@ class ElementBuilder(GraphStore):
             laws.append(("residual", self._law(name, residual, power, own)))
         domain = at.domain if isinstance(at, Handle) else None
         begun = self._initial(name, initial, storage_units(kind, domain))
-        node = Node(name, kind, laws=tuple(laws), initial=(begun.value,), state=state, starts=starts_of([begun]))
+        node = Node(
+            name, kind, laws=tuple(laws), initial=(begun.value,), state=state, starts=starts_of([begun]),
+            initial_units=(begun.unit,),
+        )  # fmt: skip
         return self._one_port(node, at)
 
     def _initial(self, name: str, value: Any, units: Sequence[str] = ()) -> Initial:
@@ -190,7 +193,8 @@ class ElementBuilder(GraphStore):
         stem = state if isinstance(state, str) else " ".join(state)
         begun = [self._initial(name, one) for one in initial]
         values = tuple(one.value for one in begun)
-        node = Node(name, kind, laws=pairs, ports=ports, initial=values, state=stem, starts=starts_of(begun))
+        units = tuple(one.unit for one in begun)
+        node = Node(name, kind, None, pairs, ports, values, stem, starts=starts_of(begun), initial_units=units)
         return self._multiport(node, at)
 
     def element(self, name: str, kind: ElementType, at: Sequence[At] = ()) -> Handle:

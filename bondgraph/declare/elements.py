@@ -64,6 +64,7 @@ class Node:
     ``initial`` holds one start value per state (for a residual, where the search for its root starts); ``state`` is the
     state's own name where the user gave one; of a multiport it is the stem of numbered names, or one name per port with
     spaces between. ``starts``, empty or one per state, are signals of a log that come before ``initial``.
+    ``initial_units``, empty or one per state, are those in which start values were given, empty for numbers in SI.
     """
 
     name: str
@@ -75,6 +76,7 @@ class Node:
     state: str = ""
     doc: str = field(default="")
     starts: tuple[Start | None, ...] = ()
+    initial_units: tuple[str, ...] = field(default=(), compare=False)
 
     def law(self, given: str) -> Expr | None:
         """The law that gives ``given``, or None."""

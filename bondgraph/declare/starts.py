@@ -11,15 +11,16 @@ import dataclasses
 import math
 import re
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from sympy import Expr
 
+from bondgraph.coherent import is_quantity
 from bondgraph.declare.laws import as_expression
 from bondgraph.declare.quantities import Input, Start
 from bondgraph.errors import DeclarationError, suggest
-from bondgraph.units import dimension
+from bondgraph.units import dimension, unit_text
 
 if TYPE_CHECKING:
     from bondgraph.declare.store import GraphStore
@@ -30,10 +31,14 @@ _HOW = "give a number, the symbol of an input, the name of an input or output, o
 
 @dataclass(frozen=True)
 class Initial:
-    """The start of one state: a number in coherent SI, and the signal that comes before it where a log has it."""
+    """The start of one state: a number in coherent SI, and the signal that comes before it where a log has it.
+
+    ``unit`` is that of a pint quantity; empty for a number.
+    """
 
     value: float
     start: Start | None = None
+    unit: str = field(default="", repr=False)
 
 
 def initial_of(
@@ -70,7 +75,7 @@ def initial_of(
     if not isinstance(signal, str) and not (isinstance(signal, Expr) and signal.free_symbols):
         if rest is not None:
             raise _unreadable(value, where)
-        return Initial(number(value))
+        return Initial(number(value), unit=_unit(value))
     start = _named(signal, where) if isinstance(signal, str) else _of_symbol(signal, where, inputs)
     declared = inputs.get(start.signal)
     if declared is None and not isinstance(signal, str) and "." not in start.signal:
@@ -81,8 +86,37 @@ def initial_of(
         )
     if isinstance(declared, Input):
         check_start(start, declared, where, units)
-        return Initial(start.factor * declared.default if rest is None else number(rest), start)
-    return Initial(0.0 if rest is None else number(rest), start)
+        return Initial(start.factor * declared.default if rest is None else number(rest), start, _unit(rest))
+    return Initial(0.0 if rest is None else number(rest), start, _unit(rest))
+
+
+def _unit(value: Any) -> str:
+    return unit_text(value.units) if is_quantity(value) else ""
+
+
+def check_initial_unit(given: str, variable: str, unit: str, where: str) -> None:
+    """Refuse a start in the unit of another variable of a storage than its state, which its law decides.
+
+    Raises
+    ------
+    DeclarationError
+        If the dimensions differ.
+
+    Examples
+    --------
+    >>> check_initial_unit("km/h", "flow", "m/s", "car: mass")
+    >>> try:
+    ...     check_initial_unit("degC", "displacement", "J", "oven: load")
+    ... except DeclarationError as error:
+    ...     print(error.message.partition(" - ")[0])
+    oven: load: initial is given in 'degC', but the state is the displacement in 'J'
+    """
+    if given and unit and dimension(given) != dimension(unit):
+        raise DeclarationError(
+            f"{where}: initial is given in {given!r}, but the state is the {variable} in {unit!r} - give it in "
+            f'{unit!r}, or let it start at a sensor, initial="name of the output"',
+            where=(where.rpartition(": ")[2],),
+        )
 
 
 def starts_of(initials: Sequence[Initial]) -> tuple[Start | None, ...]:

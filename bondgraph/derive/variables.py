@@ -12,7 +12,7 @@ from bondgraph.declare.elements import MULTIPORTS, SOURCES, STORAGES, Node
 from bondgraph.declare.expressions import signal_name, symbols_in
 from bondgraph.declare.functions import smooth_step, switch
 from bondgraph.declare.quantities import Integral, NamedSignal, Start, symbol
-from bondgraph.declare.starts import check_start, signals_of
+from bondgraph.declare.starts import check_initial_unit, check_start, signals_of
 from bondgraph.declare.validation import node_domains
 from bondgraph.derive.causality import CausalGraph
 from bondgraph.derive.definitions import Constrained, Definition, Key, Law, Rate, Residual
@@ -223,6 +223,8 @@ class BondVariables:
         where = f" (port {port.number})" if node.ports > 1 else ""
         begun = node.start(port.number)
         self._check_start(begun, node.name, unit)
+        for given in node.initial_units[port.number - 1 : port.number]:
+            check_initial_unit(given, variable, unit, f"{self.graph.name}: {node.name}")
         return State(
             symbol(self.unused(wanted)), unit, initial, f"{variable} of {node.name}{where}", node.name, variable,
             start=begun,

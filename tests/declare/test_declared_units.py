@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from bondgraph.build import build
 from bondgraph.coherent import coherent, displayed
 from bondgraph.declare.domains import ROTATION, THERMAL, TRANSLATION, Domain
 from bondgraph.declare.editing import with_values
@@ -160,11 +161,8 @@ def test_a_temperature_in_celsius_is_one_in_kelvins_and_no_difference():
     g = BondGraph("g")
     warm = ureg.Quantity(20.0, "degC")
     g.input("ambient", "K", default=warm)
-    wall = g.zero_junction("wall", THERMAL)
-    store = g.compliance("store", 100.0, at=wall, initial=warm)
     g.integral("mean", 0, "K", initial=warm)
     assert g.inputs[0].default == g.integrals[0].initial == 293.15
-    assert g.nodes[store.name].initial == (293.15,)
     with pytest.raises(DeclarationError, match=r"g: dT: 20.0 °C is counted from another zero than kelvins"):
         g.parameter("dT", warm, "delta_degC")
     g.parameter("dT", ureg.Quantity(36.0, "delta_degF"), "K")
@@ -187,6 +185,40 @@ def test_a_start_value_is_one_of_the_storage():
         g.inertance("mass", 2.0, at=body, initial=ureg.Quantity(5.0, "kg"))
     spring = g.compliance("spring", 2.0, at=body, initial=ureg.Quantity(5.0, "mm"))
     assert g.nodes[spring.name].initial == (0.005,)
+
+
+@pytest.mark.parametrize(
+    ("initial", "said"),
+    [
+        (
+            ureg.Quantity(20.0, "degC"),
+            r"oven: load: initial is given in '°C', but the state is the displacement in 'J'",
+        ),
+        (ureg.Quantity(293.0, "K"), "given in 'K', but the state is the displacement in 'J' - give it in 'J'"),
+        (ureg.Quantity(880.0, "kJ"), ""),
+    ],
+)
+def test_a_start_is_in_the_unit_of_the_state_that_the_law_decides(initial, said):
+    """A load at 20 degC began with a heat of 293.15 J, that is at 0.1 K, without a word."""
+    g = BondGraph("oven")
+    inside = g.zero_junction("inside", THERMAL)
+    g.compliance("load", lambda heat: heat / 3000.0, at=inside, initial=initial)
+    if said:
+        with pytest.raises(DeclarationError, match=said):
+            build(g)
+    else:
+        assert build(g).x0().tolist() == [880e3]
+
+
+def test_a_mass_starts_at_its_speed_and_no_momentum():
+    g = BondGraph("car")
+    body = g.one_junction("body", TRANSLATION)
+    g.inertance("mass", 800.0, at=body, initial=ureg.Quantity(900.0, "N s"))
+    with pytest.raises(
+        DeclarationError, match=r"car: mass: initial is given in 'N s', but the state is the flow in 'm/s'"
+    ):
+        build(g)
+    assert g.nodes["mass"].initial == (900.0,)
 
 
 def test_a_part_is_bound_to_numbers_in_its_declared_units_and_to_expressions_in_si():
