@@ -114,7 +114,7 @@ def check_initial_unit(given: str, variable: str, unit: str, where: str) -> None
     if given and unit and dimension(given) != dimension(unit):
         raise DeclarationError(
             f"{where}: initial is given in {given!r}, but the state is the {variable} in {unit!r} - give it in "
-            f'{unit!r}, or let it start at a sensor, initial="name of the output"',
+            f"{unit!r}; a log that measures the element begins at what its sensor shows",
             where=(where.rpartition(": ")[2],),
         )
 
