@@ -89,7 +89,7 @@ class OptionError(BondGraphError):
     """A command was given options that are unknown or contradict each other."""
 
 
-#: What gives a thing of each kind that verbs of the front door ask for.
+#: Advice by the kind of thing that a verb of the front door asks for.
 _GIVEN_BY = {
     "model": "bg.build(graph) or bg.load(file) gives one",
     "filter model": "bg.FilterModel(model, ...) gives one",

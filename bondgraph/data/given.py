@@ -71,10 +71,10 @@ def all_matched(
 
 
 def _is_matched(log: object) -> TypeGuard[MatchedLog]:
-    """Whether a log of another class has what filters read, see :class:`bondgraph.filter.samples.MeasuredLog`."""
+    """True for a log of another class that filters can read, see :class:`bondgraph.filter.samples.MeasuredLog`."""
     return all(hasattr(log, part) for part in ("name", "time", "u", "y", "theta_overrides"))
 
 
 def _is_table(log: object) -> TypeGuard[pandas.DataFrame]:
-    """Whether a log is a data frame of pandas, which need not be installed."""
+    """True for a data frame of pandas, which need not be installed."""
     return type(log).__module__.partition(".")[0] == "pandas" and hasattr(log, "columns")

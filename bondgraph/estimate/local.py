@@ -106,12 +106,12 @@ def refitted(fitted: Fit, filter_model: FilterModel, journal: Journal | None = N
     if noted is not None:
         around = fitted.expansion.around(problem.terms(noted.point[:, np.newaxis]))
         return Fit(problem, noted.point, noted.nll, around, noted.evaluations, SearchOutcome[noted.outcome])
-    known = Reached(
-        fitted.point, fitted.nll, fitted.expansion, 0, SearchOutcome.CONVERGED, Formed(Scheme.EXACT, fitted.point)
-    )
-    found, ended = carried_on(problem, known, _FINISHED)
-    if not ended:
+    formed = Formed(Scheme.EXACT, fitted.point)  # not asked for: what is noted here takes the derivatives of the fit
+    known = Reached(fitted.point, fitted.nll, fitted.expansion, 0, SearchOutcome.CONVERGED, formed)
+    carried = carried_on(problem, known, _FINISHED)
+    if carried is None or not carried[1]:
         return fit(filter_model, problem.logs, free, _AGAIN, _FINISHED, journal=journal)
+    found = carried[0]
     journal.note(key, Noted(found.point, found.formed, found.nll, found.evaluations, found.outcome.name))
     return _fit_of(problem, found)
 

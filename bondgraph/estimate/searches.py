@@ -42,7 +42,7 @@ ROUGH, ROUGH_ITERATIONS = 2.0, 30
 
 @dataclass(frozen=True)
 class Wish:
-    """What a search is asked for, see :func:`bondgraph.estimate.local.fit`: points (n,) and numbers."""
+    """Order of a search, see :func:`bondgraph.estimate.local.fit`: points (n,) and numbers."""
 
     iterations: int
     tolerance: float
@@ -96,7 +96,7 @@ def search(problem: EstimationProblem, wish: Wish) -> Reached:
             continue
         if ended:
             return found
-        wish, rungs = wish.from_point(found.point), rungs - 1
+        wish, rungs = replace(wish, starts=[found.point, *wish.starts], first=None), rungs - 1
     return _with_own_steps(problem, wish)
 
 
@@ -109,7 +109,10 @@ def _by_longer_steps(problem: EstimationProblem, times: int, wish: Wish) -> tupl
     if stiff:
         found = _polished(longer, found, wish)
     found = replace(found, formed=replace(found.formed, near=found.point, doublings=times))
-    own, ended = carried_on(problem, found, wish.tolerance)
+    carried = carried_on(problem, found, wish.tolerance)
+    if carried is None:  # the own steps diverge there
+        return found, False
+    own, ended = carried
     if ended or not found.outcome.succeeded:
         return replace(own, outcome=found.outcome), True
     return _polished(problem, own, wish) if stiff else _with_own_steps(problem, wish.from_point(own.point)), True
@@ -122,11 +125,14 @@ def _tell_the_same(problem: EstimationProblem, found: Reached) -> bool:
     return known is not None and step_gain(known.members(np.array([0])), seen) <= ROUGH
 
 
-def carried_on(problem: EstimationProblem, known: Reached, tolerance: float) -> tuple[Reached, bool]:
-    """Where steps with known derivatives lead in a problem close to theirs, and whether that is an optimum."""
+def carried_on(problem: EstimationProblem, known: Reached, tolerance: float) -> tuple[Reached, bool] | None:
+    """The end of steps with known derivatives in a problem close to theirs, and whether it is an optimum.
+
+    None where the problem has no value at their point, or they are not known.
+    """
     seen = problem.terms(known.point[:, np.newaxis])
     if known.expansion.terms is None or not np.isfinite(seen.sums()[0]):
-        return known, False
+        return None
     stiff, around = is_linearised(problem), known.expansion.around(seen)
     nll = known.nll + float(seen.sums()[0]) - known.expansion.sum
     begun = replace(known, nll=nll, expansion=around, evaluations=known.evaluations + 1)

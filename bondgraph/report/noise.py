@@ -8,7 +8,7 @@ from bondgraph.filter.filter_model import FilterModel
 
 
 def noise_sentence(filter_model: FilterModel, idle: Collection[str] = ()) -> str:
-    """Which states process noise drives, as a sentence; ``idle`` are those whose noise rests on its least.
+    """Sentence on the states that process noise drives; ``idle`` are those whose noise rests on its least.
 
     Examples
     --------
@@ -18,10 +18,10 @@ def noise_sentence(filter_model: FilterModel, idle: Collection[str] = ()) -> str
     >>> noise_sentence(FilterModel(pendulum(), {}, {"deflection": 0.05}, {}))
     'Process noise drives no state: the model is taken as exact'
     >>> noise_sentence(FilterModel(pendulum(), {"rate": 1e-9}, {"deflection": 0.05}, {}), ["rate"])
-    'Process noise drives no state noticeably: that of rate rests on its lower bound'
+    'Process noise drives no state noticeably: rate has its noise on the lower bound'
     """
     driven = ", ".join(name for name in filter_model.process_noise if name not in idle)
     if idle:
-        rests = f"that of {', '.join(idle)} rests on its lower bound"
+        rests = f"{', '.join(idle)} {'has its' if len(idle) == 1 else 'have their'} noise on the lower bound"
         return f"Process noise drives {driven + '; ' if driven else 'no state noticeably: '}{rests}"
     return f"Process noise drives {driven or 'no state: the model is taken as exact'}"

@@ -14,7 +14,7 @@ from bondgraph.declare.expressions import signal_name
 from bondgraph.declare.graph import BondGraph
 from bondgraph.declare.quantities import symbol
 
-#: What elements at a junction of each kind add up to, and the kind of the junction that has the sum.
+#: Variable that elements at a junction of each kind add up to, and the kind of the junction that has the sum.
 _ADDED = {"1": ("effort", "0"), "0": ("flow", "1")}
 
 

@@ -1,0 +1,68 @@
+"""The end of a loop: a disturbance against a function that made effects needless."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import cast
+
+import numpy as np
+import pytest
+
+from bondgraph.correct import cautions, rest
+from bondgraph.correct.places.unexplained import Unexplained
+from bondgraph.correct.progress import Progress
+from bondgraph.correct.rest import Rest, at_random
+from bondgraph.correct.round import Round, RoundSettings
+from bondgraph.estimate.fitted import Fit
+from bondgraph.report.closed_loop import _or_twins
+from tests.correct.sled import built, fitted, pull, sled
+
+
+@pytest.mark.parametrize(("explained", "least"), [(0.0, 100.0), (6700.0, 6700.0)])
+def test_a_function_explains_what_it_made_needless(
+    explained: float, least: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Formulas worth 6700 nats went beside a function, and a disturbance of 3500 took their place."""
+    log = pull(sled(), 1)
+    state = Progress(sled(), built(), fitted([log]), (log,))
+    found = cast(Unexplained, SimpleNamespace(signal="speed", gain=100.0, knots=np.zeros(8)))
+    asked: list[float] = []
+
+    def looked_for(state: Progress, settings: RoundSettings, worth: float, *, sensors: bool) -> Progress:
+        asked.append(worth)
+        return state
+
+    monkeypatch.setattr(rest, "with_disturbance", looked_for)
+    at_random(Rest(state, (found,), explained=explained), RoundSettings())
+    measured = int(np.isfinite(log.y).sum())
+    assert asked == [pytest.approx(least - 4.0 * np.log(measured))]
+
+
+def test_what_a_later_round_found_is_not_beyond_detection() -> None:
+    """ "Convection at product cannot be detected" stood below "the model lacks convection at product"."""
+    seen = [SimpleNamespace(effect=name, junction="product", size=np.inf) for name in ("convection", "radiation")]
+    effect, place = SimpleNamespace(described="convection"), SimpleNamespace(label="product")
+    chosen = SimpleNamespace(candidate=SimpleNamespace(effect=effect, place=place))
+    rounds = [SimpleNamespace(detectable=seen, chosen=None), SimpleNamespace(detectable=[], chosen=chosen)]
+    assert cautions._blind(cast("list[Round]", rounds)) == ["radiation at product"]
+
+
+@pytest.mark.parametrize(
+    ("twins", "said"),
+    [
+        ([], "leak at tank"),
+        (["scale"], "leak at tank or scale at gauge, which these data do not tell apart"),
+        (["scale", "bias"], "leak at tank or one of 2 others that these data do not tell from it"),
+    ],
+)
+def test_the_verdict_names_what_the_data_do_not_tell_apart(
+    twins: list[str], said: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    others = [SimpleNamespace(name=name, junction="gauge", indistinguishable=True) for name in twins]
+    others.append(SimpleNamespace(name="drag", junction="tank", indistinguishable=False))
+    monkeypatch.setattr(
+        "bondgraph.report.closed_loop.round_of", lambda closed, added: SimpleNamespace(alternatives=others)
+    )
+    monkeypatch.setattr("bondgraph.report.closed_loop.named", lambda added, fitted: "leak at tank")
+    closed = SimpleNamespace(corrected=cast(Fit, None))
+    assert _or_twins(closed, SimpleNamespace()) == said  # type: ignore[arg-type]
