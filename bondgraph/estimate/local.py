@@ -75,16 +75,7 @@ def fit(
         If the model diverges at every start.
     """
     problem = EstimationProblem(filter_model, tuple(logs), tuple(free))
-    found = _noted(problem, journal, Wish(iterations, tolerance, starts, beat, first, reach))
-    for _ in range(MOST_WIDENINGS):
-        wider = widened(found.problem, found.point, found.held)
-        if wider is None:
-            break
-        try:
-            found = _noted(replace(problem, free=wider), journal, Wish(iterations, tolerance, (), beat, None, reach))
-        except EstimationError:  # nothing is beyond the bound
-            break
-    return found
+    return _widened(problem, Wish(iterations, tolerance, starts, beat, first, reach), journal)
 
 
 def refitted(fitted: Fit, filter_model: FilterModel, journal: Journal | None = None) -> Fit:
@@ -109,11 +100,26 @@ def refitted(fitted: Fit, filter_model: FilterModel, journal: Journal | None = N
     formed = Formed(Scheme.EXACT, fitted.point)  # not asked for: what is noted here takes the derivatives of the fit
     known = Reached(fitted.point, fitted.nll, fitted.expansion, 0, SearchOutcome.CONVERGED, formed)
     carried = carried_on(problem, known, _FINISHED)
-    if carried is None or not carried[1]:
-        return fit(filter_model, problem.logs, free, _AGAIN, _FINISHED, journal=journal)
+    if carried is None or not carried[1]:  # longer steps were tried before: these are to lead further than others did
+        starts = [] if carried is None else [carried[0].point]
+        return _widened(problem, Wish(_AGAIN, _FINISHED, starts, longer=False), journal)
     found = carried[0]
     journal.note(key, Noted(found.point, found.formed, found.nll, found.evaluations, found.outcome.name))
     return _fit_of(problem, found)
+
+
+def _widened(problem: EstimationProblem, wish: Wish, journal: Journal | None) -> Fit:
+    """The end of searches in bounds that are widened as long as one ends on them."""
+    found = _noted(problem, journal, wish)
+    for _ in range(MOST_WIDENINGS):
+        wider = widened(found.problem, found.point, found.held)
+        if wider is None:
+            break
+        try:
+            found = _noted(replace(problem, free=wider), journal, replace(wish, starts=(), first=None))
+        except EstimationError:  # nothing is beyond the bound
+            break
+    return found
 
 
 def left_open(problem: EstimationProblem) -> float:

@@ -36,13 +36,19 @@ from bondgraph.estimate.solvers.steps import newton_decrement
 _POLISHED, _HANDED_OVER = 0.1, 30.0
 #: Along a ridge it once left 55 nats; one that is behind by less than this may still beat what it is to beat.
 WITHIN_REACH = 60.0
+#: Iterations of differences that gain nothing, in a row, after which a search ends: each damps the next a ten thousand
+#: times more, and where a likelihood has kinks none of them follows its gradient.
+_VAIN = 3
 #: A search on a part of the logs ends where a further step promises less than so many nats.
 ROUGH, ROUGH_ITERATIONS = 2.0, 30
 
 
 @dataclass(frozen=True)
 class Wish:
-    """Order of a search, see :func:`bondgraph.estimate.local.fit`: points (n,) and numbers."""
+    """Order of a search, see :func:`bondgraph.estimate.local.fit`: points (n,) and numbers.
+
+    ``longer``: it may go by way of longer integration steps.
+    """
 
     iterations: int
     tolerance: float
@@ -50,11 +56,12 @@ class Wish:
     beat: float = np.inf
     first: FloatArray | None = None
     reach: float = WITHIN_REACH
+    longer: bool = True
 
     @property
     def content(self) -> list[object]:
         """Plain values that tell this wish from every other."""
-        return [self.iterations, self.tolerance, [*self.starts, self.first], self.beat, self.reach]
+        return [self.iterations, self.tolerance, [*self.starts, self.first], self.beat, self.reach, self.longer]
 
     def from_point(self, point: FloatArray) -> Wish:
         """The same from another start (n,)."""
@@ -82,7 +89,7 @@ def search(problem: EstimationProblem, wish: Wish) -> Reached:
     >>> search(problem, Wish(20, 1e-3)).outcome.name
     'CONVERGED'
     """
-    rungs = len(ladder(problem))
+    rungs = len(ladder(problem)) if wish.longer else 0
     if rungs:
         wish = replace(wish, starts=[_best_start(doubled(problem, rungs), wish.starts)[0][:, 0]])
     while rungs:
@@ -113,7 +120,7 @@ def _by_longer_steps(problem: EstimationProblem, times: int, wish: Wish) -> tupl
     if carried is None:  # the own steps diverge there
         return found, False
     own, ended = carried
-    if ended or not found.outcome.succeeded:
+    if ended or found.outcome is SearchOutcome.ITERATION_LIMIT:
         return replace(own, outcome=found.outcome), True
     return _polished(problem, own, wish) if stiff else _with_own_steps(problem, wish.from_point(own.point)), True
 
@@ -165,15 +172,21 @@ def _by_differences(problem: EstimationProblem, wish: Wish) -> Reached:
     state = initial_starts(problem, start, settings)
     if not np.isfinite(state.values[0]):
         raise EstimationError(divergence(problem, start[:, 0]))
-    idle = 0
-    while not starts_ended(state, settings) and idle < 2:
+    end, idle, vain = SearchOutcome.ITERATION_LIMIT, 0, 0
+    while not starts_ended(state, settings):
         before = float(state.values[0])
         state = step_starts(problem, state, settings, known)
         gained = before - float(state.values[0])
-        idle = idle + 1 if 0.0 < gained < wish.tolerance else 0
+        idle, vain = idle + 1 if gained < wish.tolerance else 0, 0 if gained > 0.0 else vain + 1
+        if idle >= 2 and gained > 0.0:
+            end = SearchOutcome.CONVERGED
+            break
+        if vain == _VAIN:
+            end = SearchOutcome.NO_PROGRESS
+            break
         if float(state.values[0]) - wish.beat > HOPELESS * max(gained, known.promise(problem)):
             break
-    state = finish_starts(state, SearchOutcome.CONVERGED if idle == 2 else SearchOutcome.ITERATION_LIMIT)
+    state = finish_starts(state, end)
     point, evaluations = state.points[:, 0], evaluations + state.evaluations
     expansion, steps = known.at(point)
     if expansion is None:
@@ -234,7 +247,10 @@ def _best_start(problem: EstimationProblem, starts: Sequence[FloatArray]) -> tup
 
 
 class _Expansions:
-    """Expansions of which the last is remembered: a search that has converged ends where it was made."""
+    """Expansions of which the last is remembered: a search that has converged ends where it was made.
+
+    It is not formed again where a step has failed, unless differences are to be of clearly another size.
+    """
 
     def __init__(self) -> None:
         self.point: FloatArray | None = None
@@ -242,6 +258,9 @@ class _Expansions:
         self.expansion: Expansion | None = None
 
     def __call__(self, objective: Objective, points: FloatArray, steps: FloatArray) -> tuple[Expansion, ...]:
+        known, used = self.at(points[:, 0])
+        if known is not None and np.all((steps[:, 0] <= 2.0 * used) & (used <= 2.0 * steps[:, 0])):
+            return (replace(known, evaluations=0),)
         self.expansion = expand(objective, points[:, 0], steps[:, 0])
         self.point, self.steps = points[:, 0].copy(), steps[:, 0].copy()
         return (self.expansion,)

@@ -59,7 +59,8 @@ def resolving(fitted: Fit, least: int | None = None) -> FilterModel:
     """The filter of a fit, its steps halved until no effect could gain noticeably by making up for them.
 
     ``least`` are the steps from which halvings are counted, those with which a loop began; None, and where a model
-    with an effect takes another method: those of the fit.
+    with an effect takes a stiff method instead: those of the fit. Explicit steps that a law made shorter than that
+    allows (its width was found with steps of its own) are not halved again.
     """
     problem, seen = fitted.problem, _seen(fitted)
     used, most = problem.filter_model, _most(fitted, least)
@@ -93,8 +94,9 @@ def _most(fitted: Fit, least: int | None) -> int:
     """The most steps that halvings may lead to."""
     used = fitted.problem.filter_model
     halvings = _MOST_STIFF_HALVINGS if used.is_stiff else _MOST_HALVINGS
-    begun = used.substeps if least is None or used.substeps > least << halvings else least
-    return begun << halvings
+    if least is None or (used.is_stiff and used.substeps > least << halvings):
+        return used.substeps << halvings
+    return max(least << halvings, used.substeps)
 
 
 def _seen(fitted: Fit) -> Terms:
