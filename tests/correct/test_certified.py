@@ -133,6 +133,15 @@ def test_effects_could_make_up_for_steps_that_are_stable_but_no_more() -> None:
     assert resolving(fine) is steps and refined(fine)[0] is fine
 
 
+def test_explicit_steps_that_a_law_made_short_are_not_halved_again() -> None:
+    """The width of a law asks for steps of its own: they are none of another method, from which halvings begin anew."""
+    rough = coarse_fan()
+    finer = replace(rough.problem, filter_model=replace(rough.problem.filter_model, substeps=64))
+    short = replace(rough, problem=finer, expansion=expand(finer, rough.point, np.full(rough.point.size, 1e-5)))
+    assert resolving(short, 2) is finer.filter_model  # 32 are all that halving 2 leads to
+    assert refined(short, least=2)[0] is short
+
+
 def test_a_candidate_that_gained_by_making_up_for_steps_loses_it() -> None:
     rough, own = coarse_fan(), fan.built()
     log = rough.problem.logs[0]

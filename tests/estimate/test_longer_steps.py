@@ -12,17 +12,19 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from bondgraph.build import build
-from bondgraph.data.log import FloatArray
+from bondgraph.data.log import FloatArray, MatchedLog
 from bondgraph.declare.editing import with_values
-from bondgraph.estimate import searches
+from bondgraph.estimate import local, searches
 from bondgraph.estimate.declared import free_parameters
-from bondgraph.estimate.fitted import Fit
+from bondgraph.estimate.derivatives.differences import forward_differences
+from bondgraph.estimate.fitted import Fit, at_optimum
+from bondgraph.estimate.free import FreeParameter
 from bondgraph.estimate.journal import Journal
-from bondgraph.estimate.local import fit
+from bondgraph.estimate.local import fit, refitted
 from bondgraph.estimate.longer_steps import doubled, ladder, longest_that_lead
-from bondgraph.estimate.objective import Terms
+from bondgraph.estimate.objective import SearchOutcome, Terms
 from bondgraph.estimate.problem import EstimationProblem
-from bondgraph.estimate.searches import Wish
+from bondgraph.estimate.searches import Wish, search
 from bondgraph.estimate.setup import filter_setup
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.samples import Samples
@@ -138,3 +140,48 @@ def test_where_long_steps_tell_something_else_the_own_ones_decide(monkeypatch: p
     assert found.nll == pytest.approx(own.nll, abs=2e-3)
     asked = [searches._tell_the_same(fast(), searches._approached(doubled(fast(), k), Wish(40, 1e-3))) for k in (1, 3)]
     assert asked == [True, False]
+
+
+def test_a_search_ends_where_no_step_follows_its_derivatives(monkeypatch: pytest.MonkeyPatch) -> None:
+    """At the bottom of a shallow pit every direction seems to lead down behind its walls; none does."""
+    base = fitted([pull(sled(), 1)])
+    one = replace(base.problem, free=at_optimum(base))
+    bottom, terms, nll, formed = one.start, EstimationProblem.terms, EstimationProblem.nll, []
+
+    def depth(points: FloatArray) -> FloatArray:
+        return np.where(np.all(points == bottom[:, np.newaxis], axis=0), 0.0, 0.05)
+
+    def terms_in_pit(self: EstimationProblem, points: FloatArray) -> Terms:
+        found = terms(self, points)
+        return replace(found, log_scales=found.log_scales + depth(points) / len(found.log_scales))
+
+    def counting(*args: object) -> object:
+        formed.append(1)
+        return forward_differences(*args)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(EstimationProblem, "terms", terms_in_pit)
+    monkeypatch.setattr(EstimationProblem, "nll", lambda self, points: nll(self, points) + depth(points))
+    monkeypatch.setattr(searches, "forward_differences", counting)
+    found = search(one, Wish(40, 1e-3, longer=False))
+    assert found.outcome is SearchOutcome.NO_PROGRESS
+    assert np.array_equal(found.point, bottom)
+    assert len(formed) <= 2  # once with steps as wide as bounds allow, once with such as the derivatives ask for
+
+
+def test_a_fit_with_other_steps_goes_on_from_where_known_derivatives_led(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A search with longer steps would only lead back to where the fit has come from."""
+    rough = fit(*by_long_steps())
+    finer = rough.problem.filter_model.with_halved_steps()
+    expected = fit(finer, rough.problem.logs, rough.problem.free, 60, 1e-6)
+    monkeypatch.setattr(searches, "_by_longer_steps", None)  # not to be called
+    monkeypatch.setattr(local, "carried_on", lambda problem, known, tolerance: (replace(known), False))
+    again = refitted(rough, finer)
+    assert again.nll == pytest.approx(expected.nll, abs=2e-3)
+
+
+def by_long_steps() -> tuple[FilterModel, tuple[MatchedLog, ...], tuple[FreeParameter, ...]]:
+    """The sled with one step between samples."""
+    one = problem()
+    for rung in ladder(one):
+        one = rung
+    return one.filter_model, one.logs, one.free
