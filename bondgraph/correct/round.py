@@ -18,6 +18,7 @@ from bondgraph.correct.constants import LEVEL, MOST_REFITS
 from bondgraph.correct.evidence.confirm import confirmed, transferred
 from bondgraph.correct.evidence.context import Context
 from bondgraph.correct.evidence.decide import alternatives, choose, detectable, hurdle
+from bondgraph.correct.evidence.noise_split import split_again
 from bondgraph.correct.evidence.resolved import resolved
 from bondgraph.correct.evidence.trials import Alternative, Detectable, Trial
 from bondgraph.correct.models.absent import absent_when_zero
@@ -232,8 +233,8 @@ def _second_look(best: Trial, context: Context, lost: float) -> tuple[Trial, flo
 
 
 def _looked_at(best: Trial, context: Context, lost: float) -> tuple[Trial, float]:
-    """The trial with steps that resolve it, and as long as it passes, after each costlier look; see :func:`_chosen`."""
-    sure, further = resolved(best, context), 0.0
+    """The trial with its noise split anew and steps that resolve it, and after costlier looks as long as it passes."""
+    sure, further = resolved(split_again(best, context), context), 0.0
     sure = sure if sure is best else _less(sure, lost)
     for look_again in (confirmed, transferred):
         before = sure.evidence
