@@ -16,7 +16,7 @@ from bondgraph.estimate.derivatives.differences import forward_differences
 from bondgraph.estimate.derivatives.exact import exact_expansion
 from bondgraph.estimate.derivatives.formed import Formed, Scheme
 from bondgraph.estimate.derivatives.linearised import divergence, is_linearised, linear_expansion
-from bondgraph.estimate.excerpt import excerpt
+from bondgraph.estimate.excerpt import ENOUGH, excerpt
 from bondgraph.estimate.longer_steps import doubled, ladder, longest_that_lead, step_gain
 from bondgraph.estimate.objective import Expansion, Objective, SearchOutcome
 from bondgraph.estimate.problem import EstimationProblem
@@ -36,6 +36,8 @@ from bondgraph.estimate.solvers.steps import newton_decrement
 _POLISHED, _HANDED_OVER = 0.1, 30.0
 #: Along a ridge it once left 55 nats; one that is behind by less than this may still beat what it is to beat.
 WITHIN_REACH = 60.0
+#: Of very long logs a search begins on one of so many parts, which costs little beside the whole.
+_PARTS = 8
 #: Iterations of differences that gain nothing, in a row, after which a search ends: each damps the next a ten thousand
 #: times more, and where a likelihood has kinks none of them follows its gradient.
 _VAIN = 3
@@ -89,6 +91,7 @@ def search(problem: EstimationProblem, wish: Wish) -> Reached:
     >>> search(problem, Wish(20, 1e-3)).outcome.name
     'CONVERGED'
     """
+    wish = _by_part(problem, wish)
     rungs = len(ladder(problem)) if wish.longer else 0
     if rungs:
         wish = replace(wish, starts=[_best_start(doubled(problem, rungs), wish.starts)[0][:, 0]])
@@ -105,6 +108,25 @@ def search(problem: EstimationProblem, wish: Wish) -> Reached:
             return found
         wish, rungs = replace(wish, starts=[found.point, *wish.starts], first=None), rungs - 1
     return _with_own_steps(problem, wish)
+
+
+def _by_part(problem: EstimationProblem, wish: Wish) -> Wish:
+    """The wish with where a search on an eighth of very long logs led as its first start.
+
+    That of a stiff model begins on a part of its logs anyway.
+    """
+    samples = sum(len(log) for log in problem.logs)
+    if is_linearised(problem) or samples < _PARTS * ENOUGH:
+        return wish
+    part = excerpt(problem, samples / _PARTS)
+    if part is None:
+        return wish
+    try:
+        rough = replace(wish, iterations=ROUGH_ITERATIONS, tolerance=ROUGH, beat=np.inf)
+        found = search(part, rough)
+    except EstimationError:  # what has no value there may have one in the whole
+        return wish
+    return replace(wish, starts=[found.point, *(wish.starts or [problem.start])], first=None)
 
 
 def _by_longer_steps(problem: EstimationProblem, times: int, wish: Wish) -> tuple[Reached, bool]:

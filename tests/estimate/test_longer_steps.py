@@ -168,6 +168,20 @@ def test_a_search_ends_where_no_step_follows_its_derivatives(monkeypatch: pytest
     assert len(formed) <= 2  # once with steps as wide as bounds allow, once with such as the derivatives ask for
 
 
+def test_of_very_long_logs_a_search_begins_on_a_part(monkeypatch: pytest.MonkeyPatch) -> None:
+    logs = [replace(pull(sled(), seed), name=f"run{seed}") for seed in (1, 2, 3)]
+    one = fitted(logs).problem
+    far = 0.3 * one.lower + 0.7 * one.upper
+    steps = counted(monkeypatch)
+    whole = search(one, Wish(60, 1e-6, [far], longer=False))
+    cost = sum(steps)
+    monkeypatch.setattr(searches, "ENOUGH", sum(map(len, one.logs)) // searches._PARTS)  # so long are these, then
+    steps.clear()
+    found = search(one, Wish(60, 1e-6, [far], longer=False))
+    assert found.nll == pytest.approx(whole.nll, abs=2e-3)
+    assert sum(steps) < 0.8 * cost
+
+
 def test_a_fit_with_other_steps_goes_on_from_where_known_derivatives_led(monkeypatch: pytest.MonkeyPatch) -> None:
     """A search with longer steps would only lead back to where the fit has come from."""
     rough = fit(*by_long_steps())
