@@ -271,6 +271,7 @@ def _add_loop_commands(commands: Any) -> None:
         "--holdout", nargs="+", default=[], metavar="FILE", help="held-out logs: assessed, they decide nothing"
     )
     _add_given(c)
+    add_start(c)
     c.add_argument("--out", default="loop", metavar="DIR", help="folder to write (default: loop)")
     c.add_argument(
         "--seed", type=seed, default=0, help="noted in the report; nothing here is drawn at random (default: 0)"

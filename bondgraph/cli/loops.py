@@ -80,6 +80,7 @@ def _closed(options: argparse.Namespace, graph: BondGraph, logs: Splits) -> tupl
             free=tuple(names(options.free)), faults=not options.no_faults, tables=options.tables,
             journal=replace(journal, executor=workers), without=tuple(names(options.without)),
             inputs_as_declared=bool(getattr(options, "inputs_between", [])),
+            initial=getattr(options, "start", "measured"),
         )  # fmt: skip
 
         def report(stage: str, done: int, total: int) -> None:

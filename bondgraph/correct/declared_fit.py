@@ -30,6 +30,7 @@ from bondgraph.estimate.certify import Check
 from bondgraph.estimate.declared import free_parameters
 from bondgraph.estimate.fitted import Fit, at_optimum
 from bondgraph.estimate.free import FreeParameter, parse_target
+from bondgraph.estimate.initial import InitialRule
 from bondgraph.estimate.journal import Journal
 from bondgraph.estimate.local import Report, fit
 from bondgraph.estimate.noise_starts import noisy_starts, quiet_start
@@ -59,6 +60,10 @@ class Wishes(Protocol):
     @property
     def inputs_as_declared(self) -> bool:
         """True where inputs run between samples as declared, whatever the logs say."""
+
+    @property
+    def initial(self) -> InitialRule:
+        """The rule by which states begin."""
 
 
 @dataclass(frozen=True)
@@ -118,7 +123,8 @@ def _is_likelier(fitted: Fit, built: BuiltModel, ways: Mapping[str, Interpolatio
 
     def otherwise() -> Fit:
         filter_model = replace(fitted.problem.filter_model, model=build(with_inputs_between(built.graph, **ways)).model)
-        return fit(filter_model, fitted.problem.logs, at_optimum(fitted), journal=journal)
+        problem = fitted.problem
+        return fit(filter_model, problem.logs, at_optimum(fitted), journal=journal, initial=problem.initial)
 
     return attempted(otherwise, lambda why: fitted).nll < fitted.nll - INDIFFERENT
 
@@ -144,7 +150,7 @@ def _fitted(
     _check_enough(graph, train, len(free))
     found = fit(
         setup.filter_model, train, free, _MOST_ITERATIONS, _TOLERANCE, noisy_starts(free), journal=wishes.journal,
-        first=quiet_start(free, np.array([one.coordinate(one.start) for one in free])),
+        first=quiet_start(free, np.array([one.coordinate(one.start) for one in free])), initial=wishes.initial,
     )  # fmt: skip
     found, check = refined(found, wishes.journal, setup.filter_model.substeps)  # before anything is scored
     return DeclaredFit(graph, built, setup, found, check, tuple(train), tuple(holdout))
