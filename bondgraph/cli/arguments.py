@@ -320,6 +320,10 @@ def _add_loop(command: argparse.ArgumentParser) -> None:
     command.add_argument(
         "--max-effects", type=count, default=3, metavar="N", help="effects to add at most (default: 3)"
     )
+    command.add_argument(
+        "--refits", type=count, default=12, metavar="N",
+        help="candidates of a round that are refitted at most; the answer says where more were needed (default: 12)",
+    )  # fmt: skip
     command.add_argument("--level", type=share, default=0.01, help="chance of a false alarm per round (default: 0.01)")
     command.add_argument("--rate", type=positive, metavar="HZ", help="use every k-th sample, down to this rate")
     command.add_argument("--no-faults", action="store_true", help="do not try faults of sensors")

@@ -285,7 +285,8 @@ def _result(
     history = (*state.history, Decision(len(rounds), "stopped", "", reason))
     cautions = (
         *begun.cautions, *cautions_of(nominal, rounds), *_doubts(nominal, current, first, last), *rest.cautions,
-        *(round_cautions(rounds[0]) if rounds else ()), *unsearched(rounds), *start_cautions(undeclared),
+        *(round_cautions(rounds[0]) if rounds else ()), *unsearched(rounds, settings.refits),
+        *start_cautions(undeclared),
     )  # fmt: skip
     before = assess(nominal, train), assess(nominal, holdout)
     after = assess(current, state.train), assess(current, holdout)
