@@ -35,7 +35,7 @@ from bondgraph.estimate.journal import Journal
 from bondgraph.estimate.local import Report, fit
 from bondgraph.estimate.noise_starts import noisy_starts, quiet_start
 from bondgraph.estimate.setup import FilterSetup, filter_setup
-from bondgraph.text import few, number
+from bondgraph.text import few, inflected, number
 
 #: The declared model is fitted to this many nats, far below what an effect must gain.
 _TOLERANCE = 0.05
@@ -130,7 +130,7 @@ def _is_likelier(fitted: Fit, built: BuiltModel, ways: Mapping[str, Interpolatio
 
 
 def _said(names: Sequence[str], nats: float) -> str:
-    verb = "is" if len(names) == 1 else "are"
+    verb = inflected(names, "is", "are")
     return (
         f"{few(list(names))} {verb} constant in pieces, and {verb} taken as held between samples, {number(nats)} nats "
         "likelier than straight lines - declare hold=True, or say --inputs-between linear"

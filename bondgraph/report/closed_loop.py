@@ -31,6 +31,7 @@ from bondgraph.report.numbers import shown
 from bondgraph.report.regimes import named, regime_sentences
 from bondgraph.report.series import ChannelSeries, FoundEffect, Power, Step, Tried, channel_errors
 from bondgraph.report.tables import error_table, power_table, text_of
+from bondgraph.text import inflected
 
 #: Alternatives shown per round; all stand in result.json.
 _MOST_ALTERNATIVES = 10
@@ -223,7 +224,7 @@ def _completing(added: Sequence[Added]) -> str:
     told = ""
     for first in dict.fromkeys(one.completes for one in added if one.completes):
         names = [one.trial.candidate.label for one in added if one.completes == first]
-        what = f"{names[0]} completes" if len(names) == 1 else f"{' and '.join(names)} complete"
+        what = f"{' and '.join(names)} {inflected(names, 'completes', 'complete')}"
         told += f" {what} the form of {first}: the logs tell only their sum."
     return told
 
@@ -253,16 +254,17 @@ def _shape(one: Unexplained) -> str:
 def structure_lines(closed: ClosedLoop) -> list[str]:
     """What these sensors can tell apart at all, as sentences."""
     told = closed.structure
+    sensors = f"the {inflected(told.sensors, 'sensor', 'sensors')} {', '.join(told.sensors)}"
     lines = []
     if told.classes:
         groups = "; ".join(" = ".join(group) for group in told.classes)
         lines.append(
-            f"By the structure of the model, before any measurement: with the sensors {', '.join(told.sensors)} an "
+            f"By the structure of the model, before any measurement: with {sensors} an "
             f"unknown at these places shows in the same way, so that only its law can tell them apart: {groups}."
         )
     else:
         lines.append(
-            f"By the structure of the model, the sensors {', '.join(told.sensors)} can tell an unknown at every place "
+            f"By the structure of the model, {sensors} can tell an unknown at every place "
             "from one at every other; what these logs tell apart stands beside each effect."
         )
     if told.invisible:
@@ -395,5 +397,7 @@ def compare_with_truth(closed: ClosedLoop, effect: str, junction: str, coefficie
     how = (
         "found" if exactly else "found as one of a group that these sensors cannot tell apart" if found else "not found"
     )
-    extra = f"; {len(closed.added) - 1} more were added that are not there" if len(closed.added) > 1 else ""
+    more = closed.added[1:]
+    were = inflected(more, "was added that is", "were added that are")
+    extra = f"; {len(more)} more {were} not there" if more else ""
     return Comparison(found and not extra, f"{truth} was missing: {how}{extra}")
