@@ -25,6 +25,9 @@ from bondgraph.files import output_folder
 from bondgraph.report.profiles import ProfileAnswer, write_profile_answer
 from bondgraph.report.progress import WorkProgress
 
+#: Finished profiles stand in this file, so that the fits of a loop in the same folder stay.
+_PROFILES = "profiles.json"
+
 
 def profile(options: argparse.Namespace) -> int:
     """Estimate, then say how far parameters can go, and write a picture and a report."""
@@ -81,7 +84,7 @@ def _profiled(
     options: argparse.Namespace, found: Estimate, wanted: tuple[str, ...], folder: Path, workers: Executor | None
 ) -> ProfileAnswer:
     """The profiles, of which each that is finished is noted in the folder."""
-    journal = Journal(folder)
+    journal = Journal(folder, file=_PROFILES)
     journal.start(options.resume)
     with WorkProgress("profiles", len(wanted), "profiles") as work:
 

@@ -120,6 +120,7 @@ def test_profiles_that_are_finished_are_not_computed_again(
     finally:
         signal.signal(signal.SIGINT, before)
     assert "go on with --resume" in capsys.readouterr().err and not (out / "result.json").exists()
+    assert {path.name for path in out.iterdir()} == {"checkpoint.npz", "profiles.json"}
     computed.clear()
     monkeypatch.setattr(likelihood_profile, "profile_curve", counted)
     assert main(_asked(motor_file, run_file, out, *free, "--resume")) == 0
