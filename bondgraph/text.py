@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Sequence, Sized
 from typing import TypeAlias
 
 #: Header and rows of a table, cell by cell.
@@ -33,6 +33,17 @@ def count(number: int, noun: str) -> str:
     ('1 state', '0 logs')
     """
     return f"{number} {noun}{'' if number == 1 else 's'}"
+
+
+def inflected(things: Sized, one: str, several: str) -> str:
+    """The form of words that goes with one thing, or with several or none.
+
+    Examples
+    --------
+    >>> [f"{', '.join(names)} {inflected(names, 'rests', 'rest')}" for names in (["v"], ["v", "omega"])]
+    ['v rests', 'v, omega rest']
+    """
+    return one if len(things) == 1 else several
 
 
 def number(value: float) -> str:

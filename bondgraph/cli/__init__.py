@@ -34,6 +34,7 @@ COMMANDS = {
     "simulate": "runs",
     "filter": "runs",
     "estimate": "runs",
+    "profile": "profiles",
     "sensitivity": "experiments",
     "design": "experiments",
     "close-loop": "loops",

@@ -6,6 +6,14 @@ import argparse
 from typing import Any
 
 from bondgraph.cli.daily_arguments import add_daily_commands
+from bondgraph.cli.estimation_options import (
+    add_knowledge,
+    add_problem,
+    add_robust,
+    add_strict,
+    estimate_options,
+    profile_options,
+)
 from bondgraph.cli.experiment_options import design_options, sensitivity_options
 from bondgraph.cli.log_options import (
     LOGS_HELP,
@@ -28,8 +36,6 @@ GRAPH_HELP = (
 )
 #: Folder of the generated modules.
 FOLDER = "generated"
-#: Methods of an estimation, as :mod:`bondgraph.estimate.methods` knows them.
-METHODS = ("both", "gradient", "pso", "shade", "de", "cma", "shade+gradient", "de+gradient", "cma+gradient")
 MODEL_HELP = GRAPH_HELP + ", or generated module (generated/driveline.py)"
 
 
@@ -197,8 +203,8 @@ def _add_filter(commands: Any) -> None:
         "  bondgraph filter vehicle_graphs.driveline:driveline --data run.csv --robust gate:0.9999",
     )  # fmt: skip
     _add_data(c)
-    _add_strict(c)
-    _add_robust(c)
+    add_strict(c)
+    add_robust(c)
     c.add_argument("--smooth", action="store_true", help="states given the whole log instead of the past only")
     c.add_argument("--out", default="filtered", metavar="DIR", help="folder to write (default: filtered)")
 
@@ -219,38 +225,17 @@ def _add_estimate(commands: Any) -> None:
         "\n  bondgraph estimate MODEL --data run.csv --out fit --resume",
     )  # fmt: skip
     _add_data(c)
-    _add_problem(c)
-    _add_knowledge(c)
-    c.add_argument(
-        "--holdout", nargs="+", default=[], metavar="FILE", help="held-out logs: looked at, they decide nothing"
-    )
-    c.add_argument("--starts", type=count, default=4, metavar="N", help="gradient searches side by side (default: 4)")
-    c.add_argument(
-        "--method", default="both", choices=METHODS,
-        help="a short swarm whose best points start gradient searches (both, the default), gradient searches from the "
-        "declared values and points spread over the bounds (gradient), or a swarm (pso), L-SHADE (shade), scipy's "
-        "differential evolution (de) or CMA-ES (cma) alone, the last three also with gradient searches after them",
+    estimate_options(c)
+
+    c = _command(
+        commands, "profile", "estimate, then say how far each parameter can go before the logs forbid it",
+        "  bondgraph profile sled.py --data run1.csv --free mass,drag\n"
+        "  bondgraph profile sled.py --data run1.csv --free mass=50:400 drag --prior drag=12+-2 --of mass --until 20\n"
+        "  bondgraph profile MODEL --data run.csv --estimate fit     (searched by bondgraph estimate --out fit)\n"
+        "  bondgraph profile MODEL --data run.csv --out profile --resume     (Ctrl-C keeps finished profiles)",
     )  # fmt: skip
-    c.add_argument(
-        "--certify", default="step", choices=("step", "full", "none"),
-        help="look at the result again with halved integration steps, or fully also with the classical Runge-Kutta "
-        "method, and go on with finer ones where it moves (default: step)",
-    )  # fmt: skip
-    c.add_argument(
-        "--continuation", default="none", choices=("none", "process-noise"),
-        help="lead the gradient searches through filters with more process noise, where the start is so far away that "
-        "the likelihood is rugged (default: none)",
-    )  # fmt: skip
-    c.add_argument(
-        "--profile", nargs="*", metavar="NAME",
-        help="95 %% intervals by the profile likelihood, with a picture, of these parameters (none: all)",
-    )  # fmt: skip
-    _add_strict(c)
-    _add_robust(c)
-    add_executor(c)
-    c.add_argument("--seed", type=seed, default=0, help="seed of the swarm (default: 0)")
-    c.add_argument("--out", default="estimate", metavar="DIR", help="folder to write (default: estimate)")
-    c.add_argument("--resume", action="store_true", help="go on from the checkpoint in --out")
+    _add_data(c)
+    profile_options(c)
 
 
 def _add_experiments(commands: Any) -> None:
@@ -261,8 +246,8 @@ def _add_experiments(commands: Any) -> None:
         "  bondgraph sensitivity MODEL --data run.csv --rates 40,20,10,5        which rate of samples is enough?",
     )  # fmt: skip
     _add_data(c)
-    _add_problem(c)
-    _add_knowledge(c)
+    add_problem(c)
+    add_knowledge(c)
     sensitivity_options(c)
 
     c = _command(
@@ -286,6 +271,7 @@ def _add_loop_commands(commands: Any) -> None:
         "--holdout", nargs="+", default=[], metavar="FILE", help="held-out logs: assessed, they decide nothing"
     )
     _add_given(c)
+    add_start(c)
     c.add_argument("--out", default="loop", metavar="DIR", help="folder to write (default: loop)")
     c.add_argument(
         "--seed", type=seed, default=0, help="noted in the report; nothing here is drawn at random (default: 0)"
@@ -321,52 +307,8 @@ def _add_given(command: argparse.ArgumentParser) -> None:
     add_set(command, "value of an input where the logs have no column of it, or of a parameter of a declared graph")
 
 
-def _add_strict(command: argparse.ArgumentParser) -> None:
-    command.add_argument(
-        "--strict", action="store_true",
-        help="exit status 1 where the model does not explain the logs: its innovations are coloured, or larger than "
-        "the filter expects",
-    )  # fmt: skip
-
-
-def _add_robust(command: argparse.ArgumentParser) -> None:
-    command.add_argument(
-        "--robust", metavar="LOSS",
-        help="sensors that now and then read something else (default: Gaussian; one reading of 20 sigma in a hundred "
-        "doubles an estimated noise). student[:DEGREES], heavy tails, 4 degrees of freedom unless given: for outliers "
-        "of any size and unknown noise levels; huber[:SIGMA], straight beyond 1.345 sigma: for outliers of a few sigma "
-        "(one of 20 in a hundred still raises an estimated noise by a fifth); gate[:PROBABILITY]: readings that a good "
-        "one passes with probability 0.999 are used and the others are not, for noise levels that are known roughly. "
-        "Outliers are judged channel by channel",
-    )  # fmt: skip
-
-
-def _add_problem(command: argparse.ArgumentParser) -> None:
-    command.add_argument(
-        "--free", nargs="+", default=[], metavar="NAME",
-        help="parameters to estimate, also std(output), process(state), x0(state); m=800:1600 within other bounds than "
-        "declared (default: all with bounds; loops take names alone)",
-    )  # fmt: skip
-    command.add_argument(
-        "--process-noise", default="free", choices=("free", "none"),
-        help="estimate the noise that drives the states, or take the model as exact (default: free)",
-    )  # fmt: skip
-
-
-def _add_knowledge(command: argparse.ArgumentParser) -> None:
-    command.add_argument(
-        "--prior", action="append", default=[], metavar="NAME=DISTRIBUTION",
-        help="what is known of a parameter: m=1200+-50 normal, k=1e5*/1.5 lognormal, eta=0.8:0.95 uniform (repeatable)",
-    )  # fmt: skip
-    command.add_argument(
-        "--tie", action="append", default=[], metavar="NAME=EXPRESSION",
-        help="parameter that follows from free ones, in coherent SI: k_r=1.2*k_f (repeatable)",
-    )  # fmt: skip
-    command.add_argument("--rate", type=positive, metavar="HZ", help="use every k-th sample, down to this rate")
-
-
 def _add_loop(command: argparse.ArgumentParser) -> None:
-    _add_problem(command)
+    add_problem(command)
     command.add_argument(
         "--effects", nargs="+", default=["bondgraph.effects"], metavar="EFFECT",
         help="effects to try: modules or files of effect functions, single ones as module:name, names of shipped ones "
@@ -378,6 +320,10 @@ def _add_loop(command: argparse.ArgumentParser) -> None:
     command.add_argument(
         "--max-effects", type=count, default=3, metavar="N", help="effects to add at most (default: 3)"
     )
+    command.add_argument(
+        "--refits", type=count, default=12, metavar="N",
+        help="candidates of a round that are refitted at most; the answer says where more were needed (default: 12)",
+    )  # fmt: skip
     command.add_argument("--level", type=share, default=0.01, help="chance of a false alarm per round (default: 0.01)")
     command.add_argument("--rate", type=positive, metavar="HZ", help="use every k-th sample, down to this rate")
     command.add_argument("--no-faults", action="store_true", help="do not try faults of sensors")

@@ -76,10 +76,12 @@ def _closed(options: argparse.Namespace, graph: BondGraph, logs: Splits) -> tupl
     journal = _journal(options)
     with open_executor(options.executor) as workers, WorkProgress("closing the loop", None) as work:
         settings = LoopSettings(
-            level=options.level, max_effects=options.max_effects, process_noise=options.process_noise,
+            level=options.level, max_effects=options.max_effects, refits=options.refits,
+            process_noise=options.process_noise,
             free=tuple(names(options.free)), faults=not options.no_faults, tables=options.tables,
             journal=replace(journal, executor=workers), without=tuple(names(options.without)),
             inputs_as_declared=bool(getattr(options, "inputs_between", [])),
+            initial=getattr(options, "start", "measured"),
         )  # fmt: skip
 
         def report(stage: str, done: int, total: int) -> None:

@@ -27,6 +27,7 @@ from bondgraph.estimate.estimation import Settings
 from bondgraph.estimate.estimation import estimate as run_estimate
 from bondgraph.estimate.likelihood_profile import profile_likelihood, profile_table
 from bondgraph.estimate.problem import EstimationProblem
+from bondgraph.estimate.result import Estimate
 from bondgraph.execute.executors import open_executor
 from bondgraph.files import output_file, output_folder
 from bondgraph.filter.robust import parse_robust
@@ -115,16 +116,28 @@ def estimate(options: argparse.Namespace) -> int:
     """Estimate parameters from logs."""
     model, driven, logs = model_and_logs(options)
     held_out = _held_out(options, model)
-    problem = posed(options, model, driven, logs)
-    if options.robust:
-        problem = replace(problem, filter_model=replace(problem.filter_model, robust=parse_robust(options.robust)))
+    problem = robust_problem(options, model, driven, logs)
     folder = output_folder(Path(options.out))
-    settings = Settings(
+    with open_executor(options.executor) as workers:
+        return _estimated(options, problem, search_settings(options), held_out, folder, workers)
+
+
+def robust_problem(
+    options: argparse.Namespace, model: Model, driven: Sequence[str], logs: Sequence[MatchedLog]
+) -> EstimationProblem:
+    """The problem that options pose, with outliers weighed as ``--robust`` says."""
+    problem = posed(options, model, driven, logs)
+    if not options.robust:
+        return problem
+    return replace(problem, filter_model=replace(problem.filter_model, robust=parse_robust(options.robust)))
+
+
+def search_settings(options: argparse.Namespace) -> Settings:
+    """How an estimate is searched, by the options of a command."""
+    return Settings(
         method=options.method, seed=options.seed, certify=options.certify, continuation=options.continuation,
         starts=options.starts,
     )  # fmt: skip
-    with open_executor(options.executor) as workers:
-        return _estimated(options, problem, settings, held_out, folder, workers)
 
 
 def _estimated(
@@ -152,9 +165,18 @@ def _estimated(
     report = folder / "report.html"
     print(*misfit_sentences(found.misfits, report), *data.suspected, f"report: {report}", sep="\n")
     if options.profile is not None:
-        profiles = profile_likelihood(found, names(options.profile), executor=workers)
-        print(f"{text_table(*profile_table(profiles))}\nprofiles: {write_profiles(profiles, folder)}")
+        _profiled(options, found, folder, workers)
     return 1 if not found.outcome.succeeded or (options.strict and found.misfits) else 0
+
+
+def _profiled(options: argparse.Namespace, found: Estimate, folder: Path, workers: Executor | None) -> None:
+    """Print and write profiles of an estimate, where there is something to profile."""
+    told = any(map(math.isfinite, found.std.values()))
+    if not math.isfinite(found.nll) or not (told or options.profile):
+        print("profiles: none, since these logs tell no parameter that is free")
+        return
+    profiles = profile_likelihood(found, names(options.profile), executor=workers)
+    print(f"{text_table(*profile_table(profiles))}\nprofiles: {write_profiles(profiles, folder)}")
 
 
 def model_and_logs(options: argparse.Namespace) -> tuple[Model, tuple[str, ...], list[MatchedLog]]:

@@ -10,6 +10,7 @@ from bondgraph.correct.constants import BLOCKS
 from bondgraph.correct.round import Round
 from bondgraph.estimate.fitted import Fit
 from bondgraph.estimate.free import FreeParameter
+from bondgraph.text import inflected
 
 #: Samples in a block of time below which it hardly counts as one.
 _BLOCK_SAMPLES = 5
@@ -27,7 +28,8 @@ def cautions_of(nominal: Fit, rounds: Sequence[Round]) -> tuple[str, ...]:
     ]
     if loud:
         said.append(
-            f"the declared model does not follow {', '.join(loud)} at all: the noise of these rests on its upper bound"
+            f"the declared model does not follow {', '.join(loud)} at all: the noise of "
+            f"{inflected(loud, 'this sensor', 'each of these sensors')} rests on its upper bound"
         )
     seconds = sum(float(log.time[-1] - log.time[0]) for log in nominal.problem.logs)
     samples = sum(log.time.size for log in nominal.problem.logs)
@@ -43,8 +45,9 @@ def cautions_of(nominal: Fit, rounds: Sequence[Round]) -> tuple[str, ...]:
     ]
     if held:
         said.append(
-            f"{', '.join(held)} rest on their bounds in the declared model: the bounds are too narrow, or an effect is "
-            "missing that they stand in for"
+            f"{', '.join(held)} {inflected(held, 'rests on its bound', 'rest on their bounds')} in the declared model: "
+            "the bounds are too narrow, or an effect is missing that "
+            f"{inflected(held, 'it stands', 'they stand')} in for"
         )
     unknown = [
         parameter.name
@@ -52,7 +55,10 @@ def cautions_of(nominal: Fit, rounds: Sequence[Round]) -> tuple[str, ...]:
         if parameter.target.kind == "parameter" and _uninformed(nominal, parameter)
     ]
     if unknown:
-        said.append(f"these logs say next to nothing about {', '.join(unknown)}: drive with more variety, or fix them")
+        said.append(
+            f"these logs say next to nothing about {', '.join(unknown)}: drive with more variety, or fix "
+            f"{inflected(unknown, 'it', 'them')}"
+        )
     blind = _blind(rounds)
     if blind:
         said.append(f"cannot be detected with these logs, at any size that its law may have: {', '.join(blind)}")

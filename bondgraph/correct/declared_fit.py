@@ -30,11 +30,12 @@ from bondgraph.estimate.certify import Check
 from bondgraph.estimate.declared import free_parameters
 from bondgraph.estimate.fitted import Fit, at_optimum
 from bondgraph.estimate.free import FreeParameter, parse_target
+from bondgraph.estimate.initial import InitialRule
 from bondgraph.estimate.journal import Journal
 from bondgraph.estimate.local import Report, fit
 from bondgraph.estimate.noise_starts import noisy_starts, quiet_start
 from bondgraph.estimate.setup import FilterSetup, filter_setup
-from bondgraph.text import few, number
+from bondgraph.text import few, inflected, number
 
 #: The declared model is fitted to this many nats, far below what an effect must gain.
 _TOLERANCE = 0.05
@@ -59,6 +60,10 @@ class Wishes(Protocol):
     @property
     def inputs_as_declared(self) -> bool:
         """True where inputs run between samples as declared, whatever the logs say."""
+
+    @property
+    def initial(self) -> InitialRule:
+        """The rule by which states begin."""
 
 
 @dataclass(frozen=True)
@@ -118,13 +123,14 @@ def _is_likelier(fitted: Fit, built: BuiltModel, ways: Mapping[str, Interpolatio
 
     def otherwise() -> Fit:
         filter_model = replace(fitted.problem.filter_model, model=build(with_inputs_between(built.graph, **ways)).model)
-        return fit(filter_model, fitted.problem.logs, at_optimum(fitted), journal=journal)
+        problem = fitted.problem
+        return fit(filter_model, problem.logs, at_optimum(fitted), journal=journal, initial=problem.initial)
 
     return attempted(otherwise, lambda why: fitted).nll < fitted.nll - INDIFFERENT
 
 
 def _said(names: Sequence[str], nats: float) -> str:
-    verb = "is" if len(names) == 1 else "are"
+    verb = inflected(names, "is", "are")
     return (
         f"{few(list(names))} {verb} constant in pieces, and {verb} taken as held between samples, {number(nats)} nats "
         "likelier than straight lines - declare hold=True, or say --inputs-between linear"
@@ -144,7 +150,7 @@ def _fitted(
     _check_enough(graph, train, len(free))
     found = fit(
         setup.filter_model, train, free, _MOST_ITERATIONS, _TOLERANCE, noisy_starts(free), journal=wishes.journal,
-        first=quiet_start(free, np.array([one.coordinate(one.start) for one in free])),
+        first=quiet_start(free, np.array([one.coordinate(one.start) for one in free])), initial=wishes.initial,
     )  # fmt: skip
     found, check = refined(found, wishes.journal, setup.filter_model.substeps)  # before anything is scored
     return DeclaredFit(graph, built, setup, found, check, tuple(train), tuple(holdout))

@@ -44,6 +44,7 @@ from bondgraph.effects.sensors import SENSOR_FAULTS
 from bondgraph.errors import BondGraphError, DataError, EstimationError, OptionError
 from bondgraph.estimate.certify import Check
 from bondgraph.estimate.fitted import Fit
+from bondgraph.estimate.initial import InitialRule
 from bondgraph.estimate.journal import Journal
 from bondgraph.estimate.local import Report, no_report
 from bondgraph.text import count, few
@@ -62,7 +63,8 @@ class LoopSettings:
     are refitted at most; ``process_noise`` as in :func:`bondgraph.estimate.setup.filter_setup`; ``faults``: faults
     of sensors are candidates too; ``tables``: what stays unexplained is added as a table whose points are parameters;
     ``journal`` keeps finished fits; ``without`` names effects and faults that are not tried; ``inputs_as_declared``:
-    inputs run between samples as declared, though a log of constant pieces looks held.
+    inputs run between samples as declared, though a log of constant pieces looks held; ``initial`` is the rule by which
+    states begin, also those of added effects, see :func:`bondgraph.estimate.initial.initial_states`.
     """
 
     level: float = LEVEL
@@ -75,6 +77,7 @@ class LoopSettings:
     journal: Journal = field(default_factory=Journal)
     without: tuple[str, ...] = ()
     inputs_as_declared: bool = False
+    initial: InitialRule = "measured"
 
 
 @dataclass(frozen=True, repr=False)
@@ -272,11 +275,7 @@ def _result(
     assert last is not None  # every fit of the way is certified
     train = nominal.problem.logs
     residual = whiteness(current, state.train)
-    corrected_built, undeclared = with_declared_starts(
-        build(with_values(with_bounds(state.built.graph, _widened(current)), _model_values(current))),
-        current.problem.filter_model.follows, state.train,
-        [run.filtered_mean for run in current.runs(state.train)],
-    )  # fmt: skip
+    corrected_built, undeclared = _corrected(state)
     report("assess", 0, 1)
     every = [
         Added(one, one.candidate.effect.parameters, rest.completes.get(one.candidate.label, "")) for one in state.added
@@ -286,7 +285,8 @@ def _result(
     history = (*state.history, Decision(len(rounds), "stopped", "", reason))
     cautions = (
         *begun.cautions, *cautions_of(nominal, rounds), *_doubts(nominal, current, first, last), *rest.cautions,
-        *(round_cautions(rounds[0]) if rounds else ()), *unsearched(rounds), *start_cautions(undeclared),
+        *(round_cautions(rounds[0]) if rounds else ()), *unsearched(rounds, settings.refits),
+        *start_cautions(undeclared),
     )  # fmt: skip
     before = assess(nominal, train), assess(nominal, holdout)
     after = assess(current, state.train), assess(current, holdout)
@@ -299,6 +299,19 @@ def _result(
     )  # fmt: skip
     report("assess", 1, 1)
     return result
+
+
+def _corrected(state: Progress) -> tuple[BuiltModel, tuple[str, ...]]:
+    """The corrected model with its estimated values, and the states whose starts no declaration can say.
+
+    Starts are declared where fits had them from sensors and from other states; another rule says them by itself.
+    """
+    current = state.fit
+    built = build(with_values(with_bounds(state.built.graph, _widened(current)), _model_values(current)))
+    if current.problem.initial != "measured":
+        return built, ()
+    paths = [run.filtered_mean for run in current.runs(state.train)]
+    return with_declared_starts(built, current.problem.filter_model.follows, state.train, paths)
 
 
 def _eventless(start: Progress, state: Progress) -> Progress:

@@ -40,7 +40,7 @@ from bondgraph.errors import DataError
 from bondgraph.estimate.fitted import Fit
 from bondgraph.estimate.journal import Journal
 from bondgraph.estimate.local import Report, no_report
-from bondgraph.text import few
+from bondgraph.text import count, few
 
 #: For so many of the effects that are not told from the chosen one it is said what would tell them apart.
 _ADVISED = 3
@@ -304,11 +304,16 @@ def round_cautions(first: Round) -> list[str]:
     return refused_everywhere(first.refused, tried)
 
 
-def unsearched(rounds: Sequence[Round]) -> list[str]:
-    """A sentence on each round that ended before all candidates were refitted that might have been the best."""
+def unsearched(rounds: Sequence[Round], refits: int) -> list[str]:
+    """A sentence on each round that ended before all candidates were refitted that might have been the best.
+
+    ``refits`` is how many a round was granted.
+    """
+    more = 2 * refits
     return [
-        f"round {number} ended with its refits spent: {few(list(one.left_out))} might have done better - "
-        "leave others out with --without"
+        f"round {number} ended with its {count(refits, 'refit')} spent: {few(list(one.left_out))} might have done "
+        f"better - grant more with --refits {more}, in Python LoopSettings(refits={more}), or leave others out with "
+        "--without"
         for number, one in enumerate(rounds, start=1)
         if one.left_out
     ]

@@ -8,6 +8,7 @@ from bondgraph.coherent import Displayed
 from bondgraph.data.log import Log, LogChannel
 from bondgraph.data.signals import InputQuantity, Signals, names_of
 from bondgraph.errors import DataError, OptionError, suggest
+from bondgraph.text import inflected
 
 
 def require_inputs(
@@ -42,7 +43,7 @@ def require_inputs(
         sets = " ".join(f"--set {quantity.name}=0" for quantity in lacking)
         unused = [name for name in channels if name not in names_of(model)]
         raise DataError(
-            f"{log.name}: no values for the input{'s' * (len(lacking) > 1)} {named} of {model.name}"
+            f"{log.name}: no values for the {inflected(lacking, 'input', 'inputs')} {named} of {model.name}"
             f"{suggest(first.name, unused)} - map a column with --map column={first.name}, give a constant with "
             f"{sets}, or declare the input with a default; the columns are {', '.join(log.channels)}",
             where=(log.name, *(quantity.name for quantity in lacking)),

@@ -14,6 +14,7 @@ from bondgraph.derive.continuous import ContinuousDerivation
 from bondgraph.derive.equations import Assignment, Mode, StateEquations
 from bondgraph.derive.impulse import with_resets
 from bondgraph.errors import DerivationError
+from bondgraph.text import inflected
 
 
 def derive(causal: CausalGraph, bonds: bool = False, smooth: bool = True, *, signals: bool = False) -> StateEquations:
@@ -99,7 +100,7 @@ def _check_known(equations: StateEquations, value: Expr, known: set[Any], where:
     foreign = sorted(str(used) for used in value.free_symbols - known)
     if foreign:
         raise DerivationError(
-            f"{equations.name}: the equation of {where} uses {', '.join(foreign)}, which is neither a state, input nor "
-            "parameter - please report this graph",
+            f"{equations.name}: the equation of {where} uses {', '.join(foreign)}, which "
+            f"{inflected(foreign, 'is', 'are')} neither a state, input nor parameter - please report this graph",
             where=(where,),
         )

@@ -19,6 +19,7 @@ from bondgraph.derive.linear import quotient, solve_linear
 from bondgraph.derive.loop_members import LONG, LoopMembers
 from bondgraph.derive.size import is_long
 from bondgraph.errors import DerivationError
+from bondgraph.text import inflected
 
 #: A pivot below this is zero.
 _NO_PIVOT = Float(1e-12)
@@ -71,10 +72,11 @@ class _ConstrainedSystem:
         return row
 
     def _nonlinear(self) -> DerivationError:
-        names = ", ".join(self.names)
+        acts = inflected(self.names, "its effort acts on its own flow", "their efforts act on their own flows")
         return DerivationError(
-            f"{names}: its effort acts on its own flow through a nonlinear algebraic loop, so what keeps it locked has "
-            "no closed form - put an inertance at its junction, or derive the graph smooth",
+            f"{', '.join(self.names)}: {acts} through a nonlinear algebraic loop, so what keeps "
+            f"{inflected(self.names, 'it', 'them')} locked has no closed form"
+            " - put an inertance at the junction, or derive the graph smooth",
             where=tuple(self.names),
         )
 

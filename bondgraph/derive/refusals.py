@@ -8,6 +8,7 @@ from bondgraph.declare.elements import LAW_GIVES, SOURCES, TWO_PORTS, Node
 from bondgraph.declare.graph import BondGraph
 from bondgraph.derive.strokes import ContradictionError, Reason, StrokeSearch
 from bondgraph.errors import CausalityError
+from bondgraph.text import inflected
 
 _OTHER = {"effort": "flow", "flow": "effort"}
 
@@ -36,7 +37,7 @@ def clash(search: StrokeSearch, contradiction: ContradictionError, causes: Seque
         return f"the strokes of {node.name} would not fit its law{with_them}"
     common = _common(node)
     if _is_strong(search, node, contradiction) and culprits:
-        return f"{' and '.join(culprits)} already determine{'s' * (len(culprits) == 1)} the {common}"
+        return f"{' and '.join(culprits)} already {inflected(culprits, 'determines', 'determine')} the {common}"
     if _is_strong(search, node, contradiction):
         return f"the {common} would be imposed twice"
     return f"no bond would impose the {common}{with_them}"

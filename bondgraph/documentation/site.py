@@ -24,6 +24,7 @@ from typing import Any
 from bondgraph.documentation.reference import write_reference
 from bondgraph.errors import OptionError
 from bondgraph.files import output_folder, write_text
+from bondgraph.text import inflected
 from bondgraph.version import __version__
 
 #: Scripts that pages include; ``sled`` is imported by the others.
@@ -90,7 +91,9 @@ def build_site(folder: str | Path, commands: argparse.ArgumentParser, say: Calla
     lacking = [name for name in _LIBRARIES if importlib.util.find_spec(name) is None]
     if lacking:
         raise OptionError(
-            f"docs: {', '.join(lacking)} is not installed - run: pip install 'bondloop[docs]'", where=tuple(lacking)
+            f"docs: {', '.join(lacking)} {inflected(lacking, 'is', 'are')} not installed - run: "
+            "pip install 'bondloop[docs]'",
+            where=tuple(lacking),
         )
     target = output_folder(Path(folder)).resolve()
     with tempfile.TemporaryDirectory() as made:

@@ -40,26 +40,28 @@ def estimated_filter(problem: EstimationProblem, point: FloatArray) -> FilterMod
     )
 
 
-def interval95(parameter: FreeParameter, value: float, std: float) -> tuple[float, float]:
-    """95 % interval of a value with a standard deviation, normal in its coordinate, within the bounds.
+def normal_interval(parameter: FreeParameter, value: float, std: float, reach: float = _Z95) -> tuple[float, float]:
+    """Interval of a value with a standard deviation, normal in its coordinate, within the bounds.
+
+    ``reach`` counts standard deviations to each side (default: those of 95 %).
 
     Examples
     --------
     >>> share = FreeParameter("eta", 0.0, 1.0, 0.5, scale="logit")
-    >>> lower, upper = interval95(share, 0.98, 0.02)
+    >>> lower, upper = normal_interval(share, 0.98, 0.02)
     >>> round(lower, 3), round(upper, 3)
     (0.869, 0.997)
     """
     if not math.isfinite(std):
         return parameter.lower, parameter.upper
     if parameter.scale == "linear":
-        lower, upper = value - _Z95 * std, value + _Z95 * std
+        lower, upper = value - reach * std, value + reach * std
     elif parameter.scale == "log":
-        factor = math.exp(min(_Z95 * std / value, 700.0))
+        factor = math.exp(min(reach * std / value, 700.0))
         lower, upper = value / factor, value * factor
     else:
-        middle, reach = parameter.coordinate(value), _Z95 * std / parameter.slope(value)
-        lower, upper = map(float, parameter.values(np.array([middle - reach, middle + reach])))
+        middle, way = parameter.coordinate(value), reach * std / parameter.slope(value)
+        lower, upper = map(float, parameter.values(np.array([middle - way, middle + way])))
     return max(lower, parameter.lower), min(upper, parameter.upper)
 
 

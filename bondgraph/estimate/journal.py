@@ -48,6 +48,8 @@ class Noted:
 class Journal:
     """Fits noted in a folder; without a folder nothing is noted. Those that are not are computed by an executor.
 
+    ``file`` is the name of the file there.
+
     Examples
     --------
     >>> Journal().entry("4f")
@@ -55,11 +57,12 @@ class Journal:
 
     folder: Path | None = None
     executor: Executor | None = field(default=None, compare=False, repr=False)
+    file: str = FILE
 
     @property
     def exists(self) -> bool:
         """Whether fits were noted before."""
-        return self.folder is not None and (self.folder / FILE).is_file()
+        return self.folder is not None and (self.folder / self.file).is_file()
 
     def start(self, resume: bool) -> None:
         """Begin anew, or keep what is there.
@@ -74,7 +77,7 @@ class Journal:
         if resume:
             self._read()
         else:
-            (self.folder / FILE).unlink(missing_ok=True)
+            (self.folder / self.file).unlink(missing_ok=True)
 
     def find(self, key: str) -> Noted | None:
         """A fit that was noted."""
@@ -108,22 +111,22 @@ class Journal:
             return
         self.folder.mkdir(parents=True, exist_ok=True)
         with _NOTING:
-            write_text(self.folder / FILE, json.dumps(self._read() | {key: dict(content)}))
+            write_text(self.folder / self.file, json.dumps(self._read() | {key: dict(content)}))
 
     def computed(self, search: Callable[..., _Answer], *task: Any) -> _Answer:
         """The answer of a search of a module to its task, by a worker where there are some."""
         return in_order(self.executor, search, [task])[0]
 
     def _read(self) -> dict[str, Any]:
-        if self.folder is None or not (self.folder / FILE).is_file():
+        if self.folder is None or not (self.folder / self.file).is_file():
             return {}
         try:
-            entries = json.loads((self.folder / FILE).read_text(encoding="utf-8"))
+            entries = json.loads((self.folder / self.file).read_text(encoding="utf-8"))
             return dict(entries)
         except (OSError, ValueError) as error:
             raise EstimationError(
-                f"{self.folder / FILE}: the journal of fits cannot be read ({error}) - delete it to start anew",
-                where=(str(self.folder / FILE),),
+                f"{self.folder / self.file}: the journal of fits cannot be read ({error}) - delete it to start anew",
+                where=(str(self.folder / self.file),),
             ) from None
 
 

@@ -7,26 +7,32 @@ hypotheses, Annals of Mathematical Statistics 9(1).
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import math
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from statistics import NormalDist
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy.special import gammaincc
 
 from bondgraph.errors import EstimationError, suggest
+from bondgraph.estimate.checkpoint import problem_digest
 from bondgraph.estimate.derivatives.exact import derivatives
+from bondgraph.estimate.estimated import normal_interval
+from bondgraph.estimate.free import FreeParameter
+from bondgraph.estimate.journal import Journal
 from bondgraph.estimate.objective import FloatArray
 from bondgraph.estimate.pinned import constrained_minimum
-from bondgraph.estimate.profile import profile_curve
+from bondgraph.estimate.profile import ProfileInterval, profile_curve, profile_interval
 from bondgraph.estimate.quantities import quantity_of, unit_of
 from bondgraph.estimate.result import Estimate
 from bondgraph.execute.executors import open_executor
 from bondgraph.execute.threads import in_threads
 from bondgraph.frames import frame
 from bondgraph.shown import own_axes
+from bondgraph.simulate.stored import Kept
 from bondgraph.text import Table, number
 
 if TYPE_CHECKING:
@@ -35,10 +41,21 @@ if TYPE_CHECKING:
 
 #: A profile whose root is this much bent over its interval, as a share, has another interval than its covariance.
 _BENT = 0.1
+#: The first step of the profile of what the covariance does not know, as a share of the width of its bounds.
+_FIRST_STEP = 0.25
+#: A profile this far below its estimate, in nats, has found a better optimum.
+_BETTER = 0.05
+
+#: Called with the number of finished profiles and of all.
+ProfileProgress = Callable[[int, int], None]
+
+
+def _silent(_done: int, _total: int) -> None:
+    """No words on progress."""
 
 
 @dataclass(frozen=True, repr=False)
-class LikelihoodProfile:
+class LikelihoodProfile(Kept):
     """Profile of one parameter of an estimate, in the unit of the model.
 
     Parameters
@@ -46,7 +63,7 @@ class LikelihoodProfile:
     name, unit, level
         The parameter, the unit in which it is shown, and the coverage of the interval.
     value, std
-        The estimate and its standard deviation from the covariance.
+        The estimate and its standard deviation from the covariance; NaN where the data do not tell the parameter.
     interval
         Ends where twice the rise of the negative log-likelihood reaches the quantile, or bounds.
     values, deviance
@@ -57,6 +74,8 @@ class LikelihoodProfile:
         Factor and offset of the unit in which it is shown.
     evaluations
         Evaluations that it took.
+    parameter
+        The free parameter: its bounds, and the scale on which it was searched.
     """
 
     name: str
@@ -70,6 +89,7 @@ class LikelihoodProfile:
     bounded: tuple[bool, bool]
     shown: tuple[float, float]
     evaluations: int
+    parameter: FreeParameter
 
     def __repr__(self) -> str:
         lower, upper = (number(self.show(end)) for end in self.interval)
@@ -80,22 +100,41 @@ class LikelihoodProfile:
         return self.shown[0] * value + self.shown[1]
 
     @property
+    def reach(self) -> float:
+        """Standard deviations from the estimate to each end of a normal interval of this level."""
+        return NormalDist().inv_cdf(0.5 + 0.5 * self.level)
+
+    @property
+    def curvature(self) -> tuple[float, float]:
+        """Interval by the covariance, normal on the scale that was searched, within the bounds: that of estimates."""
+        return normal_interval(self.parameter, self.value, self.std, self.reach)
+
+    @property
+    def differs(self) -> tuple[bool, bool]:
+        """True for each end that is no bound and lies elsewhere than the covariance says, by a tenth of its reach."""
+        half = 0.5 * (self.curvature[1] - self.curvature[0])
+        off = [abs(one - other) > _BENT * half for one, other in zip(self.interval, self.curvature, strict=True)]
+        return off[0] and not self.bounded[0], off[1] and not self.bounded[1]
+
+    @property
+    def better(self) -> float:
+        """Nats by which the best point of the profile is better than the estimate; 0 where the estimate is best."""
+        gain = -0.5 * float(np.nanmin(self.deviance))
+        return gain if gain > _BETTER else 0.0
+
+    @property
     def verdict(self) -> str:
         """What the profile says that the covariance does not: ``skewed``, ``open`` at a bound, or nothing."""
-        if any(self.bounded):
-            return "open at a bound"
-        reach = NormalDist().inv_cdf(0.5 + 0.5 * self.level) * self.std
-        off = max(abs(self.interval[0] - self.value + reach), abs(self.interval[1] - self.value - reach))
-        return "skewed" if off > _BENT * reach else ""
+        return "open at a bound" if any(self.bounded) else "skewed" if any(self.differs) else ""
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """The curve beside the parabola of the covariance, with the quantile and the interval."""
         axes = own_axes(ax)
         axes.plot([self.show(v) for v in self.values], self.deviance, "o-", markersize=3.5, label="profile")
-        fine = np.linspace(self.values[0], self.values[-1], 101)
-        parabola = ((fine - self.value) / self.std) ** 2
-        axes.plot([self.show(v) for v in fine], parabola, "--", color="0.5", label="covariance")
-        quantile = NormalDist().inv_cdf(0.5 + 0.5 * self.level) ** 2
+        if math.isfinite(self.std):
+            fine = np.linspace(self.values[0], self.values[-1], 101)
+            axes.plot([self.show(v) for v in fine], self._parabola(fine), "--", color="0.5", label="covariance")
+        quantile = self.reach**2
         axes.axhline(quantile, color="0.75", linewidth=0.8)
         axes.axvspan(self.show(self.interval[0]), self.show(self.interval[1]), alpha=0.12, linewidth=0.0)
         axes.set_ylim(0.0, max(2.2 * quantile, 1.05 * float(self.deviance.max())))
@@ -103,12 +142,21 @@ class LikelihoodProfile:
         axes.set_ylabel("twice the rise of the NLL")
         return axes
 
+    def _parabola(self, values: FloatArray) -> FloatArray:
+        """Twice the rise by the covariance at values (k,): a parabola on the scale that was searched."""
+        std = self.std / self.parameter.slope(self.value)
+        centre = self.parameter.coordinate(self.value)
+        return np.array([((self.parameter.coordinate(float(v)) - centre) / std) ** 2 for v in values])
+
 
 def profile_likelihood(
     estimate: Estimate,
     names: str | Sequence[str] = (),
     level: float = 0.95,
     executor: str | Executor | None = "serial",
+    *,
+    progress: ProfileProgress = _silent,
+    journal: Journal | None = None,
 ) -> tuple[LikelihoodProfile, ...]:
     """Profiles of parameters of an estimate, by the exact gradient wherever a search by it repays.
 
@@ -117,16 +165,20 @@ def profile_likelihood(
     estimate
         A finished estimate.
     names
-        Free parameters; none: all that are identifiable.
+        Free parameters, of which one that the data do not tell has an open profile; none: all that are identifiable.
     level
         Coverage of the intervals.
     executor
         Who computes ends and points, see :func:`bondgraph.execute.executors.open_executor`; it changes no number.
+    progress
+        Called with the number of finished profiles and of all, at first with 0.
+    journal
+        Where finished profiles are noted, and taken from if they were noted before; None notes nothing.
 
     Raises
     ------
     EstimationError
-        If a name is not free or not identifiable.
+        If a name is not free, or the estimate has no finite likelihood.
 
     Examples
     --------
@@ -140,43 +192,104 @@ def profile_likelihood(
     >>> profile.interval[0] < fit.values["length"] < profile.interval[1]
     True
     """
-    asked = (names,) if isinstance(names, str) else tuple(names)
+    asked = (names,) if isinstance(names, str) else tuple(dict.fromkeys(names))
     chosen = asked or tuple(name for name, std in estimate.std.items() if np.isfinite(std))
+    check_profiled(estimate, chosen)
+    done: list[str] = []
     with open_executor(executor) as workers:
+        work = _Work(estimate, level, workers, journal or Journal())
+
+        def found(name: str) -> LikelihoodProfile:
+            profile = work.profile(name)
+            done.append(name)
+            progress(len(done), len(chosen))
+            return profile
+
+        progress(0, len(chosen))
         # Each name waits in a thread of its own for what workers find.
-        every = in_threads(len(chosen) if workers else 1, lambda name: _profile(estimate, name, level, workers), chosen)
-    return tuple(every)
+        return tuple(in_threads(len(chosen) if workers else 1, found, chosen))
 
 
-def _profile(estimate: Estimate, name: str, level: float, workers: Executor | None) -> LikelihoodProfile:
-    problem, interval = estimate.problem, estimate.profile_interval(name, level, workers)
-    index = problem.names.index(name)
-    parameter = problem.free[index]
-    curve = profile_curve(problem, estimate.point, index, interval, derivatives, workers)
-    lower, upper = parameter.values(np.array([interval.lower, interval.upper]))
-    show = quantity_of(problem, parameter).shown
-    return LikelihoodProfile(
-        name=name,
-        unit=unit_of(problem, parameter),
-        level=level,
-        value=estimate.values[name],
-        std=estimate.std[name],
-        interval=(float(lower), float(upper)),
-        values=parameter.values(curve.coordinates),
-        deviance=curve.deviance,
-        bounded=(bool(interval.lower <= problem.lower[index]), bool(interval.upper >= problem.upper[index])),
-        shown=(show(1.0) - show(0.0), show(0.0)),
-        evaluations=curve.evaluations,
-    )
+def check_profiled(estimate: Estimate, names: Sequence[str]) -> None:
+    """Raise EstimationError if a name is not free in an estimate, or its likelihood is not finite."""
+    free = estimate.problem.names
+    for name in names:
+        if name not in free:
+            raise EstimationError(
+                f"profile: {name!r} is not free in this estimate{suggest(name, free)} - free are {', '.join(free)}",
+                where=(name,),
+            )
+    if not math.isfinite(estimate.nll):
+        raise EstimationError(f"profile: the estimate has no likelihood - {estimate.end}", where=tuple(names))
+
+
+@dataclass(frozen=True)
+class _Work:
+    """What the profiles of an estimate have in common."""
+
+    estimate: Estimate
+    level: float
+    workers: Executor | None
+    journal: Journal = field(default_factory=Journal)
+
+    def profile(self, name: str) -> LikelihoodProfile:
+        """The profile of a free parameter, as it was noted if it was."""
+        estimate, problem = self.estimate, self.estimate.problem
+        point = estimate.point.tolist()
+        key = problem_digest(problem, {"profile": name, "level": self.level, "point": point, "std": estimate.std[name]})
+        entry = self.journal.entry(key)
+        if entry is None:
+            entry = self._entry(problem.names.index(name), name)
+            self.journal.enter(key, entry)
+        parameter = problem.free[problem.names.index(name)]
+        show = quantity_of(problem, parameter).shown
+        return LikelihoodProfile(
+            name=name,
+            unit=unit_of(problem, parameter),
+            level=self.level,
+            value=estimate.values[name],
+            std=estimate.std[name],
+            interval=(entry["interval"][0], entry["interval"][1]),
+            values=np.array(entry["values"]),
+            deviance=np.array(entry["deviance"]),
+            bounded=(entry["bounded"][0], entry["bounded"][1]),
+            shown=(show(1.0) - show(0.0), show(0.0)),
+            evaluations=entry["evaluations"],
+            parameter=parameter,
+        )
+
+    def _entry(self, index: int, name: str) -> dict[str, Any]:
+        """Ends and curve of a profile in words of JSON."""
+        problem, interval = self.estimate.problem, self._interval(index, name)
+        parameter = problem.free[index]
+        curve = profile_curve(problem, self.estimate.point, index, interval, derivatives, self.workers)
+        return {
+            "interval": parameter.values(np.array([interval.lower, interval.upper])).tolist(),
+            "values": parameter.values(curve.coordinates).tolist(),
+            "deviance": curve.deviance.tolist(),
+            "bounded": [bool(interval.lower <= problem.lower[index]), bool(interval.upper >= problem.upper[index])],
+            "evaluations": curve.evaluations,
+        }
+
+    def _interval(self, index: int, name: str) -> ProfileInterval:
+        """Interval of a coordinate; one that the covariance does not know begins with a share of its bounds."""
+        if math.isfinite(self.estimate.std[name]):
+            return self.estimate.profile_interval(name, self.level, self.workers)
+        problem = self.estimate.problem
+        reach = NormalDist().inv_cdf(0.5 + 0.5 * self.level)
+        step = _FIRST_STEP * float(problem.upper[index] - problem.lower[index]) / reach
+        return profile_interval(
+            problem, self.estimate.point, index, step, self.level, jacobian=derivatives, executor=self.workers
+        )
 
 
 def profile_table(profiles: Sequence[LikelihoodProfile]) -> Table:
     """Header, and a row for each profile: estimate, interval by the covariance and by the profile, what differs."""
     rows = []
     for one in profiles:
-        reach = NormalDist().inv_cdf(0.5 + 0.5 * one.level) * one.std
-        ends = (one.value - reach, one.value + reach, *one.interval)
-        rows.append([one.name, one.unit, *(number(one.show(v)) for v in (one.value, *ends)), one.verdict])
+        value, lower, upper = (number(one.show(end)) for end in (one.value, *one.interval))
+        curved = [number(one.show(end)) if math.isfinite(one.std) else "-" for end in one.curvature]
+        rows.append([one.name, one.unit, value, *curved, lower, upper, one.verdict])
     header = ("parameter", "unit", "value", "covariance from", "to", "profile from", "to", "")
     return header, rows
 

@@ -15,7 +15,7 @@ from bondgraph.errors import EstimationError, suggest
 from bondgraph.estimate.certify import NEGLIGIBLE_SHIFT, Certification
 from bondgraph.estimate.continuation import Stage
 from bondgraph.estimate.derivatives.exact import derivatives
-from bondgraph.estimate.estimated import estimated_filter, interval95, next_prior
+from bondgraph.estimate.estimated import estimated_filter, next_prior, normal_interval
 from bondgraph.estimate.free import FreeParameter
 from bondgraph.estimate.joint import Problem, Rows
 from bondgraph.estimate.likelihoods import Batch
@@ -202,7 +202,7 @@ class Estimate(Tabulated, Kept):
     @cached_property
     def ci95(self) -> Mapping[str, tuple[float, float]]:
         """95 % intervals by name, within the bounds; the bounds themselves where not identifiable."""
-        return {one.name: interval95(one, self.values[one.name], self.std[one.name]) for one in self.problem.free}
+        return {one.name: normal_interval(one, self.values[one.name], self.std[one.name]) for one in self.problem.free}
 
     @cached_property
     def parts(self) -> tuple[Estimate, ...]:

@@ -16,6 +16,7 @@ import numpy as np
 from bondgraph.coherent import Displayed
 from bondgraph.errors import EstimationError, require_kind
 from bondgraph.estimate.derivatives.exact import derivatives
+from bondgraph.estimate.joint import JointProblem, Problem
 from bondgraph.estimate.objective import Expand, Expansion, FloatArray, fitted_expansion
 from bondgraph.estimate.problem import EstimationProblem
 from bondgraph.estimate.quantities import quantity_of, unit_of
@@ -113,15 +114,14 @@ def _finite(value: float) -> float | None:
     return float(value) if np.isfinite(value) else None
 
 
-def sensitivity(
-    problem: EstimationProblem, point: FloatArray | None = None, jacobian: Expand = derivatives
-) -> Sensitivity:
+def sensitivity(problem: Problem, point: FloatArray | None = None, jacobian: Expand = derivatives) -> Sensitivity:
     """What the logs of a problem can say about its free parameters.
 
     Parameters
     ----------
     problem
         Free parameters and logs; the times, inputs and gaps of the logs count, and where the model stands at ``point``.
+        Of a joint problem outputs of one name are told together.
     point
         Coordinates, shape (n,); None: where searches start.
     jacobian
@@ -142,12 +142,12 @@ def sensitivity(
     >>> list(bg.sensitivity(bg.pose(swing, log, ["length", "damping"])).to_dict()["parameters"])
     ['length', 'damping']
     """
-    require_kind("sensitivity", problem, EstimationProblem, "posed problem")
+    require_kind("sensitivity", problem, (EstimationProblem, JointProblem), "posed problem")
     where = problem.start if point is None else point
     return sensitivity_from(problem, where, fitted_expansion(problem, where, jacobian))
 
 
-def sensitivity_from(problem: EstimationProblem, where: FloatArray, expansion: Expansion) -> Sensitivity:
+def sensitivity_from(problem: Problem, where: FloatArray, expansion: Expansion) -> Sensitivity:
     """The same from an expansion at a point (n,) that is known already.
 
     Raises
@@ -158,7 +158,7 @@ def sensitivity_from(problem: EstimationProblem, where: FloatArray, expansion: E
     terms = expansion.terms
     if terms is None or not np.isfinite(expansion.information).all():
         raise EstimationError(
-            f"{problem.filter_model.model.name}: no sensitivities at this point, the model diverges there"
+            f"{problem.name}: no sensitivities at this point, the model diverges there"
             " - start nearer to plausible values, or use more substeps",
             where=problem.names,
         )
@@ -182,20 +182,20 @@ def sensitivity_from(problem: EstimationProblem, where: FloatArray, expansion: E
         )
 
 
-def _shares(
-    problem: EstimationProblem, slopes_e: FloatArray, slopes_s: FloatArray
-) -> tuple[tuple[str, ...], FloatArray]:
-    """Information of each parameter by output, shape (n_outputs, n); rows of terms run by log, output, sample."""
+def _shares(problem: Problem, slopes_e: FloatArray, slopes_s: FloatArray) -> tuple[tuple[str, ...], FloatArray]:
+    """Information of each parameter by output, shape (n_outputs, n); rows of terms run by part, log, output, sample."""
     per_row = slopes_e**2 + 2.0 * slopes_s**2
-    names = problem.filter_model.model.names("output")
-    sums = np.zeros((len(names), len(problem.free)))
+    sums: dict[str, FloatArray] = {}
     first = 0
-    for log in problem.logs:
-        size = len(names) * len(log)
-        sums += per_row[first : first + size].reshape(len(names), len(log), -1).sum(axis=1)
-        first += size
-    measured = [row for row in range(len(names)) if any(not np.isnan(log.y[row]).all() for log in problem.logs)]
-    outputs = tuple(names[row] for row in measured)
+    for part in problem.parts:
+        names = part.filter_model.model.names("output")
+        measured = {row for row in range(len(names)) if any(not np.isnan(log.y[row]).all() for log in part.logs)}
+        for log in part.logs:
+            size = len(names) * len(log)
+            told = per_row[first : first + size].reshape(len(names), len(log), -1).sum(axis=1)
+            for row in sorted(measured):
+                sums[names[row]] = sums.get(names[row], 0.0) + told[row]
+            first += size
     if first == per_row.shape[0]:
-        return outputs, sums[measured]
-    return (*outputs, "prior"), np.vstack([sums[measured], per_row[first:].sum(axis=0)])
+        return tuple(sums), np.array([*sums.values()]).reshape(len(sums), per_row.shape[1])
+    return (*sums, "prior"), np.vstack([*sums.values(), per_row[first:].sum(axis=0)])

@@ -10,6 +10,7 @@ from bondgraph.compile.ir.tape import FUNCTIONS, Operation, Program
 from bondgraph.errors import GenerationError, require_kind
 from bondgraph.exchange.libraries import library
 from bondgraph.simulate.model import Model
+from bondgraph.text import inflected
 
 
 def to_casadi(model: Model) -> tuple[Any, Any]:
@@ -41,10 +42,12 @@ def to_casadi(model: Model) -> tuple[Any, Any]:
             where=(model.name,),
         )
     program = model.program.anew()
-    if program.reader.solvers:
+    loops = program.reader.solvers
+    if loops:
         raise GenerationError(
-            f"{model.name}: the algebraic loops {', '.join(program.reader.solvers)} are solved by iteration, which has "
-            "no form in CasADi - export C, or break the loop by a small storage",
+            f"{model.name}: the algebraic {inflected(loops, 'loop', 'loops')} {', '.join(loops)} "
+            f"{inflected(loops, 'is', 'are')} solved by iteration, which has no form in CasADi"
+            " - export C, or break the loop by a small storage",
             where=(model.name,),
         )
     t = casadi.SX.sym("t")

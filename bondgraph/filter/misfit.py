@@ -17,6 +17,7 @@ from scipy.special import fdtrc, gammainc, gammaincc
 
 from bondgraph.arrays import FloatArray
 from bondgraph.filter.whiteness import whiteness_p
+from bondgraph.text import inflected
 
 #: Chance of a false alarm about all channels of a report together.
 LEVEL = 1e-3
@@ -90,7 +91,7 @@ class Misfit:
             why.append(
                 f"its squared innovations are {self.nis_mean:.3g} times what the filter expects ({_p_text(self.nis_p)})"
             )
-        these = "this log" if len(self.logs) == 1 else "these logs"
+        these = inflected(self.logs, "this log", "these logs")
         return (
             f"{', '.join(self.logs)}: {self.channel}: one-step error {self.error:.2g} {self.unit} is "
             f"{_times(self.ratio)} its noise {self.noise:.2g} {self.unit}, and {' and '.join(why)}: "

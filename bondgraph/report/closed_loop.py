@@ -31,6 +31,7 @@ from bondgraph.report.numbers import shown
 from bondgraph.report.regimes import named, regime_sentences
 from bondgraph.report.series import ChannelSeries, FoundEffect, Power, Step, Tried, channel_errors
 from bondgraph.report.tables import error_table, power_table, text_of
+from bondgraph.text import inflected
 
 #: Alternatives shown per round; all stand in result.json.
 _MOST_ALTERNATIVES = 10
@@ -223,8 +224,8 @@ def _completing(added: Sequence[Added]) -> str:
     told = ""
     for first in dict.fromkeys(one.completes for one in added if one.completes):
         names = [one.trial.candidate.label for one in added if one.completes == first]
-        what = f"{names[0]} completes" if len(names) == 1 else f"{' and '.join(names)} complete"
-        told += f" {what} the form of {first}: the logs tell only their sum."
+        complete = inflected(names, "completes", "complete")
+        told += f" {' and '.join(names)} {complete} the form of {first}: the logs tell only their sum."
     return told
 
 
@@ -253,18 +254,14 @@ def _shape(one: Unexplained) -> str:
 def structure_lines(closed: ClosedLoop) -> list[str]:
     """What these sensors can tell apart at all, as sentences."""
     told = closed.structure
-    lines = []
-    if told.classes:
-        groups = "; ".join(" = ".join(group) for group in told.classes)
-        lines.append(
-            f"By the structure of the model, before any measurement: with the sensors {', '.join(told.sensors)} an "
-            f"unknown at these places shows in the same way, so that only its law can tell them apart: {groups}."
-        )
-    else:
-        lines.append(
-            f"By the structure of the model, the sensors {', '.join(told.sensors)} can tell an unknown at every place "
-            "from one at every other; what these logs tell apart stands beside each effect."
-        )
+    sensors = f"the {inflected(told.sensors, 'sensor', 'sensors')} {', '.join(told.sensors)}"
+    groups = "; ".join(" = ".join(group) for group in told.classes)
+    lines = [
+        f"By the structure of the model, before any measurement: with {sensors} an unknown at these places shows in "
+        f"the same way, so that only its law can tell them apart: {groups}." if groups
+        else f"By the structure of the model, {sensors} can tell an unknown at every place from one at every other; "
+        "what these logs tell apart stands beside each effect."
+    ]  # fmt: skip
     if told.invisible:
         lines.append(f"No sensor sees what is missing at {', '.join(told.invisible)}.")
     return [*lines, *(f"{one}." for one in told.sums)]
@@ -395,5 +392,6 @@ def compare_with_truth(closed: ClosedLoop, effect: str, junction: str, coefficie
     how = (
         "found" if exactly else "found as one of a group that these sensors cannot tell apart" if found else "not found"
     )
-    extra = f"; {len(closed.added) - 1} more were added that are not there" if len(closed.added) > 1 else ""
+    more = inflected(closed.added[1:], "more was added that is", "more were added that are")
+    extra = f"; {len(closed.added) - 1} {more} not there" if len(closed.added) > 1 else ""
     return Comparison(found and not extra, f"{truth} was missing: {how}{extra}")

@@ -5,6 +5,7 @@ from __future__ import annotations
 from matplotlib.figure import Figure
 
 from bondgraph.simulate.trajectory import EventRecord, Trajectory
+from bondgraph.text import count
 
 #: So many events are listed, and so many marked with words; the others are counted, and marked by a line alone.
 _LISTED, _WORDED = 40, 8
@@ -22,7 +23,7 @@ def events_text(trajectory: Trajectory) -> str:
     if len(lines) > _LISTED:
         half = _LISTED // 2
         lines = [*lines[:half], f"... {len(lines) - 2 * half} more events ...", *lines[-half:]]
-    return "\n".join([f"{len(events)} event{'s' if len(events) > 1 else ''}", *(f"  {line}" for line in lines)])
+    return "\n".join([count(len(events), "event"), *(f"  {line}" for line in lines)])
 
 
 def mark_events(figure: Figure, trajectory: Trajectory) -> None:

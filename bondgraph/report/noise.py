@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection
 
 from bondgraph.filter.filter_model import FilterModel
+from bondgraph.text import inflected
 
 
 def noise_sentence(filter_model: FilterModel, idle: Collection[str] = ()) -> str:
@@ -22,6 +23,6 @@ def noise_sentence(filter_model: FilterModel, idle: Collection[str] = ()) -> str
     """
     driven = ", ".join(name for name in filter_model.process_noise if name not in idle)
     if idle:
-        rests = f"{', '.join(idle)} {'has its' if len(idle) == 1 else 'have their'} noise on the lower bound"
+        rests = f"{', '.join(idle)} {inflected(idle, 'has its', 'have their')} noise on the lower bound"
         return f"Process noise drives {driven + '; ' if driven else 'no state noticeably: '}{rests}"
     return f"Process noise drives {driven or 'no state: the model is taken as exact'}"

@@ -27,6 +27,7 @@ from bondgraph.declare.quantities import Integral, NamedSignal, Parameter
 from bondgraph.errors import BondGraphError
 from bondgraph.files import write_text
 from bondgraph.syntax import parsed
+from bondgraph.text import inflected
 
 #: Own variables of laws by what they give; those of storages first.
 _OWN = {"R": {"effort": "flow", "flow": "effort"}, "C": {"effort": "displacement"}, "I": {"flow": "momentum"}}
@@ -226,7 +227,7 @@ def _write_ways(writer: _Writer, before: BondGraph, after: BondGraph) -> None:
         plain = all(map(str.isidentifier, names))
         given = ", ".join(f"{name}={way!r}" for name in names) if plain else f"**{dict.fromkeys(names, way)!r}"
         said = "hold=True" if way == "hold" else f"between={way!r}"
-        told = f"or {said} where {' and '.join(names)} {'is' if len(names) == 1 else 'are'} declared"
+        told = f"or {said} where {' and '.join(names)} {inflected(names, 'is', 'are')} declared"
         function = writer.use("bondgraph.declare.editing", "with_inputs_between")
         writer.lines.append(f"g = {function}(g, {given})  # {told}")
 

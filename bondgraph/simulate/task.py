@@ -16,6 +16,7 @@ from bondgraph.data.matching import match_recorded
 from bondgraph.errors import ModelError, OptionError, require_kind
 from bondgraph.simulate.inputs import InputSignal, limited_rows
 from bondgraph.simulate.model import Model
+from bondgraph.text import inflected
 
 #: Inputs as a signal, by name, as an array (n_u, n), or None for the defaults.
 GivenInputs = InputSignal | Mapping[str, float | str | npt.ArrayLike] | npt.ArrayLike | None
@@ -136,8 +137,9 @@ def refuse_modes(model: Model) -> None:
 def refusal(model: Model, why: str) -> ModelError:
     """The error for a model with modes where its events cannot be located."""
     elements = list(dict.fromkeys(mode.element or mode.input for mode in model.modes))
+    change = inflected(elements, "changes its", "change their")
     return ModelError(
-        f"{model.name}: {', '.join(elements)} change their modes at events, and {why} - derive the graph smooth, or"
-        " simulate it with an adaptive method",
+        f"{model.name}: {', '.join(elements)} {change} modes at events, and {why}"
+        " - derive the graph smooth, or simulate it with an adaptive method",
         where=(model.name, *elements),
     )

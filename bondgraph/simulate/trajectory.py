@@ -3,24 +3,27 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from pathlib import Path
+from typing import TYPE_CHECKING, Self
 
 import numpy as np
 
 from bondgraph.arrays import FloatArray
 from bondgraph.data.log import Log, LogChannel
 from bondgraph.data.write import write_log
-from bondgraph.errors import ModelError, suggest
+from bondgraph.errors import ModelError, OptionError, suggest
 from bondgraph.frames import dataset, frame
 from bondgraph.shown import Tabulated, own_axes
 from bondgraph.simulate.model import Model
 from bondgraph.simulate.outcome import Outcome, describe_end
 from bondgraph.simulate.quantities import InputInfo, OutputInfo, StateInfo
+from bondgraph.simulate.stored import Kept, store, stored
 from bondgraph.text import Table, count, number, text_table
 
-if TYPE_CHECKING:
-    from pathlib import Path
+#: The suffix of a whole trajectory; any other is that of a log.
+_WHOLE = ".npz"
 
+if TYPE_CHECKING:
     import pandas
     import xarray
     from matplotlib.axes import Axes
@@ -45,7 +48,7 @@ class EventRecord:
 
 
 @dataclass(frozen=True, repr=False)
-class Trajectory(Tabulated):
+class Trajectory(Tabulated, Kept):
     """States, outputs and inputs of one model over time.
 
     ``x`` (n_x, n), ``y`` (n_y, n) and ``u`` (n_u, n) are at ``time`` (n,), s. After ``ended_at`` x and y are NaN.
@@ -107,20 +110,54 @@ class Trajectory(Tabulated):
         return dataset(self._columns(), self.time)
 
     def save(self, path: str | Path) -> Path:
-        """Write states, outputs and inputs as a log, which :func:`bondgraph.data.read.read_log` reads.
+        """Write the trajectory whole, or its states, outputs and inputs as a log.
 
-        The suffix chooses the format, see :func:`bondgraph.data.write.write_log`.
+        With the suffix ``.npz`` all of it is kept, the model too, and :meth:`load` reads it. Any other suffix is that
+        of a log, see :func:`bondgraph.data.write.write_log`, which :func:`bondgraph.data.read.read_log` reads.
 
         Raises
         ------
         DataError
             If the suffix is none of a log, or the package for it is not installed.
+        OSError
+            If the file cannot be written.
         """
+        if Path(path).suffix.lower() == _WHOLE:
+            return store(self, path)
         channels = {
             info.name: LogChannel(info.name, info.display_unit or "1", info.shown(values))
             for info, values in self._rows()
         }
         return write_log(path, Log(self.model.name, self.time, channels))
+
+    @classmethod
+    def load(cls, path: str | Path) -> Self:
+        """Read what :meth:`save` wrote to a file ``.npz``: the same values, to the last digit.
+
+        Raises
+        ------
+        OptionError
+            If the suffix is another, there is no such file, or it holds something else, is damaged, or is of another
+            version.
+
+        Examples
+        --------
+        >>> import tempfile
+        >>> from bondgraph.simulate.example import pendulum
+        >>> from bondgraph.simulate.simulation import simulate
+        >>> run = simulate(pendulum(), np.arange(5) * 0.1)
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     again = Trajectory.load(run.save(f"{folder}/run.npz"))
+        >>> bool(np.array_equal(again.x, run.x))
+        True
+        """
+        if Path(path).suffix.lower() != _WHOLE:
+            raise OptionError(
+                f"{path}: no {_WHOLE} file, and a log holds no model - read a log by bg.read_log, or save the "
+                f"trajectory to {_WHOLE}",
+                where=(str(path),),
+            )
+        return stored(cls, path)
 
     def plot(self, *names: str, ax: Axes | None = None) -> Axes:
         """Quantities over time in declared units: those named, else the outputs, else the states.
@@ -205,7 +242,7 @@ def _extremes(values: FloatArray) -> tuple[float, float, float, float]:
 
 
 @dataclass(frozen=True, repr=False)
-class BatchTrajectory:
+class BatchTrajectory(Kept):
     """Trajectories of many members of one model.
 
     ``x`` (n_x, n, members) and ``y`` (n_y, n, members) are at ``time`` (n,), s. ``ended_at`` (members,) is the last

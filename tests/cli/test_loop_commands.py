@@ -9,6 +9,7 @@ import pytest
 
 from bondgraph.cli import main
 from bondgraph.cli.loops import _journal
+from tests.correct.windy_cart import write
 
 GRAPH = "vehicle_graphs.driveline:driveline"
 
@@ -23,9 +24,26 @@ def test_a_loop_that_was_stopped_before_its_first_fit_starts_anew(
 
 @pytest.mark.parametrize(
     ("option", "value", "said"),
-    [("--max-effects", "0", "must be at least 1"), ("--level", "1.5", "must lie between 0 and 1")],
+    [
+        ("--max-effects", "0", "must be at least 1"),
+        ("--refits", "0", "must be at least 1"),
+        ("--level", "1.5", "must lie between 0 and 1"),
+    ],
 )
 def test_impossible_options_are_refused(option: str, value: str, said: str, capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit) as ended:
         main(["close-loop", GRAPH, "--data", "run.csv", option, value])
     assert ended.value.code == 2 and said in capsys.readouterr().err
+
+
+def test_a_loop_whose_refits_are_spent_says_how_to_grant_more(tmp_path: Path) -> None:
+    graph, data = write(tmp_path)
+    command = ["close-loop", str(graph), "--data", str(data), "--no-faults", "--max-effects", "1"]
+    command += ["--effects", "quadratic_loss", "rolling_speed_loss", "--out", str(tmp_path / "loop")]
+    cautions = []
+    for more in (["--refits", "1"], ["--refits", "2"]):
+        assert main([*command, *more]) == 0
+        cautions.append((tmp_path / "loop" / "report.html").read_text(encoding="utf-8"))
+    assert "ended with its 1 refit spent: rolling_speed_loss at body might have done better" in cautions[0]
+    assert "grant more with --refits 2, in Python LoopSettings(refits=2)" in cautions[0]
+    assert "might have done better" not in cautions[1]

@@ -81,7 +81,7 @@ def test_a_part_without_which_a_law_has_no_value_stays(monkeypatch: pytest.Monke
     def diverging(*args: object, **settings: object) -> Fit:
         raise EstimationError("a law has no value at a sigma point")
 
-    monkeypatch.setattr(progress, "fit", diverging)
+    monkeypatch.setattr(progress, "fitted_problem", diverging)
     assert progress._in_fewer_parts(whole, 0, 2, RoundSettings()) is whole
 
 

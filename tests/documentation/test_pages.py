@@ -78,7 +78,7 @@ def test_a_log_is_compared_and_a_run_saved(run_here, tmp_path: Path) -> None:
 def test_a_stream_raises_the_alarm_of_the_true_change(run_here, tmp_path: Path) -> None:
     said = run_here("online")
     assert "icy morning: icy at" in said
-    assert (tmp_path / "filter.npz").exists()
+    assert (tmp_path / "filter.json").exists()
 
 
 def test_things_of_ones_own_work(run_here) -> None:

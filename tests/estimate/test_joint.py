@@ -10,6 +10,9 @@ import numpy as np
 import pytest
 
 from bondgraph.errors import EstimationError
+from bondgraph.estimate.analysis.ranking import rank_parameters
+from bondgraph.estimate.analysis.rates import rate_table
+from bondgraph.estimate.analysis.screening import likelihood_response, problem_bounds
 from bondgraph.estimate.derivatives.differences import central_differences
 from bondgraph.estimate.derivatives.exact import exact_expansion
 from bondgraph.estimate.estimation import Settings, estimate
@@ -19,6 +22,7 @@ from bondgraph.estimate.joint import JointProblem, pose_joint
 from bondgraph.estimate.objective import SearchOutcome
 from bondgraph.estimate.priors import Normal
 from bondgraph.estimate.problem import EstimationProblem, pose
+from bondgraph.estimate.sensitivities import sensitivity
 from bondgraph.estimate.solvers.particle_swarm import SwarmSettings
 from bondgraph.estimate.ties import Tie
 from bondgraph.report.estimation import estimate_report
@@ -167,3 +171,34 @@ REFUSED = {
 def test_what_cannot_be_posed_is_refused(case: tuple) -> None:
     with pytest.raises(EstimationError, match=case[1]):
         case[0]()
+
+
+def test_sensitivities_of_one_model_in_two_parts_are_those_of_one_problem() -> None:
+    """A joint problem was refused: its parts have outputs of their own."""
+    priors = [Normal("mass", 2.5, 0.2)]
+    whole = pose(lag(), LOGS, ["drag", "mass"], priors=priors)
+    joint = pose_joint([pose(lag(), logs, ["drag", "mass"]) for logs in (LOGS[:1], LOGS[1:])], priors=priors)
+    for verb in (sensitivity, rank_parameters):
+        found, expected = (verb(one).to_dataframe() for one in (joint, whole))
+        for name in expected.columns:
+            if expected[name].dtype.kind == "f":
+                np.testing.assert_allclose(found[name], expected[name], rtol=1e-6)
+            else:
+                assert list(found[name]) == list(expected[name])
+    assert sensitivity(joint).outputs == ("speed", "speed_rpm", "prior")
+    slower, expected_rates = rate_table(joint, [5.0, 2.0]), rate_table(whole, [5.0, 2.0])
+    for one, other in zip(slower.rows, expected_rates.rows, strict=True):
+        assert (one.samples, one.work, one.method) == (other.samples, other.work, other.method)
+        np.testing.assert_allclose(one.std, other.std, rtol=1e-6)
+
+
+def test_sensitivities_of_two_models_add_their_information() -> None:
+    joint = two_models()
+    found = sensitivity(joint)
+    assert found.names == joint.names and set(found.to_dict()["parameters"]["gain"]["share"]) == {"speed", "speed_rpm"}
+    alone = [sensitivity(part) for part in joint.parts]
+    for name in ("mass", "drag"):
+        parts = sum(one.std_alone[one.names.index(name)] ** -2 for one in alone)
+        assert found.std_alone[found.names.index(name)] ** -2 == pytest.approx(parts, rel=1e-6)
+    assert "gain" in found.summary() and likelihood_response(joint)(joint.start[:, np.newaxis]).shape == (1,)
+    assert set(problem_bounds(joint)) == set(joint.names)

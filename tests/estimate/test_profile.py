@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,6 +15,7 @@ from bondgraph.estimate.derivatives.exact import exact_derivatives
 from bondgraph.estimate.estimation import Settings, estimate
 from bondgraph.estimate.free import FreeParameter
 from bondgraph.estimate.likelihood_profile import (
+    LikelihoodProfile,
     likelihood_ratio,
     profile_frame,
     profile_likelihood,
@@ -21,6 +24,7 @@ from bondgraph.estimate.likelihood_profile import (
 from bondgraph.estimate.pinned import constrained_minimum
 from bondgraph.estimate.problem import pose
 from bondgraph.estimate.result import Estimate
+from bondgraph.report.profiles import ProfileAnswer
 from tests.estimate.lag_covariance import covariance, one_sensor, pushed, unit_course
 from tests.estimate.linear import ExactLikelihood, lag, simulated
 
@@ -75,6 +79,43 @@ def test_tables_and_pictures_of_several_profiles(fit: Estimate) -> None:
     assert [row[0] for row in rows] == ["mass", "drag"] and all(len(row) == len(header) for row in rows)
     assert set(profile_frame(profiles)["parameter"]) == {"mass", "drag"}
     assert profiles[0].plot().get_xlabel() == "mass [kg]"
+
+
+def test_the_curvature_of_a_logarithmic_scale_is_the_interval_of_the_estimate() -> None:
+    """A level of noise, normal in its logarithm, counted as skewed beside an interval that no estimate shows."""
+    log = pushed()
+    log.y[0] = 1.1 * unit_course(log) + 0.1 * np.random.default_rng(3).standard_normal(log.y.shape[1])
+    free = [FreeParameter("gain", 0.2, 5.0, 1.5), FreeParameter("std(speed)", 0.01, 1.0, 0.1, scale="log")]
+    found = estimate(pose(one_sensor(), log, free, initial="model"), ONE)
+    noise = profile_likelihood(found, "std(speed)")[0]
+    np.testing.assert_allclose(noise.curvature, found.ci95["std(speed)"], rtol=1e-12)
+    assert noise.verdict == ""
+    (parabola,) = (line for line in noise.plot().get_lines() if line.get_label() == "covariance")
+    end = np.interp(noise.curvature[1], *map(np.asarray, parabola.get_data()))
+    assert end == pytest.approx(1.959964**2, rel=0.02)
+
+
+def test_a_profile_that_finds_a_better_point_says_so(fit: Estimate) -> None:
+    away = replace(fit, point=fit.point + np.array([0.0, 3.0 * fit.std["drag"]]))
+    away = replace(away, nll=float(away.problem.nll(away.point[:, np.newaxis])[0]))
+    (found,) = profile_likelihood(away, "mass")
+    assert found.better == pytest.approx(away.nll - fit.nll, rel=0.2)
+    assert "the estimate is no optimum" in " ".join(ProfileAnswer(away, (found,)).sentences())
+    assert profile_likelihood(fit, "mass")[0].better == 0.0
+
+
+def test_progress_counts_finished_profiles_and_they_come_back_from_files(fit: Estimate, tmp_path: Path) -> None:
+    told: list[tuple[int, int]] = []
+    mass, _ = profile_likelihood(fit, ["mass", "drag"], progress=lambda done, total: told.append((done, total)))
+    assert told == [(0, 2), (1, 2), (2, 2)]
+    again = LikelihoodProfile.load(mass.save(tmp_path / "mass.npz"))
+    assert again.interval == mass.interval and profile_table([again]) == profile_table([mass])
+
+
+@pytest.mark.parametrize(("nll", "name", "said"), [(0.0, "mas", "did you mean 'mass'"), (math.inf, "mass", "no likel")])
+def test_impossible_profiles_are_refused(fit: Estimate, nll: float, name: str, said: str) -> None:
+    with pytest.raises(EstimationError, match=said):
+        profile_likelihood(replace(fit, nll=nll), name)
 
 
 def test_held_coordinates_keep_the_exact_gradient(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -11,7 +11,7 @@ from types import FrameType
 import numpy as np
 import pytest
 
-from bondgraph.cli import arguments
+from bondgraph.cli import estimation_options
 from bondgraph.errors import EstimationError, OptionError
 from bondgraph.estimate.checkpoint import Checkpoint, load_checkpoint, save_checkpoint
 from bondgraph.estimate.estimation import Settings, estimate
@@ -138,7 +138,7 @@ def test_a_search_of_ones_own_takes_the_place_of_the_swarm() -> None:
 
 
 def test_the_command_line_knows_the_methods() -> None:
-    assert tuple(arguments.METHODS) == tuple(METHODS)
+    assert tuple(estimation_options.METHODS) == tuple(METHODS)
 
 
 def test_cma_refuses_a_single_coordinate() -> None:

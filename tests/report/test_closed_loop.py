@@ -52,3 +52,12 @@ def test_an_unknown_function_is_told_with_the_units_of_both() -> None:
 def test_outputs_that_add_elements_of_one_junction_are_told_with_the_structure() -> None:
     loop = SimpleNamespace(structure=Structure((), (), ("force",), ("force is declared as a sum",)))
     assert structure_lines(cast(ClosedLoop, loop))[-1] == "force is declared as a sum."
+
+
+def test_one_sensor_is_no_several() -> None:
+    for sensors, words in (
+        (("force",), "the sensor force can tell"),
+        (("force", "v"), "the sensors force, v can tell"),
+    ):
+        loop = SimpleNamespace(structure=Structure((), (), sensors, ()))
+        assert words in structure_lines(cast(ClosedLoop, loop))[0]

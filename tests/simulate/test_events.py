@@ -162,7 +162,7 @@ def test_fixed_steps_are_refused_with_the_way_out():
         lambda: simulate_batch(model, [0.0, 1.0]),
         lambda: FilterModel(model, {}, {}, {}),
     ):
-        with pytest.raises(ModelError, match=r"grip change their modes at events.* - derive the graph smooth"):
+        with pytest.raises(ModelError, match=r"grip changes its modes at events.* - derive the graph smooth"):
             refused()
 
 

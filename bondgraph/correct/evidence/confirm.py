@@ -76,15 +76,31 @@ def _from_there(base: Fit, refit: Fit, context: Context) -> Fit:
         replace(one, start=min(max(known[one.name], one.lower), one.upper)) if one.name in known else one
         for one in at_optimum(base)
     ]
-    problem = base.problem
+    problem, journal = base.problem, context.journal
     part = excerpt(problem) if is_linearised(problem) else None
     try:
         if part is not None:
-            begun = fit(problem.filter_model, part.logs, free, _MOST_ITERATIONS, _ROUGH, journal=context.journal)
+            begun = fit(
+                problem.filter_model,
+                part.logs,
+                free,
+                _MOST_ITERATIONS,
+                _ROUGH,
+                journal=journal,
+                initial=problem.initial,
+            )
             if begun.nll > float(part.nll(base.point[:, np.newaxis])[0]):
                 return base  # it explains the beginnings of long logs less well already
             free = list(at_optimum(begun))
-        other = fit(problem.filter_model, problem.logs, free, _MOST_ITERATIONS, _TOLERANCE, journal=context.journal)
+        other = fit(
+            problem.filter_model,
+            problem.logs,
+            free,
+            _MOST_ITERATIONS,
+            _TOLERANCE,
+            journal=journal,
+            initial=problem.initial,
+        )
     except EstimationError:
         return base
     return other if other.nll < base.nll else base

@@ -22,6 +22,7 @@ from bondgraph.derive.equations import State
 from bondgraph.estimate.initial import directly_measured
 from bondgraph.filter.follows import Follow
 from bondgraph.simulate.model import Model
+from bondgraph.text import inflected
 
 #: What else moves a start by less than this share of it is the error of differences.
 _ALONE = 1e-6
@@ -65,8 +66,8 @@ def start_cautions(states: Sequence[str]) -> list[str]:
         return []
     return [
         f"the corrected declaration starts {', '.join(states)} at the declared value, since no single signal of a log "
-        "tells where it stands; the fits here begin where the other states lead it - give --initial to simulate a log "
-        "that begins in motion"
+        f"tells where {inflected(states, 'it stands', 'they stand')}; the fits here begin where the other states lead "
+        f"{inflected(states, 'it', 'them')} - give --initial to simulate a log that begins in motion"
     ]
 
 

@@ -73,7 +73,7 @@ def quiet_fit(base: Fit, train: Sequence[MatchedLog], journal: Journal | None = 
     sensors = np.array([one.target.kind == "std" for one in free])
     starts = [start + np.where(sensors, np.log(factor), 0.0) for factor in _NOISIER]
     try:
-        return fit(model, train, free, _MOST_ITERATIONS, tolerance, starts, journal=journal)
+        return fit(model, train, free, _MOST_ITERATIONS, tolerance, starts, journal=journal, initial=problem.initial)
     except (EstimationError, FilterError):
         return None
 
@@ -102,7 +102,9 @@ def annealed_fit(base: Fit, train: Sequence[MatchedLog], journal: Journal | None
         starts = [start + np.where(sensors, np.log(factor), 0.0) for factor in _RISING]
         try:
             logs = train if part is None or share == _DESCENT[-1] else part.logs
-            fitted = fit(model, logs, free, _MOST_ITERATIONS, _TOLERANCE, starts, journal=journal)
+            fitted = fit(
+                model, logs, free, _MOST_ITERATIONS, _TOLERANCE, starts, journal=journal, initial=problem.initial
+            )
         except EstimationError:
             return None
         values = fitted.values

@@ -204,7 +204,7 @@ def _begun(posed: _Posed, base: Fit) -> _Begun:
     best = points[int(np.argmin(np.where(np.isfinite(values), values, np.inf)))]
     if part is None or not is_linearised(problem):
         return _Begun(candidate, extended, problem, best, None)
-    rough = fit(part.filter_model, part.logs, part.free, ROUGH_ITERATIONS, ROUGH, [best])
+    rough = fit(part.filter_model, part.logs, part.free, ROUGH_ITERATIONS, ROUGH, [best], initial=problem.initial)
     return _Begun(candidate, extended, problem, rough.point, on_beginnings(base.problem, base.point) - rough.nll)
 
 
@@ -221,8 +221,9 @@ def _estimated(begun: _Begun, base: Fit, tried: int, beat: float, journal: Journ
     """The trial of a disturbance, estimated with everything else as far as it may reach the value to beat."""
     candidate, problem = begun.candidate, begun.problem
     fitted = fit(
-        problem.filter_model, problem.logs, problem.free, _ITERATIONS, _TOLERANCE, [begun.point], beat, journal
-    )
+        problem.filter_model, problem.logs, problem.free, _ITERATIONS, _TOLERANCE, [begun.point], beat, journal,
+        initial=problem.initial,
+    )  # fmt: skip
     if fitted.nll > beat + left_open(problem):
         why = f"gains {base.nll - fitted.nll:.1f} nats, clearly less than what explains it otherwise"
         return Trial(candidate, base.nll - fitted.nll, built=begun.built, remark=why)
@@ -261,7 +262,7 @@ def _problem(extended: BuiltModel, candidate: Candidate, state: str, base: Fit) 
     (name,) = candidate.effect.shapes
     lower, upper = candidate.bounds(name)
     time = FreeParameter(name, lower, upper, float(np.sqrt(lower * upper)), scale="log")
-    problem = EstimationProblem(filter_model, train, (*at_optimum(base), time, level))
+    problem = EstimationProblem(filter_model, train, (*at_optimum(base), time, level), base.problem.initial)
     noise = _alike(problem, candidate, state, base, time.start)
     least, most = (_alike(problem, candidate, state, base, seconds) for seconds in (upper, lower))
     level = replace(level, lower=least * _FARTHEST[0], upper=most * _FARTHEST[1], start=noise)

@@ -106,7 +106,7 @@ def at_declared_values(context: Context) -> tuple[Fit, Linearisation] | None:
     try:
         noise = fit(
             problem.filter_model, problem.logs, rest, _MOST_ITERATIONS, _TOLERANCE, noisy_starts(rest),
-            journal=context.journal,
+            journal=context.journal, initial=problem.initial,
         )  # fmt: skip
         if noise.nll - context.base.nll < context.required:
             return None

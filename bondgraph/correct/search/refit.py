@@ -100,7 +100,7 @@ def prepared(trial: Trial, context: Context, shared: FilterModel | None = None) 
         return built, storage_problem(trial, built, context)
     filter_model = shared or replace(context.base.problem.filter_model, model=built.model)
     free = (*at_optimum(context.base), *coefficients(trial.candidate, filter_model))
-    return built, EstimationProblem(filter_model, context.train, free)
+    return built, EstimationProblem(filter_model, context.train, free, context.base.problem.initial)
 
 
 def refit_from(trial: Trial, values: Sequence[float], context: Context, tried: int | None = None) -> Trial:
@@ -127,7 +127,8 @@ def _fit(
     first: FloatArray | None = None,
 ) -> Fit:
     return fit(
-        problem.filter_model, problem.logs, problem.free, iterations, tolerance, points, beat, context.journal, first
+        problem.filter_model, problem.logs, problem.free, iterations, tolerance, points, beat, context.journal, first,
+        initial=problem.initial,
     )  # fmt: skip
 
 

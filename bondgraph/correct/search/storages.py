@@ -87,7 +87,7 @@ def storage_problem(trial: Trial, extended: BuiltModel, context: Context) -> Est
         follows={**base.follows, **_followers(context, extended, trial.candidate.effect.channel)},
     )
     free = (*at_optimum(context.base), *coefficients(trial.candidate, filter_model))
-    return EstimationProblem(filter_model, context.train, free)
+    return EstimationProblem(filter_model, context.train, free, context.base.problem.initial)
 
 
 def sizes(problem: EstimationProblem, trial: Trial, context: Context) -> list[FloatArray]:

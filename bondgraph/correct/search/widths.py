@@ -91,7 +91,10 @@ def _freed(trial: Trial, context: Context) -> Trial:
         np.concatenate([trial.fit.point, [one.coordinate(share * one.start) for one in own]]) for share in _SHARES
     ]
     free = (*at_optimum(trial.fit), *own)
-    fitted = fit(filter_model, context.train, free, _ITERATIONS, _TOLERANCE, starts, journal=context.journal)
+    fitted = fit(
+        filter_model, context.train, free, _ITERATIONS, _TOLERANCE, starts, journal=context.journal,
+        initial=context.base.problem.initial,
+    )  # fmt: skip
     fitted = _resolved(fitted, context.base.problem.filter_model.substeps, context)
     base = with_steps(context.base, fitted.problem.filter_model, context.journal)
     effect = replace(effect, shapes=(*effect.shapes, *effect.widths), widths=())

@@ -14,7 +14,7 @@ for t, push, speed in zip(log.time[:50], log.u[0], log.y[0], strict=False):
     step = online.step(t, {"force": push}, {"speed": speed})
 print(f"at {online.time:.1f} s: v = {step.mean[0]:.3f} m/s +- {np.sqrt(step.cov[0, 0]):.3f}")
 
-online.state.save("filter.npz")  # go on in another process: online.restore(bg.filter.OnlineState.load(...))
+online.state.save("filter.json")  # go on in another process: online.restore(bg.filter.OnlineState.load(...))
 
 detector = bg.ChangeDetector(
     noise, {"icy": {"drag": 4.0}, "loaded": {"mass": 115.0}}, false_alarm_every=3600.0, interval=0.1,

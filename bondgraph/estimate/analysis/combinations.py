@@ -17,8 +17,8 @@ from fractions import Fraction
 
 import numpy as np
 
+from bondgraph.estimate.joint import Problem
 from bondgraph.estimate.objective import FloatArray
-from bondgraph.estimate.problem import EstimationProblem
 from bondgraph.estimate.symmetric import scaled_eigen
 
 #: Condition index and share of variance from which a dependency counts (Belsley, Kuh and Welsch 1980, page 112).
@@ -70,7 +70,7 @@ def _listed(names: Sequence[str]) -> str:
     return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}" if names else ""
 
 
-def combinations(problem: EstimationProblem, point: FloatArray, information: FloatArray) -> tuple[Combination, ...]:
+def combinations(problem: Problem, point: FloatArray, information: FloatArray) -> tuple[Combination, ...]:
     """Groups of parameters that act only together.
 
     Parameters
@@ -140,7 +140,7 @@ def _groups(values: FloatArray, vectors: FloatArray, open_: np.ndarray) -> list[
 
 
 def _combination(
-    problem: EstimationProblem, point: FloatArray, rows: np.ndarray, directions: FloatArray, condition: float
+    problem: Problem, point: FloatArray, rows: np.ndarray, directions: FloatArray, condition: float
 ) -> Combination:
     values = problem.values(point)[rows]
     names = tuple(problem.names[row] for row in rows)
@@ -200,7 +200,7 @@ def _open_moves(exponents: FloatArray) -> FloatArray:
     return moves
 
 
-def _rise(problem: EstimationProblem, point: FloatArray, rows: np.ndarray, moves: FloatArray, law: str) -> float:
+def _rise(problem: Problem, point: FloatArray, rows: np.ndarray, moves: FloatArray, law: str) -> float:
     """Largest change of the likelihood in nats along curves that start in some directions (m, k), to both sides.
 
     Directions are of the logarithms for a product, of the values for a sum; the parameter that moves most, moves by the

@@ -25,6 +25,7 @@ from bondgraph.filter.choice import choose_method
 from bondgraph.filter.curvature import MovingMember, curvature
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.second_order import Jet
+from bondgraph.text import inflected
 
 #: Shorter of both steps, in standard deviations of a coordinate given the others. A gradient is right to about 1e-9 of
 #: a nat per standard deviation, so rounding leaves 1e-8, and the fourth order as much of a likelihood of 100 samples.
@@ -229,7 +230,7 @@ def hessian(
         silent = [name for name, told in zip(problem.names, information, strict=True) if not told > 0.0]
         raise EstimationError(
             f"{problem.filter_model.model.name}: no second derivatives at this point, the data say nothing about"
-            f" {', '.join(silent)} - fix these, or start where the model does not diverge",
+            f" {', '.join(silent)} - fix {inflected(silent, 'it', 'these')}, or start where the model does not diverge",
             where=tuple(silent),
         )
     room = np.minimum(where - problem.lower, problem.upper - where)

@@ -19,8 +19,8 @@ import numpy as np
 
 from bondgraph.estimate.analysis.combinations import Combination, combinations
 from bondgraph.estimate.derivatives.exact import derivatives
+from bondgraph.estimate.joint import Problem
 from bondgraph.estimate.objective import Expand, FloatArray, fitted_expansion
-from bondgraph.estimate.problem import EstimationProblem
 from bondgraph.estimate.sensitivities import Sensitivity, sensitivity_from
 from bondgraph.frames import frame
 from bondgraph.shown import Tabulated, own_axes
@@ -195,9 +195,7 @@ def _json(value: float) -> float | None:
     return float(value) if math.isfinite(value) else None
 
 
-def rank_parameters(
-    problem: EstimationProblem, point: FloatArray | None = None, jacobian: Expand = derivatives
-) -> Ranking:
+def rank_parameters(problem: Problem, point: FloatArray | None = None, jacobian: Expand = derivatives) -> Ranking:
     """Which of the free parameters of a problem its logs can tell, before anything is estimated.
 
     Parameters
@@ -247,7 +245,7 @@ def rank_parameters(
     return Ranking(tuple(rows), combinations(problem, where, expansion.information), table)
 
 
-def prior_std(problem: EstimationProblem, point: FloatArray) -> FloatArray:
+def prior_std(problem: Problem, point: FloatArray) -> FloatArray:
     """What is known of each coordinate before, shape (n,): prior, or a uniform law over the bounds."""
     uniform = (problem.upper - problem.lower) / math.sqrt(12.0)
     values = problem.values(point)
@@ -258,7 +256,7 @@ def prior_std(problem: EstimationProblem, point: FloatArray) -> FloatArray:
     return np.array(known)
 
 
-def _from_logs(problem: EstimationProblem, point: FloatArray, information: FloatArray) -> FloatArray:
+def _from_logs(problem: Problem, point: FloatArray, information: FloatArray) -> FloatArray:
     """Information without that of the priors, shape (n, n)."""
     values = problem.values(point)
     priors = [

@@ -21,10 +21,12 @@ from bondgraph.data.select import decimate
 from bondgraph.errors import OptionError
 from bondgraph.estimate.derivatives.exact import derivatives, filtering_work
 from bondgraph.estimate.free_simulation import expected_problem
+from bondgraph.estimate.joint import Problem
 from bondgraph.estimate.objective import BoolArray, Expand, FloatArray
 from bondgraph.estimate.problem import EstimationProblem
 from bondgraph.estimate.sensitivities import sensitivity
 from bondgraph.filter.choice import choose_method
+from bondgraph.filter.filter_model import FilterModel
 from bondgraph.frames import frame
 from bondgraph.shown import Tabulated, own_axes
 from bondgraph.simulate.stored import Kept
@@ -171,7 +173,7 @@ def _json(value: float) -> float | None:
 
 
 def rate_table(
-    problem: EstimationProblem,
+    problem: Problem,
     rates: Sequence[float],
     point: FloatArray | None = None,
     jacobian: Expand = derivatives,
@@ -212,19 +214,25 @@ def rate_table(
     where = problem.start if point is None else np.asarray(point, dtype=np.float64)
     rows, table = [], None
     for rate in sorted(rates, reverse=True):
-        slower = expected_problem(at_rate(problem, rate), where)
+        pairs = zip(problem.parts, problem.rows, strict=True)
+        slower = problem.with_parts([expected_problem(at_rate(part, rate), where[places]) for part, places in pairs])
         table = sensitivity(slower, where, jacobian)
-        used = choose_method(slower.filter_model, slower.logs)
-        decided = replace(slower, filter_model=used)
+        used = [choose_method(part.filter_model, part.logs) for part in slower.parts]
+        decided = slower.with_filters(used)
         decided.nll(where[:, np.newaxis])  # what is compiled once is no cost of a rate
         began = time.process_time()
         decided.nll(where[:, np.newaxis])
         spent = time.process_time() - began
         samples = sum(len(log) for log in slower.logs)
-        rows.append(RateRow(rate, samples, table.std_joint, filtering_work(decided), spent, used.method))
+        rows.append(RateRow(rate, samples, table.std_joint, filtering_work(decided), spent, _methods(used)))
     assert table is not None  # there is at least one rate
     judged = np.array([one.target.kind in ("parameter", "x0") for one in problem.free], dtype=np.bool_)
     return RateTable(table.names, table.units, table.quantities, judged, tuple(rows))
+
+
+def _methods(used: Sequence[FilterModel]) -> str:
+    """The methods of filters, each once."""
+    return ", ".join(dict.fromkeys(str(one.method) for one in used))
 
 
 def at_rate(problem: EstimationProblem, rate: float) -> EstimationProblem:

@@ -22,6 +22,7 @@ import numpy as np
 from bondgraph.compile.lanes.text import LANES
 from bondgraph.errors import EstimationError, OptionError, suggest
 from bondgraph.estimate.free_simulation import simulated_members
+from bondgraph.estimate.joint import Problem
 from bondgraph.estimate.objective import FloatArray
 from bondgraph.estimate.problem import EstimationProblem
 from bondgraph.execute.executors import open_executor
@@ -293,7 +294,7 @@ def _salib(module: str) -> Any:
         ) from None
 
 
-def likelihood_response(problem: EstimationProblem) -> Response:
+def likelihood_response(problem: Problem) -> Response:
     """The negative log-likelihood of the logs of a problem, as a response over its coordinates."""
     return problem.nll
 
@@ -345,7 +346,7 @@ class _OutputResponse:
             return np.where(np.isfinite(every).all(axis=0), _REDUCTIONS[self.reduction](every), np.inf)
 
 
-def problem_bounds(problem: EstimationProblem) -> dict[str, tuple[float, float]]:
+def problem_bounds(problem: Problem) -> dict[str, tuple[float, float]]:
     """Bounds of the coordinates of a problem by name."""
     ends = zip(problem.lower, problem.upper, strict=True)
     return {name: (float(a), float(b)) for name, (a, b) in zip(problem.names, ends, strict=True)}

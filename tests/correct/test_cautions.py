@@ -1,0 +1,31 @@
+"""What a reader is told of the declared model, in words that go with one name and with several."""
+
+from __future__ import annotations
+
+import bondgraph as bg
+from bondgraph.correct.cautions import cautions_of
+from bondgraph.correct.declared_fit import fit_declared
+from bondgraph.correct.loop import LoopSettings
+from bondgraph.correct.models.started import start_cautions
+from bondgraph.declare.editing import with_bounds
+from bondgraph.estimate.local import no_report
+from tests.correct.windy_cart import cart, log
+
+
+def _said(graph: bg.BondGraph) -> str:
+    return " ".join(cautions_of(fit_declared(graph, [log(0.0)], [], LoopSettings(), no_report).fit, []))
+
+
+def test_one_parameter_rests_and_several_rest_on_bounds() -> None:
+    """A report said that d_d rest on their bounds."""
+    one = _said(with_bounds(cart(), {"drag": (7.0, 9.0), "mass": (20.0, 900.0)}))
+    assert "drag rests on its bound in the declared model" in one and "that it stands in for" in one
+    both = _said(with_bounds(cart(), {"drag": (7.0, 9.0)}))
+    assert "drag, mass rest on their bounds" in both and "that they stand in for" in both
+
+
+def test_one_state_stands_and_several_stand_somewhere() -> None:
+    (one,), (both,) = start_cautions(["v"]), start_cautions(["v", "x"])
+    assert "starts v at the declared value" in one and "where it stands" in one and "lead it -" in one
+    assert "where they stand" in both and "lead them -" in both
+    assert start_cautions([]) == []
