@@ -63,7 +63,8 @@ def from_quiet_side(fitted: Fit, journal: Journal | None = None) -> Fit | None:
     low = np.where(process, problem.lower, start)
     starts = [low + share * (start - low) for share in _RAISED]
     found = fit(
-        problem.filter_model, problem.logs, problem.free, _ITERATIONS, _TOLERANCE, starts, journal=journal
+        problem.filter_model, problem.logs, problem.free, _ITERATIONS, _TOLERANCE, starts, journal=journal,
+        initial=problem.initial,
     )  # fmt: skip
     return found if found.nll < fitted.nll - _TOLERANCE else None
 
