@@ -234,7 +234,10 @@ def _certified(found: Estimate, run: _Run) -> Estimate:
             found = describe(problem, _continued(found, state), run.jacobian, lambda: run.seconds)
         except KeyboardInterrupt:
             break  # what was found with the steps before is an estimate, and says that it is not certified
-    return replace(found, outcome=SearchOutcome.ILL_CONDITIONED) if found.certification.is_ill_conditioned else found
+    if not found.certification.is_ill_conditioned:
+        return found
+    unknown = np.full_like(found.covariance, np.nan)  # rounding errors in derivatives would pass for certainty
+    return replace(found, outcome=SearchOutcome.ILL_CONDITIONED, covariance=unknown)
 
 
 def _checks(found: Estimate, run: _Run) -> list[tuple[Problem, Check]]:

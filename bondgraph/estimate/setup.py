@@ -16,6 +16,7 @@ import numpy as np
 from bondgraph.data.log import FloatArray, MatchedLog
 from bondgraph.data.select import pieces
 from bondgraph.errors import DataError, OptionError
+from bondgraph.estimate.cyclic import ANYWHERE, repeats
 from bondgraph.estimate.free import FreeParameter, declared_free
 from bondgraph.estimate.initial import directly_measured, initial_states
 from bondgraph.filter.discretisation import step_times_rate
@@ -189,7 +190,8 @@ def unknown_drives(model: Model, logs: Sequence[MatchedLog]) -> tuple[str, ...]:
 def state_sizes(model: Model, logs: Sequence[MatchedLog], stiff: bool = False) -> FloatArray:
     """How large each state gets, shape (n_x,): from what is measured of it, else a simulation, else its start.
 
-    One that no simulation moves is at most as large as the sensors that show it.
+    One that no simulation moves is at most as large as the sensors that show it, and an angle that acts by its sine is
+    somewhere in one turn.
     """
     theta = model.theta()
     sizes = np.abs(model.x0())
@@ -203,7 +205,9 @@ def state_sizes(model: Model, logs: Sequence[MatchedLog], stiff: bool = False) -
         sizes = np.where(sizes < _SMALLEST, reached, sizes)
     if np.any(sizes < _SMALLEST):
         sizes = np.where(sizes < _SMALLEST, _shown(model, logs), sizes)
-    return np.where(sizes < _SMALLEST, 1.0, sizes)
+    sizes = np.where(sizes < _SMALLEST, 1.0, sizes)
+    large = sizes > ANYWHERE
+    return np.where(large & repeats(model, sizes), ANYWHERE, sizes) if large.any() else sizes
 
 
 def _shown(model: Model, logs: Sequence[MatchedLog]) -> FloatArray:
