@@ -77,8 +77,8 @@ def _header(column: str, units: Mapping[str, str], name: str) -> tuple[str, str]
             label, unit = split_header(column, name)
         except DataError:
             raise DataError(
-                f"{name}: column {column!r} has no unit - call it '{column} [unit]' or give units={{{column!r}: unit}}"
-                ", with '1' for a number without dimension and 'text' for codes",
+                f"{name}: column {column!r} has no unit - call it '{column} [unit]' or give units={{{column!r}: unit}} "
+                "to bg.Log.from_dataframe, with '1' for a number without dimension and 'text' for codes",
                 where=(name, column),
             ) from None
     require_unit(label, unit, name)
