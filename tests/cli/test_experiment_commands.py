@@ -12,25 +12,6 @@ import pytest
 from bondgraph.cli import main
 
 
-@pytest.fixture
-def run_file(tmp_path: Path) -> Path:
-    """A noisy run of the motor, whose current is not measured."""
-    time = 0.01 * np.arange(80)
-    voltage = np.where((time // 0.2).astype(int) % 2 == 0, 12.0, 4.0)
-    speed, current, rows = 0.0, 0.0, []
-    noise = np.random.default_rng(1).normal(size=time.size)
-    for k, t in enumerate(time):
-        rows.append(f"{t:.3f},{voltage[k]},{speed + 0.02 * noise[k]:.6f}\n")
-        for _ in range(50):
-            current, speed = (
-                current + 0.0002 * (voltage[k] - current - 0.1 * speed) / 0.01,
-                speed + 0.0002 * (0.1 * current - 0.1 * speed) / 0.02,
-            )
-    path = tmp_path / "run.csv"
-    path.write_text("time [s],u_a [V],omega [rad/s]\n" + "".join(rows), encoding="utf-8")
-    return path
-
-
 def test_sensitivity_prints_tables_and_writes_a_picture_and_a_report(
     motor_file: Path, run_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

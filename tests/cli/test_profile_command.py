@@ -23,25 +23,6 @@ from bondgraph.estimate.result import Estimate
 QUICK = ["--process-noise", "none", "--method", "gradient", "--starts", "1", "--certify", "none"]
 
 
-@pytest.fixture
-def run_file(tmp_path: Path) -> Path:
-    """A noisy run of the motor with a friction of 0.1 N m s, whose current is not measured."""
-    time = 0.01 * np.arange(80)
-    voltage = np.where((time // 0.2).astype(int) % 2 == 0, 12.0, 4.0)
-    speed, current, rows = 0.0, 0.0, []
-    noise = np.random.default_rng(1).normal(size=time.size)
-    for k, t in enumerate(time):
-        rows.append(f"{t:.3f},{voltage[k]},{speed + 0.02 * noise[k]:.6f}\n")
-        for _ in range(50):
-            current, speed = (
-                current + 0.0002 * (voltage[k] - current - 0.1 * speed) / 0.01,
-                speed + 0.0002 * (0.1 * current - 0.1 * speed) / 0.02,
-            )
-    path = tmp_path / "run.csv"
-    path.write_text("time [s],u_a [V],omega [rad/s]\n" + "".join(rows), encoding="utf-8")
-    return path
-
-
 def _asked(graph: Path, log: Path, out: Path, *more: str) -> list[str]:
     return ["profile", str(graph), "--data", str(log), *QUICK, "--out", str(out), *more]
 
