@@ -234,10 +234,9 @@ def _certified(found: Estimate, run: _Run) -> Estimate:
             found = describe(problem, _continued(found, state), run.jacobian, lambda: run.seconds)
         except KeyboardInterrupt:
             break  # what was found with the steps before is an estimate, and says that it is not certified
-    if not found.certification.is_ill_conditioned:
-        return found
-    unknown = np.full_like(found.covariance, np.nan)  # rounding errors in derivatives would pass for certainty
-    return replace(found, outcome=SearchOutcome.ILL_CONDITIONED, covariance=unknown)
+    if found.certification.is_ill_conditioned:  # rounding errors in derivatives would pass for certainty
+        found = replace(found, outcome=SearchOutcome.ILL_CONDITIONED, covariance=np.nan * found.covariance)
+    return found
 
 
 def _checks(found: Estimate, run: _Run) -> list[tuple[Problem, Check]]:
