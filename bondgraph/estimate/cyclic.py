@@ -51,7 +51,7 @@ def repeats(model: Model, sizes: FloatArray) -> BoolArray:
 
 
 def _values(model: Model, x: FloatArray) -> FloatArray:
-    """What a model says at a state (n_x,): rates, then outputs; not a number where it says nothing."""
+    """Rates, then outputs of a model at a state (n_x,); not a number where it has none."""
     u, theta = model.u0(), model.theta()
     with np.errstate(all="ignore"):
         return np.concatenate([model.rhs(0.0, x, u, theta), model.output(0.0, x, u, theta)])

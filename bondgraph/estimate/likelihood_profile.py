@@ -41,9 +41,11 @@ if TYPE_CHECKING:
 
 #: A profile whose root is this much bent over its interval, as a share, has another interval than its covariance.
 _BENT = 0.1
-#: The first step of the profile of what the covariance does not know, as a share of the width of its bounds.
+#: The first step of the profile of what the covariance does not know, as a share of the width of its bounds:
+#: an end is looked for from there, and does not depend on it.
 _FIRST_STEP = 0.25
-#: A profile this far below its estimate, in nats, has found a better optimum.
+#: A profile this far below its estimate, in nats, has found a better optimum: it lies a third of a standard deviation
+#: away, sqrt(2 * 0.05), and what is nearer no interval shows.
 _BETTER = 0.05
 
 #: Called with the number of finished profiles and of all.
@@ -225,7 +227,7 @@ def check_profiled(estimate: Estimate, names: Sequence[str]) -> None:
 
 @dataclass(frozen=True)
 class _Work:
-    """What the profiles of an estimate have in common."""
+    """Estimate, journal and workers that its profiles share."""
 
     estimate: Estimate
     level: float

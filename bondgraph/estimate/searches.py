@@ -28,7 +28,7 @@ from bondgraph.estimate.solvers.gauss_newton import (
     starts_ended,
     step_starts,
 )
-from bondgraph.estimate.solvers.linearised import HOPELESS, LinearisedScoring, Reached, linear_search
+from bondgraph.estimate.solvers.linearised import HOPELESS, VAIN, LinearisedScoring, Reached, linear_search
 from bondgraph.estimate.solvers.steps import newton_decrement
 
 #: The exact steps that end the fit of a stiff model must promise so many nats. They begin where the linearised filter
@@ -38,9 +38,6 @@ _POLISHED, _HANDED_OVER = 0.1, 30.0
 WITHIN_REACH = 60.0
 #: Of very long logs a search begins on one of so many parts, which costs little beside the whole.
 _PARTS = 8
-#: Iterations of differences that gain nothing, in a row, after which a search ends: each damps the next a ten thousand
-#: times more, and where a likelihood has kinks none of them follows its gradient.
-_VAIN = 3
 #: A search on a part of the logs ends where a further step promises less than so many nats.
 ROUGH, ROUGH_ITERATIONS = 2.0, 30
 
@@ -203,7 +200,7 @@ def _by_differences(problem: EstimationProblem, wish: Wish) -> Reached:
         if idle >= 2 and gained > 0.0:
             end = SearchOutcome.CONVERGED
             break
-        if vain == _VAIN:
+        if vain == VAIN:  # each damps the next ten thousand times more: no step follows the gradient
             end = SearchOutcome.NO_PROGRESS
             break
         if float(state.values[0]) - wish.beat > HOPELESS * max(gained, known.promise(problem)):

@@ -112,7 +112,7 @@ _READING = (
     "covariance of the estimate says.",
 )
 
-#: What is done about open profiles.
+#: Advice on open profiles.
 _OPEN = (
     "An end that is open is the bound, and no answer of the data: wider bounds (--free NAME=LOWER:UPPER) show how far "
     "they reach, bondgraph design says which run would tell more, and what is known from elsewhere is a --prior."
@@ -120,7 +120,7 @@ _OPEN = (
 
 
 def _sentences(one: LikelihoodProfile) -> list[str]:
-    """What the profile of one parameter says beside its numbers."""
+    """Sentences on the profile of one parameter beside its numbers."""
     unit = "" if one.unit in ("", "1") else f" {one.unit}"
     said = _open(one, unit)
     if any(one.differs) and math.isfinite(one.std):

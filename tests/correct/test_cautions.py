@@ -1,4 +1,4 @@
-"""What a reader is told of the declared model, in words that go with one name and with several."""
+"""Cautions on the declared model, in words that go with one name and with several."""
 
 from __future__ import annotations
 

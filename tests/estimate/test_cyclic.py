@@ -18,7 +18,7 @@ from bondgraph.estimate.cyclic import ANYWHERE, repeats
 from bondgraph.estimate.declared import declared_problem
 from bondgraph.estimate.setup import state_sizes
 
-#: What the drum of the logs has: inertia in kg m^2, loss in N m s, unbalance in N m; and the angle at which it begins.
+#: Inertia in kg m^2, loss in N m s and unbalance in N m of the drum of the logs, and the angle in rad where it begins.
 TRUE, BEGINS = {"J": 0.6, "c": 0.08, "u": 0.9}, 0.3
 
 

@@ -15,17 +15,16 @@ from bondgraph.correct.evidence.context import Context
 from bondgraph.correct.evidence.decide import judge
 from bondgraph.correct.evidence.trials import Trial
 from bondgraph.correct.scores.quiet import quiet_fit
-from bondgraph.data.log import FloatArray
 from bondgraph.estimate.fitted import Fit
 from bondgraph.estimate.journal import Journal
 from bondgraph.estimate.local import fit
-from bondgraph.estimate.problem import EstimationProblem
 
 #: Most iterations of the search from the quiet side, and what a further one must promise, as of any refit.
 _ITERATIONS, _TOLERANCE = 25, 0.05
 #: Information of the logarithm of a level of which a log tells nothing: it may as well be e times larger.
 _TOLD = 1.0
-#: Shares of the way, in logarithms, from the lowest process noise to that of the fit at which a search begins.
+#: Shares of the way, in logarithms, from the lowest process noise to that of the fit at which a search may begin; the
+#: best by its value does, and the search decides the rest.
 _RAISED = (0.0, 0.25, 0.5)
 
 
@@ -54,7 +53,7 @@ def from_quiet_side(fitted: Fit, journal: Journal | None = None) -> Fit | None:
     problem = fitted.problem
     process = np.array([one.target.kind == "process" for one in problem.free])
     sensors = np.array([one.target.kind == "std" for one in problem.free])
-    silent = sensors & (np.diag(fitted.expansion.information) < _TOLD) & (fitted.point < _middle(problem))
+    silent = sensors & (np.diag(fitted.expansion.information) < _TOLD)
     quiet = quiet_fit(fitted, problem.logs, journal) if silent.any() else None
     if quiet is None:
         return None
@@ -67,7 +66,3 @@ def from_quiet_side(fitted: Fit, journal: Journal | None = None) -> Fit | None:
         initial=problem.initial,
     )  # fmt: skip
     return found if found.nll < fitted.nll - _TOLERANCE else None
-
-
-def _middle(problem: EstimationProblem) -> FloatArray:
-    return 0.5 * (problem.lower + problem.upper)

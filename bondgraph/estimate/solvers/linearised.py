@@ -29,7 +29,7 @@ _AS_PROMISED = 0.5
 #: No step is worth less than so many nats: what is left is for exact derivatives.
 _FINEST = 1.0
 #: Nor are more trials for a step that gains, after so many that did not, where the best promises less than this.
-_HARDLY, _VAIN = 2.0, 3
+_HARDLY, VAIN = 2.0, 3
 #: What kicks of the states leave is the costly part. It depends on the parameters and on the course of the states,
 #: which measurements hold: it is asked anew once a parameter has moved by more than this share of its bounds, and far
 #: from the optimum, where a step promises more than so many nats.
@@ -132,7 +132,7 @@ class LinearisedScoring(AbstractSearch[LinearisedState]):
         reached = value_of(problem, point + step, tried)
         state = replace(state, evaluations=state.evaluations + 1)
         if not state.value - reached > 0.0:
-            done = SearchOutcome.CONVERGED if promise < _HARDLY and state.vain + 1 == _VAIN else None
+            done = SearchOutcome.CONVERGED if promise < _HARDLY and state.vain + 1 == VAIN else None
             damping = state.damping if done else state.damping * _DAMP_MORE
             return _traced(replace(state, vain=state.vain + 1, damping=damping, outcomes=(done,)))
         return self._moved(problem, state, step, (reached, tried), promise, promised_gain(expansion, step))
