@@ -18,7 +18,7 @@ from typing import Literal
 
 from bondgraph.data.log import MatchedLog
 from bondgraph.errors import EstimationError, suggest
-from bondgraph.estimate.noise_bounds import process_bounds, sensor_bounds
+from bondgraph.estimate.noise_bounds import process_bounds, sensor_bounds, sensor_rounding
 from bondgraph.estimate.objective import FloatArray
 from bondgraph.estimate.transforms import TRANSFORMS, Scale, Transform
 from bondgraph.filter.filter_model import FilterModel
@@ -238,7 +238,10 @@ def _declared_level(
     lower, upper = shown or (level / _NOISE_SPAN, level * _NOISE_SPAN)
     if level <= 0.0:
         level = math.sqrt(lower * upper)
-    return FreeParameter(name, min(lower, level / _NOISE_SPAN), max(upper, level), level, scale="log")
+    lower = min(lower, level / _NOISE_SPAN)
+    if target.kind == "std" and logs:
+        lower = max(lower, min(level, sensor_rounding(logs, filter_model.model.index("output", target.name))))
+    return FreeParameter(name, lower, max(upper, level), level, scale="log")
 
 
 def _shown_bounds(target: Target, filter_model: FilterModel, logs: Sequence[MatchedLog]) -> tuple[float, float] | None:

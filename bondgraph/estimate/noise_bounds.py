@@ -5,6 +5,11 @@ sensor's noise is at most the range of its channel. Noise that drives a state is
 through its whole range within one sample: the state is pushed, and the machine, linearised where the logs begin,
 carries the push to the sensors. Both are at least a millionth of that, the resolution of a good measurement chain (20
 bits).
+
+A sensor that shows multiples of a step only, a counter or a number written with two decimals, is off by the rounding at
+least: the step over the root of twelve, Widrow, Kollar and Liu (1996), Statistical theory of quantization, IEEE
+Transactions on Instrumentation and Measurement 45(2). A model that follows such a sensor closer takes its rounding for
+motion.
 """
 
 from __future__ import annotations
@@ -22,6 +27,13 @@ from bondgraph.simulate.model import Model
 
 #: Resolution of a measurement chain of 20 bits.
 RESOLUTION = 2.0**-20
+
+#: Numbers count as multiples of a step where they are off by less than this share of it.
+_OFF = 0.02
+#: Of so many gaps between any numbers all are multiples of the smallest, to that share, once in ten million times.
+_FEWEST_GAPS = 6
+#: A step below this share of the largest number is that of the floating-point numbers.
+_FLOATS = 1e-12
 
 #: Times after a push at which sensors are looked at: so many doublings of the sampling interval, a thousand samples.
 _DOUBLINGS = 10
@@ -41,6 +53,37 @@ def sensor_bounds(logs: Sequence[MatchedLog], output: int) -> tuple[float, float
     """
     span = _span(logs, output)
     return (RESOLUTION * span, span) if span > 0.0 else None
+
+
+def sensor_rounding(logs: Sequence[MatchedLog], output: int) -> float:
+    """The standard deviation of the rounding of a channel; zero where it shows no step.
+
+    Examples
+    --------
+    >>> shown = 0.5 * np.round(20.0 * np.sin(np.arange(40.0)))
+    >>> log = MatchedLog("run", np.arange(40.0), np.zeros((0, 40)), shown[np.newaxis])
+    >>> round(sensor_rounding([log], 0), 4)
+    0.1443
+    """
+    return step_shown(np.concatenate([log.y[output] for log in logs])) / math.sqrt(12.0)
+
+
+def step_shown(values: FloatArray) -> float:
+    """The step of which all values (n,) of a channel are multiples, beside an offset; zero where there is none.
+
+    Examples
+    --------
+    >>> shown = np.array([3.0, 3.5, np.nan, 7.0, 9.5, 3.0, 4.0, 12.0, 13.0])
+    >>> step_shown(shown), step_shown(np.sqrt(shown))
+    (0.5, 0.0)
+    """
+    levels = np.unique(values[np.isfinite(values)])
+    gaps = np.diff(levels)
+    gaps = gaps[gaps > _FLOATS * float(np.abs(levels).max(initial=0.0))]
+    if gaps.size < _FEWEST_GAPS:
+        return 0.0
+    many = gaps / gaps.min()
+    return float(gaps.min()) if np.all(np.abs(many - np.round(many)) < _OFF) else 0.0
 
 
 def process_bounds(

@@ -116,7 +116,8 @@ def filter_setup(
     least = {"std": _SENSOR_LOW, "process": _PROCESS_LOW}
     names = [f"std({name})" for name in noise] + [f"process({name})" for name in process]
     levels = [declared_free(name, filter_model, logs=logs) for name in names]
-    free = [replace(one, lower=one.start * least[one.target.kind]) for one in levels]
+    rounding = {one.name: one.lower for one in levels if one.target.kind == "std"}
+    free = [replace(one, lower=max(one.start * least[one.target.kind], rounding.get(one.name, 0.0))) for one in levels]
     return FilterSetup(filter_model, tuple(free), sizes)
 
 
