@@ -1,9 +1,9 @@
 """Confirmation of a correction by logs: they confirm it, contradict it, or leave it open.
 
 Training logs choose a correction, held-out logs never; both may contradict it. Held-out logs do by their likelihood,
-where it falls by more than its standard error. And both do where a channel is predicted clearly worse: over the horizon
-(restarted along the log) or in free simulation. A gain of likelihood beside such a prediction says that the noise of
-the corrected model is more to the liking of the filter, not that its physics is.
+noise levels scaled to them, where it falls by more than its standard error. And both do where a channel is predicted
+clearly worse: over the horizon (restarted along the log) or in free simulation. A gain of likelihood beside such a
+prediction says that the noise of the corrected model is more to the liking of the filter, not that its physics is.
 
 Where something random drives the machine, free simulation wanders with it, before and after: there the error must grow
 by as much as it was.
@@ -19,7 +19,7 @@ from typing import Literal
 import numpy as np
 
 from bondgraph.correct.constants import CONFIRMS, INDIFFERENT, WINDOWS
-from bondgraph.correct.fits.assess import Assessment, LogAssessment, gain_interval
+from bondgraph.correct.fits.assess import Assessment, LogAssessment, ScaledGain, scaled_gain
 from bondgraph.correct.fits.compared import Compared, Data, Errors, Kind, judged, squares
 from bondgraph.correct.fits.horizon import horizon, predicted, windows
 from bondgraph.data.log import FloatArray
@@ -32,14 +32,16 @@ Standing = Literal["confirmed", "contradicted", "open"]
 class Confirmation:
     """Answer of the logs to a correction.
 
-    ``gain`` is that of held-out log-likelihood in nats with its standard ``error`` by blocks of time, both not a number
-    without held-out logs, the error of logs too short to tell it; predictions run over ``horizon`` seconds.
+    ``gain`` is that of held-out log-likelihood in nats, noise levels scaled to these logs, with its standard ``error``
+    by blocks of time, both not a number without held-out logs, the error of logs too short to tell it; predictions run
+    over ``horizon`` seconds. ``noise``: how many times as large as the corrected model expects innovations are there.
     """
 
     gain: float
     error: float
     horizon: float
     compared: tuple[Compared, ...]
+    noise: float = math.nan
 
     @property
     def contradictions(self) -> tuple[str, ...]:
@@ -71,7 +73,7 @@ def confirmation(
 ) -> Confirmation:
     """The answer of training and held-out logs to a correction, from its assessments on both kinds, in this order."""
     held = [log.filtered for log in before[1].logs], [log.filtered for log in after[1].logs]
-    gain, error = gain_interval(*held) if held[0] else (math.nan, math.nan)
+    told = scaled_gain(*held) if held[0] else ScaledGain(math.nan, math.nan, math.nan)
     seconds = horizon(corrected, [log.log for log in after[0].logs])
     random = corrected.driven > INDIFFERENT or nominal.driven > INDIFFERENT
     found = [
@@ -79,7 +81,8 @@ def confirmation(
         for data, first, last in zip(("training", "held-out"), before, after, strict=True)
         for one in _errors(data, nominal, corrected, first.logs, last.logs, seconds)  # type: ignore[arg-type]
     ]
-    return Confirmation(gain, error, seconds, tuple(judged(one, random, len(found)) for one in found))
+    compared = tuple(judged(one, random, len(found)) for one in found)
+    return Confirmation(told.gain, told.error, seconds, compared, told.noise)
 
 
 def _errors(

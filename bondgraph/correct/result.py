@@ -87,6 +87,7 @@ def _confirmation(told: Confirmation, closed: ClosedLoop) -> dict[str, Any]:
         "standing": told.standing,
         "holdout_gain": number(told.gain),
         "holdout_gain_error": number(told.error),
+        "holdout_noise": number(told.noise),
         "horizon": told.horizon,
         "contradictions": list(told.contradictions),
         "compared": [compared(one) for one in told.compared],

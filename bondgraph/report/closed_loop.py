@@ -345,7 +345,9 @@ def _held_out(told: Confirmation) -> str:
     }[told.standing]
     within = f" ± {shown(told.error)}" if math.isfinite(told.error) else ""
     changed = f"the log-likelihood of the held-out logs changes by {shown(told.gain)}{within} nats"
-    return f"{what}: {changed} (standard error by blocks of time). Held-out logs decided nothing."
+    how = "noise levels scaled to these logs, standard error by blocks of time"
+    noise = f"innovations there are {shown(told.noise)} times as large as the corrected model expects"
+    return f"{what}: {changed} ({how}); {noise}. Held-out logs decided nothing."
 
 
 def summary(data: ReportData) -> str:

@@ -7,10 +7,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from bondgraph import effects
 from bondgraph.correct.confirmation import Confirmation, confirmation
-from bondgraph.correct.fits.assess import assess
+from bondgraph.correct.fits.assess import assess, gain_interval, scaled_gain
 from bondgraph.correct.fits.horizon import horizon, predicted, windows
 from bondgraph.correct.loop import ClosedLoop, close_loop
 from bondgraph.correct.result import result_json
@@ -83,11 +85,37 @@ def test_a_gain_of_likelihood_beside_a_far_worse_simulation_confirms_nothing() -
     (state,) = loud
     before = _moved(base, **{"std(speed)": 4e-3, state: base.problem.free[base.problem.names.index(state)].lower})
     after = _moved(base, **{"c_guide": 30.0, state: 0.5, "std(force)": 60.0})
-    told = confirmation(*_both(before, after, logs))
-    assert told.gain > 2.0 * told.error > 0.0  # the likelihood alone would confirm it
-    assert told.standing == "contradicted"
+    both = _both(before, after, logs)
+    likelier, error = gain_interval(*([log.filtered for log in found[1].logs] for found in both[2:]))
+    assert likelier > 2.0 * error > 0.0  # the likelihood alone would confirm it
+    told = confirmation(*both)
+    assert told.gain < 0.0 and told.standing == "contradicted"  # its noise alone made it likelier
     worse = {(one.kind, one.data) for one in told.compared if one.clearly and one.channel == "speed"}
     assert ("free simulation", "held-out") in worse and ("prediction", "training") in worse
+
+
+@given(st.floats(0.1, 10.0), st.floats(0.1, 10.0))
+@settings(max_examples=10, deadline=None)
+def test_a_gain_on_logs_does_not_depend_on_noise_levels_from_elsewhere(first: float, second: float) -> None:
+    """Pulses that the training logs do not have: 4600 nats against friction that a third of the errors was left with.
+
+    A common factor on all noises, the uncertainty of the start among them, leaves every gain of a filter as it is.
+    """
+    logs = [pull(sled(), 9, name="held")]
+    base = fitted([pull(sled(), 1)])
+    runs = [_louder(one, factor).runs(logs) for one, factor in ((_moved(base, c_guide=30.0), first), (base, second))]
+    told, plain = scaled_gain(*runs), scaled_gain(_moved(base, c_guide=30.0).runs(logs), base.runs(logs))
+    assert told.gain == pytest.approx(plain.gain, rel=1e-6) and told.error == pytest.approx(plain.error, rel=1e-6)
+    assert told.noise == pytest.approx(plain.noise / second, rel=1e-6)
+
+
+def _louder(fitted: Fit, factor: float) -> Fit:
+    """The fit with all its noises, and the uncertainty of its start, larger by a factor."""
+    own = fitted.problem.filter_model
+    starts = {name: factor * value for name, value in own.initial_std.items()}
+    levels = np.array([one.target.kind in ("process", "std") for one in fitted.problem.free])
+    problem = replace(fitted.problem, filter_model=replace(own, initial_std=starts))
+    return replace(fitted, problem=problem, point=fitted.point + np.where(levels, np.log(factor), 0.0))
 
 
 def _both(before: Fit, after: Fit, logs: list[MatchedLog]) -> tuple:  # type: ignore[type-arg]

@@ -6,6 +6,7 @@ error, and the free simulation starts from the state that the filter takes from 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -154,6 +155,49 @@ def gain_interval(
         return sum(run.nll for run in before) - sum(run.nll for run in after), float("nan")
     sums = np.array([part.sum() for part in np.array_split(gains, blocks)])
     return float(gains.sum()), float(sums.std(ddof=1) * np.sqrt(blocks))
+
+
+@dataclass(frozen=True)
+class ScaledGain:
+    """Gain of log-likelihood on logs to which the noise of both filters was scaled, nats, with its standard error.
+
+    ``noise``: how many times as large as the second filter expects innovations are.
+    """
+
+    gain: float
+    error: float
+    noise: float
+
+
+def scaled_gain(before: Sequence[FilterRun], after: Sequence[FilterRun]) -> ScaledGain:
+    """Gain of log-likelihood from one filter to another, innovations of each channel scaled to unit variance.
+
+    Noise levels belong to the logs that they were estimated from. On others, with pulses of a disturbance that those do
+    not have, a filter that knows its machine better expects less noise, and loses likelihood by that alone: on a linear
+    drive 4600 nats, beside innovations of a third. With c the root mean square of the whitened innovations of a
+    channel, ``-(z / c)**2 / 2 - log s - log c`` is the likeliest that a common factor on its noise makes of them. The
+    first sample, which nothing predicts, does not count. The error rests on blocks of time.
+    """
+    with np.errstate(invalid="ignore", over="ignore"):  # of a filter that fails nothing is a number
+        (first, _), (last, noise) = _scaled(before), _scaled(after)
+        gains = last - first
+    if not np.isfinite(gains).all():
+        return ScaledGain(float(np.sum(gains)) if np.isfinite(first).all() else math.nan, math.nan, noise)
+    sums = np.array([part.sum() for part in np.array_split(gains, WINDOWS)])
+    error = float(sums.std(ddof=1) * np.sqrt(WINDOWS)) if gains.size >= 2 * WINDOWS else math.nan
+    return ScaledGain(float(gains.sum()), error, noise)
+
+
+def _scaled(runs: Sequence[FilterRun]) -> tuple[FloatArray, float]:
+    """Scaled log-likelihoods of all samples but the first of each log, (n,), and the scale over all channels."""
+    z = np.concatenate([run.whitened[:, 1:] for run in runs], axis=1)
+    log_s = np.concatenate([run.log_scales[:, 1:] for run in runs], axis=1)
+    seen = np.concatenate([np.isfinite(run.y[:, 1:]) for run in runs], axis=1)
+    counts = np.maximum(seen.sum(axis=1, keepdims=True), 1)
+    scale = np.sqrt(np.sum(np.where(seen, z, 0.0) ** 2, axis=1, keepdims=True) / counts)
+    scale = np.where(scale > 0.0, scale, 1.0)
+    gains: FloatArray = -np.where(seen, 0.5 * (z / scale) ** 2 + log_s + np.log(scale), 0.0).sum(axis=0)
+    return gains, float(np.sqrt(np.sum(np.where(seen, z, 0.0) ** 2) / max(int(seen.sum()), 1)))
 
 
 def gain_p_value(before: Sequence[FilterRun], after: Sequence[FilterRun]) -> float:
