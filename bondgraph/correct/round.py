@@ -29,8 +29,8 @@ from bondgraph.correct.places.located import LocatedAt, locate
 from bondgraph.correct.places.probes import Probe, Signal, probes, signals
 from bondgraph.correct.scores.gates import gate_samples
 from bondgraph.correct.scores.scoring import Linearisation, Scored, linearisation, score_candidates
+from bondgraph.correct.search.gate_worth import earned
 from bondgraph.correct.search.opening import Scoring, is_driven_still, look_beneath_noise, opened
-from bondgraph.correct.search.regimes import earned
 from bondgraph.correct.search.search import Entry, Search, left_out, searched
 from bondgraph.correct.search.widths import at_any_width, is_due
 from bondgraph.correct.shapes.offered import Residual, own_forms, with_formulas

@@ -16,6 +16,7 @@ from bondgraph.correct.places.regimes import Regime, in_regime
 from bondgraph.correct.result import result_json
 from bondgraph.correct.scores.scoring import linearisation, score_candidates
 from bondgraph.correct.search import regimes
+from bondgraph.correct.search.gate_worth import earned
 from bondgraph.correct.search.refit import refit_from
 from bondgraph.correct.search.regimes import _gains
 from bondgraph.data.log import MatchedLog
@@ -29,6 +30,7 @@ from bondgraph.derive.latex import latex
 from bondgraph.estimate.declared import free_parameters
 from bondgraph.estimate.journal import Journal
 from bondgraph.estimate.local import fit
+from bondgraph.estimate.noise_starts import noisy_starts
 from bondgraph.estimate.objective import expansion_of
 from bondgraph.estimate.setup import filter_setup
 from bondgraph.report.closed_loop import explanation
@@ -36,6 +38,8 @@ from bondgraph.report.python_lines import correction_lines
 from bondgraph.report.regimes import regime_sentences
 from bondgraph.simulate.simulation import simulate
 from tests.correct import partly
+from tests.correct.carriage import rides
+from vehicle_graphs import emps
 
 FAST = Regime("flow of shaft", "rad/s", "above", 12.0, (0.0, 20.0), 0.4)
 
@@ -201,3 +205,23 @@ def test_a_law_is_gated_in_the_place_of_itself(monkeypatch: pytest.MonkeyPatch) 
     (gated,) = regimes.gated_in_place(leader, score_candidates(linear, found), where, context)
     assert gated.trial.candidate.label == "quadratic_loss at shaft where speed of shaft is above a level"
     assert np.isfinite(gated.prediction.gain) and gated.prediction.starts
+
+
+def test_a_gate_in_the_signal_of_its_law_is_worth_less_than_another_term_in_it() -> None:
+    """Friction that differs by direction: dry friction that ended just below the top speed was called the law."""
+    log, own = rides(), build(emps.start())
+    setup = filter_setup(own.model, own.driven, [log])
+    free = (*free_parameters(setup, ()), *setup.noise)
+    base = fit(setup.filter_model, [log], free, starts=noisy_starts(free))
+    linear = linearisation(base, [log])
+    where = places(own, [log], linear.runs, base.theta_of(own.model))
+    slow = Regime("flow of carriage", "m/s", "below", 0.09, (-0.13, 0.13), 0.002)
+    found, _ = candidates(
+        own, [in_regime(effects.coulomb_loss, slow)], [one for one in where if one.label == "carriage"]
+    )
+    context = Context(own, base, (log,), 10, LEVEL, 5.0, Journal())
+    gated = refit_from(Trial(found[0], 0.0), [15.0], context)
+    assert gated.evidence is not None and gated.evidence.delta_nll > 500.0
+    doubted = earned(gated, [gated], where, context)
+    assert doubted.evidence is not None and doubted.evidence.p_robust == 1.0
+    assert "coulomb_loss everywhere and formula_" in doubted.remark and "explain more" in doubted.remark

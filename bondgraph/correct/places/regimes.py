@@ -85,6 +85,12 @@ def regime_of(function: EffectFunction) -> Regime | None:
     return found if isinstance(found, Regime) else None
 
 
+def everywhere(function: EffectFunction) -> EffectFunction:
+    """The effect function whose law acts everywhere, of one that :func:`in_regime` has made."""
+    found: EffectFunction = function.__dict__.get("everywhere", function)
+    return found
+
+
 def in_regime(function: EffectFunction, regime: Regime) -> EffectFunction:
     """The effect function whose law acts in a regime only; None where the law has no coefficient that a gate closes.
 
@@ -127,7 +133,7 @@ def in_regime(function: EffectFunction, regime: Regime) -> EffectFunction:
 
     extended.__name__ = function.__name__
     extended.__dict__.update(function.__dict__)
-    extended.__dict__["regime"] = regime
+    extended.__dict__.update(regime=regime, everywhere=function)
     return extended
 
 

@@ -1,14 +1,10 @@
-"""Regimes of laws: which law acts where a signal is above or below a level, and whether it earns its gate.
+"""Regimes of laws: which law acts where a signal is above or below a level.
 
 A law that acts in a part of the operating space leaves a residual that is uneven over a signal. The scores of a law by
 sample are at hand: summed where the signal is above a level they are, to the memory of the filter, the score of the law
 with that gate. So all levels of all signals cost sums, and only what stands out is made a candidate of its own, scored
 and refitted like any other. Two places give rise to regimes: the scores of the declared model, at the places that lead,
 and each fit that leads the search, for the laws at its place.
-
-A gate must earn its keep. Beside the tests of every candidate a gated law must predict the folds that are left out
-better than the best law without a gate, and be worth more than an unknown function of the signal of its gate: what
-comes on gradually is no law with a gate.
 """
 
 from __future__ import annotations
@@ -20,13 +16,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from bondgraph.correct.constants import INDIFFERENT, OPTIMISM
-from bondgraph.correct.evidence.certified import with_steps
 from bondgraph.correct.evidence.context import Context
-from bondgraph.correct.evidence.transfer import transfer
 from bondgraph.correct.evidence.trials import Trial
 from bondgraph.correct.models.candidates import Candidate, Variant, candidates
-from bondgraph.correct.places.probes import Signal, hats, knots, probes, shaped, signals
-from bondgraph.correct.places.regimes import Regime, Side, in_regime, level_name, regime_of, tried
+from bondgraph.correct.places.probes import Signal, signals
+from bondgraph.correct.places.regimes import Regime, Side, in_regime, tried
 from bondgraph.correct.places.unexplained import distinct
 from bondgraph.correct.scores.score import best_step, solve
 from bondgraph.correct.scores.scoring import Linearisation, Scored, linearisation, score_candidates
@@ -45,8 +39,6 @@ _TRIM = 0.05
 _NEAR = 0.8
 #: Information left of a gated law beside free parameters, below which they take it: as for terms of formulas.
 _LEFT = 1e-2
-#: Knots of a free function that a gated law has to be worth more than, as of those that stay unexplained.
-_FUNCTION_KNOTS = 8
 
 
 @dataclass(frozen=True)
@@ -114,7 +106,7 @@ def gated_in_place(best: Trial, known: Scored, where: Sequence[Place], context: 
     columns = columns_in_place(linear, *map(list, zip(*pairs, strict=True)))
     laws = [Gateable(*pair, column) for pair, column in zip(pairs, columns.T, strict=True)]
     seen = distinct([one for one in signals(best.built, linear, where) if one.name != "time"])
-    without, beaten = _without(linear, shared, len(own.effect.coefficients))
+    without, beaten = without_effect(linear, shared, len(own.effect.coefficients))
     margin = INDIFFERENT if own.effect.regime else _margin(laws, seen, context)
     made = _made(_options(without, laws, seen), beaten + margin, context)
     if not made:
@@ -158,7 +150,7 @@ def _margin(laws: Sequence[Gateable], seen: Sequence[Signal], context: Context) 
     return INDIFFERENT + 0.5 * math.log(max(measured, 2)) + math.log(max(2 * len(laws) * len(seen), 1))
 
 
-def _without(linear: Linearisation, shared: int, coefficients: int) -> tuple[Linearisation, float]:
+def without_effect(linear: Linearisation, shared: int, coefficients: int) -> tuple[Linearisation, float]:
     """The linearisation with the effect of its fit taken out, and what that one gains there, in nats."""
     fitted = linear.base
     kept = np.flatnonzero(~fitted.held)
@@ -224,55 +216,3 @@ def _made(options: Sequence[Option], beat: float, context: Context) -> list[Cand
         )
         found += made
     return found
-
-
-def earned(trial: Trial, trials: Sequence[Trial], where: Sequence[Place], context: Context) -> Trial:
-    """A gated trial after the tests of its gate: that of its shape, and its transfer against the best law without one.
-
-    Where it fails it is not chosen, and says why.
-    """
-    assert trial.fit is not None and trial.evidence is not None  # it would be chosen
-    remark = _against(trial, where, context)
-    if remark:
-        doubted = replace(trial.evidence, p_robust=1.0)
-        return replace(trial, evidence=doubted, remark=f"{trial.remark}; {remark}" if trial.remark else remark)
-    plain = [one for one in trials if not one.candidate.effect.regime and one.gate is None and one.fit is not None]
-    rival = max(plain, key=lambda one: one.gain, default=None)
-    if rival is None or rival.fit is None:
-        return trial
-    fit = with_steps(rival.fit, trial.fit.problem.filter_model, context.journal)
-    told = transfer(fit, trial.fit, trial.candidate.effect)
-    return trial if told.passes else replace(trial, transfer=told)
-
-
-def _against(trial: Trial, where: Sequence[Place], context: Context) -> str:
-    """Objection to a gate, whatever it gains; empty if there is none."""
-    assert trial.fit is not None and trial.built is not None  # it was refitted
-    if trial.fit.held[trial.fit.problem.names.index(level_name(trial.candidate.effect))]:
-        return "its level rests on an end of what the logs cover"
-    linear = linearisation(trial.fit, trial.fit.problem.logs)
-    better = _function_is_better(trial, linear, where, context)
-    return "an unknown function of the signal of its gate explains more" if better else ""
-
-
-def _function_is_better(trial: Trial, linear: Linearisation, where: Sequence[Place], context: Context) -> bool:
-    """True where a free function of the signal of a gate at its place is worth more than the gated law.
-
-    As of formulas: what leaves a part of what a free function explains is no law of the shape. A signal of few values,
-    a switch, has no functions but steps.
-    """
-    regime, effect = regime_of(trial.candidate.function), trial.candidate.effect
-    assert regime is not None and trial.built is not None  # it has one, and was refitted
-    signal = next((one for one in signals(trial.built, linear, where) if one.name == regime.signal), None)
-    at = np.empty(0) if signal is None else knots(signal, _FUNCTION_KNOTS, beyond=0.0)
-    without, gain = _without(linear, context.base.point.size, len(effect.coefficients))
-    half = 0.5 * math.log(max(sum(int(np.isfinite(log.y).sum()) for log in context.train), 2))
-    for probe in probes(trial.built, linear, [trial.candidate.place]):
-        if signal is None or at.size < 3:
-            return False
-        changes = [shaped(one, hats(values, at)) for one, values in zip(probe.changes, signal.values, strict=True)]
-        projected = without.projected(without.columns(changes))
-        _, free, _ = best_step(replace(projected, times=None), list(range(at.size)), np.zeros(at.size, dtype=bool))
-        if free - half * at.size > gain - half * len(effect.parameters):
-            return True
-    return False

@@ -49,7 +49,7 @@ def at_any_width(best: Trial, trials: Sequence[Trial], context: Context) -> list
     done = list(trials)
     due = [k for k, one in enumerate(done) if one is best or one in _simpler(best, trials)]
     for k in due:
-        freed = attempted(lambda one=done[k]: _freed(one, context), lambda why: None)  # type: ignore[misc]
+        freed = attempted(lambda one=done[k]: with_free_widths(one, context), lambda why: None)  # type: ignore[misc]
         if freed is not None and _worth(freed) > _worth(done[k]):
             done[k] = freed
     simplest = max(
@@ -77,7 +77,7 @@ def _simpler(best: Trial, trials: Sequence[Trial]) -> list[Trial]:
     ]
 
 
-def _freed(trial: Trial, context: Context) -> Trial:
+def with_free_widths(trial: Trial, context: Context) -> Trial:
     """The trial refitted with its widths free, its steps short enough for the width that is found."""
     if trial.fit is None:
         trial = refit_from(trial, trial.step, context)

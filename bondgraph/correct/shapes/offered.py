@@ -196,6 +196,20 @@ def own_forms(laws: Sequence[Trial], scored: Scored, left: Residual, context: Co
     return done
 
 
+def best_term(place: Place, signal: Signal, left: Residual, context: Context) -> Trial | None:
+    """The one term of the library in a signal that does most at a place beside a fitted model, refitted; None if none.
+
+    ``left`` is the residual of that model, ``context`` has it as its base.
+    """
+    probe = next((one for one in left.probed if one.place.label == place.label), None)
+    if probe is None:
+        return None
+    terms = scored_terms(left.linear, probe, [signal], [signal])
+    sums = best_sums(terms, sum(int(np.isfinite(log.y).sum()) for log in context.train), 1, _ALONE)
+    made = [_refitted(Option(terms, chosen, probe), left, context, context.tried) for chosen in sums]
+    return max((one for each in made for one in each if one.evidence), key=lambda one: one.gain, default=None)
+
+
 def _free_form(first: Trial, left: Residual) -> Spline | None:
     """Free function of the only signal of a law that is left at its place; None of a law that stores."""
     names, element = arguments(first, left.built.graph), first.candidate.effect.element
