@@ -9,11 +9,15 @@ import numpy as np
 
 from bondgraph.data.log import FloatArray
 from bondgraph.estimate.free import FreeParameter
+from bondgraph.estimate.problem import EstimationProblem
+from bondgraph.filter.likelihood import innovations
 
 #: Factors on declared noise levels at which a first fit looks for its start.
 _NOISIER = (1.0, 5.0, 25.0, 125.0)
 #: Factors on declared levels with which a quiet search begins: of process noise, and of the sensors' noise.
 _QUIET = {"process": 0.25, "std": 6.0}
+#: Turns in which levels are matched to innovations: a filter that believes its sensors less is surprised by more.
+_TURNS = 4
 
 
 def quiet_start(free: Sequence[FreeParameter], point: FloatArray) -> FloatArray:
@@ -44,4 +48,39 @@ def noisy_starts(free: Sequence[FreeParameter]) -> list[FloatArray]:
         point[kinds == "process"] += np.log(process)
         point[kinds == "std"] += np.log(measurement)
         found.append(point)
+    return found
+
+
+def matched_levels(problem: EstimationProblem, point: FloatArray) -> FloatArray:
+    """The point (n,) with its sensors as noisy as the filter is surprised by what they show, within their bounds.
+
+    Given everything else this is the likeliest level of a sensor whose noise makes up the innovations, as where the
+    process is quiet. No step of a search leads there from a level that is far too low: innovations of hundreds of
+    their standard deviations tell how the gain should change, and hide that they all are too large. A level stays where
+    the model diverges.
+
+    Examples
+    --------
+    >>> from bondgraph.data.log import MatchedLog
+    >>> from bondgraph.estimate.problem import pose
+    >>> from bondgraph.filter.filter_model import FilterModel
+    >>> from bondgraph.simulate.example import pendulum
+    >>> swing = FilterModel(pendulum(), {"rate": 1e-9}, {"deflection": 1e-6}, {"angle": 1e-6, "rate": 1e-6})
+    >>> log = MatchedLog("rest", np.arange(40) * 0.05, np.zeros((1, 40)), 10.0 * np.sin(np.arange(40.0))[np.newaxis])
+    >>> problem = pose(swing, log, ["std(deflection)"])
+    >>> float(problem.values(matched_levels(problem, problem.start))[0].round(1))
+    7.0
+    """
+    outputs = problem.filter_model.model.names("output")
+    levels = [(k, outputs.index(one.target.name)) for k, one in enumerate(problem.free) if one.target.kind == "std"]
+    found = point.copy()
+    for _ in range(_TURNS if levels else 0):
+        batch = problem.batch(found[:, np.newaxis])
+        records = innovations(problem.filter_model, problem.logs, batch.theta, **batch.values())
+        for k, row in levels:
+            seen = [(one.values * np.exp(one.log_scales))[row, one.measured[row], 0] for one in records]
+            level = float(np.sqrt(np.mean(np.concatenate(seen) ** 2)))
+            if np.isfinite(level) and level > 0.0:
+                one = problem.free[k]
+                found[k] = one.coordinate(float(np.clip(level, one.lower, one.upper)))
     return found

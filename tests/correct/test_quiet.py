@@ -13,6 +13,7 @@ from bondgraph.correct.evidence import confirm
 from bondgraph.correct.evidence.confirm import confirmed
 from bondgraph.correct.evidence.context import Context
 from bondgraph.correct.evidence.trials import Trial
+from bondgraph.correct.fits.integrals import integrating
 from bondgraph.correct.fits.whiteness import whiteness
 from bondgraph.correct.loop import LoopSettings, close_loop
 from bondgraph.correct.models.candidates import candidates, places
@@ -26,6 +27,7 @@ from bondgraph.estimate.local import fit
 from bondgraph.estimate.noise_starts import noisy_starts
 from bondgraph.estimate.setup import filter_setup
 from bondgraph.simulate.simulation import simulate
+from tests.correct.carriage import rides
 from tests.correct.sled import FUNCTIONS, added, built, fitted, pull, sled
 from vehicle_graphs import emps
 from vehicle_graphs.effect_study.cases import Case
@@ -106,11 +108,12 @@ def test_a_sensor_far_better_than_any_free_simulation_does_not_spoil_the_second_
     setup = filter_setup(own.model, own.driven, [log])
     free = (*free_parameters(setup, ()), *setup.noise)
     base = fit(setup.filter_model, [log], free, starts=noisy_starts(free))
-    quiet, annealed = quiet_fit(base, [log]), annealed_fit(base, [log])
-    assert quiet is not None and annealed is not None
-    row = quiet.problem.names.index("std(position)")
-    for found in (quiet, annealed):
+    for found in (quiet_fit(base, [log], walking=()), annealed_fit(base, [log], walking=())):
+        assert found is not None
+        row = found.problem.names.index("std(position)")
         assert not found.held[row] and found.values["std(position)"] > 1e-3
+    for found in (quiet_fit(base, [log]), annealed_fit(base, [log])):  # the position walks, its sensor stays good
+        assert found is not None and "process(x_carriage)" in found.problem.names
         (seen,) = whiteness(found, [log])
         assert seen.nis_mean == pytest.approx(1.0, rel=0.3)
 
@@ -129,3 +132,21 @@ def test_a_colour_that_poses_as_creep_names_nothing(seed: int) -> None:
     closed = close_loop(BENCH.graph(), drawn.train, [], [effects.creep], LoopSettings(faults=False))
     assert any(trial.evidence is not None for trial in closed.rounds[0].trials)
     assert not closed.added  # a disturbance may say how long-lived it is
+
+
+def test_a_law_is_not_doubted_for_what_a_position_remembers(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Friction that differs by direction moves a carriage away for ever: dry friction had p = 1, by its position."""
+    log, own = rides(), build(emps.start())
+    setup = filter_setup(own.model, own.driven, [log])
+    free = (*free_parameters(setup, ()), *setup.noise)
+    base = fit(setup.filter_model, [log], free, starts=noisy_starts(free))
+    assert integrating(base) == ("x_carriage",)
+    where = places(own, [log], base.runs([log]), base.theta_of(own.model))
+    found, _ = candidates(own, [effects.coulomb_loss], [one for one in where if one.label == "carriage"])
+    context = Context(own, base, (log,), 10, 0.01, 5.0)
+    trial = refit_from(Trial(found[0], 0.0), [20.0], context)
+    sure = confirmed(trial, context)
+    assert sure.evidence is not None and sure.evidence.accepted(0.01)
+    monkeypatch.setattr(confirm, "integrating", lambda fitted: ())
+    doubted = confirmed(trial, context)
+    assert doubted.evidence is not None and doubted.evidence.p_robust > 0.01

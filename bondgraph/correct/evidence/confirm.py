@@ -23,6 +23,7 @@ from bondgraph.correct.evidence.decide import channel_shares, gauge_p_value, jud
 from bondgraph.correct.evidence.transfer import transfer
 from bondgraph.correct.evidence.trials import Evidence, Trial
 from bondgraph.correct.fits.assess import gain_p_value
+from bondgraph.correct.fits.integrals import integrating
 from bondgraph.correct.fits.whiteness import whiteness
 from bondgraph.correct.models.candidates import Candidate
 from bondgraph.correct.scores.quiet import annealed_fit, quiet_fit
@@ -119,29 +120,42 @@ def _is_clear(refit: Fit, evidence: Evidence, candidate: Candidate, level: float
 
 
 def _in_free_simulation(refit: Fit, trial: Trial, evidence: Evidence, context: Context) -> Evidence:
-    """The evidence; where the innovations stay coloured with the p-value that the free simulation gives."""
+    """The evidence; where the innovations stay coloured with the p-value that the free simulation gives.
+
+    The fit without the candidate is looked for in two ways, so that it is not blamed for a wrong optimum; that with it
+    in the second way only where it does not pass as it is.
+    """
     driven = any(one.target.kind == "process" for one in refit.problem.free)
     if not driven or _is_clear(refit, evidence, trial.candidate, context.level):
         return evidence
-    quiet = _quietest(refit, quiet_fit(refit, refit.problem.logs, context.journal), context)
-    if quiet is None:  # no simulation with it stays near the logs
-        return replace(evidence, p_robust=1.0)
-    names = trial.candidate.effect.coefficients
-    p_value = robust_p_value(quiet, names, trial.candidate.effect.shapes, uneven=True)
     still = context.quiet or quiet_fit(context.base, context.train, context.journal)
     without = _quietest(context.base, still, context)
+    walking = integrating(context.base)
+    quiet = quiet_fit(refit, refit.problem.logs, context.journal, walking)
+    p_value = _p_value(quiet, without, trial) * evidence.tried
+    if p_value > context.level:
+        p_value = _p_value(_quietest(refit, quiet, context), without, trial) * evidence.tried
+    return replace(evidence, p_robust=max(evidence.p_robust, min(1.0, p_value)))
+
+
+def _p_value(quiet: Fit | None, without: Fit | None, trial: Trial) -> float:
+    """The p-value of a candidate by the quiet fits with and without it; 1 where no simulation with it stays near."""
+    if quiet is None:
+        return 1.0
+    effect = trial.candidate.effect
+    p_value = robust_p_value(quiet, effect.coefficients, effect.shapes, uneven=True)
     if without is not None:
         gain = without.nll - quiet.nll
-        p_value = min(p_value, gauge_p_value(gain, quiet, names, trial.candidate.effect.shapes))
-        p_value = max(p_value, robust_ratio_p_value(gain, quiet, names))
-        if trial.candidate.effect.adds_state or trial.gate is not None:
+        p_value = min(p_value, gauge_p_value(gain, quiet, effect.coefficients, effect.shapes))
+        p_value = max(p_value, robust_ratio_p_value(gain, quiet, effect.coefficients))
+        if effect.adds_state or trial.gate is not None:
             p_value = max(p_value, _deflated(gain, quiet))
-    return replace(evidence, p_robust=max(evidence.p_robust, min(1.0, p_value * evidence.tried)))
+    return p_value
 
 
 def _quietest(loud: Fit, quiet: Fit | None, context: Context) -> Fit | None:
     """The likelier of a quiet fit and the one that lowering the process noise of a fit by steps leads to."""
-    annealed = annealed_fit(loud, loud.problem.logs, context.journal)
+    annealed = annealed_fit(loud, loud.problem.logs, context.journal, integrating(context.base))
     return min((one for one in (quiet, annealed) if one is not None), key=lambda one: one.nll, default=None)
 
 

@@ -6,6 +6,10 @@ which of several laws. With the process noise at its lower bound the model has t
 itself; the step of a score is then nearly that of a fit of the free simulation, from which a refit starts well. Its
 p-values mean nothing where process noise is real, so that these scores choose what is refitted, and decide nothing.
 
+A state that does nothing but integrate another, the position of a carriage, never forgets: whatever pushed the carriage
+unseen and is over stays in every later position, and drowns in it what the model lacks. So process noise of its own
+stays free there, by which a quiet model has to explain the course of the speed and not that of the position.
+
 The likelihood of a free simulation may have many optima. A fit that must not end in a wrong one lowers the process
 noise by steps, each from where the last one ended: precision annealing, Ye et al. (2015), Nonlinear Processes in
 Geophysics 22.
@@ -13,30 +17,30 @@ Geophysics 22.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
+from bondgraph.correct.fits.integrals import integrating
 from bondgraph.correct.models.candidates import Candidate
 from bondgraph.correct.scores.scoring import Linearisation, Scored, linearisation, score_candidates
 from bondgraph.data.log import MatchedLog
 from bondgraph.errors import EstimationError, FilterError
 from bondgraph.estimate.excerpt import excerpt
-from bondgraph.estimate.fitted import Fit
-from bondgraph.estimate.free import FreeParameter
+from bondgraph.estimate.fitted import Fit, at_optimum
+from bondgraph.estimate.free import FreeParameter, declared_free
 from bondgraph.estimate.journal import Journal
 from bondgraph.estimate.local import fit
+from bondgraph.estimate.noise_bounds import process_bounds
+from bondgraph.estimate.noise_starts import matched_levels
 from bondgraph.estimate.problem import EstimationProblem
+from bondgraph.filter.filter_model import FilterModel
 
 #: The quiet fit is only where scores are taken and refits start; of a stiff model, whose fits take long, the less.
 _TOLERANCE, _STIFF_TOLERANCE, _MOST_ITERATIONS = 0.5, 2.0, 40
-#: Factors on the noise of the sensors at which the quiet fit looks for its start: what moved now counts as theirs.
-_NOISIER = (1.0, 5.0, 25.0, 125.0)
-#: Shares of the way down to its bounds (logarithms) at which the process noise is held, one after the other, and
-#: factors on the noise of the sensors, which has to rise where that of the process falls.
+#: Shares of the way down to its bounds (logarithms) at which the process noise is held, one after the other.
 _DESCENT = (0.2, 0.4, 0.6, 0.8, 1.0)
-_RISING = tuple(5.0**k for k in range(9))
 
 
 @dataclass(frozen=True)
@@ -52,63 +56,81 @@ class Quiet:
         return replace(self, scored=score_candidates(self.linear, found))
 
 
-def quiet_fit(base: Fit, train: Sequence[MatchedLog], journal: Journal | None = None) -> Fit | None:
+def quiet_fit(
+    base: Fit, train: Sequence[MatchedLog], journal: Journal | None = None, walking: Sequence[str] | None = None
+) -> Fit | None:
     """A fit with its process noise at the lower bounds, everything else free as it was.
 
+    ``walking`` are the states that keep noise of their own, None: those that only integrate, see
+    :func:`bondgraph.correct.fits.integrals.integrating`.
     None where no process noise is free, or where the model diverges without it.
     """
-    problem = base.problem
-    low = {one.target.name: one.lower for one in problem.free if one.target.kind == "process"}
-    if not low:
+    problem, levels = base.problem, _levels(base)
+    if not levels:
         return None
     tolerance = _STIFF_TOLERANCE if problem.filter_model.is_stiff else _TOLERANCE
-    model = replace(problem.filter_model, process_noise={**problem.filter_model.process_noise, **low})
-    values = base.values
-    free = [
-        replace(one, start=float(np.clip(values[one.name], one.lower, one.upper)))
-        for one in problem.free
-        if one.target.kind != "process"
-    ]
-    start = np.array([one.coordinate(one.start) for one in free])
-    sensors = np.array([one.target.kind == "std" for one in free])
-    starts = [start + np.where(sensors, np.log(factor), 0.0) for factor in _NOISIER]
+    free = _kept(base, train, integrating(base) if walking is None else walking)
+    model = _driven(base, free, {name: lowest for name, (_, lowest) in levels.items()})
     try:
+        quiet = EstimationProblem(model, tuple(train), free, problem.initial)
+        starts = [quiet.start, matched_levels(quiet, quiet.start)]
         return fit(model, train, free, _MOST_ITERATIONS, tolerance, starts, journal=journal, initial=problem.initial)
     except (EstimationError, FilterError):
         return None
 
 
-def annealed_fit(base: Fit, train: Sequence[MatchedLog], journal: Journal | None = None) -> Fit | None:
+def annealed_fit(
+    base: Fit, train: Sequence[MatchedLog], journal: Journal | None = None, walking: Sequence[str] | None = None
+) -> Fit | None:
     """The quiet fit again, its process noise lowered by steps; the sensors may count as noisy as what they show varies.
 
     The steps only lead somewhere, so that all but the last are made on the beginnings of long logs. None where
-    :func:`quiet_fit` gives none, and of stiff models, which so many fits are too much for.
+    :func:`quiet_fit` gives none, and of stiff models, which so many fits are too much for. ``walking`` as there.
     """
-    problem = base.problem
-    process = {
-        one.target.name: (base.values[one.name], one.lower) for one in problem.free if one.target.kind == "process"
-    }
-    if not process or problem.filter_model.is_stiff:
+    problem, levels = base.problem, _levels(base)
+    if not levels or problem.filter_model.is_stiff:
         return None
-    free = [_widened(one, problem, train) for one in problem.free if one.target.kind != "process"]
-    sensors = np.array([one.target.kind == "std" for one in free])
-    fitted, values = None, base.values
-    part = excerpt(replace(problem, logs=tuple(train), free=tuple(free)))
+    free = _kept(base, train, integrating(base) if walking is None else walking)
+    free = tuple(_widened(one, problem, train) for one in free)
+    fitted: Fit | None = None
+    part = excerpt(EstimationProblem(_driven(base, free, {}), tuple(train), free, problem.initial))
     for share in _DESCENT:
-        held = {name: level * (lowest / level) ** share for name, (level, lowest) in process.items()}
-        model = replace(problem.filter_model, process_noise={**problem.filter_model.process_noise, **held})
-        free = [replace(one, start=float(np.clip(values[one.name], one.lower, one.upper))) for one in free]
-        start = np.array([one.coordinate(one.start) for one in free])
-        starts = [start + np.where(sensors, np.log(factor), 0.0) for factor in _RISING]
+        model = _driven(base, free, {name: level * (low / level) ** share for name, (level, low) in levels.items()})
+        logs = train if part is None or share == _DESCENT[-1] else part.logs
         try:
-            logs = train if part is None or share == _DESCENT[-1] else part.logs
+            lowered = EstimationProblem(model, tuple(logs), free, problem.initial)
+            starts = [lowered.start, matched_levels(lowered, lowered.start)]
             fitted = fit(
                 model, logs, free, _MOST_ITERATIONS, _TOLERANCE, starts, journal=journal, initial=problem.initial
             )
         except EstimationError:
             return None
-        values = fitted.values
+        free = at_optimum(fitted)
     return fitted
+
+
+def _levels(base: Fit) -> dict[str, tuple[float, float]]:
+    """Estimate and lower bound of the process noise of every driven state."""
+    free = base.problem.free
+    return {one.target.name: (base.values[one.name], one.lower) for one in free if one.target.kind == "process"}
+
+
+def _kept(base: Fit, train: Sequence[MatchedLog], walking: Sequence[str]) -> tuple[FreeParameter, ...]:
+    """What stays free in a quiet fit, from where it is, and the noise of states that keep some."""
+    own, model = [one for one in at_optimum(base) if one.target.kind != "process"], base.problem.filter_model.model
+    noise = [
+        declared_free(f"process({name})", base.problem.filter_model, logs=train)
+        for name in walking
+        if process_bounds(model, train, base.theta, model.index("state", name)) is not None
+    ]
+    return (*own, *noise)
+
+
+def _driven(base: Fit, free: Sequence[FreeParameter], held: Mapping[str, float]) -> FilterModel:
+    """The filter of a fit with other process noise, and with what is free of it."""
+    noise = {one.target.name: one.start for one in free if one.target.kind == "process"}
+    own = base.problem.filter_model
+    return replace(own, process_noise={**own.process_noise, **held, **noise})
 
 
 def _widened(one: FreeParameter, problem: EstimationProblem, train: Sequence[MatchedLog]) -> FreeParameter:

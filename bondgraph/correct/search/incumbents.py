@@ -142,9 +142,10 @@ def _starts(fitted: Fit, scored: Scored, j: int, candidate: Candidate, context: 
     base, problem = context.base, context.base.problem
     model: FilterModel = replace(problem.filter_model, model=candidate.model)
     own = coefficients(candidate, model, scored.variants[j])
-    rows = [problem.names.index(name) for name in fitted.problem.names]
+    shared = np.array([name in problem.names for name in fitted.problem.names])  # a position may walk there
+    rows = [problem.names.index(name) for name in fitted.problem.names if name in problem.names]
     point = base.point.copy()
-    point[rows] = fitted.point
+    point[rows] = fitted.point[shared]
     if len(rows) < point.size:  # process noise is held at its bounds there
         point[[k for k in range(point.size) if k not in rows]] = _others(base, rows)
     moves = np.zeros(fitted.point.size)
@@ -157,7 +158,7 @@ def _starts(fitted: Fit, scored: Scored, j: int, candidate: Candidate, context: 
         reached = np.array([inside(one, share * value) for one, value in zip(own, step, strict=False)])
         cut = min((abs(a / (share * b)) for a, b in zip(reached, step, strict=True) if b != 0.0), default=1.0)
         moved = point.copy()
-        moved[rows] += share * min(cut, 1.0) * np.where(kinds, moves, 0.0)
+        moved[rows] += share * min(cut, 1.0) * np.where(kinds, moves, 0.0)[shared]
         found.append(np.concatenate([moved, reached, shapes]))
     return found
 
