@@ -204,7 +204,9 @@ def fitted_exactly(built: BuiltModel, logs: Sequence[MatchedLog], known: dict[st
     for start in (np.array([p.coordinate(p.start) for p in warm]), *(() if further is None else further.T)):
         starts = [*_at_noise_levels(declared, start)]
         try:
-            found.append(fit(filter_model, logs, declared, _ITERATIONS, _TOLERANCE, starts))
+            found.append(
+                fit(EstimationProblem(filter_model, tuple(logs), tuple(declared)), _ITERATIONS, _TOLERANCE, starts)
+            )
         except BondGraphError as error:
             failed = error
     if not found and failed is not None:

@@ -46,6 +46,7 @@ from bondgraph.estimate.free import FreeParameter
 from bondgraph.estimate.journal import Journal
 from bondgraph.estimate.local import fit
 from bondgraph.estimate.noise_starts import noisy_starts
+from bondgraph.estimate.problem import EstimationProblem
 from bondgraph.estimate.setup import filter_setup
 from bondgraph.report import series
 from bondgraph.report.html import Provenance, ReportData, write_report
@@ -143,7 +144,7 @@ def one_step_fit(built: BuiltModel, log: MatchedLog, start: Mapping[str, float])
     """Parameters and noise levels by the likelihood of the errors one step ahead, with steps that resolve friction."""
     setup = filter_setup(built.model, built.driven, [log])
     free = (*_free(built, log, start, "free"), *setup.noise)
-    return refined(fit(setup.filter_model, [log], free, 60, 0.05, noisy_starts(free)))[0]
+    return refined(fit(EstimationProblem(setup.filter_model, (log,), tuple(free)), 60, 0.05, noisy_starts(free)))[0]
 
 
 def free_simulation_fit(built: BuiltModel, log: MatchedLog, start: Mapping[str, float]) -> dict[str, float]:
@@ -160,7 +161,7 @@ def free_run_fit(built: BuiltModel, log: MatchedLog, start: Mapping[str, float])
     free = [parameter for parameter in _free(built, log, start, "none") if parameter.name not in _HELD]
     speed = initial_state(log)["v_carriage"]
     free.append(FreeParameter("x0(v_carriage)", speed - SPEED_MARGIN, speed + SPEED_MARGIN, speed))
-    return fit(filter_model, [log], free, 60, 1e-3)
+    return fit(EstimationProblem(filter_model, (log,), tuple(free)), 60, 1e-3)
 
 
 def _held_ripple(start: Mapping[str, float]) -> dict[str, float]:

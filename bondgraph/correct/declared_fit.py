@@ -34,6 +34,7 @@ from bondgraph.estimate.initial import InitialRule
 from bondgraph.estimate.journal import Journal
 from bondgraph.estimate.local import Report, fit
 from bondgraph.estimate.noise_starts import noisy_starts, quiet_start
+from bondgraph.estimate.problem import EstimationProblem
 from bondgraph.estimate.setup import FilterSetup, filter_setup
 from bondgraph.text import few, inflected, number
 
@@ -124,7 +125,7 @@ def _is_likelier(fitted: Fit, built: BuiltModel, ways: Mapping[str, Interpolatio
     def otherwise() -> Fit:
         filter_model = replace(fitted.problem.filter_model, model=build(with_inputs_between(built.graph, **ways)).model)
         problem = fitted.problem
-        return fit(filter_model, problem.logs, at_optimum(fitted), journal=journal, initial=problem.initial)
+        return fit(EstimationProblem(filter_model, problem.logs, at_optimum(fitted), problem.initial), journal=journal)
 
     return attempted(otherwise, lambda why: fitted).nll < fitted.nll - INDIFFERENT
 
@@ -148,10 +149,9 @@ def _fitted(
     setup = filter_setup(built.model, [name for name in built.driven if name != RESTING], train, wishes.process_noise)
     free = _all_free(setup, wishes.free)
     _check_enough(graph, train, len(free))
-    found = fit(
-        setup.filter_model, train, free, _MOST_ITERATIONS, _TOLERANCE, noisy_starts(free), journal=wishes.journal,
-        first=quiet_start(free, np.array([one.coordinate(one.start) for one in free])), initial=wishes.initial,
-    )  # fmt: skip
+    problem = EstimationProblem(setup.filter_model, tuple(train), free, wishes.initial)
+    starts, first = noisy_starts(free), quiet_start(free, problem.start)
+    found = fit(problem, _MOST_ITERATIONS, _TOLERANCE, starts, journal=wishes.journal, first=first)
     found, check = refined(found, wishes.journal, setup.filter_model.substeps)  # before anything is scored
     return DeclaredFit(graph, built, setup, found, check, tuple(train), tuple(holdout))
 

@@ -28,7 +28,7 @@ from bondgraph.declare.graph import BondGraph
 from bondgraph.errors import DeclarationError, EstimationError
 from bondgraph.estimate.certify import Check
 from bondgraph.estimate.fitted import Fit, at_optimum, restricted
-from bondgraph.estimate.local import fit, fitted_problem
+from bondgraph.estimate.local import fit
 from bondgraph.estimate.objective import SearchOutcome
 from bondgraph.estimate.problem import EstimationProblem
 
@@ -140,10 +140,9 @@ def _estimated(state: Progress, chosen: Trial, settings: RoundSettings) -> Progr
     filter_model = replace(chosen.fit.problem.filter_model, model=chosen.built.model)
     if filter_model.is_stiff and chosen.fit.outcome is SearchOutcome.CONVERGED:  # to all that its filter can tell
         return replace(state, built=chosen.built, fit=chosen.fit, added=(*state.added, chosen))
-    fitted = fit(
-        filter_model, state.train, at_optimum(chosen.fit), journal=settings.journal,
-        initial=chosen.fit.problem.initial,
-    )  # fmt: skip
+    initial = chosen.fit.problem.initial
+    problem = EstimationProblem(filter_model, tuple(state.train), at_optimum(chosen.fit), initial)
+    fitted = fit(problem, journal=settings.journal)
     fitted = with_starts(fitted, settings.journal)
     return replace(state, built=chosen.built, fit=fitted, added=(*state.added, chosen))
 
@@ -238,7 +237,7 @@ def _in_fewer_parts(state: Progress, whole: int, number: int, settings: RoundSet
 
 def _refitted(reduced: _Reduced, settings: RoundSettings) -> Fit | None:
     """The fit of a model with a part of what was added; None where it has no value."""
-    return attempted(lambda: fitted_problem(reduced.problem, settings.journal), lambda why: None)
+    return attempted(lambda: fit(reduced.problem, journal=settings.journal), lambda why: None)
 
 
 def _without_needless_disturbance(state: Progress, last: Trial, number: int, settings: RoundSettings) -> Progress:
@@ -319,7 +318,7 @@ def without(state: Progress, index: int, action: str, why: str, number: int, set
     gone = state.added[index]
     reduced = _reduced(state, [trial for k, trial in enumerate(state.added) if k != index])
     problem = reduced.problem
-    fitted = fitted_problem(problem, settings.journal)
+    fitted = fit(problem, journal=settings.journal)
     fitted, check = refined(fitted, settings.journal, settings.substeps)
     beside = f"has nothing to act on without {gone.candidate.label}"
     history = [

@@ -7,13 +7,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from bondgraph.data.log import FloatArray, MatchedLog
+from bondgraph.data.log import FloatArray
 from bondgraph.errors import EstimationError
 from bondgraph.estimate.derivatives.formed import Formed, Scheme, formed_again
 from bondgraph.estimate.derivatives.linearised import is_linearised
 from bondgraph.estimate.fitted import Fit, at_optimum
-from bondgraph.estimate.free import FreeParameter
-from bondgraph.estimate.initial import Initial
 from bondgraph.estimate.journal import Journal, Noted, fit_key
 from bondgraph.estimate.objective import SearchOutcome
 from bondgraph.estimate.problem import EstimationProblem
@@ -34,9 +32,7 @@ def no_report(stage: str, done: int, total: int) -> None:
 
 
 def fit(
-    filter_model: FilterModel,
-    logs: Sequence[MatchedLog],
-    free: Sequence[FreeParameter],
+    problem: EstimationProblem,
     iterations: int = 40,
     tolerance: float = 1e-3,
     starts: Sequence[FloatArray] = (),
@@ -44,8 +40,6 @@ def fit(
     journal: Journal | None = None,
     first: FloatArray | None = None,
     reach: float = WITHIN_REACH,
-    *,
-    initial: Initial = "measured",
 ) -> Fit:
     """Estimate the free parameters by Gauss-Newton, until a step promises less than ``tolerance`` or two gain less.
 
@@ -54,8 +48,8 @@ def fit(
 
     Parameters
     ----------
-    filter_model, logs, free
-        What is fitted to what, and what may move.
+    problem
+        What is fitted to which logs, and what may move.
     iterations, tolerance
         Most iterations, and how many nats a further one must be worth.
     starts
@@ -71,21 +65,13 @@ def fit(
         The search of a stiff model is finished by exact derivatives only if it ends behind ``beat`` by less than this
         (ahead of it by more, if negative), and by less than it gained or a further step promises: what hardly moved
         left little.
-    initial
-        Where initial states come from, see :func:`bondgraph.estimate.initial.initial_states`.
 
     Raises
     ------
     EstimationError
         If the model diverges at every start.
     """
-    problem = EstimationProblem(filter_model, tuple(logs), tuple(free), initial)
     return _widened(problem, Wish(iterations, tolerance, starts, beat, first, reach), journal)
-
-
-def fitted_problem(problem: EstimationProblem, journal: Journal | None = None) -> Fit:
-    """The fit of a problem from its start; errors as for :func:`fit`."""
-    return fit(problem.filter_model, problem.logs, problem.free, journal=journal, initial=problem.initial)
 
 
 def refitted(fitted: Fit, filter_model: FilterModel, journal: Journal | None = None) -> Fit:

@@ -16,6 +16,7 @@ from bondgraph.declare.graph import BondGraph
 from bondgraph.estimate.declared import free_parameters
 from bondgraph.estimate.fitted import Fit
 from bondgraph.estimate.local import fit
+from bondgraph.estimate.problem import EstimationProblem
 from bondgraph.estimate.setup import filter_setup
 from bondgraph.simulate.simulation import simulate
 
@@ -91,4 +92,4 @@ def fitted(logs: list[MatchedLog]) -> Fit:
     """The declared sled, fitted."""
     own = built()
     setup = filter_setup(own.model, own.driven, logs)
-    return fit(setup.filter_model, logs, (*free_parameters(setup, ()), *setup.noise))
+    return fit(EstimationProblem(setup.filter_model, tuple(logs), (*free_parameters(setup, ()), *setup.noise)))

@@ -14,6 +14,7 @@ from bondgraph.declare.domains import ROTATION, TRANSLATION
 from bondgraph.declare.graph import BondGraph
 from bondgraph.estimate.declared import free_parameters
 from bondgraph.estimate.local import fit
+from bondgraph.estimate.problem import EstimationProblem
 from bondgraph.estimate.setup import filter_setup
 
 
@@ -47,7 +48,7 @@ def hub_log() -> MatchedLog:
 def test_candidates_that_are_kept_change_nothing_while_absent(hub_log: MatchedLog) -> None:
     built = build(geared_hub())
     setup = filter_setup(built.model, built.driven, [hub_log])
-    fitted = fit(setup.filter_model, [hub_log], (*free_parameters(setup, ()), *setup.noise), 3, 0.1)
+    fitted = fit(EstimationProblem(setup.filter_model, (hub_log,), (*free_parameters(setup, ()), *setup.noise)), 3, 0.1)
     runs = fitted.runs([hub_log])
     functions = [effects.viscous_loss, effects.constant_effort, effects.added_inertia]
     found, _ = candidates(built, functions, places(built, [hub_log], runs, fitted.theta))

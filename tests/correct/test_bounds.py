@@ -24,6 +24,7 @@ from bondgraph.declare.json_writer import graph_to_json
 from bondgraph.estimate.declared import free_parameters
 from bondgraph.estimate.free import FreeParameter
 from bondgraph.estimate.local import fit
+from bondgraph.estimate.problem import EstimationProblem
 from bondgraph.estimate.setup import filter_setup
 from tests.correct import sled
 from tests.correct.buggy import AIR, LOSS, RADIUS, buggy, coast
@@ -75,9 +76,11 @@ def test_a_search_goes_on_beyond_bounds_that_only_scale_it(lower: float, upper: 
     log = sled.pull(sled.sled(), 3)
     base = sled.fitted([log])
     free = tuple(one for one in base.problem.free if one.name != "c_guide")
-    at_most = fit(base.problem.filter_model, [log], (*free, _free(lower, upper, 0.5 * upper)))
+    at_most = fit(EstimationProblem(base.problem.filter_model, (log,), (*free, _free(lower, upper, 0.5 * upper))))
     assert at_most.values["c_guide"] == upper and at_most.nll > base.nll + 100.0
-    wider = fit(base.problem.filter_model, [log], (*free, _free(lower, upper, 0.5 * upper, widens=True)))
+    wider = fit(
+        EstimationProblem(base.problem.filter_model, (log,), (*free, _free(lower, upper, 0.5 * upper, widens=True)))
+    )
     assert wider.values["c_guide"] == pytest.approx(base.values["c_guide"], rel=1e-3)
     assert wider.nll == pytest.approx(base.nll, abs=0.05)
     (kept,) = [one for one in wider.problem.free if one.name == "c_guide"]
@@ -90,7 +93,7 @@ def test_zero_and_the_lower_bound_of_a_size_stay() -> None:
     base = sled.fitted([log])
     free = tuple(one for one in base.problem.free if one.name != "c_guide")
     size = FreeParameter("c_guide", 20.0, 50.0, 30.0, scale="log", widens=True)
-    found = fit(base.problem.filter_model, [log], (*free, size))
+    found = fit(EstimationProblem(base.problem.filter_model, (log,), (*free, size)))
     assert found.values["c_guide"] == 20.0 and found.problem.free[-1].upper == 50.0
     assert _free(0.0, 1.0, 0.0, widens=True).wider(10.0).lower == 0.0
 
@@ -99,7 +102,9 @@ def test_a_coefficient_on_its_upper_bound_is_not_absent() -> None:
     log = sled.pull(sled.sled(), 3)
     base = sled.fitted([log])
     free = tuple(one for one in base.problem.free if one.name != "c_guide")
-    held = fit(base.problem.filter_model, [log], (*free, _free(0.0, 0.9 * base.values["c_guide"], 5.0)))
+    held = fit(
+        EstimationProblem(base.problem.filter_model, (log,), (*free, _free(0.0, 0.9 * base.values["c_guide"], 5.0)))
+    )
     assert held.held[-1] and robust_p_value(held, ["c_guide"]) < 1e-6  # was 1
     at_zero = replace(held, point=np.append(held.point[:-1], 0.0))
     assert robust_p_value(at_zero, ["c_guide"]) == 1.0
@@ -130,7 +135,7 @@ def test_names_do_not_tell_a_parameter_of_the_machine_from_a_shape_of_a_law() ->
     own = build(graph)
     setup = filter_setup(own.model, own.driven, train)
     free = [replace(one, widens=one.name == "k_guide") for one in (*free_parameters(setup, ()), *setup.noise)]
-    base = fit(setup.filter_model, train, free)
+    base = fit(EstimationProblem(setup.filter_model, tuple(train), tuple(free)))
     resting = {one.name for one, rests in zip(base.problem.free, base.held, strict=True) if rests}
     assert {"c_guide", "v_guide"} <= resting
     bounded = linearisation(base, train, ["k_guide", "v_guide"]).bounded

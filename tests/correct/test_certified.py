@@ -27,6 +27,7 @@ from bondgraph.estimate.declared import free_parameters
 from bondgraph.estimate.fitted import Fit
 from bondgraph.estimate.local import fit
 from bondgraph.estimate.longer_steps import step_gain
+from bondgraph.estimate.problem import EstimationProblem
 from bondgraph.estimate.searches import expand
 from bondgraph.estimate.setup import filter_setup
 from bondgraph.filter.discretisation import NEGLIGIBLE
@@ -44,7 +45,7 @@ def test_a_resolved_fit_is_certified() -> None:
 def test_steps_that_are_too_long_are_told() -> None:
     log = drawn(0.0)
     setup = setup_of(log)
-    fine = fit(setup.filter_model, [log], (*free_parameters(setup, ()), *setup.noise))
+    fine = fit(EstimationProblem(setup.filter_model, (log,), (*free_parameters(setup, ()), *setup.noise)))
     coarse = replace(setup.filter_model, method="ros2", substeps=1, grading=1.0, noise_scheme="sampled")
     problem = replace(fine.problem, filter_model=coarse)
     expansion = expand(problem, fine.point, np.full(fine.point.size, 1e-5))
@@ -81,7 +82,9 @@ def test_a_fit_goes_on_with_shorter_steps_where_its_steps_move_it() -> None:
     log, own = pull(light, 2), build(light)
     setup = filter_setup(own.model, own.driven, [log])
     free = (*free_parameters(setup, ()), *setup.noise)
-    coarse = fit(replace(setup.filter_model, substeps=1, noise_scheme="sampled"), [log], free)
+    coarse = fit(
+        EstimationProblem(replace(setup.filter_model, substeps=1, noise_scheme="sampled"), (log,), tuple(free))
+    )
     assert certify(coarse).shift > NEGLIGIBLE_SHIFT
     fine, found = refined(coarse)
     assert found.shift <= NEGLIGIBLE_SHIFT and fine.problem.filter_model.substeps > 1
@@ -93,7 +96,7 @@ def test_a_fit_goes_on_with_shorter_steps_where_its_steps_move_it() -> None:
 def test_a_stiff_fit_that_its_steps_do_not_disturb_is_left_alone() -> None:
     log = drawn(0.0)
     setup = setup_of(log)
-    stiff = fit(setup.filter_model, [log], (*free_parameters(setup, ()), *setup.noise))
+    stiff = fit(EstimationProblem(setup.filter_model, (log,), (*free_parameters(setup, ()), *setup.noise)))
     again, found = refined(stiff)
     assert again is stiff and found == certify(stiff)
     assert not found.parameter.startswith(("std", "process"))
@@ -103,7 +106,7 @@ def test_a_stiff_fit_with_too_few_steps_is_refined_too() -> None:
     log = drawn(0.0)
     setup = setup_of(log)
     coarse = replace(setup.filter_model, method="ros2", substeps=1, grading=1.0, noise_scheme="sampled")
-    rough = fit(coarse, [log], (*free_parameters(setup, ()), *setup.noise))
+    rough = fit(EstimationProblem(coarse, (log,), (*free_parameters(setup, ()), *setup.noise)))
     fine, found = refined(rough)
     used = fine.problem.filter_model
     assert used.method == "ros2" and used.substeps == 4  # halved as often as stiff models are
@@ -117,7 +120,7 @@ def coarse_fan() -> Fit:
     setup = filter_setup(fan.built().model, fan.built().driven, [log])
     # no node of the noise cuts these steps shorter
     sampled = replace(setup.filter_model, substeps=2, noise_scheme="sampled")
-    return fit(sampled, [log], (*free_parameters(setup, ()), *setup.noise))
+    return fit(EstimationProblem(sampled, (log,), (*free_parameters(setup, ()), *setup.noise)))
 
 
 def test_effects_could_make_up_for_steps_that_are_stable_but_no_more() -> None:

@@ -14,6 +14,7 @@ from bondgraph.estimate.declared import free_parameters
 from bondgraph.estimate.excerpt import excerpt
 from bondgraph.estimate.fitted import Fit
 from bondgraph.estimate.local import fit
+from bondgraph.estimate.problem import EstimationProblem
 from tests.correct.test_stiff import rivals
 from tests.correct.winch import drawn, fitted, setup_of
 
@@ -50,7 +51,12 @@ def test_what_does_not_beat_what_is_known_by_enough_is_not_finished() -> None:
     setup = setup_of(log)
     free = (*free_parameters(setup, ()), *setup.noise)
     finished, left = (
-        fit(setup.filter_model, [log], free, starts=(worse(best, 0.05).point,), beat=best.nll, reach=reach)
+        fit(
+            EstimationProblem(setup.filter_model, (log,), tuple(free)),
+            starts=(worse(best, 0.05).point,),
+            beat=best.nll,
+            reach=reach,
+        )
         for reach in (60.0, -1e6)
     )
     assert finished.nll <= left.nll and finished.evaluations > left.evaluations

@@ -28,6 +28,7 @@ from bondgraph.effects.sensors import sensor_scale
 from bondgraph.estimate.fitted import Fit
 from bondgraph.estimate.free import declared_free
 from bondgraph.estimate.local import fit
+from bondgraph.estimate.problem import EstimationProblem
 from bondgraph.estimate.setup import filter_setup
 from tests.correct.sled import built, fitted, pull, sled
 from tests.effects.machines.electrical import CLAMP
@@ -86,7 +87,7 @@ def rail(holding: str = "") -> Fit:
     wide = [
         replace(one, lower=1e-2 * one.lower, upper=1e2 * one.upper) if one.name in _SCALED else one for one in begun
     ]
-    return fit(setup.filter_model, [log], wide)
+    return fit(EstimationProblem(setup.filter_model, (log,), tuple(wide)))
 
 
 def test_a_law_beside_a_gauge_is_judged_by_what_it_gains() -> None:

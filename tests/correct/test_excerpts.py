@@ -53,7 +53,7 @@ def test_a_fit_that_begins_on_an_excerpt_ends_where_one_on_the_whole_does(monkey
 
 def _fitted() -> Fit:
     given = problem()
-    return fit(given.filter_model, given.logs, given.free, first=quiet_start(given.free, given.start))
+    return fit(given, first=quiet_start(given.free, given.start))
 
 
 def test_a_level_of_which_the_data_say_nothing_is_not_thrown_far() -> None:

@@ -20,6 +20,7 @@ from bondgraph.errors import EstimationError
 from bondgraph.estimate.declared import free_parameters
 from bondgraph.estimate.journal import Journal
 from bondgraph.estimate.local import fit
+from bondgraph.estimate.problem import EstimationProblem
 from bondgraph.estimate.setup import filter_setup
 from tests.correct.sled import FUNCTIONS, NOISE, pull, sled
 
@@ -66,7 +67,7 @@ def test_an_outlier_at_the_start_of_a_position_is_no_bias(monkeypatch: pytest.Mo
     log = pull(graph, 11)
     log.y[own.model.index("output", "position"), 0] += 7.4 * 0.05
     setup = filter_setup(own.model, own.driven, [log])
-    base = fit(setup.filter_model, [log], (*free_parameters(setup, ()), *setup.noise))
+    base = fit(EstimationProblem(setup.filter_model, (log,), (*free_parameters(setup, ()), *setup.noise)))
     turn = one_round(own, base, [log], [sensor_bias, effects.quadratic_loss])
     gains = {trial.candidate.place.output: trial.score_gain for trial in turn.trials}
     assert gains["position"] < 3.0

@@ -113,9 +113,11 @@ def test_a_fit_that_cannot_win_is_given_up() -> None:
     log = pull(sled(), 4, c_guide=16.0)
     base = fitted([log])
     problem = base.problem
-    lost = fit(problem.filter_model, [log], problem.free, beat=base.nll - 1e4)
+    lost = fit(EstimationProblem(problem.filter_model, (log,), problem.free), beat=base.nll - 1e4)
     assert lost.evaluations < base.evaluations and not lost.outcome.succeeded
-    assert fit(problem.filter_model, [log], problem.free, beat=base.nll).nll == pytest.approx(base.nll, abs=0.1)
+    assert fit(EstimationProblem(problem.filter_model, (log,), problem.free), beat=base.nll).nll == pytest.approx(
+        base.nll, abs=0.1
+    )
 
 
 def test_starts_differ_in_their_noise_alone() -> None:
@@ -136,7 +138,7 @@ def test_a_model_that_diverges_everywhere_is_told() -> None:
     y = np.where(np.arange(log.time.size) % 399 == 0, log.y, np.nan)  # nothing holds the filter in between
     slow = MatchedLog(log.name, 1000.0 * log.time, log.u, y)  # far too few substeps for such intervals
     with pytest.raises(EstimationError, match=r"sled: the model diverges at its declared parameters on run with 1 sub"):
-        fit(base.problem.filter_model, [slow], base.problem.free)
+        fit(EstimationProblem(base.problem.filter_model, (slow,), base.problem.free))
 
 
 def test_a_quiet_start_has_little_process_noise_and_loud_sensors() -> None:

@@ -24,6 +24,7 @@ from bondgraph.declare.json_writer import graph_to_json
 from bondgraph.estimate.declared import free_parameters
 from bondgraph.estimate.fitted import Fit
 from bondgraph.estimate.local import fit
+from bondgraph.estimate.problem import EstimationProblem
 from bondgraph.estimate.setup import filter_setup
 from bondgraph.filter.follows import with_followers
 from bondgraph.report.simulation import SimulationOptions, simulate_graph
@@ -103,7 +104,7 @@ def running(seed: int) -> MatchedLog:
 def fitted(*seeds: int) -> Fit:
     logs = tuple(map(running, seeds))
     setup = filter_setup(built().model, built().driven, logs)
-    return fit(setup.filter_model, logs, (*free_parameters(setup, ()), *setup.noise))
+    return fit(EstimationProblem(setup.filter_model, tuple(logs), (*free_parameters(setup, ()), *setup.noise)))
 
 
 def test_an_inertia_set_free_starts_at_the_speed_it_was_tied_to_and_a_spring_at_its_load() -> None:

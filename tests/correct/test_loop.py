@@ -24,6 +24,7 @@ from bondgraph.errors import DataError, OptionError
 from bondgraph.estimate.certify import NEGLIGIBLE_SHIFT
 from bondgraph.estimate.fitted import at_optimum
 from bondgraph.estimate.local import fit
+from bondgraph.estimate.problem import EstimationProblem
 from tests.correct.sled import FUNCTIONS, added, built, fitted, pull, sled
 
 QUADRATIC = 1.2
@@ -143,7 +144,7 @@ def test_scores_predict_what_refits_gain_for_small_effects() -> None:
             continue
         own = replace(base.problem.filter_model, model=build(trial.candidate.apply(sled())).model)
         free = (*at_optimum(base), *coefficients(trial.candidate, own))
-        gain = base.nll - fit(own, train, free).nll
+        gain = base.nll - fit(EstimationProblem(own, tuple(train), tuple(free))).nll
         assert gain == pytest.approx(trial.score_gain, rel=0.1, abs=1.0), trial.candidate.label
     gains = {trial.candidate.label: trial.score_gain for trial in turn.trials}
     assert 10.0 < gains["quadratic_loss at runner"] < 30.0

@@ -11,6 +11,7 @@ import pytest
 from bondgraph.correct.evidence.noise_split import from_quiet_side
 from bondgraph.estimate.fitted import Fit
 from bondgraph.estimate.local import fit
+from bondgraph.estimate.problem import EstimationProblem
 from bondgraph.estimate.searches import expand
 from tests.correct.sled import fitted, pull, sled
 
@@ -23,7 +24,7 @@ def silenced() -> Fit:
     perfect = {one.target.name: one.lower for one in free if one.target.kind == "std"}
     noisy = replace(problem.filter_model, measurement_noise=perfect)
     rest = [one for one in problem.free if one.target.kind != "std"]
-    driven = fit(noisy, problem.logs, rest, initial=problem.initial)
+    driven = fit(EstimationProblem(noisy, problem.logs, tuple(rest), problem.initial))
     problem = replace(problem, free=tuple(free))
     values = {**driven.values, **{one.name: one.lower for one in free if one.target.kind == "std"}}
     point = np.array([one.coordinate(values[one.name]) for one in free])

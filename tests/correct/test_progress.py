@@ -22,6 +22,7 @@ from bondgraph.declare.effect import Place, Scale
 from bondgraph.errors import EstimationError
 from bondgraph.estimate.fitted import Fit, at_optimum
 from bondgraph.estimate.local import fit
+from bondgraph.estimate.problem import EstimationProblem
 from tests.correct.sled import added, built, fitted, pull, sled
 
 
@@ -39,7 +40,9 @@ def test_a_wind_on_a_drag_that_is_withdrawn_goes_with_it() -> None:
         base.problem.filter_model.initial_std,
     )  # fmt: skip
     free = (*at_optimum(base), *coefficients(drag, model), *coefficients(wind, model))
-    state = Progress(sled(), both, fit(model, [log], free), (log,), (Trial(drag, 9.0), Trial(wind, 9.0)))
+    state = Progress(
+        sled(), both, fit(EstimationProblem(model, (log,), tuple(free))), (log,), (Trial(drag, 9.0), Trial(wind, 9.0))
+    )
     left = without(state, 0, "dropped", "p = 0.5", 2, RoundSettings())
     assert left.added == () and left.built.model.names("parameter") == built().model.names("parameter")
     assert [(one.action, one.what) for one in left.history] == [
@@ -61,7 +64,12 @@ def test_what_was_found_beside_something_has_to_stand_without_it(monkeypatch: py
         own = build(one.apply(state.built.graph))
         model = replace(state.fit.problem.filter_model, model=own.model)
         free = (*at_optimum(state.fit), *coefficients(one, model))
-        state = replace(state, built=own, fit=fit(model, [log], free), added=(*state.added, Trial(one, 9.0)))
+        state = replace(
+            state,
+            built=own,
+            fit=fit(EstimationProblem(model, (log,), tuple(free))),
+            added=(*state.added, Trial(one, 9.0)),
+        )
     assert standing(state, "a wind", 2, RoundSettings()).added == state.added[:1]  # there is no constant load
     monkeypatch.setattr("bondgraph.correct.progress.doubt", lambda fitted, effect: 1e-9)
     assert standing(state, "a wind", 2, RoundSettings()) is state
@@ -81,7 +89,7 @@ def test_a_part_without_which_a_law_has_no_value_stays(monkeypatch: pytest.Monke
     def diverging(*args: object, **settings: object) -> Fit:
         raise EstimationError("a law has no value at a sigma point")
 
-    monkeypatch.setattr(progress, "fitted_problem", diverging)
+    monkeypatch.setattr(progress, "fit", diverging)
     assert progress._in_fewer_parts(whole, 0, 2, RoundSettings()) is whole
 
 

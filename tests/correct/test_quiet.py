@@ -25,6 +25,7 @@ from bondgraph.estimate.declared import free_parameters
 from bondgraph.estimate.fitted import Fit, at_optimum
 from bondgraph.estimate.local import fit
 from bondgraph.estimate.noise_starts import noisy_starts
+from bondgraph.estimate.problem import EstimationProblem
 from bondgraph.estimate.setup import filter_setup
 from bondgraph.simulate.simulation import simulate
 from tests.correct.carriage import rides
@@ -63,7 +64,7 @@ def test_quiet_scores_find_the_size_that_process_noise_hides(base: Fit, log: Mat
 
 def test_no_process_noise_leaves_nothing_to_be_held_low(base: Fit, log: MatchedLog) -> None:
     free = [one for one in at_optimum(base) if one.target.kind != "process"]
-    assert quiet_fit(fit(base.problem.filter_model, [log], free), [log]) is None
+    assert quiet_fit(fit(EstimationProblem(base.problem.filter_model, (log,), tuple(free))), [log]) is None
 
 
 def test_what_the_data_need_stands_the_second_look(base: Fit, log: MatchedLog) -> None:
@@ -107,7 +108,7 @@ def test_a_sensor_far_better_than_any_free_simulation_does_not_spoil_the_second_
     log = MatchedLog("record", time, voltage, run.y + noise)
     setup = filter_setup(own.model, own.driven, [log])
     free = (*free_parameters(setup, ()), *setup.noise)
-    base = fit(setup.filter_model, [log], free, starts=noisy_starts(free))
+    base = fit(EstimationProblem(setup.filter_model, (log,), tuple(free)), starts=noisy_starts(free))
     for found in (quiet_fit(base, [log], walking=()), annealed_fit(base, [log], walking=())):
         assert found is not None
         row = found.problem.names.index("std(position)")
@@ -139,7 +140,7 @@ def test_a_law_is_not_doubted_for_what_a_position_remembers(monkeypatch: pytest.
     log, own = rides(), build(emps.start())
     setup = filter_setup(own.model, own.driven, [log])
     free = (*free_parameters(setup, ()), *setup.noise)
-    base = fit(setup.filter_model, [log], free, starts=noisy_starts(free))
+    base = fit(EstimationProblem(setup.filter_model, (log,), tuple(free)), starts=noisy_starts(free))
     assert integrating(base) == ("x_carriage",)
     where = places(own, [log], base.runs([log]), base.theta_of(own.model))
     found, _ = candidates(own, [effects.coulomb_loss], [one for one in where if one.label == "carriage"])

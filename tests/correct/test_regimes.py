@@ -32,6 +32,7 @@ from bondgraph.estimate.journal import Journal
 from bondgraph.estimate.local import fit
 from bondgraph.estimate.noise_starts import noisy_starts
 from bondgraph.estimate.objective import expansion_of
+from bondgraph.estimate.problem import EstimationProblem
 from bondgraph.estimate.setup import filter_setup
 from bondgraph.report.closed_loop import explanation
 from bondgraph.report.python_lines import correction_lines
@@ -195,7 +196,7 @@ def test_a_law_is_gated_in_the_place_of_itself(monkeypatch: pytest.MonkeyPatch) 
     """theta() got multiple values for 'c_coulomb_loss_motor': all that a loop on a car had found was lost."""
     log, own = partly.driven(1), build(partly.drive())
     setup = filter_setup(own.model, own.driven, [log])
-    base = fit(setup.filter_model, [log], (*free_parameters(setup, ()), *setup.noise))
+    base = fit(EstimationProblem(setup.filter_model, (log,), (*free_parameters(setup, ()), *setup.noise)))
     linear = linearisation(base, [log])
     where = places(own, [log], linear.runs, base.theta_of(own.model))
     found, _ = candidates(own, [effects.quadratic_loss], [one for one in where if one.label == "shaft"])
@@ -212,7 +213,7 @@ def test_a_gate_in_the_signal_of_its_law_is_worth_less_than_another_term_in_it()
     log, own = rides(), build(emps.start())
     setup = filter_setup(own.model, own.driven, [log])
     free = (*free_parameters(setup, ()), *setup.noise)
-    base = fit(setup.filter_model, [log], free, starts=noisy_starts(free))
+    base = fit(EstimationProblem(setup.filter_model, (log,), tuple(free)), starts=noisy_starts(free))
     linear = linearisation(base, [log])
     where = places(own, [log], linear.runs, base.theta_of(own.model))
     slow = Regime("flow of carriage", "m/s", "below", 0.09, (-0.13, 0.13), 0.002)

@@ -112,7 +112,7 @@ def busy(threads: int) -> Iterator[None]:
 def _estimate(threads: int | None) -> bytes:
     """Where an estimate of the winch ends, and all that it is told by."""
     base = winch.fitted(0.3)
-    found = fit(base.problem.filter_model, base.problem.logs, base.problem.free)
+    found = fit(base.problem)
     point = np.repeat(found.point[:, np.newaxis], 9, axis=1) + 1e-3 * np.arange(9)
     problem = EstimationProblem(
         base.problem.filter_model, base.problem.logs, base.problem.free, likelihood=FilterLikelihood(threads=threads)

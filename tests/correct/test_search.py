@@ -29,6 +29,7 @@ from bondgraph.effects.sensors import sensor_delay
 from bondgraph.errors import FilterError
 from bondgraph.estimate.declared import free_parameters
 from bondgraph.estimate.local import fit, no_report
+from bondgraph.estimate.problem import EstimationProblem
 from bondgraph.simulate.simulation import simulate
 from tests.correct.test_stiff import cubic_loss
 from tests.correct.test_stiff import rivals as drags
@@ -218,7 +219,7 @@ def test_a_sensor_that_comes_late_is_found_from_little_process_noise() -> None:
     y[0] = np.interp(seen.time - 0.15, seen.time, y[0])
     log = replace(seen, y=y)
     setup = setup_of(log)
-    base = fit(setup.filter_model, [log], (*free_parameters(setup, ()), *setup.noise))
+    base = fit(EstimationProblem(setup.filter_model, (log,), (*free_parameters(setup, ()), *setup.noise)))
     found = one_round(built(), base, [log], [effects.quadratic_loss, sensor_delay])
     assert found.chosen is not None and found.chosen.candidate.label.startswith("sensor_delay at sensor motor_speed")
     assert found.chosen.fit is not None

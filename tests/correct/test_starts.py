@@ -16,6 +16,7 @@ from bondgraph.estimate.declared import free_parameters
 from bondgraph.estimate.fitted import Fit
 from bondgraph.estimate.local import fit
 from bondgraph.estimate.noise_starts import noisy_starts
+from bondgraph.estimate.problem import EstimationProblem
 from bondgraph.estimate.setup import filter_setup
 from vehicle_graphs.effect_study.cases import Case
 from vehicle_graphs.effect_study.generate import Drawn, draw, settled
@@ -34,7 +35,7 @@ def fitted(graph: BondGraph, log: MatchedLog) -> Fit:
     built = build(graph)
     setup = filter_setup(built.model, built.driven, [log])
     free = (*free_parameters(setup, ()), *setup.noise)
-    return fit(setup.filter_model, [log], free, starts=noisy_starts(free))
+    return fit(EstimationProblem(setup.filter_model, (log,), tuple(free)), starts=noisy_starts(free))
 
 
 @pytest.fixture(scope="module")

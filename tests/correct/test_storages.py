@@ -30,6 +30,7 @@ from bondgraph.declare.graph import BondGraph
 from bondgraph.estimate.declared import free_parameters
 from bondgraph.estimate.local import fit
 from bondgraph.estimate.noise_starts import noisy_starts
+from bondgraph.estimate.problem import EstimationProblem
 from bondgraph.estimate.setup import FilterSetup, filter_setup
 from bondgraph.simulate.simulation import simulate
 from tests.correct.winch import NOISE, winch
@@ -45,7 +46,7 @@ def test_a_storage_gets_a_multiple_of_the_steps_at_most_and_says_what_they_do_no
     built = build(BENCH.graph())
     setup = filter_setup(built.model, built.driven, logs)
     free = (*free_parameters(setup, ()), *setup.noise)
-    base = fit(setup.filter_model, logs, free, starts=noisy_starts(free))
+    base = fit(EstimationProblem(setup.filter_model, tuple(logs), tuple(free)), starts=noisy_starts(free))
     where = [one for one in places(built, logs, base.runs(logs), base.theta) if one.label == "wheel -> tyre"]
     (candidate,), _ = candidates(built, [effects.added_compliance], where)
     context = Context(built, base, logs, 10, 0.01, 5.0)
@@ -99,7 +100,7 @@ def fitted(log: MatchedLog) -> Context:
     setup = filter_setup(built.model, built.driven, [log])
     assert setup.filter_model.is_stiff
     free = (*free_parameters(setup, ()), *setup.noise)
-    base = fit(setup.filter_model, [log], free, starts=noisy_starts(free))
+    base = fit(EstimationProblem(setup.filter_model, (log,), tuple(free)), starts=noisy_starts(free))
     return Context(built, base, (log,), 10, 0.01, 10.0)
 
 

@@ -19,6 +19,7 @@ from bondgraph.declare.graph import BondGraph
 from bondgraph.estimate.fitted import Fit, at_optimum
 from bondgraph.estimate.local import fit
 from bondgraph.estimate.objective import Terms
+from bondgraph.estimate.problem import EstimationProblem
 from tests.correct.sled import FUNCTIONS, added, fitted, pull, sled
 
 DRAG = 0.05
@@ -57,14 +58,17 @@ def test_a_newton_step_leaves_a_fold_out_as_a_refit_does(closed: ClosedLoop, cou
     trial = _trial(closed)
     assert trial.fit is not None
     train = logs(count)
-    with_it = fit(trial.fit.problem.filter_model, train, at_optimum(trial.fit))
+    with_it = fit(EstimationProblem(trial.fit.problem.filter_model, tuple(train), tuple(at_optimum(trial.fit))))
     base = fitted(train)
     told = transfer(base, with_it, trial.candidate.effect)
     really = []
     for fold in folds(train):
         rest = [_blanked(log, fold.first, fold.last) if k == fold.log else log for k, log in enumerate(train)]
         rest = [log for log in rest if np.isfinite(log.y).any()]
-        again = [fit(one.problem.filter_model, rest, at_optimum(one)) for one in (base, with_it)]
+        again = [
+            fit(EstimationProblem(one.problem.filter_model, tuple(rest), tuple(at_optimum(one))))
+            for one in (base, with_it)
+        ]
         values = [_nll_of(one, train[fold.log], fold.first, fold.last) for one in again]
         really.append(values[0] - values[1])
     assert len(told.gains) == (3 if count == 3 else 6)

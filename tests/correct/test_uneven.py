@@ -10,6 +10,7 @@ from bondgraph.correct.fits.assess import assess
 from bondgraph.declare.editing import with_values
 from bondgraph.estimate.declared import free_parameters
 from bondgraph.estimate.local import fit
+from bondgraph.estimate.problem import EstimationProblem
 from bondgraph.estimate.setup import filter_setup
 from tests.correct.sled import NOISE, build, pull, sled
 
@@ -19,7 +20,7 @@ def test_a_gap_does_not_let_the_free_simulation_diverge() -> None:
     light = with_values(sled(), {"m_sled": 4.0, "c_guide": 52.0})
     whole, own = pull(light, 2), build(light)
     setup = filter_setup(own.model, own.driven, [whole])
-    found = fit(setup.filter_model, [whole], (*free_parameters(setup, ()), *setup.noise))
+    found = fit(EstimationProblem(setup.filter_model, (whole,), (*free_parameters(setup, ()), *setup.noise)))
     kept = np.r_[0:100, 140:400]
     gap = replace(whole, time=whole.time[kept], u=whole.u[:, kept], y=whole.y[:, kept])
     (log,) = assess(found, [gap]).logs
@@ -34,7 +35,7 @@ def test_a_simulation_that_diverges_is_an_outcome_and_no_figure() -> None:
     light = with_values(sled(), {"m_sled": 4.0, "c_guide": 52.0})
     log, own = pull(light, 2), build(light)
     setup = filter_setup(own.model, own.driven, [log])
-    found = fit(setup.filter_model, [log], (*free_parameters(setup, ()), *setup.noise))
+    found = fit(EstimationProblem(setup.filter_model, (log,), (*free_parameters(setup, ()), *setup.noise)))
     mass = own.model.index("parameter", "m_sled")
     model = found.problem.filter_model.model
     weightless = replace(log, theta_overrides={"m_sled": 1e-4})

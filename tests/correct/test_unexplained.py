@@ -21,6 +21,7 @@ from bondgraph.declare.quantities import symbol
 from bondgraph.estimate.fitted import at_optimum
 from bondgraph.estimate.journal import Journal
 from bondgraph.estimate.local import fit
+from bondgraph.estimate.problem import EstimationProblem
 from bondgraph.report.missing import missing_efforts
 from bondgraph.simulate.simulation import simulate
 from tests.correct.sled import FUNCTIONS, NOISE, added, fitted, pull, sled
@@ -107,7 +108,7 @@ def test_a_coefficient_that_changes_within_a_log_is_told_from_one_that_does_not(
     found = []
     for train in (same, rough, other):
         base = fitted(train)
-        again = fit(base.problem.filter_model, train, at_optimum(base))
+        again = fit(EstimationProblem(base.problem.filter_model, tuple(train), tuple(at_optimum(base))))
         found.append(constancy(again, "c_guide"))
     assert found[0].p_value > 0.05
     assert found[1].p_value < 1e-3

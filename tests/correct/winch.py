@@ -15,6 +15,7 @@ from bondgraph.declare.graph import BondGraph
 from bondgraph.estimate.declared import free_parameters
 from bondgraph.estimate.fitted import Fit
 from bondgraph.estimate.local import fit
+from bondgraph.estimate.problem import EstimationProblem
 from bondgraph.estimate.setup import FilterSetup, filter_setup
 from bondgraph.simulate.simulation import simulate
 
@@ -74,7 +75,7 @@ def setup_of(log: MatchedLog) -> FilterSetup:
 
 def fitted_to(log: MatchedLog) -> Fit:
     setup = setup_of(log)
-    return fit(setup.filter_model, [log], (*free_parameters(setup, ()), *setup.noise))
+    return fit(EstimationProblem(setup.filter_model, (log,), (*free_parameters(setup, ()), *setup.noise)))
 
 
 @functools.cache

@@ -43,7 +43,7 @@ def problem() -> EstimationProblem:
 
 @functools.cache
 def fitted() -> Fit:
-    return fit(problem().filter_model, problem().logs, problem().free)
+    return fit(problem())
 
 
 def test_a_search_that_was_interrupted_is_the_same_in_every_bit(tmp_path: Path) -> None:
@@ -61,7 +61,7 @@ def test_a_search_that_was_interrupted_is_the_same_in_every_bit(tmp_path: Path) 
 def test_a_refit_with_shorter_steps_ends_where_a_whole_search_does() -> None:
     finer = replace(problem().filter_model, substeps=2 * problem().filter_model.substeps)
     quick = refitted(fitted(), finer)
-    whole = fit(finer, problem().logs, problem().free, tolerance=1e-3)
+    whole = fit(EstimationProblem(finer, problem().logs, problem().free), tolerance=1e-3)
     assert abs(quick.nll - whole.nll) < 0.5  # nats that exact derivatives may leave
     assert abs(quick.values["c"] - whole.values["c"]) < 0.2 * whole.std["c"]
     assert quick.problem.filter_model is finer
@@ -71,9 +71,7 @@ def test_a_refit_with_shorter_steps_ends_where_a_whole_search_does() -> None:
 @pytest.mark.parametrize("tolerance", [1e-3, 2.0])  # finished by exact derivatives, and not
 def test_a_fit_from_the_journal_is_the_same_in_every_bit(tolerance: float, tmp_path: Path) -> None:
     given = problem()
-    first, again = (
-        fit(given.filter_model, given.logs, given.free, tolerance=tolerance, journal=Journal(tmp_path)) for _ in "12"
-    )
+    first, again = (fit(given, tolerance=tolerance, journal=Journal(tmp_path)) for _ in "12")
     assert np.array_equal(first.point, again.point) and first.nll == again.nll
     for name in ("gradient", "information"):
         assert np.array_equal(getattr(first.expansion, name), getattr(again.expansion, name))

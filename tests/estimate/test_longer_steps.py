@@ -71,7 +71,7 @@ def by_own_steps(one: EstimationProblem, monkeypatch: pytest.MonkeyPatch) -> Fit
     """The fit without a ladder."""
     with monkeypatch.context() as patch:
         patch.setattr(searches, "ladder", lambda problem: [])
-        return fit(one.filter_model, one.logs, one.free)
+        return fit(one)
 
 
 @given(
@@ -97,7 +97,7 @@ def test_the_ladder_ends_with_one_step_and_before_steps_become_too_unequal() -> 
 def test_the_optimum_is_that_of_the_own_steps_for_a_fraction_of_them(monkeypatch: pytest.MonkeyPatch) -> None:
     own = by_own_steps(problem(), monkeypatch)
     steps = counted(monkeypatch)
-    found = fit(problem().filter_model, problem().logs, problem().free)
+    found = fit(problem())
     short = sum(steps)
     steps.clear()
     by_own_steps(problem(), monkeypatch)
@@ -108,8 +108,8 @@ def test_the_optimum_is_that_of_the_own_steps_for_a_fraction_of_them(monkeypatch
 
 
 def test_a_fit_taken_from_the_journal_is_the_same_in_every_bit(tmp_path: Path) -> None:
-    first = fit(problem().filter_model, problem().logs, problem().free, journal=Journal(tmp_path))
-    again = fit(problem().filter_model, problem().logs, problem().free, journal=Journal(tmp_path))
+    first = fit(problem(), journal=Journal(tmp_path))
+    again = fit(problem(), journal=Journal(tmp_path))
     assert np.array_equal(first.point, again.point) and first.nll == again.nll
     assert first.expansion.terms is not None and again.expansion.terms is not None
     assert np.array_equal(first.expansion.information, again.expansion.information)
@@ -136,7 +136,7 @@ def test_steps_that_are_unstable_lead_no_search() -> None:
 def test_where_long_steps_tell_something_else_the_own_ones_decide(monkeypatch: pytest.MonkeyPatch) -> None:
     """Steps that shift the likelihood may lead a search, but not end it."""
     own = by_own_steps(fast(), monkeypatch)
-    found = fit(fast().filter_model, fast().logs, fast().free)
+    found = fit(fast())
     assert found.nll == pytest.approx(own.nll, abs=2e-3)
     asked = [searches._tell_the_same(fast(), searches._approached(doubled(fast(), k), Wish(40, 1e-3))) for k in (1, 3)]
     assert asked == [True, False]
@@ -184,9 +184,9 @@ def test_of_very_long_logs_a_search_begins_on_a_part(monkeypatch: pytest.MonkeyP
 
 def test_a_fit_with_other_steps_goes_on_from_where_known_derivatives_led(monkeypatch: pytest.MonkeyPatch) -> None:
     """A search with longer steps would only lead back to where the fit has come from."""
-    rough = fit(*by_long_steps())
+    rough = fit(EstimationProblem(*by_long_steps()))
     finer = rough.problem.filter_model.with_halved_steps()
-    expected = fit(finer, rough.problem.logs, rough.problem.free, 60, 1e-6)
+    expected = fit(EstimationProblem(finer, rough.problem.logs, rough.problem.free), 60, 1e-6)
     monkeypatch.setattr(searches, "_by_longer_steps", None)  # not to be called
     monkeypatch.setattr(local, "carried_on", lambda problem, known, tolerance: (replace(known), False))
     again = refitted(rough, finer)

@@ -63,8 +63,8 @@ def test_an_estimate_its_profiles_and_a_fit_are_the_same_in_processes(processes:
         assert own.interval == other.interval and own.evaluations == other.evaluations
         assert own.deviance.tolist() == other.deviance.tolist() and own.values.tolist() == other.values.tolist()
     free = problem.free
-    alone = fit(SWING, problem.logs, free)
-    shared = fit(SWING, problem.logs, free, journal=Journal(executor=processes))
+    alone = fit(EstimationProblem(SWING, problem.logs, tuple(free)))
+    shared = fit(EstimationProblem(SWING, problem.logs, tuple(free)), journal=Journal(executor=processes))
     assert shared.point.tolist() == alone.point.tolist() and shared.outcome is alone.outcome
     assert shared.expansion.information.tolist() == alone.expansion.information.tolist()
 

@@ -18,7 +18,7 @@ from bondgraph.estimate.estimation import Settings, estimate
 from bondgraph.estimate.free import declared_free
 from bondgraph.estimate.local import fit
 from bondgraph.estimate.objective import SearchOutcome
-from bondgraph.estimate.problem import pose
+from bondgraph.estimate.problem import EstimationProblem, pose
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.runs import run
 from bondgraph.report.estimation import write_estimate
@@ -70,7 +70,7 @@ def test_the_law_without_a_value_is_named_with_the_values_it_was_asked_at(compil
 def test_an_estimate_that_cannot_begin_tells_the_same() -> None:
     filter_model, log = emptied()
     with pytest.raises(EstimationError, match=r"tank, emptied: a law has no value .* np.sqrt\(pressure_level\)"):
-        fit(filter_model, [log], [declared_free("c", filter_model)])
+        fit(EstimationProblem(filter_model, (log,), (declared_free("c", filter_model),)))
 
 
 def test_a_state_that_runs_away_is_not_laid_to_a_law() -> None:

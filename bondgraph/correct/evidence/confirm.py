@@ -81,27 +81,11 @@ def _from_there(base: Fit, refit: Fit, context: Context) -> Fit:
     part = excerpt(problem) if is_linearised(problem) else None
     try:
         if part is not None:
-            begun = fit(
-                problem.filter_model,
-                part.logs,
-                free,
-                _MOST_ITERATIONS,
-                _ROUGH,
-                journal=journal,
-                initial=problem.initial,
-            )
+            begun = fit(replace(problem, logs=part.logs, free=tuple(free)), _MOST_ITERATIONS, _ROUGH, journal=journal)
             if begun.nll > float(part.nll(base.point[:, np.newaxis])[0]):
                 return base  # it explains the beginnings of long logs less well already
             free = list(at_optimum(begun))
-        other = fit(
-            problem.filter_model,
-            problem.logs,
-            free,
-            _MOST_ITERATIONS,
-            _TOLERANCE,
-            journal=journal,
-            initial=problem.initial,
-        )
+        other = fit(replace(problem, free=tuple(free)), _MOST_ITERATIONS, _TOLERANCE, journal=journal)
     except EstimationError:
         return base
     return other if other.nll < base.nll else base

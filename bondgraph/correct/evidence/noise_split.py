@@ -61,8 +61,5 @@ def from_quiet_side(fitted: Fit, journal: Journal | None = None) -> Fit | None:
     start = np.array([one.coordinate(float(np.clip(values[one.name], one.lower, one.upper))) for one in problem.free])
     low = np.where(process, problem.lower, start)
     starts = [low + share * (start - low) for share in _RAISED]
-    found = fit(
-        problem.filter_model, problem.logs, problem.free, _ITERATIONS, _TOLERANCE, starts, journal=journal,
-        initial=problem.initial,
-    )  # fmt: skip
+    found = fit(problem, _ITERATIONS, _TOLERANCE, starts, journal=journal)
     return found if found.nll < fitted.nll - _TOLERANCE else None

@@ -25,14 +25,14 @@ def integrating(fitted: Fit) -> tuple[str, ...]:
     Examples
     --------
     >>> from bondgraph.data.log import MatchedLog
-    >>> from bondgraph.estimate.local import fitted_problem
+    >>> from bondgraph.estimate.local import fit
     >>> from bondgraph.estimate.problem import pose
     >>> from bondgraph.filter.filter_model import FilterModel
     >>> from bondgraph.simulate.example import pendulum
     >>> swing = FilterModel(pendulum(), {"rate": 0.1}, {"deflection": 0.02}, {"angle": 0.1, "rate": 0.1}, substeps=4)
     >>> time = np.arange(80) * 0.05
     >>> log = MatchedLog("swing", time, np.zeros((1, 80)), 0.5 * np.cos(3.1 * time)[np.newaxis])
-    >>> integrating(fitted_problem(pose(swing, log, ["length"])))  # the angle pulls back
+    >>> integrating(fit(pose(swing, log, ["length"])))  # the angle pulls back
     ()
     """
     problem = fitted.problem

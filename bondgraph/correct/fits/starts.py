@@ -49,7 +49,7 @@ def with_starts(fitted: Fit, journal: Journal | None = None) -> Fit:
     wider = EstimationProblem(_sure(problem.filter_model, own), problem.logs, (*free, *own), problem.initial)
     point = _searched(wider, np.concatenate([fitted.point, [one.start for one in own]]), len(own))
     try:
-        found = fit(wider.filter_model, wider.logs, wider.free, starts=[point], journal=journal, initial=wider.initial)
+        found = fit(wider, starts=[point], journal=journal)
     except EstimationError:
         return fitted
     return found if fitted.nll - found.nll - _width(found, own) > _CLEAR else fitted

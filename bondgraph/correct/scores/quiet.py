@@ -74,7 +74,7 @@ def quiet_fit(
     try:
         quiet = EstimationProblem(model, tuple(train), free, problem.initial)
         starts = [quiet.start, matched_levels(quiet, quiet.start)]
-        return fit(model, train, free, _MOST_ITERATIONS, tolerance, starts, journal=journal, initial=problem.initial)
+        return fit(quiet, _MOST_ITERATIONS, tolerance, starts, journal=journal)
     except (EstimationError, FilterError):
         return None
 
@@ -100,9 +100,7 @@ def annealed_fit(
         try:
             lowered = EstimationProblem(model, tuple(logs), free, problem.initial)
             starts = [lowered.start, matched_levels(lowered, lowered.start)]
-            fitted = fit(
-                model, logs, free, _MOST_ITERATIONS, _TOLERANCE, starts, journal=journal, initial=problem.initial
-            )
+            fitted = fit(lowered, _MOST_ITERATIONS, _TOLERANCE, starts, journal=journal)
         except EstimationError:
             return None
         free = at_optimum(fitted)

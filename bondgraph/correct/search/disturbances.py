@@ -204,7 +204,7 @@ def _begun(posed: _Posed, base: Fit) -> _Begun:
     best = points[int(np.argmin(np.where(np.isfinite(values), values, np.inf)))]
     if part is None or not is_linearised(problem):
         return _Begun(candidate, extended, problem, best, None)
-    rough = fit(part.filter_model, part.logs, part.free, ROUGH_ITERATIONS, ROUGH, [best], initial=problem.initial)
+    rough = fit(part, ROUGH_ITERATIONS, ROUGH, [best])
     return _Begun(candidate, extended, problem, rough.point, on_beginnings(base.problem, base.point) - rough.nll)
 
 
@@ -220,10 +220,7 @@ def _leading(begun: Sequence[_Begun], base: Fit, rival: Fit | None) -> list[_Beg
 def _estimated(begun: _Begun, base: Fit, tried: int, beat: float, journal: Journal | None) -> Trial:
     """The trial of a disturbance, estimated with everything else as far as it may reach the value to beat."""
     candidate, problem = begun.candidate, begun.problem
-    fitted = fit(
-        problem.filter_model, problem.logs, problem.free, _ITERATIONS, _TOLERANCE, [begun.point], beat, journal,
-        initial=problem.initial,
-    )  # fmt: skip
+    fitted = fit(problem, _ITERATIONS, _TOLERANCE, [begun.point], beat, journal)
     if fitted.nll > beat + left_open(problem):
         why = f"gains {base.nll - fitted.nll:.1f} nats, clearly less than what explains it otherwise"
         return Trial(candidate, base.nll - fitted.nll, built=begun.built, remark=why)

@@ -104,10 +104,8 @@ def at_declared_values(context: Context) -> tuple[Fit, Linearisation] | None:
     values = dict(zip(problem.names, map(float, problem.values(point)), strict=True))
     rest = [replace(one, start=values[one.name]) for one, moves in zip(problem.free, moving, strict=True) if not moves]
     try:
-        noise = fit(
-            problem.filter_model, problem.logs, rest, _MOST_ITERATIONS, _TOLERANCE, noisy_starts(rest),
-            journal=context.journal, initial=problem.initial,
-        )  # fmt: skip
+        levels = replace(problem, free=tuple(rest))
+        noise = fit(levels, _MOST_ITERATIONS, _TOLERANCE, noisy_starts(rest), journal=context.journal)
         if noise.nll - context.base.nll < context.required:
             return None
         point[~moving] = noise.point

@@ -77,7 +77,7 @@ def refit(
     first = _quiet_beginning(problem, context)
     part = excerpt(problem)
     if part is not None:
-        begun = _fit(part, points, context, ROUGH_ITERATIONS, ROUGH, first=first)
+        begun = fit(part, ROUGH_ITERATIONS, ROUGH, points, journal=context.journal, first=first)
         if lead is not None and begun.nll > on_beginnings(lead.problem, lead.point) + context.required + left_open(
             problem
         ):
@@ -88,7 +88,7 @@ def refit(
     beat = np.inf if lead is None else lead.nll
     if is_linearised(problem):  # what cannot pass the tests need not be finished
         beat = min(beat, context.base.nll - context.required)
-    fitted = _fit(problem, points, context, _MOST_ITERATIONS, _TOLERANCE, beat, first)
+    fitted = fit(problem, _MOST_ITERATIONS, _TOLERANCE, points, beat, context.journal, first)
     evidence = judge(context.base, fitted, trial.candidate.effect, tried or context.tried, trial.gate is not None)
     return replace(trial, built=built, fit=fitted, evidence=evidence, failed="")
 
@@ -115,21 +115,6 @@ def refit_from(trial: Trial, values: Sequence[float], context: Context, tried: i
         for share in SHARES
     ]
     return refit(trial, starts, context, tried=tried)
-
-
-def _fit(
-    problem: EstimationProblem,
-    points: Sequence[FloatArray],
-    context: Context,
-    iterations: int,
-    tolerance: float,
-    beat: float = np.inf,
-    first: FloatArray | None = None,
-) -> Fit:
-    return fit(
-        problem.filter_model, problem.logs, problem.free, iterations, tolerance, points, beat, context.journal, first,
-        initial=problem.initial,
-    )  # fmt: skip
 
 
 def _spread(

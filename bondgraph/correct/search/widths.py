@@ -24,6 +24,7 @@ from bondgraph.correct.search.refit import refit_from
 from bondgraph.estimate.fitted import Fit, at_optimum
 from bondgraph.estimate.free import FreeParameter
 from bondgraph.estimate.local import fit
+from bondgraph.estimate.problem import EstimationProblem
 
 #: Shares of the declared width at which a search with a free width begins: what changes over more sharply is the rule.
 _SHARES = (1.0, 0.3, 0.1, 3.0)
@@ -91,10 +92,8 @@ def with_free_widths(trial: Trial, context: Context) -> Trial:
         np.concatenate([trial.fit.point, [one.coordinate(share * one.start) for one in own]]) for share in _SHARES
     ]
     free = (*at_optimum(trial.fit), *own)
-    fitted = fit(
-        filter_model, context.train, free, _ITERATIONS, _TOLERANCE, starts, journal=context.journal,
-        initial=context.base.problem.initial,
-    )  # fmt: skip
+    problem = EstimationProblem(filter_model, context.train, free, context.base.problem.initial)
+    fitted = fit(problem, _ITERATIONS, _TOLERANCE, starts, journal=context.journal)
     fitted = _resolved(fitted, context.base.problem.filter_model.substeps, context)
     base = with_steps(context.base, fitted.problem.filter_model, context.journal)
     effect = replace(effect, shapes=(*effect.shapes, *effect.widths), widths=())

@@ -26,6 +26,7 @@ from bondgraph.declare.editing import handle
 from bondgraph.declare.effect import Place, Scale
 from bondgraph.estimate.declared import free_parameters
 from bondgraph.estimate.local import Fit, fit
+from bondgraph.estimate.problem import EstimationProblem
 from bondgraph.estimate.setup import filter_setup
 from bondgraph.report.formulas import formula_sentences
 from bondgraph.report.missing import missing_efforts
@@ -180,7 +181,7 @@ def test_no_number_has_more_digits_than_its_interval_supports(terms: tuple[Term,
 def fitted(train: list[MatchedLog]) -> Fit:
     built = bg.build(swing())
     setup = filter_setup(built.model, built.driven, train)
-    return fit(setup.filter_model, train, (*free_parameters(setup, ()), *setup.noise))
+    return fit(EstimationProblem(setup.filter_model, tuple(train), (*free_parameters(setup, ()), *setup.noise)))
 
 
 def test_what_a_free_parameter_can_take_is_no_part_of_a_shape() -> None:
