@@ -68,6 +68,23 @@ def test_a_true_effect_is_confirmed_by_held_out_logs() -> None:
     assert ahead.kind == "prediction" and ahead.after == pytest.approx(0.02, rel=0.3) and ahead.before > 0.1
 
 
+def test_pulses_that_only_a_held_out_log_has_contradict_no_law() -> None:
+    """As on a tank into which buckets were poured: the errors fell, and the verdict was "effect not confirmed"."""
+    true = added(effects.quadratic_loss, "runner", DRAG)
+    held = pull(true, 50, name="held", c_guide=10.0)
+    row = built().model.names("output").index("speed")
+    y = held.y.copy()
+    for first in (60, 180, 290):
+        y[row, first : first + 3] += 4.0
+    logs = [replace(held, y=y)]
+    found = close_loop(sled(), train(true), logs, FUNCTIONS)
+    runs = [one.runs(logs) for one in (found.nominal, found.corrected)]
+    likelier, _ = gain_interval(*runs)
+    assert likelier < -100.0  # with the noise of the training logs
+    assert found.verdict == "effect found" and found.confirmation is not None
+    assert found.confirmation.standing == "confirmed" and found.confirmation.noise > 2.0
+
+
 def _moved(base: Fit, **values: float) -> Fit:
     """The fit at other values of some free parameters."""
     point = base.point.copy()
