@@ -37,8 +37,9 @@ from bondgraph.estimate.problem import EstimationProblem
 class Decision:
     """One decision: its round, what was done, and why.
 
-    ``action`` is ``"added"``, ``"own form"`` (what was added became a part of a law), ``"event"``, ``"not constant"``,
-    ``"dropped"``, ``"withdrawn"``, ``"disturbance"`` or ``"stopped"``.
+    ``action`` is ``"added"``, ``"own form"`` (what was added became a part of a law), ``"simplified"`` (a simpler law
+    took its place), ``"event"``, ``"not constant"``, ``"dropped"``, ``"withdrawn"``, ``"disturbance"`` or
+    ``"stopped"``.
     """
 
     round: int
@@ -218,7 +219,7 @@ def _in_fewer_parts(state: Progress, whole: int, number: int, settings: RoundSet
     for part in earlier:
         law = state.added[whole]
         rest = as_one(tuple(one for one in law.forms if one is not part), law.candidate.model)
-        reduced = _reduced(state, [rest if one is law else one for one in state.added])
+        reduced = reduced_to(state, [rest if one is law else one for one in state.added])
         fitted = _refitted(reduced, settings)
         if fitted is None:  # without it the rest has no value somewhere: it is needed
             continue
@@ -235,7 +236,7 @@ def _in_fewer_parts(state: Progress, whole: int, number: int, settings: RoundSet
     return state
 
 
-def _refitted(reduced: _Reduced, settings: RoundSettings) -> Fit | None:
+def _refitted(reduced: Reduced, settings: RoundSettings) -> Fit | None:
     """The fit of a model with a part of what was added; None where it has no value."""
     return attempted(lambda: fit(reduced.problem, journal=settings.journal), lambda why: None)
 
@@ -300,7 +301,7 @@ def without_events(state: Progress) -> Progress:
     Time is no law: what happened in one log will not happen again when the machine is simulated. A fit that knew
     nothing of an event would let the laws make up for it.
     """
-    reduced = _reduced(state, state.laws)
+    reduced = reduced_to(state, state.laws)
     kept = np.isin(state.fit.problem.names, reduced.problem.names)
     point = state.fit.point[kept]
     nll = float(reduced.problem.nll(point[:, np.newaxis])[0])
@@ -316,7 +317,7 @@ def without(state: Progress, index: int, action: str, why: str, number: int, set
     Effects that act on what it had added go with it.
     """
     gone = state.added[index]
-    reduced = _reduced(state, [trial for k, trial in enumerate(state.added) if k != index])
+    reduced = reduced_to(state, [trial for k, trial in enumerate(state.added) if k != index])
     problem = reduced.problem
     fitted = fit(problem, journal=settings.journal)
     fitted, check = refined(fitted, settings.journal, settings.substeps)
@@ -332,7 +333,7 @@ def without(state: Progress, index: int, action: str, why: str, number: int, set
 
 
 @dataclass(frozen=True)
-class _Reduced:
+class Reduced:
     """A model with a part of what was added, and what is to be fitted of it, from where the fit with all of it is.
 
     ``baseless`` are effects that found nothing to act on without those that went.
@@ -344,7 +345,8 @@ class _Reduced:
     baseless: tuple[Trial, ...]
 
 
-def _reduced(state: Progress, kept: Sequence[Trial]) -> _Reduced:
+def reduced_to(state: Progress, kept: Sequence[Trial]) -> Reduced:
+    """The model of a state with other effects in the place of those that were added."""
     graph, stay, baseless = _rebuilt(state.declared, kept)
     built = build(graph)
     names = built.model.names("state")
@@ -367,7 +369,7 @@ def _reduced(state: Progress, kept: Sequence[Trial]) -> _Reduced:
         replace(log, theta_overrides={n: v for n, v in log.theta_overrides.items() if n in known})
         for log in state.train
     )
-    return _Reduced(built, EstimationProblem(filter_model, train, free, state.fit.problem.initial), stay, baseless)
+    return Reduced(built, EstimationProblem(filter_model, train, free, state.fit.problem.initial), stay, baseless)
 
 
 def _rebuilt(graph: BondGraph, trials: Sequence[Trial]) -> tuple[BondGraph, tuple[Trial, ...], tuple[Trial, ...]]:

@@ -31,6 +31,7 @@ from bondgraph.correct.scores.scoring import Linearisation, linearisation
 from bondgraph.correct.search.refit import refit_from
 from bondgraph.correct.shapes.completions import completions
 from bondgraph.correct.shapes.formula import formula_of
+from bondgraph.correct.simpler import in_simpler_laws
 
 #: Functions without a law are tried at so many places.
 _SUSPECTS = 8
@@ -52,7 +53,11 @@ class Rest:
 
 
 def settle(state: Progress, rounds: Sequence[Round], settings: RoundSettings, tables: bool) -> Rest:
-    """Try functions without a law on the final model; withdraw what they make needless; add a table if asked for."""
+    """Try functions without a law on the final model; withdraw what they make needless; add a table if asked for.
+
+    Laws that simpler ones replace as well are replaced first.
+    """
+    state = in_simpler_laws(state, rounds, settings)
     settings.report("look for what stays unexplained", 0, 1)
     begun = state.fit.nll
     found, state, cautions, completes = _searched(state, rounds, settings)

@@ -12,7 +12,7 @@ from typing import Any
 from bondgraph.correct.confirmation import Confirmation
 from bondgraph.correct.constants import LEVEL
 from bondgraph.correct.evidence.transfer import Transfer
-from bondgraph.correct.evidence.trials import Added, Alternative
+from bondgraph.correct.evidence.trials import Added
 from bondgraph.correct.fits.assess import Assessment
 from bondgraph.correct.loop import ClosedLoop
 from bondgraph.correct.places.unexplained import Unexplained
@@ -22,7 +22,7 @@ from bondgraph.estimate.fitted import Fit
 from bondgraph.files import write_text
 from bondgraph.report.collect import Runs, added_nodes, channel_series, found_effect, parameter_changes
 from bondgraph.report.drawing import draw_svg, drawing_of
-from bondgraph.report.formulas import formula_sentences, round_of
+from bondgraph.report.formulas import formula_sentences, twins
 from bondgraph.report.html import Located, Provenance, ReportData, write_report
 from bondgraph.report.logs import grouped_notes
 from bondgraph.report.missing import missing_efforts
@@ -205,18 +205,12 @@ def _explained(closed: ClosedLoop) -> str:
 
 def _or_twins(closed: ClosedLoop, added: Added) -> str:
     """An effect with those that the data do not tell from it."""
-    own, twins = named(added, closed.corrected), _twins(closed, added)
-    if not twins:
+    own, others = named(added, closed.corrected), twins(closed, added)
+    if not others:
         return own
-    if len(twins) == 1:
-        return f"{own} or {twins[0].name} at {twins[0].junction}, which these data do not tell apart"
-    return f"{own} or one of {len(twins)} others that these data do not tell from it"
-
-
-def _twins(closed: ClosedLoop, added: Added) -> list[Alternative]:
-    """Effects that the data do not tell from one that was added."""
-    turn = round_of(closed, added)
-    return [] if turn is None else [one for one in turn.alternatives if one.indistinguishable]
+    if len(others) == 1:
+        return f"{own} or {others[0].name} at {others[0].junction}, which these data do not tell apart"
+    return f"{own} or one of {len(others)} others that these data do not tell from it"
 
 
 def _completing(added: Sequence[Added]) -> str:
@@ -299,10 +293,10 @@ def _notes(closed: ClosedLoop) -> list[str]:
         notes.append(_held_out(closed.confirmation))
     notes += [_event(one, closed.eventful or closed.corrected) for one in closed.events]
     for added in closed.added:
-        twins = _twins(closed, added)
-        if twins:
-            names = ", ".join(f"{twin.name} at {twin.junction}" for twin in twins)
-            first = next((twin.separate for twin in twins if twin.separate), "")
+        others = twins(closed, added)
+        if others:
+            names = ", ".join(f"{twin.name} at {twin.junction}" for twin in others)
+            first = next((twin.separate for twin in others if twin.separate), "")
             advice = f" What would: {first}." if first else ""
             notes.append(f"These data do not tell {added.trial.candidate.label} from {names}.{advice}")
     notes += [*regime_sentences(closed), *formula_sentences(closed), *(_shape(one) for one in closed.unexplained)]

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from bondgraph.correct.evidence.trials import Added
+from dataclasses import replace
+
+from bondgraph.correct.evidence.trials import Added, Alternative
 from bondgraph.correct.loop import ClosedLoop
 from bondgraph.correct.result import departs, form_text, intervals
 from bondgraph.correct.round import Round
@@ -46,5 +48,18 @@ def _own_form(closed: ClosedLoop, added: Added) -> str:
 
 def round_of(closed: ClosedLoop, added: Added) -> Round | None:
     """The round that chose an effect, None of one that was added otherwise."""
-    own = added.trial.candidate.label
-    return next((one for one in closed.rounds if one.chosen is not None and one.chosen.candidate.label == own), None)
+    own = (added.trial.candidate.label, added.trial.simplifies)
+    return next((one for one in closed.rounds if one.chosen is not None and one.chosen.candidate.label in own), None)
+
+
+def twins(closed: ClosedLoop, added: Added) -> list[Alternative]:
+    """Effects that the data do not tell from one that was added.
+
+    Where one took the place of a law with more coefficients, it shows wherever that did.
+    """
+    turn, own, first = round_of(closed, added), added.trial.candidate, added.trial.simplifies.partition(" at ")[0]
+    found = [] if turn is None else [one for one in turn.alternatives if one.indistinguishable]
+    found = [replace(one, name=own.effect.described) if one.name == first else one for one in found]
+    alike = [label.partition(" at ") for label in added.trial.stands_for] if first else []
+    found += [Alternative(name, at, added.trial.gain, True, "it does as well in its place") for name, _, at in alike]
+    return [one for one in found if (one.name, one.junction) != (own.effect.described, own.place.label)]

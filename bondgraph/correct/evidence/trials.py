@@ -41,6 +41,7 @@ class Trial:
     whose response is the same to rounding, of which this one was refitted. ``gate``: it acts in part of the data only.
     ``transfer``: how it predicts data that it was not estimated from, known of what would be chosen.
     ``instead``: another that was refitted, and how many nats less this one would gain in its place, told there.
+    ``simplifies``: the law of more coefficients whose place it took at the end, if it did.
     ``remark``: sizes that were left out, if any. ``failed``: why its score, its refit or a second look at that could
     not be made, if so; it cannot be chosen on what is missing then.
     """
@@ -60,6 +61,7 @@ class Trial:
     transfer: Transfer | None = None
     forms: tuple[Trial, ...] = ()
     completes: str = ""
+    simplifies: str = ""
 
     @property
     def transfers(self) -> bool:
@@ -119,6 +121,7 @@ class Added:
     trial: Trial
     coefficients: tuple[str, ...]
     completes: str = ""
+    simplifies: str = ""
 
     @classmethod
     def of(cls, trial: Trial, completes: Mapping[str, str]) -> Added:

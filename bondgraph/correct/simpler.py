@@ -1,0 +1,121 @@
+"""Simpler relatives of laws that were found: what came beside a law may leave its further coefficients nothing.
+
+A law is chosen beside what its round knew. Stribeck friction of a winch was chosen before the gusts on its load were
+described; beside these dry friction loses 1.7 nats to it, with two coefficients fewer. So at the end each law with
+several coefficients is weighed against the simpler ones at its place, and the best of those that do as well by the
+Bayesian information criterion is taken. Others that the data do not tell from it are named with it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from bondgraph.correct.constants import INDIFFERENT
+from bondgraph.correct.evidence.certified import refined
+from bondgraph.correct.evidence.trials import Trial
+from bondgraph.correct.models.failures import attempted
+from bondgraph.correct.models.shaping_filters import DISTURBANCE
+from bondgraph.correct.progress import Decision, Progress, reduced_to
+from bondgraph.correct.round import Round, RoundSettings
+from bondgraph.correct.shapes.formula import formula_of
+from bondgraph.data.log import FloatArray
+from bondgraph.estimate.fitted import at_optimum
+from bondgraph.estimate.local import fit
+from bondgraph.estimate.problem import EstimationProblem
+from bondgraph.text import count
+
+#: Simpler laws that are weighed, of those that were refitted those that gained most.
+_MOST = 4
+
+
+def in_simpler_laws(state: Progress, rounds: Sequence[Round], settings: RoundSettings) -> Progress:
+    """The state with each of its laws in the place of which a simpler one does as well replaced by that."""
+    for k in range(len(state.added)):
+        state = _simplified(state, k, rounds, settings)
+    return state
+
+
+def _simplified(state: Progress, index: int, rounds: Sequence[Round], settings: RoundSettings) -> Progress:
+    """The state with the best simpler law in the place of one, if one does as well."""
+    found = [
+        attempted(lambda other=other: _with(state, index, other, len(rounds), settings), lambda why: None)  # type: ignore[misc]
+        for other in _simpler(state.added[index], rounds)
+    ]
+    ranked = sorted(filter(None, found), key=_criterion)
+    if not ranked:
+        return state
+    best, *rest = ranked
+    alike = tuple(one.added[index].candidate.label for one in rest if _criterion(one) - _criterion(best) < INDIFFERENT)
+    taken = replace(best.added[index], stands_for=alike)
+    return replace(best, added=tuple(taken if k == index else one for k, one in enumerate(best.added)))
+
+
+def _criterion(state: Progress) -> float:
+    """The Bayesian information criterion of a state, halved: nats, the smaller the better."""
+    measured = sum(int(np.isfinite(log.y).sum()) for log in state.train)
+    return state.fit.nll + 0.5 * math.log(max(measured, 2)) * len(state.fit.problem.free)
+
+
+def _simpler(law: Trial, rounds: Sequence[Round]) -> list[Trial]:
+    """Refitted laws of the dictionary at the place of a law that have fewer parameters."""
+    effect = law.candidate.effect
+    if effect.kind == DISTURBANCE or effect.channel or effect.regime or law.gate is not None or law.forms:
+        return []
+    best: dict[str, Trial] = {}
+    for one in (trial for turn in rounds for trial in turn.trials):
+        own, known = one.candidate.effect, best.get(one.candidate.label)
+        alike = one.candidate.place.label == law.candidate.place.label and one.gate is None and not own.regime
+        if not alike or one.fit is None or own.channel or own.adds_state or formula_of(one.candidate.function):
+            continue
+        if len(own.parameters) < len(effect.parameters) and (known is None or one.gain > known.gain):
+            best[one.candidate.label] = one
+    return sorted(best.values(), key=lambda one: -one.gain)[:_MOST]
+
+
+def _with(state: Progress, index: int, other: Trial, number: int, settings: RoundSettings) -> Progress | None:
+    """The state with another law in the place of one; None where that does not do as well."""
+    law, known = state.added[index], other.fit
+    if law.evidence is None or known is None:
+        return None
+    reduced = reduced_to(state, [other if k == index else one for k, one in enumerate(state.added)])
+    own = [one for one in at_optimum(known) if one.name in other.candidate.effect.parameters]
+    problem = replace(reduced.problem, free=(*reduced.problem.free, *own))
+    fitted = min(
+        (fit(problem, starts=[start], journal=settings.journal) for start in _starts(problem, other)),
+        key=lambda one: one.nll,
+    )
+    instead = replace(state, built=reduced.built, fit=fitted)
+    lost, gained = fitted.nll - state.fit.nll, _criterion(state) - _criterion(instead)
+    if reduced.baseless or not gained > 0.0:
+        return None
+    fitted, check = refined(fitted, settings.journal, settings.substeps)
+    evidence = replace(
+        law.evidence, delta_nll=law.evidence.delta_nll - lost, bic_gain=law.evidence.bic_gain + gained
+    )  # fmt: skip
+    taken = replace(
+        other, fit=fitted, built=reduced.built, evidence=evidence, transfer=law.transfer,
+        simplifies=law.candidate.label,
+    )  # fmt: skip
+    fewer = len(law.candidate.effect.parameters) - len(own)
+    why = f"{other.candidate.label} does as well: {lost:.1f} nats less with {count(fewer, 'parameter')} fewer"
+    return replace(
+        instead, fit=fitted, check=check,
+        added=tuple(taken if k == index else one for k, one in enumerate(reduced.kept)),
+        history=(*state.history, Decision(number, "simplified", law.candidate.label, why)),
+    )  # fmt: skip
+
+
+def _starts(problem: EstimationProblem, other: Trial) -> list[FloatArray]:
+    """The start of a problem with another law (n,), and one with its shapes as declared: widths have many optima."""
+    model, shapes = other.candidate.model, other.candidate.effect.shapes
+    declared = [
+        one.coordinate(float(np.clip(model.parameters[model.index("parameter", one.name)].value, one.lower, one.upper)))
+        if one.name in shapes
+        else start
+        for one, start in zip(problem.free, problem.start, strict=True)
+    ]
+    return [problem.start, np.array(declared)] if shapes else [problem.start]
