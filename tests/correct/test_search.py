@@ -7,6 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from sympy import tanh
 
 from bondgraph import effects
@@ -22,6 +24,7 @@ from bondgraph.correct.scores.gates import Gate, _peers, best_gated, gate_sample
 from bondgraph.correct.scores.scoring import Scored, linearisation, score_candidates
 from bondgraph.correct.search.incumbents import Prediction, predicted_by_scores, scaled
 from bondgraph.correct.search.search import Entry, Search, left_out, searched
+from bondgraph.correct.search.swap import _inside
 from bondgraph.data.log import MatchedLog
 from bondgraph.declare.editing import handle, with_values
 from bondgraph.declare.effect import EffectFunction, Place, Scale
@@ -29,7 +32,9 @@ from bondgraph.effects.sensors import sensor_delay
 from bondgraph.errors import FilterError
 from bondgraph.estimate.declared import free_parameters
 from bondgraph.estimate.local import fit, no_report
+from bondgraph.estimate.objective import Expansion
 from bondgraph.estimate.problem import EstimationProblem
+from bondgraph.estimate.solvers.steps import promised_gain
 from bondgraph.simulate.simulation import simulate
 from tests.correct.test_stiff import cubic_loss
 from tests.correct.test_stiff import rivals as drags
@@ -286,3 +291,19 @@ def test_a_gate_acts_in_its_own_log_only() -> None:
     for when in ("from", "until"):
         assert list(Gate(when, "run", 11.0).acts(time, "later", logs)) == [0.0] * 4  # type: ignore[arg-type]
         assert list(Gate(when, "later", 11.0).acts(time, "run", logs)) == [0.0] * 4  # type: ignore[arg-type]
+
+
+@given(st.integers(0, 10_000), st.integers(2, 6))
+@settings(max_examples=40, deadline=None)
+def test_a_move_between_bounds_is_that_of_a_bounded_least_squares(seed: int, size: int) -> None:
+    """An added mass beside a free mass, and the drive's scale, took every law's place: all went to nothing together."""
+    chance = np.random.default_rng(seed)
+    slopes, errors = chance.standard_normal((20, size)), chance.standard_normal(20)
+    low, high = -chance.uniform(0.0, 0.2, size), chance.uniform(0.0, 0.2, size)
+    expansion = Expansion(slopes.T @ errors, slopes.T @ slopes, 1)
+    move = _inside(expansion, low, high)
+    assert np.all((move >= low) & (move <= high))
+    for other in (np.zeros(size), *(chance.uniform(low, high) for _ in range(50))):
+        assert promised_gain(expansion, move) >= promised_gain(expansion, other) - 1e-9
+    wide = _inside(expansion, np.full(size, -np.inf), np.full(size, np.inf))
+    assert wide == pytest.approx(-np.linalg.solve(expansion.information, expansion.gradient))

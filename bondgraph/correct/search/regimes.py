@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from bondgraph.correct.constants import INDIFFERENT, OPTIMISM
+from bondgraph.correct.constants import FREE_TAKE, INDIFFERENT, OPTIMISM
 from bondgraph.correct.evidence.context import Context
 from bondgraph.correct.evidence.trials import Trial
 from bondgraph.correct.models.candidates import Candidate, Variant, candidates
@@ -37,8 +37,6 @@ _PLACES, _MOST = 2, 3
 _TRIM = 0.05
 #: Gated laws that promise this share of the best one's gain are made too.
 _NEAR = 0.8
-#: Information left of a gated law beside free parameters, below which they take it: as for terms of formulas.
-_LEFT = 1e-2
 
 
 @dataclass(frozen=True)
@@ -198,7 +196,7 @@ def _gains(bare: Expansion, inside: FloatArray, whole: float, one_sided: bool) -
     share = solve(bare.information, inside[2:])
     told = inside[1] - np.einsum("ij,ij->j", inside[2:], share)
     score = -(inside[0] - share.T @ bare.gradient)
-    usable = (inside[1] > _TRIM * whole) & (inside[1] < (1.0 - _TRIM) * whole) & (told > _LEFT * inside[1])
+    usable = (inside[1] > _TRIM * whole) & (inside[1] < (1.0 - _TRIM) * whole) & (told > FREE_TAKE * inside[1])
     if one_sided:
         usable &= score > 0.0
     gain: FloatArray = np.where(usable, 0.5 * score**2 / np.where(usable, told, 1.0), 0.0)

@@ -13,7 +13,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.optimize import lsq_linear
 
+from bondgraph.correct.constants import FREE_TAKE
 from bondgraph.correct.evidence.context import coefficients, inside
 from bondgraph.correct.evidence.trials import Trial
 from bondgraph.correct.models.candidates import Candidate, Variant
@@ -21,10 +23,14 @@ from bondgraph.correct.scores.score import best_step, project, solve
 from bondgraph.correct.scores.scoring import Linearisation, linearisation
 from bondgraph.data.log import FloatArray, MatchedLog
 from bondgraph.estimate.objective import Expansion
+from bondgraph.estimate.solvers.steps import promised_gain
+from bondgraph.estimate.symmetric import scaled_eigen
 from bondgraph.filter.linear.response import Change, Path, model_change, together
 
 #: Shares of the way to where the expansion puts the parameters at which a refit looks for its start.
 _STRIDES = (1.0, 0.5, 0.0)
+#: Directions of which the data tell less than this share of the most are rounding.
+_TOLD = 1e-12
 #: Candidates whose responses are formed at once; changes no number.
 _ABREAST = 8
 
@@ -65,7 +71,7 @@ def swaps(
         return [None] * len(others)
     linear = linearisation(fitted, train)
     expansion = linear.expansion(columns_in_place(linear, others, variants))
-    kept = np.flatnonzero(~fitted.held)
+    problem, kept = fitted.problem, np.flatnonzero(~fitted.held)
     common = np.flatnonzero(kept < shared)
     own = np.flatnonzero(kept >= shared)[: len(found.candidate.effect.coefficients)]
     away = -fitted.point[kept[own]]
@@ -74,23 +80,48 @@ def swaps(
     rows = np.concatenate([common, lanes])
     moved = Expansion(gradient[rows], expansion.information[np.ix_(rows, rows)], 1)
     projected = project(moved, common.size)
+    told = np.diag(projected.information) > FREE_TAKE * np.diag(moved.information)[common.size :]
     back = -solve(moved.information[: common.size, : common.size], moved.gradient[: common.size, np.newaxis])[:, 0]
     removal = 0.5 * float(away @ (expansion.gradient[own] + gradient[own]))
-    removal += 0.5 * float(moved.gradient[: common.size] @ back)
+    low, high = (bound[kept[common]] - fitted.point[kept[common]] for bound in (problem.lower, problem.upper))
     results: list[Swap | None] = []
     first = 0
     for one, how in zip(others, variants, strict=True):
-        mine = list(range(first, first + len(one.effect.coefficients)))
-        first += len(mine)
-        step, gain, _ = best_step(projected, mine, one.lower >= 0.0)
+        mine = np.arange(first, first + len(one.effect.coefficients))
+        first += mine.size
+        if not told[mine].any():  # free parameters take what it could explain: its step would be one of rounding
+            results.append(None)
+            continue
+        both = np.concatenate([np.arange(common.size), common.size + mine])
+        there = Expansion(moved.gradient[both], moved.information[np.ix_(both, both)], 1)
+        step, _, _ = best_step(projected, list(mine), one.lower >= 0.0)
+        move = np.concatenate([back + projected.share[:, mine] @ step, step])
+        if np.any((move[: common.size] < low) | (move[: common.size] > high)):
+            least = np.where(one.lower >= 0.0, 0.0, -np.inf)
+            move = _inside(there, np.append(low, least), np.append(high, np.full(mine.size, np.inf)))
         shift = np.zeros(shared)
-        shift[kept[common]] = back + projected.share[:, mine] @ step
-        free = coefficients(one, replace(fitted.problem.filter_model, model=one.model), how)
-        reached = [inside(parameter, value) for parameter, value in zip(free, step, strict=False)]
-        shapes = [parameter.coordinate(parameter.start) for parameter in free[step.size :]]
-        ends = [fitted.point[:shared] + share * shift for share in _STRIDES]
-        results.append(Swap(removal - gain, tuple(np.concatenate([end, reached, shapes]) for end in ends)))
+        shift[kept[common]] = move[: common.size]
+        free = coefficients(one, replace(problem.filter_model, model=one.model), how)
+        reached = [inside(parameter, value) for parameter, value in zip(free, move[common.size :], strict=False)]
+        shapes = [parameter.coordinate(parameter.start) for parameter in free[mine.size :]]
+        ends = [np.concatenate([fitted.point[:shared] + share * shift, reached, shapes]) for share in _STRIDES]
+        results.append(Swap(removal - promised_gain(there, move), tuple(ends)))
     return results
+
+
+def _inside(expansion: Expansion, low: FloatArray, high: FloatArray) -> FloatArray:
+    """The best move (n,) of a quadratic between bounds.
+
+    A machine all of whose masses, losses and drives go to nothing leaves no error in the linear expansion, and what
+    helps it there would take the place of any law.
+    """
+    found = scaled_eigen(expansion.information)
+    told = found.values > _TOLD * found.largest
+    roots, turned = np.sqrt(found.values[told]), found.vectors[:, told].T
+    right = -(turned @ (found.scale * expansion.gradient)) / roots
+    scale = np.where(found.scale > 0.0, found.scale, 1.0)
+    move: FloatArray = scale * lsq_linear(roots[:, np.newaxis] * turned, right, (low / scale, high / scale)).x
+    return move
 
 
 def columns_in_place(linear: Linearisation, others: Sequence[Candidate], variants: Sequence[Variant]) -> FloatArray:

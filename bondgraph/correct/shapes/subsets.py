@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from bondgraph.correct.constants import INDIFFERENT
+from bondgraph.correct.constants import FREE_TAKE, INDIFFERENT
 from bondgraph.correct.places.probes import Probe, Signal, shaped
 from bondgraph.correct.scores.score import Projected, solve
 from bondgraph.correct.scores.scoring import Linearisation
@@ -26,8 +26,6 @@ from bondgraph.filter.linear.response import Change
 MOST_TERMS = 3
 #: Sums of three are made of so many terms, those that gain most alone or beside the best: more are more than 2300 sums.
 _OF_THREE = 25
-#: Information left of a term beside free parameters, below which they take it: that of exact twins is up to 0.3 %.
-_LEFT = 1e-2
 #: Sums whose least eigenvalue of scaled information is below this are one term but for rounding.
 _ALIKE = 1e-6
 
@@ -71,7 +69,7 @@ def scored_terms(linear: Linearisation, probe: Probe, known: Sequence[Signal], o
     sizes = [len(term.kind.laws) for term in terms]
     columns = _responses(linear, probe, terms, known)
     projected = linear.projected(columns)
-    left = linear.left_by_parameters(columns) > _LEFT
+    left = linear.left_by_parameters(columns) > FREE_TAKE
     edges = np.cumsum([0, *sizes])
     kept = [k for k in range(len(terms)) if left[edges[k] : edges[k + 1]].all()]
     return _only(Terms(probe, tuple(terms), edges, projected.score, projected.information), kept, projected)
