@@ -34,7 +34,7 @@ LONGEST_MEMORY = 0.97
 #: Information of a coefficient left beside free parameters, as a share of all of it, below which these take what it
 #: explains: of exact twins, a mass beside a free mass, up to 0.3 % are left by integration steps and rounding.
 FREE_TAKE = 1e-2
-#: Standard errors from which a gain of held-out likelihood confirms a correction: 95 of 100.
+#: Standard errors from which a change of held-out likelihood confirms a correction or contradicts it: 95 of 100.
 CONFIRMS = 2.0
 #: Chance of being found at the size that is called detectable.
 POWER = 0.9

@@ -290,7 +290,7 @@ def _tried(closed: ClosedLoop) -> list[Tried]:
 def _notes(closed: ClosedLoop) -> list[str]:
     notes = []
     if closed.confirmation is not None and closed.corrected_holdout.logs:
-        notes.append(_held_out(closed.confirmation))
+        notes.append(_held_out(closed.confirmation, "correction" if closed.added else "disturbance"))
     notes += [_event(one, closed.eventful or closed.corrected) for one in closed.events]
     for added in closed.added:
         others = twins(closed, added)
@@ -330,12 +330,12 @@ def _event(event: Added, fitted: Fit) -> str:
     )
 
 
-def _held_out(told: Confirmation) -> str:
-    """Whether held-out logs confirm a correction, in a sentence that agrees with the table of errors."""
+def _held_out(told: Confirmation, added: str) -> str:
+    """Whether held-out logs confirm what was added, in a sentence that agrees with the table of errors."""
     what = {
-        "confirmed": "The held-out logs confirm the correction",
-        "contradicted": "The logs contradict the correction",
-        "open": "The held-out logs neither confirm nor contradict the correction",
+        "confirmed": f"The held-out logs confirm the {added}",
+        "contradicted": f"The logs contradict the {added}",
+        "open": f"The held-out logs neither confirm nor contradict the {added}",
     }[told.standing]
     within = f" ± {shown(told.error)}" if math.isfinite(told.error) else ""
     changed = f"the log-likelihood of the held-out logs changes by {shown(told.gain)}{within} nats"

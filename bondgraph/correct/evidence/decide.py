@@ -42,7 +42,24 @@ def judge(base: Fit, refit: Fit, effect: Effect, tried: int, gated: bool = False
         robust_p_value(refit, effect.coefficients, effect.shapes),
         gauge_p_value(gain, refit, effect.coefficients, effect.shapes),
     )
+    robust = 1.0 if within_a_sample(refit, effect) else robust
     return Evidence(gain, min(1.0, ratio * tried), min(1.0, robust * tried), gain - penalty, tried)
+
+
+def within_a_sample(fitted: Fit, effect: Effect) -> str:
+    """Objection to a lag or a delay that takes less than half of the usual interval between samples; empty if none.
+
+    By half an interval an input that is held between samples is later than one that runs straight, and nobody knows
+    which it was: of a cell sampled every 2 s a lag of 0.07 s was found where a polarisation of 45 s was missing.
+    """
+    name = effect.coefficients[0] if effect.coefficients and (effect.adds_state or effect.channel) else ""
+    names = fitted.problem.filter_model.model.names("parameter")
+    if name not in names or fitted.problem.filter_model.model.parameters[names.index(name)].unit != "s":
+        return ""
+    interval = float(np.median(np.concatenate([np.diff(log.time) for log in fitted.problem.logs])))
+    if fitted.values.get(name, math.inf) >= 0.5 * interval:
+        return ""
+    return f"it takes less than half of the {interval:.3g} s between samples, in which nobody knows how inputs run"
 
 
 def robust_p_value(
@@ -310,6 +327,8 @@ def _why_not(
 ) -> tuple[bool, str]:
     if trial.failed:
         return False, f"it could not be tried to the end: {trial.failed}"
+    if trial.fit is not None and (within := within_a_sample(trial.fit, trial.candidate.effect)):
+        return False, within
     if trial.transfer is not None and not trial.transfer.passes:
         return False, f"it does not transfer to data that it was not estimated from: {trial.transfer.why_not}"
     if chosen is None:
