@@ -8,6 +8,7 @@ from typing import Any, get_args
 from sympy import Expr, Symbol
 
 from bondgraph.declare.declared_units import DeclaredUnit, coherent_table, declared_unit
+from bondgraph.declare.domains import Domain
 from bondgraph.declare.expressions import signal
 from bondgraph.declare.functions import TableFunction, table_function
 from bondgraph.declare.handles import At, Handle
@@ -227,6 +228,15 @@ class QuantityBuilder(GraphStore):
             )
         return "hold" if held else between or "linear"
 
+    def _domain(self, node: str) -> Domain | None:
+        """The domain of a node: of a junction its own, of an element with one bond that of its junction."""
+        beside = [
+            one.target if one.source == node else one.source for one in self._bonds if node in (one.source, one.target)
+        ]
+        own = self._nodes[node].domain if node in self._nodes else None
+        alone = own is None and len(beside) == 1 and beside[0] in self._nodes
+        return self._nodes[beside[0]].domain if alone else own
+
     def _unit(self, unit: str | None, name: str, value: Any = 20.0) -> DeclaredUnit:
         return declared_unit(unit, f"{self.name}: {name}", value)
 
@@ -252,6 +262,6 @@ class QuantityBuilder(GraphStore):
         port = at.number if isinstance(at, Handle) else port
         if not self.has_node(node):
             raise DeclarationError(f"{self.name}: output {name}: no node {node!r}{suggest(node, self._nodes)}", (name,))
-        domain = self._nodes[node].domain if node in self._nodes else None
+        domain = self._domain(node)
         own_unit = "" if domain is None else getattr(domain, f"{variable}_unit")
         self.measure(name, signal(variable, node, port), own_unit if unit is None else unit, meaning)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib.metadata
 import importlib.util
 import platform
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -16,6 +17,7 @@ from bondgraph.declare.graph import BondGraph
 from bondgraph.estimate.initial import directly_measured
 from bondgraph.filter.abstract_run import AbstractRun
 from bondgraph.filter.filter_run import FilterRun
+from bondgraph.report.numbers import shown
 from bondgraph.report.series import (
     ChannelSeries,
     Coefficient,
@@ -245,7 +247,22 @@ def found_effect(
         Coefficient(info.name, info.shown(values[info.name]), info.display_unit, _shown_interval(info, ci95))
         for info in infos
     )
-    return FoundEffect(effect.name, effect.element, place.label, effect.law, coefficients, tuple(evidence))
+    law = ", ".join([effect.law, *_constants(effect, model, values)])
+    return FoundEffect(effect.name, effect.element, place.label, law, coefficients, tuple(evidence))
+
+
+def _constants(effect: Effect, model: Model, values: Mapping[str, float]) -> list[str]:
+    """What else stands in the law of an effect, as "w = 0.02 m/s": shapes as estimated, constants as declared."""
+    letters = set(re.findall(r"[A-Za-z]+", effect.law))
+    own = {name.partition("_")[2] for name in effect.coefficients}
+    found = []
+    for info in model.parameters:
+        name, _, of = info.name.partition("_")
+        letter = name if name in letters else name[:1]
+        if of in own and letter in letters and info.name not in effect.coefficients:
+            unit = "" if info.display_unit in ("", "1") else f" {info.display_unit}"
+            found.append(f"{letter} = {shown(info.shown(values.get(info.name, info.value)))}{unit}")
+    return found
 
 
 def added_nodes(before: BondGraph, after: BondGraph) -> frozenset[str]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 import sympy
 
-from bondgraph.declare.domains import DOMAINS, ELECTRICAL, ROTATION, Domain, domain_named
+from bondgraph.declare.domains import DOMAINS, ELECTRICAL, ROTATION, TRANSLATION, Domain, domain_named
 from bondgraph.declare.elements import Bond, Node, allowed_laws, own_variables
 from bondgraph.declare.graph import BondGraph, Handle
 from bondgraph.declare.quantities import Input, Parameter, symbol
@@ -171,6 +171,18 @@ def test_units_of_measured_variables_come_from_the_domain():
     c = g.add_node(Node("c", "C", ELECTRICAL, laws=(("effort", symbol("displacement")),)))
     g.measure_displacement("q", c)
     assert [output.unit for output in g.outputs] == ["A", "V s", "V", "C"]
+
+
+def test_units_of_what_is_measured_at_an_element_are_those_of_its_junction():
+    """A length at a spring had no unit, and logs in metres were refused."""
+    g = BondGraph("g")
+    body = g.one_junction("body", TRANSLATION)
+    g.inertance("mass", 1.0, at=body)
+    g.compliance("spring", 5.0, at=body)
+    g.measure_displacement("x", "spring")
+    g.measure_effort("pull", "spring")
+    g.measure_momentum("p", "mass")
+    assert [output.unit for output in g.outputs] == ["m", "N", "N s"]
 
 
 def test_domains_multiply_to_power_or_say_that_they_do_not():
