@@ -88,6 +88,12 @@ class _Translator(ast.NodeTransformer):
     def visit_Attribute(self, node: ast.Attribute) -> ast.AST:
         return ast.Name(self._writer.symbol(ast.unparse(node)))
 
+    def visit_BinOp(self, node: ast.BinOp) -> ast.AST:
+        """An operation; a fraction of whole numbers stays one, which Python would make a number with a point."""
+        if isinstance(node.op, ast.Div) and _is_whole(node.left) and _is_whole(node.right):
+            return ast.Call(ast.Name(self._writer.use("sympy", "Rational")), [node.left, node.right], [])
+        return self.generic_visit(node)
+
     def visit_Call(self, node: ast.Call) -> ast.AST:
         name = ast.unparse(node.func)
         if name in _VARIABLES and len(node.args) == 1:
@@ -100,6 +106,12 @@ class _Translator(ast.NodeTransformer):
         if not isinstance(getattr(sympy, name, None), sympy.FunctionClass):
             raise _UnwritableError(name)
         return ast.Call(ast.Name(self._writer.use("sympy", name)), arguments, [])
+
+
+def _is_whole(node: ast.expr) -> bool:
+    """True for a whole number, or one with a minus."""
+    own = node.operand if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub) else node
+    return isinstance(own, ast.Constant) and isinstance(own.value, int)
 
 
 def correction_lines(before: BondGraph, after: BondGraph) -> str:
@@ -320,7 +332,7 @@ def write_python(folder: Path, declared: BondGraph, corrected: BondGraph, refere
     """
     text = correction_lines(declared, corrected)
     if not text:
-        return []
+        return [f"No Python lines write this correction exactly; it stands in {folder / 'corrected_graph.json'}"]
     write_text(folder / "corrected_lines.py", f"# before the return of the declaration, whose graph is g\n{text}\n")
     said = [f"Python lines for the declaration: {folder / 'corrected_lines.py'}"]
     patch = declaration_patch(reference, declared, corrected) if reference else ""

@@ -7,6 +7,7 @@ import subprocess
 from pathlib import Path
 
 import pytest
+from sympy import Rational
 
 import bondgraph as bg
 from bondgraph.declare.editing import copy, with_inputs_between, with_values
@@ -114,3 +115,27 @@ def test_a_changed_output_and_what_has_no_lines(file: Path) -> None:
     assert "revise_output(g, 'speed', " in correction_lines(declared, corrected)
     corrected.add_node(Node("second", "0", bg.TRANSLATION))
     assert correction_lines(declared, corrected) == ""
+
+
+def test_fractions_of_whole_numbers_stay_fractions() -> None:
+    """A convection has an eighth root: its lines gave 0.125, which is another law, and so there were none."""
+
+    def sled(loss: float) -> bg.BondGraph:
+        g = bg.BondGraph("sled")
+        body = g.one_junction("body", bg.TRANSLATION)
+        g.inertance("mass", g.parameter("m", 80.0, "kg", "sled"), at=body, state="v")
+        if loss:
+            c = g.parameter("c", loss, "N", "air", (0.0, 8.0))
+            u = g.parameter("u", 2.0, "m/s", "speed of that force")
+            g.resistance("air", lambda v: c * v / u * ((v / u) ** 2) ** Rational(1, 8), at=body)
+        return g
+
+    text = correction_lines(sled(0.0), sled(1.5))
+    assert "Rational(1, 4)" in text and "from sympy import Rational" in text
+
+
+def test_a_correction_without_lines_says_so(tmp_path: Path) -> None:
+    declared, corrected = bg.BondGraph("one"), bg.BondGraph("other")
+    (said,) = write_python(tmp_path, declared, corrected)
+    assert said.startswith("No Python lines") and "corrected_graph.json" in said
+    assert not (tmp_path / "corrected_lines.py").exists()
