@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -17,12 +18,15 @@ from bondgraph.correct.evidence.decide import (
     effective_blocks,
     gauge_p_value,
     robust_p_value,
+    within_a_sample,
 )
 from bondgraph.correct.evidence.trials import Evidence, Trial
 from bondgraph.correct.models.candidates import candidates
 from bondgraph.data.log import MatchedLog
+from bondgraph.declare.domains import TRANSLATION
 from bondgraph.declare.editing import handle
 from bondgraph.declare.effect import Effect, Place, Scale
+from bondgraph.declare.graph import BondGraph
 from bondgraph.effects.losses import relief
 from bondgraph.effects.sensors import sensor_scale
 from bondgraph.estimate.fitted import Fit
@@ -139,3 +143,27 @@ def test_one_more_law_must_do_better_than_a_form_of_a_law_that_is_there(more: fl
     assert choose(trials, LEVEL) is trials[0 if own else 1]
     doubted = replace(trials[0], evidence=replace(_SURE, p_robust=0.5))
     assert choose([doubted, trials[1]], LEVEL) is trials[1]  # it must pass like every other
+
+
+@pytest.mark.parametrize(("seconds", "refused"), [(0.07, True), (0.9, True), (1.1, False), (45.0, False)])
+def test_a_lag_within_half_a_sample_is_no_law(seconds: float, refused: bool) -> None:
+    """Of a cell sampled every 2 s a lag of 0.07 s was found, where a polarisation was missing."""
+    model = build(_lagging()).model
+    log = MatchedLog("cycle", 2.0 * np.arange(50), np.zeros((1, 50)), np.zeros((1, 50)))
+    fitted = SimpleNamespace(
+        values={"T_lag": seconds},
+        problem=SimpleNamespace(filter_model=SimpleNamespace(model=model), logs=(log,)),
+    )
+    lag = Effect("actuator_lag", "push", "command follows by dx/dt = (u - x)/T", ("T_lag",), adds_state=True)
+    loss = Effect("warm_up_loss", "loss", "effort = c*exp(-t/T)*flow", ("T_lag",))
+    assert bool(within_a_sample(fitted, lag)) is refused  # type: ignore[arg-type]
+    assert within_a_sample(fitted, loss) == ""  # type: ignore[arg-type]
+
+
+def _lagging() -> BondGraph:
+    g = BondGraph("sled")
+    body = g.one_junction("body", TRANSLATION)
+    g.parameter("T_lag", 0.1, "s", "lag", (5e-3, 2.0))
+    g.inertance("mass", 80.0, at=body, state="v")
+    g.measure_flow("speed", body)
+    return g
