@@ -21,6 +21,7 @@ from bondgraph.correct.evidence.decide import alternatives, choose, detectable, 
 from bondgraph.correct.evidence.noise_split import split_again
 from bondgraph.correct.evidence.resolved import resolved
 from bondgraph.correct.evidence.trials import Alternative, Detectable, Trial
+from bondgraph.correct.gate_worth import earned
 from bondgraph.correct.models.absent import absent_when_zero
 from bondgraph.correct.models.candidates import Refused, candidates, places
 from bondgraph.correct.models.failures import attempted
@@ -29,7 +30,6 @@ from bondgraph.correct.places.located import LocatedAt, locate
 from bondgraph.correct.places.probes import Probe, Signal, probes, signals
 from bondgraph.correct.scores.gates import gate_samples
 from bondgraph.correct.scores.scoring import Linearisation, Scored, linearisation, score_candidates
-from bondgraph.correct.search.gate_worth import earned
 from bondgraph.correct.search.opening import Scoring, is_driven_still, look_beneath_noise, opened
 from bondgraph.correct.search.search import Entry, Search, left_out, searched
 from bondgraph.correct.search.widths import at_any_width, is_due

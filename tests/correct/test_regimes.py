@@ -10,13 +10,13 @@ from bondgraph.build import build
 from bondgraph.correct.constants import LEVEL
 from bondgraph.correct.evidence.context import Context
 from bondgraph.correct.evidence.trials import Trial
+from bondgraph.correct.gate_worth import earned
 from bondgraph.correct.loop import ClosedLoop, close_loop
 from bondgraph.correct.models.candidates import candidates, places
 from bondgraph.correct.places.regimes import Regime, in_regime
 from bondgraph.correct.result import result_json
 from bondgraph.correct.scores.scoring import linearisation, score_candidates
 from bondgraph.correct.search import regimes
-from bondgraph.correct.search.gate_worth import earned
 from bondgraph.correct.search.refit import refit_from
 from bondgraph.correct.search.regimes import _gains
 from bondgraph.data.log import MatchedLog

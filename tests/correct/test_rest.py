@@ -9,12 +9,14 @@ import numpy as np
 import pytest
 
 from bondgraph.correct import cautions, rest
+from bondgraph.correct.evidence.trials import Alternative
 from bondgraph.correct.places.unexplained import Unexplained
 from bondgraph.correct.progress import Progress
 from bondgraph.correct.rest import Rest, at_random
 from bondgraph.correct.round import Round, RoundSettings
 from bondgraph.estimate.fitted import Fit
 from bondgraph.report.closed_loop import _or_twins
+from bondgraph.report.formulas import twins
 from tests.correct.sled import built, fitted, pull, sled
 
 
@@ -61,8 +63,27 @@ def test_the_verdict_names_what_the_data_do_not_tell_apart(
     others = [SimpleNamespace(name=name, junction="gauge", indistinguishable=True) for name in twins]
     others.append(SimpleNamespace(name="drag", junction="tank", indistinguishable=False))
     monkeypatch.setattr(
-        "bondgraph.report.closed_loop.round_of", lambda closed, added: SimpleNamespace(alternatives=others)
+        "bondgraph.report.formulas.round_of", lambda closed, added: SimpleNamespace(alternatives=others)
     )
     monkeypatch.setattr("bondgraph.report.closed_loop.named", lambda added, fitted: "leak at tank")
     closed = SimpleNamespace(corrected=cast(Fit, None))
-    assert _or_twins(closed, SimpleNamespace()) == said  # type: ignore[arg-type]
+    leak = SimpleNamespace(effect=SimpleNamespace(described="leak"), place=SimpleNamespace(label="tank"))
+    added = SimpleNamespace(trial=SimpleNamespace(candidate=leak, simplifies="", stands_for=()))
+    assert _or_twins(closed, added) == said  # type: ignore[arg-type]
+
+
+def test_what_took_the_place_of_a_law_is_told_apart_from_no_more_than_that(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where the law of more coefficients would have done as well elsewhere, so would the simpler one."""
+    others = [
+        Alternative("stribeck_loss", "hook", 250.0, True, ""),
+        Alternative("coulomb_loss", "motor", 229.0, True, ""),
+    ]
+    monkeypatch.setattr(
+        "bondgraph.report.formulas.round_of", lambda closed, added: SimpleNamespace(alternatives=others)
+    )
+    dry = SimpleNamespace(effect=SimpleNamespace(described="coulomb_loss"), place=SimpleNamespace(label="motor"))
+    trial = SimpleNamespace(
+        candidate=dry, simplifies="stribeck_loss at motor", stands_for=("torque_loss at motor",), gain=252.0
+    )
+    found = twins(SimpleNamespace(), SimpleNamespace(trial=trial))  # type: ignore[arg-type]
+    assert [(one.name, one.junction) for one in found] == [("coulomb_loss", "hook"), ("torque_loss", "motor")]
