@@ -1,6 +1,6 @@
-"""Whether a gated law is worth its gate.
+"""The worth of a gate: what a law that acts in part of the operating space must show beside the usual tests.
 
-Beside the tests of every candidate a gated law must
+A gated law must
 
 - be worth more than an unknown function of the signal of its gate: what comes on gradually is no law with a gate;
 - be worth more than the law that acts everywhere together with one term of the library in that signal, which has as
@@ -68,7 +68,7 @@ def _against(trial: Trial, where: Sequence[Place], context: Context) -> str:
 
 
 def _sum_is_better(trial: Trial, where: Sequence[Place], context: Context) -> str:
-    """What explains more than a gated law: the law without its gate, and one term in the signal of that beside it."""
+    """The law without its gate and one term in the signal of that, where these explain more; else empty."""
     effect, regime, place = trial.candidate.effect, regime_of(trial.candidate.function), trial.candidate.place
     assert trial.fit is not None and trial.evidence is not None and regime is not None  # a law with a gate, refitted
     found, _ = candidates(context.built, [everywhere(trial.candidate.function)], [place])

@@ -114,7 +114,7 @@ def _levels(base: Fit) -> dict[str, tuple[float, float]]:
 
 
 def _kept(base: Fit, train: Sequence[MatchedLog], walking: Sequence[str]) -> tuple[FreeParameter, ...]:
-    """What stays free in a quiet fit, from where it is, and the noise of states that keep some."""
+    """The free parameters of a quiet fit, from where it is, and the noise of states that keep some."""
     own, model = [one for one in at_optimum(base) if one.target.kind != "process"], base.problem.filter_model.model
     noise = [
         declared_free(f"process({name})", base.problem.filter_model, logs=train)
