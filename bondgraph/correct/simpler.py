@@ -1,7 +1,7 @@
 """Simpler relatives of laws that were found: what came beside a law may leave its further coefficients nothing.
 
 A law is chosen beside what its round knew. Stribeck friction of a winch was chosen before the gusts on its load were
-described; beside these dry friction loses 1.7 nats to it, with two coefficients fewer. So at the end each law with
+described; beside these dry friction loses 1.1 nats to it, with two parameters fewer. So at the end each law with
 several coefficients is weighed against the simpler ones at its place, and the best of those that do as well by the
 Bayesian information criterion is taken. Others that the data do not tell from it are named with it.
 """
@@ -27,9 +27,6 @@ from bondgraph.estimate.fitted import at_optimum
 from bondgraph.estimate.local import fit
 from bondgraph.estimate.problem import EstimationProblem
 from bondgraph.text import count
-
-#: Simpler laws that are weighed, of those that were refitted those that gained most.
-_MOST = 4
 
 
 def in_simpler_laws(state: Progress, rounds: Sequence[Round], settings: RoundSettings) -> Progress:
@@ -73,7 +70,7 @@ def _simpler(law: Trial, rounds: Sequence[Round]) -> list[Trial]:
             continue
         if len(own.parameters) < len(effect.parameters) and (known is None or one.gain > known.gain):
             best[one.candidate.label] = one
-    return sorted(best.values(), key=lambda one: -one.gain)[:_MOST]
+    return list(best.values())
 
 
 def _with(state: Progress, index: int, other: Trial, number: int, settings: RoundSettings) -> Progress | None:

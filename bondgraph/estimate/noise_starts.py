@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -78,8 +79,10 @@ def matched_levels(problem: EstimationProblem, point: FloatArray) -> FloatArray:
         batch = problem.batch(found[:, np.newaxis])
         records = innovations(problem.filter_model, problem.logs, batch.theta, **batch.values())
         for k, row in levels:
-            seen = [(one.values * np.exp(one.log_scales))[row, one.measured[row], 0] for one in records]
-            level = float(np.sqrt(np.mean(np.concatenate(seen) ** 2)))
+            with np.errstate(over="ignore", invalid="ignore"):  # of a filter that fails nothing is a number
+                seen = [(one.values * np.exp(one.log_scales))[row, one.measured[row], 0] for one in records]
+                squares = np.concatenate(seen) ** 2
+            level = math.sqrt(float(squares.sum()) / max(squares.size, 1))  # zero of a channel that nobody measured
             if np.isfinite(level) and level > 0.0:
                 one = problem.free[k]
                 found[k] = one.coordinate(float(np.clip(level, one.lower, one.upper)))

@@ -331,7 +331,7 @@ def _event(event: Added, fitted: Fit) -> str:
 
 
 def _held_out(told: Confirmation, added: str) -> str:
-    """Whether held-out logs confirm what was added, in a sentence that agrees with the table of errors."""
+    """The answer of the logs to what was added, in a sentence that agrees with the table of errors."""
     what = {
         "confirmed": f"The held-out logs confirm the {added}",
         "contradicted": f"The logs contradict the {added}",

@@ -252,7 +252,7 @@ def found_effect(
 
 
 def _constants(effect: Effect, model: Model, values: Mapping[str, float]) -> list[str]:
-    """What else stands in the law of an effect, as "w = 0.02 m/s": shapes as estimated, constants as declared."""
+    """The other numbers in the law of an effect, as "w = 0.02 m/s": shapes as estimated, constants as declared."""
     letters = set(re.findall(r"[A-Za-z]+", effect.law))
     own = {name.partition("_")[2] for name in effect.coefficients}
     found = []

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
@@ -38,17 +38,22 @@ def horizon(fitted: Fit, logs: Sequence[MatchedLog]) -> float:
 
 def _slowest(fitted: Fit, log: MatchedLog, run: FilterRun) -> float:
     """The slowest time constant of a model along a log, s; zero where it only integrates."""
-    model, theta = fitted.problem.filter_model.model, log_theta(fitted, log)
     found = []
-    for k in np.unique(np.linspace(0, log.time.size - 1, _RATES).astype(int)):
-        x = run.filtered_mean[: len(model.states), k]
-        with np.errstate(all="ignore"):
-            slopes = model.jacobian_x(float(log.time[k]), x, log.u[:, k], theta)
+    for slopes in slopes_along(fitted, log, run):
         if np.isfinite(slopes).all() and slopes.size:
             rates = np.abs(np.linalg.eigvals(slopes).real)
             known = rates[rates > _INTEGRAL * max(float(rates.max()), np.finfo(float).tiny)]
             found += [1.0 / float(known.min())] if known.size else []
     return float(np.median(found)) if found else 0.0
+
+
+def slopes_along(fitted: Fit, log: MatchedLog, run: FilterRun) -> Iterator[FloatArray]:
+    """Jacobians (n_x, n_x) of a model at samples along a log, at the filtered states."""
+    model, theta = fitted.problem.filter_model.model, log_theta(fitted, log)
+    for k in np.unique(np.linspace(0, log.time.size - 1, _RATES).astype(int)):
+        x = run.filtered_mean[: len(model.states), k]
+        with np.errstate(all="ignore"):
+            yield model.jacobian_x(float(log.time[k]), x, log.u[:, k], theta)
 
 
 def log_theta(fitted: Fit, log: MatchedLog) -> FloatArray:

@@ -8,12 +8,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from bondgraph.correct.fits.horizon import log_theta
+from bondgraph.correct.fits.horizon import slopes_along
 from bondgraph.data.log import FloatArray
 from bondgraph.estimate.fitted import Fit
-
-#: Samples of each log at which slopes are looked at.
-_LOOKED_AT = 25
 
 
 def integrating(fitted: Fit) -> tuple[str, ...]:
@@ -41,11 +38,8 @@ def integrating(fitted: Fit) -> tuple[str, ...]:
     names = [name for name in model.names("state") if name not in problem.filter_model.process_noise]
     rows = {name: model.index("state", name) for name in names}
     for log, run in zip(logs, fitted.own_runs if rows else (), strict=bool(rows)):
-        theta = log_theta(fitted, log)
-        for sample in np.unique(np.linspace(0, log.time.size - 1, _LOOKED_AT).astype(int)):
-            x = run.filtered_mean[: len(model.states), sample]
+        for slopes in slopes_along(fitted, log, run):
             with np.errstate(all="ignore"):
-                slopes = model.jacobian_x(float(log.time[sample]), x, log.u[:, sample], theta)
                 back = np.abs(slopes * slopes.T / np.diag(slopes)[:, np.newaxis])
             rows = {name: k for name, k in rows.items() if slopes[k, k] == 0.0 and _seldom(back[:, k], k, longest)}
     return tuple(rows)
