@@ -17,7 +17,7 @@ from tests.correct.sled import FUNCTIONS, added, pull, sled
 
 def as_read(log: bg.MatchedLog) -> Log:
     """A log in the order of a model as it would be read from a file, in other units."""
-    model, units = build(sled()).model, {"torque": ("kN m", 1e-3), "speed": ("km/h", 3.6), "force": ("1", 1.0)}
+    model, units = build(sled()).model, {"torque": ("kN m", 1e-3), "speed": ("km/h", 3.6), "force": ("kN", 1e-3)}
     rows = zip((*model.names("input"), *model.names("output")), (*log.u, *log.y), strict=True)
     channels = {name: LogChannel(name, units[name][0], units[name][1] * row) for name, row in rows}
     return Log(log.name, log.time, channels)
