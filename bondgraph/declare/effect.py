@@ -27,6 +27,8 @@ from bondgraph.files import check_name
 
 #: The flow, as a share of its scale, at which smoothed dry friction reaches 76 % of its level.
 SMOOTHING = 0.02
+#: Times that logs can tell where nothing is known of them [s]: those of a minute and a half at 100 samples per second.
+TIMES = (0.01, 100.0)
 
 
 @dataclass(frozen=True)
@@ -45,7 +47,8 @@ class Place:
     the scale holds the difference of what they have in common, efforts or flows, and ``bond`` is none of the graph's.
     A sensor is named by ``output``; its ``junction`` is then no node, and its scale holds the size of what it shows
     (``effort``) and how far that moves from its mean (``flow``), both in the sensor's unit. Laws that turn round with
-    the flow are smoothed over a share ``smoothing`` of its scale, which explicit integration needs.
+    the flow are smoothed over a share ``smoothing`` of its scale, which explicit integration needs. Laws with a time of
+    their own look for it within ``times``: that between samples, and the length of the longest log, in s.
     """
 
     junction: Handle
@@ -54,6 +57,7 @@ class Place:
     output: str = ""
     smoothing: float = SMOOTHING
     other: Handle | None = None
+    times: tuple[float, float] = TIMES
 
     @classmethod
     def between(cls, first: Handle, second: Handle, scale: Scale, smoothing: float = SMOOTHING) -> Place:

@@ -13,6 +13,7 @@ thermal      heat given away by conduction, convection, radiation; a heat capaci
 between      leaks, friction and fluid couplings between two junctions of one domain; clutches that slip
 loads        constant efforts and flows, headwind, ripple
 actuators    wrong scale and lag of sources and ratios, ceiling, dead zone, rate of what follows a command
+relaxation   cells that polarise, walls that take up heat slowly, viscoelastic drag
 storages     added inertia, capacity, compliance; backlash, stops, springs that harden, iron that saturates
 fading       resistances that change with temperature, batteries that fall with their charge
 sensors      faults of sensors, which the loop itself tries beside these
@@ -67,5 +68,7 @@ from bondgraph.effects.between import drag_between as drag_between
 from bondgraph.effects.between import friction_between as friction_between
 from bondgraph.effects.between import fluid_coupling_between as fluid_coupling_between
 from bondgraph.effects.thermal import radiation_between as radiation_between
+from bondgraph.effects.relaxation import polarisation as polarisation
+from bondgraph.effects.relaxation import slow_heat_capacity as slow_heat_capacity
 from bondgraph.effects.fading import charge_fading as charge_fading
 from bondgraph.effects.fading import temperature_dependence as temperature_dependence

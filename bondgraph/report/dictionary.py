@@ -61,7 +61,7 @@ def entry_text(row: Entry) -> str:
         f"function: {row.module}:{row.function}{'' if row.default else ' (tried where it is asked for by --effects)'}",
     ]
     if row.dissipative:
-        parts.insert(3, "it only takes energy: a negative coefficient is refused")
+        parts.insert(3, "it takes energy: a negative coefficient is refused")
     return "\n  ".join(parts)
 
 

@@ -181,7 +181,16 @@ def places(built: BuiltModel, logs: Sequence[MatchedLog], runs: Sequence[FilterR
         if index >= 0 and min(effort[index], flow[index]) > 0.0:
             scale = Scale(effort[index], flow[index])
             found.append(Place(handle(graph, bond.source), scale, bond, smoothing=smoothing))
-    return [*found, *pairs(built.graph, flat, values, smoothing), *_sensors(built.model, logs)]
+    every = [*found, *pairs(built.graph, flat, values, smoothing), *_sensors(built.model, logs)]
+    return [replace(place, times=times_of(logs)) for place in every]
+
+
+def times_of(logs: Sequence[MatchedLog]) -> tuple[float, float]:
+    """From the time between samples to the length of the longest log, s."""
+    return (
+        min(float(np.median(np.diff(log.time))) for log in logs),
+        max(float(log.time[-1] - log.time[0]) for log in logs),
+    )
 
 
 def _sensors(model: Model, logs: Sequence[MatchedLog]) -> list[Place]:

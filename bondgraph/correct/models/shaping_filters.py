@@ -12,7 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from bondgraph.build import BuiltModel, build
-from bondgraph.correct.models.candidates import Candidate, placed
+from bondgraph.correct.models.candidates import Candidate, placed, times_of
 from bondgraph.correct.models.failures import attempted
 from bondgraph.data.log import MatchedLog
 from bondgraph.declare.editing import copy, handle
@@ -30,12 +30,12 @@ def at_state(built: BuiltModel, train: Sequence[MatchedLog], state: str) -> tupl
     """The disturbance in the place of the white noise of a state; None where there is no place for it."""
     node = _storage_of(built, state)
     place = _place_of(built, state, node)
-    return None if place is None else _made(built, _function(state, node, _times(train)), place, state)
+    return None if place is None else _made(built, _function(state, node, times_of(train)), place, state)
 
 
 def at_sensor(built: BuiltModel, train: Sequence[MatchedLog], output: str) -> tuple[Candidate, str] | None:
     """Noise of a sensor with a memory; None where it has no place."""
-    return _made(built, _sensor_function(output, _times(train)), Place.sensor(output, Scale(1.0, 1.0)), "")
+    return _made(built, _sensor_function(output, times_of(train)), Place.sensor(output, Scale(1.0, 1.0)), "")
 
 
 def _made(built: BuiltModel, function: EffectFunction, place: Place, state: str) -> tuple[Candidate, str] | None:
@@ -109,11 +109,3 @@ def _sensor_function(output: str, times: tuple[float, float]) -> EffectFunction:
 
     disturbance.__dict__["for_sensors"] = True
     return disturbance
-
-
-def _times(train: Sequence[MatchedLog]) -> tuple[float, float]:
-    """From the time between samples to the length of the longest log, s."""
-    return (
-        min(float(np.median(np.diff(log.time))) for log in train),
-        max(float(log.time[-1] - log.time[0]) for log in train),
-    )

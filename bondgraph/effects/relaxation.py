@@ -1,0 +1,94 @@
+"""Parts that follow with a time of their own: polarised cells, viscoelastic drag, walls that take up heat slowly.
+
+An ordinary loss answers at once and an ordinary storage for ever; these do both one after the other. Each has a state
+that follows by a first-order lag and vanishes with its coefficient. The time of the lag is a shape: it lies between the
+time between samples and the length of the logs, outside of which the part is a mere loss or a mere storage.
+
+References: Plett (2015), Battery Management Systems, volume 1, section 2.4, for a cell's polarisation; Ferry (1980),
+Viscoelastic Properties of Polymers, chapter 1, for Maxwell's element; Madsen, Holst (1995), Energy and Buildings 22(1),
+for walls with a temperature of their own.
+"""
+
+from __future__ import annotations
+
+from sympy import Expr
+
+from bondgraph.declare.domains import ELECTRICAL, THERMAL
+from bondgraph.declare.effect import Effect, Place
+from bondgraph.declare.graph import BondGraph
+from bondgraph.effects.places import (
+    coefficient,
+    conductance,
+    effort_unit,
+    elements_at,
+    flow_unit,
+    has_effort,
+    has_flow,
+    is_motion,
+    over,
+)
+from bondgraph.effects.thermal import initial_temperature
+
+
+def polarisation(g: BondGraph, at: Place) -> Effect | None:
+    """A resistance with a condenser across it: ions that must diffuse, a double layer, a slow part of a cell."""
+    if not (has_flow(at) and at.domain == ELECTRICAL and elements_at(g, at, "R")):
+        return None
+    return _relaxing(
+        g, at, "polarisation", "Plett (2015), Battery Management Systems, volume 1, section 2.4",
+        "a step of the current, then rest",
+    )  # fmt: skip
+
+
+def viscoelastic_drag(g: BondGraph, at: Place) -> Effect | None:
+    """A spring and a damper in series: rubber and oil that hold a quick motion like a spring and a slow one hardly."""
+    if not (is_motion(at) and elements_at(g, at, "R")):
+        return None
+    return _relaxing(
+        g, at, "viscoelastic_drag", "Ferry (1980), Viscoelastic Properties of Polymers, chapter 1",
+        "quick motions and slow ones",
+    )  # fmt: skip
+
+
+def slow_heat_capacity(g: BondGraph, at: Place) -> Effect | None:
+    """Heat that passes into a part with a temperature of its own: a wall, a core, a filling, a fixture."""
+    if not (has_effort(at) and at.domain == THERMAL and elements_at(g, at, "C")):
+        return None
+    effort = at.junction.effort
+    unit = over(flow_unit(at), effort_unit(at))
+    name, c = conductance(g, at, "slow_heat_capacity", "conductance to the part", unit, 1)
+    time = _time(g, at, name)
+    inside = g.integral(
+        f"inside_{name}", lambda x: (effort - x) / time, effort_unit(at), f"temperature of the part at {at.label}",
+        initial=initial_temperature(g, at),
+    )  # fmt: skip
+    g.flow_source(name, -c * (effort - inside), at=at.junction)
+    return Effect(
+        "slow_heat_capacity", name, "flow = c*(effort - x), dx/dt = (effort - x)/T", (c.name,), shapes=(time.name,),
+        reference="Madsen, Holst (1995), Energy and Buildings 22(1)", dissipative=True,
+        manoeuvre="a step of the heat, then time to settle",
+    )  # fmt: skip
+
+
+def _relaxing(g: BondGraph, at: Place, effect: str, reference: str, manoeuvre: str) -> Effect:
+    """An effort that follows the flow by a lag: a resistance across a capacity, or a spring in series with a damper."""
+    meaning = f"{effect.replace('_', ' ')} in steady flow"
+    name, c = coefficient(g, at, effect, meaning, over(effort_unit(at), flow_unit(at)), power=1)
+    time = _time(g, at, name)
+    flow = at.junction.flow
+    follows = g.integral(
+        f"follows_{name}", lambda x: (flow - x) / time, flow_unit(at), f"flow at {at.label} as it relaxes"
+    )  # fmt: skip
+    g.effort_source(name, -c * follows, at=at.junction)
+    return Effect(
+        effect, name, "effort = c*x, dx/dt = (flow - x)/T", (c.name,), shapes=(time.name,), reference=reference,
+        dissipative=True, manoeuvre=manoeuvre,
+    )  # fmt: skip
+
+
+def _time(g: BondGraph, at: Place, name: str) -> Expr:
+    """The time in which the part follows, which starts in the middle of what the logs can tell."""
+    shortest, longest = at.times
+    return g.parameter(
+        f"T_{name}", (shortest * longest) ** 0.5, "s", f"time in which the part at {at.label} follows", at.times
+    )
