@@ -247,12 +247,14 @@ def found_effect(
         Coefficient(info.name, info.shown(values[info.name]), info.display_unit, _shown_interval(info, ci95))
         for info in infos
     )
-    law = ", ".join([effect.law, *_constants(effect, model, values)])
+    law = ", ".join([effect.law, *_constants(effect, model, values, ci95)])
     return FoundEffect(effect.name, effect.element, place.label, law, coefficients, tuple(evidence))
 
 
-def _constants(effect: Effect, model: Model, values: Mapping[str, float]) -> list[str]:
-    """The other numbers in the law of an effect, as "w = 0.02 m/s": shapes as estimated, constants as declared."""
+def _constants(
+    effect: Effect, model: Model, values: Mapping[str, float], ci95: Mapping[str, tuple[float, float]]
+) -> list[str]:
+    """The other numbers in a law, as "T = 4.2 s [4.1, 4.3]": shapes as estimated, constants as declared."""
     letters = set(re.findall(r"[A-Za-z]+", effect.law))
     own = {name.partition("_")[2] for name in effect.coefficients}
     found = []
@@ -261,7 +263,9 @@ def _constants(effect: Effect, model: Model, values: Mapping[str, float]) -> lis
         letter = name if name in letters else name[:1]
         if of in own and letter in letters and info.name not in effect.coefficients:
             unit = "" if info.display_unit in ("", "1") else f" {info.display_unit}"
-            found.append(f"{letter} = {shown(info.shown(values.get(info.name, info.value)))}{unit}")
+            ends = _shown_interval(info, ci95) if info.name in ci95 else None
+            within = "" if ends is None else f" [{shown(ends[0])}, {shown(ends[1])}]"
+            found.append(f"{letter} = {shown(info.shown(values.get(info.name, info.value)))}{unit}{within}")
     return found
 
 

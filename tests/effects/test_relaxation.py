@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 
@@ -10,6 +12,7 @@ from bondgraph.build import build
 from bondgraph.declare.editing import copy, handle, with_values
 from bondgraph.declare.effect import Effect, Place, Scale
 from bondgraph.effects.relaxation import polarisation, slow_heat_capacity, viscoelastic_drag
+from bondgraph.report.closed_loop import found_effects
 from bondgraph.simulate.simulation import simulate
 
 
@@ -138,3 +141,5 @@ def test_a_cell_that_polarises_is_told_from_a_late_actuator() -> None:
     table = loop.to_dataframe()
     assert low < table.loc["c_polarisation_wire", "after"] < high
     assert 25.0 < table.loc["T_polarisation_wire", "after"] < 80.0
+    (said,) = found_effects(loop)
+    assert re.search(r"T = [\d.]+ s \[[\d.]+, [\d.]+\]", said.law)  # its time has an interval too
