@@ -259,14 +259,16 @@ def choose(trials: Sequence[Trial], level: float) -> Trial | None:
 
     Nothing contradicts a fault of the only sensor. It is chosen where no law passes, none explains as much, and nothing
     stays unexplained beside it: a law that is not believed may stand for another of its kind, and a fault for a part of
-    what is missing. A further part of a known law is preferred to one more law.
+    what is missing. Nor is its drift told from what is slow in the machine: the last of a cell's relaxations was one. A
+    further part of a known law is preferred to one more law.
     """
     fitted = [trial for trial in trials if trial.fit is not None and trial.transfers]
     passed = [trial for trial in fitted if trial.evidence is not None and trial.evidence.accepted(level)]
     if passed and _has_one_sensor(passed[0]):
         laws = [trial for trial in passed if not trial.candidate.effect.channel]
         told = max((_bic_gain(one) for one in trials if not one.candidate.effect.channel), default=-math.inf)
-        passed = laws or [one for one in passed if _bic_gain(one) > told + INDIFFERENT and _is_all(one, level)]
+        faults = [one for one in passed if one.candidate.effect.kind != "drift"]
+        passed = laws or [one for one in faults if _bic_gain(one) > told + INDIFFERENT and _is_all(one, level)]
     best = max(passed, key=_bic_gain, default=None)
     forms = [one for one in passed if one.completes]
     own = max(forms, key=_bic_gain, default=None)
@@ -329,6 +331,8 @@ def _why_not(
         return False, f"it could not be tried to the end: {trial.failed}"
     if trial.fit is not None and (within := within_a_sample(trial.fit, trial.candidate.effect)):
         return False, within
+    if trial.candidate.effect.kind == "drift" and trial.fit is not None and _has_one_sensor(trial):
+        return False, "a drift of the only sensor is not told from what is slow in the machine"
     if trial.transfer is not None and not trial.transfer.passes:
         return False, f"it does not transfer to data that it was not estimated from: {trial.transfer.why_not}"
     if chosen is None:
