@@ -5,11 +5,12 @@ exactly declared fan a loss of its motor gained 18 nats, of which shorter steps 
 before anything is scored, and what is chosen is judged with steps that resolve its own model.
 
 What effects could gain at most by making up for the steps (:func:`bondgraph.estimate.longer_steps.step_gain`), and how
-far estimates would move, must be negligible.
+far estimates would move, must be negligible: a tenth of what an effect must gain at least, and of a standard deviation.
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -26,12 +27,14 @@ from bondgraph.estimate.longer_steps import step_gain
 from bondgraph.estimate.objective import Expansion, Objective, Terms
 from bondgraph.estimate.problem import EstimationProblem
 from bondgraph.estimate.searches import expand
-from bondgraph.filter.discretisation import NEGLIGIBLE
 from bondgraph.filter.filter_model import FilterModel
 
 #: How often steps are halved for a fit that they move: enough for a smoothed dry friction that explicit steps follow,
 #: but do not resolve. A stiff method resolves what is smooth with its first steps, and at a kink no steps do.
 _MOST_HALVINGS, _MOST_STIFF_HALVINGS = 4, 2
+#: Share of what an effect must gain at least that it may gain by making up for the steps. It must gain the penalty for
+#: one coefficient: Schwarz (1978), Annals of Statistics 6(2).
+_UNNOTICED = 0.1
 #: The share of a negligible shift up to which it may be told without derivatives with halved steps.
 _SURE = 0.5
 #: Free numbers that are levels of noises.
@@ -63,14 +66,20 @@ def resolving(fitted: Fit, least: int | None = None) -> FilterModel:
     allows (its width was found with steps of its own) are not halved again.
     """
     problem, seen = fitted.problem, _seen(fitted)
-    used, most = problem.filter_model, _most(fitted, least)
+    used, most, negligible = problem.filter_model, _most(fitted, least), _negligible(problem)
     while used.substeps < most:
         finer = used.with_halved_steps()
         again = replace(problem, filter_model=finer).terms(fitted.point[:, np.newaxis])
-        if not step_gain(seen, again) > NEGLIGIBLE:
+        if not step_gain(seen, again) > negligible:
             break
         used, seen = finer, again
     return used
+
+
+def _negligible(problem: EstimationProblem) -> float:
+    """Nats that an effect may gain by making up for the steps, without being noticed by it."""
+    measured = sum(int(np.isfinite(log.y).sum()) for log in problem.logs)
+    return _UNNOTICED * 0.5 * math.log(max(measured, 2))
 
 
 def with_steps(fitted: Fit, filter_model: FilterModel, journal: Journal | None = None) -> Fit:
