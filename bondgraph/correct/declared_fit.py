@@ -16,7 +16,7 @@ from typing import Protocol
 import numpy as np
 
 from bondgraph.build import BuiltModel, build
-from bondgraph.correct.constants import INDIFFERENT, MEASUREMENTS_EACH
+from bondgraph.correct.constants import INDIFFERENT, MEASUREMENTS_EACH, OPTIMISM
 from bondgraph.correct.evidence.certified import refined
 from bondgraph.correct.fits.rates import rated, with_followed_rates
 from bondgraph.correct.models.failures import attempted
@@ -36,6 +36,7 @@ from bondgraph.estimate.local import Report, fit
 from bondgraph.estimate.noise_starts import noisy_starts, quiet_start
 from bondgraph.estimate.problem import EstimationProblem
 from bondgraph.estimate.setup import FilterSetup, filter_setup
+from bondgraph.estimate.solvers.steps import newton_decrement
 from bondgraph.text import few, inflected, number
 
 #: The declared model is fitted to this many nats, far below what an effect must gain.
@@ -120,14 +121,23 @@ def straight_is_likelier(begun: DeclaredFit, fitted: Fit, built: BuiltModel, jou
 
 
 def _is_likelier(fitted: Fit, built: BuiltModel, ways: Mapping[str, Interpolation], journal: Journal) -> bool:
-    """True where a fitted model is likelier with its inputs otherwise between samples, searched from where it is."""
+    """True where a fitted model is likelier with its inputs otherwise between samples, searched from where it is.
 
-    def otherwise() -> Fit:
+    One value with the derivatives of the fit tells first whether that is within reach.
+    """
+
+    def otherwise() -> float:
         filter_model = replace(fitted.problem.filter_model, model=build(with_inputs_between(built.graph, **ways)).model)
-        problem = fitted.problem
-        return fit(EstimationProblem(filter_model, problem.logs, at_optimum(fitted), problem.initial), journal=journal)
+        problem = EstimationProblem(filter_model, fitted.problem.logs, at_optimum(fitted), fitted.problem.initial)
+        seen = problem.terms(fitted.point[:, np.newaxis])
+        if not np.isfinite(seen.sums()[0]):
+            return 0.0
+        around = fitted.expansion.around(seen)
+        promise = OPTIMISM["smooth"] * newton_decrement(problem, fitted.point, around)
+        lost = around.sum - fitted.expansion.sum
+        return lost - promise if lost - promise > 0.0 else fit(problem, journal=journal).nll - fitted.nll
 
-    return attempted(otherwise, lambda why: fitted).nll < fitted.nll - INDIFFERENT
+    return attempted(otherwise, lambda why: 0.0) < -INDIFFERENT
 
 
 def _said(names: Sequence[str], nats: float) -> str:
