@@ -28,6 +28,7 @@ from bondgraph.declare.quantities import Interpolation
 from bondgraph.errors import DataError
 from bondgraph.estimate.certify import Check
 from bondgraph.estimate.declared import free_parameters
+from bondgraph.estimate.derivatives.linearised import is_linearised
 from bondgraph.estimate.fitted import Fit, at_optimum
 from bondgraph.estimate.free import FreeParameter, parse_target
 from bondgraph.estimate.initial import InitialRule
@@ -35,6 +36,7 @@ from bondgraph.estimate.journal import Journal
 from bondgraph.estimate.local import Report, fit
 from bondgraph.estimate.noise_starts import noisy_starts, quiet_start
 from bondgraph.estimate.problem import EstimationProblem
+from bondgraph.estimate.searches import with_longest_steps
 from bondgraph.estimate.setup import FilterSetup, filter_setup
 from bondgraph.estimate.solvers.steps import newton_decrement
 from bondgraph.text import few, inflected, number
@@ -160,10 +162,25 @@ def _fitted(
     free = _all_free(setup, wishes.free)
     _check_enough(graph, train, len(free))
     problem = EstimationProblem(setup.filter_model, tuple(train), free, wishes.initial)
-    starts, first = noisy_starts(free), quiet_start(free, problem.start)
-    found = fit(problem, _MOST_ITERATIONS, _TOLERANCE, starts, journal=wishes.journal, first=first)
+    found = _by_long_steps(problem, wishes.journal)
     found, check = refined(found, wishes.journal, setup.filter_model.substeps)  # before anything is scored
     return DeclaredFit(graph, built, setup, found, check, tuple(train), tuple(holdout))
+
+
+def _by_long_steps(problem: EstimationProblem, journal: Journal) -> Fit:
+    """The fit of a problem, of a stiff model with steps as long as they lead anywhere: a certificate shortens them.
+
+    Its steps are set before anything is fitted, for noises that are guessed, and were four times too short then.
+    """
+    starts, first = noisy_starts(problem.free), quiet_start(problem.free, problem.start)
+
+    def fitted(posed: EstimationProblem) -> Fit:
+        return fit(posed, _MOST_ITERATIONS, _TOLERANCE, starts, journal=journal, first=first)
+
+    if not is_linearised(problem):
+        return fitted(problem)
+    longer = with_longest_steps(problem, starts)
+    return fitted(problem) if longer is problem else attempted(lambda: fitted(longer), lambda why: fitted(problem))
 
 
 def _steps(built: BuiltModel, train: Sequence[MatchedLog]) -> list[str]:

@@ -107,6 +107,26 @@ def search(problem: EstimationProblem, wish: Wish) -> Reached:
     return _with_own_steps(problem, wish)
 
 
+def with_longest_steps(problem: EstimationProblem, starts: Sequence[FloatArray]) -> EstimationProblem:
+    """The problem with the longest steps by which a search may begin at the best of starts, each (n,).
+
+    Examples
+    --------
+    >>> from bondgraph.data.log import MatchedLog
+    >>> from bondgraph.estimate.problem import pose
+    >>> from bondgraph.filter.filter_model import FilterModel
+    >>> from bondgraph.simulate.example import pendulum
+    >>> swing = FilterModel(pendulum(), {"rate": 0.1}, {"deflection": 0.02}, {"angle": 0.1, "rate": 0.1}, substeps=8)
+    >>> time = np.arange(40) * 0.05
+    >>> log = MatchedLog("swing", time, np.zeros((1, 40)), 0.5 * np.cos(3.1 * time)[np.newaxis])
+    >>> with_longest_steps(pose(swing, log, ["length"]), []).filter_model.substeps
+    1
+    """
+    rungs = len(ladder(problem))
+    start = _best_start(doubled(problem, rungs), starts)[0][:, 0]
+    return doubled(problem, longest_that_lead(problem, rungs, start))
+
+
 def _by_part(problem: EstimationProblem, wish: Wish) -> Wish:
     """The wish with where a search on an eighth of very long logs led as its first start.
 

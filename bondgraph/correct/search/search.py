@@ -56,13 +56,17 @@ class Entry:
 
     @property
     def kind(self) -> str:
-        """The class of which predictions are comparable."""
+        """The class of which predictions are comparable.
+
+        A law that switches holds or frees the machine; what a sensor shows wrongly moves nothing in it.
+        """
         effect = self.trial.candidate.effect
         if self.trial.gate is not None:
             return "event"
         if effect.regime:
             return "regime"
-        return "storage" if effect.adds_state else "switching" if effect.amplitudes else "smooth"
+        switches = bool(effect.amplitudes) and not effect.channel
+        return "storage" if effect.adds_state else "switching" if switches else "smooth"
 
     @property
     def predicted(self) -> float:
