@@ -70,5 +70,6 @@ from bondgraph.effects.between import fluid_coupling_between as fluid_coupling_b
 from bondgraph.effects.thermal import radiation_between as radiation_between
 from bondgraph.effects.relaxation import polarisation as polarisation
 from bondgraph.effects.relaxation import slow_heat_capacity as slow_heat_capacity
+from bondgraph.effects.relaxation import viscoelastic_drag as viscoelastic_drag
 from bondgraph.effects.fading import charge_fading as charge_fading
 from bondgraph.effects.fading import temperature_dependence as temperature_dependence

@@ -36,7 +36,7 @@ def hysteresis_loss(g: BondGraph, at: Place) -> Effect | None:
     flow = at.junction.flow
     _bending(g, at, name, level, lambda h: (flow - Abs(flow) * h) / give)
     return Effect(
-        "hysteresis_loss", name, "effort = c*h, dh/dt = (flow - |flow|*h)/d", (level.name,), shapes=(give.name,),
+        "hysteresis_loss", name, "effort = c*h, dh/dt = (flow - |flow|*h)/g", (level.name,), shapes=(give.name,),
         reference="Dahl (1976), AIAA Journal 14(12)", dissipative=True,
         manoeuvre="small reversals that do not break loose",
     )  # fmt: skip
@@ -57,7 +57,7 @@ def bouc_wen_loss(g: BondGraph, at: Place) -> Effect | None:
 
     _bending(g, at, name, level, rate)
     return Effect(
-        "bouc_wen_loss", name, "effort = c*h, dh/dt = (flow - |h|^(n-1)*(|flow|*h + flow*|h|)/2)/d", (level.name,),
+        "bouc_wen_loss", name, "effort = c*h, dh/dt = (flow - |h|^(n-1)*(|flow|*h + flow*|h|)/2)/g", (level.name,),
         shapes=(give.name, power.name), grids=((power.name, (1.5, 3.0)),), dissipative=True,
         reference="Wen (1976), Journal of the Engineering Mechanics Division 102(2)",
         manoeuvre="swings of several sizes",
@@ -79,7 +79,7 @@ def lugre_loss(g: BondGraph, at: Place) -> Effect | None:
     highest = 1 + rise * exp(-((flow / slow) ** 2))
     _bending(g, at, name, level, lambda h: (flow - Abs(flow) * h / highest) / give)
     return Effect(
-        "lugre_loss", name, "effort = c*h, dh/dt = (flow - |flow|*h/(1 + r*exp(-(flow/v)^2)))/d", (level.name,),
+        "lugre_loss", name, "effort = c*h, dh/dt = (flow - |flow|*h/(1 + r*exp(-(flow/v)^2)))/g", (level.name,),
         shapes=(give.name, rise.name, slow.name), grids=((rise.name, (_RISE,)),), dissipative=True,
         reference="Canudas de Wit, Olsson, Astrom, Lischinsky (1995), IEEE Trans. Automatic Control 40(3)",
         manoeuvre="slow motion with stops and reversals",

@@ -15,7 +15,10 @@ from sympy import Expr
 
 from bondgraph.declare.domains import ELECTRICAL, THERMAL
 from bondgraph.declare.effect import Effect, Place
+from bondgraph.declare.expressions import signal
 from bondgraph.declare.graph import BondGraph
+from bondgraph.declare.quantities import symbol
+from bondgraph.derive.laws import affine_parts
 from bondgraph.effects.places import (
     coefficient,
     conductance,
@@ -27,7 +30,6 @@ from bondgraph.effects.places import (
     is_motion,
     over,
 )
-from bondgraph.effects.thermal import initial_temperature
 
 
 def polarisation(g: BondGraph, at: Place) -> Effect | None:
@@ -51,23 +53,35 @@ def viscoelastic_drag(g: BondGraph, at: Place) -> Effect | None:
 
 
 def slow_heat_capacity(g: BondGraph, at: Place) -> Effect | None:
-    """Heat that passes into a part with a temperature of its own: a wall, a core, a filling, a fixture."""
-    if not (has_effort(at) and at.domain == THERMAL and elements_at(g, at, "C")):
+    """Heat that passes into a part with a temperature of its own: a wall, a core, a filling, a fixture.
+
+    The part begins at the temperature of the body, whatever that is, so that the lead of the body is its state.
+    """
+    slope = _slope(g, at) if has_effort(at) and at.domain == THERMAL else None
+    if slope is None:
         return None
-    effort = at.junction.effort
     unit = over(flow_unit(at), effort_unit(at))
     name, c = conductance(g, at, "slow_heat_capacity", "conductance to the part", unit, 1)
     time = _time(g, at, name)
-    inside = g.integral(
-        f"inside_{name}", lambda x: (effort - x) / time, effort_unit(at), f"temperature of the part at {at.label}",
-        initial=initial_temperature(g, at),
+    lead = g.integral(
+        f"lead_{name}", lambda y: slope - y / time, effort_unit(at), f"temperature of {at.label} over that of the part"
     )  # fmt: skip
-    g.flow_source(name, -c * (effort - inside), at=at.junction)
+    g.flow_source(name, -c * lead, at=at.junction)
     return Effect(
         "slow_heat_capacity", name, "flow = c*(effort - x), dx/dt = (effort - x)/T", (c.name,), shapes=(time.name,),
         reference="Madsen, Holst (1995), Energy and Buildings 22(1)", dissipative=True,
         manoeuvre="a step of the heat, then time to settle",
     )  # fmt: skip
+
+
+def _slope(g: BondGraph, at: Place) -> Expr | None:
+    """The rate of change of the effort there, by what flows into a straight storage; None without one."""
+    for node in elements_at(g, at, "C"):
+        law = node.law("effort")
+        parts = None if law is None else affine_parts(law, symbol("displacement"))
+        if parts is not None and symbol("displacement") not in parts[0].free_symbols:
+            return parts[0] * signal("flow", node.name)
+    return None
 
 
 def _relaxing(g: BondGraph, at: Place, effect: str, reference: str, manoeuvre: str) -> Effect:

@@ -145,7 +145,7 @@ def surroundings(g: BondGraph, at: Place) -> Around | None:
     """What is around a thermal 0-junction, None at any other place."""
     if not has_effort(at) or at.domain != THERMAL:
         return None
-    absolute = max(at.scale.effort, initial_temperature(g, at)) > ABSOLUTE_ABOVE
+    absolute = max(at.scale.effort, _initial_temperature(g, at)) > ABSOLUTE_ABOVE
     source = _nearest_source(g, at.junction.name)
     if source is not None:
         return Around(signal("effort", source), 0.0 if absolute else CELSIUS_ZERO)
@@ -157,7 +157,7 @@ def surroundings(g: BondGraph, at: Place) -> Around | None:
     return Around(Integer(0), ROOM)
 
 
-def initial_temperature(g: BondGraph, at: Place) -> float:
+def _initial_temperature(g: BondGraph, at: Place) -> float:
     """The temperature at which the heat stored at a junction starts, zero where nothing declares it."""
     values = {parameter.symbol: parameter.value for parameter in g.flatten().parameters}
     for node in elements_at(g, at, "C"):

@@ -341,7 +341,8 @@ def _held_out(told: Confirmation, added: str) -> str:
     changed = f"the log-likelihood of the held-out logs changes by {shown(told.gain)}{within} nats"
     how = "noise levels scaled to these logs, standard error by blocks of time"
     noise = f"innovations there are {shown(told.noise)} times as large as the corrected model expects"
-    return f"{what}: {changed} ({how}); {noise}. Held-out logs decided nothing."
+    against = [f"{one}; " for one in told.contradictions if "log-likelihood" not in one]
+    return f"{what}: {''.join(against)}{changed} ({how}); {noise}. Held-out logs decided nothing."
 
 
 def summary(data: ReportData) -> str:

@@ -9,7 +9,7 @@ import pytest
 
 import bondgraph as bg
 from bondgraph.build import build
-from bondgraph.declare.editing import copy, handle, with_values
+from bondgraph.declare.editing import copy, handle, with_bounds, with_values
 from bondgraph.declare.effect import Effect, Place, Scale
 from bondgraph.effects.relaxation import polarisation, slow_heat_capacity, viscoelastic_drag
 from bondgraph.report.closed_loop import found_effects
@@ -32,7 +32,7 @@ def body() -> bg.BondGraph:
     power = g.input("power", "W", "heater")
     plate = g.zero_junction("plate", bg.THERMAL)
     g.flow_source("heater", power, at=plate)
-    g.compliance("heat", 1 / g.parameter("C", 500.0, "J/K", "plate"), at=plate, state="Q")
+    g.compliance("heat", 1 / g.parameter("C", 500.0, "J/K", "plate"), at=plate, state="Q", initial=500.0 * 20.0)
     g.resistance("air", g.parameter("R", 2.0, "K/W", "to the room"), at=plate)
     g.measure_effort("temperature", plate, "plate")
     return g
@@ -101,7 +101,9 @@ def test_a_slow_heat_capacity_is_a_second_body_behind_a_resistance() -> None:
     by_hand.bond(plate, way)
     by_hand.resistance("filling", by_hand.parameter("R1", 1 / 0.8, "K/W"), at=way)
     by_hand.bond(way, wall)
-    by_hand.compliance("wall_heat", 1 / by_hand.parameter("C1", 0.8 * 300.0, "J/K"), at=wall, state="Q_1")
+    by_hand.compliance(
+        "wall_heat", 1 / by_hand.parameter("C1", 240.0, "J/K"), at=wall, state="Q_1", initial=240.0 * 20.0
+    )
     u = np.where(np.arange(400) % 200 < 100, 40.0, 0.0)
     own = shown(with_effect(body(), slow_heat_capacity, "plate", 0.8, 300.0), u, 5.0)
     assert own == pytest.approx(shown(by_hand, u, 5.0), abs=1e-5)
@@ -143,3 +145,22 @@ def test_a_cell_that_polarises_is_told_from_a_late_actuator() -> None:
     assert 25.0 < table.loc["T_polarisation_wire", "after"] < 80.0
     (said,) = found_effects(loop)
     assert re.search(r"T = [\d.]+ s \[[\d.]+, [\d.]+\]", said.law)  # its time has an interval too
+
+
+def test_a_body_at_any_temperature_is_told_from_a_disturbance_by_the_wall_that_it_heats() -> None:
+    """The wall began at 0 K where the log began at 310 K, so that a disturbance of 14 000 s was found in its place."""
+    true = with_effect(body(), slow_heat_capacity, "plate", 0.8, 300.0)
+    chance, logs = np.random.default_rng(0), []
+    for name in ("first", "second", "later"):
+        u = np.repeat(chance.choice([0.0, 20.0, 40.0], 8), 50)
+        model = build(true).model
+        x0 = model.x0(Q=500.0 * 310.0)
+        y = simulate(model, 10.0 * np.arange(u.size), u[np.newaxis], x0=x0, rtol=1e-9).raise_if_failed().y[0]
+        y = 0.1 * np.round((y + 0.1 * chance.standard_normal(u.size)) / 0.1)
+        logs.append(bg.MatchedLog(name, 10.0 * np.arange(u.size), u[np.newaxis], y[np.newaxis]))
+    free = with_bounds(body(), {"C": (300.0, 900.0), "R": (0.5, 8.0)})
+    loop = bg.close_loop(free, logs[:2], logs[2:])
+    assert [one.trial.candidate.label for one in loop.added] == ["slow_heat_capacity at plate"]
+    assert loop.corrected.values["c_slow_heat_capacity_plate"] == pytest.approx(0.8, rel=0.2)
+    assert loop.corrected.values["T_slow_heat_capacity_plate"] == pytest.approx(300.0, rel=0.2)
+    assert "g.integral(" in loop.python_lines()
