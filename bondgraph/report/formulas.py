@@ -42,7 +42,7 @@ def _own_form(closed: ClosedLoop, added: Added) -> str:
     said = f"{law.candidate.label} has a form of its own: "
     said += text or " and ".join(f"{one.candidate.effect.name} ({one.candidate.effect.law})" for one in law.forms)
     first = law.forms[0].candidate.effect.name
-    far = "" if away is None else f"; over the logs it is {100.0 * away:.0f} % away from any {first}"
+    far = "" if away is None else f"; over the logs no {first} comes nearer to it than {100.0 * away:.0f} %"
     return f"{said}{far}."
 
 

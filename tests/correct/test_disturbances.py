@@ -12,7 +12,7 @@ from scipy.linalg import expm
 from bondgraph import effects
 from bondgraph.correct.loop import ClosedLoop, LoopSettings, close_loop
 from bondgraph.correct.result import result_json
-from bondgraph.correct.search.disturbances import disturbances
+from bondgraph.correct.search.disturbances import described, disturbances
 from bondgraph.data.log import FloatArray, MatchedLog
 from bondgraph.declare.domains import TRANSLATION
 from bondgraph.declare.graph import BondGraph
@@ -83,6 +83,12 @@ def test_a_wind_that_lasts_is_described_with_its_size_and_its_correlation_time()
     assert told.seconds == pytest.approx(LASTS, rel=0.5)
     said = explanation(found)
     assert "something that nothing measures wanders at random" in said and "correlation time" in said
+    assert "slow drift" not in said and "Nothing shows that a law is missing" in said
+    problem, point = found.corrected.problem, found.corrected.point.copy()
+    row = problem.names.index(told.trial.candidate.effect.shapes[0])
+    point[row] = problem.upper[row]
+    longest = described(told.trial, replace(found.corrected, point=point))
+    assert "as long as the logs: it may be a slow drift" in str(longest)
     assert result_json(found)["disturbances"][0]["place"] == "body"
     assert any("disturbance" in one.name for one in found.corrected_graph.integrals)
     assert found.corrected.values["m"] == pytest.approx(MASS, rel=0.1)

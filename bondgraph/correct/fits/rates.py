@@ -87,5 +87,5 @@ def _rated(log: MatchedLog, before: Model, after: Model) -> MatchedLog:
             rows.append(log.u[own.index(info.name)])
         else:
             rows.append(slopes(log.time, log.u[own.index(info.rate_of)]))
-            notes.append(f"the rate of input {info.rate_of!r} is its slope, for effects that store what it gives")
+            notes.append(f"effects that store need the rate of input {info.rate_of!r}: the slope between its samples")
     return replace(log, u=np.array(rows).reshape(-1, log.time.size), notes=tuple(notes))

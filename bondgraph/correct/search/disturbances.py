@@ -56,23 +56,34 @@ _FARTHEST = (1e-2, 1e2)
 _ITERATIONS, _TOLERANCE = 40, 0.05
 #: Disturbances of stiff models that are searched at once: a filter of one log takes one thread.
 _ABREAST = 2
+#: Share of the longest time that logs can tell from which a time is that.
+_ALL = 0.99
 
 
 @dataclass(frozen=True)
 class Disturbance:
-    """A disturbance that was estimated: its trial, the state that it is, its corner time in s, its size (std)."""
+    """A disturbance that was estimated: its trial, the state that it is, its corner time in s, its size (std).
+
+    ``lasts``: that time is the longest that these logs can tell, so that it may be a drift.
+    """
 
     trial: Trial
     state: str
     seconds: float
     size: float
     unit: str
+    lasts: bool = False
 
     def __str__(self) -> str:
         sensor = bool(self.trial.candidate.effect.channel)
         what = "its noise has a memory" if sensor else "something that nothing measures wanders at random"
         size = f"standard deviation {number(self.size)}{f' {self.unit}' if self.unit else ''}"
-        return f"{self.trial.candidate.place.label}: {what}, {size}, correlation time {number(self.seconds)} s"
+        time = f"correlation time {number(self.seconds)} s{self._doubt}"
+        return f"{self.trial.candidate.place.label}: {what}, {size}, {time}"
+
+    @property
+    def _doubt(self) -> str:
+        return " or more, as long as the logs: it may be a slow drift" if self.lasts else ""
 
 
 def disturbances(
@@ -140,10 +151,11 @@ def _worth(trial: Trial) -> float:
 def described(trial: Trial, fitted: Fit) -> Disturbance:
     """A disturbance as a fit that has it describes it."""
     state = trial.candidate.effect.element
-    time = fitted.values[trial.candidate.effect.shapes[0]]
+    name = trial.candidate.effect.shapes[0]
+    time, (_, longest) = fitted.values[name], trial.candidate.bounds(name)
     noise = fitted.values[f"process({state})"]
     unit = next(one.unit for one in fitted.problem.filter_model.model.states if one.name == state)
-    return Disturbance(trial, state, time, noise * float(np.sqrt(0.5 * time)), unit)
+    return Disturbance(trial, state, time, noise * float(np.sqrt(0.5 * time)), unit, time >= _ALL * longest)
 
 
 def _driven_states(base: Fit, level: float) -> list[str]:
