@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import json
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from bondgraph.correct.confirmation import Confirmation
 from bondgraph.correct.constants import LEVEL
 from bondgraph.correct.evidence.transfer import Transfer
 from bondgraph.correct.evidence.trials import Added
@@ -30,6 +28,7 @@ from bondgraph.report.noise import noise_sentence
 from bondgraph.report.numbers import shown
 from bondgraph.report.regimes import named, regime_sentences
 from bondgraph.report.series import ChannelSeries, FoundEffect, Power, Step, Tried, channel_errors
+from bondgraph.report.standing import held_out
 from bondgraph.report.tables import error_table, power_table, text_of
 from bondgraph.text import inflected
 
@@ -291,7 +290,7 @@ def _tried(closed: ClosedLoop) -> list[Tried]:
 def _notes(closed: ClosedLoop) -> list[str]:
     notes = []
     if closed.confirmation is not None and closed.corrected_holdout.logs:
-        notes.append(_held_out(closed.confirmation, "correction" if closed.added else "disturbance"))
+        notes.append(held_out(closed, closed.confirmation))
     notes += [_event(one, closed.eventful or closed.corrected) for one in closed.events]
     for added in closed.added:
         others = twins(closed, added)
@@ -329,21 +328,6 @@ def _event(event: Added, fitted: Fit) -> str:
         f"Event: {trial.candidate.label} acts {trial.gate} ({name} = {size}, {shown(trial.gain)} nats). Time is no "
         "law: the corrected declaration does not have it."
     )
-
-
-def _held_out(told: Confirmation, added: str) -> str:
-    """The answer of the logs to what was added, in a sentence that agrees with the table of errors."""
-    what = {
-        "confirmed": f"The held-out logs confirm the {added}",
-        "contradicted": f"The logs contradict the {added}",
-        "open": f"The held-out logs neither confirm nor contradict the {added}",
-    }[told.standing]
-    within = f" ± {shown(told.error)}" if math.isfinite(told.error) else ""
-    changed = f"the log-likelihood of the held-out logs changes by {shown(told.gain)}{within} nats"
-    how = "noise levels scaled to these logs, standard error by blocks of time"
-    noise = f"innovations there are {shown(told.noise)} times as large as the corrected model expects"
-    against = [f"{one}; " for one in told.contradictions if "log-likelihood" not in one]
-    return f"{what}: {''.join(against)}{changed} ({how}); {noise}. Held-out logs decided nothing."
 
 
 def summary(data: ReportData) -> str:

@@ -10,6 +10,7 @@ import pytest
 from scipy.linalg import expm
 
 from bondgraph import effects
+from bondgraph.correct.fits.assess import Assessment
 from bondgraph.correct.loop import ClosedLoop, LoopSettings, close_loop
 from bondgraph.correct.result import result_json
 from bondgraph.correct.search.disturbances import described, disturbances
@@ -19,6 +20,7 @@ from bondgraph.declare.graph import BondGraph
 from bondgraph.estimate.objective import Terms
 from bondgraph.estimate.problem import EstimationProblem
 from bondgraph.report.closed_loop import explanation
+from bondgraph.report.standing import held_out
 
 #: Mass, drag, standard deviation and correlation time of the wind of the cart below, and the noise of its sensor.
 MASS, DRAG, GUST, LASTS, NOISE = 20.0, 8.0, 6.0, 3.0, 0.01
@@ -93,6 +95,24 @@ def test_a_wind_that_lasts_is_described_with_its_size_and_its_correlation_time()
     assert any("disturbance" in one.name for one in found.corrected_graph.integrals)
     assert found.corrected.values["m"] == pytest.approx(MASS, rel=0.1)
     assert all(test.p_value > 0.01 for test in found.whiteness)
+
+
+def test_free_simulation_that_gets_worse_beside_a_confirmation_is_explained() -> None:
+    """A report said "confirm" above a table in which free simulation grew by 28 %."""
+    found = closed(GUST)
+    told = found.confirmation
+    assert told is not None
+    sure = replace(told, gain=10.0, error=1.0, compared=())
+    (log,) = found.nominal_holdout.logs
+    errors = {name: replace(one, simulation_rmse=1.5 * one.simulation_rmse) for name, one in log.channels.items()}
+    worse = replace(found, corrected_holdout=Assessment((replace(log, channels=errors),)))
+    assert "Free simulation is worse there in y0 (+50 %): it does not follow" in held_out(worse, sure).replace(
+        next(iter(errors)), "y0"
+    )
+    same = replace(found, corrected_holdout=found.nominal_holdout)
+    assert "Free simulation" not in held_out(same, sure)
+    doubted = held_out(worse, replace(sure, gain=-10.0))
+    assert doubted.startswith("The logs contradict") and "one-step errors tell more" not in doubted
 
 
 def test_what_cannot_explain_enough_is_not_searched_to_its_end(monkeypatch: pytest.MonkeyPatch) -> None:
