@@ -32,7 +32,7 @@ def test_one_domain_and_its_words(capsys: pytest.CaptureFixture[str]) -> None:
 def test_one_effect_with_formula_reference_and_manoeuvre(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     assert main(["effects", "radiation", "--picture", str(tmp_path / "radiation.svg")]) == 0
     said = capsys.readouterr().out
-    for part in ("flow = c*((effort + z)^4 - (around + z)^4)", "W/K^4", "Incropera", "shown by", "only takes energy"):
+    for part in ("flow = c*((effort + z)^4 - (around + z)^4)", "W/K^4", "Incropera", "shown by", "it takes energy"):
         assert part in said
     assert "<svg" in (tmp_path / "radiation.svg").read_text(encoding="utf-8")
 
