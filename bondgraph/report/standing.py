@@ -1,4 +1,4 @@
-"""What held-out logs say of a correction, in sentences that agree with the table of errors."""
+"""Answer of held-out logs to a correction, in sentences that agree with the table of errors."""
 
 from __future__ import annotations
 
