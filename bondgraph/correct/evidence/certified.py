@@ -77,7 +77,7 @@ def resolving(fitted: Fit, least: int | None = None) -> FilterModel:
 
 
 def _negligible(problem: EstimationProblem) -> float:
-    """Nats that an effect may gain by making up for the steps, without being noticed by it."""
+    """Nats that an effect may gain at most by making up for the steps: so few change no decision."""
     measured = sum(int(np.isfinite(log.y).sum()) for log in problem.logs)
     return _UNNOTICED * 0.5 * math.log(max(measured, 2))
 
