@@ -193,9 +193,9 @@ def _write_defined(writer: _Writer, quantity: Integral | NamedSignal, method: st
     own = f"lambda {quantity.name}: " if method == "integral" and quantity.name in text else ""
     variable = quantity.name.replace(".", "_")
     writer.known[quantity.name] = variable
-    begun = f", initial={quantity.initial!r}" if isinstance(quantity, Integral) and quantity.initial else ""
+    start = f", initial={quantity.initial!r}" if isinstance(quantity, Integral) and quantity.initial else ""
     writer.lines.append(
-        f"{variable} = g.{method}({quantity.name!r}, {own}{text}, {quantity.unit!r}, {quantity.meaning!r}{begun})"
+        f"{variable} = g.{method}({quantity.name!r}, {own}{text}, {quantity.unit!r}, {quantity.meaning!r}{start})"
     )
 
 
