@@ -10,9 +10,6 @@ from bondgraph.correct.loop import ClosedLoop
 from bondgraph.report.numbers import shown
 from bondgraph.text import few
 
-#: Errors that grow by less than this share are called the same.
-_SAME = 0.05
-
 
 def held_out(closed: ClosedLoop, told: Confirmation) -> str:
     """The answer of the logs to what was added, with its numbers."""
@@ -34,11 +31,11 @@ def held_out(closed: ClosedLoop, told: Confirmation) -> str:
 def _wandering(closed: ClosedLoop) -> str:
     """A sentence on free simulation that gets worse beside a likelihood that does not; empty where none does."""
     before, after = closed.nominal_holdout.channels, closed.corrected_holdout.channels
-    worse = [
-        f"{name} ({100.0 * (after[name].simulation_rmse / before[name].simulation_rmse - 1.0):+.0f} %)"
-        for name in after
-        if after[name].simulation_rmse > (1.0 + _SAME) * before[name].simulation_rmse
-    ]
+    grown = {
+        name: round(100.0 * (one.simulation_rmse / before[name].simulation_rmse - 1.0)) for name, one in after.items()
+        if 0.0 < before[name].simulation_rmse < one.simulation_rmse < math.inf
+    }  # fmt: skip
+    worse = [f"{name} (+{percent} %)" for name, percent in grown.items() if percent]  # as the table shows them
     if not worse or closed.corrected.driven <= INDIFFERENT:
         return ""
     return (

@@ -134,6 +134,22 @@ def test_fractions_of_whole_numbers_stay_fractions() -> None:
     assert "Rational(1, 4)" in text and "from sympy import Rational" in text
 
 
+def test_an_integral_begins_where_the_corrected_one_does() -> None:
+    """A part that began at a temperature of its own had no lines."""
+
+    def body(begun: float | None) -> bg.BondGraph:
+        g = bg.BondGraph("body")
+        plate = g.zero_junction("plate", bg.THERMAL)
+        g.compliance("heat", 1 / g.parameter("C", 500.0, "J/K", "plate"), at=plate, state="Q")
+        if begun is not None:
+            inside = g.integral("inside", lambda inside: plate.effort - inside, "K s", "part", initial=begun)
+            g.flow_source("wall", -inside, at=plate)
+        return g
+
+    assert "initial=310.0" in correction_lines(body(None), body(310.0))
+    assert "initial" not in correction_lines(body(None), body(0.0)) != ""
+
+
 def test_a_correction_without_lines_says_so(tmp_path: Path) -> None:
     declared, corrected = bg.BondGraph("one"), bg.BondGraph("other")
     (said,) = write_python(tmp_path, declared, corrected)
