@@ -67,15 +67,11 @@ def cautions_of(nominal: Fit, rounds: Sequence[Round]) -> tuple[str, ...]:
 
 def _blind(rounds: Sequence[Round]) -> list[str]:
     """Effects that the logs do not show at any size, less those that a later round could see."""
-    seen = rounds[0].detectable if rounds else ()
-    found = {
+    seen = {(one.effect, one.junction) for turn in rounds for one in turn.detectable if np.isfinite(one.size)} | {
         (turn.chosen.candidate.effect.described, turn.chosen.candidate.place.label) for turn in rounds if turn.chosen
     }
-    return [
-        f"{one.effect} at {one.junction}"
-        for one in seen
-        if not np.isfinite(one.size) and (one.effect, one.junction) not in found
-    ]
+    first = rounds[0].detectable if rounds else ()
+    return [f"{one.effect} at {one.junction}" for one in first if (one.effect, one.junction) not in seen]
 
 
 def _uninformed(fitted: Fit, parameter: FreeParameter) -> bool:

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from bondgraph.correct.evidence.trials import Added
 from bondgraph.correct.loop import ClosedLoop
-from bondgraph.correct.places.regimes import Regime, level_name, regime_of
+from bondgraph.correct.places.regimes import Regime, level_name, regime_of, width_name
 from bondgraph.correct.result import intervals
+from bondgraph.declare.effect import Effect
 from bondgraph.estimate.fitted import Fit
 from bondgraph.report.numbers import shown
 
@@ -31,10 +32,20 @@ def _sentence(added: Added, fitted: Fit) -> str:
     name = level_name(effect)
     low, high = intervals(fitted)[name]
     within = f"{_where(regime, fitted.values[name])} [{shown(low)}, {shown(high)}]"
+    about = f"it comes and goes within {_valued(regime, _width(effect, fitted))} on both sides of that"
     ends = f"the logs cover {shown(regime.span[0])} to {shown(regime.span[1])}"
-    return f"Regime: {effect.name} at {added.trial.candidate.place.label} acts where {within}; {ends}."
+    return f"Regime: {effect.name} at {added.trial.candidate.place.label} acts where {within}; {about}; {ends}."
+
+
+def _width(effect: Effect, fitted: Fit) -> float:
+    model = fitted.problem.filter_model.model
+    return float(fitted.theta[model.index("parameter", width_name(effect))])
 
 
 def _where(regime: Regime, level: float) -> str:
+    return f"{regime.quantity} is {regime.side} {_valued(regime, level)}"
+
+
+def _valued(regime: Regime, value: float) -> str:
     unit = "" if regime.unit in ("", "1") else f" {regime.unit}"
-    return f"{regime.quantity} is {regime.side} {shown(level)}{unit}"
+    return f"{shown(value)}{unit}"

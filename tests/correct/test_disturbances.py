@@ -27,8 +27,8 @@ MASS, DRAG, GUST, LASTS, NOISE = 20.0, 8.0, 6.0, 3.0, 0.01
 STEP = 0.05
 
 
-def cart() -> BondGraph:
-    """A cart that is pushed; nobody measures the wind."""
+def cart(unit: str = "m/s") -> BondGraph:
+    """A cart that is pushed, its speed measured in a unit; nobody measures the wind."""
     g = BondGraph("cart")
     push = g.input("push", "N")
     body = g.one_junction("body", TRANSLATION)
@@ -36,7 +36,7 @@ def cart() -> BondGraph:
     g.inertance("mass", g.parameter("m", MASS, "kg", "", (10.0, 40.0)), at=body, state="v")
     c = g.parameter("c", DRAG, "N s/m", "", (1.0, 30.0))
     g.resistance("drag", lambda v: c * v, at=body)
-    g.measure_flow("speed", body)
+    g.measure_flow("speed", body, unit=unit)
     return g
 
 
@@ -200,8 +200,9 @@ def test_noise_of_a_sensor_with_a_memory_is_no_wind() -> None:
         for k in range(1, hum.size):
             hum[k] = kept * hum[k - 1] + 0.05 * np.sqrt(1.0 - kept**2) * rng.standard_normal()
         logs.append(replace(log, y=log.y + hum))
-    found = close_loop(cart(), logs, [], (effects.quadratic_loss, effects.coulomb_loss), LoopSettings())
+    found = close_loop(cart("km/h"), logs, [], (effects.quadratic_loss, effects.coulomb_loss), LoopSettings())
     assert found.verdict == "disturbance"
     (told,) = found.disturbances
     assert told.trial.candidate.place.label == "sensor speed"
-    assert told.size == pytest.approx(0.05, rel=0.2) and told.seconds == pytest.approx(0.2, rel=0.4)
+    assert told.size == pytest.approx(0.05 * 3.6, rel=0.2) and told.unit == "km/h"
+    assert told.seconds == pytest.approx(0.2, rel=0.4)

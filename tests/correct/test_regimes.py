@@ -77,6 +77,7 @@ def test_a_regime_is_named_in_words_with_its_level(rubbing: ClosedLoop) -> None:
     assert "viscous_loss at shaft where speed of shaft is above 12.0 rad/s" in explanation(rubbing)
     (said,) = regime_sentences(rubbing)
     assert said.startswith("Regime: viscous_loss at shaft acts where speed of shaft is above 12.0 rad/s [")
+    assert "; it comes and goes within 0." in said and " rad/s on both sides of that; the logs cover " in said
     (told,) = result_json(rubbing)["effects"]
     assert told["regime"] == {
         "signal": "flow of shaft", "quantity": "speed of shaft", "is": "above", "level": "level_c_viscous_loss_shaft",

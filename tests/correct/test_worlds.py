@@ -91,7 +91,7 @@ def test_a_late_sensor_beside_friction_of_the_payload_leaves_a_model_that_simula
     closed = bg.close_loop(conveyor(), [conveyed(1), conveyed(2)], [conveyed(3)])
     laws = [one.trial.candidate.label for one in closed.added]
     assert "formula_line_of_payload at belt" in laws
-    coefficient = closed.corrected.values["c_formula_line_of_payload_belt"]
+    coefficient = closed.corrected.values["c_line_of_payload_belt"]
     assert coefficient == pytest.approx(0.2943, rel=0.1)
     before, after = (
         one.channels["speed"].simulation_rmse for one in (closed.nominal_holdout, closed.corrected_holdout)

@@ -119,16 +119,16 @@ def in_regime(function: EffectFunction, regime: Regime) -> EffectFunction:
         effect = function(g, at)
         if effect is None or not _can_be_gated(g, effect, declared):
             return None
-        name, width_name = level_name(effect), f"width_{effect.coefficients[0]}"
+        name, about = level_name(effect), width_name(effect)
         meaning = f"{regime.quantity} {regime.side} which {effect.element} acts"
         level = g.parameter(name, regime.level, regime.unit, meaning, regime.span)
-        width = g.parameter(width_name, regime.width, regime.unit, "distance within which it comes and goes")
+        width = g.parameter(about, regime.width, regime.unit, "distance within which it comes and goes")
         on = regime.step(level, width)
         replace_symbols(g, {one: symbol(one) * on for one in effect.coefficients})
         return replace(
             effect, law=f"{effect.law}, where {regime.quantity} is {regime.side} {name}", regime=regime.words,
             shapes=(*effect.shapes, name), grids=(*effect.grids, (name, (regime.level,))),
-            widths=(*effect.widths, width_name),
+            widths=(*effect.widths, about),
         )  # fmt: skip
 
     extended.__name__ = function.__name__
@@ -140,6 +140,11 @@ def in_regime(function: EffectFunction, regime: Regime) -> EffectFunction:
 def level_name(effect: Effect) -> str:
     """The parameter that holds the level of a gated law."""
     return f"level_{effect.coefficients[0]}"
+
+
+def width_name(effect: Effect) -> str:
+    """The parameter that holds the width within which a gated law comes and goes."""
+    return f"width_{effect.coefficients[0]}"
 
 
 def _can_be_gated(g: BondGraph, effect: Effect, declared: set[str]) -> bool:

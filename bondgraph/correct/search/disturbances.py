@@ -64,6 +64,7 @@ _ALL = 0.99
 class Disturbance:
     """A disturbance that was estimated: its trial, the state that it is, its corner time in s, its size (std).
 
+    ``unit`` is that of the size: of a sensor the one in which it is declared.
     ``lasts``: that time is the longest that these logs can tell, so that it may be a drift.
     """
 
@@ -154,8 +155,11 @@ def described(trial: Trial, fitted: Fit) -> Disturbance:
     name = trial.candidate.effect.shapes[0]
     time, (_, longest) = fitted.values[name], trial.candidate.bounds(name)
     noise = fitted.values[f"process({state})"]
-    unit = next(one.unit for one in fitted.problem.filter_model.model.states if one.name == state)
-    return Disturbance(trial, state, time, noise * float(np.sqrt(0.5 * time)), unit, time >= _ALL * longest)
+    model, channel = fitted.problem.filter_model.model, trial.candidate.effect.channel
+    known = model.outputs if channel else model.states
+    info = next(one for one in known if one.name == (channel or state))
+    size = info.shown(noise * float(np.sqrt(0.5 * time)))
+    return Disturbance(trial, state, time, size, info.display_unit, time >= _ALL * longest)
 
 
 def _driven_states(base: Fit, level: float) -> list[str]:

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from itertools import groupby
 
 import numpy as np
 from sympy import Add, Expr, Function, Symbol
 
 from bondgraph.correct.places.probes import Variable, argument
 from bondgraph.correct.shapes.law_text import LETTERS, Intervals, rounded, with_numbers
-from bondgraph.correct.shapes.library import Term
+from bondgraph.correct.shapes.library import Term, identifier
 from bondgraph.data.log import FloatArray
 from bondgraph.declare.effect import Effect, EffectFunction, Place
 from bondgraph.declare.expressions import to_text
@@ -55,12 +56,21 @@ class Formula:
     @property
     def name(self) -> str:
         """Name of the effect, unique for the terms."""
-        return "formula_" + "_and_".join(term.name for term in self.terms)
+        return "formula_" + "_and_".join(
+            f"{'_and_'.join(term.kind.name for term in terms)}_of_{identifier(' and '.join(signals))}"
+            for signals, terms in groupby(self.terms, lambda term: term.signals)
+        )
 
     @property
     def element(self) -> str:
         """Name of the element that carries it in the graph."""
         return f"{self.name}_{self.place.name}"
+
+    @property
+    def _label(self) -> str:
+        """What the names of its parameters end with: the terms and the place, a flow or effort of its own unsaid."""
+        words = self.name.removeprefix("formula_")
+        return f"{words.removesuffix(f'_of_{identifier(self.signals[0])}') if self.is_own else words}_{self.place.name}"
 
     @property
     def signals(self) -> tuple[str, ...]:
@@ -71,7 +81,7 @@ class Formula:
         """A coefficient for every law of every term."""
         limit = _REACH * (self.place.scale.effort if self.variable == "effort" else self.place.scale.flow)
         named = [
-            (f"c{k + 1}_{self.element}" if self._several else f"c_{self.element}", term)
+            (f"c{k + 1}_{self._label}" if self._several else f"c_{self._label}", term)
             for k, term in enumerate(term for term in self.terms for _ in term.kind.laws)
         ]
         return [
@@ -84,7 +94,7 @@ class Formula:
         """The inner parameters of terms that have one."""
         return [
             Coefficient(
-                f"{term.kind.inner}{k + 1 if self._several else ''}_{self.element}", _argument_unit(term),
+                f"{term.kind.inner}{k + 1 if self._several else ''}_{self._label}", _argument_unit(term),
                 f"{term.kind.inner} of the {term.kind.name}", term.inner, term.span,
             )
             for k, term in enumerate(self.terms)

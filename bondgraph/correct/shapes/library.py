@@ -37,6 +37,17 @@ _TURN = Float(2.0 * math.pi)
 _SIZE, _INNER = Symbol("size", positive=True), Symbol("inner", real=True)
 
 
+def identifier(words: str) -> str:
+    """Words as a part of a name in a graph.
+
+    Examples
+    --------
+    >>> identifier("flow of gearbox.input")
+    'flow_of_gearbox_input'
+    """
+    return words.replace(" ", "_").replace(".", "_")
+
+
 @dataclass(frozen=True)
 class Kind:
     """A kind of term: its laws in ``x`` (two for a wave of unknown phase), and what its inner parameter means.
@@ -98,7 +109,7 @@ class Term:
         >>> Term(_PLAIN[2], ("displacement of spring",), ("m",), 0.2).name
         'cube_of_displacement_of_spring'
         """
-        return f"{self.kind.name}_of_{'_and_'.join(self.signals)}".replace(" ", "_").replace(".", "_")
+        return f"{self.kind.name}_of_{identifier(' and '.join(self.signals))}"
 
     def laws(self, inner: Expr | float | None = None) -> tuple[Expr, ...]:
         """The laws in signals of the graph, each for a coefficient of one; ``inner`` takes the place of its value."""
