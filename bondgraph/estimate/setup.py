@@ -21,7 +21,7 @@ from bondgraph.estimate.free import FreeParameter, declared_free
 from bondgraph.estimate.initial import directly_measured, initial_states
 from bondgraph.filter.discretisation import step_times_rate
 from bondgraph.filter.filter_model import FilterModel
-from bondgraph.filter.noise_choice import with_noise_steps
+from bondgraph.filter.noise_choice import with_noise_nodes
 from bondgraph.filter.runs import run
 from bondgraph.simulate.model import Model
 from bondgraph.simulate.simulation import simulate
@@ -111,8 +111,7 @@ def filter_setup(
     start_std = _start_std(model, logs, noise, sizes)
     looked_at = [piece for log in logs for piece in pieces(log, _PIECES, _PIECE)]
     filter_model = resolved(FilterModel(model, process, noise, start_std, substeps=1, alpha=1.0), looked_at)
-    if not filter_model.is_stiff:  # whose certificate tells whether its one panel is enough
-        filter_model = with_noise_steps(filter_model, looked_at)
+    filter_model = with_noise_nodes(filter_model, looked_at)
     least = {"std": _SENSOR_LOW, "process": _PROCESS_LOW}
     names = [f"std({name})" for name in noise] + [f"process({name})" for name in process]
     levels = [declared_free(name, filter_model, logs=logs) for name in names]

@@ -20,7 +20,7 @@ import numpy as np
 from bondgraph.arrays import FloatArray
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.members import MemberValues
-from bondgraph.filter.noise_choice import noise_steps_along
+from bondgraph.filter.noise_choice import noise_nodes_along
 from bondgraph.filter.plan import StepPlan
 from bondgraph.filter.planning import FilteredLog, filtered_logs, plan_along, plan_cost
 from bondgraph.filter.rates import fastest_rates
@@ -178,7 +178,7 @@ def _chosen(question: _Question) -> FilterModel:
     def refilter(used: FilterModel) -> tuple[FilteredLog, ...]:
         return filtered_logs(used, question.logs, question.compiled)
 
-    filter_model, filtered = _with_noise_steps(question.filter_model, refilter)
+    filter_model, filtered = _with_noise_nodes(question.filter_model, refilter)
     needed = max(
         rate * float(np.median(np.diff(log.run.time))) / STEP_TIMES_RATE if log.run.time.size > 1 else 0.0
         for log in filtered
@@ -193,13 +193,13 @@ def _chosen(question: _Question) -> FilterModel:
     return explicit if explicit is not None and dearer else planned
 
 
-def _with_noise_steps(filter_model: FilterModel, refilter: _Refilter) -> tuple[FilterModel, tuple[FilteredLog, ...]]:
-    """The filter with as many panels of process noise as its logs need, and its first run over them."""
+def _with_noise_nodes(filter_model: FilterModel, refilter: _Refilter) -> tuple[FilterModel, tuple[FilteredLog, ...]]:
+    """The filter with as many nodes of process noise as its logs need, and its first run over them."""
     filtered = refilter(_first_run(filter_model, _FIRST_STEPS))
-    if filter_model.noise_panels[0] == "sampled":
+    if filter_model.noise_rule[0] == "sampled":
         return filter_model, filtered
-    steps, grading = noise_steps_along(filtered)
-    chosen = replace(filter_model, noise_steps=steps, noise_grading=grading)
-    if chosen.noise_panels != filter_model.noise_panels:
+    inside, reach = noise_nodes_along(filtered)
+    chosen = replace(filter_model, noise_nodes=inside, noise_reach=reach)
+    if chosen.noise_rule != filter_model.noise_rule:
         filtered = refilter(_first_run(chosen, _FIRST_STEPS))
     return chosen, filtered

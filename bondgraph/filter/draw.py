@@ -15,6 +15,7 @@ import numpy as np
 from bondgraph.arrays import FloatArray
 from bondgraph.data.log import MatchedLog
 from bondgraph.errors import FilterError
+from bondgraph.filter.decay_rule import MOST_INSIDE
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.samples import filter_nodes, inputs_between
 from bondgraph.filter.ukf import Member
@@ -84,8 +85,8 @@ def draw_logs(
     states[:, 0] = start[:, np.newaxis] + Member.of(filter_model).initial_lower @ rng.standard_normal((size, count))
     members = np.repeat(known[:, np.newaxis], count, axis=1)
     root = filter_model.process_std[:, np.newaxis] * np.linalg.cholesky(filter_model.process_correlations)
-    scheme, panels, grading = filter_model.noise_panels
-    nodes = filter_nodes(model, (scheme, 4 * max(panels, 1), grading), pattern.time)
+    scheme, inside, reach = filter_model.noise_rule
+    nodes = filter_nodes(model, (scheme, min(4 * max(inside, 1), MOST_INSIDE), reach), pattern.time)
     left, right = inputs_between(model, nodes, pattern.time, pattern.u)
     now = states[:, 0]
     for k, (start, end, share) in enumerate(zip(nodes.start, nodes.end, nodes.share, strict=True)):

@@ -14,9 +14,10 @@ import numpy as np
 from bondgraph.arrays import FloatArray, IntArray
 from bondgraph.compile.rosenbrock import TABLEAUS
 from bondgraph.errors import FilterError, suggest
+from bondgraph.filter.decay_rule import MOST_INSIDE
 from bondgraph.filter.follows import Follow
 from bondgraph.filter.kernel_types import Robustness
-from bondgraph.filter.plan import NoisePanels, StepPlan
+from bondgraph.filter.plan import NoiseRule, StepPlan
 from bondgraph.filter.robust import PLAIN, Robust
 from bondgraph.filter.sigma_points import MerweScaled
 from bondgraph.simulate.model import Model
@@ -75,9 +76,9 @@ class FilterModel:
         ``"continuous"``: process noise drives the states between samples, and the model carries it on, see
         :mod:`bondgraph.filter.noise_nodes`. ``"sampled"``: its variance over an interval dt is std^2 dt, added as a
         whole at the end, which is filterpy's scheme.
-    noise_steps, noise_grading
-        Panels of the continuous scheme in an interval of median length, and the length of each over that of the one
-        before. Method ``"auto"`` chooses both.
+    noise_nodes, noise_reach
+        Nodes of the continuous scheme inside an interval of median length, and the fastest rate that they follow times
+        that interval, see :func:`bondgraph.filter.decay_rule.decay_rule`. Method ``"auto"`` chooses both.
     process_correlation, measurement_correlation, initial_correlation
         Correlations of the noises of two states, of two outputs, and of two initial states: ``{("a", "b"): 0.3}``.
         Pairs not named are independent.
@@ -117,8 +118,8 @@ class FilterModel:
     appended: Mapping[str, float] = field(default_factory=dict)
     plan: StepPlan | None = None
     noise_scheme: str = "continuous"
-    noise_steps: int = 1
-    noise_grading: float = 1.0
+    noise_nodes: int = 1
+    noise_reach: float = 0.0
     process_correlation: Correlations = field(default_factory=dict)
     measurement_correlation: Correlations = field(default_factory=dict)
     initial_correlation: Correlations = field(default_factory=dict)
@@ -183,11 +184,11 @@ class FilterModel:
         return bool(self.process_noise) or any(std > 0.0 for std in self.appended.values())
 
     @property
-    def noise_panels(self) -> NoisePanels:
-        """Scheme, panels and grading with which process noise enters; those of a model without any are all alike."""
+    def noise_rule(self) -> NoiseRule:
+        """Scheme, nodes and reach with which process noise enters; those of a model without any are all alike."""
         if self.noise_scheme == "sampled" or not self.is_driven:
-            return ("sampled", 0, 1.0)
-        return (self.noise_scheme, self.noise_steps, self.noise_grading if self.noise_steps > 1 else 1.0)
+            return ("sampled", 0, 0.0)
+        return (self.noise_scheme, self.noise_nodes, self.noise_reach)
 
     def with_process(self, levels: Mapping[str, float]) -> FilterModel:
         """The same filter with other levels, per sqrt(s), of what drives states and appended parameters, by name."""
@@ -195,29 +196,40 @@ class FilterModel:
         driven = {name: level for name, level in levels.items() if name not in walks}
         return replace(self, process_noise={**self.process_noise, **driven}, appended={**self.appended, **walks})
 
-    def with_halved_steps(self) -> FilterModel:
-        """The same filter with every step cut in two, of the integration and of the process noise.
+    @property
+    def steps(self) -> tuple[int, float, StepPlan | None, int, float]:
+        """All that decides where a log is cut: integration steps and nodes of process noise."""
+        return self.substeps, self.grading, self.plan, self.noise_nodes, self.noise_reach
 
-        Lengths stay graded along the interval.
+    def with_steps_of(self, other: FilterModel) -> FilterModel:
+        """The same filter, its logs cut as another one's are; each keeps its method."""
+        substeps, grading, plan, nodes, reach = other.steps
+        return replace(self, substeps=substeps, grading=grading, plan=plan, noise_nodes=nodes, noise_reach=reach)
+
+    def with_halved_steps(self) -> FilterModel:
+        """The same filter with every integration step cut in two, and two more nodes of process noise.
+
+        Lengths stay graded along the interval. Two nodes take more from an error than halved steps, so that they may
+        reach twice as far, too.
         """
         return replace(
             self, substeps=2 * self.substeps, grading=math.sqrt(self.grading),
             plan=None if self.plan is None else self.plan.halved(),
-            noise_steps=max(1, 2 * self.noise_steps), noise_grading=math.sqrt(self.noise_grading),
+            noise_nodes=min(self.noise_nodes + 2 if self.noise_nodes else 1, MOST_INSIDE),
+            noise_reach=2.0 * self.noise_reach,
         )  # fmt: skip
 
     def with_doubled_steps(self) -> FilterModel | None:
-        """The same filter with every two steps made one, of the integration and of the process noise.
+        """The same filter with every two integration steps made one, and two nodes of process noise less.
 
         The inverse of :meth:`with_halved_steps`; None where there are no two, or where they would be too unequal.
         """
         low, high = _GRADINGS
-        uneven = not low <= self.grading**2 <= high or not low <= self.noise_grading**2 <= high
-        if self.substeps < 2 or self.plan is not None or uneven:
+        if self.substeps < 2 or self.plan is not None or not low <= self.grading**2 <= high:
             return None
         return replace(
             self, substeps=self.substeps // 2, grading=self.grading**2,
-            noise_steps=max(1, self.noise_steps // 2), noise_grading=self.noise_grading**2,
+            noise_nodes=max(min(self.noise_nodes, 1), self.noise_nodes - 2), noise_reach=0.5 * self.noise_reach,
         )  # fmt: skip
 
     @functools.cached_property
@@ -312,11 +324,11 @@ class FilterModel:
                 f"{self.model.name}: noise_scheme {self.noise_scheme!r} is not known - use {', '.join(NOISE_SCHEMES)}",
                 where=(self.model.name, "noise_scheme"),
             )
-        if self.noise_steps < 0 or not _GRADINGS[0] <= self.noise_grading <= _GRADINGS[1]:
+        if not 0 <= self.noise_nodes <= MOST_INSIDE or not 0.0 <= self.noise_reach < math.inf:
             raise FilterError(
-                f"{self.model.name}: noise_steps={self.noise_steps}, noise_grading={self.noise_grading!r}"
-                " - give a whole number from 0 and a ratio from 0.1 to 10",
-                where=(self.model.name, "noise_steps"),
+                f"{self.model.name}: noise_nodes={self.noise_nodes}, noise_reach={self.noise_reach!r}"
+                f" - give a whole number from 0 to {MOST_INSIDE} and a finite number from 0",
+                where=(self.model.name, "noise_nodes"),
             )
         if self.method not in METHODS:
             raise FilterError(

@@ -2,8 +2,8 @@
 
 Along a filtered log the model is linearised at some samples. There the covariance that the noise gathers over an
 interval is known exactly (Van Loan 1978, Computing integrals involving the matrix exponential, IEEE Trans. Automatic
-Control 23(3)), and that of each sequence of panels follows from the same linear model. The fewest panels serve that
-miss it by no more than a share of the uncertainty which the filter has there anyway.
+Control 23(3)), and that of every rule follows from the same linear model. The one with the fewest nodes serves that
+misses it by no more than a share of the uncertainty which the filter has there anyway.
 """
 
 from __future__ import annotations
@@ -16,23 +16,24 @@ from dataclasses import replace
 import numpy as np
 
 from bondgraph.arrays import FloatArray
+from bondgraph.filter.decay_rule import MOST_INSIDE
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.noise_nodes import continuous_nodes
 from bondgraph.filter.planning import TOLERANCE, FilteredLog, filtered_logs
 from bondgraph.filter.rates import jacobians, looked_at
 from bondgraph.filter.samples import MeasuredLog
 
-#: Panels and gradings that are tried, from few to many: even ones for what swings, shorter towards the end for what
-#: forgets fast.
-SEQUENCES = ((0, 1.0), (1, 1.0), *itertools.product((2, 3, 4, 6, 8, 12, 16), (1.0, 0.5)))
-
+#: Reaches of rules, about three to a decade: the fastest decay of a covariance over an interval is rounded up to one.
+_REACHES = (3.0, 10.0, 30.0, 100.0, 300.0, 1000.0)
+#: Jacobian, median interval, noise per second, and covariance after the measurement, at a sample of a log.
+_Place = tuple[FloatArray, float, FloatArray, FloatArray]
 
 #: Terms of Taylor's series: 0.5^15 / 15! is below the last digit.
 _TERMS = 14
 
 
-def with_noise_steps(filter_model: FilterModel, logs: Sequence[MeasuredLog], *, compiled: bool = True) -> FilterModel:
-    """The filter model with as many panels of process noise as its logs need, at the declared numbers.
+def with_noise_nodes(filter_model: FilterModel, logs: Sequence[MeasuredLog], *, compiled: bool = True) -> FilterModel:
+    """The filter model with as many nodes of process noise as its logs need, at the declared numbers.
 
     Parameters
     ----------
@@ -50,23 +51,31 @@ def with_noise_steps(filter_model: FilterModel, logs: Sequence[MeasuredLog], *, 
     >>> swing = FilterModel(pendulum(), {"rate": 0.1}, {"deflection": 0.05}, {"angle": 0.1, "rate": 0.1})
     >>> time = np.arange(40) * 0.05
     >>> log = MatchedLog("swing", time, np.zeros((1, 40)), 0.5 * np.cos(3.1 * time)[np.newaxis])
-    >>> with_noise_steps(swing, [log], compiled=False).noise_steps
+    >>> with_noise_nodes(swing, [log], compiled=False).noise_nodes
     0
     """
-    if filter_model.noise_panels[0] == "sampled":
+    if filter_model.noise_rule[0] == "sampled":
         return filter_model
-    steps, grading = noise_steps_along(filtered_logs(filter_model, logs, compiled))
-    return replace(filter_model, noise_steps=steps, noise_grading=grading)
+    inside, reach = noise_nodes_along(filtered_logs(filter_model, logs, compiled))
+    return replace(filter_model, noise_nodes=inside, noise_reach=reach)
 
 
-def noise_steps_along(filtered: Sequence[FilteredLog]) -> tuple[int, float]:
-    """Panels and their grading for runs that are there already; the finest sequence where none is enough."""
+def noise_nodes_along(filtered: Sequence[FilteredLog]) -> tuple[int, float]:
+    """Nodes inside an interval and their reach for runs that are there already; the last rule where none is enough."""
     places = [place for log in filtered for place in _places(log)]
-    return next((own for own in SEQUENCES if all(_enough(own, *place) for place in places)), SEQUENCES[-1])
+    rules = [(0, 0.0), *itertools.product(range(1, MOST_INSIDE + 1), (0.0, _reach(places)))]
+    return next((own for own in rules if all(_enough(own, *place) for place in places)), rules[-1])
 
 
-def _places(log: FilteredLog) -> list[tuple[FloatArray, float, FloatArray, FloatArray]]:
-    """Jacobian, median interval, noise per second, and covariance after the measurement at some samples of a log."""
+def _reach(places: Sequence[_Place]) -> float:
+    """How far nodes must reach: a covariance decays at twice the rate of what it is of."""
+    slopes = np.array([slope * interval for slope, interval, _, _ in places])
+    fastest = 2.0 * float(np.max(-np.linalg.eigvals(slopes).real, initial=0.0)) if slopes.size else 0.0
+    return next((own for own in _REACHES if own >= fastest), _REACHES[-1])
+
+
+def _places(log: FilteredLog) -> list[_Place]:
+    """Some samples of a log."""
     if log.run.time.size < 2:
         return []
     assert log.run.nodes is not None
@@ -82,14 +91,12 @@ def _places(log: FilteredLog) -> list[tuple[FloatArray, float, FloatArray, Float
     return [(slopes[k], interval, noise, known[k]) for k in np.flatnonzero(usable)]
 
 
-def _enough(
-    sequence: tuple[int, float], slope: FloatArray, interval: float, noise: FloatArray, known: FloatArray
-) -> bool:
-    """Whether panels gather the noise of an interval as exactly as steps are planned.
+def _enough(rule: tuple[int, float], slope: FloatArray, interval: float, noise: FloatArray, known: FloatArray) -> bool:
+    """Whether a rule gathers the noise of an interval as exactly as steps are planned.
 
-    The uncertainty at its end is that of the linear model, since a run with too few panels misses it.
+    The uncertainty at its end is that of the linear model, since a run with too few nodes misses it.
     """
-    nodes = continuous_nodes(np.array([0.0, interval]), *sequence)
+    nodes = continuous_nodes(np.array([0.0, interval]), *rule)
     with np.errstate(all="ignore"):
         moves = exponentials(slope * np.diff(nodes.time)[:, np.newaxis, np.newaxis])
         gathered = np.zeros(noise.shape)

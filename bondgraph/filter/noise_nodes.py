@@ -5,14 +5,13 @@ Noise that drives the states in continuous time leaves over an interval of lengt
     Q = integral over s from 0 to h of  Phi(h, s) S Phi(h, s)' ds,        Phi the transition from s to h, S = std^2,
 
 and not S h: a state with a rate of 6/s forgets within a quarter of a second what has driven it. The integral is taken
-by Simpson's rule on panels: at its nodes the covariance takes in its share of S, and the sigma points, drawn anew,
-carry it to the next node. Whatever moves the points moves the noise, so that value and gradient stay those of one
-recursion. Panels become shorter towards the end of the interval where fast states ask for it: from h/2, h/4, ... on
-any rate is resolved with as many panels as there are doublings between it and the sampling.
+by the rule of :mod:`bondgraph.filter.decay_rule`: at its nodes the covariance takes in its share of S, and the sigma
+points, drawn anew, carry it to the next node. Whatever moves the points moves the noise, so that value and gradient
+stay those of one recursion. Nodes crowd towards the end of the interval where fast states ask for it: with three of
+them inside, states are followed that forget within a fiftieth of it.
 
-References: Sarkka (2007), On unscented Kalman filtering for state estimation of continuous-time nonlinear systems, IEEE
-Trans. Automatic Control 52(9), for the moments between samples; Davis and Rabinowitz (1984), Methods of Numerical
-Integration, 2.2, for the rule and its error.
+Reference: Sarkka (2007), On unscented Kalman filtering for state estimation of continuous-time nonlinear systems, IEEE
+Trans. Automatic Control 52(9), for the moments between samples.
 """
 
 from __future__ import annotations
@@ -23,13 +22,10 @@ import numpy as np
 
 from bondgraph.arrays import FloatArray, IntArray
 from bondgraph.data.band_limited import finer_times
+from bondgraph.filter.decay_rule import decay_rule
 
-#: Weights of Simpson's rule at the nodes of a panel, as shares of its length.
-_SIMPSON = (1.0 / 6.0, 4.0 / 6.0, 1.0 / 6.0)
 #: Nodes nearer to each other than this share of the shortest interval are the same but for rounding.
 _SAME_NODE = 1e-6
-#: The trapezoidal rule, which needs no node inside.
-_TRAPEZOID = (0.5, 0.5)
 
 
 @dataclass(frozen=True)
@@ -63,31 +59,31 @@ def sampled_nodes(time: FloatArray) -> NoiseNodes:
     return NoiseNodes(time, np.arange(time.size), count, multiples, np.zeros(lengths.size), lengths)
 
 
-def continuous_nodes(time: FloatArray, steps: int, grading: float) -> NoiseNodes:
-    """Nodes of Simpson's rule in every interval of a log.
+def continuous_nodes(time: FloatArray, inside: int, reach: float) -> NoiseNodes:
+    """Nodes of the rule for what decays in every interval of a log.
 
     Parameters
     ----------
     time
         Times of the samples, shape (n,), s.
-    steps
-        Panels in an interval of median length; 0: the trapezoidal rule, without a node inside. A longer interval is
-        cut where samples would be missing, in pieces that double away from its end.
-    grading
-        Length of a panel over that of the one before.
+    inside
+        Nodes inside an interval of median length; 0: its ends alone. A longer interval is cut where samples would be
+        missing, in pieces that double away from its end.
+    reach
+        The fastest rate that decays times the median interval, see :func:`bondgraph.filter.decay_rule.decay_rule`.
 
     Examples
     --------
-    >>> nodes = continuous_nodes(np.array([0.0, 1.0, 2.0]), 1, 1.0)
+    >>> nodes = continuous_nodes(np.array([0.0, 1.0, 2.0]), 1, 0.0)
     >>> nodes.time.tolist(), nodes.sample.tolist(), nodes.end.round(3).tolist()
     ([0.0, 0.5, 1.0, 1.5, 2.0], [0, 2, 4], [0.667, 0.167, 0.667, 0.167])
-    >>> continuous_nodes(np.array([0.0, 1.0, 2.0, 7.0]), 0, 1.0).time.tolist()
+    >>> continuous_nodes(np.array([0.0, 1.0, 2.0, 7.0]), 0, 0.0).time.tolist()
     [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0]
     """
     lengths = np.diff(time)
     multiples = np.maximum(1, np.rint(lengths / _median(time))).astype(np.int64)
     kinds, kind = np.unique(multiples, return_inverse=True)
-    tables = [interval_nodes(int(multiple), steps, grading) for multiple in kinds]
+    tables = [interval_nodes(int(multiple), inside, reach) for multiple in kinds]
     hops = np.array([start.size for _, start, _ in tables], dtype=np.int64)
     counts = hops[kind]
     sample = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
@@ -112,7 +108,7 @@ def finer_nodes(nodes: NoiseNodes, time: FloatArray, pieces: int) -> NoiseNodes:
     Examples
     --------
     >>> time = np.array([0.0, 1.0])
-    >>> finer = finer_nodes(continuous_nodes(time, 1, 1.0), time, 4)
+    >>> finer = finer_nodes(continuous_nodes(time, 1, 0.0), time, 4)
     >>> finer.time.tolist(), finer.end.round(3).tolist(), finer.share.tolist()
     ([0.0, 0.25, 0.5, 0.75, 1.0], [0.0, 0.667, 0.0, 0.167], [0.25, 0.25, 0.25, 0.25])
     """
@@ -130,27 +126,27 @@ def finer_nodes(nodes: NoiseNodes, time: FloatArray, pieces: int) -> NoiseNodes:
     )  # fmt: skip
 
 
-def interval_nodes(multiple: int, steps: int, grading: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+def interval_nodes(multiple: int, inside: int, reach: float) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Nodes (m,) of an interval of so many medians as shares of it, and noise before and after each step (m-1,).
 
-    Noise in shares of the interval's length; panels as for :func:`continuous_nodes`. What two panels leave at the node
-    between them enters once, after the first.
+    Noise in shares of the interval's length; ``inside`` and ``reach`` as for :func:`continuous_nodes`. What two pieces
+    leave at the node between them enters once, after the first.
 
     Examples
     --------
-    >>> edges, before, after = interval_nodes(1, 1, 1.0)
+    >>> edges, before, after = interval_nodes(1, 1, 0.0)
     >>> edges.tolist(), before.round(3).tolist(), after.round(3).tolist()
     ([0.0, 0.5, 1.0], [0.167, 0.0], [0.667, 0.167])
     """
     edges, start, end = [0.0], [], []
     for piece in _pieces(multiple):
-        panels = steps * piece if grading == 1.0 and steps > 1 else max(steps, 1 if piece > 1 else 0)
-        for length in _panels(panels, grading) * piece / multiple:
-            weights = _SIMPSON if panels else _TRAPEZOID
-            hops = len(weights) - 1
-            edges += [edges[-1] + length / hops * (hop + 1) for hop in range(hops)]
-            start += [weights[0] * length] + [0.0] * (hops - 1)
-            end += [weight * length for weight in weights[1:]]
+        alike = piece if reach == 0.0 and inside > 1 else 1  # what swings is followed as often as between samples
+        before, weights = decay_rule(max(inside, 1 if piece > 1 else 0), reach * piece)
+        length = piece / (alike * multiple)
+        for _ in range(alike):
+            edges += [edges[-1] + length * (1.0 - one) for one in before[-2::-1]]
+            start += [weights[-1] * length] + [0.0] * (before.size - 2)
+            end += [weight * length for weight in weights[-2::-1]]
     for node in range(1, len(start)):
         end[node - 1] += start[node]
         start[node] = 0.0
@@ -171,13 +167,6 @@ def _pieces(multiple: int) -> list[int]:
         left -= pieces[-1]
         size *= 2
     return pieces[::-1]
-
-
-def _panels(count: int, grading: float) -> FloatArray:
-    """Lengths of the panels of a piece, which sum to one."""
-    lengths = grading ** np.arange(max(count, 1), dtype=np.float64)
-    shares: FloatArray = lengths / lengths.sum()
-    return shares
 
 
 def _median(time: FloatArray) -> float:

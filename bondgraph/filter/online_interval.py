@@ -1,6 +1,6 @@
 """One interval of a stream: its nodes, inputs and integration steps, as in a log that is filtered as a whole.
 
-What a whole log has a median interval for, a stream has a declared one: it decides how many panels of process noise and
+What a whole log has a median interval for, a stream has a declared one: it decides how many nodes of process noise and
 integration steps an interval takes.
 """
 
@@ -74,11 +74,11 @@ class Intervals:
     def _shape(self, multiple: int, finer: int) -> _Shape:
         """Nodes of an interval of so many declared ones; zero: of no length."""
         if (multiple, finer) not in self._shapes:
-            scheme, panels, grading = self.filter_model.noise_panels
+            scheme, inside, reach = self.filter_model.noise_rule
             offset, start, end = np.array([0.0, 1.0]), np.zeros(1), np.ones(1)
             share = np.array([float(max(multiple, 1))])
             if scheme != "sampled" and multiple > 0:
-                offset, start, end = interval_nodes(multiple, panels, grading)
+                offset, start, end = interval_nodes(multiple, inside, reach)
                 share = np.diff(offset) * multiple
             steps, log = uniform_steps(self.filter_model, share), self._room(offset.size)
             log.substeps[:], log.grading[:] = finer * steps.substeps, steps.grading

@@ -10,11 +10,11 @@ import numpy as np
 
 from bondgraph.arrays import FloatArray, IntArray
 
-#: Scheme, panels and grading of the process noise, see :class:`bondgraph.filter.filter_model.FilterModel`.
-NoisePanels = tuple[str, int, float]
+#: Scheme, nodes and reach of the process noise, see :class:`bondgraph.filter.filter_model.FilterModel`.
+NoiseRule = tuple[str, int, float]
 
 #: Of a model that nothing drives between samples.
-NO_PANELS: NoisePanels = ("sampled", 0, 1.0)
+NO_RULE: NoiseRule = ("sampled", 0, 0.0)
 
 
 @dataclass(frozen=True)
@@ -36,7 +36,7 @@ class IntervalSteps:
 class StepPlan:
     """Steps for logs, by :func:`log_key`, for one integration method; plans are equal when their digests are.
 
-    A log that is not in the plan is integrated with the uniform steps of the filter model. ``panels`` tell which nodes
+    A log that is not in the plan is integrated with the uniform steps of the filter model. ``rule`` tells which nodes
     the process noise had when the steps were planned.
 
     Examples
@@ -50,24 +50,24 @@ class StepPlan:
     method: str
     digest: str
     logs: Mapping[str, IntervalSteps] = field(repr=False, compare=False)
-    panels: NoisePanels = NO_PANELS
+    rule: NoiseRule = NO_RULE
 
     @classmethod
-    def of(cls, method: str, logs: Mapping[str, IntervalSteps], panels: NoisePanels = NO_PANELS) -> StepPlan:
+    def of(cls, method: str, logs: Mapping[str, IntervalSteps], rule: NoiseRule = NO_RULE) -> StepPlan:
         """The plan of these logs."""
-        digest = hashlib.sha256(repr((method, panels)).encode())
+        digest = hashlib.sha256(repr((method, rule)).encode())
         for key, steps in sorted(logs.items()):
             digest.update(key.encode() + steps.substeps.tobytes() + steps.grading.tobytes())
-        return cls(method, digest.hexdigest()[:16], dict(logs), panels)
+        return cls(method, digest.hexdigest()[:16], dict(logs), rule)
 
     @property
-    def content(self) -> tuple[str, str, NoisePanels]:
+    def content(self) -> tuple[str, str, NoiseRule]:
         """Plain values that tell this plan from every other."""
-        return (self.method, self.digest, self.panels)
+        return (self.method, self.digest, self.rule)
 
     def halved(self) -> StepPlan:
         """Every step cut in two."""
-        return StepPlan.of(self.method, {key: steps.halved() for key, steps in self.logs.items()}, self.panels)
+        return StepPlan.of(self.method, {key: steps.halved() for key, steps in self.logs.items()}, self.rule)
 
     @property
     def mean_substeps(self) -> float:

@@ -127,7 +127,7 @@ def plan_along(
     for method in methods:
         model = replace(filter_model, method=method, plan=None)
         steps = {log.samples.key: _plan_log(model, log, tolerance, compiled) for log in filtered}
-        plans[method] = StepPlan.of(method, steps, model.noise_panels)
+        plans[method] = StepPlan.of(method, steps, model.noise_rule)
     best = min(methods, key=lambda method: plan_cost(filter_model.model, plans[method]))
     return replace(filter_model, method=best, plan=plans[best])
 
@@ -154,7 +154,7 @@ class _Moments(NamedTuple):
 
 def _plan_log(filter_model: FilterModel, log: FilteredLog, tolerance: float, compiled: bool) -> IntervalSteps:
     """Steps of one log."""
-    nodes = filter_nodes(filter_model.model, filter_model.noise_panels, log.run.time)
+    nodes = filter_nodes(filter_model.model, filter_model.noise_rule, log.run.time)
     multiples = np.maximum(1, np.ceil(nodes.share)).astype(np.int64)
     count = multiples.size
     best, grading = np.full(count, _MOST), np.ones(count)

@@ -13,7 +13,7 @@ from bondgraph.data.band_limited import PIECES, finer, finer_times, is_even
 from bondgraph.errors import FilterError, suggest
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.noise_nodes import NoiseNodes, continuous_nodes, finer_nodes, sampled_nodes
-from bondgraph.filter.plan import IntervalSteps, NoisePanels, cut_steps, log_key, transferred
+from bondgraph.filter.plan import IntervalSteps, NoiseRule, cut_steps, log_key, transferred
 from bondgraph.simulate.inputs import InputSegment, hold_flags, limited_rates, limited_rows, rate_rows
 from bondgraph.simulate.model import Model
 
@@ -79,7 +79,7 @@ class Samples:
             whose noise is not declared, or a parameter known for the log does not exist.
         """
         _check(filter_model, log)
-        return cls._on(filter_model, log, filter_nodes(filter_model.model, filter_model.noise_panels, log.time))
+        return cls._on(filter_model, log, filter_nodes(filter_model.model, filter_model.noise_rule, log.time))
 
     @classmethod
     def _on(cls, filter_model: FilterModel, log: MeasuredLog, nodes: NoiseNodes) -> Samples:
@@ -112,15 +112,15 @@ class Samples:
         return known
 
 
-def noise_nodes(panels: NoisePanels, time: FloatArray) -> NoiseNodes:
+def noise_nodes(rule: NoiseRule, time: FloatArray) -> NoiseNodes:
     """The nodes at which process noise enters along a log with these times (n,)."""
-    scheme, steps, grading = panels
-    return sampled_nodes(time) if scheme == "sampled" else continuous_nodes(time, steps, grading)
+    scheme, inside, reach = rule
+    return sampled_nodes(time) if scheme == "sampled" else continuous_nodes(time, inside, reach)
 
 
-def filter_nodes(model: Model, panels: NoisePanels, time: FloatArray) -> NoiseNodes:
+def filter_nodes(model: Model, rule: NoiseRule, time: FloatArray) -> NoiseNodes:
     """The nodes of a log with these times (n,): those of the process noise, and those of band-limited inputs."""
-    nodes = noise_nodes(panels, time)
+    nodes = noise_nodes(rule, time)
     return finer_nodes(nodes, time, PIECES) if limited_rows(model) and time.size > 1 else nodes
 
 
@@ -181,9 +181,9 @@ def _steps(filter_model: FilterModel, time: FloatArray, nodes: NoiseNodes, key: 
     plan = filter_model.plan
     if plan is not None and plan.method == filter_model.method and key in plan.logs:
         planned = plan.logs[key]
-        if plan.panels == filter_model.noise_panels:
+        if plan.rule == filter_model.noise_rule:
             return planned
-        return transferred(planned, filter_nodes(filter_model.model, plan.panels, time).time, nodes.time)
+        return transferred(planned, filter_nodes(filter_model.model, plan.rule, time).time, nodes.time)
     return uniform_steps(filter_model, nodes.share)
 
 

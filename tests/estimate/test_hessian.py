@@ -125,7 +125,7 @@ PROBLEMS: dict[str, Callable[[], EstimationProblem]] = {
     ),
     "logit and a prior": lambda: pose(SWING, swings(), [SHARE, "length"], priors=[Normal("damping", 0.3, 0.1)]),
     "noise between samples": lambda: pose(
-        replace(SWING, noise_steps=3, noise_grading=0.5), swings(), ["length", "process(rate)"]
+        replace(SWING, noise_nodes=3, noise_reach=30.0), swings(), ["length", "process(rate)"]
     ),
     "correlated starts": lambda: pose(
         replace(SWING, initial_correlation={("angle", "rate"): 0.6}), swings(), ["length", "x0_std(rate)"]

@@ -101,7 +101,7 @@ def test_a_fit_in_the_journal_is_known_by_every_number_of_its_filter() -> None:
     """Nodes of the process noise and correlations of sensors were no part of the key."""
     own = problem().filter_model
     others = [
-        replace(own, noise_steps=own.noise_steps + 1), replace(own, noise_scheme="sampled"), replace(own, beta=1.0),
+        replace(own, noise_nodes=own.noise_nodes + 1), replace(own, noise_scheme="sampled"), replace(own, beta=1.0),
         own.with_halved_steps(), replace(own, robust=Robust("huber", 2.0)),
     ]  # fmt: skip
     keys = [fit_key(replace(problem(), filter_model=one), [0.1, [problem().start]]) for one in (own, *others)]

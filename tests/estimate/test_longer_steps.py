@@ -75,16 +75,16 @@ def by_own_steps(one: EstimationProblem, monkeypatch: pytest.MonkeyPatch) -> Fit
 
 
 @given(
-    substeps=st.integers(1, 64), grading=st.floats(0.4, 3.0), noise=st.integers(1, 8), uneven=st.floats(0.4, 3.0),
+    substeps=st.integers(1, 64), grading=st.floats(0.4, 3.0), noise=st.integers(1, 6), reach=st.floats(0.0, 1e3),
 )  # fmt: skip
-def test_doubled_steps_are_those_that_halving_cuts(substeps: int, grading: float, noise: int, uneven: float) -> None:
+def test_doubled_steps_are_those_that_halving_cuts(substeps: int, grading: float, noise: int, reach: float) -> None:
     swing = FilterModel(
-        pendulum(), {"rate": 0.1}, {"deflection": 0.05}, {}, substeps, "ros3p", grading, noise_steps=noise,
-        noise_grading=uneven,
+        pendulum(), {"rate": 0.1}, {"deflection": 0.05}, {}, substeps, "ros3p", grading, noise_nodes=noise,
+        noise_reach=reach,
     )  # fmt: skip
     again = swing.with_halved_steps().with_doubled_steps()
-    assert again is not None and (again.substeps, again.noise_steps) == (substeps, noise)
-    assert again.grading == pytest.approx(grading) and again.noise_grading == pytest.approx(uneven)
+    assert again is not None and (again.substeps, again.noise_nodes) == (substeps, noise)
+    assert again.grading == pytest.approx(grading) and again.noise_reach == pytest.approx(reach)
 
 
 def test_the_ladder_ends_with_one_step_and_before_steps_become_too_unequal() -> None:
@@ -122,7 +122,7 @@ def fast() -> EstimationProblem:
     light = with_values(sled(), {"m_sled": 1.0, "c_guide": 52.0})
     log, own = pull(light, 2), build(light)
     setup = filter_setup(own.model, own.driven, [log])
-    filter_model = replace(setup.filter_model, substeps=16, grading=1.0, noise_scheme="sampled", noise_grading=1.0)
+    filter_model = replace(setup.filter_model, substeps=16, grading=1.0, noise_scheme="sampled")
     return EstimationProblem(filter_model, (log,), (*free_parameters(setup, ()), *setup.noise))
 
 

@@ -108,7 +108,7 @@ def test_the_filter_gives_the_exact_likelihood_of_a_linear_model() -> None:
     free = ["mass", "drag", "std(speed)", "process(v)", "x0(v, run1)"]
     points = pose(lag(), logs, free).start[:, None] * np.array([1.0, 1.1, 0.9])
     exact = pose(lag(), logs, free, likelihood=ExactLikelihood())
-    filtered = pose(lag(substeps=20, noise_steps=8), logs, free, likelihood=FilterLikelihood(compiled=False))
+    filtered = pose(lag(substeps=20, noise_nodes=8), logs, free, likelihood=FilterLikelihood(compiled=False))
     np.testing.assert_allclose(filtered.nll(points), exact.nll(points), rtol=1e-7)
     np.testing.assert_allclose(filtered.terms(points).sums(), exact.terms(points).sums(), rtol=1e-7)
 

@@ -92,7 +92,7 @@ def test_an_interrupted_estimate_without_a_value_comes_back(tmp_path: Path) -> N
 
 
 def test_filter_runs_come_back(tmp_path: Path) -> None:
-    driven = dataclasses.replace(SWING, noise_steps=2)
+    driven = dataclasses.replace(SWING, noise_nodes=2)
     whole, bands = bg.filter_log(driven, log()), bg.filter_log(driven, log(), keep="bands")
     again = FilterRun.load(whole.save(tmp_path / "run.npz"))
     assert same(again, whole) and again.nll == whole.nll

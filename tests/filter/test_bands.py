@@ -36,7 +36,7 @@ def log(samples: int = 60, step: float = 0.05) -> MatchedLog:
 
 FILTERS = {
     "plain": SWING,
-    "noise between samples": replace(SWING, noise_steps=3, noise_grading=0.5),
+    "noise between samples": replace(SWING, noise_nodes=3, noise_reach=30.0),
     "stiff": replace(SWING, method="ros3p", substeps=3),
     "robust": replace(SWING, robust=Robust("huber")),
     "appended": replace(SWING, appended={"length": 0.01}, process_noise={"rate": 0.1},

@@ -71,7 +71,7 @@ def test_a_plan_costs_one_run_of_few_steps_whatever_runge_kutta_needs(monkeypatc
 
 def test_the_first_run_serves_for_panels_and_plan(monkeypatch: pytest.MonkeyPatch) -> None:
     runs, chosen = first_runs(monkeypatch, *following(10.0, method="auto"))
-    assert chosen.noise_panels == runs[0].noise_panels
+    assert chosen.noise_rule == runs[0].noise_rule
     assert len(runs) == 1
 
 

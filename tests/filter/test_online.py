@@ -49,12 +49,12 @@ def streamed(online: OnlineFilter, log: PlainLog) -> list[FilterStep]:
 @pytest.mark.parametrize(
     "model",
     [
-        pendulum_filter(noise_steps=3, noise_grading=0.5),
+        pendulum_filter(noise_nodes=3, noise_reach=30.0),
         circuit_filter(noise_scheme="sampled"),
         driveline_filter(appended={"tau_grip": 2.0}, robust=Robust("student")),
         driveline_filter(method="ros3p", grading=1.3, substeps=3),
     ],
-    ids=["panels", "sampled", "appended, robust", "stiff"],
+    ids=["nodes", "sampled", "appended, robust", "stiff"],
 )
 def test_a_stream_has_the_bits_of_a_log(model: FilterModel) -> None:
     log = with_missing(simulated_log(model, uneven_times(40, 0.03, seed=6), seed=6), seed=6)

@@ -39,7 +39,7 @@ def test_it_has_the_bits_of_a_smoother_that_keeps_all(name: str, part: int, monk
 
 def test_noise_that_begins_within_a_log_makes_no_difference_between_parts(monkeypatch: pytest.MonkeyPatch) -> None:
     """A machine of five states with noise nodes, in parts of many lengths."""
-    model = driveline_filter(noise_steps=2)
+    model = driveline_filter(noise_nodes=2)
     measured = simulated_log(model, np.arange(40) * 0.025, seed=3)
     whole = smooth(run(model, measured))
     for part in (3, 16, 50):
@@ -119,5 +119,5 @@ def test_the_front_door_smooths_long_logs_and_says_how() -> None:
 
 
 def test_bands_of_a_record_are_those_of_the_run() -> None:
-    whole: FilterRun = run(replace(SWING, noise_steps=3), log())
+    whole: FilterRun = run(replace(SWING, noise_nodes=3), log())
     same(bg.filter.FilterBands.of(whole), whole)

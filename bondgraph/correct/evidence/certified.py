@@ -85,12 +85,11 @@ def _negligible(problem: EstimationProblem) -> float:
 def with_steps(fitted: Fit, filter_model: FilterModel, journal: Journal | None = None) -> Fit:
     """The fit with other integration steps, from where it is; as it is if these are its own, or lead nowhere."""
     used = fitted.problem.filter_model
-    alike = (used.substeps, used.grading, used.plan) == (filter_model.substeps, filter_model.grading, filter_model.plan)
-    if filter_model is used or (used.method == filter_model.method and alike):
+    key = filter_model.steps
+    if filter_model is used or (used.method == filter_model.method and used.steps == key):
         return fitted
-    finer = replace(used, substeps=filter_model.substeps, grading=filter_model.grading, plan=filter_model.plan)
+    finer = used.with_steps_of(filter_model)
     known = fitted.with_other_steps
-    key = (finer.substeps, finer.grading, finer.plan)
     if key not in known:  # every candidate that is judged with finer steps asks for the fit without it
         try:
             known[key] = refitted(fitted, finer, journal)

@@ -26,6 +26,7 @@ from bondgraph.estimate.objective import BoolArray, Expand, FloatArray
 from bondgraph.estimate.problem import EstimationProblem
 from bondgraph.estimate.sensitivities import sensitivity
 from bondgraph.filter.choice import choose_method
+from bondgraph.filter.decay_rule import MOST_INSIDE
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.frames import frame
 from bondgraph.shown import Tabulated, own_axes
@@ -258,7 +259,8 @@ def at_rate(problem: EstimationProblem, rate: float) -> EstimationProblem:
     declared = problem.filter_model
     stretched = replace(
         declared, substeps=max(1, math.ceil(declared.substeps * longer - 1e-6)), plan=None,
-        noise_steps=math.ceil(declared.noise_steps * longer - 1e-6),
+        noise_nodes=min(math.ceil(declared.noise_nodes * longer - 1e-6), MOST_INSIDE),
+        noise_reach=declared.noise_reach * longer,
     )  # fmt: skip
     return replace(problem, logs=logs, filter_model=stretched, initial=starts)
 
