@@ -72,7 +72,12 @@ class FilterSetup:
 
 
 def filter_setup(
-    model: Model, driven: Sequence[str], logs: Sequence[MatchedLog], process_noise: str = "free"
+    model: Model,
+    driven: Sequence[str],
+    logs: Sequence[MatchedLog],
+    process_noise: str = "free",
+    *,
+    with_nodes: bool = True,
 ) -> FilterSetup:
     """Noises, start uncertainties and substeps for a model and its logs.
 
@@ -87,6 +92,8 @@ def filter_setup(
     process_noise
         ``"free"``: a level for every driven state is estimated. ``"none"``: the model is taken as exact, so
         that an estimate minimises the error of free simulation.
+    with_nodes
+        Decide how many nodes of process noise the logs need; else one, for those who take other things alone.
 
     Raises
     ------
@@ -111,7 +118,8 @@ def filter_setup(
     start_std = _start_std(model, logs, noise, sizes)
     looked_at = [piece for log in logs for piece in pieces(log, _PIECES, _PIECE)]
     filter_model = resolved(FilterModel(model, process, noise, start_std, substeps=1, alpha=1.0), looked_at)
-    filter_model = with_noise_nodes(filter_model, looked_at)
+    if with_nodes:
+        filter_model = with_noise_nodes(filter_model, looked_at)
     least = {"std": _SENSOR_LOW, "process": _PROCESS_LOW}
     names = [f"std({name})" for name in noise] + [f"process({name})" for name in process]
     levels = [declared_free(name, filter_model, logs=logs) for name in names]

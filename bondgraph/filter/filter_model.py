@@ -209,14 +209,12 @@ class FilterModel:
     def with_halved_steps(self) -> FilterModel:
         """The same filter with every integration step cut in two, and two more nodes of process noise.
 
-        Lengths stay graded along the interval. Two nodes take more from an error than halved steps, so that they may
-        reach twice as far, too.
+        Lengths stay graded along the interval. Two nodes take more from an error than halved steps.
         """
         return replace(
             self, substeps=2 * self.substeps, grading=math.sqrt(self.grading),
             plan=None if self.plan is None else self.plan.halved(),
             noise_nodes=min(self.noise_nodes + 2 if self.noise_nodes else 1, MOST_INSIDE),
-            noise_reach=2.0 * self.noise_reach,
         )  # fmt: skip
 
     def with_doubled_steps(self) -> FilterModel | None:
@@ -229,7 +227,7 @@ class FilterModel:
             return None
         return replace(
             self, substeps=self.substeps // 2, grading=self.grading**2,
-            noise_nodes=max(min(self.noise_nodes, 1), self.noise_nodes - 2), noise_reach=0.5 * self.noise_reach,
+            noise_nodes=max(min(self.noise_nodes, 1), self.noise_nodes - 2),
         )  # fmt: skip
 
     @functools.cached_property

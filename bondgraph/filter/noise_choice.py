@@ -11,7 +11,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -23,10 +23,10 @@ from bondgraph.filter.planning import TOLERANCE, FilteredLog, filtered_logs
 from bondgraph.filter.rates import jacobians, looked_at
 from bondgraph.filter.samples import MeasuredLog
 
-#: Reaches of rules, about three to a decade: the fastest decay of a covariance over an interval is rounded up to one.
-_REACHES = (3.0, 10.0, 30.0, 100.0, 300.0, 1000.0)
-#: Jacobian, median interval, noise per second, and covariance after the measurement, at a sample of a log.
-_Place = tuple[FloatArray, float, FloatArray, FloatArray]
+#: Decays that are faster than this, in an interval, are not followed: nothing that a sensor shows is so fast.
+_FASTEST = 1024.0
+#: Standard deviations by which a rule may shift an estimate of a stiff model, as certificates have it.
+_SHIFT = 0.1
 
 #: Terms of Taylor's series: 0.5^15 / 15! is below the last digit.
 _TERMS = 14
@@ -56,28 +56,79 @@ def with_noise_nodes(filter_model: FilterModel, logs: Sequence[MeasuredLog], *, 
     """
     if filter_model.noise_rule[0] == "sampled":
         return filter_model
-    inside, reach = noise_nodes_along(filtered_logs(filter_model, logs, compiled))
+    inside, reach = noise_nodes_along(filtered_logs(filter_model, logs, compiled), strict=filter_model.is_stiff)
     return replace(filter_model, noise_nodes=inside, noise_reach=reach)
 
 
-def noise_nodes_along(filtered: Sequence[FilteredLog]) -> tuple[int, float]:
-    """Nodes inside an interval and their reach for runs that are there already; the last rule where none is enough."""
-    places = [place for log in filtered for place in _places(log)]
-    rules = [(0, 0.0), *itertools.product(range(1, MOST_INSIDE + 1), (0.0, _reach(places)))]
-    return next((own for own in rules if all(_enough(own, *place) for place in places)), rules[-1])
+def noise_nodes_along(filtered: Sequence[FilteredLog], strict: bool = False) -> tuple[int, float]:
+    """Nodes inside an interval and their reach for runs that are there already; the last rule where none is enough.
+
+    ``strict``: so many that no certificate asks for more after a fit, whose noises may be others, for another fit of a
+    stiff model is dear. N measurements tell a variance to sqrt(2/N) of itself, and what a rule misses shifts by as much
+    of a standard deviation what is estimated beside it.
+    """
+    places = _Places.of(filtered, strict)
+    if places is None:
+        return (0, 0.0)
+    measured = sum(int(np.isfinite(log.samples.y).sum()) for log in filtered)
+    tolerance = min(TOLERANCE, _SHIFT * math.sqrt(2.0 / max(measured, 1))) if strict else TOLERANCE
+    rules = [(0, 0.0), *itertools.product(range(1, MOST_INSIDE + 1), (0.0, places.reach))]
+    return next((own for own in rules if places.are_served(own, tolerance)), rules[-1])
 
 
-def _reach(places: Sequence[_Place]) -> float:
-    """How far nodes must reach: a covariance decays at twice the rate of what it is of."""
-    slopes = np.array([slope * interval for slope, interval, _, _ in places])
-    fastest = 2.0 * float(np.max(-np.linalg.eigvals(slopes).real, initial=0.0)) if slopes.size else 0.0
-    return next((own for own in _REACHES if own >= fastest), _REACHES[-1])
+@dataclass(frozen=True)
+class _Places:
+    """Some samples along logs; time in shares of the median interval.
+
+    ``slopes`` (m, n, n) are Jacobians, ``noise`` (m, n, n) covariances per interval, ``exact`` (m, n, n) what noise
+    leaves, and ``sizes`` (m, n, n) products of the standard deviations that a filter has there anyway, or of those that
+    the noise alone leaves.
+    """
+
+    slopes: FloatArray
+    noise: FloatArray
+    exact: FloatArray
+    sizes: FloatArray
+
+    @classmethod
+    def of(cls, filtered: Sequence[FilteredLog], alone: bool) -> _Places | None:
+        """The places along filtered logs; None where there are none."""
+        parts = [part for log in filtered if (part := _looked_at(log)) is not None]
+        if not parts or not sum(len(slopes) for slopes, _, _ in parts):
+            return None
+        slopes, noise, known = (np.concatenate(own) for own in zip(*parts, strict=True))
+        with np.errstate(all="ignore"):
+            exact = np.array([gathered_noise(own, added, 1.0) for own, added in zip(slopes, noise, strict=True)])
+            whole = exponentials(slopes)
+            # the uncertainty at the end is that of the linear model, since a run with too few nodes misses it
+            at_end = exact if alone else whole @ known @ np.swapaxes(whole, 1, 2) + exact
+            std = np.sqrt(np.maximum(np.diagonal(at_end, axis1=1, axis2=2), 0.0))
+        return cls(slopes, noise, exact, std[:, :, np.newaxis] * std[:, np.newaxis, :])
+
+    @property
+    def reach(self) -> float:
+        """How far nodes must reach, as a power of two: a covariance decays twice as fast as what it is of.
+
+        All decays count, also those that hardly matter with the noises from which a fit begins.
+        """
+        fastest = 2.0 * float(np.max(-np.linalg.eigvals(self.slopes).real, initial=1.0))
+        return min(2.0 ** math.ceil(math.log2(fastest)), _FASTEST)
+
+    def are_served(self, rule: tuple[int, float], tolerance: float) -> bool:
+        """Whether a rule gathers the noise of an interval everywhere to a share of the uncertainty there."""
+        nodes = continuous_nodes(np.array([0.0, 1.0]), *rule)
+        with np.errstate(all="ignore"):
+            gathered = np.zeros(self.noise.shape)
+            for length, start, end in zip(np.diff(nodes.time), nodes.start, nodes.end, strict=True):
+                move = exponentials(self.slopes * length)
+                gathered = move @ (gathered + start * self.noise) @ np.swapaxes(move, 1, 2) + end * self.noise
+            return not bool(np.any(np.abs(gathered - self.exact) > tolerance * self.sizes))
 
 
-def _places(log: FilteredLog) -> list[_Place]:
-    """Some samples of a log."""
+def _looked_at(log: FilteredLog) -> tuple[FloatArray, FloatArray, FloatArray] | None:
+    """Jacobian and noise of an interval, and the covariance after the measurement, at some samples of a log."""
     if log.run.time.size < 2:
-        return []
+        return None
     assert log.run.nodes is not None
     sample = log.samples.sample
     chosen = np.unique(np.searchsorted(sample, looked_at(log.samples)))
@@ -88,25 +139,8 @@ def _places(log: FilteredLog) -> list[_Place]:
     noise = log.run.nodes.process_cov[:n_x, :n_x]
     known = np.moveaxis(log.run.filtered_cov[:n_x, :n_x, chosen], -1, 0)
     usable = np.isfinite(slopes).all(axis=(1, 2)) & np.isfinite(known).all(axis=(1, 2))
-    return [(slopes[k], interval, noise, known[k]) for k in np.flatnonzero(usable)]
-
-
-def _enough(rule: tuple[int, float], slope: FloatArray, interval: float, noise: FloatArray, known: FloatArray) -> bool:
-    """Whether a rule gathers the noise of an interval as exactly as steps are planned.
-
-    The uncertainty at its end is that of the linear model, since a run with too few nodes misses it.
-    """
-    nodes = continuous_nodes(np.array([0.0, interval]), *rule)
-    with np.errstate(all="ignore"):
-        moves = exponentials(slope * np.diff(nodes.time)[:, np.newaxis, np.newaxis])
-        gathered = np.zeros(noise.shape)
-        for move, start, end in zip(moves, nodes.start, nodes.end, strict=True):
-            gathered = move @ (gathered + start * noise) @ move.T + end * noise
-        exact = gathered_noise(slope, noise, interval)
-        whole = exponentials(slope[np.newaxis] * interval)[0]
-        std = np.sqrt(np.maximum(np.diag(whole @ known @ whole.T + exact), 0.0))
-        missed = np.abs(gathered - exact)
-        return not bool(np.any(missed > TOLERANCE * np.outer(std, std)))
+    several = np.broadcast_to(noise * interval, (int(usable.sum()), n_x, n_x))
+    return slopes[usable] * interval, several, known[usable]
 
 
 def gathered_noise(slope: FloatArray, noise: FloatArray, interval: float) -> FloatArray:

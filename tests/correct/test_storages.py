@@ -51,8 +51,8 @@ def test_a_storage_gets_a_multiple_of_the_steps_at_most_and_says_what_they_do_no
     (candidate,), _ = candidates(built, [effects.added_compliance], where)
     context = Context(built, base, logs, 10, 0.01, 5.0)
 
-    def endless(*given: Any) -> FilterSetup:
-        own = filter_setup(*given)
+    def endless(*given: Any, **named: Any) -> FilterSetup:
+        own = filter_setup(*given, **named)
         return replace(own, filter_model=replace(own.filter_model, substeps=400))
 
     monkeypatch.setattr(storages, "filter_setup", endless)
@@ -132,7 +132,7 @@ def test_a_compliance_of_a_stiff_model_is_tried_though_a_loss_passes() -> None:
     (size,) = (turn.chosen.fit.values[name] for name in turn.chosen.candidate.effect.coefficients)
     assert size == pytest.approx(0.02, rel=0.03)
     others = [trial for trial in turn.trials if trial is not turn.chosen]
-    assert max(trial.score_gain for trial in others) > 15.0  # which passes, alone
+    assert max(trial.score_gain for trial in others) > 10.0  # which passes, alone
     assert all(trial.gain < turn.chosen.gain for trial in others)
 
 

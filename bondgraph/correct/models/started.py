@@ -13,6 +13,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from bondgraph.build import BuiltModel, build
+from bondgraph.coherent import Displayed
 from bondgraph.data.log import FloatArray, MatchedLog
 from bondgraph.declare.editing import copy
 from bondgraph.declare.elements import STORAGES
@@ -23,6 +24,7 @@ from bondgraph.estimate.initial import directly_measured
 from bondgraph.filter.follows import Follow
 from bondgraph.simulate.model import Model
 from bondgraph.text import inflected
+from bondgraph.units import dimension
 
 #: What else moves a start by less than this share of it is the error of differences.
 _ALONE = 1e-6
@@ -54,7 +56,8 @@ def with_declared_starts(
     for name, follow in due.items():
         if _is_as_declared(follow, sizes, float(built.model.x0()[names.index(name)])) and name not in measured:
             continue
-        start = measured.get(name) or _single(follow, sizes, built.model, measured)
+        state = built.model.states[names.index(name)]
+        start = measured.get(name) or _single(state, follow, sizes, built.model, measured) or alone.get(name)
         if start is None or not _declared(graph, owned[name], start):
             left.append(name)
     return (build(graph) if len(left) < len(due) else built), tuple(left)
@@ -79,17 +82,23 @@ def _sizes(model: Model, logs: Sequence[MatchedLog], paths: Sequence[FloatArray]
 
 
 def _measured(model: Model, log: MatchedLog, follows: Mapping[str, Follow]) -> dict[str, Start]:
-    """The states that an output shows times a factor, as what they are of it."""
+    """The states that an output of their unit shows times a factor, as what they are of it."""
     found = directly_measured(model, log.u[:, 0], model.theta(**dict(log.theta_overrides)), follows)
-    outputs, states = model.names("output"), model.names("state")
     return {
-        states[state]: Start(outputs[output], _rounded(1.0 / slope))
+        model.states[state].name: Start(model.outputs[output].name, _rounded(1.0 / slope))
         for output, (state, slope, offset) in found.items()
-        if abs(offset) <= _ALONE * abs(slope)
+        if abs(offset) <= _ALONE * abs(slope) and _are_alike(model.outputs[output], model.states[state])
     }
 
 
-def _single(follow: Follow, sizes: Mapping[str, float], model: Model, measured: Mapping[str, Start]) -> Start | None:
+def _are_alike(signal: Displayed, state: Displayed) -> bool:
+    """True where a declaration may start the state at the signal: a factor in it has no unit."""
+    return not signal.unit or not state.unit or dimension(signal.unit) == dimension(state.unit)
+
+
+def _single(
+    state: Displayed, follow: Follow, sizes: Mapping[str, float], model: Model, measured: Mapping[str, Start]
+) -> Start | None:
     """The one signal that a start follows, None where it is more than one or not in the log."""
     parts = {name: abs(slope) * sizes.get(name, 0.0) for name, slope in follow.slopes}
     name = max(parts, key=lambda one: parts[one], default="")
@@ -98,10 +107,18 @@ def _single(follow: Follow, sizes: Mapping[str, float], model: Model, measured: 
         return None
     slope = dict(follow.slopes)[name]
     unfit = [one.name for one in model.inputs if one.letters or one.rate_of]  # a rate is in no log
-    if name in model.names("input"):
-        return None if name in unfit else Start(name, _rounded(slope))
+    start = Start(name, _rounded(slope)) if name in model.names("input") and name not in unfit else None
     shown = measured.get(name)
-    return None if shown is None else Start(shown.signal, _rounded(slope * shown.factor))
+    if shown is not None:
+        start = Start(shown.signal, _rounded(slope * shown.factor))
+    if start is None:
+        return None
+    signal: Displayed = (
+        model.inputs[model.index("input", start.signal)]
+        if start.signal in model.names("input")
+        else model.outputs[model.index("output", start.signal)]
+    )
+    return start if _are_alike(signal, state) else None
 
 
 def _is_as_declared(follow: Follow, sizes: Mapping[str, float], declared: float) -> bool:

@@ -260,7 +260,7 @@ def _penalty(problem: EstimationProblem, tried: int) -> float:
 def _problem(extended: BuiltModel, candidate: Candidate, state: str, base: Fit) -> EstimationProblem:
     """The problem of the model with a disturbance, its noise and its time free beside everything else."""
     own, train = candidate.effect.element, base.problem.logs
-    setup = filter_setup(extended.model, [own], train)
+    setup = filter_setup(extended.model, [own], train, with_nodes=False)
     level = next((one for one in setup.noise if one.name == f"process({own})"), None)
     if level is None:
         raise DataError(f"{candidate.label}: no channel of the logs shows it - measure a quantity that it moves")
