@@ -66,7 +66,7 @@ def resolving(fitted: Fit, least: int | None = None) -> FilterModel:
     allows (its width was found with steps of its own) are not halved again.
     """
     problem, seen = fitted.problem, _seen(fitted)
-    used, most, negligible = problem.filter_model, _most(fitted, least), _negligible(problem)
+    used, most, negligible = problem.filter_model, _most(fitted, least), unnoticed(problem)
     while used.substeps < most:
         finer = used.with_halved_steps()
         again = replace(problem, filter_model=finer).terms(fitted.point[:, np.newaxis])
@@ -76,8 +76,8 @@ def resolving(fitted: Fit, least: int | None = None) -> FilterModel:
     return used
 
 
-def _negligible(problem: EstimationProblem) -> float:
-    """Nats that an effect may gain at most by making up for the steps: so few change no decision."""
+def unnoticed(problem: EstimationProblem) -> float:
+    """Nats that an effect may gain at most by making up for what is no physics: so few change no decision."""
     measured = sum(int(np.isfinite(log.y).sum()) for log in problem.logs)
     return _UNNOTICED * 0.5 * math.log(max(measured, 2))
 
