@@ -173,17 +173,29 @@ def close_loop(
     settings = settings or LoopSettings()
     _check_given(graph, train, functions)
     begun = fit_declared(graph, train, holdout, settings, report)
-    found, result = _closed(begun, functions, settings, report)
-    if begun.held and straight_is_likelier(begun, found.fit, found.built, settings.journal):
+    found, rounds, result = _closed(begun, functions, settings, report)
+    if begun.held and any(
+        straight_is_likelier(begun, fitted, built, settings.journal) for fitted, built in _explaining(found, rounds)
+    ):
         begun = fit_declared(graph, train, holdout, replace(settings, inputs_as_declared=True), report)
-        return _closed(begun, functions, settings, report)[1]()
+        return _closed(begun, functions, settings, report)[2]()
     return result()
+
+
+def _explaining(found: Progress, rounds: Sequence[Round]) -> list[tuple[Fit, BuiltModel]]:
+    """The model where a loop ends, and one that alone explains more and was not believed: inputs may be why."""
+    tried = [one for one in rounds[0].trials if one.fit is not None and one.built is not None] if rounds else []
+    best = max(tried, key=lambda one: one.gain, default=None)
+    fits = [(found.fit, found.built)]
+    if best is not None and best.fit is not None and best.built is not None and best.fit.nll < found.fit.nll:
+        fits.append((best.fit, best.built))
+    return fits
 
 
 def _closed(
     begun: DeclaredFit, functions: Sequence[EffectFunction], settings: LoopSettings, report: Report
-) -> tuple[Progress, Callable[[], ClosedLoop]]:
-    """Where the rounds end from a fit of the declared model, and what makes the result of that."""
+) -> tuple[Progress, tuple[Round, ...], Callable[[], ClosedLoop]]:
+    """Where the rounds end from a fit of the declared model, the rounds, and what makes the result of that."""
     told = structure(begun.built, _everywhere(begun.built, begun.train), begun.train, begun.setup.sizes)
     offered = (*functions, *(SENSOR_FAULTS if settings.faults else ()))
     every = tuple(one for one in offered if one.__name__ not in settings.without)
@@ -199,7 +211,7 @@ def _closed(
     if disturbed is not rest.state:  # what it hid may show now
         state, rounds, reason = _rounds(disturbed, every, own, settings.max_effects, rounds)
         rest = settle(state, rounds, own, settings.tables)
-    return rest.state, lambda: _result(begun, start, rest, rounds, told, reason, settings, report)
+    return rest.state, tuple(rounds), lambda: _result(begun, start, rest, rounds, told, reason, settings, report)
 
 
 def _withdrawn(before: Progress, after: Rest) -> bool:

@@ -20,7 +20,7 @@ from bondgraph.declare.functions import clip
 from bondgraph.declare.graph import BondGraph
 from bondgraph.declare.quantities import Input
 from bondgraph.declare.revision import replace_input, revise_law
-from bondgraph.effects.places import ceiling, commanded, commands, effort_unit, flow_unit, over
+from bondgraph.effects.places import ceiling, commanded, commands, effort_unit, flow_unit, lateness, over
 
 _ENGINE = "Guzzella, Onder (2010), Modeling and Control of Internal Combustion Engine Systems, chapter 2"
 _CEILING = "Hippe (2006), Windup in Control, chapter 1"
@@ -74,7 +74,8 @@ def _lagging(g: BondGraph, at: Place, effect: str, kinds: Sequence[str]) -> Effe
         return None
     node, command = found
     name = f"{effect}_{at.name}"
-    lag = g.parameter(f"T_{name}", 0.1, "s", f"time in which {node.name} follows its command", (5e-3, 2.0))
+    start, bounds = lateness(at)
+    lag = g.parameter(f"T_{name}", start, "s", f"time in which {node.name} follows its command", bounds)
     own = command.symbol
     given = g.integral(
         f"given_{name}", lambda x: (own - x) / lag, command.unit, f"{command.name} as {node.name} gives it",

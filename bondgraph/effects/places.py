@@ -79,6 +79,17 @@ def flow_unit(at: Place) -> str:
     return "" if at.domain is None else at.domain.flow_unit
 
 
+def lateness(at: Place) -> tuple[float, tuple[float, float]]:
+    """Where the search for a delay or a lag begins, and its bounds, in s.
+
+    From a tenth of the interval between samples to forty of them, and to two seconds at least: what is slower than that
+    is a part of the machine that somebody would have named.
+    """
+    shortest, _ = at.times
+    bounds = (0.1 * shortest, max(2.0, 40.0 * shortest))
+    return (bounds[0] * bounds[1]) ** 0.5, bounds
+
+
 def over(unit: str, other: str, power: int = 1) -> str:
     """A unit over a power of another; empty where one is not known."""
     if not unit or not other:

@@ -16,13 +16,12 @@ from bondgraph.declare.functions import clip
 from bondgraph.declare.graph import BondGraph
 from bondgraph.declare.quantities import symbol
 from bondgraph.declare.revision import revise_integral, revise_output
-from bondgraph.effects.places import ceiling, over
+from bondgraph.effects.places import ceiling, lateness, over
 from bondgraph.errors import DeclarationError
 
 _PADE = "Golub, Van Loan (2013), Matrix Computations, section 9.3, for the approximations of Pade"
+_INSTRUMENT = "Doebelin (2003), Measurement Systems, chapter 3, instruments of first order"
 _REFERENCE = "Isermann (2006), Fault-Diagnosis Systems, chapter 3"
-#: Longest delay of a sensor that is tried, s.
-LONGEST_DELAY = 2.0
 
 
 @sensor_fault
@@ -64,7 +63,8 @@ def sensor_delay(g: BondGraph, at: Place) -> Effect | None:
     """
     name = f"delay_{at.name}"
     shown = next(output.expression for output in g.outputs if output.name == at.output)
-    delay = g.parameter(name, 0.05, "s", f"time by which {at.output} comes late", (1e-3, LONGEST_DELAY))
+    start, bounds = lateness(at)
+    delay = g.parameter(name, start, "s", f"time by which {at.output} comes late", bounds)
     unit = _unit(g, at)
     late = g.integral(f"late_{at.name}", 0, unit, f"{at.output}, late and smooth", initial=at.output)
     rising = g.integral(
@@ -76,6 +76,27 @@ def sensor_delay(g: BondGraph, at: Place) -> Effect | None:
         "sensor_delay", at.output, "shown(t) = true(t - T), by (1 - s*T/3)/(1 + 2*s*T/3 + (s*T)^2/6)", (name,),
         adds_state=True, amplitudes=(0.4, 0.7), reference=_PADE, channel=at.output, kind="delay",
         manoeuvre="quick changes",
+    )  # fmt: skip
+
+
+@sensor_fault
+def sensor_lag(g: BondGraph, at: Place) -> Effect | None:
+    """A value that follows by a first-order lag: a thermometer in a well, a smoothing filter, a damped needle."""
+    name = f"lag_{at.name}"
+    shown = next(output.expression for output in g.outputs if output.name == at.output)
+    start, bounds = lateness(at)
+    lag = g.parameter(name, start, "s", f"time in which {at.output} follows", bounds)
+    follows = g.integral(
+        f"following_{at.name}",
+        lambda x: (shown - x) / lag,
+        _unit(g, at),
+        f"{at.output} as it follows",
+        initial=at.output,
+    )
+    revise_output(g, at.output, follows)
+    return Effect(
+        "sensor_lag", at.output, "shown = x, dx/dt = (true - x)/T", (name,), adds_state=True, amplitudes=(0.4, 0.7),
+        reference=_INSTRUMENT, channel=at.output, kind="lag", manoeuvre="quick changes",
     )  # fmt: skip
 
 
@@ -134,7 +155,7 @@ def sensor_square(g: BondGraph, at: Place) -> Effect | None:
 
 #: All faults, in the order in which they are preferred where data do not tell them apart.
 SENSOR_FAULTS: tuple[EffectFunction, ...] = (
-    sensor_bias, sensor_scale, sensor_drift, sensor_delay, sensor_ceiling, sensor_dead_zone,
+    sensor_bias, sensor_scale, sensor_drift, sensor_delay, sensor_lag, sensor_ceiling, sensor_dead_zone,
 )  # fmt: skip
 
 

@@ -8,7 +8,7 @@ certain.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -20,6 +20,9 @@ from bondgraph.estimate.likelihoods import Batch
 from bondgraph.estimate.objective import FloatArray
 from bondgraph.filter.follows import Follow
 from bondgraph.simulate.model import Model
+
+#: A start that moves by less than this share of the largest slope does not follow: slopes are differences.
+_TELLING = 1e-6
 
 
 @dataclass(frozen=True)
@@ -163,12 +166,24 @@ class Beginnings:
 
 
 def led(model: Model, log: MatchedLog, theta: FloatArray, follows: Mapping[str, Follow]) -> Mapping[str, Follow]:
-    """The states of a log that begin where others lead them: those of ``follows`` that no output shows alone."""
+    """The states of a log that begin where others lead them: those of ``follows`` that no output shows alone.
+
+    A state that an output shows is led, too, where nothing else shows what it follows: what a thermometer in a well
+    shows is the temperature of the body at first.
+    """
     names = model.names("state")
     known = [name for name in follows if name in names]
     direct = directly_measured(model, log.u[:, 0], theta) if known else {}
-    shown = {state for output, (state, _, _) in direct.items() if first_measured(log, output) is not None}
-    return {name: follows[name] for name in known if names.index(name) not in shown}
+    shown = {names[state] for output, (state, _, _) in direct.items() if first_measured(log, output) is not None}
+    return {name: follows[name] for name in known if name not in shown or _is_of_hidden(follows[name], names, shown)}
+
+
+def _is_of_hidden(follow: Follow, states: Sequence[str], shown: Collection[str]) -> bool:
+    """Whether a state follows one that no output shows; differences leave what is far below the largest slope."""
+    largest = max((abs(slope) for _, slope in follow.slopes), default=0.0)
+    return any(
+        name in states and name not in shown and abs(slope) > _TELLING * largest for name, slope in follow.slopes
+    )
 
 
 def shown_starts(
