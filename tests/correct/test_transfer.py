@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from bondgraph import effects
-from bondgraph.correct.evidence.decide import alternatives, choose
+from bondgraph.correct.evidence.decide import choose
+from bondgraph.correct.evidence.reasons import alternatives
 from bondgraph.correct.evidence.transfer import Transfer, folds, left_out, transfer
 from bondgraph.correct.evidence.trials import Trial
 from bondgraph.correct.fits.compared import Compared
