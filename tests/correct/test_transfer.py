@@ -12,7 +12,7 @@ from bondgraph.correct.evidence.decide import choose
 from bondgraph.correct.evidence.reasons import alternatives
 from bondgraph.correct.evidence.transfer import Transfer, folds, left_out, transfer
 from bondgraph.correct.evidence.trials import Trial
-from bondgraph.correct.fits.compared import Compared
+from bondgraph.correct.fits.compared import Compared, Errors, judged
 from bondgraph.correct.loop import ClosedLoop, close_loop
 from bondgraph.correct.result import result_json
 from bondgraph.data.log import MatchedLog
@@ -21,6 +21,7 @@ from bondgraph.estimate.fitted import Fit, at_optimum
 from bondgraph.estimate.local import fit
 from bondgraph.estimate.objective import Terms
 from bondgraph.estimate.problem import EstimationProblem
+from bondgraph.simulate.quantities import OutputInfo
 from tests.correct.sled import FUNCTIONS, added, fitted, pull, sled
 
 DRAG = 0.05
@@ -155,6 +156,6 @@ def test_errors_in_sentences_have_the_declared_unit() -> None:
     assert str(bare) == "free simulation of speed on held-out logs 2 -> 4 (+100%)"
     told = replace(bare, info=OutputInfo("speed", "rad/s", "", "rpm"))
     assert str(told) == "free simulation of speed on held-out logs 19.1 -> 38.2 rpm (+100%)"
-    flat = np.full((4, 1), 4.0)
-    errors = Errors("held-out", "prediction", "speed", flat[:, 0], flat[:, 0], np.ones(4), 0.1, told.info)
+    flat = np.full(4, 4.0)
+    errors = Errors("held-out", "prediction", "speed", flat, flat, np.ones(4), 0.1, told.info)
     assert judged(errors, False, 1).info is told.info

@@ -151,8 +151,8 @@ def _put_back(chosen: Trial | None, trial: Trial, trials: Sequence[Trial], level
         best = max(laws, key=preferred_gain, default=None)
         told = -math.inf if best is None else preferred_gain(best)
         if best is not None and preferred_gain(trial) <= told + INDIFFERENT:
-            ahead = f"{told:.1f} nats against {preferred_gain(trial):.1f} after the price of parameters"
-            return f"{only} no law explains as much: {best.candidate.label} has {ahead}"
+            sizes = f"{told:.1f} nats against {preferred_gain(trial):.1f} after the price of parameters"
+            return f"{only} no law explains as much: {best.candidate.label} has {sizes}"
         if not leaves_white(trial, level):
             return f"{only} nothing stays unexplained beside it: its innovations stay coloured"
     if chosen is None:
