@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 import numpy as np
 
@@ -10,7 +10,7 @@ from bondgraph.correct.constants import BLOCKS
 from bondgraph.correct.round import Round
 from bondgraph.estimate.fitted import Fit
 from bondgraph.estimate.free import FreeParameter
-from bondgraph.text import inflected
+from bondgraph.text import inflected, number
 
 #: Samples in a block of time below which it hardly counts as one.
 _BLOCK_SAMPLES = 5
@@ -38,17 +38,7 @@ def cautions_of(nominal: Fit, rounds: Sequence[Round]) -> tuple[str, ...]:
             f"{samples} samples in {seconds:.3g} s are few: tests that hold under coloured noise need blocks of time, "
             f"and see little with fewer than {_BLOCK_SAMPLES * BLOCKS}"
         )
-    held = [
-        parameter.name
-        for parameter, resting in zip(nominal.problem.free, nominal.held, strict=True)
-        if resting and parameter.target.kind == "parameter"
-    ]
-    if held:
-        said.append(
-            f"{', '.join(held)} {inflected(held, 'rests on its bound', 'rest on their bounds')} in the declared model: "
-            "the bounds are too narrow, or an effect is missing that "
-            f"{inflected(held, 'it stands', 'they stand')} in for"
-        )
+    said += at_bounds(nominal, "declared")
     unknown = [
         parameter.name
         for parameter in nominal.problem.free
@@ -63,6 +53,38 @@ def cautions_of(nominal: Fit, rounds: Sequence[Round]) -> tuple[str, ...]:
     if blind:
         said.append(f"cannot be detected with these logs, at any size that its law may have: {', '.join(blind)}")
     return tuple(said)
+
+
+def at_bounds(fitted: Fit, which: str, known: Collection[str] | None = None) -> list[str]:
+    """A sentence on the free parameters of a model that rest on bounds, each with its bound; none where none does.
+
+    ``known``: names of those that are meant; None: all. A coefficient of an added law on zero is none of them.
+    """
+    names = [name for name in resting(fitted) if known is None or name in known]
+    if not names:
+        return []
+    said = ", ".join(f"{name} ({_shown(fitted, name)})" for name in names)
+    return [
+        f"{said} {inflected(names, 'rests on its bound', 'rest on their bounds')} in the {which} model: the bounds are "
+        f"too narrow, or an effect is missing that {inflected(names, 'it stands', 'they stand')} in for"
+    ]
+
+
+def resting(fitted: Fit) -> list[str]:
+    """Names of the free parameters of a model that a fit leaves on a bound."""
+    return [
+        parameter.name
+        for parameter, rests in zip(fitted.problem.free, fitted.held, strict=True)
+        if rests and parameter.target.kind == "parameter"
+    ]
+
+
+def _shown(fitted: Fit, name: str) -> str:
+    """The value of a parameter in the unit in which it was declared."""
+    model = fitted.problem.filter_model.model
+    info = model.parameters[model.index("parameter", name)]
+    unit = "" if info.display_unit in ("", "1") else f" {info.display_unit}"
+    return f"{number(info.shown(fitted.values[name]))}{unit}"
 
 
 def _blind(rounds: Sequence[Round]) -> list[str]:

@@ -98,6 +98,7 @@ def _errors(
     """Errors of every channel in prediction and in free simulation, by windows of time."""
     pieces: dict[tuple[Kind, str], list[tuple[float, float, int]]] = {}
     noise: dict[str, float] = {}
+    infos = {info.name: info for info in nominal.problem.filter_model.model.outputs}
     total = sum(float(one.log.time[-1] - one.log.time[0]) for one in before)
     for first, last in zip(before, after, strict=True):
         log, parts = first.log, windows(first.log, seconds)
@@ -114,5 +115,5 @@ def _errors(
     found = []
     for (kind, name), values in pieces.items():
         told = np.array(values, dtype=np.float64).reshape(-1, 3)
-        found.append(Errors(data, kind, name, told[:, 0], told[:, 1], told[:, 2], noise[name]))
+        found.append(Errors(data, kind, name, told[:, 0], told[:, 1], told[:, 2], noise[name], infos[name]))
     return found

@@ -16,7 +16,7 @@ from dataclasses import dataclass, field, replace
 from typing import Literal
 
 from bondgraph.build import BuiltModel, build
-from bondgraph.correct.cautions import cautions_of
+from bondgraph.correct.cautions import at_bounds, cautions_of
 from bondgraph.correct.confirmation import Confirmation, confirmation
 from bondgraph.correct.constants import LEVEL, MOST_EFFECTS, MOST_REFITS
 from bondgraph.correct.declared_fit import DeclaredFit, fit_declared, straight_is_likelier
@@ -340,7 +340,11 @@ def _events(state: Progress) -> tuple[Added, ...]:
 
 
 def _doubts(nominal: Fit, corrected: Fit, first: Check, last: Check) -> list[str]:
-    return doubts("declared", first) + ([] if corrected is nominal else doubts("corrected", last))
+    """Sentences on integration steps of both models, and on what rests on a bound in the corrected one."""
+    if corrected is nominal:
+        return doubts("declared", first)
+    bounds = at_bounds(corrected, "corrected", nominal.problem.names)
+    return [*bounds, *doubts("declared", first), *doubts("corrected", last)]
 
 
 def _everywhere(built: BuiltModel, train: Sequence[MatchedLog]) -> list[Place]:

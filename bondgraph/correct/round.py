@@ -17,8 +17,9 @@ from bondgraph.correct.advice import separation
 from bondgraph.correct.constants import LEVEL, MOST_REFITS
 from bondgraph.correct.evidence.confirm import confirmed, transferred
 from bondgraph.correct.evidence.context import Context
-from bondgraph.correct.evidence.decide import alternatives, choose, detectable, hurdle
+from bondgraph.correct.evidence.decide import choose, detectable, hurdle
 from bondgraph.correct.evidence.noise_split import split_again
+from bondgraph.correct.evidence.reasons import alternatives
 from bondgraph.correct.evidence.resolved import resolved
 from bondgraph.correct.evidence.trials import Alternative, Detectable, Trial
 from bondgraph.correct.gate_worth import earned

@@ -8,12 +8,12 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from bondgraph.correct.cautions import resting
 from bondgraph.correct.constants import LEVEL
 from bondgraph.correct.evidence.transfer import Transfer
 from bondgraph.correct.evidence.trials import Added
 from bondgraph.correct.fits.assess import Assessment
 from bondgraph.correct.loop import ClosedLoop
-from bondgraph.correct.places.unexplained import Unexplained
 from bondgraph.correct.result import form_text, intervals, result_json
 from bondgraph.declare.files import write_graph
 from bondgraph.estimate.fitted import Fit
@@ -25,15 +25,14 @@ from bondgraph.report.html import Located, Provenance, ReportData, write_report
 from bondgraph.report.logs import grouped_notes
 from bondgraph.report.missing import missing_efforts
 from bondgraph.report.noise import noise_sentence
-from bondgraph.report.numbers import shown
+from bondgraph.report.numbers import shown, with_ends
 from bondgraph.report.regimes import named, regime_sentences
-from bondgraph.report.series import ChannelSeries, FoundEffect, Power, Step, Tried, channel_errors
-from bondgraph.report.standing import held_out
+from bondgraph.report.series import ChannelSeries, FoundEffect, Power, Step, channel_errors
+from bondgraph.report.standing import held_out, worse_simulated
 from bondgraph.report.tables import error_table, power_table, text_of
+from bondgraph.report.tried import tried
+from bondgraph.report.unknown import shape_sentence
 from bondgraph.text import inflected
-
-#: Alternatives shown per round; all stand in result.json.
-_MOST_ALTERNATIVES = 10
 
 
 def write_closed_loop(
@@ -98,8 +97,10 @@ def report_data(
         added=added_nodes(closed.nominal_built.graph, closed.corrected_graph),
         missing=missing_efforts(closed),
         located=tuple(Located(at.junction, at.variable, at.p_value, at.share) for at in closed.rounds[0].located[:8]),
-        alternatives=tuple(_tried(closed)),
-        parameters=parameter_changes(model, closed.nominal.values, closed.corrected.values, ci95),
+        alternatives=tuple(tried(closed)),
+        parameters=parameter_changes(
+            model, closed.nominal.values, closed.corrected.values, ci95, resting(closed.corrected)
+        ),
         power=tuple(_power(closed)),
         history=tuple(Step(one.round, one.action, one.what, one.why) for one in closed.history),
         structure=tuple(structure_lines(closed)),
@@ -159,7 +160,7 @@ def _transfer(told: Transfer | None) -> tuple[tuple[str, str], ...]:
 
 def explanation(closed: ClosedLoop) -> str:
     """The verdict in a few sentences."""
-    return " ".join((_explained(closed), *(f"{one}." for one in closed.disturbances)))
+    return " ".join((_explained(closed), *(f"{one}." for one in closed.disturbances), *worse_simulated(closed)))
 
 
 def _explained(closed: ClosedLoop) -> str:
@@ -232,19 +233,6 @@ def _coloured(closed: ClosedLoop) -> list[str]:
     return [test.channel for test in closed.whiteness if test.p_value * len(closed.whiteness) < LEVEL]
 
 
-def _shape(one: Unexplained) -> str:
-    """The shape of what stays unexplained, in words that a terminal can show."""
-    points = "; ".join(
-        f"{shown(float(value))} ± {shown(float(std))} at {shown(float(knot))}"
-        for knot, value, std in zip(one.knots, one.values, one.std, strict=True)
-    )
-    unit, over = (f" [{text}]" if text else "" for text in (one.unit, one.signal_unit))
-    return (
-        f"The unknown {one.variable} at {one.place.label}{unit} over {one.signal}{over}, less what "
-        f"{' and '.join(one.taken) or 'free parameters'} can take of it: {points}."
-    )
-
-
 def structure_lines(closed: ClosedLoop) -> list[str]:
     """What these sensors can tell apart at all, as sentences."""
     told = closed.structure
@@ -265,28 +253,6 @@ def _power(closed: ClosedLoop) -> list[Power]:
     return [Power(one.effect, one.junction, one.size, one.unit) for one in closed.detectable]
 
 
-def _tried(closed: ClosedLoop) -> list[Tried]:
-    rows = []
-    kept = {added.trial.candidate.label: "added" for added in closed.added}
-    for added in closed.added:
-        said = f"a part of the form of {added.trial.candidate.label}"
-        kept |= {one.candidate.label: said for one in added.trial.forms[1:]}
-    for turn in closed.rounds:
-        if turn.chosen is not None:
-            chosen = turn.chosen.candidate
-            stays = chosen.label in kept
-            done = kept.get(chosen.label, "added, taken out again later")
-            rows.append(Tried(chosen.effect.described, chosen.place.label, turn.chosen.gain, done, chosen=stays))
-        rows += [
-            Tried(
-                other.name, other.junction, other.delta_nll, other.why,
-                indistinguishable=other.indistinguishable, separate=other.separate,
-            )
-            for other in turn.alternatives[:_MOST_ALTERNATIVES]
-        ]  # fmt: skip
-    return rows
-
-
 def _notes(closed: ClosedLoop) -> list[str]:
     notes = []
     if closed.confirmation is not None and closed.corrected_holdout.logs:
@@ -299,7 +265,11 @@ def _notes(closed: ClosedLoop) -> list[str]:
             first = next((twin.separate for twin in others if twin.separate), "")
             advice = f" What would: {first}." if first else ""
             notes.append(f"These data do not tell {added.trial.candidate.label} from {names}.{advice}")
-    notes += [*regime_sentences(closed), *formula_sentences(closed), *(_shape(one) for one in closed.unexplained)]
+    notes += [
+        *regime_sentences(closed),
+        *formula_sentences(closed),
+        *(shape_sentence(one) for one in closed.unexplained),
+    ]
     notes.append(f"{noise_sentence(closed.corrected.problem.filter_model, _idle(closed.corrected))}.")
     notes += closed.cautions
     logs = [log.log for part in (closed.nominal_train, closed.nominal_holdout) for log in part.logs]
@@ -321,9 +291,8 @@ def _event(event: Added, fitted: Fit) -> str:
     info = fitted.problem.filter_model.model.parameters[
         fitted.problem.filter_model.model.index("parameter", name)
     ]  # fmt: skip
-    low, high = (info.shown(end) for end in intervals(fitted)[name])
-    unit = "" if info.display_unit in ("", "1") else f" {info.display_unit}"
-    size = f"{shown(info.shown(fitted.values[name]))}{unit} [{shown(low)}, {shown(high)}]"
+    low, high = intervals(fitted)[name]
+    size = with_ends(info.shown(fitted.values[name]), (info.shown(low), info.shown(high)), info.display_unit)
     return (
         f"Event: {trial.candidate.label} acts {trial.gate} ({name} = {size}, {shown(trial.gain)} nats). Time is no "
         "law: the corrected declaration does not have it."
@@ -334,11 +303,7 @@ def summary(data: ReportData) -> str:
     """Verdict, effects and errors before and after, for a terminal; then what could have been found, if nothing was."""
     lines = [f"\n{data.verdict}: {data.explanation}"]
     for effect in data.effects:
-        values = ", ".join(
-            f"{c.name} = {shown(c.value)}{'' if c.unit in ('', '1') else f' {c.unit}'} "
-            f"[{shown(c.ci95[0])}, {shown(c.ci95[1])}]"
-            for c in effect.coefficients
-        )
+        values = ", ".join(f"{one.name} = {with_ends(one.value, one.ci95, one.unit)}" for one in effect.coefficients)
         lines.append(f"  {effect.name} at {effect.junction}: {effect.law}, {values}")
     lines += [f"  {note}" for note in (*data.notes, *data.structure)]
     lines.append(text_of(error_table(data.errors)))

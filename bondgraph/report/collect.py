@@ -5,7 +5,6 @@ from __future__ import annotations
 import importlib.metadata
 import importlib.util
 import platform
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -17,7 +16,7 @@ from bondgraph.declare.graph import BondGraph
 from bondgraph.estimate.initial import directly_measured
 from bondgraph.filter.abstract_run import AbstractRun
 from bondgraph.filter.filter_run import FilterRun
-from bondgraph.report.numbers import shown
+from bondgraph.report.letters import constants, softening
 from bondgraph.report.series import (
     ChannelSeries,
     Coefficient,
@@ -247,26 +246,10 @@ def found_effect(
         Coefficient(info.name, info.shown(values[info.name]), info.display_unit, _shown_interval(info, ci95))
         for info in infos
     )
-    law = ", ".join([effect.law, *_constants(effect, model, values, ci95)])
+    law = ", ".join([effect.law, *constants(effect, place, model, values, ci95)])
+    turned = softening(effect.name, coefficients)
+    law += f" ({turned})" if turned else ""
     return FoundEffect(effect.name, effect.element, place.label, law, coefficients, tuple(evidence))
-
-
-def _constants(
-    effect: Effect, model: Model, values: Mapping[str, float], ci95: Mapping[str, tuple[float, float]]
-) -> list[str]:
-    """The other numbers in a law, as "T = 4.2 s [4.1, 4.3]": shapes as estimated, constants as declared."""
-    letters = set(re.findall(r"[A-Za-z]+", effect.law))
-    own = {name.partition("_")[2] for name in effect.coefficients}
-    found = []
-    for info in model.parameters:
-        name, _, of = info.name.partition("_")
-        letter = name if name in letters else name[:1]
-        if of in own and letter in letters and info.name not in effect.coefficients:
-            unit = "" if info.display_unit in ("", "1") else f" {info.display_unit}"
-            ends = _shown_interval(info, ci95) if info.name in ci95 else None
-            within = "" if ends is None else f" [{shown(ends[0])}, {shown(ends[1])}]"
-            found.append(f"{letter} = {shown(info.shown(values.get(info.name, info.value)))}{unit}{within}")
-    return found
 
 
 def added_nodes(before: BondGraph, after: BondGraph) -> frozenset[str]:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import re
+from collections.abc import Mapping, Sequence
 from typing import cast
 
 from sympy import Abs, Expr, Float, Piecewise, Pow, Symbol
@@ -15,7 +16,12 @@ from bondgraph.declare.graph import BondGraph
 from bondgraph.declare.quantities import Integral, NamedSignal, symbol
 from bondgraph.derive.causality import CausalGraph
 from bondgraph.report.diagram.drawn import Drawing, DrawnBond, DrawnNode, Kind, frame_of
+from bondgraph.report.diagram.labels import LAW_LENGTH, LAW_LINES
 
+#: Letters of a law's text that fit into the box of its element, and those of a name that is long there.
+_FITS, _LONG = LAW_LENGTH * LAW_LINES, 16
+#: Letters that laws use of their own element.
+_OWN_LETTERS = ("q", "p", "E", "t", "F", "v", "tau", "omega", "u", "i")
 DERIVATIVE = "derivative causality"
 _SUPERSCRIPTS = {"2": "²", "3": "³", "4": "⁴"}
 
@@ -53,7 +59,17 @@ def drawing_of(causal: CausalGraph) -> Drawing:
     bonds = tuple(
         DrawnBond(bond.source, bond.target, stroke) for bond, stroke in zip(graph.bonds, causal.strokes, strict=True)
     )
-    return Drawing(graph.name, nodes, bonds, _signals(graph), _definitions(graph))
+    return Drawing(graph.name, nodes, bonds, _signals(graph), (*_definitions(graph), *_abbreviations(graph, nodes)))
+
+
+def _abbreviations(graph: BondGraph, drawn: Sequence[DrawnNode]) -> tuple[tuple[str, str], ...]:
+    """The short names that laws were drawn with, each with its parameter and its element."""
+    pairs = []
+    for node in drawn:
+        for name, letter in short_names(graph.nodes[node.name]).items():
+            if node.law and re.search(rf"\b{letter}\b", node.law) and name.rpartition(".")[2] not in node.law:
+                pairs.append((letter, f"in {node.name} is {name}"))
+    return tuple(pairs)
 
 
 def law_text(node: Node, domain: Domain | None) -> str:
@@ -66,8 +82,38 @@ def law_text(node: Node, domain: Domain | None) -> str:
     effort, flow = (domain.effort_prefix, domain.flow_prefix) if domain else UNDECLARED_PREFIXES
     letters = {"effort": effort, "flow": flow, "displacement": "q", "momentum": "p", "energy": "E", "residual": "0"}
     letters["modulus"] = "r" if node.kind == "GY" else "m"
-    parts = [f"{_lettered(name, letters)} = {_expression(given[name], letters, frame_of(node.name))}" for name in shown]
+    laws = [(name, given[name]) for name in shown]
+    text = _equations(laws, letters, node)
+    return _equations(laws, letters, node, short_names(node)) if len(text) > _FITS else text
+
+
+def _equations(
+    laws: Sequence[tuple[str, Expr]], letters: Mapping[str, str], node: Node, short: Mapping[str, str] | None = None
+) -> str:
+    named = {symbol(name): symbol(letter) for name, letter in (short or {}).items()}
+    frame = frame_of(node.name)
+    parts = [f"{_lettered(name, letters)} = {_expression(law.xreplace(named), letters, frame)}" for name, law in laws]
     return ", ".join(parts)
+
+
+def short_names(node: Node) -> dict[str, str]:
+    """Short names of the parameters of a law that have long ones: what stands before the first underscore.
+
+    Where two would be called the same, or something else is, they are numbered: c1, c2.
+    """
+    used = {one.name for _, law in node.laws for one in symbols_in(law) if signal_name(one) is None}
+    long = sorted(name for name in used if len(name) > _LONG)
+    taken = {*_OWN_LETTERS, *(used - set(long))}
+    stems = [name.rpartition(".")[2].partition("_")[0] for name in long]
+    numbers: dict[str, int] = {}
+    found: dict[str, str] = {}
+    for name, stem in zip(long, stems, strict=True):
+        letter = stem
+        while letter in taken or letter in found.values() or (stems.count(stem) > 1 and letter == stem):
+            numbers[stem] = numbers.get(stem, 0) + 1
+            letter = f"{stem}{numbers[stem]}"
+        found[name] = letter
+    return found
 
 
 def _lettered(name: str, letters: Mapping[str, str]) -> str:

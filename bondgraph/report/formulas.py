@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from bondgraph.correct.evidence.trials import Added, Alternative
+from bondgraph.correct.evidence.trials import Added, Alternative, Trial
 from bondgraph.correct.loop import ClosedLoop
 from bondgraph.correct.result import departs, form_text, intervals
 from bondgraph.correct.round import Round
@@ -40,10 +40,18 @@ def _own_form(closed: ClosedLoop, added: Added) -> str:
         return ""
     text, away = form_text(added, closed), departs(added, closed)
     said = f"{law.candidate.label} has a form of its own: "
-    said += text or " and ".join(f"{one.candidate.effect.name} ({one.candidate.effect.law})" for one in law.forms)
+    said += text or " and ".join(f"{one.candidate.effect.name} ({_law(closed, one)})" for one in law.forms)
     first = law.forms[0].candidate.effect.name
     far = "" if away is None else f"; over the logs no {first} comes nearer to it than {100.0 * away:.0f} %"
     return f"{said}{far}."
+
+
+def _law(closed: ClosedLoop, part: Trial) -> str:
+    """The law of a part of a form; of a formula with its numbers, inner ones among them."""
+    formula = formula_of(part.candidate.function)
+    if formula is None:
+        return part.candidate.effect.law
+    return formula.text(closed.corrected.values, intervals(closed.corrected))
 
 
 def round_of(closed: ClosedLoop, added: Added) -> Round | None:

@@ -17,7 +17,7 @@ from bondgraph.estimate.objective import TraceRow
 from bondgraph.files import write_text
 from bondgraph.report.drawing import Drawing, draw_svg
 from bondgraph.report.embedding import embed, image_of
-from bondgraph.report.numbers import change, shown, with_interval
+from bondgraph.report.numbers import change, shown, with_ends, with_interval
 from bondgraph.report.plots import (
     by_log,
     innovation_figure,
@@ -286,7 +286,8 @@ def _better(before: float, after: float) -> str:
 
 def _between(ends: tuple[float, float]) -> str:
     """An interval in brackets, empty where it is not known."""
-    return f"[{shown(ends[0], 3)}, {shown(ends[1], 3)}]" if all(map(math.isfinite, ends)) else ""
+    middle = 0.5 * (ends[0] + ends[1])
+    return with_ends(middle, ends).partition(" ")[2] if all(map(math.isfinite, ends)) else ""
 
 
 def _p_value(value: float) -> str:

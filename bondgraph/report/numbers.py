@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 
 MISSING = "–"
+#: Digits of a number in double precision.
+_MOST_DIGITS = 15
 
 
 def shown(value: float, digits: int = 3) -> str:
@@ -27,6 +29,30 @@ def shown(value: float, digits: int = 3) -> str:
     return f"{value:.{max(digits - 1 - magnitude, 0)}f}"
 
 
+def with_ends(value: float, ci95: tuple[float, float], unit: str = "") -> str:
+    """A value with its unit and 95 % interval in one text; more digits where its ends would look alike.
+
+    Where the ends are one number, or not known, the value stands alone.
+
+    Examples
+    --------
+    >>> with_ends(0.55873, (0.5184, 0.5991), "kg/m"), with_ends(0.00908123, (0.0090791, 0.0090834))
+    ('0.559 kg/m [0.518, 0.599]', '0.009081 [0.009079, 0.009083]')
+    >>> with_ends(2.0, (2.0, 2.0), "s"), with_ends(2.0, (float("nan"), float("nan")), "1")
+    ('2.00 s', '2.00')
+    >>> with_ends(0.0, (0.0, 0.0173))
+    '0 [0, 0.0173]'
+    """
+    own = "" if unit in ("", "1") else f" {unit}"
+    if math.isnan(ci95[0]) or math.isnan(ci95[1]) or ci95[0] == ci95[1]:
+        return f"{shown(value)}{own}"
+    for digits in range(3, _MOST_DIGITS + 1):
+        text, low, high = (shown(one, digits) for one in (value, *ci95))
+        if low != high and all(text != end or value == one for end, one in zip((low, high), ci95, strict=True)):
+            break
+    return f"{text}{own} [{low}, {high}]"
+
+
 def with_interval(value: float, ci95: tuple[float, float]) -> tuple[str, str]:
     """A value and its 95 % interval, both to the digits that the interval allows.
 
@@ -38,6 +64,8 @@ def with_interval(value: float, ci95: tuple[float, float]) -> tuple[str, str]:
     ('1234', '[1100, 1370]')
     >>> with_interval(2.0, (float("nan"), float("nan")))
     ('2.00', '–')
+    >>> with_interval(2.29841e-5, (2.29832e-5, 2.2985e-5))
+    ('2.29841e-05', '[2.29832e-05, 2.2985e-05]')
     """
     width = abs(ci95[1] - ci95[0])
     if not math.isfinite(width) or width == 0.0 or not math.isfinite(value):
@@ -45,7 +73,8 @@ def with_interval(value: float, ci95: tuple[float, float]) -> tuple[str, str]:
     decimals = max(1 - math.floor(math.log10(width / 2)), 0)
     largest = max(abs(value), abs(ci95[0]), abs(ci95[1]))
     if decimals > 8 or largest >= 1e7:
-        return f"{value:.4g}", f"[{ci95[0]:.4g}, {ci95[1]:.4g}]"
+        digits = min(max(math.floor(math.log10(largest)) - math.floor(math.log10(width / 2)) + 2, 4), _MOST_DIGITS)
+        return f"{value:.{digits}g}", f"[{ci95[0]:.{digits}g}, {ci95[1]:.{digits}g}]"
     return f"{value:.{decimals}f}", f"[{ci95[0]:.{decimals}f}, {ci95[1]:.{decimals}f}]"
 
 

@@ -27,7 +27,7 @@ from bondgraph.declare.quantities import Integral, NamedSignal, Parameter
 from bondgraph.errors import BondGraphError
 from bondgraph.files import write_text
 from bondgraph.syntax import parsed
-from bondgraph.text import inflected
+from bondgraph.text import few, inflected
 
 #: Own variables of laws by what they give; those of storages first.
 _OWN = {"R": {"effort": "flow", "flow": "effort"}, "C": {"effort": "displacement"}, "I": {"flow": "momentum"}}
@@ -104,7 +104,7 @@ class _Translator(ast.NodeTransformer):
         if name in _OWN_FUNCTIONS and hasattr(functions, name):
             return ast.Call(ast.Name(self._writer.use("bondgraph.declare.functions", name)), arguments, [])
         if not isinstance(getattr(sympy, name, None), sympy.FunctionClass):
-            raise _UnwritableError(name)
+            raise _UnwritableError(f"the function {name}")
         return ast.Call(ast.Name(self._writer.use("sympy", name)), arguments, [])
 
 
@@ -138,26 +138,46 @@ def correction_lines(before: BondGraph, after: BondGraph) -> str:
     g.resistance('air', lambda flow: c * flow * abs(flow), at='body')
     g = with_values(g, {'m': 95.0})
     """
+    return _tried(before, after)[0]
+
+
+def _tried(before: BondGraph, after: BondGraph) -> tuple[str, str]:
+    """The lines, and where there are none that make the other graph what cannot be written."""
     writer = _Writer()
     try:
         _write_quantities(writer, before, after)
         _write_nodes(writer, before, after)
         _write_ways(writer, before, after)
         _write_values(writer, before, after)
-    except (_UnwritableError, SyntaxError):
-        return ""
+    except _UnwritableError as error:
+        return "", str(error)
+    except SyntaxError:
+        return "", "a law that is no Python expression"
     imports = [f"from {module} import {', '.join(sorted(names))}" for module, names in sorted(writer.imports.items())]
     text = "\n".join([*imports, *([""] if imports else []), *writer.lines])
-    return text if _gives(text, before, after) else ""
+    missing = _missing(text, before, after)
+    return ("", missing) if missing else (text, "")
 
 
-def _gives(text: str, before: BondGraph, after: BondGraph) -> bool:
+def _missing(text: str, before: BondGraph, after: BondGraph) -> str:
+    """What a graph still lacks of another after lines were run on it, in words; empty where it is that graph."""
     names: dict[str, Any] = {"g": copy(before)}
     try:
         exec(compile(text, "<correction>", "exec"), names)
-    except (BondGraphError, TypeError, ValueError, NameError):
-        return False
-    return bool(names["g"] == after)
+    except (BondGraphError, TypeError, ValueError, NameError) as error:
+        return f"lines that run ({str(error).splitlines()[0]})" if str(error) else "lines that run"
+    made: BondGraph = names["g"]
+    if made == after:
+        return ""
+    other = [name for name, node in after.nodes.items() if made.nodes.get(name) != node]
+    starts = [name for name in other if name in made.nodes and made.nodes[name].laws == after.nodes[name].laws]
+    known = {one.name: one for one in made.quantities.values()}
+    values = [one.name for one in after.quantities.values() if known.get(one.name) != one]
+    said = [f"where {few(starts)} {inflected(starts, 'starts', 'start')}"] if starts else []
+    laws = [name for name in other if name not in starts]
+    said += [f"the {inflected(laws, 'law', 'laws')} of {few(laws)}"] if laws else []
+    said += [f"the {inflected(values, 'definition', 'definitions')} of {few(values)}"] if values else []
+    return " and ".join(said) or "a part of the graph that is no element and no quantity"
 
 
 def _write_quantities(writer: _Writer, before: BondGraph, after: BondGraph) -> None:
@@ -188,7 +208,7 @@ def _parameter(one: Parameter) -> str:
 def _write_defined(writer: _Writer, quantity: Integral | NamedSignal, method: str) -> None:
     value = quantity.of if isinstance(quantity, Integral) else quantity.expression
     if isinstance(quantity, NamedSignal) and quantity.guess is not None:
-        raise _UnwritableError(quantity.name)
+        raise _UnwritableError(f"{quantity.name}, which is solved for")
     text = writer.expression(value, {quantity.name})
     own = f"lambda {quantity.name}: " if method == "integral" and quantity.name in text else ""
     variable = quantity.name.replace(".", "_")
@@ -201,12 +221,12 @@ def _write_defined(writer: _Writer, quantity: Integral | NamedSignal, method: st
 
 def _write_nodes(writer: _Writer, before: BondGraph, after: BondGraph) -> None:
     if [bond for bond in before.bonds if bond not in after.bonds]:
-        raise _UnwritableError("a bond is parted")
+        raise _UnwritableError("an element in the middle of a bond")
     for name, node in after.nodes.items():
         if name not in before.nodes:
             ends = [bond for bond in after.bonds if name in (bond.source, bond.target)]
             if len(ends) != 1 or node.kind not in _BUILDERS:
-                raise _UnwritableError(name)
+                raise _UnwritableError(f"the element {name}")
             junction = ends[0].source if ends[0].target == name else ends[0].target
             writer.lines.append(f"g.{_BUILDERS[node.kind]}({name!r}, {_laws(writer, node)}, at={junction!r})")
         elif node != before.nodes[name]:
@@ -224,7 +244,7 @@ def _laws(writer: _Writer, node: Node) -> str:
     texts = []
     for given, law in node.laws:
         if given not in own:
-            raise _UnwritableError(node.name)
+            raise _UnwritableError(f"the law of {node.name}")
         text = f"lambda {own[given]}: {writer.expression(law, {own[given]})}"
         first = given == ("flow" if node.kind == "I" else "effort")
         texts.append(text if first and node.kind != "I" else f"{given}={text}")
@@ -331,14 +351,36 @@ def write_python(folder: Path, declared: BondGraph, corrected: BondGraph, refere
     OSError
         If a file cannot be written.
     """
-    text = correction_lines(declared, corrected)
+    text, missing = _tried(declared, corrected)
     if not text:
-        return [f"No Python lines write this correction exactly; it stands in {folder / 'corrected_graph.json'}"]
+        why = f"it cannot be written {missing}" if missing.startswith("where ") else f"they cannot write {missing}"
+        where = folder / "corrected_graph.json"
+        return [f"No Python lines write this correction exactly ({why}); it stands in {where}"]
     write_text(folder / "corrected_lines.py", f"# before the return of the declaration, whose graph is g\n{text}\n")
-    said = [f"Python lines for the declaration: {folder / 'corrected_lines.py'}"]
+    only = f" ({_only(text)})" if _only(text) else ""
+    said = [f"Python lines for the declaration{only}: {folder / 'corrected_lines.py'}"]
     patch = declaration_patch(reference, declared, corrected) if reference else ""
     if patch:
         write_text(folder / "correction.patch", patch)
         target = split_reference(reference)[0]
-        said.append(f"as a patch of it: patch {target} {folder / 'correction.patch'}")
+        said.append(f"as a patch of it{only}: patch {target} {folder / 'correction.patch'}")
     return said
+
+
+def _only(text: str) -> str:
+    r"""What lines set that add no law, in words; empty of lines that add or change one.
+
+    Examples
+    --------
+    >>> _only("from bondgraph.declare.editing import with_values\n\ng = with_values(g, {'m': 95.0})")
+    'they set estimated values, no law'
+    >>> _only("g.resistance('air', lambda flow: c * flow, at='body')")
+    ''
+    """
+    own = [line for line in text.splitlines() if line and not line.startswith("from ")]
+    told = {
+        "g = with_inputs_between(": "how inputs run between samples", "g = with_bounds(": "bounds",
+        "g = with_values(": "estimated values",
+    }  # fmt: skip
+    known = [next((words for start, words in told.items() if line.startswith(start)), "") for line in own]
+    return f"they set {' and '.join(dict.fromkeys(known))}, no law" if known and all(known) else ""

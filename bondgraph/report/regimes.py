@@ -8,7 +8,7 @@ from bondgraph.correct.places.regimes import Regime, level_name, regime_of, widt
 from bondgraph.correct.result import intervals
 from bondgraph.declare.effect import Effect
 from bondgraph.estimate.fitted import Fit
-from bondgraph.report.numbers import shown
+from bondgraph.report.numbers import shown, with_ends
 
 
 def named(added: Added, fitted: Fit) -> str:
@@ -30,8 +30,8 @@ def _sentence(added: Added, fitted: Fit) -> str:
     if regime is None:
         return ""
     name = level_name(effect)
-    low, high = intervals(fitted)[name]
-    within = f"{_where(regime, fitted.values[name])} [{shown(low)}, {shown(high)}]"
+    level = with_ends(fitted.values[name], intervals(fitted)[name], regime.unit)
+    within = f"{regime.quantity} is {regime.side} {level}"
     about = f"it comes and goes within {_valued(regime, _width(effect, fitted))} on both sides of that"
     ends = f"the logs cover {shown(regime.span[0])} to {shown(regime.span[1])}"
     return f"Regime: {effect.name} at {added.trial.candidate.place.label} acts where {within}; {about}; {ends}."

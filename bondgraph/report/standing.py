@@ -10,6 +10,9 @@ from bondgraph.correct.loop import ClosedLoop
 from bondgraph.report.numbers import shown
 from bondgraph.text import few
 
+#: Percent by which the error of a free simulation must grow to be said beside a confirmation.
+_CLEARLY = 5
+
 
 def held_out(closed: ClosedLoop, told: Confirmation) -> str:
     """The answer of the logs to what was added, with its numbers."""
@@ -19,6 +22,8 @@ def held_out(closed: ClosedLoop, told: Confirmation) -> str:
         "contradicted": f"The logs contradict the {added}",
         "open": f"The held-out logs neither confirm nor contradict the {added}",
     }[told.standing]
+    if told.standing == "confirmed" and clearly_worse(closed):
+        what = f"{what} one step ahead, but not in free simulation"
     within = f" ± {shown(told.error)}" if math.isfinite(told.error) else ""
     changed = f"the log-likelihood of the held-out logs changes by {shown(told.gain)}{within} nats"
     how = "noise levels scaled to these logs, standard error by blocks of time"
@@ -28,17 +33,41 @@ def held_out(closed: ClosedLoop, told: Confirmation) -> str:
     return said if told.contradictions else f"{said}{_wandering(closed)}"
 
 
-def _wandering(closed: ClosedLoop) -> str:
-    """A sentence on free simulation that gets worse beside a likelihood that does not; empty where none does."""
+def worse_simulated(closed: ClosedLoop) -> list[str]:
+    """A sentence for the headline, where free simulation of held-out logs gets clearly worse by what was added."""
+    worse = clearly_worse(closed)
+    if not worse or closed.verdict == "effect not confirmed":
+        return []
+    what = "correction" if closed.added else "disturbance"
+    return [f"Free simulation of the held-out logs is worse with the {what}: {few(worse)}."]
+
+
+def clearly_worse(closed: ClosedLoop) -> list[str]:
+    """Channels whose free simulation on held-out logs gets worse by more than a few percent, with how much."""
+    return [f"{name} (+{percent} %)" for name, percent in _grown(closed).items() if percent > _CLEARLY]
+
+
+def _grown(closed: ClosedLoop) -> dict[str, int]:
+    """Growth of the errors of free simulation on held-out logs in percent, as the table shows it; those that grow."""
     before, after = closed.nominal_holdout.channels, closed.corrected_holdout.channels
-    grown = {
+    return {
         name: round(100.0 * (one.simulation_rmse / before[name].simulation_rmse - 1.0)) for name, one in after.items()
         if 0.0 < before[name].simulation_rmse < one.simulation_rmse < math.inf
     }  # fmt: skip
-    worse = [f"{name} (+{percent} %)" for name, percent in grown.items() if percent]  # as the table shows them
-    if not worse or closed.corrected.driven <= INDIFFERENT:
+
+
+def _wandering(closed: ClosedLoop) -> str:
+    """A sentence on free simulation that gets worse beside a likelihood that does not; empty where none does."""
+    worse = [f"{name} (+{percent} %)" for name, percent in _grown(closed).items() if percent]
+    if worse and closed.corrected.driven > INDIFFERENT:
+        return (
+            f" Free simulation is worse there in {few(worse)}: it does not follow what drives the machine at random, "
+            "so that one-step errors tell more."
+        )
+    worse = clearly_worse(closed)
+    if not worse:
         return ""
     return (
-        f" Free simulation is worse there in {few(worse)}: it does not follow what drives the machine at random, "
-        "so that one-step errors tell more."
+        f" Free simulation is worse there in {few(worse)}: it predicts the next sample better and the course of a "
+        "whole log worse, so that it is no model to simulate with."
     )

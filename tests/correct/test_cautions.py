@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import re
+
 import bondgraph as bg
-from bondgraph.correct.cautions import cautions_of
+from bondgraph.correct.cautions import at_bounds, cautions_of
 from bondgraph.correct.declared_fit import fit_declared
 from bondgraph.correct.loop import LoopSettings
 from bondgraph.correct.models.started import start_cautions
@@ -19,9 +21,11 @@ def _said(graph: bg.BondGraph) -> str:
 def test_one_parameter_rests_and_several_rest_on_bounds() -> None:
     """A report said that d_d rest on their bounds."""
     one = _said(with_bounds(cart(), {"drag": (7.0, 9.0), "mass": (20.0, 900.0)}))
-    assert "drag rests on its bound in the declared model" in one and "that it stands in for" in one
+    assert "drag (9 N s/m) rests on its bound in the declared model" in one and "that it stands in for" in one
     both = _said(with_bounds(cart(), {"drag": (7.0, 9.0)}))
-    assert "drag, mass rest on their bounds" in both and "that they stand in for" in both
+    assert (
+        re.search(r"drag \(9 N s/m\), mass \(.* kg\) rest on their bounds", both) and "that they stand in for" in both
+    )
 
 
 def test_one_state_stands_and_several_stand_somewhere() -> None:
@@ -29,3 +33,14 @@ def test_one_state_stands_and_several_stand_somewhere() -> None:
     assert "starts v at the declared value" in one and "where it stands" in one and "lead it -" in one
     assert "where they stand" in both and "lead them -" in both
     assert start_cautions([]) == []
+
+
+def test_a_parameter_on_its_bound_in_the_corrected_model_is_told_with_the_bound_and_its_unit() -> None:
+    """Of a rope that was missing the bearing of a lift took what it could, down to its bound, without a word."""
+    graph = with_bounds(cart(), {"drag": (7.0, 9.0), "mass": (20.0, 900.0)})
+    fitted = fit_declared(graph, [log(0.0)], [], LoopSettings(), no_report).fit
+    (said,) = at_bounds(fitted, "corrected", ["drag", "mass"])
+    assert (
+        said.startswith("drag (9 N s/m) rests on its bound in the corrected model") and "an effect is missing" in said
+    )
+    assert at_bounds(fitted, "corrected", ["another"]) == []

@@ -17,6 +17,7 @@ from bondgraph.correct.search.disturbances import described, disturbances
 from bondgraph.data.log import FloatArray, MatchedLog
 from bondgraph.declare.domains import TRANSLATION
 from bondgraph.declare.graph import BondGraph
+from bondgraph.estimate.fitted import Fit
 from bondgraph.estimate.objective import Terms
 from bondgraph.estimate.problem import EstimationProblem
 from bondgraph.report.closed_loop import explanation
@@ -97,7 +98,7 @@ def test_a_wind_that_lasts_is_described_with_its_size_and_its_correlation_time()
     assert all(test.p_value > 0.01 for test in found.whiteness)
 
 
-def test_free_simulation_that_gets_worse_beside_a_confirmation_is_explained() -> None:
+def test_free_simulation_that_gets_worse_beside_a_confirmation_is_explained(monkeypatch: pytest.MonkeyPatch) -> None:
     """A report said "confirm" above a table in which free simulation grew by 28 %."""
     found = closed(GUST)
     told = found.confirmation
@@ -108,10 +109,15 @@ def test_free_simulation_that_gets_worse_beside_a_confirmation_is_explained() ->
     worse = replace(found, corrected_holdout=Assessment((replace(log, channels=errors),)))
     (name,) = errors
     assert f"Free simulation is worse there in {name} (+50 %): it does not follow" in held_out(worse, sure)
+    assert held_out(worse, sure).startswith("The held-out logs confirm the disturbance one step ahead, but not in free")
+    assert f"Free simulation of the held-out logs is worse with the disturbance: {name} (+50 %)." in explanation(worse)
     same = replace(found, corrected_holdout=found.nominal_holdout)
+    assert "Free simulation" not in explanation(same)
     assert "Free simulation" not in held_out(same, sure)
     doubted = held_out(worse, replace(sure, gain=-10.0))
     assert doubted.startswith("The logs contradict") and "one-step errors tell more" not in doubted
+    monkeypatch.setattr(Fit, "driven", 0.0)
+    assert f"worse there in {name} (+50 %): it predicts the next sample better" in held_out(worse, sure)
 
 
 def test_what_cannot_explain_enough_is_not_searched_to_its_end(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -16,7 +16,8 @@ from bondgraph.build import build
 from bondgraph.correct import round as rounds
 from bondgraph.correct.constants import INDIFFERENT, OPTIMISM
 from bondgraph.correct.evidence.context import Context
-from bondgraph.correct.evidence.decide import alternatives, choose
+from bondgraph.correct.evidence.decide import choose
+from bondgraph.correct.evidence.reasons import alternatives
 from bondgraph.correct.evidence.trials import Trial
 from bondgraph.correct.models.candidates import candidates, places
 from bondgraph.correct.round import Round, one_round, unsearched

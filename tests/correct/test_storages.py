@@ -12,7 +12,7 @@ from bondgraph import effects
 from bondgraph.build import build
 from bondgraph.correct.evidence import confirm
 from bondgraph.correct.evidence.context import Context
-from bondgraph.correct.evidence.decide import alternatives
+from bondgraph.correct.evidence.reasons import alternatives
 from bondgraph.correct.evidence.trials import Trial
 from bondgraph.correct.fits.assess import gain_interval, gain_p_value
 from bondgraph.correct.models.candidates import candidates, places

@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 
 from bondgraph import effects
-from bondgraph.correct.evidence.decide import alternatives, choose
+from bondgraph.correct.evidence.decide import choose
+from bondgraph.correct.evidence.reasons import alternatives
 from bondgraph.correct.evidence.transfer import Transfer, folds, left_out, transfer
 from bondgraph.correct.evidence.trials import Trial
-from bondgraph.correct.fits.compared import Compared
+from bondgraph.correct.fits.compared import Compared, Errors, judged
 from bondgraph.correct.loop import ClosedLoop, close_loop
 from bondgraph.correct.result import result_json
 from bondgraph.data.log import MatchedLog
@@ -20,6 +21,7 @@ from bondgraph.estimate.fitted import Fit, at_optimum
 from bondgraph.estimate.local import fit
 from bondgraph.estimate.objective import Terms
 from bondgraph.estimate.problem import EstimationProblem
+from bondgraph.simulate.quantities import OutputInfo
 from tests.correct.sled import FUNCTIONS, added, fitted, pull, sled
 
 DRAG = 0.05
@@ -146,3 +148,14 @@ def test_a_coefficient_that_only_a_fold_shows_is_nothing_without_it(closed: Clos
     expansion = replace(trial.fit.expansion, terms=Terms(moving, scales))
     points = left_out(replace(trial.fit, expansion=expansion), cut, [name]).points
     assert points[k, 0] == 0.0 and points[k, 1] == pytest.approx(trial.fit.point[k], rel=0.3)
+
+
+def test_errors_in_sentences_have_the_declared_unit() -> None:
+    """A sentence said 1.91 -> 3.47 of a speed that the table beside it showed in rpm."""
+    bare = Compared("held-out", "free simulation", "speed", 2.0, 4.0, 1e-9, True)
+    assert str(bare) == "free simulation of speed on held-out logs 2 -> 4 (+100%)"
+    told = replace(bare, info=OutputInfo("speed", "rad/s", "", "rpm"))
+    assert str(told) == "free simulation of speed on held-out logs 19.1 -> 38.2 rpm (+100%)"
+    flat = np.full(4, 4.0)
+    errors = Errors("held-out", "prediction", "speed", flat, flat, np.ones(4), 0.1, told.info)
+    assert judged(errors, False, 1).info is told.info

@@ -13,9 +13,10 @@ from bondgraph.correct.loop import ClosedLoop
 from bondgraph.correct.places.structure import Structure
 from bondgraph.correct.places.unexplained import Unexplained
 from bondgraph.declare.effect import Place, Scale
-from bondgraph.report.closed_loop import _shape, structure_lines, summary
+from bondgraph.report.closed_loop import structure_lines, summary
 from bondgraph.report.html import write_report
 from bondgraph.report.series import Power
+from bondgraph.report.unknown import shape_sentence
 from tests.report.examples import coast_down_report
 
 
@@ -44,9 +45,13 @@ def test_an_unknown_function_is_told_with_the_units_of_both() -> None:
         12.0, 1e-4,
     )  # fmt: skip
     told = "[V] over effort of rope [N], less what free parameters can take of it: 0.0300 ± 0.00500 at -1.00; "
-    assert told in _shape(found)
+    assert told in shape_sentence(found)
+    assert shape_sentence(found).endswith(
+        "Positive values take power from a positive flow there, as a brake does; negative ones drive it."
+    )
+    assert "flow out of the junction" in shape_sentence(replace(found, variable="flow"))
     bare = replace(found, signal="slip", signal_unit="", unit="", taken=("k",))
-    assert "sensor way over slip, less what k can take of it: " in _shape(bare)
+    assert "sensor way over slip, less what k can take of it: " in shape_sentence(bare)
 
 
 def test_outputs_that_add_elements_of_one_junction_are_told_with_the_structure() -> None:

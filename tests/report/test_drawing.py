@@ -16,6 +16,7 @@ from bondgraph.declare.domains import ROTATION, TRANSLATION
 from bondgraph.declare.graph import BondGraph
 from bondgraph.derive.causality import assign_causality
 from bondgraph.errors import DeclarationError, OptionError
+from bondgraph.report.declared import short_names
 from bondgraph.report.diagram.canvas import Line, Primitive, Rectangle, Text
 from bondgraph.report.drawing import (
     Drawing,
@@ -201,3 +202,31 @@ def test_a_declared_graph_is_drawn_with_its_laws_signals_and_strokes() -> None:
     }
     assert causal.derivative
     assert "derivative causality" in draw_svg(drawing)
+
+
+def test_a_long_law_is_drawn_with_short_names_that_are_explained_below() -> None:
+    """A formula was drawn as "F = c_formula_magnitude_ ..." and cut there."""
+    g = BondGraph("platform")
+    body = g.one_junction("body", TRANSLATION)
+    g.inertance("mass", g.parameter("m", 4.0, "kg"), at=body)
+    one = g.parameter("c1_magnitude_of_flow_of_body_body", 2.0, "N s/m")
+    two = g.parameter("c2_magnitude_of_flow_of_body_body", 2.0, "N/(m/s)^2")
+    g.resistance("formula", lambda v: one * abs(v) + two * v * abs(v), at=body)
+    c = g.parameter("c_quadratic_loss_body", 2.0, "N s/m")
+    g.resistance("short", lambda v: c * v, at=body)
+    drawing = drawing_of(assign_causality(g))
+    laws = {node.name: node.law for node in drawing.nodes}
+    assert laws["formula"] == "F = c1·|v| + c2·v·|v|" and laws["short"] == "F = c_quadratic_loss_body·v"
+    assert ("c1", "in formula is c1_magnitude_of_flow_of_body_body") in drawing.definitions
+    assert "in formula is c2_magnitude_of_flow_of_body_body" in draw_svg(drawing)
+    assert not [text for _, text in drawing.definitions if "quadratic" in text]
+
+
+def test_short_names_are_told_apart() -> None:
+    g = BondGraph("platform")
+    body = g.one_junction("body", TRANSLATION)
+    every = [g.parameter(name, 2.0, "N") for name in ("c_quadratic_of_one_place", "c_quadratic_of_other_place", "c")]
+    node = g.resistance("sum", lambda v: sum(every) * v, at=body)
+    assert short_names(g.nodes[node.name]) == {
+        "c_quadratic_of_one_place": "c1", "c_quadratic_of_other_place": "c2",
+    }  # fmt: skip

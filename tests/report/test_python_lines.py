@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shutil
 import subprocess
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -14,6 +15,7 @@ from bondgraph.declare.editing import copy, with_inputs_between, with_values
 from bondgraph.declare.effect import EffectFunction, Place, Scale, effect_functions
 from bondgraph.declare.elements import Node
 from bondgraph.declare.handles import Handle
+from bondgraph.declare.quantities import Start
 from bondgraph.declare.revision import revise_output
 from bondgraph.effects import friction, loads, losses, storages
 from bondgraph.report.python_lines import correction_lines, declaration_patch, write_python
@@ -154,4 +156,21 @@ def test_a_correction_without_lines_says_so(tmp_path: Path) -> None:
     declared, corrected = bg.BondGraph("one"), bg.BondGraph("other")
     (said,) = write_python(tmp_path, declared, corrected)
     assert said.startswith("No Python lines") and "corrected_graph.json" in said
+    assert "they cannot write a part of the graph that is no element and no quantity" in said
     assert not (tmp_path / "corrected_lines.py").exists()
+
+
+def test_lines_that_add_no_law_say_so_and_what_cannot_be_written_is_named(file: Path, tmp_path: Path) -> None:
+    """Beside a verdict that nothing is missing stood lines and a patch, as if there were a law in them."""
+    declared = bg.build(str(file)).graph
+    estimated = with_values(declared, {"mass": 95.0})
+    for line in write_python(tmp_path, declared, estimated, str(file)):
+        assert "(they set estimated values, no law): " in line
+    begun = copy(declared)
+    name, node = next((name, node) for name, node in begun.nodes.items() if node.kind == "I")
+    begun._nodes[name] = replace(node, starts=(Start("speed", 2.0),))
+    (said,) = write_python(tmp_path, declared, begun)
+    assert f"(it cannot be written where {name} starts)" in said
+    begun.add_node(Node("second", "0", bg.TRANSLATION))
+    (said,) = write_python(tmp_path, declared, begun)
+    assert "they cannot write the element second" in said

@@ -1,4 +1,4 @@
-"""Decisions: which candidate, if any, the training logs ask for, and which others they cannot tell from it.
+"""Decisions: which candidate, if any, the training logs ask for.
 
 A candidate must pass three hurdles, all corrected for the number of candidates tried (Bonferroni): the likelihood
 ratio test; a test of its coefficient with the block-sandwich variance, which coloured noise does not deceive; and the
@@ -14,7 +14,7 @@ import numpy as np
 from scipy import stats
 
 from bondgraph.correct.constants import BLOCKS, INDIFFERENT, POWER
-from bondgraph.correct.evidence.trials import Alternative, Detectable, Evidence, Trial
+from bondgraph.correct.evidence.trials import Detectable, Evidence, Trial
 from bondgraph.correct.fits.times import summed, term_times
 from bondgraph.correct.fits.whiteness import is_white
 from bondgraph.correct.models.candidates import Candidate
@@ -264,100 +264,38 @@ def choose(trials: Sequence[Trial], level: float) -> Trial | None:
     """
     fitted = [trial for trial in trials if trial.fit is not None and trial.transfers]
     passed = [trial for trial in fitted if trial.evidence is not None and trial.evidence.accepted(level)]
-    if passed and _has_one_sensor(passed[0]):
+    if passed and has_one_sensor(passed[0]):
         laws = [trial for trial in passed if not trial.candidate.effect.channel]
-        told = max((_bic_gain(one) for one in trials if not one.candidate.effect.channel), default=-math.inf)
+        told = max((preferred_gain(one) for one in trials if not one.candidate.effect.channel), default=-math.inf)
         faults = [one for one in passed if one.candidate.effect.kind != "drift"]
-        passed = laws or [one for one in faults if _bic_gain(one) > told + INDIFFERENT and _is_all(one, level)]
-    best = max(passed, key=_bic_gain, default=None)
+        passed = laws or [
+            one for one in faults if preferred_gain(one) > told + INDIFFERENT and leaves_white(one, level)
+        ]
+    best = max(passed, key=preferred_gain, default=None)
     forms = [one for one in passed if one.completes]
-    own = max(forms, key=_bic_gain, default=None)
-    if best is not None and own is not None and _bic_gain(own) > _bic_gain(best) - INDIFFERENT:
+    own = max(forms, key=preferred_gain, default=None)
+    if best is not None and own is not None and preferred_gain(own) > preferred_gain(best) - INDIFFERENT:
         return own
     return best
 
 
-def _is_all(trial: Trial, level: float) -> bool:
+def leaves_white(trial: Trial, level: float) -> bool:
     """True for a trial that leaves innovations that could be white."""
     assert trial.fit is not None  # it was refitted
     return is_white(trial.fit, level)
 
 
-def _has_one_sensor(trial: Trial) -> bool:
+def has_one_sensor(trial: Trial) -> bool:
     """True where a single channel was measured."""
     assert trial.fit is not None  # it was refitted
     seen = np.array([np.isfinite(log.y).any(axis=1) for log in trial.fit.problem.logs]).any(axis=0)
     return int(seen.sum()) == 1
 
 
-def _bic_gain(trial: Trial) -> float:
+def preferred_gain(trial: Trial) -> float:
+    """Penalised gain by which trials are ranked, less a handicap of a formula and of a regime."""
     if trial.evidence is None:
         return -math.inf
     effect = trial.candidate.effect
     preferred = trial.completes or not (effect.formula or effect.regime)  # a known law that acts everywhere is
     return trial.evidence.bic_gain - (0.0 if preferred else INDIFFERENT)
-
-
-def alternatives(
-    chosen: Trial | None, trials: Sequence[Trial], found: Scores, level: float, most: int = 12
-) -> list[Alternative]:
-    """The other candidates, best first, each with the reason it was not chosen."""
-    ranked = sorted((t for t in trials if t is not chosen), key=lambda t: -t.gain)
-    order = {trial.candidate.label: index for index, trial in enumerate(trials)}
-    listed = [] if chosen is None or not chosen.candidate.effect.formula else _twins(chosen)
-    for trial in ranked:
-        close, why = _why_not(chosen, trial, found, order, level)
-        why = f"acting {trial.gate}, {why}" if trial.gate else why
-        why += f"; {trial.remark}" if trial.remark else ""
-        if close or trial.failed or len(listed) < most:
-            place = trial.candidate.place.label
-            listed.append(Alternative(trial.candidate.effect.described, place, trial.gain, close, why))
-        if close and trial.gate is not None:
-            listed += _twins(trial)
-    return listed
-
-
-def _twins(trial: Trial) -> list[Alternative]:
-    """Candidates that show in the same way as a trial, for which it stands."""
-    same = f"its response is that of {trial.candidate.label} to these sensors"
-    names = [label.partition(" at ") for label in trial.stands_for]
-    return [Alternative(name, where, trial.gain, True, same) for name, _, where in names]
-
-
-def _why_not(
-    chosen: Trial | None, trial: Trial, found: Scores, order: dict[str, int], level: float
-) -> tuple[bool, str]:
-    if trial.failed:
-        return False, f"it could not be tried to the end: {trial.failed}"
-    if trial.fit is not None and (within := within_a_sample(trial.fit, trial.candidate.effect)):
-        return False, within
-    if trial.candidate.effect.kind == "drift" and trial.fit is not None and _has_one_sensor(trial):
-        return False, "a drift of the only sensor is not told from what is slow in the machine"
-    if trial.transfer is not None and not trial.transfer.passes:
-        return False, f"it does not transfer to data that it was not estimated from: {trial.transfer.why_not}"
-    if chosen is None:
-        if trial.evidence is None:
-            return False, f"its score promises {trial.score_gain:.1f} nats, too little to be refitted"
-        return False, f"p = {trial.p_value:.2g}, above {level:g}"
-    if trial.evidence is None:
-        a, b = order[chosen.candidate.label], order[trial.candidate.label]
-        size = found.correlation.shape[0]
-        alike = float(found.correlation[a, b]) if max(a, b) < size else 0.0
-        lost = (1.0 - alike**2) * chosen.gain
-        if trial.score_gain > 0.0 and lost < INDIFFERENT:
-            return True, f"its response is the same to these sensors (correlation {alike:.4f}, {lost:.1f} nats less)"
-    short = chosen.gain - trial.gain
-    if trial.evidence is not None and short <= -INDIFFERENT:
-        return False, f"it gains {-short:.1f} nats more, but p = {trial.p_value:.2g} is above {level:g}"
-    if trial.evidence is not None and abs(short) < INDIFFERENT:
-        return True, f"its likelihood is within {abs(short):.1f} nats, which these data do not tell apart"
-    if trial.instead is not None and trial.instead[0] == chosen.candidate.label and trial.instead[1] < INDIFFERENT:
-        return True, f"in its place it would do as well ({trial.instead[1]:.1f} nats less)"
-    return False, f"{_said(trial)} {short:.1f} nats less than {chosen.candidate.label}"
-
-
-def _said(trial: Trial) -> str:
-    if trial.evidence is None:
-        return "its score promises"
-    finished = trial.fit is None or trial.fit.outcome.succeeded
-    return "refitted, it gains" if finished else "its refit was given up while it gained"

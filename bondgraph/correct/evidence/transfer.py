@@ -235,7 +235,8 @@ def _ahead(
     """Predictions of left-out folds over the horizon, without the effect and with it."""
     logs = refit.problem.logs
     seconds = horizon(refit, logs)
-    names = refit.problem.filter_model.model.names("output")
+    infos = refit.problem.filter_model.model.outputs
+    names = [info.name for info in infos]
     noise = refit.problem.batch(refit.point[:, np.newaxis]).noise_std[:, 0]
     pieces: dict[str, list[tuple[float, float, int]]] = {}
     for k, fold in enumerate(cut):
@@ -252,10 +253,11 @@ def _ahead(
         for row, name in enumerate(names):
             pieces.setdefault(name, []).extend(squares(own.y[row], [y[row] for y in shown], parts))
     found = []
-    for row, name in enumerate(names):
-        told = np.array(pieces.get(name, []), dtype=np.float64).reshape(-1, 3)
+    for row, info in enumerate(infos):
+        told = np.array(pieces.get(info.name, []), dtype=np.float64).reshape(-1, 3)
         if told.size:
-            found.append(Errors("left-out", "prediction", name, told[:, 0], told[:, 1], told[:, 2], float(noise[row])))
+            columns = told[:, 0], told[:, 1], told[:, 2]
+            found.append(Errors("left-out", "prediction", info.name, *columns, float(noise[row]), info))
     return tuple(judged(one, False, len(found)) for one in found)
 
 

@@ -19,6 +19,7 @@ from bondgraph.correct.constants import LEVEL
 from bondgraph.correct.fits.horizon import horizon, predicted, windows
 from bondgraph.data.log import FloatArray, MatchedLog
 from bondgraph.estimate.fitted import Fit
+from bondgraph.simulate.quantities import OutputInfo
 
 Data = Literal["training", "held-out", "left-out"]
 Kind = Literal["prediction", "free simulation"]
@@ -29,7 +30,7 @@ class Compared:
     """One channel before and after a correction: root mean square errors in its unit, over all logs of one kind.
 
     ``p_worse``: chance that the error seems to grow so much though it does not. ``clearly`` worse: that is less than
-    chance allows, and what was added exceeds what the sensor's noise hides.
+    chance allows, and what was added exceeds what the sensor's noise hides. ``info`` knows the declared unit.
     """
 
     data: Data
@@ -39,10 +40,14 @@ class Compared:
     after: float
     p_worse: float
     clearly: bool
+    info: OutputInfo | None = None
 
     def __str__(self) -> str:
+        """The errors in words, in the unit in which the channel was declared."""
         grown = f" ({self.after / self.before - 1.0:+.0%})" if self.before > 0.0 and math.isfinite(self.after) else ""
-        return f"{self.kind} of {self.channel} on {self.data} logs {self.before:.3g} -> {self.after:.3g}{grown}"
+        before, after = (one if self.info is None else self.info.shown(one) for one in (self.before, self.after))
+        unit = "" if self.info is None or self.info.display_unit in ("", "1") else f" {self.info.display_unit}"
+        return f"{self.kind} of {self.channel} on {self.data} logs {before:.3g} -> {after:.3g}{unit}{grown}"
 
 
 @dataclass(frozen=True)
@@ -56,6 +61,7 @@ class Errors:
     after: FloatArray
     weight: FloatArray
     noise: float
+    info: OutputInfo | None = None
 
 
 def squares(
@@ -75,12 +81,12 @@ def squares(
 def judged(one: Errors, random: bool, count: int) -> Compared:
     """True for a channel that is clearly worse after the correction, among ``count`` comparisons."""
     if not one.weight.size:
-        return Compared(one.data, one.kind, one.channel, math.nan, math.nan, 1.0, False)
+        return Compared(one.data, one.kind, one.channel, math.nan, math.nan, 1.0, False, one.info)
     before, after = (float(np.average(values, weights=one.weight)) for values in (one.before, one.after))
     p_worse = _p_worse(one.after - one.before, one.weight)
     margin = max(one.noise**2, before if random and one.kind == "free simulation" else 0.0)
     clearly = p_worse * count < LEVEL and after - before > margin
-    return Compared(one.data, one.kind, one.channel, math.sqrt(before), math.sqrt(after), p_worse, clearly)
+    return Compared(one.data, one.kind, one.channel, math.sqrt(before), math.sqrt(after), p_worse, clearly, one.info)
 
 
 def predicts_worse(first: Fit, second: Fit, logs: Sequence[MatchedLog]) -> bool:

@@ -87,5 +87,8 @@ def _rated(log: MatchedLog, before: Model, after: Model) -> MatchedLog:
             rows.append(log.u[own.index(info.name)])
         else:
             rows.append(slopes(log.time, log.u[own.index(info.rate_of)]))
-            notes.append(f"effects that store need the rate of input {info.rate_of!r}: the slope between its samples")
+            notes.append(
+                f"how fast input {info.rate_of!r} changes is taken from the slope between its samples: laws that store "
+                "energy beside it (an inductance, a capacity, an inertia) need that, and no column holds it"
+            )
     return replace(log, u=np.array(rows).reshape(-1, log.time.size), notes=tuple(notes))

@@ -42,7 +42,11 @@ def with_numbers(law: Expr, values: Mapping[str, float], ends: Intervals | None 
     >>> c, d, x = sympy.symbols("c_law d_law x")
     >>> with_numbers(c * sympy.tanh(x / d) + x / Float(18.0), {"c_law": -2.0, "d_law": 0.1234567})
     '-2*tanh(x/0.123) + 0.0556*x'
+    >>> with_numbers(c * sympy.tanh(x / d) + x, {"c_law": 0.0, "d_law": 2.0})  # a part that is nothing is left out
+    'x'
     """
+    gone = law.xreplace({one: sympy.Integer(0) for one in law.free_symbols if values.get(one.name) == 0.0})
+    law = law if gone.has(sympy.nan, sympy.zoo, sympy.oo) else gone
     negative = {one: -one for one in law.free_symbols if values.get(one.name, 0.0) < 0.0}
     shown = {name: rounded(abs(value), _turned(name, value, ends), digits) for name, value in values.items()}
     return str(_Numbers(shown, digits).doprint(sympy.factor_terms(law.xreplace(negative))))
