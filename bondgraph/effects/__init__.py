@@ -10,11 +10,13 @@ hysteresis   friction that gives way before it slides, as Dahl, as Bouc and Wen,
 losses       in proportion to the load, by direction, creep, slip, leaks, thresholds, centrifugal belt tension,
              tyres whose force builds up over a length
 thermal      heat given away by conduction, convection, radiation; a heat capacity that changes
-between      leaks, friction and fluid couplings between two junctions of one domain; clutches that slip
+between      leaks, friction and fluid couplings between two junctions of one domain; clutches and
+             couplings that slip
 loads        constant efforts and flows, headwind, ripple
-actuators    wrong scale and lag of sources and ratios, ceiling, dead zone, rate of what follows a command
+actuators    wrong scale and lag of sources and ratios, ceiling, dead zone, rate of what follows a command; motors
+             whose constant falls with the current
 relaxation   cells that polarise, walls that take up heat slowly, viscoelastic drag
-storages     added inertia, capacity, compliance; backlash, stops, springs that harden, iron that saturates
+storages     added inertia, capacity, compliance; backlash, stops, springs that harden, gas, iron that saturates
 fading       resistances that change with temperature, batteries that fall with their charge
 sensors      faults of sensors, which the loop itself tries beside these
 """
@@ -53,12 +55,14 @@ from bondgraph.effects.storages import added_compliance as added_compliance
 from bondgraph.effects.storages import added_inertia as added_inertia
 from bondgraph.effects.storages import backlash as backlash
 from bondgraph.effects.storages import end_stop as end_stop
+from bondgraph.effects.storages import gas_storage as gas_storage
 from bondgraph.effects.storages import hardening_spring as hardening_spring
 from bondgraph.effects.storages import magnetic_saturation as magnetic_saturation
 from bondgraph.effects.storages import one_sided_stop as one_sided_stop
 from bondgraph.effects.storages import progressive_spring as progressive_spring
 from bondgraph.effects.actuators import ratio_lag as ratio_lag
 from bondgraph.effects.actuators import ratio_scale as ratio_scale
+from bondgraph.effects.actuators import modulus_fading as modulus_fading
 from bondgraph.effects.actuators import actuator_ceiling as actuator_ceiling
 from bondgraph.effects.actuators import actuator_dead_zone as actuator_dead_zone
 from bondgraph.effects.actuators import actuator_rate_limit as actuator_rate_limit
@@ -67,6 +71,7 @@ from bondgraph.effects.between import orifice_between as orifice_between
 from bondgraph.effects.between import drag_between as drag_between
 from bondgraph.effects.between import friction_between as friction_between
 from bondgraph.effects.between import fluid_coupling_between as fluid_coupling_between
+from bondgraph.effects.between import coupling_slip as coupling_slip
 from bondgraph.effects.thermal import radiation_between as radiation_between
 from bondgraph.effects.relaxation import polarisation as polarisation
 from bondgraph.effects.relaxation import slow_heat_capacity as slow_heat_capacity

@@ -1,11 +1,13 @@
 """Actuators that do not give what they are told: wrong maps, lags, ceilings, dead zones, slow rates.
 
 An actuator is a source, a resistance, a transformer or a gyrator whose law follows an input of the graph: a motor's
-torque, a heater, a brake, a valve, a ratio. Levers and switches, which are held between samples, are none.
+torque, a heater, a brake, a valve, a ratio. Levers and switches, which are held between samples, are none. A motor is
+one too, whose constant falls as its current grows.
 
 References: Guzzella, Onder (2010), Introduction to Modeling and Control of Internal Combustion Engine Systems, chapter
 2, for the lag of an engine's torque; Tao, Kokotovic (1996), Adaptive Control of Systems with Actuator and Sensor
-Nonlinearities, chapter 2, for dead zones; Hippe (2006), Windup in Control, chapter 1, for ceilings.
+Nonlinearities, chapter 2, for dead zones; Hippe (2006), Windup in Control, chapter 1, for ceilings; Krause, Wasynczuk,
+Sudhoff (2013), Analysis of Electric Machinery and Drive Systems, for motors.
 """
 
 from __future__ import annotations
@@ -14,17 +16,29 @@ from collections.abc import Sequence
 
 from sympy import tanh
 
+from bondgraph.declare.domains import ELECTRICAL
 from bondgraph.declare.effect import Effect, Place
 from bondgraph.declare.elements import TWO_PORTS, Node
 from bondgraph.declare.functions import clip
 from bondgraph.declare.graph import BondGraph
 from bondgraph.declare.quantities import Input
 from bondgraph.declare.revision import replace_input, revise_law
-from bondgraph.effects.places import ceiling, commanded, commands, effort_unit, flow_unit, lateness, over
+from bondgraph.effects.places import (
+    ceiling,
+    commanded,
+    commands,
+    effort_unit,
+    flow_unit,
+    gyrators_at,
+    has_flow,
+    lateness,
+    over,
+)
 
 _ENGINE = "Guzzella, Onder (2010), Modeling and Control of Internal Combustion Engine Systems, chapter 2"
 _CEILING = "Hippe (2006), Windup in Control, chapter 1"
 _DEAD_ZONE = "Tao, Kokotovic (1996), Adaptive Control of Systems with Actuator and Sensor Nonlinearities, chapter 2"
+_MACHINERY = "Krause, Wasynczuk, Sudhoff (2013), Analysis of Electric Machinery and Drive Systems"
 #: What an element of each kind gives.
 _GIVES = {"Se": "effort", "Sf": "flow", "R": "effort", "TF": "modulus", "GY": "modulus"}
 #: Sources and resistances, which give an effort or a flow.
@@ -55,6 +69,27 @@ def _scaled(g: BondGraph, at: Place, effect: str, kinds: Sequence[str]) -> Effec
     return Effect(
         effect, node.name, f"{given} = (1 + s)*declared", (share.name,), reference=_ENGINE,
         manoeuvre="the command at several levels",
+    )  # fmt: skip
+
+
+def modulus_fading(g: BondGraph, at: Place) -> Effect | None:
+    """Constant of a motor that falls as its current grows: saturated iron, magnets that the armature weakens.
+
+    Torque and voltage fall alike, so that it loses no power.
+    """
+    motors = gyrators_at(g, at) if has_flow(at) and at.domain == ELECTRICAL else []
+    known = {parameter.symbol for parameter in g.flatten().parameters}
+    law = motors[0].law("modulus") if len(motors) == 1 else None
+    if law is None or not law.free_symbols <= known:
+        return None
+    name = f"modulus_fading_{at.name}"
+    limit = 2.0 / at.scale.flow**2
+    c = g.parameter(f"c_{name}", 0.0, over("1", flow_unit(at), 2), "1 over the square of a current", (0.0, limit))
+    current = at.junction.flow
+    revise_law(g, motors[0].name, "modulus", lambda old: old / (1 + c * current**2))
+    return Effect(
+        "modulus_fading", motors[0].name, "modulus = declared/(1 + c*flow^2)", (c.name,), reference=_MACHINERY,
+        manoeuvre="small and large currents, at standstill and at speed",
     )  # fmt: skip
 
 

@@ -45,7 +45,7 @@ class Bench:
 
 
 def drive() -> Bench:
-    """A motor that moves a carriage through a gear, an elastic shaft, a belt that may slip and a screw."""
+    """A motor that moves a carriage on a bellows through a gear, an elastic shaft, a belt that may slip and a screw."""
     g = BondGraph("drive")
     torque = g.input("torque", "N m", "command of the motor")
     ratio = g.input("ratio", "1", "ratio of the gear", default=2.0)
@@ -69,6 +69,12 @@ def drive() -> Bench:
     g.inertance("mass", g.parameter("m", 20.0, "kg", "carriage"), at=carriage, state="v")
     drag = g.parameter("drag", 3.0, "N s^2/m^2", "air")
     g.resistance("air", lambda flow: drag * flow * Abs(flow), at=carriage)
+    mount, bellows = g.zero_junction("mount", TRANSLATION), g.one_junction("bellows", TRANSLATION)
+    g.bond(carriage, mount)
+    pad = g.parameter("pad", 500.0, "N s/m", "pad that gives way beside the bellows")
+    g.resistance("give", flow=lambda effort: effort / pad, at=mount)
+    g.bond(mount, bellows)
+    g.compliance("cushion", g.parameter("k_b", 500.0, "N/m", "stiffness of the bellows"), at=bellows, state="pressed")
     g.measure("position", g.integral("x", carriage.flow, "m", "position of the carriage"), "m")
     g.integral("angle", rotor.flow, "rad", "angle of the rotor")
     g.measure_flow("speed", rotor, "speed of the rotor")
@@ -76,7 +82,7 @@ def drive() -> Bench:
 
 
 def circuit() -> Bench:
-    """A coil with a condenser, whose wire warms a body."""
+    """A coil with a condenser, whose wire warms a body and whose current turns a fan."""
     g = BondGraph("circuit")
     voltage = g.input("voltage", "V", "command of the amplifier")
     loop, node = g.one_junction("loop", ELECTRICAL), g.zero_junction("node", ELECTRICAL)
@@ -84,6 +90,8 @@ def circuit() -> Bench:
     g.effort_source("amplifier", voltage, at=loop)
     g.inertance("coil", g.parameter("L", 0.1, "V s/A", "inductance"), at=loop, state="i")
     g.resistance("wire", g.parameter("R", 2.0, "V/A", "wire"), at=loop)
+    fan = g.resistance("fan", g.parameter("d_f", 1e-3, "N m s", "drag of the fan"))
+    g.gyrator("motor", g.parameter("k_m", 0.02, "N m/A", "constant of its motor"), loop, fan)
     g.bond(loop, node)
     g.compliance("condenser", 1 / g.parameter("C", 1e-3, "A s/V", "capacitance"), at=node, state="q")
     g.bond(node, load)

@@ -1,12 +1,14 @@
 """Laws between two junctions of one domain: what leaks from one chamber into another, or rubs between two shafts.
 
 Between two 0-junctions, whose efforts differ, something flows; between two 1-junctions, whose flows differ, an effort
-acts on both. Reference: Karnopp, Margolis, Rosenberg (2012), System Dynamics, chapters 3 and 4.
+acts on both. What joins two speeds rigidly may slip. References: Karnopp, Margolis, Rosenberg (2012), System Dynamics,
+chapters 3 and 4; Firbank (1970), Mechanics of the belt drive, Int. J. Mech. Sci. 12; Childs (2019), Mechanical Design
+Engineering Handbook, for belts and couplings.
 """
 
 from __future__ import annotations
 
-from sympy import Abs, tanh
+from sympy import Abs, sqrt, tanh
 
 from bondgraph.declare.domains import HYDRAULIC, ROTATION
 from bondgraph.declare.editing import split_bond
@@ -29,6 +31,7 @@ from bondgraph.effects.places import (
 _BOND_GRAPHS = "Karnopp, Margolis, Rosenberg (2012), System Dynamics, chapter 4"
 _ORIFICE = "Merritt (1967), Hydraulic Control Systems, chapter 3"
 _COUPLING = "Naunheimer, Bertsche, Ryborz, Novak (2011), Automotive Transmissions, chapter 10"
+_BELT_SLIP = "Firbank (1970), Int. J. Mech. Sci. 12; Childs (2019), Mechanical Design Engineering Handbook"
 _SURVEY = "Armstrong-Helouvry, Dupont, Canudas de Wit (1994), Automatica 30(7)"
 #: What a flow in proportion to a difference of efforts is called.
 _LEAK = Words("", "leakage_between", "leakage_between", "heat_bridge", "exchange_between")
@@ -123,6 +126,32 @@ def clutch_slip(g: BondGraph, at: Place) -> Effect | None:
     return Effect(
         "clutch_slip", name, "effort = c*tanh(slip/w)", (limit.name,), adds_state=True, reference=_SURVEY,
         amplitudes=(0.5, 0.7, 0.85), manoeuvre="loads up to the largest",
+    )  # fmt: skip
+
+
+def coupling_slip(g: BondGraph, at: Place) -> Effect | None:
+    """Slip of a connection declared as rigid: a belt, a viscous or friction coupling, a clutch, a tyre.
+
+    Under small loads it slips in proportion to the effort; beyond its largest effort it passes no more.
+    """
+    if at.bond is None or not joins_speeds(g, at):
+        return None
+    name = f"coupling_slip_{at.name}"
+    size, loosest = at.scale.effort, 0.5 * at.scale.flow / at.scale.effort
+    c = g.parameter(
+        f"c_{name}", 1e-2 * loosest, over(flow_unit(at), effort_unit(at)), f"slip per effort of {at.label}",
+        (2e-3 * loosest, loosest),
+    )  # fmt: skip
+    # a start well above the load: what slips without end says nothing of how it slips under less
+    limit = g.parameter(
+        f"m_{name}", 2.0 * size, effort_unit(at), f"largest effort that {at.label} passes", (0.5 * size, 10.0 * size)
+    )
+    middle = split_bond(g, at.bond, Node(f"z_{name}", "0", at.domain))
+    g.resistance(name, lambda flow: flow / c / sqrt(1 + (flow / (c * limit)) ** 2), at=middle)
+    return Effect(
+        "coupling_slip", name, "effort = x/sqrt(1 + (x/m)^2), x = slip/c", (c.name,), adds_state=True,
+        shapes=(limit.name,), reference=_BELT_SLIP, dissipative=True,
+        manoeuvre="light and heavy loads, with a sensor on each side",
     )  # fmt: skip
 
 

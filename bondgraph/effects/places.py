@@ -230,6 +230,14 @@ def driven_from(g: BondGraph, at: Place, kind: str) -> list[Node]:
     return [node for node in ends if node.kind == kind]
 
 
+def gyrators_at(g: BondGraph, at: Place) -> list[Node]:
+    """The gyrators at a junction, from whichever side they are bonded to it."""
+    flat = g.flatten()
+    ends = [flat.bonds[index] for index, _ in flat.incidence()[at.junction.name]]
+    others = (flat.nodes[bond.target if bond.source == at.junction.name else bond.source] for bond in ends)
+    return [node for node in others if node.kind == "GY"]
+
+
 def yielding(g: BondGraph, at: Place) -> tuple[Node, Expr] | None:
     """The viscous resistance that sets the flow of a junction without inertia, and its coefficient.
 

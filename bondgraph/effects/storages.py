@@ -1,8 +1,9 @@
-"""Storages that were not declared, and those whose law is not straight: inertia, elasticity, play, stops, saturation.
+"""Storages that were not declared, and those whose law is not straight: inertia, elasticity, play, gas, saturation.
 
 References: Karnopp, Margolis, Rosenberg (2012), System Dynamics, chapter 4; Nordin, Gutman (2002), Automatica 38(10),
 for backlash as a dead zone of an elastic shaft; Duffing (1918), Erzwungene Schwingungen, for springs that harden;
-Trutt, Erdelyi, Hopkins (1968), IEEE Trans. PAS 87(3), for the magnetisation of iron.
+Trutt, Erdelyi, Hopkins (1968), IEEE Trans. PAS 87(3), for the magnetisation of iron; Pourmovahed, Otis (1990), ASME J.
+Dyn. Syst. Meas. Control 112(1), for gas that exchanges little heat while it is compressed.
 """
 
 from __future__ import annotations
@@ -16,11 +17,11 @@ from bondgraph.declare.domains import ELECTRICAL, HYDRAULIC, ROTATION, TRANSLATI
 from bondgraph.declare.editing import split_bond
 from bondgraph.declare.effect import Effect, Place
 from bondgraph.declare.elements import Node
-from bondgraph.declare.functions import clip, maximum
+from bondgraph.declare.functions import clip, maximum, minimum
 from bondgraph.declare.graph import BondGraph, Handle
 from bondgraph.declare.quantities import symbol
 from bondgraph.declare.revision import revise_law
-from bondgraph.derive.laws import linear_coefficient
+from bondgraph.derive.laws import linear_coefficient, slope
 from bondgraph.effects.places import (
     Words,
     effort_unit,
@@ -37,11 +38,15 @@ from bondgraph.effects.places import (
 _STORAGES = "Karnopp, Margolis, Rosenberg (2012), System Dynamics, chapter 4"
 _DUFFING = "Duffing (1918), Erzwungene Schwingungen bei veränderlicher Eigenfrequenz"
 _STOP = "Karnopp, Margolis, Rosenberg (2012), System Dynamics, chapter 8"
+_GAS_LAW = "Pourmovahed, Otis (1990), ASME J. Dyn. Syst. Meas. Control 112(1)"
 #: What laws are called in each domain.
 _INERTIA = Words("added_inertia", "added_inductance", "fluid_inertia")
 _CAPACITY = Words("", "stray_capacitance", "added_volume", "added_heat_capacity")
 _CUBIC = Words("hardening_spring", "voltage_dependent_capacitance", "stiffening_volume")
 _PROGRESSIVE = Words("progressive_spring", "charge_dependent_capacitance", "narrowing_tank")
+_GAS = Words("air_spring", hydraulic="gas_accumulator")
+#: Share of its volume by which gas is compressed at most; further on the storage is straight, with a finite effort.
+COMPRESSED = 0.9
 #: The own variable of a compliance.
 _STRETCH = symbol("displacement")
 #: Time in which the effort of a place brings an inertia to its flow that is as large as it may be [s].
@@ -168,6 +173,40 @@ def one_sided_stop(g: BondGraph, at: Place) -> Effect | None:
     )  # fmt: skip
 
 
+def gas_storage(g: BondGraph, at: Place) -> Effect | None:
+    """Gas that pushes back the more steeply the less volume is left to it: a hydraulic accumulator, an air spring.
+
+    It is compressed fast, with little heat exchanged, from where the declared law has no displacement; c is one over
+    the volume there. It is negative where a spring is compressed by a negative displacement.
+    """
+    is_accumulator = has_effort(at) and at.domain == HYDRAULIC
+    is_spring = is_motion(at) and at.domain != ROTATION  # no gas resists a twist
+    spring = _spring(g, at, straight=False) if is_accumulator or is_spring else None
+    if spring is None:
+        return None
+    word = _GAS.at(at)
+    name = f"{word}_{at.name}"
+    limit = 3.0 / spring.way
+    meaning = "1 over the displacement that would leave no volume"
+    lower = 0.0 if is_accumulator else -limit
+    c = g.parameter(f"c_{name}", 0.0, over("1", spring.unit), meaning, (lower, limit))
+    revise_law(g, spring.name, "effort", lambda old: old.xreplace({_STRETCH: _polytropic(c)}))
+    return Effect(
+        word, spring.name, "effort = declared(y), y = ((1 - c*q)^(-4/3) - 1)/(4/3*c), q = displacement", (c.name,),
+        reference=_GAS_LAW, manoeuvre="small and large displacements in one log",
+    )  # fmt: skip
+
+
+def _polytropic(c: Expr) -> Expr:
+    """Displacement at which a straight storage has the effort of a gas, exact where c is zero.
+
+    An exponent of 4/3 lies between those of slow and fast compression, 1 and 1.4. With r the third root of the share of
+    the volume that is left, ``(r^-4 - 1)/(1 - r^3)`` is a ratio of sums, in which nothing cancels as c vanishes.
+    """
+    r = (1 - minimum(c * _STRETCH, COMPRESSED)) ** Rational(1, 3)
+    return Rational(3, 4) * _STRETCH * (1 + r) * (1 + r**2) / (r**4 * (1 + r + r**2))
+
+
 def _stop(
     g: BondGraph, at: Place, effect: str, beyond: Callable[[Expr, Expr], Expr], law: str, both: bool
 ) -> Effect | None:
@@ -216,17 +255,23 @@ class _Spring:
     unit: str
 
 
-def _spring(g: BondGraph, at: Place) -> _Spring | None:
-    """The only compliance at a junction, straight and declared by its effort."""
+def _spring(g: BondGraph, at: Place, straight: bool = True) -> _Spring | None:
+    """The only compliance at a junction, declared by its effort, and straight unless any law will do.
+
+    Where it is not straight its stiffness is that at the displacement at which it starts.
+    """
     springs = [] if at.bond is not None else elements_at(g, at, "C")
     if len(springs) != 1 or [given for given, _ in springs[0].laws] != ["effort"]:
         return None
+    law = springs[0].laws[0][1]
+    if straight and linear_coefficient(law, _STRETCH) is None:
+        return None
     values = {parameter.symbol: parameter.value for parameter in g.flatten().parameters}
-    stiffness = linear_coefficient(springs[0].laws[0][1], _STRETCH)
-    if stiffness is None or not stiffness.free_symbols <= set(values):
+    stiffness = slope(law, _STRETCH).subs({**values, _STRETCH: springs[0].initial[0]})
+    if not stiffness.is_number or not stiffness.is_finite or stiffness == 0:
         return None
     unit = "" if at.domain is None else at.domain.displacement_unit
-    return _Spring(springs[0].name, at.scale.effort / abs(float(stiffness.subs(values))), at.scale.effort, unit)
+    return _Spring(springs[0].name, at.scale.effort / abs(float(stiffness)), at.scale.effort, unit)
 
 
 def _capacity_beside(g: BondGraph, at: Place) -> tuple[float, str] | None:

@@ -32,7 +32,7 @@ from tests.effects.machines.first import cylinder
 #: Size of each state of the benches around where it starts; the heat of 500 J/K moves by some 100 K.
 SIZES = {
     "omega": 20.0, "wound": 0.1, "omega_s": 10.0, "v": 0.5, "x": 0.2, "angle": 9.0, "i": 2.0, "q": 0.02, "q_2": 0.04,
-    "Q": 4e4, "Q_wire": 2e3, "V": 0.1, "Q_pipe": 1e-3, "V_2": 0.05, "Q_2": 4e4, "n": 10.0, "n_2": 20.0,
+    "pressed": 0.1, "Q": 4e4, "Q_wire": 2e3, "V": 0.1, "Q_pipe": 1e-3, "V_2": 0.05, "Q_2": 4e4, "n": 10.0, "n_2": 20.0,
 }  # fmt: skip
 #: Size of each input of the benches, around its default.
 INPUTS = {"torque": 10.0, "ratio": 0.9, "voltage": 20.0, "inflow": 1e-3, "power": 300.0, "room": 10.0, "feed": 0.5}
