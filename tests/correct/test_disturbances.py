@@ -17,7 +17,6 @@ from bondgraph.correct.search.disturbances import described, disturbances
 from bondgraph.data.log import FloatArray, MatchedLog
 from bondgraph.declare.domains import TRANSLATION
 from bondgraph.declare.graph import BondGraph
-from bondgraph.estimate.fitted import Fit
 from bondgraph.estimate.objective import Terms
 from bondgraph.estimate.problem import EstimationProblem
 from bondgraph.report.closed_loop import explanation
@@ -116,7 +115,7 @@ def test_free_simulation_that_gets_worse_beside_a_confirmation_is_explained(monk
     assert "Free simulation" not in held_out(same, sure)
     doubted = held_out(worse, replace(sure, gain=-10.0))
     assert doubted.startswith("The logs contradict") and "one-step errors tell more" not in doubted
-    monkeypatch.setattr(Fit, "driven", 0.0)
+    monkeypatch.setitem(worse.corrected.__dict__, "driven", 0.0)
     assert f"worse there in {name} (+50 %): it predicts the next sample better" in held_out(worse, sure)
 
 

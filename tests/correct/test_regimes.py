@@ -76,7 +76,9 @@ def test_drag_above_a_speed_is_found_with_its_speed(rubbing: ClosedLoop) -> None
 def test_a_regime_is_named_in_words_with_its_level(rubbing: ClosedLoop) -> None:
     assert "viscous_loss at shaft where speed of shaft is above 12.0 rad/s" in explanation(rubbing)
     (said,) = regime_sentences(rubbing)
-    assert said.startswith("Regime: viscous_loss at shaft acts where speed of shaft is above 12.0 rad/s [")
+    assert said.startswith(
+        "Regime: viscous_loss at shaft acts where speed of shaft is above 12.01 rad/s [11.99, 12.02]; "
+    )
     assert "; it comes and goes within 0." in said and " rad/s on both sides of that; the logs cover " in said
     (told,) = result_json(rubbing)["effects"]
     assert told["regime"] == {
