@@ -53,7 +53,7 @@ def test_what_does_not_beat_what_is_known_by_enough_is_not_finished() -> None:
     finished, left = (
         fit(
             EstimationProblem(setup.filter_model, (log,), tuple(free)),
-            starts=(worse(best, 0.05).point,),
+            starts=(worse(best, 0.3).point,),
             beat=best.nll,
             reach=reach,
         )
