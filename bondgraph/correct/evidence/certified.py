@@ -85,6 +85,8 @@ def unnoticed(problem: EstimationProblem) -> float:
 def with_steps(fitted: Fit, filter_model: FilterModel, journal: Journal | None = None) -> Fit:
     """The fit with other integration steps, from where it is; as it is if these are its own, or lead nowhere."""
     used = fitted.problem.filter_model
+    if not used.is_stiff:  # more nodes cost an explicit model as much as its steps, and its noise makes up for them
+        filter_model = replace(filter_model, noise_nodes=used.noise_nodes, noise_reach=used.noise_reach)
     key = filter_model.steps
     if filter_model is used or (used.method == filter_model.method and used.steps == key):
         return fitted
