@@ -179,7 +179,7 @@ def led(model: Model, log: MatchedLog, theta: FloatArray, follows: Mapping[str, 
 
 
 def _is_of_hidden(follow: Follow, states: Sequence[str], shown: Collection[str]) -> bool:
-    """Whether a state follows one that no output shows; differences leave what is far below the largest slope."""
+    """True for a state that follows one that no output shows; differences leave what is far below the largest slope."""
     largest = max((abs(slope) for _, slope in follow.slopes), default=0.0)
     return any(
         name in states and name not in shown and abs(slope) > _TELLING * largest for name, slope in follow.slopes

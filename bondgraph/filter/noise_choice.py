@@ -115,7 +115,7 @@ class _Places:
         return min(2.0 ** math.ceil(math.log2(fastest)), _FASTEST)
 
     def are_served(self, rule: tuple[int, float], tolerance: float) -> bool:
-        """Whether a rule gathers the noise of an interval everywhere to a share of the uncertainty there."""
+        """True for a rule that gathers the noise of an interval everywhere to a share of the uncertainty there."""
         nodes = continuous_nodes(np.array([0.0, 1.0]), *rule)
         with np.errstate(all="ignore"):
             gathered = np.zeros(self.noise.shape)

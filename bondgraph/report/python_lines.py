@@ -160,7 +160,7 @@ def _tried(before: BondGraph, after: BondGraph) -> tuple[str, str]:
 
 
 def _missing(text: str, before: BondGraph, after: BondGraph) -> str:
-    """What a graph still lacks of another after lines were run on it, in words; empty where it is that graph."""
+    """Differences of a graph from another after lines were run on it, in words; empty where it is that graph."""
     names: dict[str, Any] = {"g": copy(before)}
     try:
         exec(compile(text, "<correction>", "exec"), names)

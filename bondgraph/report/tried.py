@@ -34,7 +34,7 @@ def tried(closed: ClosedLoop) -> list[Tried]:
 
 
 def _became(chosen: Trial, closed: ClosedLoop) -> str:
-    """What became of an effect that the corrected declaration does not have."""
+    """Fate of an effect that the corrected declaration does not have."""
     label = chosen.candidate.label
     event = next((one.trial for one in closed.events if one.trial.candidate.label == label), None)
     if event is not None:

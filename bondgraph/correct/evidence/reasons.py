@@ -52,7 +52,7 @@ def _settled(trial: Trial) -> tuple[bool, str] | None:
 
 
 def _compared(chosen: Trial | None, trial: Trial, found: Scores, order: dict[str, int]) -> tuple[bool, str]:
-    """Whether a trial is told from the chosen one, and how it compares; no words where its own tests say more."""
+    """Closeness of a trial to the chosen one, and how it compares; no words where its own tests say more."""
     if chosen is None:
         if trial.evidence is not None:
             return False, ""

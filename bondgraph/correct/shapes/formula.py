@@ -68,7 +68,7 @@ class Formula:
 
     @property
     def _label(self) -> str:
-        """What the names of its parameters end with: the terms and the place, a flow or effort of its own unsaid."""
+        """End of the names of its parameters: the terms and the place, a flow or effort of its own unsaid."""
         words = self.name.removeprefix("formula_")
         return f"{words.removesuffix(f'_of_{identifier(self.signals[0])}') if self.is_own else words}_{self.place.name}"
 
