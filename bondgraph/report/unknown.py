@@ -5,7 +5,7 @@ from __future__ import annotations
 from bondgraph.correct.places.unexplained import Unexplained
 from bondgraph.report.numbers import shown
 
-#: What a positive value of the unknown does, by its variable: a source of minus that value stands at the junction.
+#: Meaning of a positive value of the unknown, by its variable: a source of minus that value stands at the junction.
 _SIGNS = {
     "effort": "Positive values take power from a positive flow there, as a brake does; negative ones drive it.",
     "flow": "Positive values flow out of the junction, as through a leak; negative ones flow into it.",

@@ -264,7 +264,7 @@ def test_gas_of_a_large_volume_is_the_declared_spring(c: float) -> None:
 
 
 def test_gas_has_its_derivative_where_its_coefficient_vanishes() -> None:
-    """What a score needs: the effort k*q*(1 + 7/6*c*q + ...) of an exponent of 4/3."""
+    """Effort that a score needs: k*q*(1 + 7/6*c*q + ...) of an exponent of 4/3."""
     q, c = np.array([-0.08, 0.03, 0.1]), 1e-6
     rise = (push(squeezed(c), q) - push(squeezed(-c), q)) / (2.0 * c)
     np.testing.assert_allclose(rise, 4000.0 * 7.0 / 6.0 * q**2, rtol=1e-6)

@@ -1,4 +1,4 @@
-"""What became of the effects that rounds chose, as the table of what was tried says it."""
+"""Fate of the effects that rounds chose, as the table of what was tried says it."""
 
 from __future__ import annotations
 

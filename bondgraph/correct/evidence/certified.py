@@ -85,7 +85,7 @@ def unnoticed(problem: EstimationProblem) -> float:
 def with_steps(fitted: Fit, filter_model: FilterModel, journal: Journal | None = None) -> Fit:
     """The fit with other integration steps, from where it is; as it is if these are its own, or lead nowhere."""
     used = fitted.problem.filter_model
-    if not used.is_stiff:  # more nodes cost an explicit model as much as its steps, and its noise makes up for them
+    if not used.is_stiff:  # with more nodes a fit of a car with a trailer ended in an optimum that is 180 nats worse
         filter_model = replace(filter_model, noise_nodes=used.noise_nodes, noise_reach=used.noise_reach)
     key = filter_model.steps
     if filter_model is used or (used.method == filter_model.method and used.steps == key):

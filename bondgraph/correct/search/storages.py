@@ -33,7 +33,7 @@ from bondgraph.filter.follows import Follow
 SIZES = (0.125, 0.25, 0.375, 0.5, 0.625, 0.75, 0.875)
 #: How far from its start each shape of a storage is tried with every size, as shares of its bounds: how fast it follows
 #: and how well it is damped decide which size suits the logs. A rope of 60 urad/(N m) was 2000 nats better than none
-#: with a damping of ten times the usual, and 500 nats worse with that.
+#: with twenty times the usual damping, and no better with the usual.
 _SHAPES = (-0.25, 0.0, 0.25)
 #: The steps that a storage is given at most, as a multiple of those of the model without it.
 _MOST_STEPS = 4
@@ -80,10 +80,8 @@ def trial_size(trial: Trial, context: Context) -> TrialSize:
 
 def storage_problem(trial: Trial, extended: BuiltModel, context: Context) -> EstimationProblem:
     """The problem that is fitted: the model with the storage, with steps of its own if it needs finer ones."""
-    base, own = (
-        context.base.problem.filter_model,
-        filter_setup(extended.model, extended.driven, context.train, with_nodes=False),
-    )
+    base = context.base.problem.filter_model
+    own = filter_setup(extended.model, extended.driven, context.train, with_nodes=False)
     most = _MOST_STEPS * base.substeps
     alike = own.filter_model.is_stiff == base.is_stiff  # else its steps are those of another method
     filter_model = replace(
