@@ -6,11 +6,12 @@ symbolic ones and orders them by an internal key; the two-argument forms here ke
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
+import numpy as np
 import sympy
-from sympy import Expr, Float, Function, Integer, Piecewise
+from sympy import Expr, Float, Function, Integer, Piecewise, Symbol
 
 
 def _is_number(*values: Expr) -> bool:
@@ -127,6 +128,20 @@ def smooth_step(value: Expr, width: Expr) -> Expr:
     tanh(v/w)/2 + 1/2
     """
     return (1 + sympy.tanh(value / width)) / 2
+
+
+def numeric(arguments: Sequence[Symbol], law: Expr) -> Callable[..., Any]:
+    """A law as a function of numbers or arrays, with the functions of this module and smooth switches.
+
+    Examples
+    --------
+    >>> x = sympy.Symbol("x")
+    >>> numeric([x], maximum(x - 1, 0) + switch(x, 0.1))(np.array([-2.0, 3.0])).tolist()
+    [0.0, 3.0]
+    """
+    own = {"minimum": np.minimum, "maximum": np.maximum, "switch": lambda x, width: (1 + np.tanh(x / width)) / 2}
+    found: Callable[..., Any] = sympy.lambdify(tuple(arguments), law, [own, "numpy"])
+    return found
 
 
 def jump(value: Expr, width: Expr) -> Expr:

@@ -12,6 +12,7 @@ from bondgraph.arrays import FloatArray
 from bondgraph.declare.domains import THERMAL
 from bondgraph.declare.effect import Effect, Place
 from bondgraph.declare.expressions import signal_name
+from bondgraph.declare.functions import numeric
 from bondgraph.declare.graph import BondGraph
 from bondgraph.declare.quantities import symbol
 from bondgraph.effects.benches import BENCHES, Bench
@@ -122,8 +123,7 @@ def _stretch(place: Place, graph: BondGraph) -> float:
 
 
 def _numbers(law: Expr, over: Symbol, known: dict[Symbol, float], x: FloatArray) -> FloatArray:
-    functions = [{"minimum": np.minimum, "maximum": np.maximum}, "numpy"]
     plain = law.xreplace({one: sympy.Float(value) for one, value in known.items()})
     with np.errstate(divide="ignore"):  # a pole is a gap in the curve
-        found = sympy.lambdify(over, plain, functions)(x)
+        found = numeric([over], plain)(x)
     return np.broadcast_to(np.asarray(found, dtype=np.float64), x.shape).copy()

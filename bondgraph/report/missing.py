@@ -16,6 +16,7 @@ from bondgraph.correct.places.unexplained import Unexplained
 from bondgraph.correct.result import form_text, intervals, own_curve
 from bondgraph.correct.shapes.formula import Formula, formula_of
 from bondgraph.data.log import FloatArray
+from bondgraph.declare.functions import numeric
 from bondgraph.declare.graph import BondGraph
 from bondgraph.declare.quantities import symbol
 from bondgraph.report.formulas import round_of
@@ -173,6 +174,6 @@ def law_curve(graph: BondGraph, element: str, values: Mapping[str, float], flow:
     known = law.xreplace({symbol(name): sympy.Float(value) for name, value in values.items()})
     if not known.free_symbols <= {own}:
         return None
-    evaluated = sympy.lambdify(own, -known if node.kind == "Se" else known, "numpy")(flow)
+    evaluated = numeric([own], -known if node.kind == "Se" else known)(flow)
     curve: FloatArray = np.broadcast_to(np.asarray(evaluated, dtype=np.float64), flow.shape).copy()
     return curve

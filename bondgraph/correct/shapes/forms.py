@@ -24,6 +24,7 @@ from bondgraph.data.log import FloatArray
 from bondgraph.declare.effect import Effect, EffectFunction, Place
 from bondgraph.declare.elements import own_variables
 from bondgraph.declare.expressions import signal_name
+from bondgraph.declare.functions import numeric
 from bondgraph.declare.graph import BondGraph
 from bondgraph.declare.quantities import symbol
 from bondgraph.simulate.model import Model
@@ -161,6 +162,5 @@ def curve(
     plain = found[1].xreplace({symbol(name): sympy.Float(value) for name, value in values.items()})
     if not plain.free_symbols <= argument(signal.name).free_symbols:
         return None
-    functions = [{"minimum": np.minimum, "maximum": np.maximum}, "numpy"]
-    drawn = sympy.lambdify(argument(signal.name), plain, functions)(at)
+    drawn = numeric([argument(signal.name)], plain)(at)
     return np.broadcast_to(np.asarray(drawn, dtype=np.float64), at.shape).copy()

@@ -94,7 +94,7 @@ class Formula:
         """The inner parameters of terms that have one."""
         return [
             Coefficient(
-                f"{term.kind.inner}{k + 1 if self._several else ''}_{self._label}", _argument_unit(term),
+                f"{term.kind.inner}{k + 1 if self._several else ''}_{self._label}", term.inner_unit,
                 f"{term.kind.inner} of the {term.kind.name}", term.inner, term.span,
             )
             for k, term in enumerate(self.terms)
@@ -105,12 +105,12 @@ class Formula:
     def _several(self) -> bool:
         return len(self.sizes) > 1
 
-    def law(self, known: Mapping[str, Expr]) -> Expr:
-        """The law in signals of the graph, with coefficients and inner parameters by name."""
+    def law(self, known: Mapping[str, Expr], read: bool = False) -> Expr:
+        """The law in signals of the graph, with coefficients and inner parameters by name; ``read``: for a person."""
         inner, parts = iter(self.inner()), []
         coefficients = iter(self.coefficients())
         for term in self.terms:
-            laws = term.laws(known[next(inner).name] if term.kind.inner else None)
+            laws = term.laws(known[next(inner).name] if term.kind.inner else None, read)
             parts += [known[next(coefficients).name] * law for law in laws]
         return Add(*parts)
 
@@ -183,11 +183,11 @@ class Formula:
         letters = dict(zip(map(argument, self.signals), map(Symbol, LETTERS), strict=False))
         if values is None:
             short = {one.name: Symbol(one.name.partition("_")[0]) for one in every}
-            law = with_numbers(self.law(short).xreplace(letters), {})
+            law = with_numbers(self.law(short, read=True).xreplace(letters), {})
         else:
             named = {one.name: Symbol(one.name) for one in every}
             own = {one.name: values[one.name] for one in every}
-            law = with_numbers(self.law(named).xreplace(letters), own, ends)
+            law = with_numbers(self.law(named, read=True).xreplace(letters), own, ends)
         unit = f"  [{self.unit}]" if values is not None and self.unit else ""
         words = " and ".join(f"{letters[argument(one)]} the {one}" for one in self.signals if argument(one) in letters)
         return f"{self.variable} = {law}{unit}, {words}"
@@ -239,14 +239,9 @@ def formula_of(function: EffectFunction) -> Formula | None:
     return found if isinstance(found, Formula) else None
 
 
-def _argument_unit(term: Term) -> str:
-    """Unit of the signal of a term, or of the product of two; empty where one is not known."""
-    return "" if not all(term.units) else "*".join(f"({unit})" if len(term.units) > 1 else unit for unit in term.units)
-
-
 def _over(unit: str, term: Term) -> str:
     """Unit of the coefficient of a term."""
-    power, below = term.kind.power, _argument_unit(term)
+    power, below = term.kind.power, term.argument_unit
     if power == 0 or below == "1" or not unit:
         return unit
     return f"{unit}/({below})" + (f"^{power}" if power > 1 else "") if below else ""

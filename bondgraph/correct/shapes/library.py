@@ -15,18 +15,19 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import sympy
-from sympy import Abs, Expr, Float, Symbol, cos, exp, sin, tanh
+from sympy import Abs, Expr, Float, Symbol, cos, exp, sign, sin, tanh
 
 from bondgraph.correct.places.probes import Signal, argument
 from bondgraph.data.log import FloatArray
 from bondgraph.declare.effect import SMOOTHING
-from bondgraph.declare.functions import maximum
+from bondgraph.declare.functions import maximum, numeric
 
 #: Shares of the samples below which a threshold is tried to lie.
 _THRESHOLDS = (15.0, 30.0, 50.0, 70.0, 85.0)
 #: Reaches of saturations and exponentials, as shares of the size of the signal.
 _REACHES = (0.1, 0.3, 1.0)
+#: Powers that are tried, from that of a shear-thinning grease to that of a varistor, and within which one is searched.
+_EXPONENTS, _EXPONENT_SPAN = (0.4, 0.5, 0.75, 1.5, 2.5, 6.0, 15.0), (1.0 / 3.0, 30.0)
 #: Periods of a position, as shares of the way it takes in the logs: from one and a half turns to twelve.
 _TURNS = (1.5, 2.0, 3.0, 4.0, 6.0, 8.0, 12.0)
 #: A signal counts as a position where its name or its unit says so.
@@ -52,13 +53,15 @@ def identifier(words: str) -> str:
 class Kind:
     """A kind of term: its laws in ``x`` (two for a wave of unknown phase), and what its inner parameter means.
 
-    ``power``: the coefficient has the unit of the missing variable over that of the signal to this power.
+    ``power``: the coefficient has the unit of the missing variable over that of the signal to this power. ``read`` are
+    the laws as a person reads them, where that is shorter.
     """
 
     name: str
     laws: tuple[Expr, ...]
     power: int
     inner: str = ""
+    read: tuple[Expr, ...] = ()
 
 
 #: Kinds without an inner parameter; the width of a change of sign is that of smoothed dry friction.
@@ -81,7 +84,14 @@ _REACH = (
     Kind("saturation", (tanh(_X / _INNER),), 0, "reach"),
     Kind("exponential", (exp(_X / _INNER) - 1,), 0, "reach"),
     Kind("falling_exponential", (1 - exp(-_X / _INNER),), 0, "reach"),
+    Kind("hump", (2 * _X * _INNER / (_X**2 + _INNER**2),), 0, "reach"),
 )
+#: A power with the sign of its signal, its coefficient the value at the signal's size. Where the sign changes it is so
+#: smooth that a root is as steep there as dry friction.
+_POWER = Kind(
+    "power", ((_X / _SIZE) * ((_X / _SIZE) ** 2 + SMOOTHING**4) ** ((_INNER - 1) / 2),), 0, "exponent",
+    (sign(_X) * Abs(_X / _SIZE) ** _INNER,),
+)  # fmt: skip
 _WAVE = Kind("wave", (sin(_TURN * _X / _INNER), cos(_TURN * _X / _INNER)), 0, "period")
 _PRODUCT = Kind("product", (_X,), 1)
 
@@ -101,6 +111,17 @@ class Term:
     span: tuple[float, float] = (0.0, 0.0)
 
     @property
+    def inner_unit(self) -> str:
+        """Unit of the inner parameter; empty where that of a signal is not known."""
+        return "1" if self.kind is _POWER else self.argument_unit
+
+    @property
+    def argument_unit(self) -> str:
+        """Unit of the signal, or of the product of two; empty where one is not known."""
+        several = len(self.units) > 1
+        return "" if not all(self.units) else "*".join(f"({unit})" if several else unit for unit in self.units)
+
+    @property
     def name(self) -> str:
         """Kind and signals as one identifier.
 
@@ -111,12 +132,16 @@ class Term:
         """
         return f"{self.kind.name}_of_{identifier(' and '.join(self.signals))}"
 
-    def laws(self, inner: Expr | float | None = None) -> tuple[Expr, ...]:
-        """The laws in signals of the graph, each for a coefficient of one; ``inner`` takes the place of its value."""
+    def laws(self, inner: Expr | float | None = None, read: bool = False) -> tuple[Expr, ...]:
+        """The laws in signals of the graph, each for a coefficient of one; ``inner`` takes the place of its value.
+
+        ``read``: as a person reads them.
+        """
         argument_of = [argument(one) for one in self.signals]
         given = {_SIZE: Float(self.size), _INNER: Float(self.inner) if inner is None else inner}
         product = argument_of[0] if len(argument_of) == 1 else argument_of[0] * argument_of[1]
-        return tuple(law.xreplace({**given, _X: product}) for law in self.kind.laws)
+        laws = (self.kind.read or self.kind.laws) if read else self.kind.laws
+        return tuple(law.xreplace({**given, _X: product}) for law in laws)
 
     def courses(self, known: Sequence[Signal], log: int) -> FloatArray:
         """The laws along one log, shape (laws, n)."""
@@ -137,8 +162,7 @@ def _named(known: Sequence[Signal], name: str) -> Signal:
 @functools.lru_cache(maxsize=64)
 def _numeric(kind: Kind) -> tuple[Callable[[FloatArray, float, float], FloatArray], ...]:
     """The laws as functions of values, size and inner parameter."""
-    functions = [{"maximum": np.maximum}, "numpy"]
-    return tuple(sympy.lambdify((_X, _SIZE, _INNER), law, functions) for law in kind.laws)
+    return tuple(numeric((_X, _SIZE, _INNER), law) for law in kind.laws)
 
 
 def library(known: Sequence[Signal], of: Signal) -> list[Term]:
@@ -156,6 +180,7 @@ def library(known: Sequence[Signal], of: Signal) -> list[Term]:
     plain = [kind for kind in _PLAIN if both or kind.name not in ("magnitude", "signed_square", "sign")]
     found = [Term(kind, (of.name,), (of.unit,), size) for kind in plain]
     found += _with_thresholds(of, together, size) + _with_reaches(of, size)
+    found += [Term(_POWER, (of.name,), (of.unit,), size, n, _EXPONENT_SPAN) for n in _EXPONENTS]
     if _is_position(of):
         found += _waves(of, together, size)
     return found + _products(known, of)

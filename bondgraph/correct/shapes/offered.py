@@ -44,8 +44,8 @@ _NEAR, _MOST_PLACES = 0.8, 2
 #: Formulas of one term that are refitted at each place, of those that promise about as much as the best, and of each
 #: number of terms beyond.
 _ALONE, _SUMS = 2, 1
-#: A law that is smaller than this nearly everywhere has no size.
-_SMALLEST = float(np.finfo(float).tiny)
+#: A law that is smaller than this nearly everywhere has no size: one over it can be told in numbers.
+_SMALLEST = math.sqrt(float(np.finfo(float).tiny))
 
 
 @dataclass(frozen=True)
