@@ -110,9 +110,9 @@ class Effect:
     ``coefficients`` the parameters that are zero when the effect is absent, ``shapes`` parameters that shape its law
     and are estimated with them. ``amplitudes`` are shares of the first coefficient's largest value at which a law
     that is not smooth at zero is tried. ``adds_state``: the effect brings a storage of its own and cannot vanish.
-    ``widths`` are parameters that only smooth the law, flows over which it changes its sign: they keep their values
-    unless the logs ask for others. ``dissipative``: a positive coefficient takes energy out of the machine, so that a
-    negative one is no such law.
+    ``widths`` are parameters that only smooth or bend the law, flows over which it changes its sign, an exponent with
+    bounds: they keep their values unless the logs ask for others. ``dissipative``: a positive coefficient takes energy
+    out of the machine, so that a negative one is no such law.
     ``regime`` says where it acts, in words; empty: everywhere.
     ``grids`` holds the values at which shapes are tried that are tried at values of their own, such as whole numbers.
     ``reference`` says where the law comes from, ``manoeuvre`` what shows it in a log. A fault of a sensor names its

@@ -13,7 +13,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import networkx as nx
-from sympy import Expr, Float, Integer, Rational
+from sympy import Expr, Float, Integer
 
 from bondgraph.declare.domains import THERMAL
 from bondgraph.declare.effect import Effect, Place, between_junctions
@@ -28,6 +28,9 @@ _HEAT = "Incropera, DeWitt, Bergman, Lavine (2007), Fundamentals of Heat and Mas
 #: Temperatures whose size exceeds this are absolute: a body that is never warmer than this is not at room temperature,
 #: and few are this much warmer than what is around [K].
 ABSOLUTE_ABOVE = 200.0
+#: Powers of the difference in temperature by which still air takes heat: the means of Nusselt numbers of plates,
+#: cylinders and rooms lie between 1.1 (narrow gaps) and 1.4.
+_POWERS = (1.1, 1.4)
 #: Temperature of a room [K], and of the zero of the Celsius scale.
 ROOM, CELSIUS_ZERO = 293.15, 273.15
 
@@ -61,7 +64,10 @@ def heat_loss(g: BondGraph, at: Place) -> Effect | None:
 
 
 def convection(g: BondGraph, at: Place) -> Effect | None:
-    """Heat given to still air, which moves the faster the warmer the body is: the power 5/4 of the difference."""
+    """Heat given to still air, which moves the faster the warmer the body is: the power 5/4 of the difference.
+
+    Laminar layers give 5/4, turbulent ones 4/3, a little more where both meet.
+    """
     around = surroundings(g, at)
     if around is None:
         return None
@@ -69,16 +75,17 @@ def convection(g: BondGraph, at: Place) -> Effect | None:
     size = _difference(at)
     c = g.parameter(f"c_{name}", 0.0, flow_unit(at), f"heat flow at {size:g} K", (0.0, 0.5 * at.scale.flow))
     reach = g.parameter(f"e_{name}", size, "K", "difference in temperature of that flow")
+    n = g.parameter(f"n_{name}", 1.25, "1", "power of the difference in temperature", _POWERS)
     w = at.smoothing
 
     def law(effort: Expr) -> Expr:
         x = (effort - around.temperature) / reach
-        return c * x * (x**2 + w**2) ** Rational(1, 8)
+        return c * x * (x**2 + w**2) ** ((n - 1) / 2)
 
     g.resistance(name, flow=law, at=at.junction)
     return Effect(
-        "convection", name, "flow = c*x*(x^2 + w^2)^(1/8), x = (effort - around)/e", (c.name,),
-        reference=f"{_HEAT}, section 9.6", dissipative=True,
+        "convection", name, "flow = c*x*(x^2 + w^2)^((n - 1)/2), x = (effort - around)/e", (c.name,),
+        reference=f"{_HEAT}, sections 9.6 and 9.7", dissipative=True, widths=(n.name,),
         manoeuvre="cooling from the highest temperature to that around",
     )  # fmt: skip
 

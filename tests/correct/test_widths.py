@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from bondgraph import effects
@@ -11,8 +12,9 @@ from bondgraph.correct.evidence.context import Context
 from bondgraph.correct.evidence.trials import Evidence, Trial
 from bondgraph.correct.loop import ClosedLoop, LoopSettings, close_loop
 from bondgraph.correct.round import one_round
-from bondgraph.correct.search.widths import at_any_width, is_due
+from bondgraph.correct.search.widths import _begun, _searched, at_any_width, is_due
 from bondgraph.declare.effect import EffectFunction
+from bondgraph.simulate.quantities import ParameterInfo
 from tests.correct import sled
 from tests.correct.drive import DRAG, FRICTION, WIDTH, drive, turned
 
@@ -92,3 +94,13 @@ def test_of_two_that_do_as_well_the_simpler_is_left_as_the_best(rubbed: tuple[Co
     assert done[0].evidence is not None and done[1].evidence is not None
     assert done[0].evidence.bic_gain > done[1].evidence.bic_gain
     assert "does as well" in done[1].remark
+
+
+def test_an_exponent_is_searched_within_its_bounds_and_a_width_within_shares_of_it() -> None:
+    power = ParameterInfo("n", "1", 1.25, 1.1, 1.4, "power")
+    found = _searched(power)
+    assert (found.lower, found.upper, found.start) == (1.1, 1.4, 1.25)
+    begun = found.values(np.array([_begun(found, share) for share in (0.1, 1.0, 3.0)]))
+    np.testing.assert_allclose(begun, [1.1, 1.25, 1.4])
+    width = _searched(ParameterInfo("w", "rad/s", 0.5, None, None, "width"))
+    assert (width.lower, width.upper) == (0.005, 5.0)

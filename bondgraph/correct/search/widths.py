@@ -4,7 +4,7 @@ Dry friction is smoothed around standstill over a width that its author chose. W
 sharply, a law with more coefficients makes up for it: of a drive whose dry friction changed its sign over an eighth of
 our width Stribeck friction was found, with p = 5e-29. So before a law with widths is chosen, it and the simpler ones at
 its place are fitted with their widths free, each counted as one more parameter; of those that do as well the simplest
-is taken.
+is taken. An exponent that differs from case to case is freed in the same way, that of convection between 5/4 and 4/3.
 """
 
 from __future__ import annotations
@@ -25,10 +25,11 @@ from bondgraph.estimate.fitted import Fit, at_optimum
 from bondgraph.estimate.free import FreeParameter
 from bondgraph.estimate.local import fit
 from bondgraph.estimate.problem import EstimationProblem
+from bondgraph.simulate.quantities import ParameterInfo
 
 #: Shares of the declared width at which a search with a free width begins: what changes over more sharply is the rule.
 _SHARES = (1.0, 0.3, 0.1, 3.0)
-#: A width is searched within these shares of the declared one.
+#: A width without bounds of its own is searched within these shares of the declared one.
 _NARROWEST, _WIDEST = 1e-2, 10.0
 _ITERATIONS, _TOLERANCE = 30, 0.05
 #: Steps are made to resolve a width so often: each time it may have become narrower.
@@ -85,12 +86,9 @@ def with_free_widths(trial: Trial, context: Context) -> Trial:
     assert trial.fit is not None and trial.built is not None  # it was refitted
     effect = trial.candidate.effect
     model = trial.built.model
-    declared = {name: model.parameters[model.index("parameter", name)].value for name in effect.widths}
-    own = [FreeParameter(n, _NARROWEST * v, _WIDEST * v, v, scale="log") for n, v in declared.items()]
+    own = [_searched(model.parameters[model.index("parameter", name)]) for name in effect.widths]
     filter_model = replace(trial.fit.problem.filter_model, model=model)
-    starts = [
-        np.concatenate([trial.fit.point, [one.coordinate(share * one.start) for one in own]]) for share in _SHARES
-    ]
+    starts = [np.concatenate([trial.fit.point, [_begun(one, share) for one in own]]) for share in _SHARES]
     free = (*at_optimum(trial.fit), *own)
     problem = EstimationProblem(filter_model, context.train, free, context.base.problem.initial)
     fitted = fit(problem, _ITERATIONS, _TOLERANCE, starts, journal=context.journal)
@@ -98,12 +96,24 @@ def with_free_widths(trial: Trial, context: Context) -> Trial:
     base = with_steps(context.base, fitted.problem.filter_model, context.journal)
     effect = replace(effect, shapes=(*effect.shapes, *effect.widths), widths=())
     evidence = judge(base, fitted, effect, context.tried if trial.evidence is None else trial.evidence.tried)
-    widths = ", ".join(f"{name} = {fitted.values[name]:.3g} instead of {value:.3g}" for name, value in declared.items())
+    widths = ", ".join(f"{one.name} = {fitted.values[one.name]:.3g} instead of {one.start:.3g}" for one in own)
     remark = f"with {widths}"
     return replace(
         trial, candidate=replace(trial.candidate, effect=effect), fit=fitted, evidence=evidence,
         remark=f"{trial.remark}; {remark}" if trial.remark else remark,
     )  # fmt: skip
+
+
+def _searched(width: ParameterInfo) -> FreeParameter:
+    """A width as a free parameter, within its declared bounds if it has some."""
+    lower = _NARROWEST * width.value if width.lower is None else width.lower
+    upper = _WIDEST * width.value if width.upper is None else width.upper
+    return FreeParameter(width.name, lower, upper, width.value, scale="log")
+
+
+def _begun(width: FreeParameter, share: float) -> float:
+    """The coordinate of a share of a width, inside its bounds."""
+    return width.coordinate(min(max(share * width.start, width.lower), width.upper))
 
 
 def _resolved(fitted: Fit, least: int, context: Context) -> Fit:
