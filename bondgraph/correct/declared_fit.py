@@ -17,7 +17,8 @@ import numpy as np
 
 from bondgraph.build import BuiltModel, build
 from bondgraph.correct.constants import INDIFFERENT, MEASUREMENTS_EACH, OPTIMISM
-from bondgraph.correct.evidence.certified import refined, unnoticed
+from bondgraph.correct.evidence.certified import refined
+from bondgraph.correct.evidence.floors import without_floors
 from bondgraph.correct.fits.rates import rated, with_followed_rates
 from bondgraph.correct.models.failures import attempted
 from bondgraph.correct.models.resting import RESTING, with_resting_state
@@ -25,7 +26,7 @@ from bondgraph.data.log import MatchedLog
 from bondgraph.declare.editing import with_inputs_between
 from bondgraph.declare.graph import BondGraph
 from bondgraph.declare.quantities import Interpolation
-from bondgraph.errors import DataError, EstimationError
+from bondgraph.errors import DataError
 from bondgraph.estimate.certify import Check
 from bondgraph.estimate.declared import free_parameters
 from bondgraph.estimate.derivatives.linearised import is_linearised
@@ -44,8 +45,6 @@ from bondgraph.text import few, inflected, number
 #: The declared model is fitted to this many nats, far below what an effect must gain.
 _TOLERANCE = 0.05
 _MOST_ITERATIONS = 60
-#: Lower bounds of process noise go down by this factor at a time, and so many times at most.
-_DOWN, _MOST_TIMES = 10.0, 3
 
 
 class Wishes(Protocol):
@@ -164,7 +163,7 @@ def _fitted(
     free = _all_free(setup, wishes.free)
     _check_enough(graph, train, len(free))
     problem = EstimationProblem(setup.filter_model, tuple(train), free, wishes.initial)
-    found = _without_floors(_by_long_steps(problem, wishes.journal), wishes.journal)
+    found = without_floors(_by_long_steps(problem, wishes.journal), wishes.journal)
     found, check = refined(found, wishes.journal, setup.filter_model.substeps)  # before anything is scored
     return DeclaredFit(graph, built, setup, found, check, tuple(train), tuple(holdout))
 
@@ -183,32 +182,6 @@ def _by_long_steps(problem: EstimationProblem, journal: Journal) -> Fit:
         return fitted(problem)
     longer = with_longest_steps(problem, starts)
     return fitted(problem) if longer is problem else attempted(lambda: fitted(longer), lambda why: fitted(problem))
-
-
-def _without_floors(found: Fit, journal: Journal) -> Fit:
-    """The fit with process noise free to be so little that its lower bound matters to nothing.
-
-    A bound is an absolute number: noise in a heat at its bound moves a temperature the less, the larger the heat
-    capacity. Of a hot plate it was worth 12 nats to count every heat 2.3 times, which was called a wrong power meter.
-    """
-    for _ in range(_MOST_TIMES):
-        free = found.problem.free
-        resting = found.held & np.array([one.target.kind == "process" for one in free])
-        resting &= found.point <= found.problem.lower
-        if not resting.any():
-            break
-        deeper = tuple(
-            replace(one, lower=one.lower / _DOWN, start=one.lower / _DOWN) if rests else one
-            for one, rests in zip(at_optimum(found), resting, strict=True)
-        )
-        problem = replace(found.problem, free=deeper)
-        if not float(problem.nll(problem.start[:, np.newaxis])[0]) < found.nll - unnoticed(problem):
-            break
-        try:
-            found = fit(problem, _MOST_ITERATIONS, _TOLERANCE, journal=journal)
-        except EstimationError:  # too little noise for a search
-            break
-    return found
 
 
 def _steps(built: BuiltModel, train: Sequence[MatchedLog]) -> list[str]:

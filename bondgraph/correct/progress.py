@@ -13,6 +13,7 @@ from bondgraph.correct.constants import LEVEL
 from bondgraph.correct.evidence.certified import refined
 from bondgraph.correct.evidence.context import Context
 from bondgraph.correct.evidence.decide import doubt, judge
+from bondgraph.correct.evidence.floors import without_floors
 from bondgraph.correct.evidence.trials import Trial
 from bondgraph.correct.fits.starts import with_starts
 from bondgraph.correct.models.candidates import candidates
@@ -140,11 +141,12 @@ def _estimated(state: Progress, chosen: Trial, settings: RoundSettings) -> Progr
         raise EstimationError(f"{chosen.candidate.label}: only a candidate that was refitted can be added")
     filter_model = replace(chosen.fit.problem.filter_model, model=chosen.built.model)
     if filter_model.is_stiff and chosen.fit.outcome is SearchOutcome.CONVERGED:  # to all that its filter can tell
-        return replace(state, built=chosen.built, fit=chosen.fit, added=(*state.added, chosen))
+        fitted = without_floors(chosen.fit, settings.journal)
+        return replace(state, built=chosen.built, fit=fitted, added=(*state.added, chosen))
     initial = chosen.fit.problem.initial
     problem = EstimationProblem(filter_model, tuple(state.train), at_optimum(chosen.fit), initial)
     fitted = fit(problem, journal=settings.journal)
-    fitted = with_starts(fitted, settings.journal)
+    fitted = without_floors(with_starts(fitted, settings.journal), settings.journal)
     return replace(state, built=chosen.built, fit=fitted, added=(*state.added, chosen))
 
 
