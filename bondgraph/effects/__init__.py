@@ -60,6 +60,7 @@ from bondgraph.effects.storages import hardening_spring as hardening_spring
 from bondgraph.effects.storages import magnetic_saturation as magnetic_saturation
 from bondgraph.effects.storages import one_sided_stop as one_sided_stop
 from bondgraph.effects.storages import progressive_spring as progressive_spring
+from bondgraph.effects.storages import softening_spring as softening_spring
 from bondgraph.effects.actuators import ratio_lag as ratio_lag
 from bondgraph.effects.actuators import ratio_scale as ratio_scale
 from bondgraph.effects.actuators import modulus_fading as modulus_fading

@@ -2,8 +2,9 @@
 
 References: Karnopp, Margolis, Rosenberg (2012), System Dynamics, chapter 4; Nordin, Gutman (2002), Automatica 38(10),
 for backlash as a dead zone of an elastic shaft; Duffing (1918), Erzwungene Schwingungen, for springs that harden;
-Trutt, Erdelyi, Hopkins (1968), IEEE Trans. PAS 87(3), for the magnetisation of iron; Pourmovahed, Otis (1990), ASME J.
-Dyn. Syst. Meas. Control 112(1), for gas that exchanges little heat while it is compressed.
+Nayfeh, Mook (1979), Nonlinear Oscillations, chapter 4, for springs that soften; Trutt, Erdelyi, Hopkins (1968), IEEE
+Trans. PAS 87(3), for the magnetisation of iron; Pourmovahed, Otis (1990), ASME J. Dyn. Syst. Meas. Control 112(1), for
+gas that exchanges little heat while it is compressed.
 """
 
 from __future__ import annotations
@@ -37,6 +38,7 @@ from bondgraph.effects.places import (
 
 _STORAGES = "Karnopp, Margolis, Rosenberg (2012), System Dynamics, chapter 4"
 _DUFFING = "Duffing (1918), Erzwungene Schwingungen bei veränderlicher Eigenfrequenz"
+_SOFTENING = "Nayfeh, Mook (1979), Nonlinear Oscillations, chapter 4"
 _STOP = "Karnopp, Margolis, Rosenberg (2012), System Dynamics, chapter 8"
 _GAS_LAW = "Pourmovahed, Otis (1990), ASME J. Dyn. Syst. Meas. Control 112(1)"
 #: What laws are called in each domain.
@@ -100,7 +102,7 @@ def added_compliance(g: BondGraph, at: Place) -> Effect | None:
     matched = at.scale.effort / at.scale.flow
     damping = g.parameter(
         f"damping_{name}", 0.05 * matched, over(effort_unit(at), flow_unit(at)), "damping beside that compliance",
-        (1e-3 * matched, matched),
+        (1e-3 * matched, 10.0 * matched),
     )  # fmt: skip
     junction = split_bond(g, at.bond, Node(f"z_{name}", "0", domain))
     stretch = g.one_junction(f"stretch_{name}", domain)
@@ -157,6 +159,22 @@ def progressive_spring(g: BondGraph, at: Place) -> Effect | None:
     return Effect(
         word, spring.name, "effort = declared + c*displacement*|displacement|", (c.name,), reference=_DUFFING,
         manoeuvre="small and large displacements in one log",
+    )  # fmt: skip
+
+
+def softening_spring(g: BondGraph, at: Place) -> Effect | None:
+    """A spring whose force nears a limit: a rubber mount that buckles, a disc spring, a yielding support."""
+    spring = _spring(g, at) if is_motion(at) else None
+    if spring is None:
+        return None
+    name = f"softening_spring_{at.name}"
+    limit = 30.0 / spring.way**2
+    meaning = "1 over the square of a displacement"
+    c = g.parameter(f"c_{name}", 0.0, over("1", spring.unit, 2), meaning, (0.0, limit))
+    revise_law(g, spring.name, "effort", lambda old: old / (1 + c * _STRETCH**2) ** Rational(1, 2))
+    return Effect(
+        "softening_spring", spring.name, "effort = declared/sqrt(1 + c*displacement^2)", (c.name,),
+        reference=_SOFTENING, manoeuvre="small and large displacements in one log",
     )  # fmt: skip
 
 
