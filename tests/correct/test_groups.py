@@ -5,12 +5,15 @@ from __future__ import annotations
 import dataclasses
 import math
 
+import numpy as np
 import pytest
 
 from bondgraph import effects
+from bondgraph.build import build
 from bondgraph.correct.evidence.decide import detectable
 from bondgraph.correct.evidence.trials import Trial
 from bondgraph.correct.models.candidates import Candidate, candidates
+from bondgraph.correct.scores.score import Scores
 from bondgraph.correct.scores.scoring import Scored, linearisation, score_candidates
 from bondgraph.correct.search.groups import alike
 from bondgraph.declare.editing import handle
@@ -51,3 +54,23 @@ def test_a_size_beyond_the_bounds_of_its_law_is_not_called_detectable() -> None:
     sizes = [Power(one.effect, one.junction, one.size, one.unit) for one in detectable(found, faint, 10.0)]
     shown = text_of(power_table(sizes))
     assert "not with these logs" in shown and "e+" not in shown
+
+
+def test_laws_that_part_as_they_grow_are_refitted_each() -> None:
+    """A spring that nears a limit begins as one with a cube: it stood for that one, which explained 111 nats less."""
+    g = sled()
+    stiffness = g.parameter("stiffness", 80.0, "N/m")
+    g.compliance("strap", lambda x: stiffness * x, at=handle(g, "runner"), state="x")
+    own = build(g)
+    place = Place(handle(g, "runner"), Scale(150.0, 4.0))
+    found, _ = candidates(
+        own, [effects.hardening_spring, effects.softening_spring, effects.progressive_spring], [place]
+    )
+    hard, soft, rising = found
+    assert (hard.bends, soft.bends, rising.bends) == (False, True, False)
+    assert hard.parts_from(soft) and soft.parts_from(hard)
+    assert not hard.parts_from(rising) and not soft.parts_from(soft)
+    two, steps = np.full(2, 50.0), (np.array([-1.0]), np.array([1.0]))
+    same = Scores(two, steps, two, np.array([[1.0, -1.0], [-1.0, 1.0]]), np.ones((1, 2)), np.full(2, 1e-9))
+    assert alike([Trial(hard, 50.0), Trial(soft, 50.0)], same, 1.0) == [[0], [1]]
+    assert alike([Trial(hard, 50.0), Trial(rising, 50.0)], same, 1.0) == [[0, 1]]

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import functools
 import itertools
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from sympy import Expr
 
 from bondgraph.build import BuiltModel, build, model_of
 from bondgraph.correct.models.bonds import bond_model
@@ -16,6 +18,7 @@ from bondgraph.declare.editing import copy, handle
 from bondgraph.declare.effect import SMOOTHING, Effect, EffectFunction, Place, Scale, is_for
 from bondgraph.declare.elements import STORAGES
 from bondgraph.declare.graph import BondGraph
+from bondgraph.declare.quantities import symbol
 from bondgraph.derive.causality import assign_causality, bond_labels
 from bondgraph.derive.derivation import Derivation
 from bondgraph.derive.equations import ImplicitLoop, StateEquations
@@ -47,6 +50,7 @@ class Candidate:
     ``passive``: its coefficients cannot be negative, so that it only takes energy. ``beside_storage``: the place is a
     junction with a storage, whose flow or effort is a state. ``model`` is that of the graph with the effect.
     ``followed``: states that the effect brings are integrals of the others, so that its response can be scored.
+    ``laws`` are those of the element that the effect added or changed.
     """
 
     function: EffectFunction
@@ -56,6 +60,7 @@ class Candidate:
     passive: bool = True
     beside_storage: bool = True
     followed: bool = True
+    laws: tuple[Expr, ...] = ()
 
     def __repr__(self) -> str:
         return f"<Candidate {self.label}>"
@@ -65,6 +70,16 @@ class Candidate:
         """Effect, place and regime as a person reads them."""
         where = f" where {self.effect.regime}" if self.effect.regime else ""
         return f"{self.effect.name} at {self.place.label}{where}"
+
+    @functools.cached_property
+    def bends(self) -> bool:
+        """Whether its law is not straight in its coefficients: then its response at zero says little of another law."""
+        own = {symbol(name) for name in self.effect.coefficients}
+        return any(law.diff(one).free_symbols & own for law in self.laws for one in own & law.free_symbols)
+
+    def parts_from(self, other: Candidate) -> bool:
+        """Whether two candidates with the same response at zero part as their coefficients grow."""
+        return self.function.__name__ != other.function.__name__ and (self.bends or other.bends)
 
     def apply(self, graph: BondGraph) -> BondGraph:
         """The graph with this effect; the given one is left alone.
@@ -266,7 +281,9 @@ def candidates(
             own = {state.symbol.name for state in built.equations.states}
             followed = all(s.variable == "integral" or s.symbol.name in own for s in equations.states)
             model = model_of(equations, f"{built.graph.name} with {effect.name}", own=True)
-            found.append(Candidate(function, place, effect, model, _passive(flat, effect), beside, followed))
+            element = flat.nodes.get(effect.element)
+            laws = () if element is None else tuple(law for _, law in element.laws)
+            found.append(Candidate(function, place, effect, model, _passive(flat, effect), beside, followed, laws))
     return found, refused
 
 

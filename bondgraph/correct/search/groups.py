@@ -17,7 +17,8 @@ def alike(trials: Sequence[Trial], found: Scores, least: float) -> list[list[int
     """Indices of candidates worth a refit, those with the same response together, the preferred one of each first.
 
     A law that is not smooth at zero is told little by its score, which is no reason to pass it over. Nor is one of more
-    coefficients the same as one of fewer, though its step may be: a fit may move them apart.
+    coefficients the same as one of fewer, though its step may be: a fit may move them apart. So it does where one of
+    two different laws is not straight in its coefficients: a spring that nears a limit begins as one with a cube.
 
     Parameters
     ----------
@@ -35,7 +36,9 @@ def alike(trials: Sequence[Trial], found: Scores, least: float) -> list[list[int
             (
                 group
                 for group in groups
-                if abs(found.correlation[group[0], j]) > SAME and len(found.steps[group[0]]) == size
+                if abs(found.correlation[group[0], j]) > SAME
+                and len(found.steps[group[0]]) == size
+                and not trials[group[0]].candidate.parts_from(trials[j].candidate)
             ),
             None,
         )
