@@ -15,6 +15,7 @@ import numpy as np
 from bondgraph.build import BuiltModel
 from bondgraph.correct.advice import separation
 from bondgraph.correct.constants import LEVEL, MOST_REFITS
+from bondgraph.correct.evidence.bounds import beyond_bounds
 from bondgraph.correct.evidence.confirm import confirmed, transferred
 from bondgraph.correct.evidence.context import Context
 from bondgraph.correct.evidence.decide import choose, detectable, hurdle
@@ -35,6 +36,7 @@ from bondgraph.correct.search.opening import Scoring, is_driven_still, look_bene
 from bondgraph.correct.search.search import Entry, Search, left_out, searched
 from bondgraph.correct.search.widths import at_any_width, is_due
 from bondgraph.correct.shapes.offered import Residual, own_forms, with_formulas
+from bondgraph.correct.shapes.relatives import with_relatives
 from bondgraph.data.log import MatchedLog
 from bondgraph.declare.effect import EffectFunction, Place
 from bondgraph.errors import DataError
@@ -132,8 +134,8 @@ def one_round(
     search = opened(scoring, context, bool(present), settings.report)
     left = Residual(built, linear, probed, known, located)
     search.entries += [Entry(trial) for trial in own_forms(_laws(added), scored, left, context, settings.report)]
-    trials = _searched(search, scoring, settings)
-    trials = with_formulas(trials, scored, left, search.context, settings.report)
+    trials = with_formulas(_searched(search, scoring, settings), scored, left, search.context, settings.report)
+    trials = with_relatives(trials, left, search.context, settings.report)
     trials, chosen = _chosen(trials, search.context, settings.report, where)
     others = alternatives(chosen, trials, scored.scores, settings.level)
     others = _with_advice(built, base, chosen, others, scored)
@@ -237,7 +239,7 @@ def _looked_at(best: Trial, context: Context, lost: float) -> tuple[Trial, float
     """The trial with its noise split anew and steps that resolve it, and after costlier looks as long as it passes."""
     sure, further = resolved(split_again(best, context), context), 0.0
     sure = sure if sure is best else _less(sure, lost)
-    for look_again in (confirmed, transferred):
+    for look_again in (confirmed, transferred, beyond_bounds):
         before = sure.evidence
         if before is None or not before.accepted(context.level):
             break

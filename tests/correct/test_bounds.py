@@ -11,9 +11,11 @@ import sympy
 
 from bondgraph import effects
 from bondgraph.build import build
+from bondgraph.correct.cautions import resting
 from bondgraph.correct.evidence.decide import robust_p_value
 from bondgraph.correct.loop import LoopSettings, close_loop
 from bondgraph.correct.models.candidates import candidates
+from bondgraph.correct.round import one_round
 from bondgraph.correct.scores.scoring import linearisation
 from bondgraph.declare.domains import ROTATION
 from bondgraph.declare.editing import copy, handle, with_bounds, with_values
@@ -85,6 +87,25 @@ def test_a_search_goes_on_beyond_bounds_that_only_scale_it(lower: float, upper: 
     assert wider.nll == pytest.approx(base.nll, abs=0.05)
     (kept,) = [one for one in wider.problem.free if one.name == "c_guide"]
     assert not np.any(wider.held & np.isin(wider.problem.names, ["c_guide"])) and kept.lower == (lower and kept.lower)
+
+
+@pytest.mark.parametrize(("true", "chosen"), [(1.0, None), (4.0, "quadratic_loss at runner")])
+def test_what_a_parameter_beyond_its_bound_explains_is_no_law(true: float, chosen: str | None) -> None:
+    """Of a boiler whose loss was declared with too large a lower bound the power meter was called wrong by 104 %.
+
+    Here the guide's friction is declared to be 2 N s/m at least. Where it is half of that laws pass their tests.
+    """
+    drag = 0.0 if chosen is None else 3.0
+    truth = with_bounds(sled.added(effects.quadratic_loss, "runner", drag), {"c_guide": (0.1, 60.0)})
+    logs = [sled.pull(truth, seed, name=f"run{seed}", c_guide=true) for seed in (1, 2)]
+    base = sled.fitted(logs)
+    assert (resting(base) == ["c_guide"]) == (chosen is None)
+    turn = one_round(sled.built(), base, logs, sled.FUNCTIONS)
+    found = None if turn.chosen is None else turn.chosen.candidate.label
+    assert found == chosen or (found is not None and chosen in turn.chosen.stands_for)  # type: ignore[union-attr]
+    if chosen is None:
+        refused = [one.remark for one in turn.trials if "beyond the declared bounds" in one.remark]
+        assert refused and all(one.startswith("c_guide = ") and one.endswith("nats without it") for one in refused)
 
 
 def test_zero_and_the_lower_bound_of_a_size_stay() -> None:

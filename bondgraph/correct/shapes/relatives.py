@@ -1,0 +1,258 @@
+"""Relatives of a law: those that draw nearly the same curve of the same signal at the same place.
+
+A score is taken where a law has no size yet, at a few values of its shapes. Of a basin that runs over at an edge it
+promised a quarter of what the law explains, and a leak above a level was taken, which is near it. Once one law of a
+signal has been fitted its curve tells more than any score: laws of the same signal, and terms of the library, are
+fitted to the curve, which costs no run of a filter. What the fit with the law that leads predicts of them in its place
+says which of them are refitted from there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from scipy.optimize import least_squares
+from sympy import Float, Symbol
+
+from bondgraph.correct.constants import INDIFFERENT
+from bondgraph.correct.evidence.context import Context, coefficients
+from bondgraph.correct.evidence.decide import choose
+from bondgraph.correct.evidence.trials import Trial
+from bondgraph.correct.models.candidates import Candidate, Variant, candidates
+from bondgraph.correct.models.failures import attempted
+from bondgraph.correct.places.probes import Signal, argument
+from bondgraph.correct.search.incumbents import Prediction, predicted_by_swap
+from bondgraph.correct.search.refit import refit
+from bondgraph.correct.shapes.completions import arguments
+from bondgraph.correct.shapes.forms import whole_law
+from bondgraph.correct.shapes.formula import formula_of
+from bondgraph.correct.shapes.library import library
+from bondgraph.correct.shapes.offered import Residual, formula_at
+from bondgraph.correct.shapes.subsets import Sum
+from bondgraph.data.log import FloatArray
+from bondgraph.declare.functions import numeric
+from bondgraph.declare.graph import BondGraph
+from bondgraph.declare.quantities import symbol
+from bondgraph.errors import DeclarationError
+from bondgraph.estimate.free import FreeParameter
+from bondgraph.estimate.local import Report
+
+#: A law is a relative that leaves less than this share of the square of a curve: more would show in the fit of either.
+_LEFT = 0.1
+#: Relatives that are refitted at most.
+_MOST = 2
+#: Steps of a fit to a curve at most.
+_STEPS = 50
+#: Points over which curves are compared, drawn as often as the logs visit them.
+_POINTS = 400
+_X = Symbol("x_of_the_curve", real=True)
+
+
+@dataclass(frozen=True)
+class _Curve:
+    """What the law that leads adds at values of its signal, both (n,)."""
+
+    signal: Signal
+    x: FloatArray
+    y: FloatArray
+
+
+@dataclass(frozen=True)
+class _Law:
+    """What a law adds as a function of its signal and of its own numbers, by name; ``sizes`` says which scale it."""
+
+    added: Callable[..., Any]
+    names: tuple[str, ...]
+    sizes: tuple[bool, ...]
+
+    def drawn(self, x: FloatArray, values: Sequence[float] | FloatArray) -> FloatArray:
+        """The law at values of its signal, both (n,)."""
+        with np.errstate(all="ignore"):
+            return np.broadcast_to(np.asarray(self.added(x, *values), dtype=np.float64), x.shape)
+
+
+@dataclass(frozen=True)
+class _Relative:
+    """A law that comes near a curve: its number among the trials, or none of a term; the shapes and sizes there."""
+
+    trial: Trial
+    index: int | None
+    variant: Variant
+
+
+def with_relatives(trials: Sequence[Trial], left: Residual, context: Context, report: Report) -> list[Trial]:
+    """The trials, relatives refitted that promise clearly more than the law that leads.
+
+    What leads is what would be chosen, else the law that gains most: it may have been refused for its form alone. None
+    of stiff models, whose refits are costly.
+    """
+    done = list(trials)
+    lead = choose(done, context.level) or _foremost(done)
+    if lead is None or lead.fit is None or context.base.problem.filter_model.is_stiff:
+        return done
+    curve = attempted(lambda: _curve(lead, left), lambda why: None)
+    near = [] if curve is None else _near([*enumerate(done), *_terms(lead, curve, left)], lead, curve, context)
+    told = attempted(lambda: _predicted(lead, near, context), lambda why: [])
+    for k, (one, prediction) in enumerate(told):
+        report("refit relatives of the law that leads", k, len(told))
+        made = _refitted(one.trial, prediction, context, context.tried + len(near))
+        if made.evidence is None:
+            continue
+        done = [*done, made] if one.index is None else [made if j == one.index else old for j, old in enumerate(done)]
+    if told:
+        report("refit relatives of the law that leads", len(told), len(told))
+    return done
+
+
+def _refitted(trial: Trial, prediction: Prediction, context: Context, tried: int) -> Trial:
+    return trial.attempted(lambda: refit(trial, prediction.starts, context, tried=tried))
+
+
+def _foremost(trials: Sequence[Trial]) -> Trial | None:
+    laws = [one for one in trials if one.fit is not None and one.gate is None and not one.candidate.effect.channel]
+    return max(laws, key=lambda one: one.gain, default=None)
+
+
+def _curve(lead: Trial, left: Residual) -> _Curve | None:
+    """The curve of a fitted law over what the logs visit; None where it is no function of one signal."""
+    assert lead.fit is not None and lead.built is not None  # it leads
+    names = arguments(lead, lead.built.graph)
+    signal = next((one for one in left.signals if names == frozenset({one.name})), None)
+    law = None if signal is None else _law(lead, lead.built.graph, signal, lead.fit.values)
+    if signal is None or law is None:
+        return None
+    visited = np.sort(np.concatenate(signal.values))
+    x = visited[np.linspace(0, visited.size - 1, min(visited.size, _POINTS)).round().astype(int)]
+    y = law.drawn(x, [lead.fit.values[name] for name in law.names])
+    return _Curve(signal, x, y) if np.isfinite(y).all() and y.any() else None
+
+
+def _law(trial: Trial, graph: BondGraph, signal: Signal, known: Mapping[str, float]) -> _Law | None:
+    """The law of a trial in its signal; None where it depends on more than that and its own numbers.
+
+    ``known`` are the values of what is free.
+    """
+    found = whole_law(trial, graph)
+    if found is None:
+        return None
+    effect = trial.candidate.effect
+    fixed = {
+        symbol(one.name): Float(known.get(one.name, one.value))
+        for one in graph.flatten().parameters
+        if one.name not in effect.parameters
+    }
+    whole = found[1].xreplace(fixed).xreplace({argument(signal.name): _X})
+    own = [name for name in effect.parameters if symbol(name) in whole.free_symbols]
+    if not whole.free_symbols <= {_X, *map(symbol, own)}:
+        return None
+    added = whole - whole.xreplace({symbol(one): Float(0.0) for one in effect.coefficients})
+    sizes = tuple(name in effect.coefficients for name in own)
+    return _Law(numeric([_X, *map(symbol, own)], added), tuple(own), sizes) if any(sizes) else None
+
+
+def _terms(lead: Trial, curve: _Curve, left: Residual) -> list[tuple[None, Trial]]:
+    """A trial for each kind of term in the signal of a curve; none where widths of the law are not known yet."""
+    if lead.candidate.effect.widths:
+        return []
+    probe = next(one for one in left.probed if one.place.label == lead.candidate.place.label)
+    kinds = {one.kind.name: one for one in library([curve.signal], curve.signal)}
+    found: list[tuple[None, Trial]] = []
+    for term in kinds.values():
+        count = len(term.kind.laws)
+        formula = formula_at(probe, Sum((term,), np.zeros(count), 0.0, 0.0), [curve.signal])
+        made, _ = candidates(left.built, [formula.effect()], [probe.place])
+        found += [(None, Trial(one, 0.0)) for one in made if one.label != lead.candidate.label]
+    return found
+
+
+def _near(trials: Sequence[tuple[int | None, Trial]], lead: Trial, curve: _Curve, context: Context) -> list[_Relative]:
+    """The laws that come near a curve, with their numbers there."""
+    found = []
+    for index, trial in trials:
+        if not _may_be_a_relative(trial, lead, index):
+            continue
+        try:
+            graph = trial.candidate.apply(context.built.graph)
+        except DeclarationError:
+            continue
+        if arguments(trial, graph) != frozenset({curve.signal.name}):
+            continue
+        law = _law(trial, graph, curve.signal, context.base.values)
+        own = coefficients(trial.candidate, replace(context.base.problem.filter_model, model=trial.candidate.model))
+        if law is None or law.names != tuple(one.name for one in own):
+            continue
+        share, values = _fitted(law, own, trial.candidate, curve)
+        if share < _LEFT:
+            count = sum(law.sizes)
+            shapes = dict(zip(law.names[count:], map(float, values[count:]), strict=True))
+            small = trial.candidate.variants[0].sizes  # a size of zero tells no response
+            probed = tuple(float(one) or size for one, size in zip(values[:count], small, strict=True))
+            found.append(_Relative(trial, index, Variant(shapes, probed)))
+    return found
+
+
+def _may_be_a_relative(trial: Trial, lead: Trial, index: int | None) -> bool:
+    """True for a law with shapes at the place of another one of which only a score is known, and for a term."""
+    effect = trial.candidate.effect
+    same = trial.candidate.place.label == lead.candidate.place.label
+    if trial is lead or trial.fit is not None or trial.gate is not None or not same:
+        return False
+    if index is None:
+        return True
+    plain = not (effect.adds_state or effect.channel or effect.regime)
+    return plain and bool(effect.shapes) and formula_of(trial.candidate.function) is None
+
+
+def _predicted(lead: Trial, near: Sequence[_Relative], context: Context) -> list[tuple[_Relative, Prediction]]:
+    """Those of the relatives that promise clearly more than the law in whose place they come, the best first."""
+    told = predicted_by_swap(lead, [one.trial.candidate for one in near], [one.variant for one in near], context)
+    better = [
+        (one, prediction)
+        for one, prediction in zip(near, told, strict=True)
+        if prediction is not None and prediction.gain > lead.gain + INDIFFERENT
+    ]
+    return sorted(better, key=lambda pair: -pair[1].gain)[:_MOST]
+
+
+def _fitted(law: _Law, own: Sequence[FreeParameter], candidate: Candidate, curve: _Curve) -> tuple[float, FloatArray]:
+    """The share of the square of a curve that a law leaves at best beside a line, and its numbers there.
+
+    What is declared at the place takes a line of it, more or less.
+    """
+    sizes = np.array(law.sizes)
+    # bounds of coefficients only scale a search; zero is one that is kept
+    lower = np.array([-np.inf if size and one.lower < 0.0 else one.lower for one, size in zip(own, sizes, strict=True)])
+    upper = np.array([np.inf if size and one.upper > 0.0 else one.upper for one, size in zip(own, sizes, strict=True)])
+    whole, far = float(_beside_a_line(curve.y, curve.x) @ curve.y), 10.0 * float(np.abs(curve.y).max())
+    best = (np.inf, np.array([one.start for one in own]))
+    if not whole > 0.0:
+        return best
+
+    def misses(values: FloatArray) -> FloatArray:
+        drawn = law.drawn(curve.x, values)
+        drawn = np.where(np.isfinite(drawn), np.clip(drawn, -far, far), far)
+        missed: FloatArray = _beside_a_line(drawn - curve.y, curve.x) / np.sqrt(whole)
+        return missed
+
+    for variant in candidate.variants:
+        start = np.array([variant.shapes.get(one.name, one.start) for one in own])
+        start[sizes] = variant.sizes
+        unit = law.drawn(curve.x, start)
+        if not np.isfinite(unit).all() or not (bent := _beside_a_line(unit, curve.x)).any():
+            continue
+        start[sizes] *= float(bent @ curve.y) / float(bent @ bent)
+        begun, scale = np.clip(start, lower, upper), np.where(start != 0.0, np.abs(start), 1.0)
+        found = least_squares(misses, begun, bounds=(lower, upper), x_scale=scale, max_nfev=_STEPS)
+        if 2.0 * found.cost < best[0]:
+            best = (2.0 * float(found.cost), found.x)
+    return best
+
+
+def _beside_a_line(y: FloatArray, x: FloatArray) -> FloatArray:
+    """What a line through zero leaves of a curve, all (n,)."""
+    size = float(x @ x)
+    left: FloatArray = y - x * (float(x @ y) / size) if size > 0.0 else y
+    return left

@@ -1,0 +1,128 @@
+"""Relatives of a law: what draws its curve is found without a run of a filter, and the right one takes its place."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.integrate import solve_ivp
+
+import bondgraph as bg
+from bondgraph.arrays import FloatArray
+from bondgraph.build import build
+from bondgraph.correct.evidence.context import coefficients
+from bondgraph.correct.evidence.trials import Trial
+from bondgraph.correct.loop import LoopSettings, close_loop
+from bondgraph.correct.models.candidates import Candidate, candidates
+from bondgraph.correct.places.probes import Signal
+from bondgraph.correct.shapes.relatives import _beside_a_line, _Curve, _fitted, _law
+from bondgraph.data.log import MatchedLog
+from bondgraph.declare.domains import HYDRAULIC
+from bondgraph.declare.editing import handle
+from bondgraph.declare.effect import Place, Scale
+from bondgraph.effects import hardening_spring, overflow, quadratic_loss, relief, viscous_loss
+from bondgraph.filter.filter_model import FilterModel
+
+PRESSURE = Signal("effort of basin", "Pa", (np.linspace(500.0, 7000.0, 300),))
+
+
+def basin() -> bg.BondGraph:
+    """A basin with a leak that is in proportion to its pressure."""
+    g = bg.BondGraph("basin")
+    inflow = g.input("inflow", "m^3/s")
+    leak = g.parameter("leak", 1e-6, "m^3/s/Pa", "", (1e-7, 1e-5))
+    junction = g.zero_junction("basin", HYDRAULIC)
+    g.flow_source("pump", inflow, at=junction)
+    g.compliance("water", lambda q: 12000.0 * q, at=junction, initial=0.2)
+    g.resistance("leakage", flow=lambda p: leak * p, at=junction)
+    g.measure_effort("pressure", junction)
+    return g
+
+
+BUILT = build(basin())
+PLACE = Place(handle(basin(), "basin"), Scale(7000.0, 0.01))
+FOUND: dict[str, Candidate] = {
+    one.effect.name: one for one in candidates(BUILT, [overflow, relief], [PLACE])[0]
+}  # fmt: skip
+
+
+def drawn(name: str, curve: _Curve) -> tuple[float, dict[str, float]]:
+    """The share of a curve that a law of the dictionary leaves, and its numbers."""
+    candidate = FOUND[name]
+    graph = candidate.apply(basin())
+    law = _law(Trial(candidate, 0.0), graph, PRESSURE, {})
+    assert law is not None
+    own = coefficients(candidate, FilterModel(candidate.model, {}, {"pressure": 1.0}, {}))
+    share, values = _fitted(law, own, candidate, curve)
+    return share, dict(zip(law.names, map(float, values), strict=True))
+
+
+@settings(max_examples=25, deadline=None)
+@given(edge=st.floats(2000.0, 5500.0), size=st.floats(1e-4, 0.05), line=st.floats(-1e-6, 1e-6))
+def test_a_law_is_found_again_by_its_curve_whatever_line_is_beside_it(edge: float, size: float, line: float) -> None:
+    x = PRESSURE.values[0]
+    y = size * (np.maximum(x - edge, 0.0) / 7000.0) ** 1.5 + line * x
+    share, values = drawn("overflow", _Curve(PRESSURE, x, y))
+    assert share < 1e-6
+    assert values["e_overflow_basin"] == pytest.approx(edge, rel=1e-3)
+    assert values["c_overflow_basin"] == pytest.approx(size, rel=1e-2)
+
+
+def test_a_law_of_another_form_leaves_more() -> None:
+    x = PRESSURE.values[0]
+    curve = _Curve(PRESSURE, x, 0.02 * (np.maximum(x - 4000.0, 0.0) / 7000.0) ** 1.5)
+    assert drawn("overflow", curve)[0] < 1e-6 < 1e-3 < drawn("relief_valve", curve)[0] < 0.1
+
+
+def test_what_a_line_leaves_has_no_line_in_it() -> None:
+    x, y = np.linspace(-1.0, 3.0, 50), np.random.default_rng(2).normal(size=50)
+    left = _beside_a_line(y, x)
+    assert left @ x == pytest.approx(0.0, abs=1e-12)
+    np.testing.assert_allclose(_beside_a_line(y + 7.0 * x, x), left, atol=1e-12)
+    np.testing.assert_array_equal(_beside_a_line(y, np.zeros(50)), y)
+
+
+def disc() -> bg.BondGraph:
+    """A disc with bearings; the brake that acts on it is not declared."""
+    g = bg.BondGraph("disc")
+    torque = g.input("torque", "N m", hold=True)
+    inertia = g.parameter("J", 0.05, "kg m^2", "", (0.01, 0.2))
+    b = g.parameter("b", 0.01, "N m s/rad", "", (0.001, 0.3))
+    rotor = g.one_junction("rotor", bg.ROTATION)
+    g.effort_source("motor", torque, at=rotor)
+    g.inertance("mass", inertia, at=rotor, state="w", initial="speed")
+    g.resistance("bearings", lambda w: b * w, at=rotor)
+    g.measure_flow("speed", rotor)
+    return g
+
+
+def braked(seed: int, samples: int = 700) -> MatchedLog:
+    """An eddy-current brake by scipy: 4.2 N m at 62 rad/s, less below and above."""
+    rng, step = np.random.default_rng(seed), 0.05
+    time = step * np.arange(samples)
+    torque = np.repeat(rng.uniform(0.0, 7.0, samples // 50 + 1), 50)[:samples]
+
+    def rate(t: float, w: FloatArray) -> FloatArray:
+        slip = w / 62.0
+        return (torque[min(int(t / step + 1e-9), samples - 1)] - 0.02 * w - 8.4 * slip / (1.0 + slip**2)) / 0.06
+
+    run = solve_ivp(rate, (0.0, time[-1]), [20.0], t_eval=time, rtol=1e-8, atol=1e-8, max_step=step)
+    return MatchedLog(f"run{seed}", time, torque[np.newaxis], run.y + 0.1 * rng.standard_normal(samples))
+
+
+@pytest.mark.slow
+def test_a_brake_that_fades_at_speed_is_one_term_and_no_sum_of_others() -> None:
+    """Before: four terms, a square and a fifth power among them, that drew the curve together."""
+    found = close_loop(
+        disc(),
+        [braked(1), braked(2)],
+        [braked(9)],
+        (viscous_loss, quadratic_loss, hardening_spring),
+        LoopSettings(faults=False),
+    )
+    assert [one.trial.candidate.label for one in found.added] == ["formula_hump_of_flow_of_rotor at rotor"]
+    values = found.corrected.values
+    assert (values["reach_hump_rotor"], values["c_hump_rotor"], values["J"]) == pytest.approx(
+        (62.0, 4.2, 0.06), rel=2e-3
+    )
