@@ -13,6 +13,8 @@ LEVEL = 0.01
 #: Nats that do not tell two explanations apart: odds of 20 to 1, from where evidence is called strong. Kass and Raftery
 #: (1995), J. American Statistical Association 90(430).
 INDIFFERENT = 3.0
+#: Share of what something else explains from which a law counts as an answer to it: most of it, a convention.
+MOSTLY = 0.5
 #: Chance of what is looked at as that of a single test: a score, a gain of folds that were left out.
 CHANCE = 0.05
 #: Effects that are added at most, and candidates of one round that are refitted at most; what is left out is named.

@@ -13,7 +13,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Literal
 
 from bondgraph.build import BuiltModel, build
 from bondgraph.correct.cautions import at_bounds, cautions_of
@@ -36,6 +35,7 @@ from bondgraph.correct.progress import Decision, Progress, advance, with_disturb
 from bondgraph.correct.rest import Rest, at_random, settle
 from bondgraph.correct.round import Round, RoundSettings, one_round, round_cautions, unsearched
 from bondgraph.correct.search.disturbances import Disturbance, described
+from bondgraph.correct.verdict import Verdict, unproven, verdict
 from bondgraph.data.log import MatchedLog
 from bondgraph.declare.editing import handle, with_bounds, with_values, without_input_rates
 from bondgraph.declare.effect import EffectFunction, Place, Scale
@@ -48,11 +48,6 @@ from bondgraph.estimate.initial import InitialRule
 from bondgraph.estimate.journal import Journal
 from bondgraph.estimate.local import Report, no_report
 from bondgraph.text import count, few
-
-Verdict = Literal[
-    "effect found", "effect not confirmed", "disturbance", "sensor fault suspected", "unexplained residual",
-    "no missing effect",
-]  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -131,6 +126,11 @@ class ClosedLoop:
         """The module that is generated from :attr:`corrected_graph`."""
         built, graph = self.corrected_built, self.corrected_graph
         return built.text if graph is built.graph else build(graph).text
+
+    @property
+    def unproven(self) -> Trial | None:
+        """What explains most at the end and passes the tests, but for that no other sensor contradicts it."""
+        return unproven(self.rounds, LEVEL)
 
     @property
     def detectable(self) -> tuple[Detectable, ...]:
@@ -303,8 +303,9 @@ def _result(
     before = assess(nominal, train), assess(nominal, holdout)
     after = assess(current, state.train), assess(current, holdout)
     logs = confirmation(nominal, current, before, after) if every else None
+    doubted = unproven(rounds, settings.level)
     result = ClosedLoop(
-        *_verdict(added, random, rest.unexplained, residual, settings.level, reason, logs), nominal, current,
+        *verdict(added, random, rest.unexplained, residual, settings.level, reason, logs, doubted), nominal, current,
         before[0], before[1], after[0], after[1], begun.built, corrected_built, added, tuple(rounds), told, first, last,
         residual, rest.unexplained, history, cautions, logs, _events(rest.state), rest.state.fit, random,
         begun.held,
@@ -375,26 +376,3 @@ def _model_values(fitted: Fit) -> dict[str, float]:
 def _widened(fitted: Fit) -> dict[str, tuple[float, float]]:
     """Bounds of coefficients as the search left them: it may have gone beyond those that scaled it."""
     return {one.name: (one.lower, one.upper) for one in fitted.problem.free if one.widens}
-
-
-def _verdict(
-    added: Sequence[Added],
-    random: Sequence[Disturbance],
-    left: Sequence[Unexplained],
-    residual: Sequence[Whiteness],
-    level: float,
-    reason: str,
-    logs: Confirmation | None,
-) -> tuple[Verdict, str]:
-    coloured = [test.channel for test in residual if test.p_value * len(residual) < level]
-    said = f"; the innovations of {', '.join(coloured)} stay coloured" if coloured else ""
-    named = [one for one in added if one.trial.candidate.effect.name != "table"]
-    if named and logs is not None and logs.contradictions:
-        return "effect not confirmed", reason + said
-    if named and all(one.trial.candidate.effect.channel for one in named):
-        return "sensor fault suspected", reason + said
-    if named:
-        return "effect found", reason + said
-    if random and not left:
-        return "disturbance", reason + said
-    return "unexplained residual" if coloured or left or added or random else "no missing effect", reason + said

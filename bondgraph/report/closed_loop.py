@@ -190,6 +190,9 @@ def _explained(closed: ClosedLoop) -> str:
         return f"Something happened in the logs ({what}); no law that holds throughout passes the tests.{rest}"
     if left:
         return f"There is {left[0]} that none of the {tried} effects and faults tried explains."
+    if closed.verdict == "unexplained residual" and not coloured and closed.unproven is not None:
+        told = f"{closed.unproven.candidate.label} passes the tests ({closed.unproven.gain:.1f} nats)"
+        return f"Something is missing: {told}, but what it is cannot be told; see what was tried for the reason."
     if closed.verdict == "unexplained residual":
         return (
             f"The innovations of {', '.join(coloured)} are correlated in time, so something is missing (or the noise "

@@ -55,13 +55,20 @@ def test_the_hurdle_that_fails_is_said_with_its_number(evidence: Evidence, words
     assert _why(less, fault, less) == f"it gains 12.0 nats more, but {words}"
 
 
-def test_a_fault_of_the_only_sensor_that_passes_is_not_said_to_fail_a_test() -> None:
+def test_a_fault_of_the_only_sensor_that_passes_is_not_said_to_fail_a_test(monkeypatch: pytest.MonkeyPatch) -> None:
     """A report said of a boiler's sensor: p = 3.9e-15 is above 0.01."""
     law, fault = _pair()
-    less = replace(law, evidence=replace(SURE, delta_nll=10.0))
+    less = replace(law, evidence=replace(SURE, delta_nll=10.0, bic_gain=8.0))
+    assert choose([less, fault], LEVEL) is fault  # it explains more, and leaves nothing
+    monkeypatch.setattr("bondgraph.correct.evidence.decide.is_white", lambda *_: False)
     assert choose([less, fault], LEVEL) is less
-    assert _why(less, fault).startswith("it gains 12.0 nats more, but it passes the tests")
-    assert _why(less, fault).endswith("believed only where no law passes the tests")
+    told = _why(less, fault)
+    assert told.startswith("it gains 12.0 nats more, but it passes the tests")
+    assert told.endswith("nothing stays unexplained beside it: its innovations stay coloured")
+    little = replace(law, evidence=replace(SURE, delta_nll=9.0, bic_gain=7.0))
+    assert choose([little, fault], LEVEL) is None  # less than half of what the fault explains is no answer
+    told = _why(None, little, fault)
+    assert told.endswith("half of what the unproven sensor_scale at sensor speed does (22.0 nats)")
     doubted = replace(law, evidence=replace(SURE, p_robust=0.5))
     assert choose([doubted, fault], LEVEL) is None
     told = _why(None, fault, doubted)

@@ -13,7 +13,7 @@ from collections.abc import Sequence
 import numpy as np
 from scipy import stats
 
-from bondgraph.correct.constants import BLOCKS, INDIFFERENT, POWER
+from bondgraph.correct.constants import BLOCKS, INDIFFERENT, MOSTLY, POWER
 from bondgraph.correct.evidence.trials import Detectable, Evidence, Trial
 from bondgraph.correct.fits.times import summed, term_times
 from bondgraph.correct.fits.whiteness import is_white
@@ -257,19 +257,20 @@ def detectable(vanishing: Sequence[Candidate], found: Scores, need: float) -> tu
 def choose(trials: Sequence[Trial], level: float) -> Trial | None:
     """The refitted candidate with the largest penalised gain among those that pass, or None.
 
-    Nothing contradicts a fault of the only sensor. It is chosen where no law passes, none explains as much, and nothing
-    stays unexplained beside it: a law that is not believed may stand for another of its kind, and a fault for a part of
-    what is missing. Nor is its drift told from what is slow in the machine: the last of a cell's relaxations was one. A
-    further part of a known law is preferred to one more law.
+    Nothing contradicts a fault of the only sensor. It is chosen where no law explains as much, believed or not, and
+    nothing stays unexplained beside it: a law that is not believed may stand for another of its kind, and a fault for a
+    part of what is missing. A law that explains less than half of what such a fault does is no answer then. Nor is its
+    drift told from what is slow in the machine: the last of a cell's relaxations was one. A further part of a known law
+    is preferred to one more law.
     """
-    fitted = [trial for trial in trials if trial.fit is not None and trial.transfers]
-    passed = [trial for trial in fitted if trial.evidence is not None and trial.evidence.accepted(level)]
+    passed = passing(trials, level)
     if passed and has_one_sensor(passed[0]):
         laws = [trial for trial in passed if not trial.candidate.effect.channel]
         told = max((preferred_gain(one) for one in trials if not one.candidate.effect.channel), default=-math.inf)
-        faults = [one for one in passed if one.candidate.effect.kind != "drift"]
-        passed = laws or [
-            one for one in faults if preferred_gain(one) > told + INDIFFERENT and leaves_white(one, level)
+        faults = [one for one in passed if is_fault(one)]
+        most = max((preferred_gain(one) for one in faults), default=-math.inf)
+        passed = [one for one in faults if preferred_gain(one) > told + INDIFFERENT and leaves_white(one, level)] or [
+            one for one in laws if preferred_gain(one) > MOSTLY * most
         ]
     best = max(passed, key=preferred_gain, default=None)
     forms = [one for one in passed if one.completes]
@@ -277,6 +278,17 @@ def choose(trials: Sequence[Trial], level: float) -> Trial | None:
     if best is not None and own is not None and preferred_gain(own) > preferred_gain(best) - INDIFFERENT:
         return own
     return best
+
+
+def passing(trials: Sequence[Trial], level: float) -> list[Trial]:
+    """The refitted candidates that pass all hurdles, and that nothing is known against."""
+    fitted = [trial for trial in trials if trial.fit is not None and trial.transfers]
+    return [trial for trial in fitted if trial.evidence is not None and trial.evidence.accepted(level)]
+
+
+def is_fault(trial: Trial) -> bool:
+    """True for a fault of a sensor that may be told from the machine: no drift, which whatever is slow in it does."""
+    return bool(trial.candidate.effect.channel) and trial.candidate.effect.kind != "drift"
 
 
 def leaves_white(trial: Trial, level: float) -> bool:

@@ -5,8 +5,15 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from bondgraph.correct.constants import INDIFFERENT
-from bondgraph.correct.evidence.decide import has_one_sensor, leaves_white, preferred_gain, within_a_sample
+from bondgraph.correct.constants import INDIFFERENT, MOSTLY
+from bondgraph.correct.evidence.decide import (
+    has_one_sensor,
+    is_fault,
+    leaves_white,
+    passing,
+    preferred_gain,
+    within_a_sample,
+)
 from bondgraph.correct.evidence.trials import Alternative, Evidence, Trial
 from bondgraph.correct.scores.score import Scores
 
@@ -61,7 +68,8 @@ def _compared(chosen: Trial | None, trial: Trial, found: Scores, order: dict[str
     if trial.evidence is None:
         a, b = order[chosen.candidate.label], order[trial.candidate.label]
         size = found.correlation.shape[0]
-        alike = float(found.correlation[a, b]) if max(a, b) < size else 0.0
+        known = max(a, b) < size and not chosen.candidate.parts_from(trial.candidate)
+        alike = float(found.correlation[a, b]) if known else 0.0
         lost = (1.0 - alike**2) * chosen.gain
         if trial.score_gain > 0.0 and lost < INDIFFERENT:
             return True, f"its response is the same to these sensors (correlation {alike:.4f}, {lost:.1f} nats less)"
@@ -146,8 +154,6 @@ def _put_back(chosen: Trial | None, trial: Trial, trials: Sequence[Trial], level
     if trial.fit is not None and trial.candidate.effect.channel and has_one_sensor(trial):
         only = "it passes the tests, but a fault of the only sensor, which nothing contradicts, is believed only where"
         laws = [one for one in trials if not one.candidate.effect.channel]
-        if any(one.fit is not None and one.transfers and one.evidence and one.evidence.accepted(level) for one in laws):
-            return f"{only} no law passes the tests"
         best = max(laws, key=preferred_gain, default=None)
         told = -math.inf if best is None else preferred_gain(best)
         if best is not None and preferred_gain(trial) <= told + INDIFFERENT:
@@ -155,6 +161,11 @@ def _put_back(chosen: Trial | None, trial: Trial, trials: Sequence[Trial], level
             return f"{only} no law explains as much: {best.candidate.label} has {sizes}"
         if not leaves_white(trial, level):
             return f"{only} nothing stays unexplained beside it: its innovations stay coloured"
+    faults = (one for one in passing(trials, level) if is_fault(one))
+    fault = max(faults, key=preferred_gain, default=None)
+    if fault is not None and has_one_sensor(trial) and preferred_gain(trial) <= MOSTLY * preferred_gain(fault):
+        half = "explains less than half of what the unproven"
+        return f"it passes the tests, but {half} {fault.candidate.label} does ({fault.gain:.1f} nats)"
     if chosen is None:
         return "it passes the tests, but only as one that responds like another, which was refitted for both"
     if chosen.completes and not trial.completes:
