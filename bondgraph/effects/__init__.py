@@ -15,7 +15,7 @@ between      leaks, friction and fluid couplings between two junctions of one do
 loads        constant efforts and flows, headwind, ripple
 actuators    wrong scale and lag of sources and ratios, ceiling, dead zone, rate of what follows a command; motors
              whose constant falls with the current
-relaxation   cells that polarise, walls that take up heat slowly, viscoelastic drag
+relaxation   cells that polarise, walls that take up heat slowly, viscoelastic drag, masses on springs
 storages     added inertia, capacity, compliance; backlash, stops, springs that harden, gas, iron that saturates
 fading       resistances that change with temperature, batteries that fall with their charge
 sensors      faults of sensors, which the loop itself tries beside these
@@ -76,6 +76,7 @@ from bondgraph.effects.between import coupling_slip as coupling_slip
 from bondgraph.effects.thermal import radiation_between as radiation_between
 from bondgraph.effects.relaxation import polarisation as polarisation
 from bondgraph.effects.relaxation import slow_heat_capacity as slow_heat_capacity
+from bondgraph.effects.relaxation import sprung_mass as sprung_mass
 from bondgraph.effects.relaxation import viscoelastic_drag as viscoelastic_drag
 from bondgraph.effects.fading import charge_fading as charge_fading
 from bondgraph.effects.fading import temperature_dependence as temperature_dependence

@@ -1,23 +1,25 @@
-"""Parts that follow with a time of their own: polarised cells, viscoelastic drag, walls that take up heat slowly.
+"""Parts with a time of their own: polarised cells, viscoelastic drag, walls that take up heat, masses that swing along.
 
 An ordinary loss answers at once and an ordinary storage for ever; these do both one after the other. Each has a state
 that follows by a first-order lag and vanishes with its coefficient. The time of the lag is a shape: it lies between the
-time between samples and the length of the logs, outside of which the part is a mere loss or a mere storage.
+time between samples and the length of the logs, outside of which the part is a mere loss or a mere storage. A mass on
+a spring has a frequency instead.
 
 References: Plett (2015), Battery Management Systems, volume 1, section 2.4, for a cell's polarisation; Ferry (1980),
 Viscoelastic Properties of Polymers, chapter 1, for Maxwell's element; Madsen, Holst (1995), Energy and Buildings 22(1),
-for walls with a temperature of their own.
+for walls with a temperature of their own; Den Hartog (1956), Mechanical Vibrations, chapter 3, for masses on springs.
 """
 
 from __future__ import annotations
 
-from sympy import Expr
+from sympy import Expr, pi
 
 from bondgraph.declare.domains import ELECTRICAL, THERMAL
 from bondgraph.declare.effect import Effect, Place
 from bondgraph.declare.expressions import signal
 from bondgraph.declare.graph import BondGraph
 from bondgraph.declare.quantities import symbol
+from bondgraph.declare.revision import revise_integral
 from bondgraph.derive.laws import affine_parts
 from bondgraph.effects.places import (
     coefficient,
@@ -30,6 +32,10 @@ from bondgraph.effects.places import (
     is_motion,
     over,
 )
+from bondgraph.effects.storages import inertance_beside
+
+#: Frequencies at which a mass on a spring is tried, one every half octave or so where logs tell of two decades.
+_FREQUENCIES = 12
 
 
 def polarisation(g: BondGraph, at: Place) -> Effect | None:
@@ -72,6 +78,46 @@ def slow_heat_capacity(g: BondGraph, at: Place) -> Effect | None:
         reference="Madsen, Holst (1995), Energy and Buildings 22(1)", dissipative=True,
         manoeuvre="a step of the heat, then time to settle",
     )  # fmt: skip
+
+
+def sprung_mass(g: BondGraph, at: Place) -> Effect | None:
+    """A mass on a spring beside what moves: liquid that sloshes, a load that hangs, a cab on its mounts.
+
+    It rides along at first, so that its lag in speed is its state.
+    """
+    declared = inertance_beside(g, at.junction) if is_motion(at) else None
+    acceleration = None if declared is None else _acceleration(g, at)
+    if declared is None or acceleration is None:
+        return None
+    name = f"sprung_mass_{at.name}"
+    size, unit = declared
+    c = g.parameter(f"c_{name}", 0.0, unit, f"mass on a spring at {at.label}", (0.0, size))
+    shortest, longest = at.times
+    slowest, fastest = 1.0 / longest, 0.25 / shortest
+    grid = tuple(slowest * (fastest / slowest) ** (k / (_FREQUENCIES - 1)) for k in range(_FREQUENCIES))
+    f = g.parameter(f"f_{name}", (slowest * fastest) ** 0.5, "Hz", "natural frequency of it", (slowest, fastest))
+    z = g.parameter(f"z_{name}", 0.2, "1", "damping ratio of it", (0.002, 2.0))
+    omega = 2 * pi * f
+    behind = g.integral(f"behind_{name}", 0, flow_unit(at), f"flow at {at.label} over that of the mass")
+    pull = g.integral(f"pull_{name}", omega**2 * behind, over(flow_unit(at), "s"), "force of the spring over the mass")
+    drawn = pull + 2 * z * omega * behind
+    revise_integral(g, f"behind_{name}", acceleration - drawn)
+    g.effort_source(name, -c * drawn, at=at.junction)
+    law = "effort = c*a, a = p + 4*pi*z*f*y, dy/dt = d(flow)/dt - a, dp/dt = (2*pi*f)^2*y"
+    return Effect(
+        "sprung_mass", name, law, (c.name,), shapes=(f.name, z.name), grids=((f.name, grid), (z.name, (0.2,))),
+        reference="Den Hartog (1956), Mechanical Vibrations, chapter 3", manoeuvre="steps, then time to swing out",
+    )  # fmt: skip
+
+
+def _acceleration(g: BondGraph, at: Place) -> Expr | None:
+    """The rate of change of the flow there, by the effort on a straight inertance; None without one."""
+    for node in elements_at(g, at, "I"):
+        law = node.law("flow")
+        parts = None if law is None else affine_parts(law, symbol("momentum"))
+        if parts is not None and symbol("momentum") not in parts[0].free_symbols:
+            return parts[0] * signal("effort", node.name)
+    return None
 
 
 def _slope(g: BondGraph, at: Place) -> Expr | None:

@@ -57,7 +57,7 @@ LONGEST_RUN_UP = 2.0
 
 def added_inertia(g: BondGraph, at: Place) -> Effect | None:
     """Inertia that was not counted: payload, a flywheel, adhering oil, a leakage inductance, fluid in a hose."""
-    declared = _inertance_beside(g, at.junction) if is_speed(at) else None
+    declared = inertance_beside(g, at.junction) if is_speed(at) else None
     if declared is None:
         return None
     word = _INERTIA.at(at)
@@ -304,7 +304,7 @@ def _capacity_beside(g: BondGraph, at: Place) -> tuple[float, str] | None:
     return None
 
 
-def _inertance_beside(g: BondGraph, junction: Handle) -> tuple[float, str] | None:
+def inertance_beside(g: BondGraph, junction: Handle) -> tuple[float, str] | None:
     """Size and unit of the linear inertance declared at a junction: the natural size of one that was forgotten."""
     flat = g.flatten()
     declared = {parameter.symbol: parameter for parameter in flat.parameters}

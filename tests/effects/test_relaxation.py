@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import re
 
 import numpy as np
@@ -11,7 +12,7 @@ import bondgraph as bg
 from bondgraph.build import build
 from bondgraph.declare.editing import copy, handle, with_bounds, with_values
 from bondgraph.declare.effect import Effect, Place, Scale
-from bondgraph.effects.relaxation import polarisation, slow_heat_capacity, viscoelastic_drag
+from bondgraph.effects.relaxation import polarisation, slow_heat_capacity, sprung_mass, viscoelastic_drag
 from bondgraph.report.closed_loop import found_effects
 from bondgraph.simulate.simulation import simulate
 
@@ -73,6 +74,35 @@ def test_polarisation_is_a_condenser_across_a_resistance() -> None:
     u = 10.0 * np.sign(np.sin(np.arange(300) / 20.0))
     own = shown(with_effect(cell(), polarisation, "wire", 0.0012, 45.0), u, 2.0)
     assert own == pytest.approx(shown(by_hand, u, 2.0), abs=1e-9)
+
+
+def test_a_sprung_mass_is_a_mass_on_a_spring_and_a_damper() -> None:
+    mass, hertz, ratio = 0.6, 1.7, 0.08
+    omega = 2.0 * np.pi * hertz
+    by_hand = sled()
+    runner, mount = handle(by_hand, "runner"), by_hand.zero_junction("mount", bg.TRANSLATION)
+    load, stretch = by_hand.one_junction("load", bg.TRANSLATION), by_hand.one_junction("stretch", bg.TRANSLATION)
+    for first, second in ((runner, mount), (mount, load), (mount, stretch)):
+        by_hand.bond(first, second)
+    by_hand.inertance("liquid", by_hand.parameter("m2", mass, "kg"), at=load, state="v2")
+    by_hand.compliance("spring", by_hand.parameter("k2", mass * omega**2, "N/m"), at=stretch, state="x2")
+    by_hand.resistance("damper", by_hand.parameter("d2", 2.0 * ratio * omega * mass, "N s/m"), at=stretch)
+    g = sled()
+    effect = sprung_mass(g, Place(handle(g, "runner"), Scale(80.0, 160.0), times=(0.05, 40.0)))
+    assert isinstance(effect, Effect)
+    g = with_values(g, dict(zip((*effect.coefficients, *effect.shapes), (mass, hertz, ratio), strict=True)))
+    u = 10.0 * np.sign(np.sin(np.arange(300) / 20.0))
+    assert shown(g, u, 0.05) == pytest.approx(shown(by_hand, u, 0.05), abs=1e-6)
+
+
+def test_a_sprung_mass_is_tried_between_the_length_of_logs_and_their_sampling() -> None:
+    g = sled()
+    effect = sprung_mass(g, Place(handle(g, "runner"), Scale(80.0, 160.0), times=(0.05, 40.0)))
+    assert isinstance(effect, Effect)
+    (_, tried), _ = effect.grids
+    assert (tried[0], tried[-1]) == pytest.approx((1.0 / 40.0, 5.0))
+    assert max(b / a for a, b in itertools.pairwise(tried)) < 1.7  # two neighbours within one damping
+    assert sprung_mass(cell(), Place(handle(cell(), "wire"), Scale(80.0, 160.0))) is None
 
 
 def test_polarisation_answers_a_step_of_the_current_by_its_resistance_and_its_time() -> None:
