@@ -2,7 +2,7 @@
 
 An actuator is a source, a resistance, a transformer or a gyrator whose law follows an input of the graph: a motor's
 torque, a heater, a brake, a valve, a ratio. Levers and switches, which are held between samples, are none. A motor is
-one too, whose constant falls as its current grows.
+one too, whose constant falls as its current or its stroke grows.
 
 References: Guzzella, Onder (2010), Introduction to Modeling and Control of Internal Combustion Engine Systems, chapter
 2, for the lag of an engine's torque; Tao, Kokotovic (1996), Adaptive Control of Systems with Actuator and Sensor
@@ -19,6 +19,7 @@ from sympy import tanh
 from bondgraph.declare.domains import ELECTRICAL
 from bondgraph.declare.effect import Effect, Place
 from bondgraph.declare.elements import TWO_PORTS, Node
+from bondgraph.declare.expressions import signal
 from bondgraph.declare.functions import clip
 from bondgraph.declare.graph import BondGraph
 from bondgraph.declare.quantities import Input
@@ -31,9 +32,11 @@ from bondgraph.effects.places import (
     flow_unit,
     gyrators_at,
     has_flow,
+    is_motion,
     lateness,
     over,
 )
+from bondgraph.effects.storages import spring_at
 
 _ENGINE = "Guzzella, Onder (2010), Modeling and Control of Internal Combustion Engine Systems, chapter 2"
 _CEILING = "Hippe (2006), Windup in Control, chapter 1"
@@ -90,6 +93,28 @@ def modulus_fading(g: BondGraph, at: Place) -> Effect | None:
     return Effect(
         "modulus_fading", motors[0].name, "modulus = declared/(1 + c*flow^2)", (c.name,), reference=_MACHINERY,
         manoeuvre="small and large currents, at standstill and at speed",
+    )  # fmt: skip
+
+
+def stroke_fading(g: BondGraph, at: Place) -> Effect | None:
+    """Constant of a motor that falls away from the middle of its stroke: a voice coil that leaves its magnet's gap.
+
+    Force and voltage fall alike, so that it loses no power.
+    """
+    motors = gyrators_at(g, at) if is_motion(at) else []
+    spring = spring_at(g, at, straight=False)
+    known = {parameter.symbol for parameter in g.flatten().parameters}
+    law = motors[0].law("modulus") if len(motors) == 1 else None
+    if spring is None or law is None or not law.free_symbols <= known:
+        return None
+    name = f"stroke_fading_{at.name}"
+    limit = 3.0 / spring.way**2
+    c = g.parameter(f"c_{name}", 0.0, over("1", spring.unit, 2), "1 over the square of a displacement", (0.0, limit))
+    stroke = signal("displacement", spring.name)
+    revise_law(g, motors[0].name, "modulus", lambda old: old / (1 + c * stroke**2))
+    return Effect(
+        "stroke_fading", motors[0].name, "modulus = declared/(1 + c*q^2), q = displacement", (c.name,),
+        reference="Klippel (2006), J. Audio Engineering Society 54(10)", manoeuvre="small and large strokes in one log",
     )  # fmt: skip
 
 

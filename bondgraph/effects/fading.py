@@ -27,7 +27,10 @@ SHORTEST_DISCHARGE = 100.0
 
 
 def temperature_dependence(g: BondGraph, at: Place) -> Effect | None:
-    """A resistance that changes with the temperature of the nearest body of the graph, straight around a reference."""
+    """A resistance that changes with the temperature of the nearest body of the graph, straight around a reference.
+
+    That is a room's temperature where temperatures are known to be absolute, else the one around that body.
+    """
     resistances = elements_at(g, at, "R") if at.bond is None and at.domain != THERMAL else []
     body = _nearest_body(g, at) if len(resistances) == 1 else None
     if body is None or "." in resistances[0].name:
@@ -37,7 +40,8 @@ def temperature_dependence(g: BondGraph, at: Place) -> Effect | None:
     a = g.parameter(f"a_{name}", 0.0, "1/K", f"relative rise of {node.name} per kelvin", (-_STEEPEST, _STEEPEST))
     known = surroundings(g, Place(body, Scale(0.0, 0.0)))
     absolute = known is not None and known.zero == 0.0
-    reference = g.parameter(f"at_{name}", ROOM, "K", "where it is as declared") if absolute else Integer(0)
+    around = Integer(0) if known is None else known.temperature
+    reference = g.parameter(f"T0_{name}", ROOM, "K", "where it is as declared") if absolute else around
     factor = 1 + a * (body.effort - reference)
 
     def warmer(laws: Mapping[str, Expr]) -> dict[str, Expr]:

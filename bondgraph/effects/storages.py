@@ -117,7 +117,7 @@ def added_compliance(g: BondGraph, at: Place) -> Effect | None:
 
 def backlash(g: BondGraph, at: Place) -> Effect | None:
     """Play in front of a declared spring: it carries nothing until the gap is taken up."""
-    spring = _spring(g, at) if is_motion(at) else None
+    spring = spring_at(g, at) if is_motion(at) else None
     if spring is None:
         return None
     name = f"backlash_{at.name}"
@@ -133,7 +133,7 @@ def backlash(g: BondGraph, at: Place) -> Effect | None:
 def hardening_spring(g: BondGraph, at: Place) -> Effect | None:
     """A storage whose effort grows with the cube too: a leaf that bends far, a ceramic capacitor; it may soften."""
     word = _CUBIC.at(at)
-    spring = _spring(g, at) if word else None
+    spring = spring_at(g, at) if word else None
     if spring is None:
         return None
     name = f"{word}_{at.name}"
@@ -149,7 +149,7 @@ def hardening_spring(g: BondGraph, at: Place) -> Effect | None:
 def progressive_spring(g: BondGraph, at: Place) -> Effect | None:
     """A storage whose stiffness grows with its displacement: a conical spring, a tank that narrows upwards."""
     word = _PROGRESSIVE.at(at)
-    spring = _spring(g, at) if word else None
+    spring = spring_at(g, at) if word else None
     if spring is None:
         return None
     name = f"{word}_{at.name}"
@@ -164,7 +164,7 @@ def progressive_spring(g: BondGraph, at: Place) -> Effect | None:
 
 def softening_spring(g: BondGraph, at: Place) -> Effect | None:
     """A spring whose force nears a limit: a rubber mount that buckles, a disc spring, a yielding support."""
-    spring = _spring(g, at) if is_motion(at) else None
+    spring = spring_at(g, at) if is_motion(at) else None
     if spring is None:
         return None
     name = f"softening_spring_{at.name}"
@@ -199,7 +199,7 @@ def gas_storage(g: BondGraph, at: Place) -> Effect | None:
     """
     is_accumulator = has_effort(at) and at.domain == HYDRAULIC
     is_spring = is_motion(at) and at.domain != ROTATION  # no gas resists a twist
-    spring = _spring(g, at, straight=False) if is_accumulator or is_spring else None
+    spring = spring_at(g, at, straight=False) if is_accumulator or is_spring else None
     if spring is None:
         return None
     word = _GAS.at(at)
@@ -229,7 +229,7 @@ def _stop(
     g: BondGraph, at: Place, effect: str, beyond: Callable[[Expr, Expr], Expr], law: str, both: bool
 ) -> Effect | None:
     known = (ROTATION, TRANSLATION, None) if not both else (ROTATION, TRANSLATION, HYDRAULIC, None)
-    spring = _spring(g, at) if at.domain in known else None
+    spring = spring_at(g, at) if at.domain in known else None
     if spring is None:
         return None
     name = f"{effect}_{at.name}"
@@ -264,7 +264,7 @@ def magnetic_saturation(g: BondGraph, at: Place) -> Effect | None:
 
 
 @dataclass(frozen=True)
-class _Spring:
+class Spring:
     """A compliance: its name, the displacement at the effort of its place, that effort, and the displacement's unit."""
 
     name: str
@@ -273,7 +273,7 @@ class _Spring:
     unit: str
 
 
-def _spring(g: BondGraph, at: Place, straight: bool = True) -> _Spring | None:
+def spring_at(g: BondGraph, at: Place, straight: bool = True) -> Spring | None:
     """The only compliance at a junction, declared by its effort, and straight unless any law will do.
 
     Where it is not straight its stiffness is that at the displacement at which it starts.
@@ -289,7 +289,7 @@ def _spring(g: BondGraph, at: Place, straight: bool = True) -> _Spring | None:
     if not stiffness.is_number or not stiffness.is_finite or stiffness == 0:
         return None
     unit = "" if at.domain is None else at.domain.displacement_unit
-    return _Spring(springs[0].name, at.scale.effort / abs(float(stiffness)), at.scale.effort, unit)
+    return Spring(springs[0].name, at.scale.effort / abs(float(stiffness)), at.scale.effort, unit)
 
 
 def _capacity_beside(g: BondGraph, at: Place) -> tuple[float, str] | None:

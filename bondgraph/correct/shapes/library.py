@@ -54,7 +54,7 @@ class Kind:
     """A kind of term: its laws in ``x`` (two for a wave of unknown phase), and what its inner parameter means.
 
     ``power``: the coefficient has the unit of the missing variable over that of the signal to this power. ``read`` are
-    the laws as a person reads them, where that is shorter.
+    the laws as a person reads them, where that is shorter. ``alone``: a law of its own, and no part of a sum.
     """
 
     name: str
@@ -62,6 +62,7 @@ class Kind:
     power: int
     inner: str = ""
     read: tuple[Expr, ...] = ()
+    alone: bool = False
 
 
 #: Kinds without an inner parameter; the width of a change of sign is that of smoothed dry friction.
@@ -86,11 +87,11 @@ _REACH = (
     Kind("falling_exponential", (1 - exp(-_X / _INNER),), 0, "reach"),
     Kind("hump", (2 * _X * _INNER / (_X**2 + _INNER**2),), 0, "reach"),
 )
-#: A power with the sign of its signal, its coefficient the value at the signal's size. Where the sign changes it is so
-#: smooth that a root is as steep there as dry friction.
+#: A power with the sign of its signal, which with others beside it would draw nearly any curve; its coefficient
+#: is the value at the signal's size. Where the sign changes it is so smooth that a root is as steep as dry friction.
 _POWER = Kind(
     "power", ((_X / _SIZE) * ((_X / _SIZE) ** 2 + SMOOTHING**4) ** ((_INNER - 1) / 2),), 0, "exponent",
-    (sign(_X) * Abs(_X / _SIZE) ** _INNER,),
+    (sign(_X) * Abs(_X / _SIZE) ** _INNER,), alone=True,
 )  # fmt: skip
 _WAVE = Kind("wave", (sin(_TURN * _X / _INNER), cos(_TURN * _X / _INNER)), 0, "period")
 _PRODUCT = Kind("product", (_X,), 1)

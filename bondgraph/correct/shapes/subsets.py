@@ -143,7 +143,7 @@ def _of_size(found: Terms, size: int, measured: int) -> Iterator[Sum]:
     among = math.log(max(tried(found, size), 1))
     for chosen in itertools.combinations(pool, size):
         terms = tuple(found.terms[k] for k in chosen)
-        if len({term.name for term in terms}) < size:
+        if len({term.name for term in terms}) < size or (size > 1 and any(term.kind.alone for term in terms)):
             continue
         rows = found.columns(chosen)
         told = _best(found.score[rows], found.information[np.ix_(rows, rows)])
