@@ -183,6 +183,23 @@ def test_importing_loads_nothing_large() -> None:
     assert said == "[]\n"
 
 
+_COMMANDS = """
+import sys
+from bondgraph.cli import main
+from bondgraph.cli.arguments import parser
+parser()
+print([name for name in ("sympy", "numba", "pint", "numpy", "scipy", "matplotlib") if name in sys.modules])
+status = main(["inspect", sys.argv[1]])
+print(status, [name for name in ("sympy", "numba", "networkx", "bondgraph.correct") if name in sys.modules])
+"""
+
+
+def test_commands_load_no_more_than_they_use(tmp_path: Path) -> None:
+    (tmp_path / "run.csv").write_text("time [s],speed [m/s]\n0,1\n1,2\n2,4\n")
+    said = _fresh(_COMMANDS, str(tmp_path / "run.csv")).splitlines()
+    assert (said[0], said[-1]) == ("[]", "0 []")
+
+
 _RUN = """
 import sys
 import bondgraph as bg

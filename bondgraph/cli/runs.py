@@ -11,9 +11,10 @@ from dataclasses import replace
 from pathlib import Path
 
 from bondgraph.build import build
+from bondgraph.cli.between import inputs_between
 from bondgraph.cli.fmus import is_fmu, simulate_fmu
+from bondgraph.cli.given_logs import read_given
 from bondgraph.cli.knowledge import posed, with_values
-from bondgraph.cli.log_options import inputs_between, read_given
 from bondgraph.cli.printing import say
 from bondgraph.cli.values import assignments, initial, names, set_values
 from bondgraph.data.log import Log, MatchedLog

@@ -13,6 +13,7 @@ from bondgraph.data.log import FloatArray, Log, LogChannel, MatchedLog
 from bondgraph.data.write import write_log
 from bondgraph.estimate.initial import Initial, initial_states
 from bondgraph.estimate.setup import filter_setup
+from bondgraph.files import write_json
 from bondgraph.filter.abstract_run import AbstractRun
 from bondgraph.filter.consistency import Consistency, consistency, misfits
 from bondgraph.filter.filter_model import FilterModel
@@ -20,7 +21,6 @@ from bondgraph.filter.misfit import LEVEL, Misfit
 from bondgraph.filter.noise import Noise
 from bondgraph.filter.robust import Robust
 from bondgraph.filter.runs import run_bands, run_smoothed
-from bondgraph.report.closed_loop import write_json
 from bondgraph.report.collect import OutputBeliefs, Runs, channel_series, innovation_bands, state_bands
 from bondgraph.report.figures import save_figure
 from bondgraph.report.html import Provenance, ReportData, write_report

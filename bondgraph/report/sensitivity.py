@@ -9,7 +9,7 @@ from typing import Any
 from bondgraph.estimate.analysis.ranking import Ranking
 from bondgraph.estimate.analysis.rates import RateTable
 from bondgraph.estimate.analysis.screening import GlobalSensitivity
-from bondgraph.report.closed_loop import write_json
+from bondgraph.files import write_json
 from bondgraph.report.figures import save_figure
 from bondgraph.report.html import Provenance
 from bondgraph.report.page import Section, drawn, write_page
