@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import sympy
@@ -53,8 +53,20 @@ def curve_of(entry: Entry) -> Curve | None:
         bench = make()
         for place, effect, graph in added(function, bench):
             if effect.name == entry.name:
-                return None if effect.adds_state else _curve(bench, place, effect, graph)
+                drawn = _slip_curve if effect.adds_state else _curve
+                return drawn(bench, place, effect, graph)
     return None
+
+
+def _slip_curve(bench: Bench, place: Place, effect: Effect, graph: BondGraph) -> Curve | None:
+    """The curve of a slip: what it lets go has states of its own, itself has no memory."""
+    node = graph.nodes.get(effect.element)
+    if node is None or node.kind != "R":
+        return None
+    known = {one.symbol for one in graph.parameters}
+    over = {one.name for one in node.laws[0][1].free_symbols - known}
+    curve = _curve(bench, place, effect, graph) if over <= {"flow"} else None
+    return None if curve is None else replace(curve, variable="slip")
 
 
 def _curve(bench: Bench, place: Place, effect: Effect, graph: BondGraph) -> Curve | None:
