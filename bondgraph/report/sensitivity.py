@@ -73,4 +73,4 @@ _RATES = (
 
 def _screened(one: GlobalSensitivity) -> Section:
     figure = drawn(one.plot, 7.5, 1.4 + 0.34 * len(one.names))
-    return Section(f"Over the whole bounds: {one.response}", (one.title,), *one.table(), figure)
+    return Section(f"Over the whole bounds: {one.response}", (one.title, *one.advice()), *one.table(), figure)
