@@ -80,3 +80,22 @@ def test_a_slip_is_drawn_although_what_it_frees_has_states() -> None:
     steep = curve_of(rows["clutch_slip"])
     assert steep is not None and steep.law[-1] == pytest.approx(-steep.law[0])
     assert curve_of(rows["tyre_relaxation"]) is None  # acts in time
+
+
+def test_laws_of_heat_are_drawn_over_temperatures_and_vanish_at_that_of_what_is_around() -> None:
+    rows = {row.name: row for row in catalogue()}
+    for name in ("heat_loss", "convection", "radiation"):
+        lost = curve_of(rows[name])
+        assert lost is not None and lost.x[0] > 200.0
+        assert np.interp(293.15, lost.x, lost.law) == pytest.approx(0.0, abs=0.02 * lost.law[-1]), name
+    bridge = curve_of(rows["heat_bridge"])  # over the difference
+    assert bridge is not None and bridge.law[0] == -bridge.law[-1] < 0.0
+
+
+def test_laws_with_a_memory_of_their_own_are_no_curves() -> None:
+    """They were drawn as straight lines over an inner state, under its name."""
+    curves = {row.name: curve_of(row) for row in catalogue()}
+    for name in ("hysteresis_loss", "bouc_wen_loss", "lugre_loss", "polarisation", "slow_heat_capacity"):
+        assert curves[name] is None, name
+    shown = {name: curve.variable for name, curve in curves.items() if curve is not None}
+    assert (shown["cogging"], shown["charge_fading"]) == ("angle", "drawn")
