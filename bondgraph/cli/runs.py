@@ -81,7 +81,7 @@ def simulate(options: argparse.Namespace) -> int:
     if scenario is None:
         for line in input_notes(trajectory.model, inputs, chosen.values or {}, chosen.mapping):
             print(line, file=sys.stderr)
-    log = trajectory_log(trajectory)
+    log = trajectory_log(trajectory, inputs=True)
     if options.plot:
         title = f"{graph.name}: {scenario.meaning}" if scenario else graph.name
         figure = manoeuvre_figure(trajectory, panels, title) if panels else launch_figure(trajectory)
