@@ -38,7 +38,6 @@ if TYPE_CHECKING:
     from bondgraph.errors import BondGraphError as BondGraphError
     from bondgraph.estimate.estimation import Settings as Settings
     from bondgraph.estimate.joint import pose_joint as pose_joint
-    from bondgraph.estimate.problem import pose as pose
     from bondgraph.estimate.sensitivities import sensitivity as sensitivity
     from bondgraph.filter.detector import ChangeDetector as ChangeDetector
     from bondgraph.filter.filter_model import FilterModel as FilterModel
@@ -53,6 +52,7 @@ if TYPE_CHECKING:
     from bondgraph.simulate.state_space import state_space as state_space
     from bondgraph.verbs import estimate as estimate
     from bondgraph.verbs import filter_log as filter_log
+    from bondgraph.verbs import pose as pose
 else:
     __getattr__, __dir__, __all__ = exported(
         __name__,
@@ -71,7 +71,6 @@ else:
             "errors": "BondGraphError",
             "estimate.estimation": "Settings",
             "estimate.joint": "pose_joint",
-            "estimate.problem": "pose",
             "estimate.sensitivities": "sensitivity",
             "filter.detector": "ChangeDetector",
             "filter.filter_model": "FilterModel",
@@ -83,6 +82,6 @@ else:
             "simulate.model": "Model load",
             "simulate.simulation": "simulate",
             "simulate.state_space": "state_space",
-            "verbs": "estimate filter_log",
+            "verbs": "estimate filter_log pose",
         },
     )

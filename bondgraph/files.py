@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import errno
+import json
 import os
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
+from typing import Any
 
 from bondgraph.errors import OptionError
 
@@ -46,6 +48,29 @@ def write_bytes(path: Path, content: bytes | Iterable[bytes]) -> None:
 def write_text(path: Path, text: str) -> None:
     r"""Write a file of UTF-8 text, with the ends of lines as they are, in one step."""
     write_bytes(path, text.encode())
+
+
+def write_json(path: Path, value: Mapping[str, Any]) -> None:
+    """Write JSON in one step, so that a crash never leaves half a result.
+
+    Raises
+    ------
+    OSError
+        If the file cannot be written.
+    ValueError
+        If a number is not finite, for which JSON has no word.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     write_json(Path(folder) / "result.json", {"mass": 80.0})
+    ...     print((Path(folder) / "result.json").read_text())
+    {
+     "mass": 80.0
+    }
+    """
+    write_text(path, json.dumps(value, indent=1, allow_nan=False) + "\n")
 
 
 def output_folder(path: Path) -> Path:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal, overload
 
@@ -21,10 +22,14 @@ from bondgraph.estimate.estimation import estimate as estimate_problem
 from bondgraph.estimate.free import FreeParameter
 from bondgraph.estimate.initial import Initial, initial_states
 from bondgraph.estimate.joint import Problem
+from bondgraph.estimate.likelihoods import LikelihoodFunction
 from bondgraph.estimate.objective import Progress, silent
-from bondgraph.estimate.problem import pose
+from bondgraph.estimate.priors import Prior
+from bondgraph.estimate.problem import EstimationProblem
+from bondgraph.estimate.problem import pose as pose_problem
 from bondgraph.estimate.result import Estimate
 from bondgraph.estimate.setup import filter_setup
+from bondgraph.estimate.ties import Tie, read_ties
 from bondgraph.execute.executors import open_executor
 from bondgraph.filter.bands import FilterBands
 from bondgraph.filter.filter_model import FilterModel
@@ -158,6 +163,8 @@ def estimate(
     *,
     process_noise: str = "free",
     initial: Initial = "measured",
+    ties: Mapping[str, str] | Sequence[Tie] = (),
+    priors: Sequence[Prior] = (),
     columns: Mapping[str, str] | None = None,
     constants: Mapping[str, float | str] | None = None,
     progress: Progress = silent,
@@ -181,6 +188,11 @@ def estimate(
         Of a model without a filter: ``"free"``, or ``"none"`` to take its equations as exact.
     initial
         Where initial states that are not free come from.
+    ties
+        Quantities that follow from free parameters, in coherent SI: ``{"k_r": "1.2*k_f"}``.
+    priors
+        What is known from elsewhere: a data sheet, ``[Normal("mass", 1200.0, 50.0)]`` of ``bondgraph.estimate``, or an
+        estimate before, ``[fit.as_prior()]``.
     columns
         Name of a column -> name in the model, where they differ.
     constants
@@ -211,35 +223,104 @@ def estimate(
     >>> fit = bg.estimate(swing, log, ["length"], bg.Settings(method="gradient", starts=1))
     >>> fit.outcome.name, round(fit.values["length"], 1)
     ('CONVERGED', 1.0)
+
+    The next log, with what the first one said as a prior:
+
+    >>> again = bg.estimate(swing, log, ["length"], bg.Settings(method="gradient", starts=1), priors=[fit.as_prior()])
+    >>> again.std["length"] < fit.std["length"]
+    True
     """
-    problem = _problem(model, logs, free, process_noise, initial, columns, constants)
+    if isinstance(model, Problem):
+        if logs or free or ties or priors:
+            raise OptionError(
+                "estimate: a posed problem has its own logs, free parameters, ties and priors - give it alone"
+            )
+        problem = model
+    else:
+        require_kind("estimate", model, (Model, FilterModel), "model")
+        problem = pose(
+            model, logs, free, initial, None, ties, priors, process_noise=process_noise, columns=columns,
+            constants=constants,
+        )  # fmt: skip
     place = None if folder is None else Path(folder)
     with open_executor(executor) as workers:
         return estimate_problem(problem, settings, progress=progress, folder=place, resume=resume, executor=workers)
 
 
-def _problem(
-    model: Model | FilterModel | Problem,
+def pose(
+    model: Model | FilterModel,
     logs: GivenLog | Sequence[GivenLog],
-    free: str | Sequence[str | FreeParameter],
-    process_noise: str,
-    initial: Initial,
-    columns: Mapping[str, str] | None,
-    constants: Mapping[str, float | str] | None,
-) -> Problem:
-    if isinstance(model, Problem):
-        if logs or free:
-            raise OptionError("estimate: a posed problem has its own logs and free parameters - give it alone")
-        return model
-    require_kind("estimate", model, (Model, FilterModel), "model")
-    free = [free] if isinstance(free, str) else free
-    own = model.model if isinstance(model, FilterModel) else model
+    free: str | Sequence[str | FreeParameter] = (),
+    initial: Initial = "measured",
+    likelihood: LikelihoodFunction | None = None,
+    ties: Mapping[str, str] | Sequence[Tie] = (),
+    priors: Sequence[Prior] = (),
+    *,
+    process_noise: str = "free",
+    columns: Mapping[str, str] | None = None,
+    constants: Mapping[str, float | str] | None = None,
+) -> EstimationProblem:
+    """Pose an estimation problem: for :func:`estimate`, for sensitivities before it, or as a part of a joint problem.
+
+    Parameters
+    ----------
+    model
+        A model, whose noise levels are free too; or a filter model, whose noises are known.
+    logs
+        One or several logs: as read, matched, files or data frames.
+    free
+        Names, which take the bounds that the model declares, or ``FreeParameter`` values with their own; empty: all
+        parameters that declare bounds and are not tied.
+    initial
+        Where initial states that are not free come from.
+    likelihood
+        How likely logs are; by default the unscented Kalman filter on all cores.
+    ties
+        Quantities that follow from free parameters, in coherent SI: name and expression, ``{"k_r": "1.2*k_f"}``.
+    priors
+        What is known of free and tied values from elsewhere, see :mod:`bondgraph.estimate.priors`.
+    process_noise
+        Of a model without a filter: ``"free"``, or ``"none"`` to take its equations as exact.
+    columns
+        Name of a column -> name in the model, where they differ.
+    constants
+        Values (or letters) of inputs that a log lacks.
+
+    Returns
+    -------
+    EstimationProblem
+        Checked.
+
+    Raises
+    ------
+    BondGraphError
+        If a log does not fit the model, or a name is unknown, has no bounds, is named twice, or no log speaks about it.
+
+    Examples
+    --------
+    >>> import bondgraph as bg
+    >>> from bondgraph.simulate.example import pendulum
+    >>> time = np.arange(40) * 0.05
+    >>> log = bg.MatchedLog("swing", time, np.zeros((1, 40)), 0.5 * np.cos(3.1 * time)[np.newaxis])
+    >>> bg.pose(pendulum(), log, ["length"]).names
+    ('length', 'std(deflection)', 'process(angle)', 'process(rate)')
+    >>> swing = bg.FilterModel(pendulum(), {"rate": 0.1}, {"deflection": 0.02}, {"angle": 0.1, "rate": 0.1})
+    >>> bg.pose(swing, log, ["length", "std(deflection)"]).values(np.array([0.0, 0.0])).tolist()
+    [1.0, 1.0]
+    """
+    require_kind("pose", model, (Model, FilterModel), "model")
+    own, tied = model.model if isinstance(model, FilterModel) else model, read_ties(ties)
+    names = [free] if isinstance(free, str) else list(free)
+    if not names and (tied or isinstance(model, FilterModel)):
+        names = [name for name in bounded(own) if name not in {tie.name for tie in tied}]
     fitting = all_matched(logs, own, columns, constants)
     if isinstance(model, FilterModel):
-        return pose(model, fitting, free or bounded(own), initial)
+        return pose_problem(model, fitting, names, initial, likelihood, tied, priors)
     if not fitting:
         raise OptionError(f"estimate: {own.name} needs at least one log - give logs", where=("logs",))
-    return declared_problem(own, own.driven, fitting, free, process_noise, initial)
+    found = declared_problem(own, own.driven, fitting, names, process_noise, initial)
+    found = replace(found, ties=tied, priors=tuple(priors)) if tied or priors else found
+    return found if likelihood is None else replace(found, likelihood=likelihood)
 
 
 def bounded(model: Model) -> tuple[str, ...]:

@@ -81,10 +81,7 @@ WRONG = {
     "loop of a model": (lambda a: bg.close_loop(a.model, [a.log()]), "close_loop: BuiltModel was given where a graph"),
     "draw a log": (lambda a: bg.draw(a.log()), "draw: Log was given where a graph is expected"),
     "linearise a number": (lambda a: bg.linearise(3), "linearise: int was given where a model is expected"),
-    "pose a model": (
-        lambda a: bg.pose(a.model, a.log(), ["mass"]),
-        "where a filter model is expected - bg.FilterModel",
-    ),
+    "pose a graph": (lambda a: bg.pose(a.graph, a.log(), ["mass"]), "pose: BondGraph was given where a model"),
     "sensitivity": (lambda a: bg.sensitivity(a.model), "where a posed problem is expected - bg.pose"),
     "read a log": (lambda a: bg.read_log(a.log()), "read_log: Log was given where a file is expected"),
     "write a graph": (lambda a: bg.write_log("x.csv", a.graph), "write_log: BondGraph was given where a log"),
@@ -181,6 +178,23 @@ def test_importing_loads_nothing_large() -> None:
         " if name in sys.modules])"
     )
     assert said == "[]\n"
+
+
+_COMMANDS = """
+import sys
+from bondgraph.cli import main
+from bondgraph.cli.arguments import parser
+parser()
+print([name for name in ("sympy", "numba", "pint", "numpy", "scipy", "matplotlib") if name in sys.modules])
+status = main(["inspect", sys.argv[1]])
+print(status, [name for name in ("sympy", "numba", "networkx", "bondgraph.correct") if name in sys.modules])
+"""
+
+
+def test_commands_load_no_more_than_they_use(tmp_path: Path) -> None:
+    (tmp_path / "run.csv").write_text("time [s],speed [m/s]\n0,1\n1,2\n2,4\n")
+    said = _fresh(_COMMANDS, str(tmp_path / "run.csv")).splitlines()
+    assert (said[0], said[-1]) == ("[]", "0 []")
 
 
 _RUN = """
@@ -288,6 +302,25 @@ def test_a_posed_problem_is_given_alone() -> None:
         bg.estimate(problem, [log])
     with pytest.raises(OptionError, match="sled needs at least one log"):
         bg.estimate(model, [])
+
+
+def test_what_is_known_and_what_is_tied_goes_in_with_a_model_and_a_log() -> None:
+    """Two stages from logs as read; the second is the problem that is posed by hand, to the digit."""
+    model, log = bg.build(sled()), pushed()
+    quick = bg.Settings(method="gradient", starts=1, certify="none")
+    first = bg.estimate(model, log, ["mass", "drag"], quick)
+    later = bg.estimate(model, log, ["mass", "drag"], quick, priors=[first.as_prior()])
+    assert all(later.std[name] < 0.8 * first.std[name] for name in ("mass", "drag"))  # 1/sqrt(2) by two equal logs
+    known = [bg.pose(model, log, ["mass", "drag"], priors=[first.as_prior()]), bg.pose(model, log, ["mass", "drag"])]
+    point = known[0].start[:, np.newaxis]
+    more = known[0].nll(point) - known[1].nll(point)
+    gap = np.array([known[0].values(known[0].start)[k] - first.values[name] for k, name in enumerate(("mass", "drag"))])
+    spread = first.covariance[:2, :2]
+    assert more[0] == pytest.approx(0.5 * gap @ np.linalg.solve(spread, gap), rel=1e-6)
+    tied = bg.estimate(model, log, settings=quick, ties={"drag": "0.13*mass"})
+    assert "drag" not in tied.problem.names and tied.problem.ties[0].name == "drag"
+    with pytest.raises(OptionError, match="ties and priors - give it alone"):
+        bg.estimate(known[0], priors=[first.as_prior()])
 
 
 # ---------------------------------------------------------------------- results in a few lines

@@ -22,9 +22,9 @@ DONE, FAILED, BAD_INPUT = 0, 1, 2
 COMMANDS = {
     "new": "daily",
     "inspect": "daily",
-    "compare": "daily",
+    "compare": "comparing",
     "completion": "daily",
-    "report": "daily",
+    "report": "reports",
     "export": "exchange",
     "equations": "graphs",
     "evaluate": "graphs",

@@ -6,7 +6,8 @@ import argparse
 import json
 from pathlib import Path
 
-from bondgraph.cli.values import assignments, finite, names
+from bondgraph.cli.printing import finite
+from bondgraph.cli.values import assignments, names
 from bondgraph.declare.files import load_graph
 from bondgraph.errors import OptionError
 from bondgraph.files import output_file

@@ -252,7 +252,7 @@ def _add_experiments(commands: Any) -> None:
 
     c = _command(
         commands, "design", "what planned manoeuvres would tell of parameters, and which tells rival models apart",
-        "  bondgraph design vehicle_graphs.ranger:full --scenario full_throttle_launch brake --free m,mu_b --rate 40\n"
+        "  bondgraph design vehicle_graphs.ranger:full --scenario full_throttle_launch brake --free T_pk,mu_b\n"
         "  bondgraph design sled.py --inputs slow.csv fast.csv --noise speed=0.02\n"
         "  bondgraph design sled.py --rival windy.py --data run.csv        which steps tell them apart soonest?",
     )  # fmt: skip

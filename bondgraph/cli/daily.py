@@ -1,26 +1,20 @@
-"""Commands of daily work: new, inspect, compare, report, completion."""
+"""Commands of daily work that need no model: new, inspect, completion."""
 
 from __future__ import annotations
 
 import argparse
 import json
-import math
 import sys
 from pathlib import Path
 
 import shtab
 
 from bondgraph.cli.arguments import parser
-from bondgraph.cli.fmus import compare_fmu, is_fmu
-from bondgraph.cli.log_options import read_given
-from bondgraph.cli.printing import say
-from bondgraph.cli.runs import model_and_logs
+from bondgraph.cli.given_logs import read_given
+from bondgraph.cli.printing import finite, say
 from bondgraph.cli.scaffold import write_scaffold
-from bondgraph.cli.values import finite
-from bondgraph.files import output_file, output_folder
-from bondgraph.report.comparison import compare_logs, comparison_text, write_comparison
+from bondgraph.files import output_file
 from bondgraph.report.figures import save_figure
-from bondgraph.report.html import rewrite_report
 from bondgraph.report.inspection import inspect_log, inspection_figure, inspection_text
 
 
@@ -49,26 +43,6 @@ def inspect(options: argparse.Namespace) -> int:
     if options.plot:
         save_figure(inspection_figure(log), Path(options.plot))
         print(f"picture: {options.plot}", file=sys.stderr)
-    return 0
-
-
-def compare(options: argparse.Namespace) -> int:
-    """Lay a model at its declared values over logs."""
-    if is_fmu(options.model):
-        return compare_fmu(options)
-    model, driven, logs = model_and_logs(options)
-    folder = output_folder(Path(options.out))
-    compared = compare_logs(model, logs, driven, options.start)
-    write_comparison(compared, folder)
-    say(comparison_text(compared))
-    print(f"written: {folder}")
-    return 1 if all(math.isnan(one.rms) for run in compared.runs for one in run.errors) else 0
-
-
-def report(options: argparse.Namespace) -> int:
-    """Write the reports of finished folders again."""
-    for folder in options.folders:
-        print(f"report: {rewrite_report(Path(folder))}")
     return 0
 
 

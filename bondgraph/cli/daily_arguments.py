@@ -97,7 +97,10 @@ def _add_export(commands: Any, command: AddCommand) -> None:
     )  # fmt: skip
     c.add_argument("graph", metavar="GRAPH", help="graph of a Python file or module, or graph file")
     c.add_argument("--to", required=True, choices=FORMS, help="what to write")
-    c.add_argument("--fmi", default="2.0", choices=("2.0", "3.0"), help="version of the standard (default: 2.0)")
+    c.add_argument(
+        "--fmi", default="2.0", choices=("2.0", "3.0"), type=lambda text: f"{text}.0" if text in ("2", "3") else text,
+        help="version of the standard (default: 2.0)",
+    )  # fmt: skip
     c.add_argument(
         "--kind", default="model-exchange", choices=("model-exchange", "co-simulation"),
         help="FMU that an importer integrates (C, the default) or that integrates itself (Python, extra fmu)",

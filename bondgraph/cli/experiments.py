@@ -13,10 +13,12 @@ from pathlib import Path
 import numpy as np
 
 from bondgraph.build import BuiltModel, build
+from bondgraph.cli.between import inputs_between
+from bondgraph.cli.given_logs import read_given
 from bondgraph.cli.knowledge import posed
-from bondgraph.cli.log_options import inputs_between, read_given
+from bondgraph.cli.printing import finite
 from bondgraph.cli.runs import model_and_logs, provenance
-from bondgraph.cli.values import assignments, finite, names, set_values
+from bondgraph.cli.values import assignments, names, set_values
 from bondgraph.data.log import MatchedLog
 from bondgraph.data.matching import match, match_inputs, match_outputs, read_mapping, renamed
 from bondgraph.declare.files import load_graph

@@ -9,7 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
-from bondgraph.cli.log_options import read_given, units_by_column, ways_between
+from bondgraph.cli.between import ways_between
+from bondgraph.cli.given_logs import read_given, units_by_column
 from bondgraph.cli.printing import say
 from bondgraph.cli.values import assignments, initial
 from bondgraph.data.log import Log

@@ -9,7 +9,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from bondgraph.cli.arguments import FOLDER
-from bondgraph.cli.values import finite, read_json
+from bondgraph.cli.printing import finite
+from bondgraph.cli.values import read_json
 from bondgraph.declare.files import load_graph
 from bondgraph.declare.loading import is_code_reference, load_module
 from bondgraph.derive.causality import assign_causality

@@ -12,8 +12,9 @@ from dataclasses import replace
 from pathlib import Path
 
 from bondgraph.build import build
+from bondgraph.cli.between import inputs_between
 from bondgraph.cli.effects import chosen_effects
-from bondgraph.cli.log_options import inputs_between, read_given
+from bondgraph.cli.given_logs import read_given
 from bondgraph.cli.printing import say
 from bondgraph.cli.values import names, set_values
 from bondgraph.correct.loop import ClosedLoop, LoopSettings

@@ -11,9 +11,10 @@ from dataclasses import replace
 from pathlib import Path
 
 from bondgraph.build import build
+from bondgraph.cli.between import inputs_between
 from bondgraph.cli.fmus import is_fmu, simulate_fmu
+from bondgraph.cli.given_logs import read_given
 from bondgraph.cli.knowledge import posed, with_values
-from bondgraph.cli.log_options import inputs_between, read_given
 from bondgraph.cli.printing import say
 from bondgraph.cli.values import assignments, initial, names, set_values
 from bondgraph.data.log import Log, MatchedLog
@@ -80,7 +81,7 @@ def simulate(options: argparse.Namespace) -> int:
     if scenario is None:
         for line in input_notes(trajectory.model, inputs, chosen.values or {}, chosen.mapping):
             print(line, file=sys.stderr)
-    log = trajectory_log(trajectory)
+    log = trajectory_log(trajectory, inputs=True)
     if options.plot:
         title = f"{graph.name}: {scenario.meaning}" if scenario else graph.name
         figure = manoeuvre_figure(trajectory, panels, title) if panels else launch_figure(trajectory)

@@ -96,12 +96,3 @@ def read_json(path: str, option: str) -> Any:
         raise OptionError(f"{option} {path}: cannot be read ({error.strerror})", where=(option, path)) from None
     except (ValueError, RecursionError) as error:
         raise OptionError(f"{option} {path}: not JSON ({error})", where=(option, path)) from None
-
-
-def finite(value: Any) -> Any:
-    """The same value with null for numbers that JSON cannot write."""
-    if isinstance(value, dict):
-        return {key: finite(inner) for key, inner in value.items()}
-    if isinstance(value, list | tuple):
-        return [finite(inner) for inner in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value

@@ -18,6 +18,7 @@ from bondgraph.data.dates import parsed_dates, seconds_since_first, split_date
 from bondgraph.data.formats.csv_quick import read_csv_quick
 from bondgraph.data.formats.csv_text import read_csv_text
 from bondgraph.data.formats.excel import read_excel
+from bondgraph.data.formats.extras import EXTRAS
 from bondgraph.data.formats.parquet import read_parquet
 from bondgraph.data.formats.ros import read_bag, read_mcap
 from bondgraph.data.formats.table import Coded, Reader, Table, read_whole
@@ -52,11 +53,6 @@ _READERS: dict[str, Reader] = {
     ".bag": read_bag,
     ".mcap": read_mcap,
 }
-#: The extra that each kind of file needs; none for those that numpy and scipy read.
-EXTRAS = {
-    ".csv": "", ".csv.gz": "", ".parquet": "parquet", ".mat": "matlab", ".mf4": "mdf", ".mdf": "mdf", ".h5": "hdf5",
-    ".hdf5": "hdf5", ".xlsx": "excel", ".bag": "ros", ".mcap": "mcap",
-}  # fmt: skip
 
 
 def read_log(path: str | Path, *, units: Mapping[str, str] | None = None, time: str | None = None) -> Log:

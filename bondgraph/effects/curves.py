@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import sympy
@@ -50,12 +50,25 @@ def curve_of(entry: Entry) -> Curve | None:
     ('flow', 'effort', True)
     """
     function = every_effect()[entry.function]
-    for make in BENCHES.values():
+    for domain, make in BENCHES.items():
         bench = make()
         for place, effect, graph in added(function, bench):
-            if effect.name == entry.name:
-                return None if effect.adds_state else _curve(bench, place, effect, graph)
+            # laws of heat are drawn where temperatures are absolute
+            if effect.name == entry.name and (place.domain != THERMAL or domain == "thermal"):
+                drawn = _slip_curve if effect.adds_state else _curve
+                return drawn(bench, place, effect, graph)
     return None
+
+
+def _slip_curve(bench: Bench, place: Place, effect: Effect, graph: BondGraph) -> Curve | None:
+    """The curve of a slip: what it lets go has states of its own, itself has no memory."""
+    node = graph.nodes.get(effect.element)
+    if node is None or node.kind != "R":
+        return None
+    known = {one.symbol for one in graph.parameters}
+    over = {one.name for one in node.laws[0][1].free_symbols - known}
+    curve = _curve(bench, place, effect, graph) if over <= {"flow"} else None
+    return None if curve is None else replace(curve, variable="slip")
 
 
 def _curve(bench: Bench, place: Place, effect: Effect, graph: BondGraph) -> Curve | None:
@@ -71,20 +84,17 @@ def _curve(bench: Bench, place: Place, effect: Effect, graph: BondGraph) -> Curv
     if not free:
         free = sorted(law.free_symbols - set(values), key=_rank)
     if not free and before is None:
-        free = [symbol("flow")]
-    if not free:
+        free = [symbol("effort" if gives == "flow" else "flow")]
+    if not free or free[0] in _remembered(graph):
         return None
     over = free[0]
-    size = _size(over, place, graph)
-    x = (
-        np.linspace(-size, size, _POINTS)
-        if place.domain != THERMAL
-        else np.linspace(ROOM - 50.0, ROOM + 200.0, _POINTS)
-    )
+    x = np.linspace(*_ends(over, place, graph), _POINTS)
     known = values | {one: _size(one, place, graph) for one in law.free_symbols - set(values) - {over}}
     sign = -1.0 if before is None and graph.nodes[effect.element].kind in ("Se", "Sf") else 1.0
     declared = None if before is None else _numbers(before[1], over, known, x)
-    return Curve(str(over), gives, x, sign * _numbers(law, over, known, x), declared)
+    return Curve(
+        str(over).removesuffix(f"_{effect.name}_{place.name}"), gives, x, sign * _numbers(law, over, known, x), declared
+    )
 
 
 def _law(graph: BondGraph, effect: Effect, place: Place) -> tuple[str, Expr] | None:
@@ -108,6 +118,21 @@ def _size(one: Symbol, place: Place, graph: BondGraph) -> float:
     if variable == "displacement":
         return _stretch(place, graph)
     return place.scale.flow if variable == "flow" else place.scale.effort if place.output or read is None else 1.0
+
+
+def _ends(over: Symbol, place: Place, graph: BondGraph) -> tuple[float, float]:
+    """Between which values of a variable a law is drawn: both signs, but temperatures of a room and an oven."""
+    read = signal_name(over)
+    if place.domain == THERMAL and (over.name if read is None else read.variable) == "effort":
+        half = 0.5 * (_TEMPERATURES[1] - _TEMPERATURES[0])
+        return _TEMPERATURES if place.other is None or read is not None else (-half, half)
+    size = _size(over, place, graph)
+    return -size, size
+
+
+def _remembered(graph: BondGraph) -> set[Symbol]:
+    """Integrals that follow something with a time of their own, over which a law says nothing of what it does."""
+    return {symbol(one.name) for one in graph.integrals if symbol(one.name) in one.of.free_symbols}
 
 
 def _stretch(place: Place, graph: BondGraph) -> float:

@@ -22,6 +22,7 @@ from bondgraph.estimate.noise_bounds import process_bounds, sensor_bounds, senso
 from bondgraph.estimate.objective import FloatArray
 from bondgraph.estimate.transforms import TRANSFORMS, Scale, Transform
 from bondgraph.filter.filter_model import FilterModel
+from bondgraph.text import few
 
 Kind = Literal["parameter", "std", "process", "x0", "x0_std", "corr", "process_corr", "x0_corr"]
 
@@ -270,7 +271,7 @@ def _declared_parameter(name: str, filter_model: FilterModel, start: float | Non
         bounded = [other.name for other in model.parameters if other.lower is not None]
         raise EstimationError(
             f"free parameter {name!r}: {model.name} declares no bounds for it, so it counts as measured and stays fixed"
-            f" - declare bounds where the parameter is declared, or free one of {', '.join(bounded) or 'none'}",
+            f" - free it within bounds, --free {info.name}=LOWER:UPPER, declare them, or free one of {few(bounded)}",
             where=(name,),
         )
     scale: Scale = "log" if info.lower > 0.0 and info.upper / info.lower > _WIDE else "linear"

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
@@ -45,7 +46,8 @@ def c_source(model: Model) -> str:
     """C functions ``model_rhs`` and ``model_output`` of a model; they need ``math.h`` and nothing else.
 
     ``void model_rhs(double t, const double *x, const double *u, const double *theta, double *dx)`` writes dx/dt,
-    ``model_output`` in the same way y, in the order and units of the model.
+    ``model_output`` in the same way y, in the order and units of the model, which a comment at the top lists with the
+    declared values.
 
     Parameters
     ----------
@@ -61,6 +63,8 @@ def c_source(model: Model) -> str:
     --------
     >>> from bondgraph.simulate.example import pendulum
     >>> text = c_source(pendulum())
+    >>> print("".join(line for line in text.splitlines(keepends=True) if "theta[0] = " in line).strip())
+    theta[0] = length [m], 1: pivot to bob
     >>> print(text[text.index("void model_rhs"):text.index("void model_output")])
     void model_rhs(double t, const double *x, const double *u, const double *theta, double *dx) {
       const double v_7 = sin(x[0]);
@@ -94,7 +98,28 @@ def c_source(model: Model) -> str:
         )
     body = "\n".join([*tables, *functions, ""])
     helpers = [text for name, text in _HELPERS.items() if f"{name}(" in body]
-    return "\n".join([f"/* Equations of {model.name}: {model.digest}. */", "#include <math.h>", "", *helpers, body])
+    return "\n".join([*_legend(model), "#include <math.h>", "", *helpers, body])
+
+
+def _legend(model: Model) -> list[str]:
+    """A comment that says what stands at each place of the vectors: name, unit, declared value, meaning."""
+    kinds: tuple[tuple[str, Sequence[Any], str], ...] = (
+        ("x", model.states, "initial"), ("u", model.inputs, "default"), ("theta", model.parameters, "value"),
+        ("y", model.outputs, ""),
+    )  # fmt: skip
+    rows = [
+        f"{vector}[{k}] = {info.name} [{info.unit}]"
+        + (f", {getattr(info, value):.12g}" if value else "")
+        + (f": {info.meaning}" if info.meaning else "")
+        for vector, infos, value in kinds
+        for k, info in enumerate(infos)
+    ]
+    safe = [" ".join(row.split()).replace("*/", "* /").replace("/*", "/ *") for row in rows]
+    return [
+        f"/* Equations of {model.name}: {model.digest}. t in s, all in coherent SI.",
+        *(f"   {r}" for r in safe),
+        "*/",
+    ]
 
 
 #: How elements of the vectors of a model are read.

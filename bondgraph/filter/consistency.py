@@ -18,6 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import gammaincinv
 
+from bondgraph.arrays import FloatArray
 from bondgraph.errors import FilterError
 from bondgraph.filter.abstract_run import AbstractRun, normalised_innovations
 from bondgraph.filter.misfit import LEVEL, ChannelInnovations, Misfit, channel_misfits
@@ -39,7 +40,7 @@ class ChannelConsistency:
 
     ``rmse`` is in ``unit``, that in which the channel is shown. The NIS is in the band with the probability asked for
     if the filter is consistent; a ``whiteness_p`` near zero means that an innovation can be foretold from those before
-    it.
+    it. ``refused`` readings did not pass the gate of a robust filter: they count as zero in the NIS.
     """
 
     name: str
@@ -49,6 +50,7 @@ class ChannelConsistency:
     nis_mean: float
     nis_band: tuple[float, float]
     whiteness_p: float
+    refused: int = 0
 
 
 @dataclass(frozen=True)
@@ -115,12 +117,23 @@ def consistency(run: AbstractRun, confidence: float = 0.95) -> Consistency:
             nis = float(np.nanmean(normalised[row] ** 2))
             band = nis_band(count, count, confidence)
             white = whiteness_p(normalised[row])
-            channels.append(ChannelConsistency(info.name, info.display_unit, count, info.shown(rmse), nis, band, white))
+            refused = _refused(run, normalised[row], row)
+            channels.append(
+                ChannelConsistency(info.name, info.display_unit, count, info.shown(rmse), nis, band, white, refused)
+            )
     values = int(run.measured_channels.sum())
     # of robust measurements whitened innovations are residuals, whose squares have another mean
     squares = normalised[~np.isnan(normalised)] if run.filter_model.robust else run.whitened
     joint = float(np.sum(squares**2) / values) if values else np.nan
     return Consistency(tuple(channels), joint, nis_band(values, values, confidence))
+
+
+def _refused(run: AbstractRun, normalised: FloatArray, row: int) -> int:
+    """Number of readings of a channel that a gate kept from the filter; none without one."""
+    robust = run.filter_model.robust
+    if robust is None or robust.kind != "gate":
+        return 0
+    return int(np.sum((normalised == 0.0) & (run.innovation[row] != 0.0)))
 
 
 def joined_innovations(runs: Sequence[AbstractRun]) -> tuple[ChannelInnovations, ...]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -17,7 +16,7 @@ from bondgraph.correct.loop import ClosedLoop
 from bondgraph.correct.result import form_text, intervals, result_json
 from bondgraph.declare.files import write_graph
 from bondgraph.estimate.fitted import Fit
-from bondgraph.files import write_text
+from bondgraph.files import write_json, write_text
 from bondgraph.report.collect import Runs, added_nodes, channel_series, found_effect, parameter_changes
 from bondgraph.report.drawing import draw_svg, drawing_of
 from bondgraph.report.formulas import formula_sentences, twins
@@ -72,11 +71,6 @@ def write_closed_loop(
     write_text(folder / "corrected_graph.svg", draw_svg(data.drawing, data.added))
     write_report(data, folder / "report.html")
     return data
-
-
-def write_json(path: Path, value: Mapping[str, Any]) -> None:
-    """Write JSON in one step, so that a crash never leaves half a result."""
-    write_text(path, json.dumps(value, indent=1, allow_nan=False) + "\n")
 
 
 def report_data(

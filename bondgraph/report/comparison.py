@@ -16,9 +16,9 @@ from bondgraph.data.write import write_log
 from bondgraph.errors import BondGraphError
 from bondgraph.estimate.initial import Initial, initial_states
 from bondgraph.estimate.setup import filter_setup
+from bondgraph.files import write_json
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.linear.intervals import integrator, simulation_steps
-from bondgraph.report.closed_loop import write_json
 from bondgraph.report.diagram.text import plain
 from bondgraph.report.figures import BEFORE, MEASURED, PANEL_HEIGHT, WIDTH, figure_style, save_figure
 from bondgraph.report.numbers import shown

@@ -8,7 +8,7 @@ from typing import Any
 
 from bondgraph.estimate.design.discrimination import DiscriminationTable
 from bondgraph.estimate.design.information import DesignTable
-from bondgraph.report.closed_loop import write_json
+from bondgraph.files import write_json
 from bondgraph.report.figures import save_figure
 from bondgraph.report.html import Provenance
 from bondgraph.report.page import Section, drawn, write_page

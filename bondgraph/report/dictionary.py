@@ -80,6 +80,7 @@ def law_figure(row: Entry, curve: Curve) -> Figure:
         axes.plot(curve.x, curve.law, color=FOUND, linewidth=1.8, label=row.name)
         axes.axhline(0.0, color="#8b95a1", linewidth=0.6)
         axes.set(title=row.name, xlabel=curve.variable, ylabel=curve.gives)
+        axes.locator_params(axis="x", nbins=6)  # numbers such as -0.075 need their room
         if curve.declared is not None:
             axes.legend()
     return figure

@@ -10,8 +10,8 @@ from pathlib import Path
 from bondgraph.data.log import MatchedLog
 from bondgraph.estimate.innovation_summary import innovation_summary
 from bondgraph.estimate.result import Estimate
+from bondgraph.files import write_json
 from bondgraph.filter.linear.intervals import simulation_steps
-from bondgraph.report.closed_loop import write_json
 from bondgraph.report.collect import Runs, channel_series, parameter_changes
 from bondgraph.report.held_out import HeldOutLog
 from bondgraph.report.html import Provenance, ReportData, write_report

@@ -13,6 +13,7 @@ from bondgraph.data.log import FloatArray, Log, LogChannel, MatchedLog
 from bondgraph.data.write import write_log
 from bondgraph.estimate.initial import Initial, initial_states
 from bondgraph.estimate.setup import filter_setup
+from bondgraph.files import write_json
 from bondgraph.filter.abstract_run import AbstractRun
 from bondgraph.filter.consistency import Consistency, consistency, misfits
 from bondgraph.filter.filter_model import FilterModel
@@ -20,7 +21,6 @@ from bondgraph.filter.misfit import LEVEL, Misfit
 from bondgraph.filter.noise import Noise
 from bondgraph.filter.robust import Robust
 from bondgraph.filter.runs import run_bands, run_smoothed
-from bondgraph.report.closed_loop import write_json
 from bondgraph.report.collect import OutputBeliefs, Runs, channel_series, innovation_bands, state_bands
 from bondgraph.report.figures import save_figure
 from bondgraph.report.html import Provenance, ReportData, write_report
@@ -33,6 +33,9 @@ from bondgraph.report.series import ChannelSeries, FilteredLog, StateBand, chann
 from bondgraph.report.suspicions import sampling_suspicions, unit_suspicions
 from bondgraph.simulate.model import Model
 from bondgraph.simulate.quantities import ParameterInfo, StateInfo
+
+#: Share of refused readings beyond which they are no outliers of a sensor.
+_MOST_REFUSED = 0.1
 
 
 @dataclass(frozen=True)
@@ -81,6 +84,7 @@ def filter_logs(
         found_misfits += misfit
         suspected += [f"{log.name}: {one}" for one in sampling_suspicions(model, log, initial)]
         suspected += [f"{log.name}: {one}" for one in unit_suspicions(filter_model, log, initial)]
+        suspected += _too_many_refused(log.name, found)
         series += channel_series(model, log, Runs(record), noise_std=filter_model.measurement_noise)
         lines += _lines(record, found)
     lines.append(noise_sentence(filter_model))
@@ -143,13 +147,25 @@ def _states_log(record: AbstractRun) -> Log:
 def _lines(record: AbstractRun, found: Consistency) -> list[str]:
     """What the likelihood and the innovations of a log say, for the terminal."""
     band = [*map(shown, (found.nis_mean, *found.nis_band))]
-    whole = f"{record.log_name}: NLL {shown(record.nll, 6)}, NIS {band_text(found.nis_mean, found.nis_band, band)}"
+    emptied = any(c.refused > _MOST_REFUSED * c.count for c in found.channels)
+    nis = f"{band[0]}, refused ones as zero" if emptied else band_text(found.nis_mean, found.nis_band, band)
+    whole = f"{record.log_name}: NLL {shown(record.nll, 6)}, NIS {nis}"
     channels = (
         f"  {c.name}: innovation rms {shown(c.rmse)} {c.unit}, NIS {shown(c.nis_mean)}, "
-        f"whiteness p {shown(c.whiteness_p)}"
+        f"whiteness p {shown(c.whiteness_p)}" + (f", {c.refused} of {c.count} refused by the gate" if c.refused else "")
         for c in found.channels
     )
     return [whole, *channels]
+
+
+def _too_many_refused(log_name: str, found: Consistency) -> list[str]:
+    """Sentences on channels of which a gate refused more than a sensor has outliers: then the model is wrong."""
+    return [
+        f"{log_name}: {c.name}: the gate refused {c.refused} of {c.count} readings, so that the filter hardly followed "
+        "them: the model or its noises are wrong rather than the sensor - filter without --robust to see how"
+        for c in found.channels
+        if c.refused > _MOST_REFUSED * c.count
+    ]
 
 
 def _channels(found: Consistency) -> dict[str, Any]:
@@ -160,6 +176,7 @@ def _channels(found: Consistency) -> dict[str, Any]:
             "nis_mean": c.nis_mean,
             "nis_band": list(c.nis_band),
             "whiteness_p": c.whiteness_p,
+            "refused": c.refused,
         }
         for c in found.channels
     }

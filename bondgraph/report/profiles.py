@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 
 from bondgraph.estimate.likelihood_profile import LikelihoodProfile, profile_table
 from bondgraph.estimate.result import Estimate
-from bondgraph.report.closed_loop import write_json
+from bondgraph.files import write_json
 from bondgraph.report.figures import figure_style, save_figure
 from bondgraph.report.html import Provenance
 from bondgraph.report.page import Section, write_page

@@ -9,7 +9,7 @@ from typing import Any
 from bondgraph.estimate.analysis.ranking import Ranking
 from bondgraph.estimate.analysis.rates import RateTable
 from bondgraph.estimate.analysis.screening import GlobalSensitivity
-from bondgraph.report.closed_loop import write_json
+from bondgraph.files import write_json
 from bondgraph.report.figures import save_figure
 from bondgraph.report.html import Provenance
 from bondgraph.report.page import Section, drawn, write_page
@@ -73,4 +73,4 @@ _RATES = (
 
 def _screened(one: GlobalSensitivity) -> Section:
     figure = drawn(one.plot, 7.5, 1.4 + 0.34 * len(one.names))
-    return Section(f"Over the whole bounds: {one.response}", (one.title,), *one.table(), figure)
+    return Section(f"Over the whole bounds: {one.response}", (one.title, *one.advice()), *one.table(), figure)

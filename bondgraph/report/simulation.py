@@ -240,8 +240,11 @@ def input_notes(
     ]
 
 
-def trajectory_log(trajectory: Trajectory) -> Log:
-    """A trajectory as a log in declared units: states, then outputs that are not states already, then modes."""
+def trajectory_log(trajectory: Trajectory, inputs: bool = False) -> Log:
+    """A trajectory as a log in declared units: states, outputs that are not states already, and modes.
+
+    With its ``inputs`` it is a log that the model can be filtered, estimated or simulated with again.
+    """
     model = trajectory.model
     channels: dict[str, LogChannel] = {}
     infos: list[StateInfo | OutputInfo] = [*model.states, *model.outputs]
@@ -250,4 +253,7 @@ def trajectory_log(trajectory: Trajectory) -> Log:
             channels[info.name] = LogChannel(info.name, info.display_unit or "1", info.shown(values))
     for mode in model.modes:
         channels.setdefault(mode.input, LogChannel(mode.input, "1", trajectory.input(mode.input)))
+    for one in model.inputs if inputs else ():
+        if not one.rate_of and one.name not in channels:
+            channels[one.name] = LogChannel(one.name, one.display_unit or "1", one.shown(trajectory.input(one.name)))
     return Log(model.name, trajectory.time, channels)

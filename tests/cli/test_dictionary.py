@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from bondgraph.cli import main
@@ -66,3 +67,35 @@ def test_curves_are_those_of_the_laws() -> None:
     assert extra[-1] > 0.0 and extra[-1] == pytest.approx(8.0 * extra[150], rel=1e-9)  # half of the way
     drop = curve_of(rows["contact_drop"])
     assert drop is not None and drop.declared is None and drop.law[-1] == -drop.law[0] > 0.0
+
+
+def test_a_slip_is_drawn_although_what_it_frees_has_states() -> None:
+    rows = {row.name: row for row in catalogue()}
+    slip = curve_of(rows["coupling_slip"])
+    assert slip is not None and slip.declared is None and (slip.variable, slip.gives) == ("slip", "effort")
+    assert np.all(np.diff(slip.law) > 0.0)
+    # effort = s/c/sqrt(1 + (s/(c*m))^2): 1/effort^2 is a straight line over 1/s^2, which rises by c^2
+    rise = (slip.law[150] ** -2 - slip.law[-1] ** -2) / (slip.x[150] ** -2 - slip.x[-1] ** -2)
+    assert rise == pytest.approx((slip.x[101] / slip.law[101]) ** 2, rel=1e-2)
+    steep = curve_of(rows["clutch_slip"])
+    assert steep is not None and steep.law[-1] == pytest.approx(-steep.law[0])
+    assert curve_of(rows["tyre_relaxation"]) is None  # acts in time
+
+
+def test_laws_of_heat_are_drawn_over_temperatures_and_vanish_at_that_of_what_is_around() -> None:
+    rows = {row.name: row for row in catalogue()}
+    for name in ("heat_loss", "convection", "radiation"):
+        lost = curve_of(rows[name])
+        assert lost is not None and lost.x[0] > 200.0
+        assert np.interp(293.15, lost.x, lost.law) == pytest.approx(0.0, abs=0.02 * lost.law[-1]), name
+    bridge = curve_of(rows["heat_bridge"])  # over the difference
+    assert bridge is not None and bridge.law[0] == -bridge.law[-1] < 0.0
+
+
+def test_laws_with_a_memory_of_their_own_are_no_curves() -> None:
+    """They were drawn as straight lines over an inner state, under its name."""
+    curves = {row.name: curve_of(row) for row in catalogue()}
+    for name in ("hysteresis_loss", "bouc_wen_loss", "lugre_loss", "polarisation", "slow_heat_capacity"):
+        assert curves[name] is None, name
+    shown = {name: curve.variable for name, curve in curves.items() if curve is not None}
+    assert (shown["cogging"], shown["charge_fading"]) == ("angle", "drawn")

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 from typing import Any
 
 import pytest
 import sympy
 
+import bondgraph as bg
 from bondgraph.cli import COMMANDS, main
 
 
@@ -127,7 +129,11 @@ def test_help_teaches(command: str, capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit) as ended:
         main([command, "--help"])
     assert ended.value.code == 0
-    assert f"bondgraph {command}" in capsys.readouterr().out.split("examples:")[1]
+    examples = capsys.readouterr().out.split("examples:")[1]
+    assert f"bondgraph {command}" in examples
+    for reference, free in re.findall(r"(vehicle_graphs\.\S+) .*--free ([\w,]+)", examples):
+        bounded = {one.name for one in bg.build(reference).parameters if one.lower is not None}
+        assert set(free.split(",")) <= bounded, examples  # else the example ends in a refusal
 
 
 def test_either_of_two_geared_inertias_may_be_given(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

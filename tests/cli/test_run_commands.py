@@ -300,8 +300,14 @@ def test_robust_commands_are_not_led_astray(
     low, high = result["parameters"]["b"]["ci95"]
     assert low < 0.12 < high and high - low < 0.02
     filtered = ["filter", str(motor_file), "--data", data, "--set", "b=0.12", "--out", str(tmp_path / "filtered")]
-    assert main([*filtered, "--robust", "gate"]) == 0
     capsys.readouterr()
+    assert main([*filtered, "--robust", "gate"]) == 0
+    said = capsys.readouterr().out
+    assert " refused by the gate" in said and "filter without --robust" not in said  # some readings, all spoilt
+    assert main([*filtered, "--set", "b=1.0", "--robust", "gate"]) == 0
+    said = capsys.readouterr().out  # it said that the noises are taken too large, since nothing passed the gate
+    assert "the model or its noises are wrong rather than the sensor - filter without --robust" in said
+    assert "taken too large" not in said and ", refused ones as zero" in said
     for text, said in (("cauchy", "kind 'cauchy' is not known"), ("gate:2", "give a number from 0.5 to 1")):
         assert main([*filtered, "--robust", text]) == 2
         assert said in capsys.readouterr().err

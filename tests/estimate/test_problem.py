@@ -119,7 +119,7 @@ REFUSED = {
     "unknown state": ("x0(w)", "lag has no state 'w'"),
     "measured parameter": (
         "load",
-        r"declares no bounds for it, so it counts as measured .* free one of mass, drag, gain",
+        r"declares no bounds for it, so it counts as measured .* --free load=LOWER:UPPER, .* one of mass, drag, gain",
     ),
     "no such log": ("x0(v, run7)", r"no log is called 'run7'; did you mean"),
     "bounds": (FreeParameter, ("mass", 3.0, 1.0, 2.0), "bounds 3 to 1 must be two finite numbers"),

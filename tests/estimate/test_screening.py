@@ -36,6 +36,20 @@ def test_sobol_of_the_ishigami_function_is_that_of_ishigami_and_homma() -> None:
     assert found.order == (0, 1, 2)
 
 
+def test_the_table_is_said_in_words() -> None:
+    """Of Ishigami's function the third acts with the first only: 0.2437 of the variance, none of it alone."""
+    found = global_sensitivity(ishigami, ISHIGAMI, samples=1024, seed=1)
+    first, together = found.advice()
+    assert first == "follows x1, x2, x3" and together.startswith("not by each alone, but together: x1")
+    assert together.endswith("x3") and "x2" not in together
+    assert found.summary().endswith(together)
+    (few,) = global_sensitivity(ishigami, ISHIGAMI, samples=4, seed=1).advice()[-1:]
+    assert few.startswith("4 samples do not tell whether x") and "more samples" in few
+    slopes = {"a": (0.0, 1.0), "b": (0.0, 1.0)}
+    steep = global_sensitivity(lambda x: 3.0 * x[0] + 0.01 * x[1], slopes, "morris", samples=4)
+    assert steep.advice() == ("follows a", "hardly follows b: less than 5 % of the largest effect")
+
+
 def test_the_numbers_are_those_of_salib() -> None:
     from SALib.analyze import sobol as analysis
     from SALib.sample import sobol as sampling
@@ -47,6 +61,13 @@ def test_the_numbers_are_those_of_salib() -> None:
     found = global_sensitivity(ishigami, ISHIGAMI, samples=256, seed=3)
     np.testing.assert_allclose(found.indices["first"], expected["S1"], rtol=1e-9, atol=1e-12)
     np.testing.assert_allclose(found.indices["total"], expected["ST"], rtol=1e-9, atol=1e-12)
+
+
+@pytest.mark.parametrize("method", ["sobol", "morris"])
+def test_the_same_seed_gives_the_same_intervals_also_a_seed_of_zero(method: str) -> None:
+    one, other = (global_sensitivity(ishigami, ISHIGAMI, method, samples=16) for _ in range(2))
+    for column, widths in one.confidence.items():
+        np.testing.assert_array_equal(widths, other.confidence[column])
 
 
 def test_elementary_effects_of_a_straight_line_are_its_slopes_over_the_bounds() -> None:

@@ -66,6 +66,24 @@ def test_c_computes_what_the_module_computes(name: str, tmp_path: Path) -> None:
             np.testing.assert_allclose(found, expected, rtol=1e-11, atol=1e-11 * np.abs(expected).max())
 
 
+def test_c_says_what_stands_where() -> None:
+    lines = c_source(bg.load(GENERATED / "driveline.py")).partition("*/")[0].splitlines()
+    model = bg.load(GENERATED / "driveline.py")
+    first = model.parameters[0]
+    assert f"   theta[0] = {first.name} [{first.unit}], {first.value:.12g}: {first.meaning}" in lines
+    sizes = len(model.states) + len(model.inputs) + len(model.parameters) + len(model.outputs)
+    assert len(lines) == 1 + sizes
+
+
+def test_remarks_of_a_declaration_do_not_end_a_comment_in_c() -> None:
+    g = bg.BondGraph("odd")
+    mass = g.parameter("m", 1.0, "kg", "a /* b */ c")
+    body = g.one_junction("body", bg.TRANSLATION)
+    g.inertance("mass", mass, at=body, state="v")
+    g.measure_flow("speed", body)
+    assert c_source(bg.build(g)).count("*/") == 1
+
+
 def _simulated(path: Path, model: Model, kind: str, **how: Any) -> dict[str, np.ndarray]:
     """The FMU as FMPy validates and integrates it."""
     fmpy = pytest.importorskip("fmpy")

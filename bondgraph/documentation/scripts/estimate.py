@@ -14,5 +14,7 @@ fit.plot().savefig("estimate.svg")  # measured, and expected one step ahead
 print(profile)
 profile.plot().figure.savefig("profile.svg")
 
-later = bg.pose(fit.problem.filter_model, bg.match(measured("run3", 3), model), ["mass", "drag"])
-print(bg.sensitivity(later).summary())  # what another log would tell, before it is used
+another = measured("run3", 3)
+print(bg.sensitivity(bg.pose(model, another, ["mass", "drag"])).summary())  # what another log tells, before it is used
+second = bg.estimate(model, another, ["mass", "drag"], priors=[fit.as_prior()])  # what the first said is its prior
+print(second.summary())

@@ -18,6 +18,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import numpy as np
+import numpy.typing as npt
 
 from bondgraph.compile.lanes.text import LANES
 from bondgraph.errors import EstimationError, OptionError, suggest
@@ -31,7 +32,7 @@ from bondgraph.execute.tasks import in_order
 from bondgraph.frames import frame
 from bondgraph.shown import Tabulated, own_axes
 from bondgraph.simulate.stored import Kept
-from bondgraph.text import Table, count, number, text_table
+from bondgraph.text import Table, count, few, number, text_table
 
 if TYPE_CHECKING:
     import pandas
@@ -50,6 +51,11 @@ _REDUCTIONS: dict[str, Callable[[FloatArray], FloatArray]] = {
 }
 #: Levels of Morris' grid and the share of failed members above which nothing is said.
 _LEVELS, _MOST_FAILED = 4, 0.2
+#: The share of the variance, or of the largest effect, below which a parameter hardly matters.
+_LITTLE = 0.05
+_SAMPLES = {"morris": "trajectories", "sobol": "samples"}  # at least two of them
+#: What to do where intervals are too wide: a likelihood over wide bounds is ruled by their worst corners.
+_MORE = "take more samples, narrower bounds or another response"
 #: Members of a task: four blocks of the compiled filter.
 _BLOCK = 4 * LANES
 #: A response beyond this has run away, and its square is no number any more.
@@ -111,8 +117,45 @@ class GlobalSensitivity(Tabulated, Kept):
         return f"{self.response}, {self.method}: {count(self.evaluations, 'evaluation')}{note}"
 
     def summary(self) -> str:
-        """A line for each parameter, most important first."""
-        return f"{self.title}\n{text_table(*self.table())}"
+        """A line for each parameter, most important first, and in words what they say."""
+        return "\n".join([self.title, text_table(*self.table()), *self.advice()])
+
+    def advice(self) -> tuple[str, ...]:
+        """Sentences: what the response follows, what hardly matters to it, and what these samples do not tell.
+
+        Examples
+        --------
+        >>> shares = {"first": np.array([0.9, 0.0, 0.1]), "total": np.array([0.9, 0.01, 0.4])}
+        >>> widths = {"first": np.array([0.05, 0.01, 0.2]), "total": np.array([0.05, 0.02, 0.5])}
+        >>> for sentence in GlobalSensitivity("sobol", ("m", "eta", "k"), shares, widths, 320, 0, "speed").advice():
+        ...     print(sentence)
+        follows m
+        hardly follows eta: less than 5 % of the variance
+        64 samples do not tell whether k matters: take more samples, narrower bounds or another response
+        """
+        sobol = self.method == "sobol"
+        key, of = ("total", "variance") if sobol else ("mu_star", "largest effect")
+        whole = 1.0 if sobol else float(np.max(self.indices[key])) or 1.0
+        least = (self.indices[key] - self.confidence[key]) / whole
+        most = (self.indices[key] + self.confidence[key]) / whole
+        matters, little = least > _LITTLE, most < _LITTLE
+        samples = f"{self.evaluations // (len(self.names) + (2 if sobol else 1))} {_SAMPLES[self.method]}"
+        said = (
+            (matters, "follows {}"),
+            (self._together() & matters, "not by each alone, but together: {}"),
+            (little, f"hardly follows {{}}: less than {_LITTLE:.0%} of the {of}".replace("%", " %")),
+            (~matters & ~little, f"{samples} do not tell whether {{}} matters: {_MORE}"),
+        )
+        return tuple(
+            text.format(few([self.names[k] for k in self.order if rows[k]])) for rows, text in said if any(rows)
+        )
+
+    def _together(self) -> npt.NDArray[np.bool_]:
+        """Whether a parameter brings clearly more with others than alone, shape (n,)."""
+        if self.method == "morris":
+            return np.zeros(len(self.names), dtype=bool)
+        (first, first_width), (total, total_width) = (self._values(column) for column in ("first", "total"))
+        return np.asarray(total - first - np.hypot(first_width, total_width) > _LITTLE)
 
     def _headed(self, column: str) -> list[str]:
         return [column, "+-"] if column in self.confidence else [column]
@@ -275,7 +318,8 @@ def _analysed(
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # of pandas and numpy inside the library
         if method == "sobol":
-            found = _salib("analyze.sobol").analyze(space, values, calc_second_order=False, seed=seed)
+            # SALib takes a seed of zero for none
+            found = _salib("analyze.sobol").analyze(space, values, calc_second_order=False, seed=seed + 1)
             names, widths = {"first": "S1", "total": "ST"}, {"first": "S1_conf", "total": "ST_conf"}
         else:
             found = _salib("analyze.morris").analyze(space, points, values, num_levels=_LEVELS, seed=seed)

@@ -142,12 +142,23 @@ class DesignTable(Tabulated, Kept):
         left = np.array([one.std_left for one in self.rows])
         axes.imshow(left, vmin=0.0, vmax=1.0, cmap="Blues_r", aspect="auto")
         for (k, j), share in np.ndenumerate(left):
-            axes.text(j, k, f"{share:.0%}", ha="center", va="center", fontsize="small", color=_on(float(share)))
+            axes.text(j, k, _percent(float(share)), ha="center", va="center", fontsize="small", color=_on(float(share)))
         axes.set_xticks(range(len(self.names)), self.names, rotation=45, ha="right")
         axes.set_yticks(range(len(self.rows)), [f"{one.name}: {one.gain:.3g} nats" for one in self.rows])
         axes.grid(False)
         axes.set_xlabel("standard deviation left")
         return axes
+
+
+def _percent(share: float) -> str:
+    """A share in percent, small ones with two digits.
+
+    Examples
+    --------
+    >>> [_percent(share) for share in (1.0, 0.347, 0.026, 0.00017)]
+    ['100 %', '35 %', '2.6 %', '0.017 %']
+    """
+    return f"{100.0 * share:.0f} %" if share >= 0.1 else f"{100.0 * share:.2g} %"
 
 
 def _on(share: float) -> str:

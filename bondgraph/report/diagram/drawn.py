@@ -7,6 +7,7 @@ from typing import Literal
 
 from bondgraph.errors import DeclarationError, suggest
 from bondgraph.shown import Drawn
+from bondgraph.text import count
 
 Kind = Literal["0", "1", "Se", "Sf", "R", "C", "I", "TF", "GY"]
 Stroke = Literal["source", "target"]
@@ -34,7 +35,7 @@ class DrawnBond:
     stroke: Stroke | None = None
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Drawing(Drawn):
     """A bond graph reduced to what a picture shows.
 
@@ -48,6 +49,8 @@ class Drawing(Drawn):
 
     Examples
     --------
+    >>> Drawing("pair", (DrawnNode("a", "1"), DrawnNode("b", "R")), (DrawnBond("a", "b"),))
+    <Drawing pair: 2 nodes, 1 bond>
     >>> Drawing("pair", (DrawnNode("a", "1"),), (DrawnBond("a", "b"),))
     Traceback (most recent call last):
     ...
@@ -59,6 +62,9 @@ class Drawing(Drawn):
     bonds: tuple[DrawnBond, ...]
     signals: tuple[tuple[str, str], ...] = ()
     definitions: tuple[tuple[str, str], ...] = ()
+
+    def __repr__(self) -> str:
+        return f"<Drawing {self.title}: {count(len(self.nodes), 'node')}, {count(len(self.bonds), 'bond')}>"
 
     def __post_init__(self) -> None:
         known: set[str] = set()

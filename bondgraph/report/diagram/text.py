@@ -18,6 +18,8 @@ _OTHER = {"·": 318, "²": 401, "³": 401, "⁴": 401, "…": 1000, "−": 838, 
 _UNKNOWN = 850
 _BOLD = 1.13
 _BREAK_AFTER = "+-*/,·− )(."
+#: How many letters a line may be longer where it breaks inside no name then.
+_LONGER = 8
 
 
 def text_width(text: str, size: float, bold: bool = False) -> float:
@@ -43,6 +45,8 @@ def break_lines(text: str, length: int, lines: int) -> tuple[tuple[str, ...], bo
     --------
     >>> break_lines("rho_air·cd_area/2·v·|v|", 12, 2)
     (('rho_air·', 'cd_area/2·v·|v|'), False)
+    >>> break_lines("c_quadratic_loss_body·v·|v|", 22, 2)
+    (('c_quadratic_loss_body·', 'v·|v|'), False)
     >>> break_lines("a + b + c + d", 5, 1)
     (('a + …',), True)
     """
@@ -57,8 +61,9 @@ def break_lines(text: str, length: int, lines: int) -> tuple[tuple[str, ...], bo
 
 
 def _break_position(text: str, length: int) -> int:
-    """Where to break: after the last operator within ``length``, never inside a name shorter than that."""
-    for position in range(length, length // 3, -1):
+    """Where to break: after the last operator within ``length``, else soon after it, inside no name but the longest."""
+    near: list[int] = [*range(length, length // 3, -1), *range(length + 1, min(length + _LONGER, len(text)) + 1)]
+    for position in near:
         if text[position - 1] in _BREAK_AFTER and text[position : position + 1] not in ("*", ")", ","):
             return position
     return length
