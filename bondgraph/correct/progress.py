@@ -276,7 +276,7 @@ def with_disturbance(
     """The state with the disturbance that explains most, if innovations are coloured and one passes its tests.
 
     It must gain more than ``worth`` nats beyond the penalty for its parameters, which a ``rival`` gains if there is
-    one; ``sensors``: that of a sensor is one.
+    one; ``sensors``: that of a sensor is one. Laws that are in doubt beside it go.
     """
     settings.report("look for a disturbance", 0, 1)
     found = disturbances(
@@ -291,10 +291,11 @@ def with_disturbance(
     why = f"{described(found, found.fit)}; gains {found.evidence.delta_nll:.1f} nats, p = {found.p_value:.2g}"
     decision = Decision(number, "disturbance", found.candidate.label, why)
     fitted, check = refined(found.fit, settings.journal, settings.substeps)
-    return replace(
+    disturbed = replace(
         state, built=found.built, fit=fitted, check=check, added=(*state.added, found),
         history=(*state.history, decision),
     )  # fmt: skip
+    return _standing(disturbed, [found], f"beside {found.candidate.label}", number, settings)
 
 
 def without_events(state: Progress) -> Progress:

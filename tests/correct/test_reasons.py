@@ -63,7 +63,7 @@ def test_a_fault_of_the_only_sensor_that_passes_is_not_said_to_fail_a_test(monke
     monkeypatch.setattr("bondgraph.correct.evidence.decide.is_white", lambda *_: False)
     assert choose([less, fault], LEVEL) is less
     told = _why(less, fault)
-    assert told.startswith("it gains 12.0 nats more, but it passes the tests")
+    assert told.startswith("it gains 12.0 nats more and passes the tests, but a fault of the only sensor")
     assert told.endswith("nothing stays unexplained beside it: its innovations stay coloured")
     little = replace(law, evidence=replace(SURE, delta_nll=9.0, bic_gain=7.0))
     assert choose([little, fault], LEVEL) is None  # less than half of what the fault explains is no answer

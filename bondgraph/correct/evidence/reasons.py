@@ -17,6 +17,9 @@ from bondgraph.correct.evidence.decide import (
 from bondgraph.correct.evidence.trials import Alternative, Evidence, Trial
 from bondgraph.correct.scores.score import Scores
 
+#: How a reason begins of a trial that passes all hurdles.
+_PASSES = "it passes the tests, but "
+
 
 def alternatives(
     chosen: Trial | None, trials: Sequence[Trial], found: Scores, level: float, most: int = 12
@@ -116,7 +119,9 @@ def _unchosen(chosen: Trial | None, trial: Trial, trials: Sequence[Trial], level
     why = _lost(trial) or hurdles(trial.evidence, level) or _put_back(chosen, trial, trials, level)
     if chosen is None:
         return why
-    return f"it gains {_difference(chosen.gain - trial.gain)}, but {why}"
+    gains = f"it gains {_difference(chosen.gain - trial.gain)}"
+    passes = why.startswith(_PASSES)
+    return f"{gains} and passes the tests, but {why.removeprefix(_PASSES)}" if passes else f"{gains}, but {why}"
 
 
 def _lost(trial: Trial) -> str:

@@ -24,6 +24,7 @@ from bondgraph.derive.derivation import Derivation
 from bondgraph.derive.equations import ImplicitLoop, StateEquations
 from bondgraph.errors import (
     BondGraphError,
+    CausalityError,
     DeclarationError,
     EstimationError,
     LawError,
@@ -270,7 +271,7 @@ def candidates(
             except OptionError:
                 raise
             except BondGraphError as error:
-                refused.append(Refused(function.__name__, place.label, error.message))
+                refused.append(Refused(function.__name__, place.label, _refusal(function, error)))
                 continue
             flat = causal.graph
             why = _why_not(built, flat, effect, equations)
@@ -311,6 +312,12 @@ def _effect(function: EffectFunction, graph: BondGraph, place: Place) -> Effect 
                 where=(function.__name__, name),
             )
     return effect
+
+
+def _refusal(function: EffectFunction, error: BondGraphError) -> str:
+    """Why a graph refuses an effect: of one that ships with the package a conflict of causality in a few words."""
+    shipped = function.__module__.startswith("bondgraph.effects.")
+    return "the graph has no causality with it" if shipped and isinstance(error, CausalityError) else error.message
 
 
 def _why_not(built: BuiltModel, flat: BondGraph, effect: Effect, equations: StateEquations) -> str | None:
