@@ -5,7 +5,7 @@ noise levels scaled to them, where it falls by more than two standard errors, as
 more than one it fell on three of fifteen machines whose laws were right, where the held-out log alone had pulses. And
 both do where a channel is predicted clearly worse: over the horizon (restarted along the log) or in free simulation. A
 gain of likelihood beside such a prediction says that the noise of the corrected model is more to the liking of the
-filter, not that its physics is.
+filter, not that its physics is. Nor does a gain confirm laws that came with a disturbance: they must gain beside it.
 
 Where something random drives the machine, free simulation wanders with it, before and after: there the error must grow
 by as much as it was.
@@ -37,6 +37,7 @@ class Confirmation:
     ``gain`` is that of held-out log-likelihood in nats, noise levels scaled to these logs, with its standard ``error``
     by blocks of time, both not a number without held-out logs, the error of logs too short to tell it; predictions run
     over ``horizon`` seconds. ``noise``: how many times as large as the corrected model expects innovations are there.
+    ``laws`` is what laws gain there beside disturbances that both models have; None where there are no disturbances.
     """
 
     gain: float
@@ -44,6 +45,7 @@ class Confirmation:
     horizon: float
     compared: tuple[Compared, ...]
     noise: float = math.nan
+    laws: ScaledGain | None = None
 
     @property
     def contradictions(self) -> tuple[str, ...]:
@@ -51,6 +53,9 @@ class Confirmation:
         said = []
         if self.gain < -CONFIRMS * self.error or self.gain == -math.inf:
             said.append(f"the log-likelihood of the held-out logs falls by {-self.gain:.3g}{self._within} nats")
+        if self.laws is not None and self.laws.gain < -CONFIRMS * self.laws.error:
+            within = f"{-self.laws.gain:.3g} ± {self.laws.error:.3g}"
+            said.append(f"beside the disturbance the laws lose {within} nats on the held-out logs")
         return (*said, *(str(one) for one in self.compared if one.clearly))
 
     @property
@@ -58,7 +63,8 @@ class Confirmation:
         """Their answer in a word: confirmed, contradicted, or open."""
         if self.contradictions:
             return "contradicted"
-        return "confirmed" if self.gain > 0.0 and self.gain > CONFIRMS * self.error else "open"
+        gains = [(self.gain, self.error), *([(self.laws.gain, self.laws.error)] if self.laws is not None else [])]
+        return "confirmed" if all(gain > max(CONFIRMS * error, 0.0) for gain, error in gains) else "open"
 
     @property
     def _within(self) -> str:
@@ -71,9 +77,16 @@ class Confirmation:
 
 
 def confirmation(
-    nominal: Fit, corrected: Fit, before: Sequence[Assessment], after: Sequence[Assessment]
+    nominal: Fit,
+    corrected: Fit,
+    before: Sequence[Assessment],
+    after: Sequence[Assessment],
+    disturbed: Assessment | None = None,
 ) -> Confirmation:
-    """The answer of training and held-out logs to a correction, from its assessments on both kinds, in this order."""
+    """The answer of training and held-out logs to a correction, from its assessments on both kinds, in this order.
+
+    ``disturbed`` is that of the model with disturbances and no laws on the held-out logs, if the correction has both.
+    """
     held = [log.filtered for log in before[1].logs], [log.filtered for log in after[1].logs]
     told = scaled_gain(*held) if held[0] else ScaledGain(math.nan, math.nan, math.nan)
     seconds = horizon(corrected, [log.log for log in after[0].logs])
@@ -84,7 +97,10 @@ def confirmation(
         for one in _errors(data, nominal, corrected, first.logs, last.logs, seconds)  # type: ignore[arg-type]
     ]
     compared = tuple(judged(one, random, len(found)) for one in found)
-    return Confirmation(told.gain, told.error, seconds, compared, told.noise)
+    laws = None
+    if disturbed is not None and held[1]:
+        laws = scaled_gain([log.filtered for log in disturbed.logs], held[1])
+    return Confirmation(told.gain, told.error, seconds, compared, told.noise, laws)
 
 
 def _errors(

@@ -24,14 +24,14 @@ from bondgraph.correct.evidence.trials import Added, Detectable, Trial
 from bondgraph.correct.fits.assess import Assessment, assess
 from bondgraph.correct.fits.compared import predicts_worse
 from bondgraph.correct.fits.whiteness import Whiteness, is_white, whiteness
-from bondgraph.correct.models.failures import FAILURES
+from bondgraph.correct.models.failures import FAILURES, attempted
 from bondgraph.correct.models.failures import reason as reason_of
 from bondgraph.correct.models.resting import without_resting_state
 from bondgraph.correct.models.shaping_filters import DISTURBANCE
 from bondgraph.correct.models.started import start_cautions, with_declared_starts
 from bondgraph.correct.places.structure import Structure, structure
 from bondgraph.correct.places.unexplained import Unexplained
-from bondgraph.correct.progress import Decision, Progress, advance, with_disturbance, without_events
+from bondgraph.correct.progress import Decision, Progress, advance, reduced_to, with_disturbance, without_events
 from bondgraph.correct.rest import Rest, at_random, settle
 from bondgraph.correct.round import Round, RoundSettings, one_round, round_cautions, unsearched
 from bondgraph.correct.search.disturbances import Disturbance, described
@@ -46,7 +46,7 @@ from bondgraph.estimate.certify import Check
 from bondgraph.estimate.fitted import Fit
 from bondgraph.estimate.initial import InitialRule
 from bondgraph.estimate.journal import Journal
-from bondgraph.estimate.local import Report, no_report
+from bondgraph.estimate.local import Report, fit, no_report
 from bondgraph.text import count, few
 
 
@@ -302,7 +302,8 @@ def _result(
     )  # fmt: skip
     before = assess(nominal, train), assess(nominal, holdout)
     after = assess(current, state.train), assess(current, holdout)
-    logs = confirmation(nominal, current, before, after) if every else None
+    disturbed = _disturbed(state, holdout, settings) if added and random else None
+    logs = confirmation(nominal, current, before, after, disturbed) if every else None
     doubted = unproven(rounds, settings.level)
     result = ClosedLoop(
         *verdict(added, random, rest.unexplained, residual, settings.level, reason, logs, doubted), nominal, current,
@@ -312,6 +313,16 @@ def _result(
     )  # fmt: skip
     report("assess", 1, 1)
     return result
+
+
+def _disturbed(state: Progress, holdout: Sequence[MatchedLog], settings: LoopSettings) -> Assessment | None:
+    """The model with its disturbances and without its laws on held-out logs; None where it cannot be fitted."""
+    kept = [one for one in state.added if one.candidate.effect.kind == DISTURBANCE]
+
+    def assessed() -> Assessment:
+        return assess(fit(reduced_to(state, kept).problem, journal=settings.journal), holdout)
+
+    return attempted(assessed, lambda why: None)
 
 
 def _corrected(state: Progress) -> tuple[BuiltModel, tuple[str, ...]]:

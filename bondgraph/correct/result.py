@@ -88,6 +88,7 @@ def _confirmation(told: Confirmation, closed: ClosedLoop) -> dict[str, Any]:
         "holdout_gain": number(told.gain),
         "holdout_gain_error": number(told.error),
         "holdout_noise": number(told.noise),
+        "holdout_gain_of_laws": None if told.laws is None else number(told.laws.gain),
         "horizon": told.horizon,
         "contradictions": list(told.contradictions),
         "compared": [compared(one) for one in told.compared],

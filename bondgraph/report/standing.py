@@ -29,8 +29,16 @@ def held_out(closed: ClosedLoop, told: Confirmation) -> str:
     how = "noise levels scaled to these logs, standard error by blocks of time"
     noise = f"innovations there are {shown(told.noise)} times as large as the corrected model expects"
     against = [f"{one}; " for one in told.contradictions if "log-likelihood" not in one]
-    said = f"{what}: {''.join(against)}{changed} ({how}); {noise}. Held-out logs decided nothing."
+    said = f"{what}: {''.join(against)}{changed} ({how}); {noise}.{_of_laws(told)} Held-out logs decided nothing."
     return said if told.contradictions else f"{said}{_wandering(closed)}"
+
+
+def _of_laws(told: Confirmation) -> str:
+    """A sentence on what laws gain beside a disturbance; empty where there is none."""
+    if told.laws is None:
+        return ""
+    gain = f"{shown(told.laws.gain)} ± {shown(told.laws.error)} nats"
+    return f" The laws change it by {gain} beside the disturbance, which is in both models then."
 
 
 def worse_simulated(closed: ClosedLoop) -> list[str]:

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from bondgraph import effects
 from bondgraph.correct.confirmation import Confirmation, confirmation
-from bondgraph.correct.fits.assess import assess, gain_interval, scaled_gain
+from bondgraph.correct.fits.assess import ScaledGain, assess, gain_interval, scaled_gain
 from bondgraph.correct.fits.horizon import horizon, predicted, windows
 from bondgraph.correct.loop import ClosedLoop, close_loop
 from bondgraph.correct.result import result_json
@@ -151,6 +151,11 @@ def test_a_prediction_that_is_no_worse_than_chance_contradicts_nothing() -> None
 def test_one_that_cannot_be_told_says_nothing() -> None:
     assert Confirmation(math.nan, math.nan, 1.0, ()).standing == "open"
     assert Confirmation(-0.5, math.nan, 1.0, ()).standing == "open"  # too few samples for a standard error
+    beside = ScaledGain(3.0, 2.0, 1.0)  # a disturbance gained the rest
+    assert Confirmation(90.0, 9.0, 1.0, (), 1.0, beside).standing == "open"
+    assert Confirmation(90.0, 9.0, 1.0, (), 1.0, replace(beside, gain=30.0)).standing == "confirmed"
+    lost = Confirmation(90.0, 9.0, 1.0, (), 1.0, replace(beside, gain=-30.0))
+    assert lost.contradictions == ("beside the disturbance the laws lose 30 ± 2 nats on the held-out logs",)
     assert Confirmation(-math.inf, math.nan, 1.0, ()).standing == "contradicted"  # the filter fails there
 
 
