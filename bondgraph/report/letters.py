@@ -33,7 +33,7 @@ def constants(
     A coefficient that its law calls by another letter than its name begins with is told with it, without its value,
     which stands beside its name.
     """
-    letters = set(re.findall(r"[A-Za-z]+[0-9]*", effect.law))
+    letters = set(re.findall(r"(?<![0-9.])[A-Za-z]+[0-9]*", effect.law))
     own = {name.partition("_")[2] for name in effect.coefficients}
     found, known = [], set()
     for info in model.parameters:

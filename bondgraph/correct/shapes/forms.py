@@ -19,6 +19,7 @@ from bondgraph.correct.evidence.trials import Trial
 from bondgraph.correct.models.candidates import placed
 from bondgraph.correct.places.probes import Signal, argument
 from bondgraph.correct.shapes.completions import arguments
+from bondgraph.correct.shapes.formula import formula_of
 from bondgraph.correct.shapes.law_text import LETTERS, Intervals, with_numbers
 from bondgraph.data.log import FloatArray
 from bondgraph.declare.effect import Effect, EffectFunction, Place
@@ -83,10 +84,11 @@ def _joined_functions(functions: Sequence[EffectFunction], effect: Effect) -> Ef
     return declared
 
 
-def whole_law(law: Trial, graph: BondGraph) -> tuple[str, Expr] | None:
+def whole_law(law: Trial, graph: BondGraph, read: bool = False) -> tuple[str, Expr] | None:
     """The variable that a law gives (effort, flow, displacement), and its expression in signals, summed over its parts.
 
-    None where a part has no element of its own, or the parts do not give the same.
+    None where a part has no element of its own, or the parts do not give the same. ``read``: formulas as a person reads
+    them.
     """
     gives, found = "", sympy.Integer(0)
     flat, place = graph.flatten(), law.candidate.place
@@ -100,6 +102,10 @@ def whole_law(law: Trial, graph: BondGraph) -> tuple[str, Expr] | None:
         if used - {common.name.partition("(")[0]}:
             return None  # it is of a state of its own
         law_there = expression.xreplace({symbol(name): common for name in used})
+        formula = formula_of(one.candidate.function) if read else None
+        if formula is not None:
+            found += formula.law({name: symbol(name) for name in one.candidate.effect.parameters}, read=True)
+            continue
         found += -law_there if node.kind in ("Se", "Sf") else law_there
     return gives, found
 
@@ -109,7 +115,7 @@ def whole_text(law: Trial, graph: BondGraph, values: Mapping[str, float], ends: 
 
     ``values`` are those of all parameters of the graph, ``ends`` the intervals of those that were estimated.
     """
-    found = whole_law(law, graph)
+    found = whole_law(law, graph, read=True)
     if found is None:
         return None
     gives, whole = found
