@@ -45,7 +45,10 @@ class Bench:
 
 
 def drive() -> Bench:
-    """A motor that moves a carriage on a bellows through a gear, an elastic shaft, a belt that may slip and a screw."""
+    """A motor that moves a carriage on a bellows through a gear, an elastic shaft, a belt that may slip and a screw.
+
+    A shorted voice coil moves with the bellows.
+    """
     g = BondGraph("drive")
     torque = g.input("torque", "N m", "command of the motor")
     ratio = g.input("ratio", "1", "ratio of the gear", default=2.0)
@@ -75,6 +78,8 @@ def drive() -> Bench:
     g.resistance("give", flow=lambda effort: effort / pad, at=mount)
     g.bond(mount, bellows)
     g.compliance("cushion", g.parameter("k_b", 500.0, "N/m", "stiffness of the bellows"), at=bellows, state="pressed")
+    winding = g.inertance("winding", g.parameter("L_c", 0.01, "V s/A", "inductance of the voice coil"), state="i_c")
+    g.gyrator("coil", g.parameter("k_c", 5.0, "N/A", "constant of the voice coil"), bellows, winding)
     g.measure("position", g.integral("x", carriage.flow, "m", "position of the carriage"), "m")
     g.integral("angle", rotor.flow, "rad", "angle of the rotor")
     g.measure_flow("speed", rotor, "speed of the rotor")

@@ -102,7 +102,7 @@ def added_compliance(g: BondGraph, at: Place) -> Effect | None:
     matched = at.scale.effort / at.scale.flow
     damping = g.parameter(
         f"damping_{name}", 0.05 * matched, over(effort_unit(at), flow_unit(at)), "damping beside that compliance",
-        (1e-3 * matched, 10.0 * matched),
+        (1e-3 * matched, matched),
     )  # fmt: skip
     junction = split_bond(g, at.bond, Node(f"z_{name}", "0", domain))
     stretch = g.one_junction(f"stretch_{name}", domain)

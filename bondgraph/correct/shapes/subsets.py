@@ -134,16 +134,18 @@ def best_sums(found: Terms, measured: int, most: int = MOST_TERMS, each: int = 4
 
 
 def tried(found: Terms, size: int) -> int:
-    """How many sums of so many terms there are."""
-    return math.comb(len(found.terms), size) if len(found.terms) >= size else 0
+    """How many sums of so many terms there are, without terms that are laws of their own in sums of several."""
+    count = sum(size == 1 or not term.kind.alone for term in found.terms)
+    return math.comb(count, size) if count >= size else 0
 
 
 def _of_size(found: Terms, size: int, measured: int) -> Iterator[Sum]:
-    pool = range(len(found.terms)) if size < MOST_TERMS else _foremost(found)
+    parts = [k for k, term in enumerate(found.terms) if size == 1 or not term.kind.alone]
+    pool = parts if size < MOST_TERMS else _foremost(found, parts)
     among = math.log(max(tried(found, size), 1))
     for chosen in itertools.combinations(pool, size):
         terms = tuple(found.terms[k] for k in chosen)
-        if len({term.name for term in terms}) < size or (size > 1 and any(term.kind.alone for term in terms)):
+        if len({term.name for term in terms}) < size:
             continue
         rows = found.columns(chosen)
         told = _best(found.score[rows], found.information[np.ix_(rows, rows)])
@@ -164,15 +166,13 @@ def _best(score: FloatArray, information: FloatArray) -> tuple[FloatArray, float
     return step, 0.5 * float(score @ step)
 
 
-def _foremost(found: Terms) -> list[int]:
+def _foremost(found: Terms, parts: Sequence[int]) -> list[int]:
     """Terms for sums of three: those that gain most alone, and most beside the one that does."""
-    alone = [_gain(found, [k]) for k in range(len(found.terms))]
-    order = list(np.argsort(alone)[::-1])
-    if not order:
+    if not parts:
         return []
-    beside = [_gain(found, [order[0], k]) if k != order[0] else np.inf for k in range(len(found.terms))]
-    second = list(np.argsort(beside)[::-1])
-    mixed = dict.fromkeys(int(k) for pair in zip(order, second, strict=True) for k in pair)
+    order = sorted(parts, key=lambda k: -_gain(found, [k]))
+    second = [order[0], *sorted(order[1:], key=lambda k: -_gain(found, [order[0], k]))]
+    mixed = dict.fromkeys(k for pair in zip(order, second, strict=True) for k in pair)
     return list(mixed)[:_OF_THREE]
 
 
