@@ -63,7 +63,7 @@ def slow_heat_capacity(g: BondGraph, at: Place) -> Effect | None:
 
     The part begins at the temperature of the body, whatever that is, so that the lead of the body is its state.
     """
-    slope = _slope(g, at) if has_effort(at) and at.domain == THERMAL else None
+    slope = _rate(g, at, "C", "effort", "displacement", "flow") if has_effort(at) and at.domain == THERMAL else None
     if slope is None:
         return None
     unit = over(flow_unit(at), effort_unit(at))
@@ -86,7 +86,7 @@ def sprung_mass(g: BondGraph, at: Place) -> Effect | None:
     It rides along at first, so that its lag in speed is its state.
     """
     declared = inertance_beside(g, at.junction) if is_motion(at) else None
-    acceleration = None if declared is None else _acceleration(g, at)
+    acceleration = None if declared is None else _rate(g, at, "I", "flow", "momentum", "effort")
     if declared is None or acceleration is None:
         return None
     name = f"sprung_mass_{at.name}"
@@ -110,23 +110,13 @@ def sprung_mass(g: BondGraph, at: Place) -> Effect | None:
     )  # fmt: skip
 
 
-def _acceleration(g: BondGraph, at: Place) -> Expr | None:
-    """The rate of change of the flow there, by the effort on a straight inertance; None without one."""
-    for node in elements_at(g, at, "I"):
-        law = node.law("flow")
-        parts = None if law is None else affine_parts(law, symbol("momentum"))
-        if parts is not None and symbol("momentum") not in parts[0].free_symbols:
-            return parts[0] * signal("effort", node.name)
-    return None
-
-
-def _slope(g: BondGraph, at: Place) -> Expr | None:
-    """The rate of change of the effort there, by what flows into a straight storage; None without one."""
-    for node in elements_at(g, at, "C"):
-        law = node.law("effort")
-        parts = None if law is None else affine_parts(law, symbol("displacement"))
-        if parts is not None and symbol("displacement") not in parts[0].free_symbols:
-            return parts[0] * signal("flow", node.name)
+def _rate(g: BondGraph, at: Place, kind: str, gives: str, stored: str, driven: str) -> Expr | None:
+    """The rate of change of what a straight storage there gives, by what drives it; None without one."""
+    for node in elements_at(g, at, kind):
+        law = node.law(gives)
+        parts = None if law is None else affine_parts(law, symbol(stored))
+        if parts is not None and symbol(stored) not in parts[0].free_symbols:
+            return parts[0] * signal(driven, node.name)
     return None
 
 

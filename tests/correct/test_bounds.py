@@ -91,9 +91,9 @@ def test_a_search_goes_on_beyond_bounds_that_only_scale_it(lower: float, upper: 
 
 @pytest.mark.parametrize(("true", "chosen"), [(1.0, None), (4.0, "quadratic_loss at runner")])
 def test_what_a_parameter_beyond_its_bound_explains_is_no_law(true: float, chosen: str | None) -> None:
-    """Of a boiler whose loss was declared with too large a lower bound the power meter was called wrong by 104 %.
+    """The guide's friction is declared to be 2 N s/m at least. Where it is half of that a constant push gains 470 nats.
 
-    Here the guide's friction is declared to be 2 N s/m at least. Where it is half of that laws pass their tests.
+    The friction beyond its bound explains 3497.
     """
     drag = 0.0 if chosen is None else 3.0
     truth = with_bounds(sled.added(effects.quadratic_loss, "runner", drag), {"c_guide": (0.1, 60.0)})
