@@ -53,7 +53,7 @@ def other_words(formula: Formula, values: Mapping[str, float]) -> str:
 
 
 def lies_in(before: Fit, after: Fit, graph: BondGraph) -> list[tuple[str, str]]:
-    """Parameters that had taken a part of a law before it was there: where it lay, and how much.
+    """Parameters of the machine that had taken a part of a law before it was there: where it lay, and how much.
 
     Parameters
     ----------
@@ -64,9 +64,10 @@ def lies_in(before: Fit, after: Fit, graph: BondGraph) -> list[tuple[str, str]]:
     """
     found = []
     model, values = before.problem.filter_model.model, after.values
+    declared = {one.name for one in graph.flatten().parameters}
     for parameter in before.problem.free:
         name = parameter.name
-        if parameter.target.kind != "parameter" or name not in values:
+        if parameter.target.kind != "parameter" or name not in values or name not in declared:
             continue
         slope, error = parameter.slope(before.values[name]), before.std[name]
         moved = before.values[name] - values[name]

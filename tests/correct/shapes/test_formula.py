@@ -20,6 +20,7 @@ from bondgraph.correct.scores.scoring import linearisation
 from bondgraph.correct.shapes.formula import Formula, formula_of
 from bondgraph.correct.shapes.library import Term, library
 from bondgraph.correct.shapes.subsets import Terms, best_sums
+from bondgraph.correct.shapes.words import lies_in
 from bondgraph.data.log import MatchedLog
 from bondgraph.declare.domains import TRANSLATION
 from bondgraph.declare.editing import handle
@@ -30,6 +31,7 @@ from bondgraph.estimate.problem import EstimationProblem
 from bondgraph.estimate.setup import filter_setup
 from bondgraph.report.formulas import formula_sentences
 from bondgraph.report.missing import missing_efforts
+from tests.correct import sled
 from vehicle_graphs import effects
 
 MASS, STIFFNESS, DAMPING, CUBE = 2.0, 50.0, 3.0, 900.0
@@ -229,3 +231,11 @@ def test_a_formula_wins_over_wrong_relatives_and_names_the_law() -> None:
 def test_where_nothing_is_missing_no_formula_is_found() -> None:
     closed = close_loop(swing(), [log(0.0, 1)], [], (effects.quadratic_loss,))
     assert (closed.verdict, closed.added) == ("no missing effect", ())
+
+
+def test_a_part_of_a_law_lies_in_parameters_of_the_machine_alone() -> None:
+    """A report said that 4771 Pa of a check valve had lain in a law that was gone by then."""
+    stiff, slack = (sled.fitted([sled.pull(sled.sled(), 1, c_guide=value)]) for value in (30.0, 10.0))
+    ((name, amount),) = lies_in(stiff, slack, sled.sled())
+    assert name == "c_guide (guide)" and float(amount.partition(" ")[0]) == pytest.approx(20.0, abs=1.0)
+    assert lies_in(stiff, slack, bg.BondGraph("another")) == []
