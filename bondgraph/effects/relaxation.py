@@ -94,7 +94,7 @@ def sprung_mass(g: BondGraph, at: Place) -> Effect | None:
     c = g.parameter(f"c_{name}", 0.0, unit, f"mass on a spring at {at.label}", (0.0, size))
     shortest, longest = at.times
     slowest, fastest = 1.0 / longest, 0.25 / shortest
-    grid = tuple(slowest * (fastest / slowest) ** (k / (_FREQUENCIES - 1)) for k in range(_FREQUENCIES))
+    grid = tuple(slowest * (fastest / slowest) ** ((k + 0.5) / _FREQUENCIES) for k in range(_FREQUENCIES))
     f = g.parameter(f"f_{name}", (slowest * fastest) ** 0.5, "Hz", "natural frequency of it", (slowest, fastest))
     z = g.parameter(f"z_{name}", 0.2, "1", "damping ratio of it", (0.002, 2.0))
     omega = 2 * pi * f

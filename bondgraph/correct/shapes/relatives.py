@@ -42,6 +42,8 @@ from bondgraph.estimate.local import Report
 
 #: A law is a relative that leaves less than this share of the square of a curve: more would show in the fit of either.
 _LEFT = 0.1
+#: Curves that differ by less than this share of their square are one: by 3 % of their size.
+_SAME = 1e-3
 #: Relatives that are refitted at most.
 _MOST = 2
 #: Steps of a fit to a curve at most.
@@ -104,7 +106,51 @@ def with_relatives(trials: Sequence[Trial], left: Residual, context: Context, re
         done = [*done, made] if one.index is None else [made if j == one.index else old for j, old in enumerate(done)]
     if told:
         report("refit relatives of the law that leads", len(told), len(told))
-    return done
+    return in_plainer_words(done, left, context.level)
+
+
+def in_plainer_words(trials: Sequence[Trial], left: Residual, level: float) -> list[Trial]:
+    """The trials; powers behind a law without a free exponent that draws the same curve, and passes the tests.
+
+    With many samples the exponent of a spring that hardens with the cube is told from 3 by what is left of its sensor.
+    """
+    return [_behind_plainer(one, trials, left, level) for one in trials]
+
+
+def _behind_plainer(trial: Trial, trials: Sequence[Trial], left: Residual, level: float) -> Trial:
+    formula = formula_of(trial.candidate.function)
+    if formula is None or trial.evidence is None or not any(term.kind.alone for term in formula.terms):
+        return trial
+    own = _drawn(trial, left)
+    for other in trials:
+        if own is None or other.evidence is None or not _is_plainer(other, trial, level):
+            continue
+        curve = _drawn(other, left)
+        if curve is None or curve.signal.name != own.signal.name or _departure(own, curve) > _SAME:
+            continue
+        behind = min(trial.evidence.bic_gain, other.evidence.bic_gain - INDIFFERENT)
+        remark = f"{other.candidate.label} draws the same curve with fewer parameters"
+        return replace(trial, evidence=replace(trial.evidence, bic_gain=behind), remark=remark)
+    return trial
+
+
+def _drawn(trial: Trial, left: Residual) -> _Curve | None:
+    """The curve of a trial; None where it was not refitted, or is no function of one signal."""
+    return None if trial.fit is None else attempted(lambda: _curve(trial, left), lambda why: None)
+
+
+def _is_plainer(other: Trial, trial: Trial, level: float) -> bool:
+    """Whether another law at the place of a trial passes the tests with fewer parameters."""
+    same = other.candidate.place.label == trial.candidate.place.label and other.gate is None
+    fewer = len(other.candidate.effect.parameters) < len(trial.candidate.effect.parameters)
+    return same and fewer and other.evidence is not None and other.evidence.accepted(level)
+
+
+def _departure(one: _Curve, other: _Curve) -> float:
+    """The share of the square of a curve that a multiple of another one leaves, a line aside."""
+    y, by = _beside_a_line(one.y, one.x), _beside_a_line(other.y, other.x)
+    sizes = float(y @ y) * float(by @ by)
+    return 1.0 - float(y @ by) ** 2 / sizes if sizes > 0.0 else 1.0
 
 
 def _refitted(trial: Trial, prediction: Prediction, context: Context, tried: int) -> Trial:

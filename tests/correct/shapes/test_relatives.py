@@ -16,7 +16,7 @@ from bondgraph.correct.evidence.trials import Trial
 from bondgraph.correct.loop import LoopSettings, close_loop
 from bondgraph.correct.models.candidates import Candidate, candidates
 from bondgraph.correct.places.probes import Signal
-from bondgraph.correct.shapes.relatives import _beside_a_line, _Curve, _fitted, _law
+from bondgraph.correct.shapes.relatives import _SAME, _beside_a_line, _Curve, _departure, _fitted, _law
 from bondgraph.data.log import MatchedLog
 from bondgraph.declare.domains import HYDRAULIC
 from bondgraph.declare.editing import handle
@@ -81,6 +81,14 @@ def test_what_a_line_leaves_has_no_line_in_it() -> None:
     assert left @ x == pytest.approx(0.0, abs=1e-12)
     np.testing.assert_allclose(_beside_a_line(y + 7.0 * x, x), left, atol=1e-12)
     np.testing.assert_array_equal(_beside_a_line(y, np.zeros(50)), y)
+
+
+@given(power=st.floats(2.9, 3.1), line=st.floats(-5.0, 5.0))
+def test_a_power_near_a_cube_draws_the_curve_of_a_cube(power: float, line: float) -> None:
+    x = np.linspace(-2.0, 2.0, 101)
+    cube, other = _Curve(PRESSURE, x, 0.3 * x**3), _Curve(PRESSURE, x, np.sign(x) * np.abs(x) ** power + line * x)
+    assert _departure(cube, other) < _SAME
+    assert _departure(cube, _Curve(PRESSURE, x, np.sign(x) * np.abs(x) ** 2.5 + line * x)) > _SAME
 
 
 def disc() -> bg.BondGraph:
