@@ -7,10 +7,11 @@ from collections.abc import Collection, Sequence
 import numpy as np
 
 from bondgraph.correct.constants import BLOCKS
+from bondgraph.correct.evidence.bounds import value_text
 from bondgraph.correct.round import Round
 from bondgraph.estimate.fitted import Fit
 from bondgraph.estimate.free import FreeParameter
-from bondgraph.text import inflected, number
+from bondgraph.text import inflected
 
 #: Samples in a block of time below which it hardly counts as one.
 _BLOCK_SAMPLES = 5
@@ -63,7 +64,7 @@ def at_bounds(fitted: Fit, which: str, known: Collection[str] | None = None) -> 
     names = [name for name in resting(fitted) if known is None or name in known]
     if not names:
         return []
-    said = ", ".join(f"{name} ({_shown(fitted, name)})" for name in names)
+    said = ", ".join(f"{name} ({value_text(fitted, name)})" for name in names)
     return [
         f"{said} {inflected(names, 'rests on its bound', 'rest on their bounds')} in the {which} model: the bounds are "
         f"too narrow, or an effect is missing that {inflected(names, 'it stands', 'they stand')} in for"
@@ -77,14 +78,6 @@ def resting(fitted: Fit) -> list[str]:
         for parameter, rests in zip(fitted.problem.free, fitted.held, strict=True)
         if rests and parameter.target.kind == "parameter"
     ]
-
-
-def _shown(fitted: Fit, name: str) -> str:
-    """The value of a parameter in the unit in which it was declared."""
-    model = fitted.problem.filter_model.model
-    info = model.parameters[model.index("parameter", name)]
-    unit = "" if info.display_unit in ("", "1") else f" {info.display_unit}"
-    return f"{number(info.shown(fitted.values[name]))}{unit}"
 
 
 def _blind(rounds: Sequence[Round]) -> list[str]:

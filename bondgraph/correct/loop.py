@@ -129,7 +129,7 @@ class ClosedLoop:
 
     @property
     def unproven(self) -> Trial | None:
-        """What explains most at the end and passes the tests, but for that no other sensor contradicts it."""
+        """The best candidate of the last round that passes the tests and was not chosen; None without one."""
         return unproven(self.rounds, LEVEL)
 
     @property

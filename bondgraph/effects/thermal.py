@@ -28,8 +28,8 @@ _HEAT = "Incropera, DeWitt, Bergman, Lavine (2007), Fundamentals of Heat and Mas
 #: Temperatures whose size exceeds this are absolute: a body that is never warmer than this is not at room temperature,
 #: and few are this much warmer than what is around [K].
 ABSOLUTE_ABOVE = 200.0
-#: Powers of the difference in temperature by which still air takes heat: the means of Nusselt numbers of plates,
-#: cylinders and rooms lie between 1.1 (narrow gaps) and 1.4.
+#: Powers of the difference in temperature within which that of convection is searched: 5/4 and 4/3 of laminar and of
+#: turbulent layers (Incropera et al., section 9.6) with as much room on either side. The room is a convention.
 _POWERS = (1.1, 1.4)
 #: Temperature of a room [K], and of the zero of the Celsius scale.
 ROOM, CELSIUS_ZERO = 293.15, 273.15

@@ -23,13 +23,13 @@ from bondgraph.estimate.free import FreeParameter
 from bondgraph.estimate.local import fit
 from bondgraph.text import few, number
 
-#: A bound is moved so far, by a factor: what is beyond an order of magnitude is no bound that was chosen too narrow.
+#: Factor by which a bound moves: beyond an order of magnitude it was not merely chosen too narrow. A convention.
 _FURTHER = 10.0
 _ITERATIONS, _TOLERANCE = 40, 0.05
 
 
 def beyond_bounds(trial: Trial, context: Context) -> Trial:
-    """The trial; with the parameters that explain as much beyond their bounds where there are such, and not passing."""
+    """The trial; not passing, and with a remark, where parameters beyond their declared bounds explain as much."""
     if trial.fit is None or trial.evidence is None or trial.gate is not None:
         return trial
     freed = _freed(context.base)
@@ -40,7 +40,7 @@ def beyond_bounds(trial: Trial, context: Context) -> Trial:
         return trial
     if _passes(base, _with_bounds(trial.fit, freed, context), trial, context):
         return trial
-    moved = few([_shown(base, name) for name in freed])
+    moved = few([f"{name} = {value_text(base, name)}" for name in freed])
     gained = context.base.nll - base.nll
     return replace(
         trial, evidence=replace(trial.evidence, p_robust=1.0),
@@ -89,9 +89,9 @@ def _passes(base: Fit, refit: Fit, trial: Trial, context: Context) -> bool:
     return judge(base, refit, trial.candidate.effect, trial.evidence.tried).accepted(context.level)
 
 
-def _shown(fitted: Fit, name: str) -> str:
-    """A parameter and its value in the unit in which it was declared."""
+def value_text(fitted: Fit, name: str) -> str:
+    """The value of a parameter in the unit in which it was declared."""
     model = fitted.problem.filter_model.model
     info = model.parameters[model.index("parameter", name)]
     unit = "" if info.display_unit in ("", "1") else f" {info.display_unit}"
-    return f"{name} = {number(info.shown(fitted.values[name]))}{unit}"
+    return f"{number(info.shown(fitted.values[name]))}{unit}"

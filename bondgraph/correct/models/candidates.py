@@ -74,12 +74,12 @@ class Candidate:
 
     @functools.cached_property
     def bends(self) -> bool:
-        """Whether its law is not straight in its coefficients: then its response at zero says little of another law."""
+        """True for a law that is not straight in its coefficients: its response changes as they grow."""
         own = {symbol(name) for name in self.effect.coefficients}
         return any(law.diff(one).free_symbols & own for law in self.laws for one in own & law.free_symbols)
 
     def parts_from(self, other: Candidate) -> bool:
-        """Whether two candidates with the same response at zero part as their coefficients grow."""
+        """True for two laws whose responses, equal at zero, part as their coefficients grow."""
         return self.function.__name__ != other.function.__name__ and (self.bends or other.bends)
 
     def apply(self, graph: BondGraph) -> BondGraph:

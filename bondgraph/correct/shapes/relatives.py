@@ -40,13 +40,15 @@ from bondgraph.errors import DeclarationError
 from bondgraph.estimate.free import FreeParameter
 from bondgraph.estimate.local import Report
 
-#: A law is a relative that leaves less than this share of the square of a curve: more would show in the fit of either.
+#: A law that leaves less than this share of the square of a curve is a relative. The share only limits how many are
+#: predicted, and the prediction decides: a convention.
 _LEFT = 0.1
-#: Curves that differ by less than this share of their square are one: by 3 % of their size.
+#: Curves that differ by less than this share of their square are called one, 3 % of their size: a convention, by which
+#: powers of 1.9 and 2 are one law, and powers of 1.75 and 2 are two.
 _SAME = 1e-3
-#: Relatives that are refitted at most.
+#: Relatives that are refitted at most: what a loop may take, as the refits of formulas.
 _MOST = 2
-#: Steps of a fit to a curve at most.
+#: Steps of a fit to a curve at most, for three numbers or four.
 _STEPS = 50
 #: Points over which curves are compared, drawn as often as the logs visit them.
 _POINTS = 400
@@ -55,7 +57,7 @@ _X = Symbol("x_of_the_curve", real=True)
 
 @dataclass(frozen=True)
 class _Curve:
-    """What the law that leads adds at values of its signal, both (n,)."""
+    """Curve of a fitted law: what it adds, at values of its signal, both (n,)."""
 
     signal: Signal
     x: FloatArray
@@ -64,7 +66,7 @@ class _Curve:
 
 @dataclass(frozen=True)
 class _Law:
-    """What a law adds as a function of its signal and of its own numbers, by name; ``sizes`` says which scale it."""
+    """Law as a function of its signal and of its own numbers, by name; ``sizes`` says which of these scale it."""
 
     added: Callable[..., Any]
     names: tuple[str, ...]
@@ -140,7 +142,7 @@ def _drawn(trial: Trial, left: Residual) -> _Curve | None:
 
 
 def _is_plainer(other: Trial, trial: Trial, level: float) -> bool:
-    """Whether another law at the place of a trial passes the tests with fewer parameters."""
+    """True for another law at the place of a trial that passes the tests with fewer parameters."""
     same = other.candidate.place.label == trial.candidate.place.label and other.gate is None
     fewer = len(other.candidate.effect.parameters) < len(trial.candidate.effect.parameters)
     return same and fewer and other.evidence is not None and other.evidence.accepted(level)
@@ -253,7 +255,7 @@ def _may_be_a_relative(trial: Trial, lead: Trial, index: int | None) -> bool:
 
 
 def _predicted(lead: Trial, near: Sequence[_Relative], context: Context) -> list[tuple[_Relative, Prediction]]:
-    """Those of the relatives that promise clearly more than the law in whose place they come, the best first."""
+    """Relatives that promise clearly more than the law that leads, the best first."""
     told = predicted_by_swap(lead, [one.trial.candidate for one in near], [one.variant for one in near], context)
     better = [
         (one, prediction)
@@ -298,7 +300,7 @@ def _fitted(law: _Law, own: Sequence[FreeParameter], candidate: Candidate, curve
 
 
 def _beside_a_line(y: FloatArray, x: FloatArray) -> FloatArray:
-    """What a line through zero leaves of a curve, all (n,)."""
+    """The rest of a curve beside its best line through zero, all (n,)."""
     size = float(x @ x)
     left: FloatArray = y - x * (float(x @ y) / size) if size > 0.0 else y
     return left

@@ -51,7 +51,7 @@ _REDUCTIONS: dict[str, Callable[[FloatArray], FloatArray]] = {
 }
 #: Levels of Morris' grid and the share of failed members above which nothing is said.
 _LEVELS, _MOST_FAILED = 4, 0.2
-#: The share of the variance, or of the largest effect, below which a parameter hardly matters.
+#: Share of the variance, or of the largest effect, below which a parameter hardly matters: a convention.
 _LITTLE = 0.05
 _SAMPLES = {"morris": "trajectories", "sobol": "samples"}  # at least two of them
 #: What to do where intervals are too wide: a likelihood over wide bounds is ruled by their worst corners.

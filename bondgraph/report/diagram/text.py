@@ -18,7 +18,7 @@ _OTHER = {"·": 318, "²": 401, "³": 401, "⁴": 401, "…": 1000, "−": 838, 
 _UNKNOWN = 850
 _BOLD = 1.13
 _BREAK_AFTER = "+-*/,·− )(."
-#: How many letters a line may be longer where it breaks inside no name then.
+#: Letters that a line may be longer where it breaks inside no name then: what the room beside a label holds.
 _LONGER = 8
 
 
