@@ -60,6 +60,8 @@ def test_a_fault_of_the_only_sensor_that_passes_is_not_said_to_fail_a_test(monke
     law, fault = _pair()
     less = replace(law, evidence=replace(SURE, delta_nll=10.0, bic_gain=8.0))
     assert choose([less, fault], LEVEL) is fault  # it explains more, and leaves nothing
+    tiny = replace(law, evidence=replace(SURE, delta_nll=9.0, bic_gain=7.0))
+    assert "unproven" not in _why(fault, tiny)
     monkeypatch.setattr("bondgraph.correct.evidence.decide.is_white", lambda *_: False)
     assert choose([less, fault], LEVEL) is less
     told = _why(less, fault)

@@ -166,7 +166,7 @@ def _put_back(chosen: Trial | None, trial: Trial, trials: Sequence[Trial], level
             return f"{only} no law explains as much: {best.candidate.label} has {sizes}"
         if not leaves_white(trial, level):
             return f"{only} nothing stays unexplained beside it: its innovations stay coloured"
-    faults = (one for one in passing(trials, level) if is_fault(one))
+    faults = (one for one in passing(trials, level) if is_fault(one) and one is not chosen)
     fault = max(faults, key=preferred_gain, default=None)
     if fault is not None and has_one_sensor(trial) and preferred_gain(trial) <= MOSTLY * preferred_gain(fault):
         half = "explains less than half of what the unproven"
