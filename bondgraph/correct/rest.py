@@ -30,7 +30,7 @@ from bondgraph.correct.round import Round, RoundSettings
 from bondgraph.correct.scores.scoring import Linearisation, linearisation
 from bondgraph.correct.search.refit import refit_from
 from bondgraph.correct.shapes.completions import completions
-from bondgraph.correct.shapes.formula import formula_of
+from bondgraph.correct.shapes.formula import formula_of, is_long
 from bondgraph.correct.simpler import in_simpler_laws
 
 #: Functions without a law are tried at so many places.
@@ -117,7 +117,10 @@ def _searched(
                 break
             gone, kind = state.added[spare[-1]].candidate.label, state.added[spare[-1]].candidate.effect.kind
             share = 1.0 if kind == DISTURBANCE else _MOST_OF_IT
-            if not _is_sum(state.added[spare[-1]]) and fewer.fit.nll - state.fit.nll > share * left[0].gain:
+            if (
+                not is_long(state.added[spare[-1]].candidate.function)
+                and fewer.fit.nll - state.fit.nll > share * left[0].gain
+            ):
                 needed.add(gone)  # a disturbance has no size that the function could take, a law most of its shape
                 continue
             state = standing(fewer, gone, len(rounds), settings)
@@ -128,12 +131,6 @@ def _searched(
     except FAILURES as error:
         return found, state, (f"what stays unexplained could not be looked for to the end: {reason(error)}",), {}
     return found, state, (), completes
-
-
-def _is_sum(trial: Trial) -> bool:
-    """True for a formula of several terms, which comes near any function and is no law where it leaves a part of it."""
-    formula = formula_of(trial.candidate.function)
-    return formula is not None and len(formula.terms) > 1
 
 
 def _is_spare(trial: Trial, linear: Linearisation, tried: Sequence[Spline], found: Unexplained) -> bool:

@@ -4,33 +4,43 @@ A law is chosen beside what its round knew. Stribeck friction of a winch was cho
 described; beside these dry friction loses 1.1 nats to it, with two parameters fewer. So at the end each law with
 several coefficients is weighed against the simpler ones at its place, and the best of those that do as well by the
 Bayesian information criterion is taken. Others that the data do not tell from it are named with it.
+
+A sum of laws of one signal is weighed against single laws that draw its curve. A leak of a pump with the power 1.35 of
+the pressure was chosen as an overflow, which a straight leak completed.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from bondgraph.correct.constants import INDIFFERENT
 from bondgraph.correct.evidence.certified import refined
+from bondgraph.correct.evidence.context import Context
 from bondgraph.correct.evidence.trials import Trial
 from bondgraph.correct.models.failures import attempted
 from bondgraph.correct.models.shaping_filters import DISTURBANCE
 from bondgraph.correct.progress import Decision, Progress, reduced_to
 from bondgraph.correct.round import Round, RoundSettings
-from bondgraph.correct.shapes.formula import formula_of
+from bondgraph.correct.shapes.formula import formula_of, is_long
+from bondgraph.correct.shapes.offered import Residual
+from bondgraph.correct.shapes.relatives import single_laws
 from bondgraph.data.log import FloatArray
 from bondgraph.estimate.fitted import at_optimum
+from bondgraph.estimate.free import FreeParameter
 from bondgraph.estimate.local import fit
 from bondgraph.estimate.problem import EstimationProblem
 from bondgraph.text import count
 
 
 def in_simpler_laws(state: Progress, rounds: Sequence[Round], settings: RoundSettings) -> Progress:
-    """The state with each of its laws in the place of which a simpler one does as well replaced by that."""
+    """The state with each of its laws in the place of which a simpler one does as well replaced by that.
+
+    None of stiff models in the place of a sum: their refits are costly.
+    """
     for k in range(len(state.added)):
         state = _simplified(state, k, rounds, settings)
     return state
@@ -38,9 +48,11 @@ def in_simpler_laws(state: Progress, rounds: Sequence[Round], settings: RoundSet
 
 def _simplified(state: Progress, index: int, rounds: Sequence[Round], settings: RoundSettings) -> Progress:
     """The state with the best simpler law in the place of one, if one does as well."""
+    is_sum = bool(state.added[index].forms) or is_long(state.added[index].candidate.function)
+    others = _singles(state, index, rounds, settings) if is_sum else _simpler(state, index, rounds)
     found = [
-        attempted(lambda other=other: _with(state, index, other, len(rounds), settings), lambda why: None)  # type: ignore[misc]
-        for other in _simpler(state.added[index], rounds)
+        attempted(lambda one=one: _with(state, index, one, len(rounds), settings), lambda why: None)  # type: ignore[misc]
+        for one in others
     ]
     ranked = sorted(filter(None, found), key=_criterion)
     if not ranked:
@@ -57,10 +69,33 @@ def _criterion(state: Progress) -> float:
     return state.fit.nll + 0.5 * math.log(max(measured, 2)) * len(state.fit.problem.free)
 
 
-def _simpler(law: Trial, rounds: Sequence[Round]) -> list[Trial]:
-    """Refitted laws of the dictionary at the place of a law that have fewer parameters."""
+@dataclass(frozen=True)
+class _Other:
+    """A law for the place of one, and its free parameters with where they start."""
+
+    trial: Trial
+    own: tuple[FreeParameter, ...]
+
+
+def _singles(state: Progress, index: int, rounds: Sequence[Round], settings: RoundSettings) -> list[_Other]:
+    """Single laws that draw nearly the curve of a sum of laws."""
+    whole = replace(state.added[index], fit=state.fit, built=state.built)
+    if not rounds or state.fit.problem.filter_model.is_stiff or whole.candidate.effect.channel:
+        return []
+    turn = rounds[-1]
+    left = Residual(state.built, turn.linear, turn.probed, turn.signals, turn.located)
+    context = Context(state.built, state.fit, state.train, 1, settings.level, 0.0, settings.journal)
+    trials = [one for each in rounds for one in each.trials]
+    return attempted(
+        lambda: [_Other(trial, own) for trial, own in single_laws(whole, trials, left, context)], lambda why: []
+    )
+
+
+def _simpler(state: Progress, index: int, rounds: Sequence[Round]) -> list[_Other]:
+    """Refitted laws of the dictionary at the place of a law that have fewer parameters than it."""
+    law = state.added[index]
     effect = law.candidate.effect
-    if effect.kind == DISTURBANCE or effect.channel or effect.regime or law.gate is not None or law.forms:
+    if effect.kind == DISTURBANCE or effect.channel or effect.regime or law.gate is not None:
         return []
     best: dict[str, Trial] = {}
     for one in (trial for turn in rounds for trial in turn.trials):
@@ -70,19 +105,24 @@ def _simpler(law: Trial, rounds: Sequence[Round]) -> list[Trial]:
             continue
         if len(own.parameters) < len(effect.parameters) and (known is None or one.gain > known.gain):
             best[one.candidate.label] = one
-    return list(best.values())
+    return [_Other(one, _refitted(one)) for one in best.values()]
 
 
-def _with(state: Progress, index: int, other: Trial, number: int, settings: RoundSettings) -> Progress | None:
+def _refitted(trial: Trial) -> tuple[FreeParameter, ...]:
+    """The free parameters of a law that was refitted, to start where that ended."""
+    assert trial.fit is not None  # only those are taken
+    return tuple(one for one in at_optimum(trial.fit) if one.name in trial.candidate.effect.parameters)
+
+
+def _with(state: Progress, index: int, other: _Other, number: int, settings: RoundSettings) -> Progress | None:
     """The state with another law in the place of one; None where that does not do as well."""
-    law, known = state.added[index], other.fit
-    if law.evidence is None or known is None:
+    law, trial = state.added[index], other.trial
+    if law.evidence is None:
         return None
-    reduced = reduced_to(state, [other if k == index else one for k, one in enumerate(state.added)])
-    own = [one for one in at_optimum(known) if one.name in other.candidate.effect.parameters]
-    problem = replace(reduced.problem, free=(*reduced.problem.free, *own))
+    reduced = reduced_to(state, [trial if k == index else one for k, one in enumerate(state.added)])
+    problem = replace(reduced.problem, free=(*reduced.problem.free, *other.own))
     fitted = min(
-        (fit(problem, starts=[start], journal=settings.journal) for start in _starts(problem, other)),
+        (fit(problem, starts=[start], journal=settings.journal) for start in _starts(problem, trial)),
         key=lambda one: one.nll,
     )
     instead = replace(state, built=reduced.built, fit=fitted)
@@ -94,11 +134,11 @@ def _with(state: Progress, index: int, other: Trial, number: int, settings: Roun
         law.evidence, delta_nll=law.evidence.delta_nll - lost, bic_gain=law.evidence.bic_gain + gained
     )  # fmt: skip
     taken = replace(
-        other, fit=fitted, built=reduced.built, evidence=evidence, transfer=law.transfer,
-        simplifies=law.candidate.label,
+        trial, fit=fitted, built=reduced.built, evidence=evidence, transfer=law.transfer,
+        simplifies=law.candidate.label, stands_for=(), instead=None, remark="",
     )  # fmt: skip
-    fewer = len(law.candidate.effect.parameters) - len(own)
-    why = f"{other.candidate.label} does as well: {lost:.1f} nats less with {count(fewer, 'parameter')} fewer"
+    fewer = len(law.candidate.effect.parameters) - len(other.own)
+    why = f"{trial.candidate.label} does as well: {lost:.1f} nats less with {count(fewer, 'parameter')} fewer"
     return replace(
         instead, fit=fitted, check=check,
         added=tuple(taken if k == index else one for k, one in enumerate(reduced.kept)),

@@ -10,12 +10,16 @@ from bondgraph import effects
 from bondgraph.correct.evidence.context import Context
 from bondgraph.correct.evidence.trials import Trial
 from bondgraph.correct.models.candidates import candidates, places
+from bondgraph.correct.places.probes import probes, signals
 from bondgraph.correct.progress import Progress
 from bondgraph.correct.round import RoundSettings
+from bondgraph.correct.scores.scoring import linearisation
 from bondgraph.correct.search.refit import refit_from
+from bondgraph.correct.shapes.forms import joined
 from bondgraph.correct.simpler import in_simpler_laws
 from bondgraph.data.log import MatchedLog
-from bondgraph.declare.effect import EffectFunction
+from bondgraph.declare.effect import Effect, EffectFunction, Place
+from bondgraph.declare.graph import BondGraph
 from tests.correct.sled import added, built, fitted, pull, sled
 
 FRICTION = 12.0
@@ -53,3 +57,49 @@ def test_a_simpler_law_that_explains_less_does_not() -> None:
     log = pull(added(effects.coulomb_loss, "runner", FRICTION), 5)
     state = _added(log, effects.stribeck_loss, effects.viscous_loss, effects.quadratic_loss)
     assert [one.candidate.label for one in state.added] == ["stribeck_loss at runner"] and not state.history
+
+
+def _sum(log: MatchedLog, *functions: EffectFunction) -> Progress:
+    """The state after laws were added at the runner one by one, as the sum that they are, at the end of the loop."""
+    own, base, laws = built(), fitted([log]), list[Trial]()
+    for function in functions:
+        where = [one for one in places(own, [log], base.runs([log]), base.theta) if one.label == "runner"]
+        (made,), _ = candidates(own, [function], where)
+        law = refit_from(Trial(made, 0.0), [1.0], Context(own, base, (log,), 10, 0.01, 5.0))
+        assert law.built is not None and law.fit is not None
+        own, base, laws = law.built, law.fit, [*laws, law]
+    whole = joined(*laws)
+    linear = linearisation(base, [log])
+    where = places(own, [log], linear.runs, base.theta_of(own.model))
+    turn = SimpleNamespace(
+        trials=(), linear=linear, probed=probes(own, linear, where), signals=signals(own, linear, where), located=()
+    )
+    return in_simpler_laws(Progress(sled(), own, base, (log,), (whole,)), [turn], RoundSettings())  # type: ignore[list-item]
+
+
+def _drag(power: float) -> EffectFunction:
+    """A drag with a power of the speed, as no effect of the library writes it."""
+
+    def drag(g: BondGraph, at: Place) -> Effect | None:
+        c = g.parameter("c_drag", 0.0, "N", "", (0.0, 100.0))
+        one = g.parameter("one", 1.0, "m/s")
+        g.resistance("drag", lambda v: c * (v / one) * ((v / one) ** 2 + 1e-6) ** (0.5 * (power - 1.0)), at=at.junction)
+        return Effect("drag", "drag", "", (c.name,))
+
+    return drag
+
+
+def test_a_law_that_draws_the_curve_of_a_sum_takes_its_place() -> None:
+    """A leak with the power 1.35 of the pressure was left as an overflow and a straight leak, "one law of own form"."""
+    state = _sum(pull(added(_drag(1.5), "runner", 12.0), 5), effects.quadratic_loss, effects.stribeck_loss)
+    (law,) = state.added
+    assert law.candidate.label == "formula_power_of_flow_of_runner at runner"
+    assert not law.forms and law.simplifies == "quadratic_loss at runner"
+    assert state.fit.values["exponent_power_runner"] == pytest.approx(1.5, abs=0.1)
+    assert [one.action for one in state.history] == ["simplified"]
+
+
+def test_a_sum_that_no_single_law_draws_stays_a_sum() -> None:
+    drawn = added(effects.coulomb_loss, "runner", FRICTION, added(_drag(2.0), "runner", 6.0))
+    state = _sum(pull(drawn, 5), effects.quadratic_loss, effects.coulomb_loss)
+    assert len(state.added) == 1 and len(state.added[0].forms) == 2 and not state.history

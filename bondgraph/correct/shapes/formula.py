@@ -239,6 +239,12 @@ def formula_of(function: EffectFunction) -> Formula | None:
     return found if isinstance(found, Formula) else None
 
 
+def is_long(function: EffectFunction) -> bool:
+    """True for a formula of several terms, which comes near any function and is no law where it leaves a part of it."""
+    formula = formula_of(function)
+    return formula is not None and len(formula.terms) > 1
+
+
 def _over(unit: str, term: Term) -> str:
     """Unit of the coefficient of a term."""
     power, below = term.kind.power, term.argument_unit

@@ -39,6 +39,7 @@ from bondgraph.declare.quantities import symbol
 from bondgraph.errors import DeclarationError
 from bondgraph.estimate.free import FreeParameter
 from bondgraph.estimate.local import Report
+from bondgraph.filter.filter_model import FilterModel
 
 #: A law that leaves less than this share of the square of a curve is a relative. The share only limits how many are
 #: predicted, and the prediction decides: a convention.
@@ -57,11 +58,23 @@ _X = Symbol("x_of_the_curve", real=True)
 
 @dataclass(frozen=True)
 class _Curve:
-    """Curve of a fitted law: what it adds, at values of its signal, both (n,)."""
+    """Curve of a fitted law: what it adds, at values of its signal, both (n,).
+
+    ``is_bent``: what is declared at the place may take a line of it, so that only the rest of it counts.
+    """
 
     signal: Signal
     x: FloatArray
     y: FloatArray
+    is_bent: bool = True
+
+    def rest(self, y: FloatArray) -> FloatArray:
+        """What counts of a curve over the same values, all (n,)."""
+        size = float(self.x @ self.x)
+        if not self.is_bent or not size > 0.0:
+            return y
+        left: FloatArray = y - self.x * (float(self.x @ y) / size)
+        return left
 
 
 @dataclass(frozen=True)
@@ -80,11 +93,15 @@ class _Law:
 
 @dataclass(frozen=True)
 class _Relative:
-    """A law that comes near a curve: its number among the trials, or none of a term; the shapes and sizes there."""
+    """A law that comes near a curve: its number among the trials, or none of a term; the shapes and sizes there.
+
+    ``share`` is what it leaves of the square of the curve.
+    """
 
     trial: Trial
     index: int | None
     variant: Variant
+    share: float
 
 
 def with_relatives(trials: Sequence[Trial], left: Residual, context: Context, report: Report) -> list[Trial]:
@@ -98,7 +115,7 @@ def with_relatives(trials: Sequence[Trial], left: Residual, context: Context, re
     if lead is None or lead.fit is None or context.base.problem.filter_model.is_stiff:
         return done
     curve = attempted(lambda: _curve(lead, left), lambda why: None)
-    near = [] if curve is None else _near([*enumerate(done), *_terms(lead, curve, left)], lead, curve, context)
+    near = [] if curve is None else _near(_unfitted(done, lead, curve, left), curve, context)
     told = attempted(lambda: _predicted(lead, near, context), lambda why: [])
     for k, (one, prediction) in enumerate(told):
         report("refit relatives of the law that leads", k, len(told))
@@ -109,6 +126,44 @@ def with_relatives(trials: Sequence[Trial], left: Residual, context: Context, re
     if told:
         report("refit relatives of the law that leads", len(told), len(told))
     return in_plainer_words(done, left, context.level)
+
+
+def single_laws(
+    whole: Trial, trials: Sequence[Trial], left: Residual, context: Context
+) -> list[tuple[Trial, tuple[FreeParameter, ...]]]:
+    """Laws that draw nearly the curve of a sum of laws, the nearest first, and their numbers where they do.
+
+    Parameters
+    ----------
+    whole
+        The sum, with its fit and its model.
+    trials
+        Laws that may draw it; terms of the library are offered beside them.
+    left, context
+        The residual of the fit with the sum, and what refits start from.
+
+    A straight part of the sum may be a law of its own or lie in what is declared: curves are compared with it and
+    without it.
+    """
+    curve = attempted(lambda: _curve(whole, left), lambda why: None)
+    if curve is None:
+        return []
+    known = {one.candidate.label: one for one in trials if _is_plain(one, whole)}
+    offered = [*enumerate(known.values()), *_terms(whole, curve, left)]
+    near: list[_Relative] = []
+    for seen in (replace(curve, is_bent=False), curve):
+        near += sorted(_near(offered, seen, context), key=lambda one: one.share)[:_MOST]
+    filter_model = context.base.problem.filter_model
+    return [(one.trial, _numbers(one, replace(filter_model, model=one.trial.candidate.model))) for one in near]
+
+
+def _numbers(relative: _Relative, filter_model: FilterModel) -> tuple[FreeParameter, ...]:
+    """The coefficients and shapes of a relative, to start where it is near the curve."""
+    candidate, variant = relative.trial.candidate, relative.variant
+    own = coefficients(candidate, filter_model, variant)
+    sizes = dict(zip(candidate.effect.coefficients, variant.sizes, strict=True))
+    starts = [float(np.clip(sizes.get(one.name, one.start), one.lower, one.upper)) for one in own]
+    return tuple(replace(one, start=start) for one, start in zip(own, starts, strict=True))
 
 
 def in_plainer_words(trials: Sequence[Trial], left: Residual, level: float) -> list[Trial]:
@@ -150,7 +205,7 @@ def _is_plainer(other: Trial, trial: Trial, level: float) -> bool:
 
 def _departure(one: _Curve, other: _Curve) -> float:
     """The share of the square of a curve that a multiple of another one leaves, a line aside."""
-    y, by = _beside_a_line(one.y, one.x), _beside_a_line(other.y, other.x)
+    y, by = one.rest(one.y), other.rest(other.y)
     sizes = float(y @ y) * float(by @ by)
     return 1.0 - float(y @ by) ** 2 / sizes if sizes > 0.0 else 1.0
 
@@ -202,9 +257,7 @@ def _law(trial: Trial, graph: BondGraph, signal: Signal, known: Mapping[str, flo
 
 
 def _terms(lead: Trial, curve: _Curve, left: Residual) -> list[tuple[None, Trial]]:
-    """A trial for each kind of term in the signal of a curve; none where widths of the law are not known yet."""
-    if lead.candidate.effect.widths:
-        return []
+    """A trial for each kind of term in the signal of a curve."""
     probe = next(one for one in left.probed if one.place.label == lead.candidate.place.label)
     kinds = {one.kind.name: one for one in library([curve.signal], curve.signal)}
     found: list[tuple[None, Trial]] = []
@@ -216,12 +269,10 @@ def _terms(lead: Trial, curve: _Curve, left: Residual) -> list[tuple[None, Trial
     return found
 
 
-def _near(trials: Sequence[tuple[int | None, Trial]], lead: Trial, curve: _Curve, context: Context) -> list[_Relative]:
+def _near(trials: Sequence[tuple[int | None, Trial]], curve: _Curve, context: Context) -> list[_Relative]:
     """The laws that come near a curve, with their numbers there."""
     found = []
     for index, trial in trials:
-        if not _may_be_a_relative(trial, lead, index):
-            continue
         try:
             graph = trial.candidate.apply(context.built.graph)
         except DeclarationError:
@@ -238,20 +289,29 @@ def _near(trials: Sequence[tuple[int | None, Trial]], lead: Trial, curve: _Curve
             shapes = dict(zip(law.names[count:], map(float, values[count:]), strict=True))
             small = trial.candidate.variants[0].sizes  # a size of zero tells no response
             probed = tuple(float(one) or size for one, size in zip(values[:count], small, strict=True))
-            found.append(_Relative(trial, index, Variant(shapes, probed)))
+            found.append(_Relative(trial, index, Variant(shapes, probed), share))
     return found
 
 
-def _may_be_a_relative(trial: Trial, lead: Trial, index: int | None) -> bool:
-    """True for a law with shapes at the place of another one of which only a score is known, and for a term."""
+def _unfitted(trials: Sequence[Trial], lead: Trial, curve: _Curve, left: Residual) -> list[tuple[int | None, Trial]]:
+    """Laws with shapes at the place of another one of which only a score is known, with their numbers, and terms.
+
+    No terms where widths of the law that leads are not known yet.
+    """
+    known: list[tuple[int | None, Trial]] = [
+        (k, one)
+        for k, one in enumerate(trials)
+        if one.fit is None and one.candidate.effect.shapes and _is_plain(one, lead)
+    ]
+    return known if lead.candidate.effect.widths else [*known, *_terms(lead, curve, left)]
+
+
+def _is_plain(trial: Trial, lead: Trial) -> bool:
+    """True for a law of the dictionary at the place of another one, without memory and in all of the logs."""
     effect = trial.candidate.effect
     same = trial.candidate.place.label == lead.candidate.place.label
-    if trial is lead or trial.fit is not None or trial.gate is not None or not same:
-        return False
-    if index is None:
-        return True
-    plain = not (effect.adds_state or effect.channel or effect.regime)
-    return plain and bool(effect.shapes) and formula_of(trial.candidate.function) is None
+    plain = not (effect.adds_state or effect.channel or effect.regime) and trial.gate is None
+    return trial is not lead and same and plain and formula_of(trial.candidate.function) is None
 
 
 def _predicted(lead: Trial, near: Sequence[_Relative], context: Context) -> list[tuple[_Relative, Prediction]]:
@@ -266,15 +326,12 @@ def _predicted(lead: Trial, near: Sequence[_Relative], context: Context) -> list
 
 
 def _fitted(law: _Law, own: Sequence[FreeParameter], candidate: Candidate, curve: _Curve) -> tuple[float, FloatArray]:
-    """The share of the square of a curve that a law leaves at best beside a line, and its numbers there.
-
-    What is declared at the place takes a line of it, more or less.
-    """
+    """The share of what counts of a curve's square that a law leaves at best, and its numbers there."""
     sizes = np.array(law.sizes)
     # bounds of coefficients only scale a search; zero is one that is kept
     lower = np.array([-np.inf if size and one.lower < 0.0 else one.lower for one, size in zip(own, sizes, strict=True)])
     upper = np.array([np.inf if size and one.upper > 0.0 else one.upper for one, size in zip(own, sizes, strict=True)])
-    whole, far = float(_beside_a_line(curve.y, curve.x) @ curve.y), 10.0 * float(np.abs(curve.y).max())
+    whole, far = float(curve.rest(curve.y) @ curve.y), 10.0 * float(np.abs(curve.y).max())
     best = (np.inf, np.array([one.start for one in own]))
     if not whole > 0.0:
         return best
@@ -282,14 +339,14 @@ def _fitted(law: _Law, own: Sequence[FreeParameter], candidate: Candidate, curve
     def misses(values: FloatArray) -> FloatArray:
         drawn = law.drawn(curve.x, values)
         drawn = np.where(np.isfinite(drawn), np.clip(drawn, -far, far), far)
-        missed: FloatArray = _beside_a_line(drawn - curve.y, curve.x) / np.sqrt(whole)
+        missed: FloatArray = curve.rest(drawn - curve.y) / np.sqrt(whole)
         return missed
 
     for variant in candidate.variants:
         start = np.array([variant.shapes.get(one.name, one.start) for one in own])
         start[sizes] = variant.sizes
         unit = law.drawn(curve.x, start)
-        if not np.isfinite(unit).all() or not (bent := _beside_a_line(unit, curve.x)).any():
+        if not np.isfinite(unit).all() or not (bent := curve.rest(unit)).any():
             continue
         start[sizes] *= float(bent @ curve.y) / float(bent @ bent)
         begun, scale = np.clip(start, lower, upper), np.where(start != 0.0, np.abs(start), 1.0)
@@ -297,10 +354,3 @@ def _fitted(law: _Law, own: Sequence[FreeParameter], candidate: Candidate, curve
         if 2.0 * found.cost < best[0]:
             best = (2.0 * float(found.cost), found.x)
     return best
-
-
-def _beside_a_line(y: FloatArray, x: FloatArray) -> FloatArray:
-    """The rest of a curve beside its best line through zero, all (n,)."""
-    size = float(x @ x)
-    left: FloatArray = y - x * (float(x @ y) / size) if size > 0.0 else y
-    return left

@@ -16,7 +16,7 @@ from bondgraph.correct.evidence.trials import Trial
 from bondgraph.correct.loop import LoopSettings, close_loop
 from bondgraph.correct.models.candidates import Candidate, candidates
 from bondgraph.correct.places.probes import Signal
-from bondgraph.correct.shapes.relatives import _SAME, _beside_a_line, _Curve, _departure, _fitted, _law
+from bondgraph.correct.shapes.relatives import _SAME, _Curve, _departure, _fitted, _law
 from bondgraph.data.log import MatchedLog
 from bondgraph.declare.domains import HYDRAULIC
 from bondgraph.declare.editing import handle
@@ -77,10 +77,12 @@ def test_a_law_of_another_form_leaves_more() -> None:
 
 def test_what_a_line_leaves_has_no_line_in_it() -> None:
     x, y = np.linspace(-1.0, 3.0, 50), np.random.default_rng(2).normal(size=50)
-    left = _beside_a_line(y, x)
+    curve = _Curve(PRESSURE, x, y)
+    left = curve.rest(y)
     assert left @ x == pytest.approx(0.0, abs=1e-12)
-    np.testing.assert_allclose(_beside_a_line(y + 7.0 * x, x), left, atol=1e-12)
-    np.testing.assert_array_equal(_beside_a_line(y, np.zeros(50)), y)
+    np.testing.assert_allclose(curve.rest(y + 7.0 * x), left, atol=1e-12)
+    np.testing.assert_array_equal(_Curve(PRESSURE, np.zeros(50), y).rest(y), y)
+    np.testing.assert_array_equal(_Curve(PRESSURE, x, y, is_bent=False).rest(y), y)
 
 
 @given(power=st.floats(2.9, 3.1), line=st.floats(-5.0, 5.0))
