@@ -35,6 +35,7 @@ from bondgraph.effects.places import (
     is_motion,
     lateness,
     over,
+    sharpness,
 )
 from bondgraph.effects.storages import spring_at
 
@@ -157,10 +158,12 @@ def actuator_ceiling(g: BondGraph, at: Place) -> Effect | None:
     name = f"actuator_ceiling_{at.name}"
     meaning = f"1 over the ceiling of {node.name}"
     c = g.parameter(f"c_{name}", 0.0, over("1", unit), meaning, (0.0, 3.0 / size))
-    revise_law(g, node.name, given, lambda old: ceiling(old, c))
+    n = sharpness(g, f"n_{name}")
+    revise_law(g, node.name, given, lambda old: ceiling(old, c, n))
     return Effect(
-        "actuator_ceiling", node.name, f"{given} = x/(1 + (c*x)^4)^(1/4), x declared", (c.name,),
-        amplitudes=(0.3, 0.6), reference=_CEILING, manoeuvre="commands small and at their largest",
+        "actuator_ceiling", node.name, f"{given} = x/(1 + |c*x|^n)^(1/n), x declared", (c.name,),
+        amplitudes=(0.3, 0.6), shapes=(n.name,), grids=((n.name, (2.0, 6.0)),), reference=_CEILING,
+        manoeuvre="commands small and at their largest",
     )  # fmt: skip
 
 

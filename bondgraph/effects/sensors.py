@@ -8,6 +8,10 @@ Fault-Tolerant Control, chapter 5.
 
 from __future__ import annotations
 
+import itertools
+from fractions import Fraction
+from math import comb, factorial
+
 from sympy import Abs
 
 from bondgraph.coherent import coherent
@@ -16,10 +20,13 @@ from bondgraph.declare.functions import clip
 from bondgraph.declare.graph import BondGraph
 from bondgraph.declare.quantities import symbol
 from bondgraph.declare.revision import revise_integral, revise_output
-from bondgraph.effects.places import ceiling, lateness, over
+from bondgraph.effects.places import ceiling, lateness, over, sharpness
 from bondgraph.errors import DeclarationError
 
 _PADE = "Golub, Van Loan (2013), Matrix Computations, section 9.3, for the approximations of Pade"
+#: Order of the denominator that stands for a delay. Of a hair dryer with binary power, 0.22 s late and sampled every
+#: 0.08 s, order 2 leaves 1.6 times the sensor's noise, 3 half of it and 4 a sixth.
+_DELAY_ORDER = 3
 _INSTRUMENT = "Doebelin (2003), Measurement Systems, chapter 3, instruments of first order"
 _REFERENCE = "Isermann (2006), Fault-Diagnosis Systems, chapter 3"
 
@@ -56,24 +63,24 @@ def sensor_drift(g: BondGraph, at: Place) -> Effect | None:
 def sensor_delay(g: BondGraph, at: Place) -> Effect | None:
     """A value that comes late: a filter in the amplifier, a slow bus.
 
-    A delay is no finite number of states; it is the approximation of Pade with a numerator of first and a denominator
-    of second order, which is right to the fourth power of frequency times delay. Where both make two it loses 13 % in
-    size and 0.09 rad; two lags of half the delay lose 50 % and 0.43 rad. It passes no step at once, which one with
-    two zeros would.
+    A delay is no finite number of states; it is the approximation of Pade with a numerator of one order less than the
+    denominator, which passes no step at once. Its delay is right to the power ``2*n - 1`` of frequency times delay.
     """
     name = f"delay_{at.name}"
     shown = next(output.expression for output in g.outputs if output.name == at.output)
     start, bounds = lateness(at)
     delay = g.parameter(name, start, "s", f"time by which {at.output} comes late", bounds)
-    unit = _unit(g, at)
+    unit, (above, below) = _unit(g, at), _pade(_DELAY_ORDER)
     late = g.integral(f"late_{at.name}", 0, unit, f"{at.output}, late and smooth", initial=at.output)
-    rising = g.integral(
-        f"rising_{at.name}", lambda x: (6 * (shown - late) - 4 * x) / delay, unit, f"rise of {at.output} over the delay"
-    )
-    revise_integral(g, late.name, rising / delay)
-    revise_output(g, at.output, late - rising / 3)
+    rates = range(1, _DELAY_ORDER)
+    chain = [late, *(g.integral(f"late{k}_{at.name}", 0, unit, f"rate {k} of {late.name}") for k in rates)]
+    for one, rate in itertools.pairwise(chain):
+        revise_integral(g, one.name, rate / delay)
+    behind = shown - sum(float(part) * one for part, one in zip(below, chain, strict=False))
+    revise_integral(g, chain[-1].name, behind / (float(below[-1]) * delay))
+    revise_output(g, at.output, sum(float(part) * one for part, one in zip(above, chain, strict=True)))
     return Effect(
-        "sensor_delay", at.output, "shown(t) = true(t - T), by (1 - s*T/3)/(1 + 2*s*T/3 + (s*T)^2/6)", (name,),
+        "sensor_delay", at.output, "shown(t) = true(t - T), by an approximation of Pade", (name,),
         adds_state=True, amplitudes=(0.4, 0.7), reference=_PADE, channel=at.output, kind="delay",
         manoeuvre="quick changes",
     )  # fmt: skip
@@ -106,10 +113,12 @@ def sensor_ceiling(g: BondGraph, at: Place) -> Effect | None:
     name = f"ceiling_{at.name}"
     unit = over("1", _unit(g, at))
     c = g.parameter(name, 0.0, unit, f"1 over the ceiling of {at.output}", (0.0, 3.0 / at.scale.effort))
-    revise_output(g, at.output, lambda shown: ceiling(shown, c))
+    n = sharpness(g, f"sharpness_{at.name}")
+    revise_output(g, at.output, lambda shown: ceiling(shown, c, n))
     return Effect(
-        "sensor_ceiling", at.output, "shown = x/(1 + (c*x)^4)^(1/4), x true", (name,), amplitudes=(0.3, 0.6),
-        reference=_REFERENCE, channel=at.output, kind="ceiling", manoeuvre="values up to the end of the range",
+        "sensor_ceiling", at.output, "shown = x/(1 + |c*x|^n)^(1/n), x true", (name,), amplitudes=(0.3, 0.6),
+        shapes=(n.name,), grids=((n.name, (2.0, 6.0)),), reference=_REFERENCE, channel=at.output, kind="ceiling",
+        manoeuvre="values up to the end of the range",
     )  # fmt: skip
 
 
@@ -164,6 +173,19 @@ def _fault(kind: str, at: Place, law: str, coefficient: str, manoeuvre: str) -> 
         f"sensor_{kind}", at.output, law, (coefficient,), reference=_REFERENCE, channel=at.output, kind=kind,
         manoeuvre=manoeuvre,
     )  # fmt: skip
+
+
+def _pade(order: int) -> tuple[list[Fraction], list[Fraction]]:
+    """Coefficients of powers of s*T: of the numerator (n,) and of the denominator (n + 1,) of an order n.
+
+    Reference: Golub and Van Loan (2013), Matrix Computations, section 9.3.
+    """
+    both = 2 * order - 1
+
+    def parts(own: int, sign: int) -> list[Fraction]:
+        return [sign**k * Fraction(comb(own, k) * factorial(both - k), factorial(both)) for k in range(own + 1)]
+
+    return parts(order - 1, -1), parts(order, 1)
 
 
 def _shown_unit(g: BondGraph, at: Place) -> tuple[str, float]:

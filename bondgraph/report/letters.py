@@ -14,7 +14,7 @@ from bondgraph.simulate.quantities import ParameterInfo
 #: Letters that stand in laws for parameters whose names begin with other ones.
 _LETTERS = {
     "sine": "a", "cosine": "b", "order": "n", "drive": "a", "overrun": "b", "share": "c", "inertia": "c", "length": "s",
-    "magnitude": "s", "delay": "T",
+    "magnitude": "s", "delay": "T", "sharpness": "n",
 }  # fmt: skip
 #: The same of single laws, by their names: half of a play is b in one and g in others.
 _OF_EFFECT = {("backlash", "gap"): "b", ("dead zone", "dead"): "b"}
