@@ -10,11 +10,11 @@ hysteresis   friction that gives way before it slides, as Dahl, as Bouc and Wen,
 losses       in proportion to the load, by direction, creep, slip, leaks, thresholds, centrifugal belt tension,
              tyres whose force builds up over a length
 thermal      heat given away by conduction, convection, radiation; a heat capacity that changes
-between      leaks, friction and fluid couplings between two junctions of one domain; clutches and
+between      leaks, overflows, friction and fluid couplings between two junctions of one domain; clutches and
              couplings that slip
 loads        constant efforts and flows, headwind, ripple
-actuators    wrong scale and lag of sources and ratios, ceiling, dead zone, rate of what follows a command; motors
-             whose constant falls with the current
+actuators    wrong scale and lag of sources and ratios, ceiling, dead zone, bent map and rate of what follows a
+             command; motors whose constant falls with the current, magnets that pull harder as a gap closes
 relaxation   cells that polarise, walls that take up heat slowly, viscoelastic drag, masses on springs
 storages     added inertia, capacity, compliance; backlash, stops, springs that harden, gas, iron that saturates
 fading       resistances that change with temperature, batteries that fall with their charge
@@ -68,8 +68,12 @@ from bondgraph.effects.actuators import stroke_fading as stroke_fading
 from bondgraph.effects.actuators import actuator_ceiling as actuator_ceiling
 from bondgraph.effects.actuators import actuator_dead_zone as actuator_dead_zone
 from bondgraph.effects.actuators import actuator_rate_limit as actuator_rate_limit
+from bondgraph.effects.actuators import actuator_exponent as actuator_exponent
+from bondgraph.effects.actuators import gap_dependence as gap_dependence
 from bondgraph.effects.between import leak_between as leak_between
 from bondgraph.effects.between import orifice_between as orifice_between
+from bondgraph.effects.between import overflow_onward as overflow_onward
+from bondgraph.effects.between import overflow_back as overflow_back
 from bondgraph.effects.between import drag_between as drag_between
 from bondgraph.effects.between import friction_between as friction_between
 from bondgraph.effects.between import fluid_coupling_between as fluid_coupling_between
@@ -81,3 +85,4 @@ from bondgraph.effects.relaxation import sprung_mass as sprung_mass
 from bondgraph.effects.relaxation import viscoelastic_drag as viscoelastic_drag
 from bondgraph.effects.fading import charge_fading as charge_fading
 from bondgraph.effects.fading import temperature_dependence as temperature_dependence
+from bondgraph.effects.fading import thermal_activation as thermal_activation

@@ -17,7 +17,7 @@ from collections.abc import Sequence
 from sympy import tanh
 
 from bondgraph.declare.domains import ELECTRICAL
-from bondgraph.declare.effect import Effect, Place
+from bondgraph.declare.effect import SMOOTHING, Effect, Place
 from bondgraph.declare.elements import TWO_PORTS, Node
 from bondgraph.declare.expressions import signal
 from bondgraph.declare.functions import clip
@@ -43,6 +43,12 @@ _ENGINE = "Guzzella, Onder (2010), Modeling and Control of Internal Combustion E
 _CEILING = "Hippe (2006), Windup in Control, chapter 1"
 _DEAD_ZONE = "Tao, Kokotovic (1996), Adaptive Control of Systems with Actuator and Sensor Nonlinearities, chapter 2"
 _MACHINERY = "Krause, Wasynczuk, Sudhoff (2013), Analysis of Electric Machinery and Drive Systems"
+_CURVES = "Lyons (1982), Lyons' Valve Designer's Handbook, chapter 10, for inherent characteristics of valves"
+_GAP = "Woodson, Melcher (1968), Electromechanical Dynamics, chapter 3"
+#: Exponents beyond one of a bent map that are tried, from a root of the third degree to a fourth power.
+_BENT = (-0.67, 3.0)
+#: Share of a gap that a stroke may close: at the whole of it the law has a pole.
+_CLOSED = 0.8
 #: What an element of each kind gives.
 _GIVES = {"Se": "effort", "Sf": "flow", "R": "effort", "TF": "modulus", "GY": "modulus"}
 #: Sources and resistances, which give an effort or a flow.
@@ -179,6 +185,42 @@ def actuator_dead_zone(g: BondGraph, at: Place) -> Effect | None:
     return Effect(
         "actuator_dead_zone", node.name, f"{given} = x - clip(x, -b, b), x declared", (b.name,),
         amplitudes=(0.03, 0.1, 0.3), reference=_DEAD_ZONE, manoeuvre="small commands of both signs",
+    )  # fmt: skip
+
+
+def actuator_exponent(g: BondGraph, at: Place) -> Effect | None:
+    """A source whose map is bent: a heater that gives the square of its command, a valve that opens ever wider."""
+    found = _source(g, at)
+    if found is None:
+        return None
+    node, given, unit, size = found
+    name = f"actuator_exponent_{at.name}"
+    b = g.parameter(f"b_{name}", 0.0, "1", f"exponent of {node.name} beyond a straight map", _BENT)
+    right = g.parameter(f"right_{name}", size, unit, f"where {node.name} gives what is declared")
+    revise_law(g, node.name, given, lambda old: old * ((old / right) ** 2 + SMOOTHING**4) ** (b / 2))
+    return Effect(
+        "actuator_exponent", node.name, f"{given} = x*|x/r|^b, x declared", (b.name,), amplitudes=(0.15, 0.3),
+        reference=_CURVES, manoeuvre="commands small and at their largest",
+    )  # fmt: skip
+
+
+def gap_dependence(g: BondGraph, at: Place) -> Effect | None:
+    """A commanded effort that grows as a gap closes, by the square: an electromagnet, a plate capacitor, a suction cup.
+
+    A negative coefficient means that the gap opens with the displacement.
+    """
+    spring = spring_at(g, at, straight=False) if is_motion(at) else None
+    sources = [node for node, _ in commanded(g, at, ("Se",)) if "." not in node.name]
+    if spring is None or len(sources) != 1:
+        return None
+    name = f"gap_dependence_{at.name}"
+    limit = _CLOSED / spring.way
+    c = g.parameter(f"c_{name}", 0.0, over("1", spring.unit), "1 over the gap", (-limit, limit))
+    stroke = signal("displacement", spring.name)
+    revise_law(g, sources[0].name, "effort", lambda old: old / (1 - c * stroke) ** 2)
+    return Effect(
+        "gap_dependence", sources[0].name, "effort = declared/(1 - c*q)^2, q = displacement", (c.name,),
+        reference=_GAP, manoeuvre="the same command at both ends of the stroke",
     )  # fmt: skip
 
 

@@ -8,12 +8,13 @@ Engineering Handbook, for belts and couplings.
 
 from __future__ import annotations
 
-from sympy import Abs, sqrt, tanh
+from sympy import Abs, Rational, sqrt, tanh
 
 from bondgraph.declare.domains import HYDRAULIC, ROTATION
 from bondgraph.declare.editing import split_bond
 from bondgraph.declare.effect import Effect, Place, between_junctions
 from bondgraph.declare.elements import Node
+from bondgraph.declare.functions import maximum
 from bondgraph.declare.graph import BondGraph, Handle
 from bondgraph.effects.places import (
     ROOT_LAW,
@@ -33,6 +34,9 @@ _ORIFICE = "Merritt (1967), Hydraulic Control Systems, chapter 3"
 _COUPLING = "Naunheimer, Bertsche, Ryborz, Novak (2011), Automotive Transmissions, chapter 10"
 _BELT_SLIP = "Firbank (1970), Int. J. Mech. Sci. 12; Childs (2019), Mechanical Design Engineering Handbook"
 _SURVEY = "Armstrong-Helouvry, Dupont, Canudas de Wit (1994), Automatica 30(7)"
+_WEIR = "White (2011), Fluid Mechanics, section 10.7"
+#: An edge is looked for up to so many times the difference of two efforts.
+_HIGH = 4.0
 #: What a flow in proportion to a difference of efforts is called.
 _LEAK = Words("", "leakage_between", "leakage_between", "heat_bridge", "exchange_between")
 #: What an effort in proportion to a difference of speeds is called.
@@ -64,6 +68,37 @@ def orifice_between(g: BondGraph, at: Place) -> Effect | None:
     return Effect(
         "orifice_between", name, f"{ROOT_LAW}, effort = first - second", (leak.coefficient,), reference=_ORIFICE,
         dissipative=True, manoeuvre="small and large differences in pressure",
+    )  # fmt: skip
+
+
+@between_junctions
+def overflow_onward(g: BondGraph, at: Place) -> Effect | None:
+    """What runs over the edge of the first vessel falls into the second: tanks in a row, a weir between two basins."""
+    return _overflow_between(g, at, "overflow_onward", "first")
+
+
+@between_junctions
+def overflow_back(g: BondGraph, at: Place) -> Effect | None:
+    """What runs over the edge of the second vessel falls into the first."""
+    return _overflow_between(g, at, "overflow_back", "second")
+
+
+def _overflow_between(g: BondGraph, at: Place, effect: str, full: str) -> Effect | None:
+    """Flow by the power 3/2 of what stands above an edge in one vessel, whatever stands in the other."""
+    if at.junction.kind != "0" or at.domain != HYDRAULIC or at.other is None:
+        return None
+    name, size = f"{effect}_{at.name}", at.scale.effort
+    effort, sign = (at.junction.effort, 1) if full == "first" else (at.other.effort, -1)
+    largest = (0.0, 0.5 * at.scale.flow)
+    c = g.parameter(f"c_{name}", 0.0, flow_unit(at), f"flow at {size:.3g} {effort_unit(at)} above the edge", largest)
+    # the difference of two efforts is the only size that is known here: an edge may stand higher than that
+    edge = g.parameter(f"e_{name}", 0.5 * size, effort_unit(at), "effort at the edge", (0.05 * size, _HIGH * size))
+    unit = g.parameter(f"p_{name}", size, effort_unit(at), "effort of that flow")
+    over_it = maximum((effort - edge) / unit, 0) ** Rational(3, 2)
+    g.flow_source(name, sign * c * over_it, at=path(g, at, name))
+    return Effect(
+        effect, name, f"flow = c*(max({full} effort - e, 0)/p)^1.5", (c.name,), shapes=(edge.name,), reference=_WEIR,
+        manoeuvre="a slow rise of the effort to its largest value",
     )  # fmt: skip
 
 

@@ -9,19 +9,22 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import networkx as nx
-from sympy import Expr, Integer
+from sympy import Expr, Integer, exp
 
 from bondgraph.declare.domains import ELECTRICAL, THERMAL
 from bondgraph.declare.editing import handle
 from bondgraph.declare.effect import Effect, Place, Scale
+from bondgraph.declare.elements import Node
 from bondgraph.declare.graph import BondGraph, Handle
 from bondgraph.declare.quantities import symbol
 from bondgraph.declare.revision import revise_laws
 from bondgraph.effects.places import commands, elements_at, has_flow
-from bondgraph.effects.thermal import ROOM, surroundings
+from bondgraph.effects.thermal import ROOM, Around, surroundings
 
 #: Largest relative change per kelvin that is tried; copper has 0.004, a thermistor 0.05.
 _STEEPEST = 0.05
+#: Largest activation energy over the gas constant that is tried [K]: 100 kJ/mol, where common reactions end.
+_MOST_ACTIVE = 12000.0
 #: Time in which the largest current may bring a battery to nothing [s]: 36 times its capacity per hour.
 SHORTEST_DISCHARGE = 100.0
 
@@ -31,32 +34,63 @@ def temperature_dependence(g: BondGraph, at: Place) -> Effect | None:
 
     That is a room's temperature where temperatures are known to be absolute, else the one around that body.
     """
-    resistances = elements_at(g, at, "R") if at.bond is None and at.domain != THERMAL else []
-    body = _nearest_body(g, at) if len(resistances) == 1 else None
-    if body is None or "." in resistances[0].name:
+    found = _beside_a_body(g, at)
+    if found is None:
         return None
-    node = resistances[0]
+    node, body, known = found
     name = f"temperature_dependence_{at.name}"
     a = g.parameter(f"a_{name}", 0.0, "1/K", f"relative rise of {node.name} per kelvin", (-_STEEPEST, _STEEPEST))
-    known = surroundings(g, Place(body, Scale(0.0, 0.0)))
-    absolute = known is not None and known.zero == 0.0
     around = Integer(0) if known is None else known.temperature
-    reference = g.parameter(f"T0_{name}", ROOM, "K", "where it is as declared") if absolute else around
-    factor = 1 + a * (body.effort - reference)
-
-    def warmer(laws: Mapping[str, Expr]) -> dict[str, Expr]:
-        effort = symbol("effort")
-        return {
-            given: factor * law if given == "effort" else law.xreplace({effort: effort / factor})
-            for given, law in laws.items()
-        }
-
-    revise_laws(g, node.name, warmer)
+    reference = g.parameter(f"T0_{name}", ROOM, "K", "where it is as declared") if _is_absolute(known) else around
+    revise_laws(g, node.name, lambda laws: _multiplied(laws, 1 + a * (body.effort - reference)))
     return Effect(
         "temperature_dependence", node.name, "effort = declared*(1 + a*(T - T0))", (a.name,),
         reference="Incropera, DeWitt, Bergman, Lavine (2007), Fundamentals of Heat and Mass Transfer, appendix A",
         manoeuvre="the same run cold and warm",
     )  # fmt: skip
+
+
+def thermal_activation(g: BondGraph, at: Place) -> Effect | None:
+    """A resistance by the law of Arrhenius of the nearest body: a cell's electrolyte, a thermistor, oil, a reaction.
+
+    None where temperatures are not known to be absolute.
+    """
+    found = _beside_a_body(g, at)
+    if found is None or not _is_absolute(found[2]):
+        return None
+    node, body, _ = found
+    name = f"thermal_activation_{at.name}"
+    steepest = (-_MOST_ACTIVE, _MOST_ACTIVE)
+    b = g.parameter(f"b_{name}", 0.0, "K", f"activation energy of {node.name} over the gas constant", steepest)
+    reference = g.parameter(f"T0_{name}", ROOM, "K", "where it is as declared")
+    revise_laws(g, node.name, lambda laws: _multiplied(laws, exp(b * (1 / body.effort - 1 / reference))))
+    return Effect(
+        "thermal_activation", node.name, "effort = declared*exp(b*(1/T - 1/T0))", (b.name,),
+        reference="Atkins, de Paula (2010), Physical Chemistry, section 22.5, for the law of Arrhenius",
+        manoeuvre="the same run cold and warm",
+    )  # fmt: skip
+
+
+def _beside_a_body(g: BondGraph, at: Place) -> tuple[Node, Handle, Around | None] | None:
+    """The only resistance at a place, the nearest body, and what is around that; None where there is no such."""
+    resistances = elements_at(g, at, "R") if at.bond is None and at.domain != THERMAL else []
+    body = _nearest_body(g, at) if len(resistances) == 1 else None
+    if body is None or "." in resistances[0].name:
+        return None
+    return resistances[0], body, surroundings(g, Place(body, Scale(0.0, 0.0)))
+
+
+def _is_absolute(known: Around | None) -> bool:
+    return known is not None and known.zero == 0.0
+
+
+def _multiplied(laws: Mapping[str, Expr], factor: Expr) -> dict[str, Expr]:
+    """The laws of a resistance that is a factor larger."""
+    effort = symbol("effort")
+    return {
+        given: factor * law if given == "effort" else law.xreplace({effort: effort / factor})
+        for given, law in laws.items()
+    }
 
 
 def charge_fading(g: BondGraph, at: Place) -> Effect | None:
