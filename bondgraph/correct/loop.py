@@ -22,8 +22,8 @@ from bondgraph.correct.declared_fit import DeclaredFit, fit_declared, straight_i
 from bondgraph.correct.evidence.certified import doubts
 from bondgraph.correct.evidence.trials import Added, Detectable, Trial
 from bondgraph.correct.fits.assess import Assessment, assess
-from bondgraph.correct.fits.compared import predicts_worse
-from bondgraph.correct.fits.whiteness import Whiteness, is_white, whiteness
+from bondgraph.correct.fits.whiteness import Whiteness, whiteness
+from bondgraph.correct.memory import explained_at_random
 from bondgraph.correct.models.failures import FAILURES, attempted
 from bondgraph.correct.models.failures import reason as reason_of
 from bondgraph.correct.models.resting import without_resting_state
@@ -31,7 +31,7 @@ from bondgraph.correct.models.shaping_filters import DISTURBANCE
 from bondgraph.correct.models.started import start_cautions, with_declared_starts
 from bondgraph.correct.places.structure import Structure, structure
 from bondgraph.correct.places.unexplained import Unexplained
-from bondgraph.correct.progress import Decision, Progress, advance, reduced_to, with_disturbance, without_events
+from bondgraph.correct.progress import Decision, Progress, advance, reduced_to, without_events
 from bondgraph.correct.rest import Rest, at_random, settle
 from bondgraph.correct.round import Round, RoundSettings, one_round, round_cautions, unsearched
 from bondgraph.correct.search.disturbances import Disturbance, described
@@ -236,7 +236,7 @@ def _rounds(
                 further = "further " if state.added else ""
                 passes = f"no {further}candidate passes the tests" if turn.trials else "no effect could be tried"
                 return state, rounds, passes
-            disturbed = _explained_at_random(state, turn.chosen, own)
+            disturbed = explained_at_random(state, turn.chosen, own)
             state = advance(state, turn, own) if disturbed is state else disturbed
         except FAILURES as error:
             number = len(rounds) + (not rounds or rounds[-1].base is not state.fit)
@@ -252,23 +252,6 @@ def _rounds(
 def _named(state: Progress) -> int:
     """How many laws were added; a disturbance is none."""
     return sum(one.candidate.effect.kind != DISTURBANCE for one in state.laws)
-
-
-def _explained_at_random(state: Progress, chosen: Trial, own: RoundSettings) -> Progress:
-    """The state with a disturbance that explains more than a candidate that leaves innovations coloured, if one does.
-
-    A wind that lasts correlates with every law for a while, and the scatter of blocks tells too little of it. A lag, a
-    storage and a late sensor explain coloured innovations by their memory, whatever coloured them. What a law of the
-    machine explains is not blamed on the noise of a sensor; nor goes one that predicts better over the horizon.
-    """
-    effect, known = chosen.candidate.effect, {one.candidate.effect.kind for one in state.added}
-    if DISTURBANCE in known or chosen.evidence is None or chosen.fit is None:
-        return state
-    remembers = effect.adds_state or bool(effect.channel)
-    if not remembers and is_white(chosen.fit, own.level):
-        return state
-    other = with_disturbance(state, own, chosen.evidence.bic_gain, chosen.fit, sensors=remembers)
-    return state if not remembers and predicts_worse(chosen.fit, other.fit, state.train) else other
 
 
 def _result(

@@ -1,0 +1,58 @@
+"""Laws with a memory beside a disturbance: noise that drives a machine is coloured by either.
+
+A lag, a storage and a late sensor explain coloured innovations by their memory, whatever coloured them: through a mass
+on a spring the white noise of a platen becomes a slow one. Of a press whose load wanders such a mass of ten times the
+platen explained 531 nats. What is a law of the machine explains something beside a disturbance, too.
+"""
+
+from __future__ import annotations
+
+from bondgraph.correct.constants import MOSTLY
+from bondgraph.correct.evidence.context import Context
+from bondgraph.correct.evidence.trials import Trial
+from bondgraph.correct.fits.compared import predicts_worse
+from bondgraph.correct.fits.whiteness import is_white
+from bondgraph.correct.models.candidates import candidates
+from bondgraph.correct.models.failures import attempted
+from bondgraph.correct.models.shaping_filters import DISTURBANCE
+from bondgraph.correct.progress import Progress, with_disturbance
+from bondgraph.correct.round import RoundSettings
+from bondgraph.correct.search.refit import refit_from
+
+
+def explained_at_random(state: Progress, chosen: Trial, settings: RoundSettings) -> Progress:
+    """The state with a disturbance in the place of a candidate that it explains better, if it does.
+
+    A wind that lasts correlates with every law for a while, and the scatter of blocks tells too little of it: of a law
+    without memory that leaves innovations coloured, the disturbance must explain more, and not predict worse over the
+    horizon. Of one with a memory it must explain most, and leave it nothing. What a law of the machine explains is not
+    blamed on the noise of a sensor.
+    """
+    effect, known = chosen.candidate.effect, {one.candidate.effect.kind for one in state.added}
+    if DISTURBANCE in known or chosen.evidence is None or chosen.fit is None:
+        return state
+    gained, remembers = chosen.evidence.bic_gain, effect.adds_state or bool(effect.channel)
+    if not remembers:
+        if is_white(chosen.fit, settings.level):
+            return state
+        other = with_disturbance(state, settings, gained, chosen.fit, sensors=False)
+        return state if predicts_worse(chosen.fit, other.fit, state.train) else other
+    other = with_disturbance(state, settings, MOSTLY * gained)
+    disturbance = next((one for one in other.added if one.candidate.effect.kind == DISTURBANCE), None)
+    if disturbance is None or disturbance.evidence is None:
+        return state
+    clearly = disturbance.evidence.bic_gain > gained
+    return other if clearly or not attempted(lambda: _stands(chosen, other, settings), lambda why: True) else state
+
+
+def _stands(chosen: Trial, other: Progress, settings: RoundSettings) -> bool:
+    """True for a candidate that passes the tests beside a disturbance, too."""
+    made, _ = candidates(other.built, [chosen.candidate.function], [chosen.candidate.place])
+    if not made or chosen.fit is None or chosen.evidence is None:
+        return True
+    context = Context(
+        other.built, other.fit, other.train, chosen.evidence.tried, settings.level, 0.0, settings.journal
+    )  # fmt: skip
+    begun = [chosen.fit.values[name] for name in chosen.candidate.effect.parameters]
+    beside = refit_from(Trial(made[0], 0.0), begun, context)
+    return beside.evidence is not None and beside.evidence.accepted(settings.level)
