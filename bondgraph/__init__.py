@@ -44,6 +44,7 @@ if TYPE_CHECKING:
     from bondgraph.filter.online import OnlineFilter as OnlineFilter
     from bondgraph.filter.robust import Robust as Robust
     from bondgraph.filter.smoother import smooth as smooth
+    from bondgraph.report.correction import Correction as Correction
     from bondgraph.report.correction import close_loop as close_loop
     from bondgraph.report.drawing import draw as draw
     from bondgraph.simulate.model import Model as Model
@@ -77,7 +78,7 @@ else:
             "filter.online": "OnlineFilter",
             "filter.robust": "Robust",
             "filter.smoother": "smooth",
-            "report.correction": "close_loop",
+            "report.correction": "Correction close_loop",
             "report.drawing": "draw",
             "simulate.model": "Model load",
             "simulate.simulation": "simulate",

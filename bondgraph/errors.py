@@ -89,6 +89,10 @@ class OptionError(BondGraphError):
     """A command was given options that are unknown or contradict each other."""
 
 
+class NotKeptError(OptionError, AttributeError):
+    """A result that was read from a file lacks what only the program that made it had."""
+
+
 #: Advice by the kind of thing that a verb of the front door asks for.
 _GIVEN_BY = {
     "model": "bg.build(graph) or bg.load(file) gives one",

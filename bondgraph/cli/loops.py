@@ -25,12 +25,13 @@ from bondgraph.declare.graph import BondGraph
 from bondgraph.estimate.journal import Journal
 from bondgraph.execute.executors import open_executor
 from bondgraph.files import output_folder
-from bondgraph.report.closed_loop import compare_with_truth, summary, write_closed_loop
+from bondgraph.report.closed_loop import compare_with_truth, summary
 from bondgraph.report.collect import versions
 from bondgraph.report.html import Provenance
 from bondgraph.report.logs import Splits, training_and_held_out
 from bondgraph.report.progress import WorkProgress
 from bondgraph.report.python_lines import write_python
+from bondgraph.report.saved_correction import write_closed_loop
 
 
 def close_loop(options: argparse.Namespace) -> int:
@@ -44,7 +45,7 @@ def close_loop(options: argparse.Namespace) -> int:
     for line in logs.said:
         say(line, sys.stderr)
     closed, made = _closed(options, graph, logs)
-    told = summary(write_closed_loop(closed, Path(options.out), made, said=logs.split))
+    told = summary(write_closed_loop(closed, Path(options.out), made, said=logs.split, declared=declared))
     say(told, whole=str(Path(options.out) / "report.html"))
     print(*write_python(Path(options.out), declared, closed.corrected_graph, options.graph), sep="\n")
     print(f"report: {Path(options.out) / 'report.html'}")

@@ -1,10 +1,9 @@
-"""The folder of a closed loop: result.json, report.html, the corrected graph, its module and its drawing."""
+"""What stands in the report of a closed loop, as plain values, and what a terminal is told of it."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Any
 
 from bondgraph.correct.cautions import resting
@@ -13,14 +12,12 @@ from bondgraph.correct.evidence.transfer import Transfer
 from bondgraph.correct.evidence.trials import Added
 from bondgraph.correct.fits.assess import Assessment
 from bondgraph.correct.loop import ClosedLoop
-from bondgraph.correct.result import form_text, intervals, result_json
-from bondgraph.declare.files import write_graph
+from bondgraph.correct.result import form_text, intervals
 from bondgraph.estimate.fitted import Fit
-from bondgraph.files import write_json, write_text
 from bondgraph.report.collect import Runs, added_nodes, channel_series, found_effect, parameter_changes
-from bondgraph.report.drawing import draw_svg, drawing_of
+from bondgraph.report.drawing import drawing_of
 from bondgraph.report.formulas import formula_sentences, twins
-from bondgraph.report.html import Located, Provenance, ReportData, write_report
+from bondgraph.report.html import Located, Provenance, ReportData
 from bondgraph.report.logs import grouped_notes
 from bondgraph.report.missing import missing_efforts
 from bondgraph.report.noise import noise_sentence
@@ -32,45 +29,6 @@ from bondgraph.report.tables import error_table, power_table, text_of
 from bondgraph.report.tried import tried
 from bondgraph.report.unknown import shape_sentence
 from bondgraph.text import inflected
-
-
-def write_closed_loop(
-    closed: ClosedLoop,
-    folder: Path,
-    made: Provenance,
-    extra: Mapping[str, Any] | None = None,
-    said: Sequence[str] = (),
-) -> ReportData:
-    """Write everything a closed loop leaves behind.
-
-    Parameters
-    ----------
-    closed
-        The finished loop.
-    folder
-        Where the files go; it is made where it is missing.
-    made
-        Command, seed, data files.
-    extra
-        More keys of ``result.json`` (the truth of a demonstration).
-    said
-        What must be said about the logs beside what the loop knows.
-
-    Returns
-    -------
-    ReportData
-        What stands in the report.
-    """
-    folder.mkdir(parents=True, exist_ok=True)
-    result = result_json(closed) | {"notes": list(said)} | dict(extra or {})
-    data = report_data(closed, result, made, said)
-    write_json(folder / "result.json", result)
-    write_graph(closed.corrected_graph, folder / "corrected_graph.json")
-    write_text(folder / f"{closed.corrected_graph.name}.py", closed.corrected_text)
-    assert data.drawing is not None
-    write_text(folder / "corrected_graph.svg", draw_svg(data.drawing, data.added))
-    write_report(data, folder / "report.html")
-    return data
 
 
 def report_data(

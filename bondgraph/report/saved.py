@@ -60,7 +60,7 @@ def load_data(kind: type, path: Path) -> Any:
     Prediction(one_step=array([ 1., nan]), simulated=None)
     """
     try:
-        with np.load(path, allow_pickle=False) as content:
+        with path.open("rb") as file, np.load(file, allow_pickle=False) as content:
             return _value(kind, json.loads(str(content["text"])), content)
     except FileNotFoundError:
         raise OptionError(
@@ -68,7 +68,7 @@ def load_data(kind: type, path: Path) -> Any:
             "this version",
             where=(str(path.parent),),
         ) from None
-    except (OSError, ValueError, KeyError, TypeError, IndexError, zipfile.BadZipFile) as error:
+    except (OSError, ValueError, KeyError, TypeError, IndexError, EOFError, zipfile.BadZipFile) as error:
         raise OptionError(
             f"{path}: cannot be read ({error}) - it is damaged or of another version; run the command again",
             where=(str(path),),

@@ -133,6 +133,8 @@ def _plain(value: Any, arrays: dict[str, np.ndarray[Any, Any]]) -> Any:
         return {"pairs": [[_plain(key, arrays), _plain(one, arrays)] for key, one in value.items()]}
     if isinstance(value, Sequence) and not isinstance(value, str | bytes):
         return [_plain(one, arrays) for one in value]
+    if isinstance(value, frozenset):
+        return {"set": [_plain(one, arrays) for one in sorted(value)]}
     if value is None or isinstance(value, str | bool | int | float):
         return value
     raise OptionError(f"a {type(value).__name__} cannot be saved: it is no record of numbers, texts and arrays")
@@ -154,6 +156,8 @@ def _value(plain: Any, arrays: Any) -> Any:
         return float(plain["number"])
     if "pairs" in plain:
         return {_value(key, arrays): _value(one, arrays) for key, one in plain["pairs"]}
+    if "set" in plain:
+        return frozenset(_value(one, arrays) for one in plain["set"])
     if "model" in plain:
         return Model.from_text(plain["model"], "saved model")
     if "enum" in plain:

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+import bondgraph as bg
 from bondgraph.cli import main
 from bondgraph.cli.loops import _journal
 from tests.correct.windy_cart import write
@@ -47,3 +48,15 @@ def test_a_loop_whose_refits_are_spent_says_how_to_grant_more(tmp_path: Path) ->
     assert "ended with its 1 refit spent: rolling_speed_loss at body might have done better" in cautions[0]
     assert "grant more with --refits 2, in Python LoopSettings(refits=2)" in cautions[0]
     assert "might have done better" not in cautions[1]
+
+
+def test_the_folder_of_a_loop_is_a_saved_correction(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    graph, data = write(tmp_path)
+    command = ["close-loop", str(graph), "--data", str(data), "--no-faults", "--max-effects", "1", "--set", "mass=90"]
+    assert main([*command, "--effects", "quadratic_loss", "--out", str(tmp_path / "loop")]) == 0
+    told = capsys.readouterr().out
+    loop = bg.Correction.load(tmp_path / "loop")
+    assert loop.summary() in told and loop.verdict == loop.result["verdict"]
+    assert loop.declared == bg.read_graph(tmp_path / "loop" / "declared_graph.json")
+    lines = (tmp_path / "loop" / "corrected_lines.py").read_text(encoding="utf-8")
+    assert lines.partition("\n")[2] == f"{loop.python_lines()}\n" != "\n"
