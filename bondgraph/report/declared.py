@@ -6,14 +6,14 @@ import re
 from collections.abc import Mapping, Sequence
 from typing import cast
 
-from sympy import Abs, Expr, Float, Piecewise, Pow, Symbol
-from sympy.printing.str import StrPrinter
+from sympy import Expr, Symbol
 
 from bondgraph.declare.domains import UNDECLARED_PREFIXES, Domain
 from bondgraph.declare.elements import Node
 from bondgraph.declare.expressions import is_local, signal_name, symbols_in
 from bondgraph.declare.graph import BondGraph
 from bondgraph.declare.quantities import Integral, NamedSignal, symbol
+from bondgraph.declare.read_text import TYPESET, ReadPrinter
 from bondgraph.derive.causality import CausalGraph
 from bondgraph.report.diagram.drawn import Drawing, DrawnBond, DrawnNode, Kind, frame_of
 from bondgraph.report.diagram.labels import LAW_LENGTH, LAW_LINES
@@ -23,7 +23,6 @@ _FITS, _LONG = LAW_LENGTH * LAW_LINES, 16
 #: Letters that laws use of their own element.
 _OWN_LETTERS = ("q", "p", "E", "t", "F", "v", "tau", "omega", "u", "i")
 DERIVATIVE = "derivative causality"
-_SUPERSCRIPTS = {"2": "²", "3": "³", "4": "⁴"}
 
 
 def drawing_of(causal: CausalGraph) -> Drawing:
@@ -141,38 +140,15 @@ def _inside(name: str, frame: str) -> str:
     return name[len(frame) + 1 :] if frame and name.startswith(f"{frame}.") else name
 
 
-class _LawPrinter(StrPrinter):  # type: ignore[misc]
-    """Expressions as an engineer writes them: a·b, x², bars around an absolute value, sums with a plus in front."""
+class _LawPrinter(ReadPrinter):
+    """Laws in the notation of drawings, sums with a plus in front."""
+
+    def __init__(self) -> None:
+        super().__init__(TYPESET)
 
     def _as_ordered_terms(self, expression: Expr, order: str | None = None) -> list[Expr]:
         terms: list[Expr] = super()._as_ordered_terms(expression, order=order)
         return sorted(terms, key=lambda term: bool(term.could_extract_minus_sign()))
-
-    def _print_Mul(self, expression: Expr) -> str:
-        return str(super()._print_Mul(expression)).replace("*", "·")
-
-    def _print_Pow(self, expression: Pow, rational: bool = False) -> str:
-        text = str(super()._print_Pow(expression, rational=rational))
-        base, power, exponent = text.rpartition("**")
-        return base + _SUPERSCRIPTS.get(exponent, f"^{exponent}") if power else text
-
-    def _print_Abs(self, expression: Abs) -> str:
-        return f"|{self._print(expression.args[0])}|"
-
-    def _print_Float(self, expression: Float) -> str:
-        return f"{float(expression):.6g}"
-
-    def _print_minimum(self, expression: Expr) -> str:
-        return f"min({', '.join(self._print(part) for part in expression.args)})"
-
-    def _print_maximum(self, expression: Expr) -> str:
-        return f"max({', '.join(self._print(part) for part in expression.args)})"
-
-    def _print_Piecewise(self, expression: Piecewise) -> str:
-        *cases, (last, otherwise) = expression.args
-        parts = [f"{self._print(value)} if {self._print(condition)}" for value, condition in cases]
-        final = self._print(last) if otherwise == True else f"{self._print(last)} if {self._print(otherwise)}"  # noqa: E712
-        return f"({' else '.join([*parts, final])})"
 
 
 _PRINTER = _LawPrinter()

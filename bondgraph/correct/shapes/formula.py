@@ -10,7 +10,7 @@ import numpy as np
 from sympy import Add, Expr, Function, Symbol
 
 from bondgraph.correct.places.probes import Variable, argument
-from bondgraph.correct.shapes.law_text import LETTERS, Intervals, rounded, with_numbers
+from bondgraph.correct.shapes.law_text import LETTERS, Intervals, python_text, rounded, with_numbers
 from bondgraph.correct.shapes.library import Term, identifier
 from bondgraph.data.log import FloatArray
 from bondgraph.declare.effect import Effect, EffectFunction, Place
@@ -175,9 +175,9 @@ class Formula:
         >>> place = Place(Handle("body", "1", None), Scale(1.0, 1.0))
         >>> found = Formula(place, "effort", "N", (cube,), (0.008,))
         >>> found.text(), found.text({found.coefficients()[0].name: 3.7812})
-        ('effort = c*x**3, x the displacement of spring', 'effort = 3.78*x**3  [N], x the displacement of spring')
+        ('effort = c*x^3, x the displacement of spring', 'effort = 3.78*x^3  [N], x the displacement of spring')
         >>> found.text({found.coefficients()[0].name: 3.7812}, {found.coefficients()[0].name: (2.6, 4.9)})
-        'effort = 3.8*x**3  [N], x the displacement of spring'
+        'effort = 3.8*x^3  [N], x the displacement of spring'
         """
         every = [*self.coefficients(), *self.inner()]
         letters = dict(zip(map(argument, self.signals), map(Symbol, LETTERS), strict=False))
@@ -210,7 +210,7 @@ class Formula:
             bounds = (min(bounds[0], value), max(bounds[1], value))
             own = short[one.name].name
             lines.append(f"{own} = g.parameter({one.name!r}, {value!r}, {one.unit!r}, {one.meaning!r}, {bounds!r})")
-        text = to_text(law) if ends is None else with_numbers(law, {}, digits=_CONSTANT_DIGITS)
+        text = to_text(law) if ends is None else python_text(law, _CONSTANT_DIGITS)
         at = self.place.junction.name
         kind = "effort" if self.variable == "effort" else "flow"
         if self.is_own:

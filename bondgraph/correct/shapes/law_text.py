@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import sympy
 from sympy import Expr, Float, Symbol
 
 from bondgraph.declare.expression_text import TextPrinter
+from bondgraph.declare.read_text import ReadPrinter
 
 #: Ends of intervals by name of parameter.
 Intervals = Mapping[str, tuple[float, float]]
@@ -34,8 +35,11 @@ def rounded(value: float, ends: tuple[float, float] | None = None, digits: int =
     return f"{value:.{digits}g}"
 
 
-def with_numbers(law: Expr, values: Mapping[str, float], ends: Intervals | None = None, digits: int = DIGITS) -> str:
-    """Text of a law in symbols with the values of its parameters; numbers that stand in it are rounded, too.
+def with_numbers(law: Expr, values: Mapping[str, float], ends: Intervals | None = None) -> str:
+    """Text of a law in symbols as a person reads it, with the values of its parameters.
+
+    Numbers that stand in it are rounded, too. Numbers before a term are one, in which those without an interval count
+    as exact.
 
     Examples
     --------
@@ -44,12 +48,26 @@ def with_numbers(law: Expr, values: Mapping[str, float], ends: Intervals | None 
     '-2*tanh(x/0.123) + 0.0556*x'
     >>> with_numbers(c * sympy.tanh(x / d) + x, {"c_law": 0.0, "d_law": 2.0})  # a part that is nothing is left out
     'x'
+    >>> with_numbers(sympy.sign(x) * sympy.Abs(x / Float(25.0)) ** 1.5 * c, {"c_law": 2.0}, {"c_law": (1.9, 2.1)})
+    '0.016*|x|^1.5*sign(x)'
     """
     gone = law.xreplace({one: sympy.Integer(0) for one in law.free_symbols if values.get(one.name) == 0.0})
     law = law if gone.has(sympy.nan, sympy.zoo, sympy.oo) else gone
     negative = {one: -one for one in law.free_symbols if values.get(one.name, 0.0) < 0.0}
-    shown = {name: rounded(abs(value), _turned(name, value, ends), digits) for name, value in values.items()}
-    return str(_Numbers(shown, digits).doprint(sympy.factor_terms(law.xreplace(negative))))
+    sizes = {name: abs(value) for name, value in values.items()}
+    turned = {name: _turned(name, value, ends) for name, value in values.items()}
+    return str(_Numbers(sizes, turned).doprint(sympy.factor_terms(law.xreplace(negative))))
+
+
+def python_text(law: Expr, digits: int) -> str:
+    """Text of a law as Python, its numbers with so many significant digits.
+
+    Examples
+    --------
+    >>> python_text(sympy.Abs(sympy.Symbol("x")) / Float(18.0), 6)
+    '0.0555556*Abs(x)'
+    """
+    return str(_Digits(digits).doprint(sympy.factor_terms(law)))
 
 
 def _turned(name: str, value: float, ends: Intervals | None) -> tuple[float, float] | None:
@@ -57,20 +75,49 @@ def _turned(name: str, value: float, ends: Intervals | None) -> tuple[float, flo
     return own if own is None or value >= 0.0 else (-own[1], -own[0])
 
 
-class _Numbers(TextPrinter):
-    """Text of an expression in which parameters are numbers."""
+class _Digits(TextPrinter):
+    """Python text with rounded numbers."""
 
-    def __init__(self, shown: Mapping[str, str], digits: int) -> None:
+    def __init__(self, digits: int) -> None:
         super().__init__()
-        self._shown, self._digits = shown, digits
-
-    def _print_Symbol(self, expression: Symbol) -> str:
-        return self._shown.get(expression.name, expression.name)
+        self._rounding = digits
 
     def _print_Float(self, expression: Float) -> str:
-        return rounded(float(expression), digits=self._digits)
+        return rounded(float(expression), digits=self._rounding)
+
+
+class _Numbers(ReadPrinter):
+    """Text of an expression in which parameters are numbers, by their sizes and the ends of their intervals."""
+
+    def __init__(self, sizes: Mapping[str, float], ends: Mapping[str, tuple[float, float] | None]) -> None:
+        super().__init__(digits=DIGITS)
+        self._sizes, self._ends = sizes, ends
+
+    def ordered(self, factors: Sequence[Expr]) -> list[Expr]:
+        """Factors in the order in which they are read: one number, what it multiplies, a sign."""
+        numbers = [one for one in factors if one.is_Float or (one.is_Symbol and one.name in self._sizes)]
+        others = super().ordered([one for one in factors if one not in numbers])
+        return [*([self._product(numbers)] if numbers else []), *others]
+
+    def _product(self, numbers: Sequence[Expr]) -> Expr:
+        """The product of numbers as a symbol, whose name is their text."""
+        if len(numbers) == 1:
+            return Symbol(str(self._print(numbers[0])))
+        sizes = [self._sizes[one.name] if one.is_Symbol else float(one) for one in numbers]
+        whole, scaled = math.prod(sizes), []
+        for one, size in zip(numbers, sizes, strict=True):
+            ends = self._ends.get(one.name) if one.is_Symbol else None
+            scaled += [] if ends is None else [(ends[0] * whole / size, ends[1] * whole / size)]
+        return Symbol(rounded(whole, max(scaled, key=lambda own: abs(own[1] - own[0]), default=None)))
+
+    def _print_Symbol(self, expression: Symbol) -> str:
+        name = expression.name
+        return rounded(self._sizes[name], self._ends.get(name)) if name in self._sizes else name
+
+    def _print_Float(self, expression: Float) -> str:
+        return rounded(float(expression))
 
     def _as_ordered_terms(self, expression: Expr, order: str | None = None) -> list[Expr]:
         """Terms that move before those that do not: x - 6.2."""
         terms = super()._as_ordered_terms(expression, order)
-        return sorted(terms, key=lambda term: {one.name for one in term.free_symbols} <= self._shown.keys())
+        return sorted(terms, key=lambda term: {one.name for one in term.free_symbols} <= self._sizes.keys())

@@ -10,7 +10,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 from sympy import Float, Symbol, tanh
 
-from bondgraph.correct.shapes.law_text import rounded, with_numbers
+from bondgraph.correct.shapes.law_text import python_text, rounded, with_numbers
 from bondgraph.declare.expressions import parse
 
 NUMBERS = st.floats(1e-12, 1e12) | st.floats(-1e12, -1e-12)
@@ -43,4 +43,14 @@ def test_constants_of_a_law_are_rounded_too() -> None:
     x = Symbol("x")
     assert with_numbers(Symbol("c") * tanh(x / Float(18.0 / 1.01)), {"c": -2.0}) == "-2*tanh(0.0561*x)"
     assert with_numbers(x - Symbol("at"), {"at": 6.23456}) == "x - 6.23"
-    assert with_numbers(sympy.Abs(x) * Symbol("c"), {"c": 0.05555555555555555}) == "0.0556*Abs(x)"
+    assert with_numbers(sympy.Abs(x) * Symbol("c"), {"c": 0.05555555555555555}) == "0.0556*|x|"
+
+
+def test_a_coefficient_comes_first_and_is_one_number() -> None:
+    w, c = Symbol("w"), Symbol("Zc")
+    law = sympy.sign(w) * sympy.Abs(w / Float(25.0)) ** 1.5 * c
+    assert with_numbers(law, {"Zc": 2.0}) == "0.016*|w|^1.5*sign(w)"
+    assert with_numbers(law, {"Zc": -2.0}, {"Zc": (-2.002, -1.998)}) == "-0.016*|w|^1.5*sign(w)"
+    assert with_numbers(law, {"Zc": 2.0123}, {"Zc": (2.0121, 2.0125)}) == "0.0160984*|w|^1.5*sign(w)"  # as c = 2.01230
+    assert with_numbers(sympy.Abs(w) * c, {"Zc": 0.00587}) == "0.00587*|w|"
+    assert python_text(sympy.Abs(w) * Float(1.0 / 3.0), 6) == "0.333333*Abs(w)"  # lines to paste stay Python
