@@ -350,7 +350,7 @@ class Reduced:
 
 def reduced_to(state: Progress, kept: Sequence[Trial]) -> Reduced:
     """The model of a state with other effects in the place of those that were added."""
-    graph, stay, baseless = _rebuilt(state.declared, kept)
+    graph, stay, baseless = rebuilt(state.declared, kept)
     built = build(graph)
     names = built.model.names("state")
     known = set(built.model.names("parameter"))
@@ -375,7 +375,7 @@ def reduced_to(state: Progress, kept: Sequence[Trial]) -> Reduced:
     return Reduced(built, EstimationProblem(filter_model, train, free, state.fit.problem.initial), stay, baseless)
 
 
-def _rebuilt(graph: BondGraph, trials: Sequence[Trial]) -> tuple[BondGraph, tuple[Trial, ...], tuple[Trial, ...]]:
+def rebuilt(graph: BondGraph, trials: Sequence[Trial]) -> tuple[BondGraph, tuple[Trial, ...], tuple[Trial, ...]]:
     """A graph with the effects of trials, those that it has, and those that found nothing to act on."""
     kept, baseless = [], []
     for trial in trials:

@@ -7,12 +7,14 @@ from collections.abc import Mapping
 import numpy as np
 import sympy
 
+from bondgraph.build import BuiltModel, build
 from bondgraph.correct.evidence.trials import Added
 from bondgraph.correct.loop import ClosedLoop
 from bondgraph.correct.models.failures import FAILURES
 from bondgraph.correct.places.missing import missing_effort
 from bondgraph.correct.places.probes import variable_of
 from bondgraph.correct.places.unexplained import Unexplained
+from bondgraph.correct.progress import rebuilt
 from bondgraph.correct.result import form_text, intervals, own_curve
 from bondgraph.correct.shapes.formula import Formula, formula_of
 from bondgraph.data.log import FloatArray
@@ -76,7 +78,7 @@ def _picture(closed: ClosedLoop, added: Added) -> MissingEffort | None:
         return None
     logs = [log.log for log in closed.nominal_train.logs]
     try:
-        found = missing_effort(closed.nominal_built, closed.corrected, logs, candidate.place)
+        found = missing_effort(_without(closed, added), closed.corrected, logs, candidate.place)
     except FAILURES:
         return None
     span = np.linspace(float(np.nanmin(found.flow)), float(np.nanmax(found.flow)), _POINTS)
@@ -98,6 +100,12 @@ def _picture(closed: ClosedLoop, added: Added) -> MissingEffort | None:
     )
 
 
+def _without(closed: ClosedLoop, added: Added) -> BuiltModel:
+    """The declared model with all added laws but one: what is missing is that law alone, and none of the others."""
+    others = [one.trial for one in closed.added if one is not added]
+    return build(rebuilt(closed.nominal_built.graph, others)[0]) if others else closed.nominal_built
+
+
 def _own_form(closed: ClosedLoop, added: Added) -> MissingEffort | None:
     """What is missing against the signal of a law with a form of its own, and the sum of its parts through it."""
     place, text, found = added.trial.candidate.place, form_text(added, closed), own_curve(added, closed, _POINTS)
@@ -106,7 +114,7 @@ def _own_form(closed: ClosedLoop, added: Added) -> MissingEffort | None:
     signal, span, law = found
     logs = [log.log for log in closed.nominal_train.logs]
     try:
-        missing = missing_effort(closed.nominal_built, closed.corrected, logs, place)
+        missing = missing_effort(_without(closed, added), closed.corrected, logs, place)
     except FAILURES:
         return None
     variable = variable_of(place)
@@ -132,7 +140,7 @@ def _formula(closed: ClosedLoop, added: Added, formula: Formula) -> MissingEffor
         return None
     logs = [log.log for log in closed.nominal_train.logs]
     try:
-        found = missing_effort(closed.nominal_built, closed.corrected, logs, formula.place)
+        found = missing_effort(_without(closed, added), closed.corrected, logs, formula.place)
     except FAILURES:
         return None
     together, values = np.concatenate(signal.values), closed.corrected.values

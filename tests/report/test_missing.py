@@ -1,0 +1,58 @@
+"""Pictures of what is missing: each shows its own law, whatever else is missing beside it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import bondgraph as bg
+from bondgraph import effects
+from bondgraph.declare.editing import handle, with_values
+from bondgraph.declare.effect import Effect, Place, Scale
+from bondgraph.report.missing import missing_efforts
+
+
+def pair() -> bg.BondGraph:
+    """Two carts on a spring, whose speeds are nearly one."""
+    g = bg.BondGraph("pair")
+    push = g.input("push", "N")
+    front, rear = g.one_junction("front", bg.TRANSLATION), g.one_junction("rear", bg.TRANSLATION)
+    link, stretch = g.zero_junction("link", bg.TRANSLATION), g.one_junction("stretch", bg.TRANSLATION)
+    for source, target in ((front, link), (link, rear), (link, stretch)):
+        g.bond(source, target)
+    g.effort_source("engine", push, at=front)
+    for cart, mass in ((front, 40.0), (rear, 60.0)):
+        drag = g.parameter(f"drag_{cart.name}", 6.0, "N s/m", "", (1.0, 30.0))
+        g.inertance(f"cart_{cart.name}", g.parameter(f"mass_{cart.name}", mass, "kg"), at=cart, state=f"v_{cart.name}")
+        g.resistance(f"wheels_{cart.name}", lambda v, drag=drag: drag * v, at=cart)
+        g.measure_flow(f"speed_{cart.name}", cart)
+    g.compliance("spring", g.parameter("stiffness", 200.0, "N/m"), at=stretch, state="x")
+    g.resistance("damper", g.parameter("damping", 20.0, "N s/m"), at=stretch)
+    return g
+
+
+def pushed(seed: int) -> bg.MatchedLog:
+    """A log of the carts in a wind that brakes the front one a little and the rear one more."""
+    g, winds = pair(), {}
+    for place, size in (("front", 1.5), ("rear", 4.0)):
+        effect = effects.quadratic_loss(g, Place(handle(g, place), Scale(100.0, 4.0)))
+        assert isinstance(effect, Effect)
+        winds[effect.coefficients[0]] = size
+    chance, time = np.random.default_rng(seed), 0.1 * np.arange(400)
+    force = np.repeat(chance.uniform(-150.0, 250.0, 20), 20)[np.newaxis]
+    run = bg.simulate(bg.build(with_values(g, winds)).model, time, force)
+    return bg.MatchedLog(f"run{seed}", time, run.u, run.y + 0.01 * chance.standard_normal(run.y.shape))
+
+
+@pytest.mark.slow
+def test_two_laws_at_two_places_are_drawn_each_for_itself() -> None:
+    """Both pictures had the sum of both laws as their dots, 15 N off the law of the front cart, which takes 8 N."""
+    settings = bg.LoopSettings(faults=False, max_effects=2)
+    loop = bg.close_loop(pair(), [pushed(1), pushed(2)], [], [effects.quadratic_loss], settings)
+    pictures = missing_efforts(loop)
+    assert {one.title for one in pictures} == {"quadratic_loss at front", "quadratic_loss at rear"}
+    for one in pictures:
+        law = np.interp(one.x, one.law_x, one.law)
+        size = float(np.sqrt(np.mean(law**2)))
+        assert abs(np.mean(one.missing - law)) < 0.01 * size
+        assert np.sqrt(np.mean((one.missing - law) ** 2)) < 0.15 * size
