@@ -13,6 +13,8 @@ from bondgraph.arrays import BoolArray, FloatArray
 
 #: Autocorrelations at most this many lags apart enter the whiteness test.
 _MAX_LAGS = 20
+#: Lags counted one by one, in multiples of those that are wanted.
+_SHORTEST_LAGS = 2
 
 
 def whiteness_p(series: FloatArray) -> float:
@@ -65,11 +67,18 @@ def ljung_box(series: FloatArray) -> tuple[float, int]:
 def _paired_lags(present: BoolArray, most: int) -> list[tuple[int, float]]:
     """The first lags at which at least half of the values (n,) have a partner, and how many have.
 
-    All lags are counted at once by a Fourier transform: in a log of a million rows in which a slow sensor stands at
-    odd times no lag may ever do, and looking at each would not end.
+    The shortest lags are counted one by one: where few values are missing they are enough. Else all lags are counted at
+    once by a Fourier transform: in a log of a million rows in which a slow sensor stands at odd times no lag may ever
+    do, and looking at each would not end.
     """
+    half, found = 0.5 * present.sum(), list[tuple[int, float]]()
+    for lag in range(1, min(_SHORTEST_LAGS * most, present.size - 1) + 1):
+        count = int(np.count_nonzero(present[lag:] & present[:-lag]))
+        found += [(lag, float(count))] if count >= half else []
+        if len(found) == most:
+            return found
     size = next_fast_len(2 * present.size, real=True)
     shown = np.fft.rfft(present, size)
     pairs = np.rint(np.fft.irfft(np.abs(shown) ** 2, size)[: present.size])
-    lags = 1 + np.flatnonzero(pairs[1:] >= 0.5 * present.sum())[:most]
+    lags = 1 + np.flatnonzero(pairs[1:] >= half)[:most]
     return [(int(lag), float(pairs[lag])) for lag in lags]

@@ -111,9 +111,9 @@ def compare_logs(
     runs = []
     steps = filter_setup(model, driven or model.names("state"), logs).filter_model
     for log in logs:
-        runs.append(_compared(model, log, initial, steps))
         found = [*sampling_suspicions(model, log, initial), *unit_suspicions(steps, log, initial)]
         suspicions += [f"{log.name}: {one}" for one in found]
+        runs.append(_compared(model, log, initial, steps))
     return Compared(model.name, tuple(runs), tuple(suspicions))
 
 

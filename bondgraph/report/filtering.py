@@ -72,6 +72,9 @@ def filter_logs(
     found_misfits: list[Misfit] = []
     suspected: list[str] = []
     for log in logs:
+        # simulations of their own, which end before anything is kept of a long log
+        suspected += [f"{log.name}: {one}" for one in sampling_suspicions(model, log, initial)]
+        suspected += [f"{log.name}: {one}" for one in unit_suspicions(filter_model, log, initial)]
         start = initial_states(model, [log], model.theta(), initial)[0]
         record, shown_run, outputs = _filtered(filter_model, log, start, smoothed)
         write_log(folder / f"{log.name}_states.csv", _states_log(shown_run))
@@ -83,8 +86,6 @@ def filter_logs(
         misfit = misfits([record], level=LEVEL / len(logs), guessed=noise is None)
         result[log.name] |= {"channels": _channels(found), "misfits": [one.to_dict() for one in misfit]}
         found_misfits += misfit
-        suspected += [f"{log.name}: {one}" for one in sampling_suspicions(model, log, initial)]
-        suspected += [f"{log.name}: {one}" for one in unit_suspicions(filter_model, log, initial)]
         suspected += _too_many_refused(log.name, found)
         series += channel_series(model, log, Runs(record), noise_std=filter_model.measurement_noise)
         lines += _lines(record, found)

@@ -79,9 +79,11 @@ def simulate_batch(
         integrator = RK4(substeps) if method == "rk4" else Rosenbrock(method, substeps)
     run = _in_kernel if compiled and has_numba() else _in_numpy
     x, y, last = run(task, grid, parameters, start, integrator)
-    chosen = np.searchsorted(grid, task.times)
+    if not np.array_equal(grid, task.times):
+        chosen = np.searchsorted(grid, task.times)
+        x, y = x[:, chosen], y[:, chosen]
     outcomes = tuple(Outcome.OK if end == grid.size - 1 else Outcome.DIVERGED for end in last)
-    return BatchTrajectory(model, task.times, x[:, chosen], y[:, chosen], outcomes, grid[np.maximum(last, 0)])
+    return BatchTrajectory(model, task.times, x, y, outcomes, grid[np.maximum(last, 0)])
 
 
 def _in_numpy(

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Container
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -22,6 +23,8 @@ from bondgraph.text import count
 
 #: Slopes that differ by less than this share of the steepest one are the same line.
 _SAME_SLOPE = 1e-12
+#: Times evaluated at once: a long log takes no more memory beside its inputs than these.
+_BLOCK = 65_536
 
 
 @dataclass(frozen=True)
@@ -127,9 +130,11 @@ class InputSignal:
     def at(self, t: npt.ArrayLike) -> FloatArray:
         """Inputs at one time (n_u,) or several (n_u, k); at a jump, the value after it."""
         times = np.asarray(t, dtype=np.float64)
-        interval = self._interval(times)
-        values = self._evaluate(interval, times)
+        values = np.empty((self.hold.size, *times.shape))
+        for own in _blocks(times):
+            values[:, own] = self._evaluate(self._interval(times[own]), times[own])
         for row in self.rates:
+            interval = self._interval(times)
             values[row] = np.where(np.isin(times, self.time), self._mean_rates(row)[interval], values[row])
         return values
 
@@ -166,8 +171,12 @@ class InputSignal:
 
     def intervals(self, grid: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Left and right input values of each interval of a grid that contains all break points, (n_u, n-1) each."""
-        interval = self._interval(0.5 * (grid[:-1] + grid[1:]))
-        return self._evaluate(interval, grid[:-1]), self._evaluate(interval, grid[1:])
+        starts, ends = grid[:-1], grid[1:]
+        left, right = (np.empty((self.hold.size, starts.size)) for _ in range(2))
+        for own in _blocks(starts):
+            interval = self._interval(0.5 * (starts[own] + ends[own]))
+            left[:, own], right[:, own] = self._evaluate(interval, starts[own]), self._evaluate(interval, ends[own])
+        return left, right
 
     def _interval(self, times: FloatArray) -> npt.NDArray[np.intp]:
         """Index of the last point of the table at or before each time; -1 before the first."""
@@ -185,6 +194,13 @@ class InputSignal:
         rates = list(self.rates)
         values[rates] = np.where((interval < 0) | (interval >= self.time.size - 1), 0.0, values[rates])
         return values
+
+
+def _blocks(times: FloatArray) -> list[Any]:
+    """Parts of an array of times, one after the other; a single time has one part."""
+    if times.ndim == 0:
+        return [...]
+    return [slice(first, first + _BLOCK) for first in range(0, times.shape[0], _BLOCK)]
 
 
 def hold_flags(model: Model) -> BoolArray:

@@ -18,4 +18,6 @@ def read_parquet(path: Path, _: Reading) -> Table:
         table = parquet.read_table(path)
     except (OSError, ValueError) as error:  # pyarrow's errors derive from these
         raise DataError(f"{path.name}: this is not a readable Parquet file ({error})", where=(path.name,)) from None
-    return Table(tuple((title, table[title].to_numpy()) for title in table.column_names))
+    columns = tuple((title, table[title].to_numpy()) for title in table.column_names)
+    extra("pyarrow", path, "parquet").default_memory_pool().release_unused()  # what unpacking took
+    return Table(columns)
