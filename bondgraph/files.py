@@ -7,7 +7,7 @@ import json
 import os
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 from bondgraph.errors import OptionError
 
@@ -33,10 +33,29 @@ def write_bytes(path: Path, content: bytes | Iterable[bytes]) -> None:
     ...     [(path.name, path.read_text()) for path in Path(folder).iterdir()]
     [('run.csv', 'time [s]')]
     """
+    write_whole(path, lambda file: file.writelines([content] if isinstance(content, bytes) else content))
+
+
+def write_whole(path: Path, write: Callable[[BinaryIO], None]) -> None:
+    """Write a file by a function that is given it, open for bytes, as :func:`write_bytes` does.
+
+    Raises
+    ------
+    OSError
+        That names ``path``, where it cannot be written; what stood there stays.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     write_whole(Path(folder) / "run.csv", lambda file: file.writelines([b"time [s]"]))
+    ...     (Path(folder) / "run.csv").read_text()
+    'time [s]'
+    """
     partial = path.with_name(f".{path.name}.{os.getpid()}")
     try:
         with partial.open("wb") as file:
-            file.writelines([content] if isinstance(content, bytes) else content)
+            write(file)
         os.replace(partial, path)
     except OSError as error:
         error.filename, error.filename2 = str(path), None

@@ -6,7 +6,6 @@ Values of dataclasses are kept by their fields, arrays as numpy keeps them; noth
 from __future__ import annotations
 
 import dataclasses
-import io
 import json
 import math
 import types
@@ -19,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from bondgraph.errors import OptionError
-from bondgraph.files import write_bytes
+from bondgraph.files import write_whole
 
 #: Name of the file in the folder of a command.
 NAME = "report_data.npz"
@@ -37,9 +36,7 @@ def save_data(data: Any, path: Path) -> None:
     """
     arrays: dict[str, np.ndarray[Any, Any]] = {}
     text = json.dumps(_plain(data, arrays), allow_nan=False)
-    content = io.BytesIO()
-    np.savez_compressed(content, text=np.array(text), **arrays)  # type: ignore[arg-type]
-    write_bytes(path, content.getvalue())
+    write_whole(path, lambda file: np.savez_compressed(file, text=np.array(text), **arrays))  # type: ignore[arg-type]
 
 
 def load_data(kind: type, path: Path) -> Any:

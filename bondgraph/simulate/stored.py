@@ -10,7 +10,6 @@ from __future__ import annotations
 import dataclasses
 import enum
 import importlib
-import io
 import json
 import math
 import zipfile
@@ -21,7 +20,7 @@ from typing import Any, Self, TypeVar
 import numpy as np
 
 from bondgraph.errors import BondGraphError, OptionError
-from bondgraph.files import write_bytes
+from bondgraph.files import write_whole
 from bondgraph.simulate.model import Model
 
 #: The version of the form, and the only package whose records are read.
@@ -72,9 +71,7 @@ def store(value: object, path: str | Path) -> Path:
     """
     arrays: dict[str, np.ndarray[Any, Any]] = {}
     text = json.dumps({"format": _FORMAT, "value": _plain(value, arrays)}, allow_nan=False)
-    content = io.BytesIO()
-    np.savez(content, text=np.array(text), **arrays)  # type: ignore[arg-type]
-    write_bytes(Path(path), content.getvalue())
+    write_whole(Path(path), lambda file: np.savez(file, text=np.array(text), **arrays))  # type: ignore[arg-type]
     return Path(path)
 
 

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from bondgraph.errors import FilterError
+from bondgraph.filter import whiteness
 from bondgraph.filter.consistency import consistency, nis_band, normalised_innovations, whiteness_p
 from bondgraph.filter.runs import run
 from bondgraph.filter.whiteness import ljung_box
@@ -109,3 +110,13 @@ def test_a_confidence_that_is_none_is_refused() -> None:
     model = pendulum_filter()
     with pytest.raises(FilterError, match=r"confidence=95 is no probability"):
         consistency(run(model, simulated_log(model, np.arange(5) * 0.02, seed=1)), confidence=95)
+
+
+@pytest.mark.parametrize("every", [1, 3, 97])
+def test_lags_are_counted_alike_one_by_one_and_all_at_once(every: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    series = np.full(3000, np.nan)
+    series[::every] = np.random.default_rng(1).standard_normal(series[::every].size)
+    series[100:130] = np.nan
+    found = ljung_box(series)
+    monkeypatch.setattr(whiteness, "_SHORTEST_LAGS", 0)
+    assert ljung_box(series) == found

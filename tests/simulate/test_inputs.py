@@ -14,6 +14,7 @@ from bondgraph.data.matching import match
 from bondgraph.errors import ModelError
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.samples import Samples
+from bondgraph.simulate import inputs
 from bondgraph.simulate.inputs import InputSignal, hold_flags
 from bondgraph.simulate.model import Model
 from bondgraph.simulate.simulation import simulate
@@ -152,3 +153,15 @@ def test_what_follows_an_input_is_simulated_and_filtered_by_its_rate() -> None:
     samples = Samples.whole(FilterModel(shaker, {"way": 0.1}, {"force": 0.1}, {"way": 0.1}), log)
     np.testing.assert_allclose(samples.u[1, 1:-1], 6.0 * np.cos(6.0 * time[1:-1]), rtol=0, atol=1e-3)
     np.testing.assert_allclose(samples.u_left[1], np.diff(np.sin(6.0 * time)) / 0.005, rtol=1e-12, atol=1e-12)
+
+
+@pytest.mark.parametrize("rates", [(), (1,)])
+def test_inputs_are_the_same_bits_in_parts(rates: tuple[int, ...], monkeypatch: pytest.MonkeyPatch) -> None:
+    chance = np.random.default_rng(3)
+    time = np.cumsum(chance.uniform(0.0, 1.0, 200))
+    signal = InputSignal(time, chance.standard_normal((2, 200)), np.array([False, True]), rates)
+    grid = np.union1d(time, chance.uniform(-2.0, time[-1] + 2.0, 500))
+    whole = (signal.at(grid), *signal.intervals(grid), signal.at(float(time[7])))
+    monkeypatch.setattr(inputs, "_BLOCK", 7)
+    for one, part in zip(whole, (signal.at(grid), *signal.intervals(grid), signal.at(float(time[7]))), strict=True):
+        np.testing.assert_array_equal(one, part)
