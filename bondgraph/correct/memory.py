@@ -31,8 +31,9 @@ def explained_at_random(state: Progress, chosen: Trial, settings: RoundSettings)
     effect, known = chosen.candidate.effect, {one.candidate.effect.kind for one in state.added}
     if DISTURBANCE in known or chosen.evidence is None or chosen.fit is None:
         return state
-    gained, remembers = chosen.evidence.bic_gain, effect.adds_state or bool(effect.channel)
-    if not remembers:
+    gained = chosen.evidence.bic_gain
+    remembers = len(chosen.candidate.model.states) > len(state.built.model.states)
+    if not (remembers or effect.channel):
         if is_white(chosen.fit, settings.level):
             return state
         other = with_disturbance(state, settings, gained, chosen.fit, sensors=False)

@@ -213,6 +213,7 @@ def _notes(closed: ClosedLoop) -> list[str]:
     if closed.confirmation is not None and closed.corrected_holdout.logs:
         notes.append(held_out(closed, closed.confirmation))
     notes += [_event(one, closed.eventful or closed.corrected) for one in closed.events]
+    notes += [*_moved_by_events(closed), *_nearest(closed)]
     for added in closed.added:
         others = twins(closed, added)
         if others:
@@ -252,6 +253,36 @@ def _event(event: Added, fitted: Fit) -> str:
         f"Event: {trial.candidate.label} acts {trial.gate} ({name} = {size}, {shown(trial.gain)} nats). Time is no "
         "law: the corrected declaration does not have it."
     )
+
+
+def _moved_by_events(closed: ClosedLoop) -> list[str]:
+    """A sentence on parameters that a fit without the events has clearly elsewhere than one that knows of them."""
+    fitted = closed.eventful
+    if not closed.events or closed.added or fitted is None:
+        return []
+    model, told = closed.nominal.problem.filter_model.model, []
+    for name, (low, high) in intervals(fitted).items():
+        known = name in closed.nominal.values and name in model.names("parameter")
+        if known and not low <= closed.nominal.values[name] <= high:
+            info = model.parameters[model.index("parameter", name)]
+            ends = (info.shown(low), info.shown(high))
+            told.append(f"{name} = {with_ends(info.shown(fitted.values[name]), ends, info.display_unit)}")
+    where = inflected(closed.events, "the event", "the events")
+    return [f"A fit that knows of {where} has {', '.join(told)}: the other estimates make up for it."] if told else []
+
+
+def _nearest(closed: ClosedLoop) -> list[str]:
+    """A sentence on what comes nearest to an explanation where nothing was believed, and why it was not."""
+    if closed.verdict != "unexplained residual" or closed.added or closed.events:
+        return []
+    turn = closed.rounds[-1]
+    worth = [one for one in turn.trials if one.evidence is not None and one.evidence.bic_gain > 0.0]
+    best = max(worth, key=lambda one: one.gain, default=None)
+    if best is None:
+        return []
+    name, place = best.candidate.effect.described, best.candidate.place.label
+    why = next((one.why for one in turn.alternatives if (one.name, one.junction) == (name, place)), "")
+    return [f"Nearest comes {name} at {place} ({shown(best.gain)} nats): {why}."] if why else []
 
 
 def summary(data: ReportData) -> str:

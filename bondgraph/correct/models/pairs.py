@@ -2,7 +2,8 @@
 
 Two chambers, nodes or bodies (0-junctions) exchange a flow by the difference of their efforts; two moving parts
 (1-junctions) an effort by the difference of their speeds. Only neighbours are paired: two with one junction between
-them, directly or through transformers and gyrators. Heat needs no way that somebody declared: it passes through frames
+them, directly or through transformers and gyrators, or two of which one drives an element at the other by a signal: a
+jet that falls into a tank. Heat needs no way that somebody declared: it passes through frames
 and air, so that any two bodies are paired. Two that are rigidly tied have no difference of their own.
 """
 
@@ -18,6 +19,7 @@ from bondgraph.declare.domains import CHEMICAL, ELECTRICAL, HYDRAULIC, ROTATION,
 from bondgraph.declare.editing import handle
 from bondgraph.declare.effect import Place, Scale
 from bondgraph.declare.elements import JUNCTIONS, TWO_PORTS
+from bondgraph.declare.expressions import signal_name
 from bondgraph.declare.graph import BondGraph
 from bondgraph.declare.validation import node_domains
 
@@ -76,11 +78,14 @@ def neighbours(flat: BondGraph) -> list[tuple[str, str]]:
     kinds = {name: domain and _KIND.get(domain) for name, domain in domains.items()}
     own = [name for name, node in flat.nodes.items() if node.is_junction and node.kind == kinds[name]]
     chosen = [name for name in own if not _is_difference(flat, name)]
-    tied = _tied(flat, chosen)
+    tied, driven = _tied(flat, chosen), _driven(flat, chosen)
     found = []
     for first, second in itertools.combinations(chosen, 2):
         if domains[first] == domains[second] and tied[first] != tied[second] and first in network and second in network:
             if domains[first] == THERMAL:
+                found.append((first, second))
+                continue
+            if {first, second} in driven:
                 found.append((first, second))
                 continue
             others = {name for name in chosen if domains[name] == domains[first]} - {first, second}
@@ -115,6 +120,26 @@ def _tied(flat: BondGraph, chosen: list[str]) -> dict[str, int]:
         )
         groups |= {name: len(groups) + k for k, group in enumerate(nx.connected_components(rigid)) for name in group}
     return {name: groups[name] for name in chosen}
+
+
+def _driven(flat: BondGraph, chosen: list[str]) -> list[set[str]]:
+    """Pairs of junctions of which one drives an element at the other by a signal."""
+    beside = {
+        name: [
+            bond.target if bond.source == name else bond.source
+            for bond in flat.bonds
+            if name in (bond.source, bond.target)
+        ]
+        for name, node in flat.nodes.items()
+        if not node.is_junction
+    }
+    found = []
+    for name, ends in beside.items():
+        read = {
+            known.node for _, law in flat.nodes[name].laws for one in law.free_symbols if (known := signal_name(one))
+        }
+        found += [{end, other} for end in ends for other in read if {end, other} <= set(chosen) and end != other]
+    return found
 
 
 def _one_junction_apart(flat: BondGraph, network: nx.Graph[str], first: str, second: str) -> bool:

@@ -107,13 +107,23 @@ class _Relative:
 def with_relatives(trials: Sequence[Trial], left: Residual, context: Context, report: Report) -> list[Trial]:
     """The trials, relatives refitted that promise clearly more than the law that leads.
 
-    What leads is what would be chosen, else the law that gains most: it may have been refused for its form alone. None
-    of stiff models, whose refits are costly.
+    What leads is what would be chosen, and a law that gains clearly more: it may have been refused for its form alone.
+    None of stiff models, whose refits are costly.
     """
     done = list(trials)
-    lead = choose(done, context.level) or _foremost(done)
-    if lead is None or lead.fit is None or context.base.problem.filter_model.is_stiff:
+    if context.base.problem.filter_model.is_stiff:
         return done
+    chosen, foremost = choose(done, context.level), _foremost(done)
+    if foremost is not None and (chosen is None or foremost.gain > chosen.gain + INDIFFERENT):
+        done = _beside(foremost, done, left, context, report)
+    if chosen is not None:
+        done = _beside(chosen, done, left, context, report)
+    return in_plainer_words(done, left, context.level)
+
+
+def _beside(lead: Trial, trials: Sequence[Trial], left: Residual, context: Context, report: Report) -> list[Trial]:
+    """The trials, relatives of a law refitted that promise clearly more than it."""
+    done = list(trials)
     curve = attempted(lambda: _curve(lead, left), lambda why: None)
     near = [] if curve is None else _near(_unfitted(done, lead, curve, left), curve, context)
     told = attempted(lambda: _predicted(lead, near, context), lambda why: [])
@@ -125,7 +135,7 @@ def with_relatives(trials: Sequence[Trial], left: Residual, context: Context, re
         done = [*done, made] if one.index is None else [made if j == one.index else old for j, old in enumerate(done)]
     if told:
         report("refit relatives of the law that leads", len(told), len(told))
-    return in_plainer_words(done, left, context.level)
+    return done
 
 
 def single_laws(
