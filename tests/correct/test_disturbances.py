@@ -10,15 +10,27 @@ import pytest
 from scipy.linalg import expm
 
 from bondgraph import effects
+from bondgraph.build import build
+from bondgraph.correct.evidence.context import Context
+from bondgraph.correct.evidence.trials import Trial
 from bondgraph.correct.fits.assess import Assessment
 from bondgraph.correct.loop import ClosedLoop, LoopSettings, close_loop
+from bondgraph.correct.memory import explained_at_random
+from bondgraph.correct.models.candidates import candidates, places
+from bondgraph.correct.progress import Progress, with_disturbance
 from bondgraph.correct.result import result_json
+from bondgraph.correct.round import RoundSettings
 from bondgraph.correct.search.disturbances import described, disturbances
+from bondgraph.correct.search.refit import refit_from
 from bondgraph.data.log import FloatArray, MatchedLog
 from bondgraph.declare.domains import TRANSLATION
+from bondgraph.declare.effect import EffectFunction
 from bondgraph.declare.graph import BondGraph
+from bondgraph.estimate.declared import free_parameters
+from bondgraph.estimate.local import fit
 from bondgraph.estimate.objective import Terms
 from bondgraph.estimate.problem import EstimationProblem
+from bondgraph.estimate.setup import filter_setup
 from bondgraph.report.closed_loop import explanation
 from bondgraph.report.standing import held_out
 
@@ -186,6 +198,32 @@ def test_a_law_without_a_wind_has_no_disturbance_beside_it() -> None:
     functions = (effects.quadratic_loss, effects.coulomb_loss, effects.constant_effort)
     found = close_loop(cart(), [dragged(11, 0.0, 3.0), dragged(12, 0.0, 3.0)], [], functions, LoopSettings())
     assert [one.trial.candidate.label for one in found.added] == ["quadratic_loss at body"] and not found.disturbances
+
+
+@pytest.mark.parametrize("law", [effects.sprung_mass, effects.viscoelastic_drag, effects.hysteresis_loss])
+def test_a_wind_is_no_law_with_a_memory(law: EffectFunction) -> None:
+    """A load that wanders was a mass on a spring of ten times its platen: white noise drives both through a memory."""
+    found = close_loop(cart(), [driven(1, GUST), driven(2, GUST)], [], (law,), LoopSettings())
+    assert found.verdict == "disturbance" and not found.added
+
+
+def test_a_law_with_a_memory_must_explain_something_beside_the_wind() -> None:
+    """A mass on a spring whose gain came first stayed, although it had nothing to say beside the wind."""
+    logs, own = (driven(1, GUST), driven(2, GUST)), build(cart())
+    setup = filter_setup(own.model, own.driven, logs)
+    base = fit(EstimationProblem(setup.filter_model, logs, (*free_parameters(setup, ()), *setup.noise)))
+    where = [one for one in places(own, logs, base.runs(logs), base.theta) if one.label == "body"]
+    (made,), _ = candidates(own, [effects.sprung_mass], where)
+    chosen = refit_from(Trial(made, 0.0), [19.0, 0.06, 1.0], Context(own, base, logs, 10, 0.01, 5.0))
+    assert chosen.evidence is not None
+    state = Progress(cart(), own, base, logs)
+    wind = with_disturbance(state, RoundSettings()).added[0]
+    assert wind.evidence is not None
+    ahead = replace(chosen, evidence=replace(chosen.evidence, bic_gain=wind.evidence.bic_gain + 10.0))
+    (taken,) = explained_at_random(state, ahead, RoundSettings()).added
+    assert taken.candidate.label == "disturbance at body"
+    far = replace(ahead, evidence=replace(chosen.evidence, bic_gain=3.0 * wind.evidence.bic_gain))
+    assert explained_at_random(state, far, RoundSettings()) is state  # the wind explains less than half of it
 
 
 def test_without_a_wind_there_is_none() -> None:
