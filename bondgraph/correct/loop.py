@@ -23,7 +23,6 @@ from bondgraph.correct.evidence.certified import doubts
 from bondgraph.correct.evidence.trials import Added, Detectable, Trial
 from bondgraph.correct.fits.assess import Assessment, assess
 from bondgraph.correct.fits.whiteness import Whiteness, whiteness
-from bondgraph.correct.memory import explained_at_random
 from bondgraph.correct.models.failures import FAILURES, attempted
 from bondgraph.correct.models.failures import reason as reason_of
 from bondgraph.correct.models.resting import without_resting_state
@@ -36,6 +35,7 @@ from bondgraph.correct.rest import Rest, at_random, settle
 from bondgraph.correct.round import Round, RoundSettings, one_round, round_cautions, unsearched
 from bondgraph.correct.search.disturbances import Disturbance, described
 from bondgraph.correct.verdict import Verdict, unproven, verdict
+from bondgraph.correct.wandering import explained_at_random
 from bondgraph.data.log import MatchedLog
 from bondgraph.declare.editing import handle, with_bounds, with_values, without_input_rates
 from bondgraph.declare.effect import EffectFunction, Place, Scale

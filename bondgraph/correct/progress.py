@@ -21,7 +21,6 @@ from bondgraph.correct.models.failures import attempted
 from bondgraph.correct.models.shaping_filters import DISTURBANCE
 from bondgraph.correct.round import Round, RoundSettings
 from bondgraph.correct.scores.gates import Constancy, Gate, When, constancy, gated, with_gate
-from bondgraph.correct.search.disturbances import described, disturbances
 from bondgraph.correct.search.refit import refit_from
 from bondgraph.correct.shapes.forms import as_one, joined, own_form
 from bondgraph.data.log import MatchedLog
@@ -88,7 +87,7 @@ def advance(state: Progress, turn: Round, settings: RoundSettings) -> Progress:
     if chosen is None or chosen.evidence is None:
         raise EstimationError("only a candidate that was refitted can be added")
     settings.report("add the effect and estimate again", 0, 1)
-    number = _rounds(state) + 1
+    number = rounds_done(state) + 1
     evidence = chosen.evidence
     why = (
         f"gains {evidence.delta_nll:.1f} nats, p = {max(evidence.p_value, evidence.p_robust):.2g} over "
@@ -106,7 +105,7 @@ def advance(state: Progress, turn: Round, settings: RoundSettings) -> Progress:
     state, last = _in_own_form(state, number, settings)
     state = _without_needless_disturbance(state, last, number, settings)
     # earlier effects that are no longer needed beside the last one go
-    return _standing(state, [last], f"beside {last.candidate.label}", number, settings)
+    return standing(state, [last], f"beside {last.candidate.label}", number, settings)
 
 
 def certified(state: Progress, number: int, settings: RoundSettings) -> Progress:
@@ -131,7 +130,8 @@ def certified(state: Progress, number: int, settings: RoundSettings) -> Progress
     return replace(finer, added=(*finer.added[:-1], replace(last, evidence=sure)))
 
 
-def _rounds(state: Progress) -> int:
+def rounds_done(state: Progress) -> int:
+    """Number of the last round in which something was decided."""
     return max((decision.round for decision in state.history), default=0)
 
 
@@ -254,12 +254,7 @@ def _without_needless_disturbance(state: Progress, last: Trial, number: int, set
     return state
 
 
-def standing(state: Progress, gone: str, number: int, settings: RoundSettings) -> Progress:
-    """The state from which something is gone, with those of the other effects that stand without it."""
-    return _standing(state, [], f"without {gone}", number, settings)
-
-
-def _standing(state: Progress, sure: Sequence[Trial], how: str, number: int, settings: RoundSettings) -> Progress:
+def standing(state: Progress, sure: Sequence[Trial], how: str, number: int, settings: RoundSettings) -> Progress:
     """The state without its effects that are in doubt, the most doubtful first; those that are ``sure`` stay."""
     while doubtful := [k for k, trial in enumerate(state.added) if all(trial is not one for one in sure)]:
         doubts = [doubt(state.fit, state.added[k].candidate.effect) for k in doubtful]
@@ -268,34 +263,6 @@ def _standing(state: Progress, sure: Sequence[Trial], how: str, number: int, set
             break
         state = without(state, doubtful[worst], "dropped", f"p = {doubts[worst]:.2g} {how}", number, settings)
     return state
-
-
-def with_disturbance(
-    state: Progress, settings: RoundSettings, worth: float = 0.0, rival: Fit | None = None, *, sensors: bool = True
-) -> Progress:
-    """The state with the disturbance that explains most, if innovations are coloured and one passes its tests.
-
-    It must gain more than ``worth`` nats beyond the penalty for its parameters, which a ``rival`` gains if there is
-    one; ``sensors``: that of a sensor is one. Laws that are in doubt beside it go.
-    """
-    settings.report("look for a disturbance", 0, 1)
-    found = disturbances(
-        state.built, state.fit, state.train, settings.level, settings.journal, sensors=sensors, worth=worth, rival=rival
-    )
-    settings.report("look for a disturbance", 1, 1)
-    if found is None or found.fit is None or found.built is None or found.evidence is None:
-        return state
-    if found.evidence.bic_gain <= worth:
-        return state
-    number = _rounds(state) + 1
-    why = f"{described(found, found.fit)}; gains {found.evidence.delta_nll:.1f} nats, p = {found.p_value:.2g}"
-    decision = Decision(number, "disturbance", found.candidate.label, why)
-    fitted, check = refined(found.fit, settings.journal, settings.substeps)
-    disturbed = replace(
-        state, built=found.built, fit=fitted, check=check, added=(*state.added, found),
-        history=(*state.history, decision),
-    )  # fmt: skip
-    return _standing(disturbed, [found], f"beside {found.candidate.label}", number, settings)
 
 
 def without_events(state: Progress) -> Progress:

@@ -25,13 +25,14 @@ from bondgraph.correct.places.unexplained import (
     table_effect,
     unexplained,
 )
-from bondgraph.correct.progress import Decision, Progress, standing, with_disturbance, without
+from bondgraph.correct.progress import Decision, Progress, standing, without
 from bondgraph.correct.round import Round, RoundSettings
 from bondgraph.correct.scores.scoring import Linearisation, linearisation
 from bondgraph.correct.search.refit import refit_from
 from bondgraph.correct.shapes.completions import completions
 from bondgraph.correct.shapes.formula import formula_of, is_long
 from bondgraph.correct.simpler import in_simpler_laws
+from bondgraph.correct.wandering import with_disturbance
 
 #: Functions without a law are tried at so many places.
 _SUSPECTS = 8
@@ -123,7 +124,7 @@ def _searched(
             ):
                 needed.add(gone)  # a disturbance has no size that the function could take, a law most of its shape
                 continue
-            state = standing(fewer, gone, len(rounds), settings)
+            state = standing(fewer, [], f"without {gone}", len(rounds), settings)
             if state is not fewer:
                 left = _look(state, linearisation(state.fit, state.train), settings.level)
             found, linear, tried = left

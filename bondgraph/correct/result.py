@@ -42,6 +42,7 @@ def result_json(closed: ClosedLoop) -> dict[str, Any]:
             {
                 "place": one.trial.candidate.place.label, "state": one.state, "std": number(one.size),
                 "unit": one.unit, "correlation_time_s": number(one.seconds), "delta_nll": number(one.trial.gain),
+                **({"period_s": number(one.period)} if one.period else {}),
             }
             for one in closed.disturbances
         ],

@@ -15,13 +15,13 @@ from bondgraph.correct.evidence.context import Context
 from bondgraph.correct.evidence.trials import Trial
 from bondgraph.correct.fits.assess import Assessment
 from bondgraph.correct.loop import ClosedLoop, LoopSettings, close_loop
-from bondgraph.correct.memory import explained_at_random
 from bondgraph.correct.models.candidates import candidates, places
-from bondgraph.correct.progress import Progress, with_disturbance
+from bondgraph.correct.progress import Progress
 from bondgraph.correct.result import result_json
 from bondgraph.correct.round import RoundSettings
 from bondgraph.correct.search.disturbances import described, disturbances
 from bondgraph.correct.search.refit import refit_from
+from bondgraph.correct.wandering import explained_at_random, with_disturbance
 from bondgraph.data.log import FloatArray, MatchedLog
 from bondgraph.declare.domains import TRANSLATION
 from bondgraph.declare.effect import EffectFunction

@@ -70,9 +70,11 @@ def test_what_was_found_beside_something_has_to_stand_without_it(monkeypatch: py
             fit=fit(EstimationProblem(model, (log,), tuple(free))),
             added=(*state.added, Trial(one, 9.0)),
         )
-    assert standing(state, "a wind", 2, RoundSettings()).added == state.added[:1]  # there is no constant load
+    assert (
+        standing(state, [], "without a wind", 2, RoundSettings()).added == state.added[:1]
+    )  # there is no constant load
     monkeypatch.setattr("bondgraph.correct.progress.doubt", lambda fitted, effect: 1e-9)
-    assert standing(state, "a wind", 2, RoundSettings()) is state
+    assert standing(state, [], "without a wind", 2, RoundSettings()) is state
 
 
 def test_a_part_without_which_a_law_has_no_value_stays(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,8 +1,11 @@
 """Shaping filters as effects: white noise with a memory, in the place of that of a state or beside a sensor.
 
-    dx/dt = -x/T + noise
+Of first order, and of second order for what keeps a rhythm:
 
-See :mod:`bondgraph.correct.search.disturbances`, which searches for them.
+    dx/dt = -x/T + noise
+    dx/dt = -x/T - w*y + noise, dy/dt = w*x - y/T, w = 2*pi/P
+
+See :mod:`bondgraph.correct.search.disturbances` and :mod:`bondgraph.correct.search.rhythms`, which search for them.
 """
 
 from __future__ import annotations
@@ -10,6 +13,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+import sympy
+from sympy import Symbol
 
 from bondgraph.build import BuiltModel, build
 from bondgraph.correct.models.candidates import Candidate, placed, times_of
@@ -19,10 +24,14 @@ from bondgraph.declare.editing import copy, handle
 from bondgraph.declare.effect import Effect, EffectFunction, Place, Scale
 from bondgraph.declare.elements import Node
 from bondgraph.declare.graph import BondGraph
-from bondgraph.declare.revision import replace_signal, revise_output
+from bondgraph.declare.revision import replace_signal, revise_integral, revise_output
 
 #: Kind of effect of a disturbance.
 DISTURBANCE = "disturbance"
+#: Name of one that keeps a rhythm.
+RHYTHM = "rhythm"
+#: A rhythm is looked for within this factor of the line of a spectrum.
+_NEAR = 1.25
 _REFERENCE = "Maybeck (1979), Stochastic Models, Estimation, and Control 1, section 4.11"
 
 
@@ -36,6 +45,16 @@ def at_state(built: BuiltModel, train: Sequence[MatchedLog], state: str) -> tupl
 def at_sensor(built: BuiltModel, train: Sequence[MatchedLog], output: str) -> tuple[Candidate, str] | None:
     """Noise of a sensor with a memory; None where it has no place."""
     return _made(built, _sensor_function(output, times_of(train)), Place.sensor(output, Scale(1.0, 1.0)), "")
+
+
+def rhythm_at_state(
+    built: BuiltModel, train: Sequence[MatchedLog], state: str, seconds: float
+) -> tuple[Candidate, str] | None:
+    """What repeats about every so many ``seconds``, beside the white noise of a state; None where it has no place."""
+    node = _storage_of(built, state)
+    place = _place_of(built, state, node)
+    longest = times_of(train)[1]
+    return None if place is None else _made(built, _rhythm(state, node, seconds, longest), place, state)
 
 
 def _made(built: BuiltModel, function: EffectFunction, place: Place, state: str) -> tuple[Candidate, str] | None:
@@ -71,25 +90,61 @@ def _function(state: str, node: Node | None, times: tuple[float, float]) -> Effe
 
     def disturbance(g: BondGraph, at: Place) -> Effect | None:
         name = f"{DISTURBANCE}_{state}".replace(".", "_")
-        flat = g.flatten()
         time = g.parameter(f"T_{name}", float(np.sqrt(lower * upper)), "s", "correlation time", (lower, upper))
-        if node is None:
-            unit = next(one.unit for one in flat.integrals if one.name == state)
-            own = g.integral(name, lambda x: -x / time, unit, f"what wanders beside {state}")
-            replace_signal(g, state, own)
-            law = f"{state} + x, dx/dt = -x/T + noise"
-        else:
-            domain, at_flow = at.domain, flat.nodes[at.junction.name].kind == "1"
-            unit = "" if domain is None else domain.effort_unit if at_flow else domain.flow_unit
-            own = g.integral(name, lambda x: -x / time, unit, f"what nothing measures at {at.label}")
-            source = g.effort_source if at_flow else g.flow_source
-            source(f"{name}_source", own, at=at.junction)
-            law = f"{'effort' if at_flow else 'flow'} = x, dx/dt = -x/T + noise"
+        own = g.integral(name, lambda x: -x / time, _unit(g, at, state, node), _meaning(at, state, node))
+        law = f"{_acting(g, at, state, node, own)}, dx/dt = -x/T + noise"
         return Effect(
             DISTURBANCE, name, law, (), adds_state=True, shapes=(time.name,), reference=_REFERENCE, kind=DISTURBANCE
         )
 
     return disturbance
+
+
+def _rhythm(state: str, node: Node | None, seconds: float, longest: float) -> EffectFunction:
+    """The effect function of a disturbance that repeats about every so many ``seconds``; ``longest`` is a log."""
+
+    def rhythm(g: BondGraph, at: Place) -> Effect | None:
+        name, bounds = f"{RHYTHM}_{state}".replace(".", "_"), (seconds, max(longest, 2.0 * seconds))
+        time = g.parameter(f"T_{name}", float(np.sqrt(bounds[0] * bounds[1])), "s", "time it keeps its rhythm", bounds)
+        around = (seconds / _NEAR, seconds * _NEAR)
+        period = g.parameter(f"P_{name}", seconds, "s", "time after which it repeats", around)
+        unit, meaning, rate = _unit(g, at, state, node), _meaning(at, state, node), 2 * sympy.pi / period
+        own = g.integral(name, 0, unit, meaning)
+        quarter = g.integral(f"{name}_quarter", lambda y: rate * own - y / time, unit, f"{meaning}, a quarter later")
+        revise_integral(g, name, -own / time - rate * quarter)
+        law = f"{_acting(g, at, state, node, own)}, dx/dt = -x/T - 2*pi*y/P + noise, dy/dt = 2*pi*x/P - y/T"
+        return Effect(
+            RHYTHM, name, law, (), adds_state=True, shapes=(time.name, period.name), reference=_REFERENCE,
+            kind=DISTURBANCE,
+        )  # fmt: skip
+
+    return rhythm
+
+
+def _unit(g: BondGraph, at: Place, state: str, node: Node | None) -> str:
+    """The unit of what acts on a state."""
+    if node is None:
+        return next(one.unit for one in g.flatten().integrals if one.name == state)
+    return "" if at.domain is None else at.domain.effort_unit if _at_flow(g, at) else at.domain.flow_unit
+
+
+def _at_flow(g: BondGraph, at: Place) -> bool:
+    """True at a 1-junction, where what acts is an effort."""
+    return g.flatten().nodes[at.junction.name].kind == "1"
+
+
+def _meaning(at: Place, state: str, node: Node | None) -> str:
+    return f"what wanders beside {state}" if node is None else f"what nothing measures at {at.label}"
+
+
+def _acting(g: BondGraph, at: Place, state: str, node: Node | None, own: Symbol) -> str:
+    """Text of how a signal acts on a state, which it does from then on."""
+    if node is None:
+        replace_signal(g, state, own)
+        return f"{state} + x"
+    source = g.effort_source if _at_flow(g, at) else g.flow_source
+    source(f"{own.name}_source", own, at=at.junction)
+    return f"{'effort' if _at_flow(g, at) else 'flow'} = x"
 
 
 def _sensor_function(output: str, times: tuple[float, float]) -> EffectFunction:

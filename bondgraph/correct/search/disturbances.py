@@ -65,7 +65,8 @@ class Disturbance:
     """A disturbance that was estimated: its trial, the state that it is, its corner time in s, its size (std).
 
     ``unit`` is that of the size: of a sensor the one in which it is declared.
-    ``lasts``: that time is the longest that these logs can tell, so that it may be a drift.
+    ``lasts``: that time is the longest that these logs can tell, so that it may be a drift. ``period``, in s: it
+    repeats, zero of what does not.
     """
 
     trial: Trial
@@ -74,8 +75,14 @@ class Disturbance:
     size: float
     unit: str
     lasts: bool = False
+    period: float = 0.0
 
     def __str__(self) -> str:
+        if self.period:
+            size = f"standard deviation {number(self.size)}{f' {self.unit}' if self.unit else ''}"
+            kept = f"{number(self.seconds)} s{' or more, as long as the logs' if self.lasts else ''}"
+            what = f"something that nothing measures repeats every {number(self.period)} s"
+            return f"{self.trial.candidate.place.label}: {what}, {size}, and keeps its rhythm for {kept}"
         sensor = bool(self.trial.candidate.effect.channel)
         what = "its noise has a memory" if sensor else "something that nothing measures wanders at random"
         size = f"standard deviation {number(self.size)}{f' {self.unit}' if self.unit else ''}"
@@ -158,8 +165,9 @@ def described(trial: Trial, fitted: Fit) -> Disturbance:
     model, channel = fitted.problem.filter_model.model, trial.candidate.effect.channel
     known = model.outputs if channel else model.states
     info = next(one for one in known if one.name == (channel or state))
-    size = info.shown(noise * float(np.sqrt(0.5 * time)))
-    return Disturbance(trial, state, time, size, info.display_unit, time >= _ALL * longest)
+    period = sum(fitted.values[name] for name in trial.candidate.effect.shapes[1:])
+    size = info.shown(noise * float(np.sqrt((0.25 if period else 0.5) * time)))
+    return Disturbance(trial, state, time, size, info.display_unit, time >= _ALL * longest, period)
 
 
 def _driven_states(base: Fit, level: float) -> list[str]:
