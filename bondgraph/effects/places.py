@@ -17,7 +17,7 @@ from bondgraph.declare.quantities import Input, symbol
 from bondgraph.derive.causality import assign_causality
 from bondgraph.derive.laws import linear_coefficient
 
-#: Bounds of the number that says how sharply a ceiling ends: a hyperbolic tangent is about 2.4, twenty a corner.
+#: Bounds of the number that says how sharply a ceiling ends: a hyperbolic tangent is about 2.7, twenty a corner.
 SHARPNESS = (2.0, 20.0)
 #: Square of a share of a ceiling below which the slope of its sharpness does not matter: a logarithm needs a number.
 _AT_REST = SMOOTHING**8

@@ -69,6 +69,17 @@ def test_an_event_is_said_and_not_called_a_law(happened: ClosedLoop) -> None:
     assert {one.action for one in happened.history} <= {"event", "stopped"}
 
 
+def test_parameters_that_made_up_for_an_event_are_told_as_they_are_beside_it(happened: ClosedLoop) -> None:
+    """Of a bearing that got worse at 12 s the inertia was 18 % off, and only the sentence on the event knew."""
+    assert happened.eventful is not None and happened.eventful.values["c_guide"] == pytest.approx(10.0, rel=0.05)
+    problem, point = happened.nominal.problem, happened.nominal.point.copy()
+    point[problem.names.index("c_guide")] = problem.upper[problem.names.index("c_guide")]
+    off = replace(happened, nominal=replace(happened.nominal, point=point))
+    notes = report_data(off, {}, Provenance("", None, (), (), (), 0.0)).notes
+    (said,) = [note for note in notes if note.startswith("A fit that knows of the event has c_guide = ")]
+    assert said.endswith("the other estimates make up for it.")
+
+
 def test_a_law_is_found_beside_an_event_and_alone_in_the_declaration() -> None:
     drag = added(effects.quadratic_loss, "runner", DRAG)
     both = added(effects.constant_effort, "runner", PUSH, added(effects.quadratic_loss, "runner", DRAG))
