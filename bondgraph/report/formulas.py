@@ -42,7 +42,8 @@ def _own_form(closed: ClosedLoop, added: Added) -> str:
     said = f"{law.candidate.label} has a form of its own: "
     said += text or " and ".join(f"{one.candidate.effect.name} ({_law(closed, one)})" for one in law.forms)
     first = law.forms[0].candidate.effect.name
-    far = "" if away is None else f"; over the logs no {first} comes nearer to it than {100.0 * away:.0f} %"
+    share = 0 if away is None else round(100.0 * away)
+    far = f"; over the logs no {first} comes nearer to it than {share} %" if share else ""
     return f"{said}{far}."
 
 
