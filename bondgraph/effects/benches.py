@@ -47,7 +47,7 @@ class Bench:
 def drive() -> Bench:
     """A motor that moves a carriage on a bellows through a gear, an elastic shaft, a belt that may slip and a screw.
 
-    A shorted voice coil moves with the bellows.
+    A shorted voice coil moves with the bellows, and a magnet pulls at it.
     """
     g = BondGraph("drive")
     torque = g.input("torque", "N m", "command of the motor")
@@ -80,6 +80,8 @@ def drive() -> Bench:
     g.compliance("cushion", g.parameter("k_b", 500.0, "N/m", "stiffness of the bellows"), at=bellows, state="pressed")
     winding = g.inertance("winding", g.parameter("L_c", 0.01, "V s/A", "inductance of the voice coil"), state="i_c")
     g.gyrator("coil", g.parameter("k_c", 5.0, "N/A", "constant of the voice coil"), bellows, winding)
+    current = g.input("current", "A", "current of the magnet")
+    g.effort_source("magnet", g.parameter("k_p", 2.0, "N/A", "pull of the magnet") * current, at=bellows)
     g.measure("position", g.integral("x", carriage.flow, "m", "position of the carriage"), "m")
     g.integral("angle", rotor.flow, "rad", "angle of the rotor")
     g.measure_flow("speed", rotor, "speed of the rotor")
@@ -107,10 +109,14 @@ def circuit() -> Bench:
     body = g.zero_junction("body", THERMAL)
     resistance = next(one for one in g.parameters if one.name == "R").symbol
     g.flow_source("heat", resistance * loop.flow**2, at=body)
-    g.compliance("warm", 1 / g.parameter("C_T", 50.0, "J/K", "heat capacity"), at=body, state="Q_wire")
-    g.resistance("air", g.parameter("R_T", 2.0, "K/W", "to what is around"), at=body)
+    content = 50.0 * 293.0
+    g.compliance("warm", 1 / g.parameter("C_T", 50.0, "J/K", "heat capacity"), at=body, state="Q_wire", initial=content)
+    skin = g.one_junction("skin", THERMAL)
+    g.bond(body, skin)
+    g.resistance("air", g.parameter("R_T", 2.0, "K/W", "to what is around"), at=skin)
+    g.bond(skin, g.effort_source("around", g.parameter("T_a", 293.0, "K", "temperature around")))
     g.measure_flow("current", loop, "current")
-    return Bench(g, {"electrical": Scale(20.0, 2.0), "thermal": Scale(40.0, 10.0)})
+    return Bench(g, {"electrical": Scale(20.0, 2.0), "thermal": Scale(400.0, 10.0)})
 
 
 def tanks() -> Bench:
