@@ -18,12 +18,15 @@ from bondgraph.data.log import FloatArray, MatchedLog
 from tests.correct.test_disturbances import DRAG, MASS, NOISE, STEP, cart
 
 
-def innovations(rows: list[FloatArray]) -> SimpleNamespace:
-    """A fit whose innovations are given, one channel in each of several logs."""
-    runs = [SimpleNamespace(time=STEP * np.arange(y.size), y=y[np.newaxis], whitened=y[np.newaxis]) for y in rows]
+def innovations(rows: list[FloatArray], steps: tuple[float, ...] = (STEP, STEP)) -> SimpleNamespace:
+    """A fit whose innovations are given, one channel in each of several logs; each log is its own run."""
+    runs = [
+        SimpleNamespace(time=step * np.arange(y.size), y=y[np.newaxis], whitened=y[np.newaxis])
+        for y, step in zip(rows, steps, strict=False)
+    ]
     model = SimpleNamespace(outputs=["speed"])
-    problem = SimpleNamespace(logs=rows, filter_model=SimpleNamespace(model=model))
-    return SimpleNamespace(problem=problem, runs=lambda logs: runs)
+    problem = SimpleNamespace(logs=runs, filter_model=SimpleNamespace(model=model))
+    return SimpleNamespace(problem=problem, runs=lambda logs: logs)
 
 
 @settings(max_examples=20, deadline=None)
@@ -52,6 +55,15 @@ def test_logs_with_gaps_tell_of_lines_and_short_ones_of_none() -> None:
     found = line(innovations([row]), 1e-3)  # type: ignore[arg-type]
     assert found == pytest.approx(0.8, rel=0.02)
     assert line(innovations([row[:90]]), 1e-3) is None  # type: ignore[arg-type]
+
+
+def test_logs_of_another_rate_are_left_out_of_a_sum_of_spectra() -> None:
+    rng = np.random.default_rng(4)
+    quick, slow = (
+        rng.normal(size=1200) + np.sin(2 * np.pi * step * np.arange(1200) / 0.8) for step in (STEP, 4.0 * STEP)
+    )
+    found = line(innovations([quick, slow], (STEP, 4.0 * STEP)), 1e-3)  # type: ignore[arg-type]
+    assert found == pytest.approx(0.8, rel=0.02)
 
 
 @given(period=st.floats(0.1, 10.0), kept=st.floats(5.0, 50.0), size=st.floats(0.1, 10.0))

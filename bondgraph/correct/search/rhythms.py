@@ -44,6 +44,8 @@ _ITERATIONS, _TOLERANCE = 40, 0.05
 #: Frequencies over whose mean a line stands out: enough for a mean, few enough that a spectrum is even over them. Those
 #: next to a line have a part of it, where its period is no part of the log.
 _AROUND, _NEXT = 51, 2
+#: Share by which intervals between samples of one rate differ at most, by rounding of what was written.
+_SAME_RATE = 1e-3
 _NEIGHBOURS = np.where(np.abs(np.arange(_AROUND) - _AROUND // 2) > _NEXT, 1.0, 0.0) / (_AROUND - 2 * _NEXT - 1)
 
 
@@ -53,8 +55,10 @@ def line(fitted: Fit, level: float) -> float | None:
     Spectra of the logs are added up, channel by channel, and each ordinate is compared with the mean of its neighbours,
     by Fisher's distribution F. What is no sine leaves lines at multiples too, so that the lowest one counts.
     """
-    runs = fitted.runs(fitted.problem.logs)
-    step = min(float(np.median(np.diff(run.time))) for run in runs)
+    steps = [float(np.median(np.diff(log.time))) for log in fitted.problem.logs]
+    step = min(steps)  # spectra of other rates are of other frequencies
+    logs = [log for log, own in zip(fitted.problem.logs, steps, strict=True) if own < step * (1.0 + _SAME_RATE)]
+    runs = fitted.runs(logs)
     count = max(run.time.size for run in runs)
     found = []
     for row in range(len(fitted.problem.filter_model.model.outputs)):
