@@ -123,7 +123,7 @@ def test_a_late_sensor_shows_a_slow_swing_later() -> None:
     own, v = [k for k, name in enumerate(states) if name.startswith("late")], states.index("v")
     s = 2j * math.pi * 1.0
     inner = np.linalg.solve(s * np.eye(len(own)) - slopes[np.ix_(own, own)], slopes[own, v])
-    assert abs(shown[own] @ inner + shown[v] - cmath.exp(-0.1 * s)) < 1e-3
+    assert abs(shown[own] @ inner + shown[v] - cmath.exp(-0.1 * s)) < 5e-3
 
 
 def test_a_gap_that_closes_pulls_by_the_square() -> None:
