@@ -1,4 +1,4 @@
-"""What wanders beside laws: when a disturbance is added to a model, and when it explains a law that was chosen.
+"""Disturbances beside laws: when one is added to a model, and when it explains a law that was chosen.
 
 Noise that drives a machine is coloured by a law with a memory as by a disturbance. A lag, a storage and a late sensor
 explain coloured innovations, whatever coloured them: through a mass on a spring the white noise of a platen becomes a

@@ -35,7 +35,7 @@ _COUPLING = "Naunheimer, Bertsche, Ryborz, Novak (2011), Automotive Transmission
 _BELT_SLIP = "Firbank (1970), Int. J. Mech. Sci. 12; Childs (2019), Mechanical Design Engineering Handbook"
 _SURVEY = "Armstrong-Helouvry, Dupont, Canudas de Wit (1994), Automatica 30(7)"
 _WEIR = "White (2011), Fluid Mechanics, section 10.7"
-#: An edge is looked for up to so many times the difference of two efforts.
+#: An edge is looked for up to so many times the difference of two efforts, the only size that is known: a convention.
 _HIGH = 4.0
 #: What a flow in proportion to a difference of efforts is called.
 _LEAK = Words("", "leakage_between", "leakage_between", "heat_bridge", "exchange_between")
@@ -73,13 +73,13 @@ def orifice_between(g: BondGraph, at: Place) -> Effect | None:
 
 @between_junctions
 def overflow_onward(g: BondGraph, at: Place) -> Effect | None:
-    """What runs over the edge of the first vessel falls into the second: tanks in a row, a weir between two basins."""
+    """Overflow of the first vessel that falls into the second: tanks in a row, a weir between two basins."""
     return _overflow_between(g, at, "overflow_onward", "first")
 
 
 @between_junctions
 def overflow_back(g: BondGraph, at: Place) -> Effect | None:
-    """What runs over the edge of the second vessel falls into the first."""
+    """Overflow of the second vessel that falls into the first."""
     return _overflow_between(g, at, "overflow_back", "second")
 
 

@@ -1,4 +1,4 @@
-"""What stands in the report of a closed loop, as plain values, and what a terminal is told of it."""
+"""Values of the report of a closed loop, and the text that a terminal is told of it."""
 
 from __future__ import annotations
 

@@ -58,7 +58,7 @@ class AbstractCorrection(Tabulated):
     @property
     @abstractmethod
     def kept(self) -> SavedCorrection:
-        """What a file keeps of it."""
+        """The part of it that a file keeps."""
 
     @property
     def graph(self) -> BondGraph:

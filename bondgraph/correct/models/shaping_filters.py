@@ -30,7 +30,7 @@ from bondgraph.declare.revision import replace_signal, revise_integral, revise_o
 DISTURBANCE = "disturbance"
 #: Name of one that keeps a rhythm.
 RHYTHM = "rhythm"
-#: A rhythm is looked for within this factor of the line of a spectrum.
+#: A rhythm is looked for within this factor of the line of a spectrum: in a log of four periods a line is so wide.
 _NEAR = 1.25
 _REFERENCE = "Maybeck (1979), Stochastic Models, Estimation, and Control 1, section 4.11"
 
@@ -50,7 +50,7 @@ def at_sensor(built: BuiltModel, train: Sequence[MatchedLog], output: str) -> tu
 def rhythm_at_state(
     built: BuiltModel, train: Sequence[MatchedLog], state: str, seconds: float
 ) -> tuple[Candidate, str] | None:
-    """What repeats about every so many ``seconds``, beside the white noise of a state; None where it has no place."""
+    """The disturbance that repeats about every so many ``seconds``, at a state; None where it has no place."""
     node = _storage_of(built, state)
     place = _place_of(built, state, node)
     longest = times_of(train)[1]

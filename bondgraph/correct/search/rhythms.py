@@ -38,7 +38,7 @@ from bondgraph.filter.follows import Follow
 _TIMES = (0.3, 0.65, 1.0)
 #: Sizes that are tried, as shares of that of the disturbance beside it.
 _SIZES = (0.1, 0.3, 1.0)
-#: The noise is searched so far beyond these.
+#: The noise is searched so far beyond these, either way: three decades, a convention.
 _FARTHEST = 1e3
 _ITERATIONS, _TOLERANCE = 40, 0.05
 #: Frequencies over whose mean a line stands out: enough for a mean, few enough that a spectrum is even over them. Those
@@ -86,7 +86,7 @@ def _spectrum(run: FilterRun, row: int, count: int) -> FloatArray | None:
 def rhythm(
     built: BuiltModel, base: Fit, train: Sequence[MatchedLog], first: Trial, state: str, level: float, journal: Journal
 ) -> Trial | None:
-    """What repeats beside a disturbance of first order, if it shows as a line and passes its tests.
+    """The rhythm beside a disturbance of first order, if it shows as a line and passes its tests.
 
     Parameters
     ----------

@@ -69,7 +69,7 @@ class _Curve:
     is_bent: bool = True
 
     def rest(self, y: FloatArray) -> FloatArray:
-        """What counts of a curve over the same values, all (n,)."""
+        """The part of a curve over the same values that counts, all (n,)."""
         size = float(self.x @ self.x)
         if not self.is_bent or not size > 0.0:
             return y
