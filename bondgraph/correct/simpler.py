@@ -80,14 +80,20 @@ class _Other:
 def _singles(state: Progress, index: int, rounds: Sequence[Round], settings: RoundSettings) -> list[_Other]:
     """Single laws that draw nearly the curve of a sum of laws."""
     whole = replace(state.added[index], fit=state.fit, built=state.built)
-    if not rounds or state.fit.problem.filter_model.is_stiff or whole.candidate.effect.channel:
+    effect, stiff = whole.candidate.effect, state.fit.problem.filter_model.is_stiff
+    if not rounds or stiff or effect.channel or effect.regime or whole.gate is not None:
         return []
     turn = rounds[-1]
     left = Residual(state.built, turn.linear, turn.probed, turn.signals, turn.located)
     context = Context(state.built, state.fit, state.train, 1, settings.level, 0.0, settings.journal)
     trials = [one for each in rounds for one in each.trials]
     return attempted(
-        lambda: [_Other(trial, own) for trial, own in single_laws(whole, trials, left, context)], lambda why: []
+        lambda: [
+            _Other(trial, own)
+            for trial, own in single_laws(whole, trials, left, context)
+            if len(own) <= len(effect.parameters)
+        ],
+        lambda why: [],
     )
 
 
@@ -138,7 +144,8 @@ def _with(state: Progress, index: int, other: _Other, number: int, settings: Rou
         simplifies=law.candidate.label, stands_for=(), instead=None, remark="",
     )  # fmt: skip
     fewer = len(law.candidate.effect.parameters) - len(other.own)
-    why = f"{trial.candidate.label} does as well: {lost:.1f} nats less with {count(fewer, 'parameter')} fewer"
+    nats, parameters = f"{abs(lost):.1f} nats {'less' if lost > 0.0 else 'more'}", count(fewer, "parameter")
+    why = f"{trial.candidate.label} does as well: {nats} with {parameters} fewer"
     return replace(
         instead, fit=fitted, check=check,
         added=tuple(taken if k == index else one for k, one in enumerate(reduced.kept)),

@@ -18,7 +18,7 @@ from bondgraph.correct.fits.compared import predicts_worse
 from bondgraph.correct.fits.whiteness import is_white
 from bondgraph.correct.models.candidates import candidates
 from bondgraph.correct.models.failures import attempted
-from bondgraph.correct.models.shaping_filters import DISTURBANCE
+from bondgraph.correct.models.shaping_filters import DISTURBANCE, state_under
 from bondgraph.correct.progress import Decision, Progress, rounds_done, standing
 from bondgraph.correct.round import RoundSettings
 from bondgraph.correct.search.disturbances import described, disturbances
@@ -58,12 +58,10 @@ def with_disturbance(
 
 def _with_rhythm(state: Progress, first: Trial, number: int, settings: RoundSettings) -> tuple[Progress, list[Trial]]:
     """The state with what repeats beside a disturbance, if something does, and both disturbances."""
-    moved = first.candidate.effect.element.removeprefix(f"{DISTURBANCE}_")
-    found = (
-        None
-        if first.candidate.effect.channel
-        else rhythm(state.built, state.fit, state.train, first, moved, settings.level, settings.journal)
-    )
+    moved = state_under(first.candidate, state.built.model.names("state"))
+    if moved is None:
+        return state, [first]
+    found = rhythm(state.built, state.fit, state.train, first, moved, settings.level, settings.journal)
     if found is None or found.fit is None or found.built is None:
         return state, [first]
     fitted, check = refined(found.fit, settings.journal, settings.substeps)

@@ -47,7 +47,7 @@ _CURVES = "Lyons (1982), Lyons' Valve Designer's Handbook, chapter 10, for inher
 _GAP = "Woodson, Melcher (1968), Electromechanical Dynamics, chapter 3"
 #: Exponents beyond one of a bent map that are tried, from a root of the third degree to a fourth power.
 _BENT = (-0.67, 3.0)
-#: Share of a gap that a stroke may close: at the whole of it the law has a pole, and the pull is 25 times as large.
+#: Share of a gap that a stroke may close: the pull is 25 times as large then, and the law has a pole at the whole gap.
 _CLOSED = 0.8
 #: What an element of each kind gives.
 _GIVES = {"Se": "effort", "Sf": "flow", "R": "effort", "TF": "modulus", "GY": "modulus"}

@@ -23,7 +23,7 @@ from bondgraph.effects.thermal import ROOM, Around, surroundings
 
 #: Largest relative change per kelvin that is tried; copper has 0.004, a thermistor 0.05.
 _STEEPEST = 0.05
-#: Largest activation energy over the gas constant that is tried [K]: 100 kJ/mol, where common reactions end.
+#: Largest activation energy over the gas constant that is tried [K], of 100 kJ/mol: a convention.
 _MOST_ACTIVE = 12000.0
 #: Time in which the largest current may bring a battery to nothing [s]: 36 times its capacity per hour.
 SHORTEST_DISCHARGE = 100.0

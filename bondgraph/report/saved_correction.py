@@ -48,7 +48,7 @@ if TYPE_CHECKING:
 _ONE_FILE = ".npz"
 #: Files of a folder beside the values of its report.
 _RESULT, _DECLARED, _CORRECTED = "result.json", "declared_graph.json", "corrected_graph.json"
-#: What only the program that closed a loop has.
+#: Fields that only the program that closed a loop has.
 _OF_THE_LOOP = {one.name for one in dataclasses.fields(ClosedLoop)} | {"unproven", "detectable"}
 
 
@@ -77,7 +77,7 @@ class AbstractCorrection(Tabulated):
 
     @property
     def result(self) -> dict[str, Any]:
-        """What ``result.json`` says, see :func:`bondgraph.correct.result.result_json`."""
+        """The content of ``result.json``, see :func:`bondgraph.correct.result.result_json`."""
         found: dict[str, Any] = json.loads(self.kept.result_text)
         return found
 
@@ -267,7 +267,7 @@ class SavedCorrection(AbstractCorrection):
 
     @property
     def verdict(self) -> str:
-        """What came of the loop, see :data:`bondgraph.correct.verdict.Verdict`."""
+        """The verdict of the loop, see :data:`bondgraph.correct.verdict.Verdict`."""
         return self.data.verdict
 
     @property
@@ -277,7 +277,7 @@ class SavedCorrection(AbstractCorrection):
 
     @property
     def cautions(self) -> tuple[str, ...]:
-        """What a reader must know before believing it."""
+        """Doubts that a reader must know of."""
         return tuple(self.result["cautions"])
 
     @property
@@ -293,7 +293,7 @@ def saved_correction(
     extra: Mapping[str, Any] | None = None,
     declared: BondGraph | None = None,
 ) -> SavedCorrection:
-    """What a file keeps of a closed loop.
+    """The record that a file keeps of a closed loop.
 
     Parameters
     ----------

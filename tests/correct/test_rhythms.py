@@ -1,4 +1,4 @@
-"""What repeats is described with its period, beside what wanders; and nothing repeats where nothing does."""
+"""Rhythms: a load that repeats is described with its period, and where nothing repeats none is."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What comes nearest to an explanation is said where nothing is believed, with the reason, and nowhere else."""
+"""The nearest explanation is told where nothing is believed, with the reason against it, and nowhere else."""
 
 from __future__ import annotations
 

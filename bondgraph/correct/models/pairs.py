@@ -3,8 +3,8 @@
 Two chambers, nodes or bodies (0-junctions) exchange a flow by the difference of their efforts; two moving parts
 (1-junctions) an effort by the difference of their speeds. Only neighbours are paired: two with one junction between
 them, directly or through transformers and gyrators, or two of which one drives an element at the other by a signal: a
-jet that falls into a tank. Heat needs no way that somebody declared: it passes through frames
-and air, so that any two bodies are paired. Two that are rigidly tied have no difference of their own.
+jet that falls into a tank. Heat needs no way that somebody declared: it passes through frames and air, so that any two
+bodies are paired. Two that are rigidly tied have no difference of their own.
 """
 
 from __future__ import annotations
@@ -82,10 +82,7 @@ def neighbours(flat: BondGraph) -> list[tuple[str, str]]:
     found = []
     for first, second in itertools.combinations(chosen, 2):
         if domains[first] == domains[second] and tied[first] != tied[second] and first in network and second in network:
-            if domains[first] == THERMAL:
-                found.append((first, second))
-                continue
-            if {first, second} in driven:
+            if domains[first] == THERMAL or {first, second} in driven:
                 found.append((first, second))
                 continue
             others = {name for name in chosen if domains[name] == domains[first]} - {first, second}

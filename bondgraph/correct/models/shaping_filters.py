@@ -57,6 +57,15 @@ def rhythm_at_state(
     return None if place is None else _made(built, _rhythm(state, node, seconds, longest), place, state)
 
 
+def state_under(disturbance: Candidate, states: Sequence[str]) -> str | None:
+    """The state on which a disturbance acts, of those of a model; None of one of a sensor."""
+    return next((one for one in states if _named(DISTURBANCE, one) == disturbance.effect.element), None)
+
+
+def _named(kind: str, state: str) -> str:
+    return f"{kind}_{state}".replace(".", "_")
+
+
 def _made(built: BuiltModel, function: EffectFunction, place: Place, state: str) -> tuple[Candidate, str] | None:
     """The candidate of a disturbance and the state whose white noise it replaces; None where the graph refuses it."""
     graph = copy(built.graph)
@@ -89,7 +98,7 @@ def _function(state: str, node: Node | None, times: tuple[float, float]) -> Effe
     lower, upper = times
 
     def disturbance(g: BondGraph, at: Place) -> Effect | None:
-        name = f"{DISTURBANCE}_{state}".replace(".", "_")
+        name = _named(DISTURBANCE, state)
         time = g.parameter(f"T_{name}", float(np.sqrt(lower * upper)), "s", "correlation time", (lower, upper))
         own = g.integral(name, lambda x: -x / time, _unit(g, at, state, node), _meaning(at, state, node))
         law = f"{_acting(g, at, state, node, own)}, dx/dt = -x/T + noise"
@@ -104,7 +113,7 @@ def _rhythm(state: str, node: Node | None, seconds: float, longest: float) -> Ef
     """The effect function of a disturbance that repeats about every so many ``seconds``; ``longest`` is a log."""
 
     def rhythm(g: BondGraph, at: Place) -> Effect | None:
-        name, bounds = f"{RHYTHM}_{state}".replace(".", "_"), (seconds, max(longest, 2.0 * seconds))
+        name, bounds = _named(RHYTHM, state), (seconds, max(longest, 2.0 * seconds))
         time = g.parameter(f"T_{name}", float(np.sqrt(bounds[0] * bounds[1])), "s", "time it keeps its rhythm", bounds)
         around = (seconds / _NEAR, seconds * _NEAR)
         period = g.parameter(f"P_{name}", seconds, "s", "time after which it repeats", around)
