@@ -8,10 +8,6 @@ Fault-Tolerant Control, chapter 5.
 
 from __future__ import annotations
 
-import itertools
-from fractions import Fraction
-from math import comb, factorial
-
 from sympy import Abs
 
 from bondgraph.coherent import coherent
@@ -24,9 +20,6 @@ from bondgraph.effects.places import ceiling, lateness, over, sharpness
 from bondgraph.errors import DeclarationError
 
 _PADE = "Golub, Van Loan (2013), Matrix Computations, section 9.3, for the approximations of Pade"
-#: Order of the denominator that stands for a delay. Order 3 leaves a third of the error, but one Runge-Kutta step per
-#: sample is unstable with it below 1.5 samples of delay (order 2: below 0.9), and such a delay was not found.
-_DELAY_ORDER = 2
 _INSTRUMENT = "Doebelin (2003), Measurement Systems, chapter 3, instruments of first order"
 _REFERENCE = "Isermann (2006), Fault-Diagnosis Systems, chapter 3"
 
@@ -63,24 +56,25 @@ def sensor_drift(g: BondGraph, at: Place) -> Effect | None:
 def sensor_delay(g: BondGraph, at: Place) -> Effect | None:
     """A value that comes late: a filter in the amplifier, a slow bus.
 
-    A delay is no finite number of states; it is the approximation of Pade with a numerator of one order less than the
-    denominator, which passes no step at once. Its delay is right to the power ``2*n - 1`` of frequency times delay.
+    A delay is no finite number of states; it is the approximation of Pade with a numerator of first and a denominator
+    of second order, which is right to the fourth power of frequency times delay. Where both make two it loses 13 % in
+    size and 0.09 rad; two lags of half the delay lose 50 % and 0.43 rad. It passes no step at once, which one with
+    two zeros would. An order more leaves a third of the error, but one Runge-Kutta step per sample is unstable with it
+    below 1.5 samples of delay (with this one: below 0.9), and such a delay was not found.
     """
     name = f"delay_{at.name}"
     shown = next(output.expression for output in g.outputs if output.name == at.output)
     start, bounds = lateness(at)
     delay = g.parameter(name, start, "s", f"time by which {at.output} comes late", bounds)
-    unit, (above, below) = _unit(g, at), _pade(_DELAY_ORDER)
+    unit = _unit(g, at)
     late = g.integral(f"late_{at.name}", 0, unit, f"{at.output}, late and smooth", initial=at.output)
-    rates = range(1, _DELAY_ORDER)
-    chain = [late, *(g.integral(f"late{k}_{at.name}", 0, unit, f"rate {k} of {late.name}") for k in rates)]
-    for one, rate in itertools.pairwise(chain):
-        revise_integral(g, one.name, rate / delay)
-    behind = shown - sum(float(part) * one for part, one in zip(below, chain, strict=False))
-    revise_integral(g, chain[-1].name, behind / (float(below[-1]) * delay))
-    revise_output(g, at.output, sum(float(part) * one for part, one in zip(above, chain, strict=True)))
+    rising = g.integral(
+        f"rising_{at.name}", lambda x: (6 * (shown - late) - 4 * x) / delay, unit, f"rise of {at.output} over the delay"
+    )
+    revise_integral(g, late.name, rising / delay)
+    revise_output(g, at.output, late - rising / 3)
     return Effect(
-        "sensor_delay", at.output, "shown(t) = true(t - T), by an approximation of Pade", (name,),
+        "sensor_delay", at.output, "shown(t) = true(t - T), by (1 - s*T/3)/(1 + 2*s*T/3 + (s*T)^2/6)", (name,),
         adds_state=True, amplitudes=(0.4, 0.7), reference=_PADE, channel=at.output, kind="delay",
         manoeuvre="quick changes",
     )  # fmt: skip
@@ -173,19 +167,6 @@ def _fault(kind: str, at: Place, law: str, coefficient: str, manoeuvre: str) -> 
         f"sensor_{kind}", at.output, law, (coefficient,), reference=_REFERENCE, channel=at.output, kind=kind,
         manoeuvre=manoeuvre,
     )  # fmt: skip
-
-
-def _pade(order: int) -> tuple[list[Fraction], list[Fraction]]:
-    """Coefficients of powers of s*T: of the numerator (n,) and of the denominator (n + 1,) of an order n.
-
-    Reference: Golub and Van Loan (2013), Matrix Computations, section 9.3.
-    """
-    both = 2 * order - 1
-
-    def parts(own: int, sign: int) -> list[Fraction]:
-        return [sign**k * Fraction(comb(own, k) * factorial(both - k), factorial(both)) for k in range(own + 1)]
-
-    return parts(order - 1, -1), parts(order, 1)
 
 
 def _shown_unit(g: BondGraph, at: Place) -> tuple[str, float]:

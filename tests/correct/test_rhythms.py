@@ -12,6 +12,7 @@ from scipy.linalg import expm, solve_continuous_lyapunov
 
 from bondgraph import effects
 from bondgraph.correct.loop import LoopSettings, close_loop
+from bondgraph.correct.models.shaping_filters import state_under
 from bondgraph.correct.result import result_json
 from bondgraph.correct.search.rhythms import _noise, line
 from bondgraph.data.log import FloatArray, MatchedLog
@@ -77,6 +78,16 @@ def test_the_noise_of_a_rhythm_gives_its_size_and_its_covariance_is_a_cosine(
     assert np.sqrt(stationary[0, 0]) == pytest.approx(size, rel=0.01)
     later = expm(a * 0.4 * period) @ stationary
     assert later[0, 0] == pytest.approx(size**2 * np.exp(-0.4 / kept) * np.cos(0.8 * np.pi), rel=0.1)
+
+
+def test_the_state_under_a_disturbance_is_found_in_a_part_too() -> None:
+    """Read from the name of the disturbance, the state of a part was none of the model's."""
+
+    def moved(element: str) -> str | None:
+        candidate = SimpleNamespace(effect=SimpleNamespace(element=element))
+        return state_under(candidate, ["v", "axle.v"])  # type: ignore[arg-type]
+
+    assert [moved(f"disturbance_{name}") for name in ("v", "axle_v", "sensor_speed")] == ["v", "axle.v", None]
 
 
 def beaten(seed: int, period: float, samples: int = 1200) -> MatchedLog:
