@@ -33,6 +33,7 @@ from bondgraph.effects.friction import stribeck_loss as stribeck_loss
 from bondgraph.effects.friction import viscous_loss as viscous_loss
 from bondgraph.effects.friction import warm_up_loss as warm_up_loss
 from bondgraph.effects.actuators import actuator_lag as actuator_lag
+from bondgraph.effects.actuators import actuator_delay as actuator_delay
 from bondgraph.effects.actuators import actuator_scale as actuator_scale
 from bondgraph.effects.loads import constant_effort as constant_effort
 from bondgraph.effects.loads import constant_flow as constant_flow

@@ -1,8 +1,8 @@
 """Actuators that do not give what they are told: wrong maps, lags, ceilings, dead zones, slow rates.
 
 An actuator is a source, a resistance, a transformer or a gyrator whose law follows an input of the graph: a motor's
-torque, a heater, a brake, a valve, a ratio. Levers and switches, which are held between samples, are none. A motor is
-one too, whose constant falls as its current or its stroke grows.
+torque, a heater, a brake, a valve, a ratio. Levers and switches, which are held between samples and have no unit, are
+none. A motor is one too, whose constant falls as its current or its stroke grows.
 
 References: Guzzella, Onder (2010), Introduction to Modeling and Control of Internal Combustion Engine Systems, chapter
 2, for the lag of an engine's torque; Tao, Kokotovic (1996), Adaptive Control of Systems with Actuator and Sensor
@@ -23,7 +23,7 @@ from bondgraph.declare.expressions import signal
 from bondgraph.declare.functions import clip
 from bondgraph.declare.graph import BondGraph
 from bondgraph.declare.quantities import Input
-from bondgraph.declare.revision import replace_input, revise_law
+from bondgraph.declare.revision import replace_input, revise_integral, revise_law
 from bondgraph.effects.places import (
     ceiling,
     commanded,
@@ -43,6 +43,7 @@ _ENGINE = "Guzzella, Onder (2010), Modeling and Control of Internal Combustion E
 _CEILING = "Hippe (2006), Windup in Control, chapter 1"
 _DEAD_ZONE = "Tao, Kokotovic (1996), Adaptive Control of Systems with Actuator and Sensor Nonlinearities, chapter 2"
 _MACHINERY = "Krause, Wasynczuk, Sudhoff (2013), Analysis of Electric Machinery and Drive Systems"
+_PADE = "Golub, Van Loan (2013), Matrix Computations, section 9.3, for the approximations of Pade"
 _CURVES = "Lyons (1982), Lyons' Valve Designer's Handbook, chapter 10, for inherent characteristics of valves"
 _GAP = "Woodson, Melcher (1968), Electromechanical Dynamics, chapter 3"
 #: Exponents beyond one of a bent map that are tried, from a root of the third degree to a fourth power.
@@ -152,6 +153,33 @@ def _lagging(g: BondGraph, at: Place, effect: str, kinds: Sequence[str]) -> Effe
     return Effect(
         effect, node.name, "command follows by dx/dt = (u - x)/T", (lag.name,), adds_state=True,
         amplitudes=(0.35, 0.65), reference=_ENGINE, manoeuvre="steps of the command",
+    )  # fmt: skip
+
+
+def actuator_delay(g: BondGraph, at: Place) -> Effect | None:
+    """A command that acts late as it is: a bus, an inverter's cycle, a pipe that has to be passed.
+
+    By the approximation of :func:`bondgraph.effects.sensors.sensor_delay`, of which that tells the errors.
+    """
+    found = _first(g, at, _SOURCES)
+    if found is None:
+        return None
+    node, command = found
+    name = f"actuator_delay_{at.name}"
+    start, bounds = lateness(at)
+    delay = g.parameter(f"T_{name}", start, "s", f"time by which {node.name} acts late", bounds)
+    own = command.symbol
+    late = g.integral(
+        f"late_{name}", 0, command.unit, f"{command.name}, late and smooth", initial=_start(node, command)
+    )
+    rising = g.integral(
+        f"rising_{name}", lambda x: (6 * (own - late) - 4 * x) / delay, command.unit, f"its rise over {delay.name}"
+    )
+    revise_integral(g, late.name, rising / delay)
+    replace_input(g, command.name, late - rising / 3)
+    return Effect(
+        "actuator_delay", node.name, "command(t - T), by (1 - s*T/3)/(1 + 2*s*T/3 + (s*T)^2/6)", (delay.name,),
+        adds_state=True, amplitudes=(0.4, 0.7), reference=_PADE, manoeuvre="steps of the command",
     )  # fmt: skip
 
 

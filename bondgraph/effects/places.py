@@ -207,7 +207,10 @@ def transmitted(g: BondGraph, at: Place) -> Expr | None:
 
 
 def commands(g: BondGraph, node: Node) -> list[Input]:
-    """The inputs, other than levers and switches, on which the laws of an element depend, through signals too."""
+    """The inputs, other than levers and switches, on which the laws of an element depend, through signals too.
+
+    A lever or a switch has no unit and is held between samples; a held voltage is the command of a controller.
+    """
     flat = g.flatten()
     named = {symbol(one.name): one.expression for one in flat.signals}
     reached: set[Symbol] = set()
@@ -217,7 +220,7 @@ def commands(g: BondGraph, node: Node) -> list[Input]:
         if used not in reached:
             reached.add(used)
             waiting += named[used].free_symbols if used in named else ()
-    return [one for one in flat.inputs if one.symbol in reached and not one.is_held]
+    return [one for one in flat.inputs if one.symbol in reached and not (one.is_held and one.unit in ("", "1"))]
 
 
 def commanded(g: BondGraph, at: Place, kinds: Sequence[str]) -> list[tuple[Node, Input]]:

@@ -158,7 +158,7 @@ def sensor_square(g: BondGraph, at: Place) -> Effect | None:
 
 #: All faults, in the order in which they are preferred where data do not tell them apart.
 SENSOR_FAULTS: tuple[EffectFunction, ...] = (
-    sensor_bias, sensor_scale, sensor_drift, sensor_delay, sensor_ceiling, sensor_dead_zone,
+    sensor_bias, sensor_scale, sensor_drift, sensor_delay, sensor_lag, sensor_ceiling, sensor_dead_zone,
 )  # fmt: skip
 
 

@@ -9,7 +9,7 @@ from bondgraph import effects
 from bondgraph.build import BuiltModel, build
 from bondgraph.correct.models.bonds import bond_model
 from bondgraph.correct.models.candidates import Candidate, candidates
-from bondgraph.declare.domains import ROTATION, THERMAL, TRANSLATION
+from bondgraph.declare.domains import ELECTRICAL, ROTATION, THERMAL, TRANSLATION
 from bondgraph.declare.editing import copy, handle, with_values
 from bondgraph.declare.effect import SMOOTHING, Effect, EffectFunction, Place, Scale, effect_functions
 from bondgraph.declare.graph import BondGraph
@@ -154,7 +154,7 @@ def test_coefficients_have_the_units_of_their_domain(domain: object, units: tupl
 
 def test_the_package_lists_the_effects_of_its_modules() -> None:
     names = [function.__name__ for function in effect_functions(effects)]
-    assert len(names) == len(set(names)) == 63
+    assert len(names) == len(set(names)) == 64
     assert set(names) <= set(every_effect())
 
 
@@ -248,6 +248,33 @@ def test_a_lagging_actuator_follows_its_command() -> None:
     x = model.x0(**{given: 10.0})
     rates = model.rhs(0.0, x, np.array([30.0, 0.0]), model.theta())
     assert rates[model.index("state", given)] == pytest.approx((30.0 - 10.0) / 0.5)
+
+
+def test_a_late_actuator_gives_what_was_commanded_before() -> None:
+    """A ramp comes late by the whole delay, once it has settled: the approximation is exact to the second order."""
+    built, effect = extended(effects.actuator_delay, "primary", 0.5)
+    model = built.model
+    late, rising = (next(name for name in model.names("state") if name.startswith(of)) for of in ("late", "rising"))
+    slope, now = 8.0, 30.0  # u = now at this time
+    shown = now - slope * 0.5
+    x = model.x0(**{rising: 0.5 * slope, late: shown + 0.5 * slope / 3.0})
+    rates = model.rhs(0.0, x, np.array([now, 0.0]), model.theta())
+    assert rates[model.index("state", late)] == pytest.approx(slope)
+    assert rates[model.index("state", rising)] == pytest.approx(0.0, abs=1e-12)
+    without = build(driveline()).model
+    own = without.rhs(0.0, without.x0(), np.array([shown, 0.0]), without.theta())
+    assert rates[model.index("state", "omega_primary")] == pytest.approx(own[without.index("state", "omega_primary")])
+    assert effect.adds_state
+
+
+@pytest.mark.parametrize(("unit", "acts"), [("V", True), ("1", False)])
+def test_a_held_voltage_is_a_command_and_a_held_switch_is_none(unit: str, acts: bool) -> None:
+    """Where inputs were held between samples, no actuator's law was tried, and nothing said so."""
+    g = BondGraph("amplifier")
+    given = g.input("given", unit, hold=True)
+    loop = g.one_junction("loop", ELECTRICAL)
+    g.effort_source("amplifier", given * g.parameter("gain", 1.0, "V" if unit == "1" else "1"), at=loop)
+    assert (effects.actuator_scale(g, Place(loop, Scale(10.0, 1.0))) is not None) is acts
 
 
 def test_friction_with_hysteresis_settles_at_its_level() -> None:

@@ -156,3 +156,21 @@ def test_a_late_sensor_is_late_by_a_delay() -> None:
     assert closed.corrected.values["J"] == pytest.approx(1.0, rel=0.01)
     assert closed.corrected.values["d"] == pytest.approx(3.0, rel=0.01)
     assert closed.corrected.values["std(speed)"] < 2.0 * late.NOISE[0]
+
+
+@pytest.mark.slow
+def test_a_slow_sensor_follows_by_a_lag() -> None:
+    """Of a level in a stilling pipe a delay was found, a leak and a tank that narrows, while lags were not tried."""
+    closed = bg.close_loop(late.hoist(), [late.log(seed, lag=0.15) for seed in TRAIN], [])
+    assert closed.verdict == "sensor fault suspected"
+    (fault,) = closed.added
+    assert fault.trial.candidate.label == "sensor_lag at sensor speed" and not closed.disturbances
+    assert closed.corrected.values["lag_speed"] == pytest.approx(0.15, rel=0.01)
+
+
+@pytest.mark.slow
+def test_a_motor_that_acts_late_is_late_by_a_delay() -> None:
+    """A command of an inverter that acted 52 ms late was an inductance, a polarisation and a sensor's scale."""
+    closed = bg.close_loop(late.hoist(), [late.log(seed, acting=0.06) for seed in TRAIN], [])
+    assert closed.added[0].trial.candidate.label == "actuator_delay at drum"
+    assert closed.corrected.values["T_actuator_delay_drum"] == pytest.approx(0.06, rel=0.03)

@@ -24,7 +24,7 @@ from bondgraph.correct.models.candidates import superset
 from bondgraph.correct.models.failures import FAILURES, attempted
 from bondgraph.correct.scores.scoring import Scored
 from bondgraph.correct.search.events import context_in_part
-from bondgraph.correct.search.incumbents import Prediction, predicted_by_swap
+from bondgraph.correct.search.incumbents import Prediction, predicted_by_swap, predicted_in_its_place
 from bondgraph.correct.search.refit import Prepared, prepared, refit
 from bondgraph.correct.search.regimes import Gated, gated_in_place
 from bondgraph.data.log import FloatArray
@@ -232,9 +232,23 @@ def _renew(search: Search, best: Trial) -> None:
         entry.trial = replace(entry.trial, instead=(best.candidate.label, best.gain - one.gain))
         if entry.trial is not best:
             entry.pending.append(one)
+    _renew_storages(search, best)
     add_gated(
         search, attempted(lambda: gated_in_place(best, search.scored, search.where, search.context), lambda _: [])
     )
+
+
+def _renew_storages(search: Search, best: Trial) -> None:
+    """Note what the fit with a storage predicts of others at its place."""
+    if not best.candidate.effect.adds_state:
+        return
+    place = best.candidate.place.label
+    for entry in search.entries:
+        other = entry.trial
+        same = other.candidate.place.label == place and other.candidate.label != best.candidate.label
+        if same and other.candidate.effect.adds_state and other.gate is None and other.fit is None:
+            told = attempted(lambda one=other: predicted_in_its_place(best, one, search.context), lambda _: None)  # type: ignore[misc]
+            entry.pending += [] if told is None else [told]
 
 
 def add_gated(search: Search, found: Sequence[Gated]) -> None:

@@ -1,4 +1,4 @@
-"""A machine with a sensor that is late: what it shows is what was true so long ago, no lag."""
+"""A machine with a sensor that is late, or follows slowly, or with a motor that acts late."""
 
 from __future__ import annotations
 
@@ -25,19 +25,24 @@ def hoist() -> bg.BondGraph:
     return g
 
 
-def log(seed: int, delay: float) -> MatchedLog:
-    """A log in which the speed comes late by a time; before it begins the drum rests."""
+def log(seed: int, delay: float = 0.0, lag: float = 0.0, acting: float = 0.0) -> MatchedLog:
+    """A log in which the speed comes late by a time, or follows in one, and the motor acts late by another.
+
+    Before it begins the drum rests.
+    """
     chance = np.random.default_rng(seed)
     time = STEP * np.arange(SAMPLES)
     u = steps(time, chance, -20.0, 20.0, 0.4)
 
     def rates(t: float, x: FloatArray) -> FloatArray:
-        return np.asarray((np.interp(t, time, u) - 3.0 * x) / 1.0)
+        given = np.interp(t - acting, time, u, left=0.0) if acting else np.interp(t, time, u)
+        follows = (x[0] - x[1]) / lag if lag else 0.0
+        return np.asarray([(given - 3.0 * x[0]) / 1.0, follows])
 
     run = solve_ivp(
-        rates, (0.0, time[-1]), [0.0], method="Radau", rtol=1e-8, atol=1e-9, max_step=STEP, dense_output=True
+        rates, (0.0, time[-1]), [0.0, 0.0], method="Radau", rtol=1e-8, atol=1e-9, max_step=STEP, dense_output=True
     )
     ago = time - delay
-    speed = np.where(ago > 0.0, run.sol(np.maximum(ago, 0.0))[0], 0.0)
+    speed = np.where(ago > 0.0, run.sol(np.maximum(ago, 0.0))[1 if lag else 0], 0.0)
     y = np.array([speed, 3.0 * run.sol(time)[0]])
     return MatchedLog(f"run{seed}", time, u[np.newaxis], y + np.array([NOISE]).T * chance.normal(size=y.shape))
