@@ -231,6 +231,17 @@ def test_pairs_are_neighbours_that_are_not_tied() -> None:
     assert neighbours(cylinder()) == [("front", "back")]  # the piston between them ties no pressures
 
 
+def test_a_current_creeps_between_any_two_nodes() -> None:
+    """A moist path from the first node of a ladder to the third was two leaks and a negative resistance."""
+    g = BondGraph("ladder")
+    nodes = [g.zero_junction(name, ELECTRICAL) for name in ("n1", "n2", "n3")]
+    for k in (0, 1):
+        branch = g.one_junction(f"r{k}", ELECTRICAL)
+        g.resistance(f"resistor{k}", g.parameter(f"R{k}", 1e4, "ohm"), at=branch)
+        _ = g.bond(nodes[k], branch), g.bond(branch, nodes[k + 1])
+    assert neighbours(g.flatten()) == [("n1", "n2"), ("n1", "n3"), ("n2", "n3")]
+
+
 def test_heat_passes_between_any_two_bodies() -> None:
     """A bridge of 0.35 W/K between two boards in one air stream was two formulas of the other board's heat flow."""
     g = BondGraph("rack")

@@ -4,7 +4,8 @@ Two chambers, nodes or bodies (0-junctions) exchange a flow by the difference of
 (1-junctions) an effort by the difference of their speeds. Only neighbours are paired: two with one junction between
 them, directly or through transformers and gyrators, or two of which one drives an element at the other by a signal: a
 jet that falls into a tank. Heat needs no way that somebody declared: it passes through frames and air, so that any two
-bodies are paired. Two that are rigidly tied have no difference of their own.
+bodies are paired, and any two nodes of a circuit, whose leakage creeps over boards and through moist insulation. Two
+that are rigidly tied have no difference of their own.
 """
 
 from __future__ import annotations
@@ -25,6 +26,8 @@ from bondgraph.declare.validation import node_domains
 
 #: Kind of the junctions of each domain between which something flows or rubs.
 _KIND = {ELECTRICAL: "0", HYDRAULIC: "0", THERMAL: "0", CHEMICAL: "0", ROTATION: "1", TRANSLATION: "1"}
+#: Domains in which something passes between any two of them.
+_EVERYWHERE = (THERMAL, ELECTRICAL)
 #: A difference smaller than this share of what it is a difference of is rounding.
 _SHARE = 1e-6
 
@@ -36,7 +39,7 @@ def sizes(values: FloatArray) -> FloatArray:
 
 
 def pairs(graph: BondGraph, flat: BondGraph, values: tuple[FloatArray, FloatArray], smoothing: float) -> list[Place]:
-    """Neighbouring junctions, with the size of their difference and of what passes through the lesser of them.
+    """Junctions that are paired, with the size of their difference and of what passes through the lesser of them.
 
     Parameters
     ----------
@@ -82,7 +85,7 @@ def neighbours(flat: BondGraph) -> list[tuple[str, str]]:
     found = []
     for first, second in itertools.combinations(chosen, 2):
         if domains[first] == domains[second] and tied[first] != tied[second] and first in network and second in network:
-            if domains[first] == THERMAL or {first, second} in driven:
+            if domains[first] in _EVERYWHERE or {first, second} in driven:
                 found.append((first, second))
                 continue
             others = {name for name in chosen if domains[name] == domains[first]} - {first, second}
