@@ -31,7 +31,7 @@ from bondgraph.correct.scores.scoring import Linearisation, linearisation
 from bondgraph.correct.search.refit import refit_from
 from bondgraph.correct.shapes.completions import completions
 from bondgraph.correct.shapes.formula import formula_of, is_long
-from bondgraph.correct.simpler import in_simpler_laws
+from bondgraph.correct.simpler import in_one_law, in_simpler_laws
 from bondgraph.correct.wandering import with_disturbance
 
 #: Functions without a law are tried at so many places.
@@ -66,6 +66,9 @@ def settle(state: Progress, rounds: Sequence[Round], settings: RoundSettings, ta
     settings.report("look for what stays unexplained", 0, 1)
     begun = state.fit.nll
     found, state, cautions, completes = _searched(state, rounds, settings)
+    single = in_one_law(state, rounds, settings, completes)
+    if single is not state:
+        found, state, cautions, completes = _searched(single, rounds, settings)
     settings.report("look for what stays unexplained", 1, 1)
     if found is None:
         return Rest(state, (), cautions, completes)

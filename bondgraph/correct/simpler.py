@@ -5,14 +5,15 @@ described; beside these dry friction loses 1.1 nats to it, with two parameters f
 several coefficients is weighed against the simpler ones at its place, and the best of those that do as well by the
 Bayesian information criterion is taken. Others that the data do not tell from it are named with it.
 
-A sum of laws of one signal is weighed against single laws that draw its curve. A leak of a pump with the power 1.35 of
-the pressure was chosen as an overflow, which a straight leak completed.
+A sum of laws of one signal is weighed against single laws that draw its curve, and so is a law with those that complete
+its form. A leak of a pump with the power 1.35 of the pressure was chosen as an overflow, which a straight leak
+completed; a loss in a hose with the power 1.75 of its flow as a square, which a dead zone of the pump completed.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -25,10 +26,12 @@ from bondgraph.correct.models.failures import attempted
 from bondgraph.correct.models.shaping_filters import DISTURBANCE
 from bondgraph.correct.progress import Decision, Progress, reduced_to
 from bondgraph.correct.round import Round, RoundSettings
+from bondgraph.correct.shapes.completions import arguments
 from bondgraph.correct.shapes.formula import formula_of, is_long
 from bondgraph.correct.shapes.offered import Residual
 from bondgraph.correct.shapes.relatives import single_laws
 from bondgraph.data.log import FloatArray
+from bondgraph.declare.graph import BondGraph
 from bondgraph.estimate.fitted import at_optimum
 from bondgraph.estimate.free import FreeParameter
 from bondgraph.estimate.local import fit
@@ -46,21 +49,67 @@ def in_simpler_laws(state: Progress, rounds: Sequence[Round], settings: RoundSet
     return state
 
 
+def in_one_law(
+    state: Progress, rounds: Sequence[Round], settings: RoundSettings, completes: Mapping[str, str]
+) -> Progress:
+    """The state with single laws in the place of several, where one law does as well as all of them.
+
+    ``completes`` are labels of laws by those that complete them. A constant beside a law at its place is tried with it.
+    """
+    for first in [one.candidate.label for one in state.laws]:
+        whole = next((one for one in state.added if one.candidate.label == first), None)
+        if whole is None:  # it went with another one
+            continue
+        beside = [one for one in state.added if _adds_to(one, whole, completes, state.built.graph)]
+        if beside and not any(one.candidate.effect.regime or one.gate is not None for one in beside):
+            index = next(k for k, one in enumerate(state.added) if one is whole)
+            others = _singles(state, index, rounds, settings, beside)
+            state = _best(state, index, others, rounds, settings, beside)
+    return state
+
+
+def _adds_to(law: Trial, whole: Trial, completes: Mapping[str, str], graph: BondGraph) -> bool:
+    """True for a law that completes another one, or is a constant at its place."""
+    if law is whole:
+        return False
+    here = law.candidate.place.label == whole.candidate.place.label
+    return completes.get(law.candidate.label) == whole.candidate.label or (
+        here and arguments(law, graph) == frozenset()
+    )
+
+
 def _simplified(state: Progress, index: int, rounds: Sequence[Round], settings: RoundSettings) -> Progress:
     """The state with the best simpler law in the place of one, if one does as well."""
     is_sum = bool(state.added[index].forms) or is_long(state.added[index].candidate.function)
     others = _singles(state, index, rounds, settings) if is_sum else _simpler(state, index, rounds)
+    return _best(state, index, others, rounds, settings)
+
+
+def _best(
+    state: Progress,
+    index: int,
+    others: Sequence[_Other],
+    rounds: Sequence[Round],
+    settings: RoundSettings,
+    beside: Sequence[Trial] = (),
+) -> Progress:
+    """The state with the best of some laws in the place of one, and of those ``beside`` it, if one does as well."""
     found = [
-        attempted(lambda one=one: _with(state, index, one, len(rounds), settings), lambda why: None)  # type: ignore[misc]
+        attempted(lambda one=one: _with(state, index, one, len(rounds), settings, beside), lambda why: None)  # type: ignore[misc]
         for one in others
     ]
     ranked = sorted(filter(None, found), key=_criterion)
     if not ranked:
         return state
     best, *rest = ranked
+    index -= sum(_is_one_of(one, beside) for one in state.added[:index])
     alike = tuple(one.added[index].candidate.label for one in rest if _criterion(one) - _criterion(best) < INDIFFERENT)
     taken = replace(best.added[index], stands_for=alike)
     return replace(best, added=tuple(taken if k == index else one for k, one in enumerate(best.added)))
+
+
+def _is_one_of(trial: Trial, several: Sequence[Trial]) -> bool:
+    return any(trial is one for one in several)
 
 
 def _criterion(state: Progress) -> float:
@@ -77,9 +126,11 @@ class _Other:
     own: tuple[FreeParameter, ...]
 
 
-def _singles(state: Progress, index: int, rounds: Sequence[Round], settings: RoundSettings) -> list[_Other]:
-    """Single laws that draw nearly the curve of a sum of laws."""
-    whole = replace(state.added[index], fit=state.fit, built=state.built)
+def _singles(
+    state: Progress, index: int, rounds: Sequence[Round], settings: RoundSettings, beside: Sequence[Trial] = ()
+) -> list[_Other]:
+    """Single laws that draw nearly the curve of a sum of laws, of which some stand ``beside`` the one at an index."""
+    whole, *others = [replace(one, fit=state.fit, built=state.built) for one in (state.added[index], *beside)]
     effect, stiff = whole.candidate.effect, state.fit.problem.filter_model.is_stiff
     if not rounds or stiff or effect.channel or effect.regime or whole.gate is not None:
         return []
@@ -87,11 +138,10 @@ def _singles(state: Progress, index: int, rounds: Sequence[Round], settings: Rou
     left = Residual(state.built, turn.linear, turn.probed, turn.signals, turn.located)
     context = Context(state.built, state.fit, state.train, 1, settings.level, 0.0, settings.journal)
     trials = [one for each in rounds for one in each.trials]
+    most = sum(len(one.candidate.effect.parameters) for one in (whole, *beside))
     return attempted(
         lambda: [
-            _Other(trial, own)
-            for trial, own in single_laws(whole, trials, left, context)
-            if len(own) <= len(effect.parameters)
+            _Other(trial, own) for trial, own in single_laws(whole, trials, left, context, others) if len(own) <= most
         ],
         lambda why: [],
     )
@@ -120,12 +170,15 @@ def _refitted(trial: Trial) -> tuple[FreeParameter, ...]:
     return tuple(one for one in at_optimum(trial.fit) if one.name in trial.candidate.effect.parameters)
 
 
-def _with(state: Progress, index: int, other: _Other, number: int, settings: RoundSettings) -> Progress | None:
-    """The state with another law in the place of one; None where that does not do as well."""
+def _with(
+    state: Progress, index: int, other: _Other, number: int, settings: RoundSettings, beside: Sequence[Trial] = ()
+) -> Progress | None:
+    """The state with another law in the place of one, and of those ``beside`` it; None where it does not do as well."""
     law, trial = state.added[index], other.trial
     if law.evidence is None:
         return None
-    reduced = reduced_to(state, [trial if k == index else one for k, one in enumerate(state.added)])
+    kept = [trial if k == index else one for k, one in enumerate(state.added) if not _is_one_of(one, beside)]
+    reduced = reduced_to(state, kept)
     problem = replace(reduced.problem, free=(*reduced.problem.free, *other.own))
     fitted = min(
         (fit(problem, starts=[start], journal=settings.journal) for start in _starts(problem, trial)),
@@ -143,12 +196,12 @@ def _with(state: Progress, index: int, other: _Other, number: int, settings: Rou
         trial, fit=fitted, built=reduced.built, evidence=evidence, transfer=law.transfer,
         simplifies=law.candidate.label, stands_for=(), instead=None, remark="",
     )  # fmt: skip
-    fewer = len(law.candidate.effect.parameters) - len(other.own)
+    fewer = sum(len(one.candidate.effect.parameters) for one in (law, *beside)) - len(other.own)
     nats, parameters = f"{abs(lost):.1f} nats {'less' if lost > 0.0 else 'more'}", count(fewer, "parameter")
     why = f"{trial.candidate.label} does as well: {nats} with {parameters} fewer"
     return replace(
         instead, fit=fitted, check=check,
-        added=tuple(taken if k == index else one for k, one in enumerate(reduced.kept)),
+        added=tuple(taken if one is trial else one for one in reduced.kept),
         history=(*state.history, Decision(number, "simplified", law.candidate.label, why)),
     )  # fmt: skip
 

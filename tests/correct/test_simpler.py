@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import pytest
@@ -12,11 +13,11 @@ from bondgraph.correct.evidence.trials import Trial
 from bondgraph.correct.models.candidates import candidates, places
 from bondgraph.correct.places.probes import probes, signals
 from bondgraph.correct.progress import Progress
-from bondgraph.correct.round import RoundSettings
+from bondgraph.correct.round import Round, RoundSettings
 from bondgraph.correct.scores.scoring import linearisation
 from bondgraph.correct.search.refit import refit_from
 from bondgraph.correct.shapes.forms import joined
-from bondgraph.correct.simpler import in_simpler_laws
+from bondgraph.correct.simpler import in_one_law, in_simpler_laws
 from bondgraph.data.log import MatchedLog
 from bondgraph.declare.effect import Effect, EffectFunction, Place
 from bondgraph.declare.graph import BondGraph
@@ -59,8 +60,8 @@ def test_a_simpler_law_that_explains_less_does_not() -> None:
     assert [one.candidate.label for one in state.added] == ["stribeck_loss at runner"] and not state.history
 
 
-def _sum(log: MatchedLog, *functions: EffectFunction) -> Progress:
-    """The state after laws were added at the runner one by one, as the sum that they are, at the end of the loop."""
+def _summed(log: MatchedLog, *functions: EffectFunction) -> tuple[Progress, Round]:
+    """The state after laws were added at the runner one by one, and a round that saw what they leave."""
     own, base, laws = built(), fitted([log]), list[Trial]()
     for function in functions:
         where = [one for one in places(own, [log], base.runs([log]), base.theta) if one.label == "runner"]
@@ -68,13 +69,18 @@ def _sum(log: MatchedLog, *functions: EffectFunction) -> Progress:
         law = refit_from(Trial(made, 0.0), [1.0], Context(own, base, (log,), 10, 0.01, 5.0))
         assert law.built is not None and law.fit is not None
         own, base, laws = law.built, law.fit, [*laws, law]
-    whole = joined(*laws)
     linear = linearisation(base, [log])
     where = places(own, [log], linear.runs, base.theta_of(own.model))
     turn = SimpleNamespace(
         trials=(), linear=linear, probed=probes(own, linear, where), signals=signals(own, linear, where), located=()
     )
-    return in_simpler_laws(Progress(sled(), own, base, (log,), (whole,)), [turn], RoundSettings())  # type: ignore[list-item]
+    return Progress(sled(), own, base, (log,), tuple(laws)), turn  # type: ignore[return-value]
+
+
+def _sum(log: MatchedLog, *functions: EffectFunction) -> Progress:
+    """The state after laws were added at the runner one by one, as the sum that they are, at the end of the loop."""
+    state, turn = _summed(log, *functions)
+    return in_simpler_laws(replace(state, added=(joined(*state.added),)), [turn], RoundSettings())
 
 
 def _drag(power: float) -> EffectFunction:
@@ -103,3 +109,26 @@ def test_a_sum_that_no_single_law_draws_stays_a_sum() -> None:
     drawn = added(effects.coulomb_loss, "runner", FRICTION, added(_drag(2.0), "runner", 6.0))
     state = _sum(pull(drawn, 5), effects.quadratic_loss, effects.coulomb_loss)
     assert len(state.added) == 1 and len(state.added[0].forms) == 2 and not state.history
+
+
+def test_one_law_takes_the_place_of_a_law_and_of_what_completes_it() -> None:
+    """The power 1.75 of a hose's flow was left as its square and a dead zone of the pump."""
+    state, turn = _summed(
+        pull(added(_drag(1.5), "runner", 12.0), 5),
+        effects.quadratic_loss,
+        effects.stribeck_loss,
+        effects.constant_effort,
+    )
+    first, second, constant = state.laws
+    reduced = in_one_law(state, [turn], RoundSettings(), {second.candidate.label: first.candidate.label})
+    (law,) = reduced.added
+    assert law.candidate.label == "formula_power_of_flow_of_runner at runner"
+    assert reduced.fit.values["exponent_power_runner"] == pytest.approx(1.5, abs=0.1)
+    assert not {*second.candidate.effect.parameters, *constant.candidate.effect.parameters} & set(reduced.fit.values)
+    (told,) = reduced.history
+    assert told.action == "simplified" and told.what == first.candidate.label
+
+
+def test_laws_that_complete_nothing_stay() -> None:
+    state, turn = _summed(pull(added(_drag(1.5), "runner", 12.0), 5), effects.quadratic_loss, effects.stribeck_loss)
+    assert in_one_law(state, [turn], RoundSettings(), {}) is state

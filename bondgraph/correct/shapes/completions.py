@@ -4,7 +4,8 @@ A law of a dictionary has a form, and what is missing has its own: a drop of 1.6
 slowly than a tanh does. With small noise the rest passes every test, as a second law at the same place. Of a sum of
 functions of one signal at one place the logs tell the sum alone. So such a law stays in the model, which predicts
 better with it, but it is no further finding: it completes the first, or acts beside it. So does what acts at a junction
-that another law brought with it, a loss in series to a leak.
+that another law brought with it, a loss in series to a leak; so does a bias of the only sensor, which bends the law of
+a lamp's radiation.
 """
 
 from __future__ import annotations
@@ -40,7 +41,9 @@ def completions(
     for k, law in enumerate(laws):
         whole = next((one for one in laws[:k] if _is_inside(law, one, brought, graph)), None)
         own = arguments(law, graph)
-        if whole is None and own is not None:
+        effect = law.candidate.effect
+        bends = bool(effect.channel) and not effect.adds_state and law.gate is None  # what a sensor shows
+        if whole is None and (own is not None or bends):
             whole = next((one for one, known in firsts if _completes(law, own, one, known, linear, tried)), None)
         if whole is not None:
             found[law.candidate.label] = whole.candidate.label
@@ -57,12 +60,17 @@ def _is_inside(law: Trial, first: Trial, brought: Collection[str], graph: BondGr
 
 
 def _completes(
-    law: Trial, own: frozenset[str], first: Trial, known: frozenset[str], linear: Linearisation, tried: Sequence[Spline]
+    law: Trial,
+    own: frozenset[str] | None,
+    first: Trial,
+    known: frozenset[str],
+    linear: Linearisation,
+    tried: Sequence[Spline],
 ) -> bool:
     place = first.candidate.place.label
-    if law.candidate.place.label == place and own <= known:
+    if law.candidate.place.label == place and own is not None and own <= known:
         return True
-    functions = [one for one in tried if one.probe.place.label == place and {one.signal.name} == known]
+    functions = [one for one in tried if one.probe.place.label == place and one.signal.name in known]
     return any(contained(linear, one, law.candidate.effect.coefficients) for one in functions)
 
 

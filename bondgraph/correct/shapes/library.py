@@ -12,7 +12,7 @@ from __future__ import annotations
 import functools
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from sympy import Abs, Expr, Float, Symbol, cos, exp, sign, sin, tanh
@@ -28,6 +28,12 @@ _THRESHOLDS = (15.0, 30.0, 50.0, 70.0, 85.0)
 _REACHES = (0.1, 0.3, 1.0)
 #: Powers that are tried, from that of a shear-thinning grease to that of a varistor, and within which one is searched.
 _EXPONENTS, _EXPONENT_SPAN = (0.4, 0.5, 0.75, 1.5, 2.5, 6.0, 15.0), (1.0 / 3.0, 30.0)
+#: The same of what falls as its signal grows: a converter that draws constant power, a force over a gap. The span is a
+#: convention.
+_FALLING, _FALLING_SPAN = (-1.0, -2.0), (-4.0, -1.0 / 3.0)
+#: A signal that never comes nearer to zero than this share of its size keeps away from it: a power that falls then
+#: varies by less than a decade for each unit of its exponent. A convention.
+_AWAY = 0.1
 #: Periods of a position, as shares of the way it takes in the logs: from one and a half turns to twelve.
 _TURNS = (1.5, 2.0, 3.0, 4.0, 6.0, 8.0, 12.0)
 #: A signal counts as a position where its name or its unit says so.
@@ -93,6 +99,8 @@ _POWER = Kind(
     "power", ((_X / _SIZE) * ((_X / _SIZE) ** 2 + SMOOTHING**4) ** ((_INNER - 1) / 2),), 0, "exponent",
     (sign(_X) * Abs(_X / _SIZE) ** _INNER,), alone=True,
 )  # fmt: skip
+#: The same with a negative exponent, for signals that keep away from zero.
+_FALLING_POWER = replace(_POWER, name="falling_power")
 _WAVE = Kind("wave", (sin(_TURN * _X / _INNER), cos(_TURN * _X / _INNER)), 0, "period")
 _PRODUCT = Kind("product", (_X,), 1)
 
@@ -114,7 +122,7 @@ class Term:
     @property
     def inner_unit(self) -> str:
         """Unit of the inner parameter; empty where that of a signal is not known."""
-        return "1" if self.kind is _POWER else self.argument_unit
+        return "1" if self.kind.inner == "exponent" else self.argument_unit
 
     @property
     def argument_unit(self) -> str:
@@ -182,6 +190,8 @@ def library(known: Sequence[Signal], of: Signal) -> list[Term]:
     found = [Term(kind, (of.name,), (of.unit,), size) for kind in plain]
     found += _with_thresholds(of, together, size) + _with_reaches(of, size)
     found += [Term(_POWER, (of.name,), (of.unit,), size, n, _EXPONENT_SPAN) for n in _EXPONENTS]
+    if not both and float(np.abs(together).min()) > _AWAY * size:
+        found += [Term(_FALLING_POWER, (of.name,), (of.unit,), size, n, _FALLING_SPAN) for n in _FALLING]
     if _is_position(of):
         found += _waves(of, together, size)
     return found + _products(known, of)

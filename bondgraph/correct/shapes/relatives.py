@@ -139,7 +139,7 @@ def _beside(lead: Trial, trials: Sequence[Trial], left: Residual, context: Conte
 
 
 def single_laws(
-    whole: Trial, trials: Sequence[Trial], left: Residual, context: Context
+    whole: Trial, trials: Sequence[Trial], left: Residual, context: Context, beside: Sequence[Trial] = ()
 ) -> list[tuple[Trial, tuple[FreeParameter, ...]]]:
     """Laws that draw nearly the curve of a sum of laws, the nearest first, and their numbers where they do.
 
@@ -151,11 +151,13 @@ def single_laws(
         Laws that may draw it; terms of the library are offered beside them.
     left, context
         The residual of the fit with the sum, and what refits start from.
+    beside
+        Further laws of the sum, with the same fit and model. Those of another signal or place draw nothing here.
 
     A straight part of the sum may be a law of its own or lie in what is declared: curves are compared with it and
     without it.
     """
-    curve = attempted(lambda: _curve(whole, left), lambda why: None)
+    curve = attempted(lambda: _curve(whole, left, beside), lambda why: None)
     if curve is None:
         return []
     known = {one.candidate.label: one for one in trials if _is_plain(one, whole)}
@@ -229,17 +231,19 @@ def _foremost(trials: Sequence[Trial]) -> Trial | None:
     return max(laws, key=lambda one: one.gain, default=None)
 
 
-def _curve(lead: Trial, left: Residual) -> _Curve | None:
-    """The curve of a fitted law over what the logs visit; None where it is no function of one signal."""
+def _curve(lead: Trial, left: Residual, beside: Sequence[Trial] = ()) -> _Curve | None:
+    """The curve of a fitted law over what the logs visit, with others; None where it is no function of one signal."""
     assert lead.fit is not None and lead.built is not None  # it leads
-    names = arguments(lead, lead.built.graph)
-    signal = next((one for one in left.signals if names == frozenset({one.name})), None)
-    law = None if signal is None else _law(lead, lead.built.graph, signal, lead.fit.values)
-    if signal is None or law is None:
+    graph, values = lead.built.graph, lead.fit.values
+    here = [one for one in beside if one.candidate.place.label == lead.candidate.place.label]
+    read = frozenset[str]().union(*(arguments(one, graph) or () for one in (lead, *here)))
+    signal = next((one for one in left.signals if read == frozenset({one.name})), None)
+    laws = [] if signal is None else [_law(one, graph, signal, values) for one in (lead, *here)]
+    if signal is None or laws[0] is None:
         return None
     visited = np.sort(np.concatenate(signal.values))
     x = visited[np.linspace(0, visited.size - 1, min(visited.size, _POINTS)).round().astype(int)]
-    y = law.drawn(x, [lead.fit.values[name] for name in law.names])
+    y = np.sum([law.drawn(x, [values[name] for name in law.names]) for law in laws if law is not None], axis=0)
     return _Curve(signal, x, y) if np.isfinite(y).all() and y.any() else None
 
 

@@ -239,3 +239,15 @@ def test_a_part_of_a_law_lies_in_parameters_of_the_machine_alone() -> None:
     ((name, amount),) = lies_in(stiff, slack, sled.sled())
     assert name == "c_guide (guide)" and float(amount.partition(" ")[0]) == pytest.approx(20.0, abs=1.0)
     assert lies_in(stiff, slack, bg.BondGraph("another")) == []
+
+
+@pytest.mark.parametrize(("lowest", "offered"), [(6.0, True), (0.5, False), (-6.0, False)])
+def test_a_power_may_fall_where_its_signal_keeps_away_from_zero(lowest: float, offered: bool) -> None:
+    """A converter that draws constant power was an offset and a breakdown of a bus."""
+    voltage = Signal("effort of bus", "V", (np.linspace(lowest, 15.0, 200),))
+    falling = [term for term in library([voltage], voltage) if term.kind.name == "falling_power"]
+    assert bool(falling) is offered
+    for term in falling:
+        (drawn,) = term.values(voltage.values[0], -1.0)
+        np.testing.assert_allclose(drawn, term.size / voltage.values[0], rtol=1e-6)
+        assert term.span[1] < 0.0 and term.inner_unit == "1"
