@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence, Sized
+from collections.abc import Collection, Sequence, Sized
 from typing import TypeAlias
 
 #: Header and rows of a table, cell by cell.
@@ -22,6 +22,19 @@ def few(names: Sequence[str], most: int = _SHOWN) -> str:
     """
     more = f" and {len(names) - most} more" if len(names) > most else ""
     return (", ".join(names[:most]) or "none") + more
+
+
+def sentence(text: str, names: Collection[str] = ()) -> str:
+    """A text with a capital letter and a full stop; one of the ``names`` at its beginning stays as it is.
+
+    Examples
+    --------
+    >>> sentence("the fit ended early"), sentence("k_u rests on its bound", ["k_u"]), sentence("k is free.", "k")
+    ('The fit ended early.', 'k_u rests on its bound.', 'k is free.')
+    """
+    first = text.split(maxsplit=1)[0].rstrip(",:;") if text.split() else ""
+    begun = text if first in names or not first.isalpha() else text[:1].upper() + text[1:]
+    return begun if begun.endswith((".", "!", "?")) else f"{begun}."
 
 
 def count(number: int, noun: str) -> str:

@@ -1,6 +1,6 @@
 # Generated from vehicle_graphs/baja.py -- do not edit.
 # Regenerate with:  bondgraph generate vehicle_graphs.baja:launch
-# Generator: bondgraph 0.1.0, sympy 1.14.0.  Equations: 7cc8d7b1a92ffd56
+# Generator: bondgraph 0.2.0.dev0, sympy 1.14.0.  Equations: 7cc8d7b1a92ffd56
 """Terps Racing TR24 Baja car: full-throttle launch through a flyweight rubber-belt CVT (Gaged GX9).
 
 States x:

@@ -1,6 +1,6 @@
 # Generated from vehicle_graphs/baja.py -- do not edit.
 # Regenerate with:  bondgraph generate vehicle_graphs.baja:launch_given_engine
-# Generator: bondgraph 0.1.0, sympy 1.14.0.  Equations: b18c7a6dc645047a
+# Generator: bondgraph 0.2.0.dev0, sympy 1.14.0.  Equations: b18c7a6dc645047a
 """Terps TR24 Baja car: the engine's power carried to the wheels at the measured engine speed.
 
 States x:

@@ -1,6 +1,6 @@
 # Generated from vehicle_graphs/driveline.py -- do not edit.
 # Regenerate with:  bondgraph generate vehicle_graphs.driveline:driveline
-# Generator: bondgraph 0.1.0, sympy 1.14.0.  Equations: 682eaa708fee6d1c
+# Generator: bondgraph 0.2.0.dev0, sympy 1.14.0.  Equations: 682eaa708fee6d1c
 """A driveline on a test bench: engine torque through a slipping belt and an elastic half-shaft to a vehicle.
 
 States x:

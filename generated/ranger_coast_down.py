@@ -1,6 +1,6 @@
 # Generated from vehicle_graphs/ranger.py -- do not edit.
 # Regenerate with:  bondgraph generate vehicle_graphs.ranger:coast_down
-# Generator: bondgraph 0.1.0, sympy 1.14.0.  Equations: 288fbc917c3ae2ac
+# Generator: bondgraph 0.2.0.dev0, sympy 1.14.0.  Equations: 288fbc917c3ae2ac
 """Ranger-class vehicle coasting in neutral: axles, tyres, body and ground, nothing of engine and CVT.
 
 States x:

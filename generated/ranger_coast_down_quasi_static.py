@@ -1,6 +1,6 @@
 # Generated from vehicle_graphs/ranger.py -- do not edit.
 # Regenerate with:  bondgraph generate vehicle_graphs.ranger:coast_down_quasi_static
-# Generator: bondgraph 0.1.0, sympy 1.14.0.  Equations: 63fd7ac3eb2e21a2
+# Generator: bondgraph 0.2.0.dev0, sympy 1.14.0.  Equations: 63fd7ac3eb2e21a2
 """Ranger-class vehicle coasting in neutral on a suspension that follows at once.
 
 States x:

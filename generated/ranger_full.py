@@ -1,6 +1,6 @@
 # Generated from vehicle_graphs/ranger.py -- do not edit.
 # Regenerate with:  bondgraph generate vehicle_graphs.ranger:full
-# Generator: bondgraph 0.1.0, sympy 1.14.0.  Equations: 9447235dee25ba2c
+# Generator: bondgraph 0.2.0.dev0, sympy 1.14.0.  Equations: 9447235dee25ba2c
 """Ranger-class vehicle with rubber-belt CVT, rear drive: the whole vehicle.
 
 States x:

@@ -1,6 +1,6 @@
 # Generated from vehicle_graphs/ranger.py -- do not edit.
 # Regenerate with:  bondgraph generate vehicle_graphs.ranger:full_awd
-# Generator: bondgraph 0.1.0, sympy 1.14.0.  Equations: ff782712bb6d127a
+# Generator: bondgraph 0.2.0.dev0, sympy 1.14.0.  Equations: ff782712bb6d127a
 """Ranger-class vehicle with rubber-belt CVT, both axles geared to the secondary shaft.
 
 States x:

@@ -187,7 +187,8 @@ from bondgraph.cli.arguments import parser
 parser()
 print([name for name in ("sympy", "numba", "pint", "numpy", "scipy", "matplotlib") if name in sys.modules])
 status = main(["inspect", sys.argv[1]])
-print(status, [name for name in ("sympy", "numba", "networkx", "bondgraph.correct") if name in sys.modules])
+large = ("sympy", "numba", "networkx", "pandas", "scipy.stats", "scipy.sparse", "bondgraph.correct")
+print(status, [name for name in large if name in sys.modules])
 """
 
 

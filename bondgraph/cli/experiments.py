@@ -184,7 +184,10 @@ def _planned_filter(options: argparse.Namespace, reference: str, model: Model) -
     sensors = {}
     for name, value in given.items():
         if not isinstance(value, float) or not value > 0.0:
-            raise OptionError(f"--noise {name}={value}: give a standard deviation above zero", where=("--noise", name))
+            raise OptionError(
+                f"--noise {name}={value}: give a standard deviation above zero, a space before the next NAME=STD",
+                where=("--noise", name),
+            )
         if name in outputs:
             sensors[name] = outputs[name].coherent(value) - outputs[name].coherent(0.0)
     if noise is None and not sensors:

@@ -33,7 +33,7 @@ from bondgraph.execute.executors import open_executor
 from bondgraph.files import output_file, output_folder
 from bondgraph.filter.robust import parse_robust
 from bondgraph.report.collect import versions
-from bondgraph.report.estimation import rough_note, write_estimate
+from bondgraph.report.estimation import limits, rough_note, write_estimate
 from bondgraph.report.events import events_text, mark_events
 from bondgraph.report.figures import save_figure
 from bondgraph.report.filtering import filter_logs
@@ -164,7 +164,7 @@ def _estimated(
     if unseen:
         print(held_out_table(unseen))
     report = folder / "report.html"
-    print(*misfit_sentences(found.misfits, report), *data.suspected, f"report: {report}", sep="\n")
+    print(*limits(found), *misfit_sentences(found.misfits, report), *data.suspected, f"report: {report}", sep="\n")
     if options.profile is not None:
         _profiled(options, found, folder, workers)
     return 1 if not found.outcome.succeeded or (options.strict and found.misfits) else 0

@@ -11,7 +11,7 @@ from bondgraph.correct.evidence.bounds import value_text
 from bondgraph.correct.round import Round
 from bondgraph.estimate.fitted import Fit
 from bondgraph.estimate.free import FreeParameter
-from bondgraph.text import inflected
+from bondgraph.text import few, inflected
 
 #: Samples in a block of time below which it hardly counts as one.
 _BLOCK_SAMPLES = 5
@@ -52,7 +52,7 @@ def cautions_of(nominal: Fit, rounds: Sequence[Round]) -> tuple[str, ...]:
         )
     blind = _blind(rounds)
     if blind:
-        said.append(f"cannot be detected with these logs, at any size that its law may have: {', '.join(blind)}")
+        said.append(f"cannot be detected with these logs, at any size that its law may have: {few(blind)}")
     return tuple(said)
 
 

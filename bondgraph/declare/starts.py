@@ -137,7 +137,8 @@ def check_start(start: Start, signal: Any, where: str, units: Collection[str]) -
     if signal.unit and known and dimension(signal.unit) not in [dimension(unit) for unit in known]:
         raise DeclarationError(
             f"{where}: initial {start}: {start.signal} is in {signal.unit!r}, the state in "
-            f"{' or '.join(map(repr, known))} - name a signal of the same unit",
+            f"{' or '.join(map(repr, known))} - name a signal of that unit, or give a "
+            "number: a log begins at what its sensor shows",
             where=(name, start.signal),
         )
 

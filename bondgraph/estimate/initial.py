@@ -6,7 +6,6 @@ from collections.abc import Mapping, Sequence
 from typing import Literal, get_args
 
 import numpy as np
-from scipy.integrate import solve_ivp
 
 from bondgraph.data.log import MatchedLog
 from bondgraph.errors import EstimationError
@@ -131,6 +130,8 @@ def settled(model: Model, x0: FloatArray, u: FloatArray, theta: FloatArray, held
             with np.errstate(all="ignore"):
                 found: FloatArray = model.rhs(time, x, u, theta)[free]
             return found
+
+        from scipy.integrate import solve_ivp  # a fifth of a second, for starts that settle only
 
         run = solve_ivp(rates, (0.0, _SETTLING), x0[free], method="LSODA", rtol=1e-8, atol=1e-10)
         ended = run.y[:, -1]

@@ -115,7 +115,8 @@ class LikelihoodProfile(Kept):
     def differs(self) -> tuple[bool, bool]:
         """True for each end that is no bound and lies elsewhere than the covariance says, by a tenth of its reach."""
         half = 0.5 * (self.curvature[1] - self.curvature[0])
-        off = [abs(one - other) > _BENT * half for one, other in zip(self.interval, self.curvature, strict=True)]
+        ends = zip(self.interval, self.curvature, strict=True)
+        off = [bool(abs(one - other) > _BENT * half) for one, other in ends]
         return off[0] and not self.bounded[0], off[1] and not self.bounded[1]
 
     @property

@@ -83,20 +83,23 @@ class Misfit:
         """One-step error over the noise of the sensor."""
         return self.error / self.noise if self.noise > 0.0 else math.inf
 
-    def __str__(self) -> str:
+    @property
+    def finding(self) -> str:
+        """What the innovations of the channel show, in words."""
         why = []
         if self.is_coloured:
-            why.append(f"its innovations are coloured ({_p_text(self.whiteness_p)})")
+            why.append(f"its innovations are coloured ({p_text(self.whiteness_p)})")
         if self.is_large:
             why.append(
-                f"its squared innovations are {self.nis_mean:.3g} times what the filter expects ({_p_text(self.nis_p)})"
+                f"its squared innovations are {self.nis_mean:.3g} times what the filter expects ({p_text(self.nis_p)})"
             )
-        these = inflected(self.logs, "this log", "these logs")
         return (
             f"{', '.join(self.logs)}: {self.channel}: one-step error {self.error:.2g} {self.unit} is "
-            f"{_times(self.ratio)} its noise {self.noise:.2g} {self.unit}, and {' and '.join(why)}: "
-            f"the model does not explain {these}"
+            f"{_times(self.ratio)} its noise {self.noise:.2g} {self.unit}, and {' and '.join(why)}"
         )
+
+    def __str__(self) -> str:
+        return f"{self.finding}: the model does not explain {inflected(self.logs, 'this log', 'these logs')}"
 
     def to_dict(self) -> dict[str, object]:
         """The misfit as ``result.json`` holds it; a p-value of zero is one that no number can hold."""
@@ -149,7 +152,14 @@ def _tested(
     )  # fmt: skip
 
 
-def _p_text(p: float) -> str:
+def p_text(p: float) -> str:
+    """A p-value in words.
+
+    Examples
+    --------
+    >>> p_text(0.034), p_text(0.0)
+    ('p = 0.03', 'p < 1e-100')
+    """
     return f"p < {_SMALLEST_P:.0e}" if p < _SMALLEST_P else f"p = {p:.1g}"
 
 

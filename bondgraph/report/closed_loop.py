@@ -14,21 +14,23 @@ from bondgraph.correct.fits.assess import Assessment
 from bondgraph.correct.loop import ClosedLoop
 from bondgraph.correct.result import form_text, intervals
 from bondgraph.estimate.fitted import Fit
+from bondgraph.filter.misfit import p_text
 from bondgraph.report.collect import Runs, added_nodes, channel_series, found_effect, parameter_changes
 from bondgraph.report.drawing import drawing_of
-from bondgraph.report.formulas import formula_sentences, twins
+from bondgraph.report.formulas import formula_sentences, headline_name, twins
 from bondgraph.report.html import Located, Provenance, ReportData
 from bondgraph.report.logs import grouped_notes
 from bondgraph.report.missing import missing_efforts
 from bondgraph.report.noise import noise_sentence
 from bondgraph.report.numbers import shown, with_ends
-from bondgraph.report.regimes import named, regime_sentences
+from bondgraph.report.regimes import regime_sentences
 from bondgraph.report.series import ChannelSeries, FoundEffect, Power, Step, channel_errors
 from bondgraph.report.standing import held_out, worse_simulated
 from bondgraph.report.tables import error_table, power_table, text_of
 from bondgraph.report.tried import tried
 from bondgraph.report.unknown import shape_sentence
-from bondgraph.text import inflected
+from bondgraph.report.words import law_title
+from bondgraph.text import few, inflected, sentence
 
 
 def report_data(
@@ -88,8 +90,8 @@ def found_effects(closed: ClosedLoop) -> list[FoundEffect]:
         assert evidence is not None
         said = (
             ("gain of log-likelihood", f"{shown(evidence.delta_nll)} nats"),
-            ("p, likelihood ratio", f"{evidence.p_value:.1e}"),
-            ("p, block-robust", f"{evidence.p_robust:.1e}"),
+            ("p, likelihood ratio", p_text(evidence.p_value).removeprefix("p ").removeprefix("= ")),
+            ("p, block-robust", p_text(evidence.p_robust).removeprefix("p ").removeprefix("= ")),
             ("candidates tried", str(evidence.tried)),
             *_transfer(added.trial.transfer),
             *([("completes the form of", added.completes)] if added.completes else []),
@@ -106,7 +108,7 @@ def _transfer(told: Transfer | None) -> tuple[tuple[str, str], ...]:
     if told is None:
         return ()
     folds = "; ".join(f"{name}: {gain:+.3g}" for name, gain in zip(told.folds, told.gains, strict=True))
-    whole = f"{shown(told.gain)} ± {shown(told.error)} nats (p = {told.p_value:.1e})"
+    whole = f"{shown(told.gain)} ± {shown(told.error)} nats ({p_text(told.p_value)})"
     return ("transfer to data left out", whole), ("transfer by fold, nats", folds)
 
 
@@ -137,13 +139,13 @@ def _explained(closed: ClosedLoop) -> str:
         return first + (f" There remains {left[0]} that no known effect explains." if left else "")
     coloured = _coloured(closed)
     if closed.events:
-        what = " and ".join(f"{one.trial.candidate.label} {one.trial.gate}" for one in closed.events)
+        what = " and ".join(f"{law_title(one.trial.candidate.label)} {one.trial.gate}" for one in closed.events)
         rest = f" There remains {left[0]}." if left else ""
         return f"Something happened in the logs ({what}); no law that holds throughout passes the tests.{rest}"
     if left:
         return f"There is {left[0]} that none of the {tried} effects and faults tried explains."
     if closed.verdict == "unexplained residual" and not coloured and closed.unproven is not None:
-        told = f"{closed.unproven.candidate.label} passes the tests ({closed.unproven.gain:.1f} nats)"
+        told = f"{law_title(closed.unproven.candidate.label)} passes the tests ({closed.unproven.gain:.1f} nats)"
         return f"Something is missing: {told}, but what it is cannot be told; see what was tried for the reason."
     if closed.verdict == "unexplained residual":
         return (
@@ -161,11 +163,11 @@ def _explained(closed: ClosedLoop) -> str:
 
 def _or_twins(closed: ClosedLoop, added: Added) -> str:
     """An effect with those that the data do not tell from it."""
-    own, others = named(added, closed.corrected), twins(closed, added)
+    own, others = headline_name(closed, added), twins(closed, added)
     if not others:
         return own
     if len(others) == 1:
-        return f"{own} or {others[0].name} at {others[0].junction}, which these data do not tell apart"
+        return f"{own} or {law_title(others[0].name)} at {others[0].junction}, which these data do not tell apart"
     return f"{own} or one of {len(others)} others that these data do not tell from it"
 
 
@@ -173,9 +175,9 @@ def _completing(added: Sequence[Added]) -> str:
     """A sentence for each law that others complete."""
     told = ""
     for first in dict.fromkeys(one.completes for one in added if one.completes):
-        names = [one.trial.candidate.label for one in added if one.completes == first]
+        names = [law_title(one.trial.candidate.label) for one in added if one.completes == first]
         complete = inflected(names, "completes", "complete")
-        told += f" {' and '.join(names)} {complete} the form of {first}: the logs tell only their sum."
+        told += f" {' and '.join(names)} {complete} the form of {law_title(first)}: the logs tell only their sum."
     return told
 
 
@@ -217,20 +219,29 @@ def _notes(closed: ClosedLoop) -> list[str]:
     for added in closed.added:
         others = twins(closed, added)
         if others:
-            names = ", ".join(f"{twin.name} at {twin.junction}" for twin in others)
+            names = few([f"{law_title(twin.name)} at {twin.junction}" for twin in others])
             first = next((twin.separate for twin in others if twin.separate), "")
             advice = f" What would: {first}." if first else ""
-            notes.append(f"These data do not tell {added.trial.candidate.label} from {names}.{advice}")
+            notes.append(f"These data do not tell {law_title(added.trial.candidate.label)} from {names}.{advice}")
     notes += [
         *regime_sentences(closed),
         *formula_sentences(closed),
         *(shape_sentence(one) for one in closed.unexplained),
     ]
     notes.append(f"{noise_sentence(closed.corrected.problem.filter_model, _idle(closed.corrected))}.")
-    notes += closed.cautions
+    own = _names(closed)
+    notes += [sentence(one, own) for one in closed.cautions]
     logs = [log.log for part in (closed.nominal_train, closed.nominal_holdout) for log in part.logs]
     notes += grouped_notes(logs)
     return notes
+
+
+def _names(closed: ClosedLoop) -> set[str]:
+    """Names of the machine and of its logs, which a sentence may begin with."""
+    model, logs = closed.corrected_built.model, [*closed.nominal_train.logs, *closed.nominal_holdout.logs]
+    signals = (*model.names("state"), *model.names("input"), *model.names("output"))
+    elsewhere = (*closed.nominal_built.graph.flatten().nodes, *(one.log.name for one in logs))
+    return {*signals, *model.names("parameter"), *elsewhere}
 
 
 def _idle(fitted: Fit) -> list[str]:
@@ -250,8 +261,8 @@ def _event(event: Added, fitted: Fit) -> str:
     low, high = intervals(fitted)[name]
     size = with_ends(info.shown(fitted.values[name]), (info.shown(low), info.shown(high)), info.display_unit)
     return (
-        f"Event: {trial.candidate.label} acts {trial.gate} ({name} = {size}, {shown(trial.gain)} nats). Time is no "
-        "law: the corrected declaration does not have it."
+        f"Event: {law_title(trial.candidate.label)} acts {trial.gate} ({name} = {size}, {shown(trial.gain)} nats). "
+        "Time is no law: the corrected declaration does not have it."
     )
 
 
@@ -282,7 +293,7 @@ def _nearest(closed: ClosedLoop) -> list[str]:
         return []
     name, place = best.candidate.effect.described, best.candidate.place.label
     why = next((one.why for one in turn.alternatives if (one.name, one.junction) == (name, place)), "")
-    return [f"Nearest comes {name} at {place} ({shown(best.gain)} nats): {why}."] if why else []
+    return [f"Nearest comes {law_title(name)} at {place} ({shown(best.gain)} nats): {why}."] if why else []
 
 
 def summary(data: ReportData) -> str:
@@ -290,7 +301,7 @@ def summary(data: ReportData) -> str:
     lines = [f"\n{data.verdict}: {data.explanation}"]
     for effect in data.effects:
         values = ", ".join(f"{one.name} = {with_ends(one.value, one.ci95, one.unit)}" for one in effect.coefficients)
-        lines.append(f"  {effect.name} at {effect.junction}: {effect.law}, {values}")
+        lines.append(f"  {law_title(effect.name)} at {effect.junction}: {effect.law}, {values}")
     lines += [f"  {note}" for note in (*data.notes, *data.structure)]
     lines.append(text_of(error_table(data.errors)))
     if not data.effects and data.power:

@@ -53,7 +53,7 @@ def estimate_report(estimate: Estimate, made: Provenance, unseen: Sequence[HeldO
     return ReportData(
         title=estimate.problem.name,
         verdict=_verdict(estimate),
-        explanation=" ".join(misfit_sentences(estimate.misfits)) or estimate.end,
+        explanation="\n".join(misfit_sentences(estimate.misfits)) or estimate.end,
         errors=channel_errors(series),
         series=tuple(series),
         parameters=tuple({change.name: change for change in changes}.values()),
@@ -139,8 +139,13 @@ def _notes(estimate: Estimate) -> list[str]:
         notes.append(
             f"{starts}; others at optima worse by {elsewhere} nats." if others else f"{starts}, none at another."
         )
-    if estimate.at_bound:
-        notes.append(f"At a bound, so that the optimum may lie outside: {', '.join(estimate.at_bound)}.")
+    return [*notes, *limits(estimate)]
+
+
+def limits(estimate: Estimate) -> list[str]:
+    """What an estimate does not know: numbers at a bound, and those that the data do not tell."""
+    at_bound = f"At a bound, so that the optimum may lie outside: {', '.join(estimate.at_bound)}."
+    notes = [at_bound] if estimate.at_bound else []
     alone = ", ".join(group[0] for group in estimate.not_identifiable if len(group) == 1)
     notes += [f"These data say nothing about: {alone}."] if alone else []
     groups = (", ".join(group) for group in estimate.not_identifiable if len(group) > 1)

@@ -17,7 +17,7 @@ from bondgraph.files import write_json
 from bondgraph.filter.abstract_run import AbstractRun
 from bondgraph.filter.consistency import Consistency, consistency, misfits
 from bondgraph.filter.filter_model import FilterModel
-from bondgraph.filter.misfit import LEVEL, Misfit
+from bondgraph.filter.misfit import LEVEL, Misfit, p_text
 from bondgraph.filter.noise import Noise
 from bondgraph.filter.robust import Robust
 from bondgraph.filter.runs import run_bands, run_smoothed
@@ -95,7 +95,7 @@ def filter_logs(
     data = ReportData(
         title=model.name,
         verdict="not explained" if found_misfits else "filtered",
-        explanation=" ".join(sentences) or "No channel contradicts the model.",
+        explanation="\n".join(misfit_sentences(found_misfits)) or "No channel contradicts the model.",
         errors=channel_errors(series),
         series=tuple(series),
         filtered=tuple(filtered),
@@ -154,7 +154,7 @@ def _lines(record: AbstractRun, found: Consistency) -> list[str]:
     whole = f"{record.log_name}: NLL {shown(record.nll, 6)}, NIS {nis}"
     channels = (
         f"  {c.name}: innovation rms {shown(c.rmse)} {c.unit}, NIS {shown(c.nis_mean)}, "
-        f"whiteness p {shown(c.whiteness_p)}" + (f", {c.refused} of {c.count} refused by the gate" if c.refused else "")
+        f"whiteness {p_text(c.whiteness_p)}" + (f", {c.refused} of {c.count} refused by the gate" if c.refused else "")
         for c in found.channels
     )
     return [whole, *channels]

@@ -10,6 +10,16 @@ from bondgraph.correct.result import departs, form_text, intervals
 from bondgraph.correct.round import Round
 from bondgraph.correct.shapes.formula import formula_of
 from bondgraph.correct.shapes.words import lies_in, other_words
+from bondgraph.report.regimes import named
+from bondgraph.report.words import law_title
+
+
+def headline_name(closed: ClosedLoop, added: Added) -> str:
+    """An added law as a headline names it: a formula is written, a law of the dictionary called by its name."""
+    formula = formula_of(added.trial.candidate.function)
+    if formula is None or added.trial.forms:
+        return law_title(named(added, closed.corrected))
+    return f"a formula at {formula.place.label}, {formula.text(closed.corrected.values)},"
 
 
 def formula_sentences(closed: ClosedLoop) -> list[str]:
@@ -39,11 +49,11 @@ def _own_form(closed: ClosedLoop, added: Added) -> str:
     if not law.forms:
         return ""
     text, away = form_text(added, closed), departs(added, closed)
-    said = f"{law.candidate.label} has a form of its own: "
-    said += text or " and ".join(f"{one.candidate.effect.name} ({_law(closed, one)})" for one in law.forms)
+    said = f"{law_title(law.candidate.label)} has a form of its own: "
+    said += text or " and ".join(f"{law_title(one.candidate.effect.name)} ({_law(closed, one)})" for one in law.forms)
     first = law.forms[0].candidate.effect.name
     share = 0 if away is None else round(100.0 * away)
-    far = f"; over the logs no {first} comes nearer to it than {share} %" if share else ""
+    far = f"; over the logs no {law_title(first)} comes nearer to it than {share} %" if share else ""
     return f"{said}{far}."
 
 

@@ -39,9 +39,9 @@ from bondgraph.report.series import (
     Step,
     Tried,
 )
-from bondgraph.report.tables import ALL_LOGS, grouped_errors, pooled
+from bondgraph.report.tables import ALL_LOGS, first_sizes, grouped_errors, pooled
 from bondgraph.report.thinning import MOST_POINTS
-from bondgraph.report.words import Words
+from bondgraph.report.words import Words, law_title
 
 #: Stretches that are drawn of one long log, and of all: each takes a third of a second and 0.2 MB of the page.
 _MOST_STRETCHES, _STRETCHES_OF_ALL = 6, 24
@@ -153,7 +153,13 @@ def report_html(data: ReportData) -> str:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    environment.filters |= {"number": shown, "p_value": _p_value, "percent": _percent}
+    environment.filters |= {
+        "number": shown,
+        "p_value": _p_value,
+        "percent": _percent,
+        "whole": breakable,
+        "law_title": law_title,
+    }
     environment.globals |= {
         "change": change, "with_interval": with_interval, "better": _better, "between": _between, "ALL_LOGS": ALL_LOGS,
         "explained": Words(),
@@ -166,6 +172,7 @@ def report_html(data: ReportData) -> str:
         corrected=any(one.after is not None for one in data.series) or not data.series,
         filtered=[_figures_of_filtered(one) for one in data.filtered],
         log_figures=_log_figures(data.series),
+        power=first_sizes(data.power),
         missing_figures=[_figure_of_missing(found) for found in data.missing],
         trace=Markup(embed(trace_figure(data.trace), "likelihood over the search")) if data.trace else "",
         graph=_graph(data),
@@ -255,14 +262,16 @@ def _figures_of_filtered(one: FilteredLog) -> dict[str, object]:
     }
 
 
-def _error_kinds(errors: Sequence[ChannelError]) -> list[tuple[str, str]]:
-    """Kinds of errors that any row has, by the beginnings of their fields, with their titles."""
-    kinds = (("simulation", "free simulation"), ("one_step", "one step ahead"))
-    return [
-        (kind, title)
-        for kind, title in kinds
-        if any(math.isfinite(getattr(row, f"{kind}_{when}")) for row in errors for when in ("before", "after"))
-    ]
+def _error_kinds(errors: Sequence[ChannelError]) -> list[tuple[str, str, list[str]]]:
+    """Kinds of errors that any row has: the beginning of their fields, their title, and their columns."""
+    found = []
+    for kind, title in (("simulation", "free simulation"), ("one_step", "one step ahead")):
+        known = [
+            when for when in ("before", "after") if any(math.isfinite(getattr(row, f"{kind}_{when}")) for row in errors)
+        ]
+        if known:
+            found.append((kind, title, [*known, "change"] if len(known) > 1 else known))
+    return found
 
 
 def _figure_of_missing(found: MissingEffort) -> Markup:
@@ -275,6 +284,17 @@ def _graph(data: ReportData) -> Markup | str:
     if data.drawing is None:
         return ""
     return Markup(draw_svg(data.drawing, data.added).replace(' xmlns="http://www.w3.org/2000/svg"', ""))
+
+
+def breakable(name: str) -> Markup:
+    """A name that a narrow column breaks after underscores only.
+
+    Examples
+    --------
+    >>> breakable("c_loss_<1>")
+    Markup('c_<wbr>loss_<wbr>&lt;1&gt;')
+    """
+    return Markup("_<wbr>").join(name.split("_"))
 
 
 def _better(before: float, after: float) -> str:

@@ -6,10 +6,11 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from bondgraph.filter.misfit import Misfit
+from bondgraph.text import inflected
 
 
 def misfit_sentences(misfits: Sequence[Misfit], report: Path | None = None) -> list[str]:
-    """One sentence per channel that is not explained: the error against the noise, and what to do next.
+    """Sentences on channels that are not explained, each with its error against its noise; then what to do next.
 
     Examples
     --------
@@ -18,10 +19,18 @@ def misfit_sentences(misfits: Sequence[Misfit], report: Path | None = None) -> l
     run1: speed: one-step error 0.41 m/s is 8.2 times its noise 0.05 m/s, and its innovations are coloured (p < 1e-100):
     the model does not explain this log - look at fit/report.html, free more parameters (bondgraph estimate), or let
     bondgraph close-loop find what is missing
+    >>> other = Misfit("torque", "N m", ("run1",), 3.0, 1.0, 9.0, 0.0, 0.5, is_coloured=False, is_large=True)
+    >>> print(*misfit_sentences([found, other]), sep=chr(10))  # doctest: +ELLIPSIS
+    run1: speed: one-step error 0.41 m/s is 8.2 times its noise 0.05 m/s, and its innovations are coloured (p < 1e-100)
+    run1: torque: one-step error 3 N m is 3 times its noise 1 N m, and its squared innovations are 9 times what ...
+    The model does not explain this log - free more parameters (bondgraph estimate), or let bondgraph close-loop ...
     """
     look = f"look at {report}, " if report is not None else ""
     todo = f"{look}free more parameters (bondgraph estimate), or let bondgraph close-loop find what is missing"
-    return [f"{misfit} - {todo}" for misfit in misfits]
+    if len(misfits) < 2:
+        return [f"{misfit} - {todo}" for misfit in misfits]
+    these = inflected({log for misfit in misfits for log in misfit.logs}, "this log", "these logs")
+    return [*(misfit.finding for misfit in misfits), f"The model does not explain {these} - {todo}"]
 
 
 def band_text(mean: float, band: tuple[float, float], shown: Sequence[str]) -> str:

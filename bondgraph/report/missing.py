@@ -23,6 +23,7 @@ from bondgraph.declare.graph import BondGraph
 from bondgraph.declare.quantities import symbol
 from bondgraph.report.formulas import round_of
 from bondgraph.report.series import MissingEffort
+from bondgraph.report.words import law_title
 
 _POINTS = 200
 
@@ -119,7 +120,7 @@ def _own_form(closed: ClosedLoop, added: Added) -> MissingEffort | None:
         return None
     variable = variable_of(place)
     return MissingEffort(
-        title=f"{added.trial.candidate.effect.name} at {place.label} in a form of its own",
+        title=f"{law_title(added.trial.candidate.effect.name)} at {place.label} in a form of its own",
         x_label=f"{signal.name} [{signal.unit}]" if signal.unit else signal.name,
         y_label=f"missing {variable} [{missing.effort_unit}]",
         x=np.concatenate(signal.values),

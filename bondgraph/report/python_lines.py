@@ -9,109 +9,24 @@ import ast
 import difflib
 import sys
 import tempfile
-from collections.abc import Iterable
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-import sympy
-
-from bondgraph.declare import functions
 from bondgraph.declare.editing import copy
 from bondgraph.declare.elements import Node
-from bondgraph.declare.expressions import to_text
 from bondgraph.declare.files import load_graph
 from bondgraph.declare.graph import BondGraph
 from bondgraph.declare.loading import is_file_reference, split_reference
 from bondgraph.declare.quantities import Integral, NamedSignal, Parameter
 from bondgraph.errors import BondGraphError
 from bondgraph.files import write_text
+from bondgraph.report.python_expressions import UnwritableError, Writer
 from bondgraph.syntax import parsed
 from bondgraph.text import few, inflected
 
 #: Own variables of laws by what they give; those of storages first.
 _OWN = {"R": {"effort": "flow", "flow": "effort"}, "C": {"effort": "displacement"}, "I": {"flow": "momentum"}}
 _BUILDERS = {"R": "resistance", "C": "compliance", "I": "inertance", "Se": "effort_source", "Sf": "flow_source"}
-_VARIABLES = ("flow", "effort", "displacement", "momentum")
-_OWN_FUNCTIONS = ("minimum", "maximum", "clip", "switch")
-
-
-class _UnwritableError(Exception):
-    """A change for which there are no lines."""
-
-
-@dataclass
-class _Writer:
-    """Lines while they are collected, with the imports and names that they need."""
-
-    lines: list[str] = field(default_factory=list)
-    imports: dict[str, set[str]] = field(default_factory=dict)
-    known: dict[str, str] = field(default_factory=dict)
-
-    def use(self, module: str, name: str) -> str:
-        """Import a name."""
-        self.imports.setdefault(module, set()).add(name)
-        return name
-
-    def expression(self, value: Any, own: Iterable[str] = ()) -> str:
-        """An expression as Python; quantities that are no variables of the lines yet become some."""
-        tree = parsed(to_text(value), mode="eval")
-        text = ast.unparse(_Translator(self, set(own)).visit(tree))
-        return text
-
-    def symbol(self, name: str) -> str:
-        """The variable of a declared quantity."""
-        if name not in self.known:
-            made = self.use("bondgraph.declare.quantities", "symbol")
-            variable = name.replace(".", "_")
-            self.known[name] = variable
-            self.lines.append(f"{variable} = {made}({name!r})")
-        return self.known[name]
-
-    def signal(self, variable: str, node: str) -> str:
-        """The variable of a flow, effort, displacement or momentum elsewhere in the graph."""
-        key = f"{variable}({node})"
-        if key not in self.known:
-            made = self.use("bondgraph.declare.expressions", "signal")
-            self.known[key] = f"{variable}_{node}".replace(".", "_")
-            self.lines.append(f"{self.known[key]} = {made}({variable!r}, {node!r})")
-        return self.known[key]
-
-
-class _Translator(ast.NodeTransformer):
-    def __init__(self, writer: _Writer, own: set[str]) -> None:
-        self._writer, self._own = writer, own
-
-    def visit_Name(self, node: ast.Name) -> ast.AST:
-        return node if node.id in self._own else ast.Name(self._writer.symbol(node.id))
-
-    def visit_Attribute(self, node: ast.Attribute) -> ast.AST:
-        return ast.Name(self._writer.symbol(ast.unparse(node)))
-
-    def visit_BinOp(self, node: ast.BinOp) -> ast.AST:
-        """An operation; a fraction of whole numbers stays one, which Python would make a number with a point."""
-        if isinstance(node.op, ast.Div) and _is_whole(node.left) and _is_whole(node.right):
-            return ast.Call(ast.Name(self._writer.use("sympy", "Rational")), [node.left, node.right], [])
-        return self.generic_visit(node)
-
-    def visit_Call(self, node: ast.Call) -> ast.AST:
-        name = ast.unparse(node.func)
-        if name in _VARIABLES and len(node.args) == 1:
-            return ast.Name(self._writer.signal(name, ast.unparse(node.args[0])))
-        arguments: list[Any] = [self.visit(argument) for argument in node.args]
-        if name == "Abs":
-            return ast.Call(ast.Name("abs"), arguments, [])
-        if name in _OWN_FUNCTIONS and hasattr(functions, name):
-            return ast.Call(ast.Name(self._writer.use("bondgraph.declare.functions", name)), arguments, [])
-        if not isinstance(getattr(sympy, name, None), sympy.FunctionClass):
-            raise _UnwritableError(f"the function {name}")
-        return ast.Call(ast.Name(self._writer.use("sympy", name)), arguments, [])
-
-
-def _is_whole(node: ast.expr) -> bool:
-    """True for a whole number, or one with a minus."""
-    own = node.operand if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub) else node
-    return isinstance(own, ast.Constant) and isinstance(own.value, int)
 
 
 def correction_lines(before: BondGraph, after: BondGraph) -> str:
@@ -143,13 +58,13 @@ def correction_lines(before: BondGraph, after: BondGraph) -> str:
 
 def _tried(before: BondGraph, after: BondGraph) -> tuple[str, str]:
     """The lines, and where there are none that make the other graph what cannot be written."""
-    writer = _Writer()
+    writer = Writer(after.quantities)
     try:
         _write_quantities(writer, before, after)
         _write_nodes(writer, before, after)
         _write_ways(writer, before, after)
         _write_values(writer, before, after)
-    except _UnwritableError as error:
+    except UnwritableError as error:
         return "", str(error)
     except SyntaxError:
         return "", "a law that is no Python expression"
@@ -164,7 +79,7 @@ def _missing(text: str, before: BondGraph, after: BondGraph) -> str:
     names: dict[str, Any] = {"g": copy(before)}
     try:
         exec(compile(text, "<correction>", "exec"), names)
-    except (BondGraphError, TypeError, ValueError, NameError) as error:
+    except (BondGraphError, TypeError, ValueError, NameError, SyntaxError) as error:
         return f"lines that run ({str(error).splitlines()[0]})" if str(error) else "lines that run"
     made: BondGraph = names["g"]
     if made == after:
@@ -180,12 +95,11 @@ def _missing(text: str, before: BondGraph, after: BondGraph) -> str:
     return " and ".join(said) or "a part of the graph that is no element and no quantity"
 
 
-def _write_quantities(writer: _Writer, before: BondGraph, after: BondGraph) -> None:
+def _write_quantities(writer: Writer, before: BondGraph, after: BondGraph) -> None:
     known = {quantity.name for quantity in before.parameters}
     for one in after.parameters:
         if one.name not in known:
-            writer.known[one.name] = one.name.replace(".", "_")
-            writer.lines.append(f"{writer.known[one.name]} = g.parameter({_parameter(one)})")
+            writer.lines.append(f"{writer.variable(one.name)} = g.parameter({_parameter(one)})")
     for group, method in (("integrals", "integral"), ("signals", "signal")):
         old = {quantity.name for quantity in getattr(before, group)}
         for quantity in getattr(after, group):
@@ -205,28 +119,27 @@ def _parameter(one: Parameter) -> str:
     return ", ".join(shown)
 
 
-def _write_defined(writer: _Writer, quantity: Integral | NamedSignal, method: str) -> None:
+def _write_defined(writer: Writer, quantity: Integral | NamedSignal, method: str) -> None:
     value = quantity.of if isinstance(quantity, Integral) else quantity.expression
     if isinstance(quantity, NamedSignal) and quantity.guess is not None:
-        raise _UnwritableError(f"{quantity.name}, which is solved for")
+        raise UnwritableError(f"{quantity.name}, which is solved for")
     text = writer.expression(value, {quantity.name})
     own = f"lambda {quantity.name}: " if method == "integral" and quantity.name in text else ""
-    variable = quantity.name.replace(".", "_")
-    writer.known[quantity.name] = variable
+    variable = writer.variable(quantity.name)
     start = f", initial={quantity.initial!r}" if isinstance(quantity, Integral) and quantity.initial else ""
     writer.lines.append(
         f"{variable} = g.{method}({quantity.name!r}, {own}{text}, {quantity.unit!r}, {quantity.meaning!r}{start})"
     )
 
 
-def _write_nodes(writer: _Writer, before: BondGraph, after: BondGraph) -> None:
+def _write_nodes(writer: Writer, before: BondGraph, after: BondGraph) -> None:
     if [bond for bond in before.bonds if bond not in after.bonds]:
-        raise _UnwritableError("an element in the middle of a bond")
+        raise UnwritableError("an element in the middle of a bond")
     for name, node in after.nodes.items():
         if name not in before.nodes:
             ends = [bond for bond in after.bonds if name in (bond.source, bond.target)]
             if len(ends) != 1 or node.kind not in _BUILDERS:
-                raise _UnwritableError(f"the element {name}")
+                raise UnwritableError(f"the element {name}")
             junction = ends[0].source if ends[0].target == name else ends[0].target
             writer.lines.append(f"g.{_BUILDERS[node.kind]}({name!r}, {_laws(writer, node)}, at={junction!r})")
         elif node != before.nodes[name]:
@@ -236,7 +149,7 @@ def _write_nodes(writer: _Writer, before: BondGraph, after: BondGraph) -> None:
                 writer.lines.append(f"{revise}(g, {name!r}, {given!r}, {text})")
 
 
-def _laws(writer: _Writer, node: Node) -> str:
+def _laws(writer: Writer, node: Node) -> str:
     own = _OWN.get(node.kind)
     if own is None:
         ((_, law),) = node.laws
@@ -244,14 +157,14 @@ def _laws(writer: _Writer, node: Node) -> str:
     texts = []
     for given, law in node.laws:
         if given not in own:
-            raise _UnwritableError(f"the law of {node.name}")
+            raise UnwritableError(f"the law of {node.name}")
         text = f"lambda {own[given]}: {writer.expression(law, {own[given]})}"
         first = given == ("flow" if node.kind == "I" else "effort")
         texts.append(text if first and node.kind != "I" else f"{given}={text}")
     return ", ".join(texts)
 
 
-def _write_ways(writer: _Writer, before: BondGraph, after: BondGraph) -> None:
+def _write_ways(writer: Writer, before: BondGraph, after: BondGraph) -> None:
     """Inputs that run another way between samples, and what their own declarations could say instead."""
     old = {one.name: one.interpolation for one in before.flatten().inputs}
     changed = [one for one in after.flatten().inputs if old.get(one.name, one.interpolation) != one.interpolation]
@@ -265,7 +178,7 @@ def _write_ways(writer: _Writer, before: BondGraph, after: BondGraph) -> None:
         writer.lines.append(f"g = {function}(g, {given})  # {told}")
 
 
-def _write_values(writer: _Writer, before: BondGraph, after: BondGraph) -> None:
+def _write_values(writer: Writer, before: BondGraph, after: BondGraph) -> None:
     old = {one.name: one for one in before.parameters}
     same = [one for one in after.parameters if one.name in old]
     values = {one.name: float(one.value) for one in same if one.value != old[one.name].value}

@@ -12,8 +12,11 @@ from rich.text import Text
 
 from bondgraph.report.numbers import MISSING, change, shown, with_interval
 from bondgraph.report.series import ChannelError, ParameterChange, Power, Tried
+from bondgraph.report.words import law_title
 
 ALL_LOGS = "all logs"
+#: Lines of a long table that are read first, and from how many lines on it is long: conventions.
+_FIRST_SIZES, _FOLDED_FROM = 10, 15
 
 
 def pooled(errors: Sequence[ChannelError]) -> tuple[ChannelError, ...]:
@@ -126,19 +129,43 @@ def alternatives_table(alternatives: Sequence[Tried], title: str = "what was tri
     table.add_column("why")
     for row in alternatives:
         style = "bold green" if row.chosen else "yellow" if row.indistinguishable else None
-        table.add_row(Text(row.name), Text(row.junction), shown(row.delta_nll), Text(row.why), style=style)
+        table.add_row(Text(law_title(row.name)), Text(row.junction), shown(row.delta_nll), Text(row.why), style=style)
     return table
 
 
+def first_sizes(power: Sequence[Power]) -> tuple[list[Power], list[Power]]:
+    """Sizes that are read first and the others: effects that logs would show come first, of every place in turn.
+
+    Examples
+    --------
+    >>> many = [Power(f"loss_{one}", place, 2.0, "N") for place in ("front", "rear") for one in range(12)]
+    >>> first, more = first_sizes([Power("drag", "front", math.inf, "N"), *many])
+    >>> [one.junction for one in first[:3]], len(first), more[-1].effect
+    (['front', 'rear', 'front'], 10, 'drag')
+    """
+    places: dict[str, int] = {}
+    turns = []
+    for one in power:
+        known = math.isfinite(one.size)
+        places[one.junction] = places.get(one.junction, 0) + known
+        turns.append((not known, places[one.junction] if known else 0))
+    ordered = [power[index] for index in sorted(range(len(power)), key=turns.__getitem__)]
+    count = _FIRST_SIZES if len(power) > _FOLDED_FROM else len(power)
+    return ordered[:count], ordered[count:]
+
+
 def power_table(power: Sequence[Power], title: str = "smallest size found nine times in ten") -> Table:
-    """What the logs would have shown, effect by effect."""
+    """What the logs would have shown, effect by effect; of many the first that :func:`first_sizes` gives."""
     table = _table(title)
     for name, right in (("effect", 0), ("at", 0), ("size", 1), ("unit", 0)):
         table.add_column(name, justify="right" if right else "left")
-    for row in power:
+    rows, more = first_sizes(power)
+    if more:
+        table.caption, table.caption_justify = f"{len(more)} more in the report and in result.json", "left"
+    for row in rows:
         known = math.isfinite(row.size)
         size = shown(row.size) if known else "not with these logs"
-        table.add_row(Text(row.effect), Text(row.junction), size, Text(row.unit if known else ""))
+        table.add_row(Text(law_title(row.effect)), Text(row.junction), size, Text(row.unit if known else ""))
     return table
 
 

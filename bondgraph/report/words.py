@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import re
 
+#: Beginning of the names of formulas, see :class:`bondgraph.correct.shapes.formula.Formula`.
+_FORMULA = "formula_"
+
 #: How a word is found in a text, how it is shown, and what it means.
 _WORDS = (
     (
@@ -72,3 +75,16 @@ class Words:
         found = [(word, meaning) for form, word, meaning in _WORDS if re.search(form, text) and word not in self._told]
         self._told |= {word for word, _ in found}
         return found
+
+
+def law_title(label: str) -> str:
+    """The name of a law, or its label ``NAME at PLACE``, as prose shows it: of a formula its terms in words.
+
+    Examples
+    --------
+    >>> law_title("formula_ramp_below_of_flow_of_strut at strut"), law_title("coulomb_loss at carriage")
+    ('formula (ramp below of flow of strut) at strut', 'coulomb_loss at carriage')
+    """
+    name, at, place = label.partition(" at ")
+    terms = name.removeprefix(_FORMULA)
+    return label if terms == name else f"formula ({terms.replace('_', ' ')}){at}{place}"

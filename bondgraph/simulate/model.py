@@ -282,7 +282,7 @@ class Model:
             return float(value)
         letters = info.letters or {}
         if value not in letters:
-            known = ", ".join(letters) or "none: it takes numbers"
+            known = ", ".join(letters) or f"none: it takes a number alone, in {info.display_unit}"
             raise ModelError(
                 f"{self.name}: input {name!r} has no letter {value!r} - it knows {known}", where=(self.name, name)
             )

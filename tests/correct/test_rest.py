@@ -65,7 +65,7 @@ def test_the_verdict_names_what_the_data_do_not_tell_apart(
     monkeypatch.setattr(
         "bondgraph.report.formulas.round_of", lambda closed, added: SimpleNamespace(alternatives=others)
     )
-    monkeypatch.setattr("bondgraph.report.closed_loop.named", lambda added, fitted: "leak at tank")
+    monkeypatch.setattr("bondgraph.report.closed_loop.headline_name", lambda closed, added: "leak at tank")
     closed = SimpleNamespace(corrected=cast(Fit, None))
     leak = SimpleNamespace(effect=SimpleNamespace(described="leak"), place=SimpleNamespace(label="tank"))
     added = SimpleNamespace(trial=SimpleNamespace(candidate=leak, simplifies="", stands_for=()))

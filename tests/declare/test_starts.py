@@ -124,7 +124,7 @@ def test_a_part_starts_at_its_own_signals_or_at_what_they_are_bound_to():
     ("initial", "message"),
     [
         ("fats", r"spindle: rotor: initial fats: no input or output 'fats'.*did you mean 'fast'"),
-        ("torque", r"torque is in 'N m', the state in 'rad/s' or 'N m s' - name a signal of the same unit"),
+        ("torque", r"torque is in 'N m', the state in 'rad/s' or 'N m s' - name a signal of that unit, or"),
         ("fast/4", r"initial fast/4 is no start of a state - give a number"),
         ("0*fast", r"is no start of a state"),
         ("nan*fast", r"is no start of a state"),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 from dataclasses import replace
 from pathlib import Path
@@ -102,6 +103,16 @@ def test_a_profile_that_finds_a_better_point_says_so(fit: Estimate) -> None:
     assert found.better == pytest.approx(away.nll - fit.nll, rel=0.2)
     assert "the estimate is no optimum" in " ".join(ProfileAnswer(away, (found,)).sentences())
     assert profile_likelihood(fit, "mass")[0].better == 0.0
+
+
+def test_a_profile_that_the_curvature_does_not_tell_is_written_as_json() -> None:
+    """Bounds of noises that logs give are numpy's, whose bool is none of JSON: the command ended after all its work."""
+    found = of_gain()
+    (profile,) = profile_likelihood(found)
+    bounds = FreeParameter("gain", np.float64(profile.interval[0]), np.float64(5.0), 1.5)
+    answer = ProfileAnswer(found, (replace(profile, std=math.nan, parameter=bounds),))
+    told = json.loads(json.dumps(answer.to_dict()))["parameters"]["gain"]
+    assert told["differs"] == [False, True] and told["curvature"] == [None, None]
 
 
 def test_progress_counts_finished_profiles_and_they_come_back_from_files(fit: Estimate, tmp_path: Path) -> None:

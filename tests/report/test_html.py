@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from dataclasses import replace
 from html.parser import HTMLParser
@@ -15,14 +16,16 @@ from bondgraph.report.series import (
     ChannelError,
     ChannelSeries,
     FilteredLog,
+    Power,
     Prediction,
     StateBand,
     Tried,
     channel_errors,
 )
+from bondgraph.report.tables import power_table, text_of
 from tests.report.examples import coast_down_report
 
-VOID = {"source", "meta", "input", "img", "br", "hr", "link"}
+VOID = {"source", "wbr", "meta", "input", "img", "br", "hr", "link"}
 
 
 class Reader(HTMLParser):
@@ -167,6 +170,21 @@ def test_a_filter_says_one_error_per_kind_and_shows_states_and_innovations() -> 
     assert "The model as a filter." in text and "Error before" not in text
     assert text.count("<h2>States and innovations</h2>") == 1
     assert "<b>NIS</b>: square of the innovation" in text
+
+
+def test_a_column_without_numbers_is_left_out_and_a_long_table_of_sizes_folded() -> None:
+    """An estimate has no one-step error before it, and its table needed scrolling at 900 pixels for two of dashes."""
+    row = ChannelError("run", "v", "m/s", False, math.nan, 0.2, 3.0, 0.3, noise_std=0.1)
+    power = [Power(f"loss_{k}", f"part_{k % 3}", 1.0 + k, "N") for k in range(20)]
+    hidden = [Power("blind", "part_0", math.inf, "N")]
+    page = report_html(ReportData("car", "estimated", "One.\nTwo.", errors=(row,), power=(*hidden, *power)))
+    rows = [[" ".join(cell.split()) for cell in one] for one in Reader(page).rows]
+    assert ["channel", "log", "before", "after", "change", "after", "sensor noise"] in rows
+    assert "<p>One.</p>" in page and "<p>Two.</p>" in page
+    folded = page[page.index("<summary>11 more</summary>") :]
+    assert "undetectable" in folded and "loss_<wbr>0<" not in folded
+    assert text_of(power_table([*hidden, *power])).count("loss_") == 10
+    assert "11 more in the report" in text_of(power_table([*hidden, *power]))
 
 
 def test_a_long_log_is_cut_into_stretches_that_show_every_sample() -> None:

@@ -6,6 +6,7 @@ import shutil
 import subprocess
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 from sympy import Rational
@@ -14,8 +15,10 @@ import bondgraph as bg
 from bondgraph.declare.editing import copy, with_inputs_between, with_values
 from bondgraph.declare.effect import EffectFunction, Place, Scale, effect_functions
 from bondgraph.declare.elements import Node
+from bondgraph.declare.expressions import FUNCTIONS, parse
+from bondgraph.declare.functions import table_function
 from bondgraph.declare.handles import Handle
-from bondgraph.declare.quantities import Start
+from bondgraph.declare.quantities import Start, symbol
 from bondgraph.declare.revision import revise_output
 from bondgraph.effects import friction, loads, losses, storages
 from bondgraph.report.python_lines import correction_lines, declaration_patch, write_python
@@ -134,6 +137,52 @@ def test_fractions_of_whole_numbers_stay_fractions() -> None:
 
     text = correction_lines(sled(0.0), sled(1.5))
     assert "Rational(1, 4)" in text and "from sympy import Rational" in text
+
+
+LAWS = [
+    "b*flow*sqrt(abs(flow)/w)", "b*cbrt(flow)", "b*flow**1.5", "b*pi*flow/w", "b*atan2(flow, w)", "b*floor(flow/w)",
+    "b*log(1 + flow**2)*exp(-flow/w)", "b*asinh(flow/w) + b*acos(tanh(flow/w))", "b*ceiling(flow)", "b*Mod(flow, w)",
+    "b*max(flow, w, 0) + b*min(flow, 0)", "b*clip(flow, 0, w)", "b*switch(flow - w, 0.01)", "b*sign(flow)*2**flow",
+    "b*flow if flow > w else 0", "b*flow if 0 < flow else b*w", "b*(flow if flow > 0 and flow < w or flow < -w else w)",
+    "b*flow if not (flow < w or flow > 2*w) else 0", "b*Heaviside(flow, 0)", "curve(flow)*b", "b*map(flow, w)",
+    "lambda*flow", "b*flow*flow(body)", "b*flow*g", "b*flow*sin(sin_)", "b*flow*symbol", "b*flow + inside.c*flow",
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_every_function_of_laws_can_be_written(law: str) -> None:
+    """`they cannot write the function sqrt`: lines knew no function that sympy makes of others."""
+
+    def sled(text: str) -> bg.BondGraph:
+        g = bg.BondGraph("sled")
+        body = g.one_junction("body", bg.TRANSLATION)
+        g.inertance("mass", g.parameter("m", 80.0, "kg", "sled"), at=body, state="v")
+        for name in ("b", "w", "lambda", "g", "sin_", "symbol"):
+            g.parameter(name, 2.0, "1", "a number")
+        g.table("curve", [0.0, 1.0], [0.0, 3.0], unit="1", meaning="a curve")
+        g.table("map", [0.0, 1.0], [[0.0, 3.0], [1.0, 2.0]], unit="1", meaning="a map", y=[0.0, 1.0])
+        inner = bg.BondGraph("part")
+        inner.parameter("c", 2.0, "1", "a number")
+        g.include("inside", inner)
+        read: dict[str, Any] = {name: symbol(name) for name in (*g.quantities, "inside.c")}
+        read |= {"curve": table_function("curve"), "map": table_function("map", 2)}
+        g.resistance("air", lambda flow: parse(text, {**read, "flow": flow}, "air"), at=body)
+        return g
+
+    declared, corrected = sled("b*flow"), sled(law)
+    text = correction_lines(declared, corrected)
+    names = {"g": copy(declared)}
+    exec(text, names)
+    assert text and names["g"] == corrected
+
+
+def test_every_function_that_texts_accept_is_tried() -> None:
+    spelled = " ".join(LAWS)
+    inverses = {"sec", "csc", "cot"}  # written as quotients
+    same = {"Abs": "abs", "ln": "log", "Min": "min", "Max": "max", "minimum": "min", "maximum": "max", "pow": "**"}
+    plain = {"cos", "sin", "tan", "asin", "atan", "sinh", "cosh", "acosh", "atanh"}  # as those that are tried
+    for name in FUNCTIONS:
+        assert name in inverses | plain or f"{same.get(name, name)}" in spelled, name
 
 
 def test_an_integral_begins_where_the_corrected_one_does() -> None:

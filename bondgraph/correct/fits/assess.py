@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import stats
+from scipy.special import gammaln, stdtr, stdtrit
 
 from bondgraph.correct.constants import BLOCKS, WINDOWS
 from bondgraph.data.log import FloatArray, MatchedLog
@@ -142,7 +142,7 @@ def rms_interval(values: FloatArray) -> tuple[float, float]:
     if known.size < 2 * WINDOWS:
         return float("nan"), float("nan")
     squares = np.array([np.mean(part**2) for part in np.array_split(known, WINDOWS)])
-    reach = float(stats.t.isf(0.025, WINDOWS - 1) * squares.std(ddof=1) / np.sqrt(WINDOWS))
+    reach = float(stdtrit(WINDOWS - 1, 0.975) * squares.std(ddof=1) / np.sqrt(WINDOWS))
     middle = float(squares.mean())
     return float(np.sqrt(max(middle - reach, 0.0))), float(np.sqrt(middle + reach))
 
@@ -201,8 +201,15 @@ def _scaled(runs: Sequence[FilterRun]) -> tuple[FloatArray, float]:
     for row in range(z.shape[0]):
         own = z[row, seen[row]]
         scale = _scale(own)
-        gains[row, seen[row]] = stats.t.logpdf(own / scale, _TAILS) - np.log(scale) - log_s[row, seen[row]]
+        gains[row, seen[row]] = _log_density(own / scale) - np.log(scale) - log_s[row, seen[row]]
     return gains.sum(axis=0), float(np.sqrt(np.mean(z[seen] ** 2))) if seen.any() else math.nan
+
+
+def _log_density(z: FloatArray) -> FloatArray:
+    """Logarithm of the density of Student's t with ``_TAILS`` degrees of freedom, entry by entry."""
+    level = float(gammaln(0.5 * (_TAILS + 1.0)) - gammaln(0.5 * _TAILS)) - 0.5 * math.log(math.pi * _TAILS)
+    density: FloatArray = level - 0.5 * (_TAILS + 1.0) * np.log1p(z**2 / _TAILS)
+    return density
 
 
 def _scale(z: FloatArray) -> float:
@@ -219,7 +226,7 @@ def gain_p_value(before: Sequence[FilterRun], after: Sequence[FilterRun]) -> flo
     One that rests on few of them is worth little, however large. Reference: Vuong (1989), Econometrica 57(2).
     """
     gain, error = gain_interval(before, after, BLOCKS)
-    return float(stats.t.sf(gain / error, BLOCKS - 1)) if error > 0.0 else 1.0
+    return float(stdtr(BLOCKS - 1, -gain / error)) if error > 0.0 else 1.0
 
 
 def _rms(values: FloatArray) -> float:

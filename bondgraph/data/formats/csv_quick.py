@@ -18,6 +18,7 @@ from typing import IO, Any
 
 import numpy as np
 
+from bondgraph.arrays import FloatArray
 from bondgraph.data.dates import split_date
 from bondgraph.data.formats import table
 from bondgraph.data.formats.csv_text import delimiter, opened
@@ -166,10 +167,20 @@ def _type(arrow: Any, layout: _Layout, position: int, is_code: bool) -> Any:
     return arrow.float64()
 
 
+def _numbers(column: Any) -> FloatArray:
+    """A column of numbers (n,), NaN where it has none, from its buffers: pyarrow's own way loads pandas first."""
+    values, end = np.empty(len(column)), 0
+    for chunk in column.chunks:
+        known = chunk.fill_null(np.nan) if chunk.null_count else chunk
+        begin, end = end, end + len(known)
+        values[begin:end] = np.frombuffer(known.buffers()[1], np.float64, len(known), 8 * known.offset)
+    return values
+
+
 def _column(arrow: Any, column: Any) -> Any:
     """A column as numbers, dates or codes (n,)."""
     if not arrow.types.is_dictionary(column.type):
-        values = column.to_numpy()
+        values = _numbers(column) if arrow.types.is_float64(column.type) else column.to_numpy()
         if values.dtype.kind == "f" and np.isinf(values).any():  # a number with too many digits, or the word
             raise _UnusualError
         return values

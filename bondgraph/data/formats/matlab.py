@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import scipy.io
 
 from bondgraph.data.formats.table import Signal, Table, extra, merged
 from bondgraph.data.header import Reading, convert_unit
@@ -48,7 +47,9 @@ def read_mat(path: Path, reading: Reading) -> Table:
 def _variables(path: Path) -> dict[str, Any]:
     """The content of the file; structs are dictionaries, cell arrays of text are lists or arrays."""
     try:
-        content: dict[str, Any] = scipy.io.loadmat(str(path), simplify_cells=True)
+        from scipy.io import loadmat  # loads sparse matrices, which no other format needs
+
+        content: dict[str, Any] = loadmat(str(path), simplify_cells=True)
     except NotImplementedError:  # scipy's way to say that the file is v7.3, which is HDF5
         content = _in_order(extra("pymatreader", path, "matlab").read_mat(str(path)))
     except ValueError as error:
