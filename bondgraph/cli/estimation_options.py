@@ -8,7 +8,9 @@ from bondgraph.cli.numbers import count, positive, seed, share
 from bondgraph.execute.executors import add_executor
 
 #: Methods of an estimation, as :mod:`bondgraph.estimate.methods` knows them.
-METHODS = ("both", "gradient", "pso", "shade", "de", "cma", "shade+gradient", "de+gradient", "cma+gradient")
+METHODS = (
+    "both", "gradient", "pso", "shade", "de", "cma", "pso+gradient", "shade+gradient", "de+gradient", "cma+gradient",
+)  # fmt: skip
 
 
 def estimate_options(command: argparse.ArgumentParser) -> None:
@@ -61,9 +63,10 @@ def _add_search(command: argparse.ArgumentParser) -> None:
     )
     command.add_argument(
         "--method", default="both", choices=METHODS,
-        help="a short swarm whose best points start gradient searches (both, the default), gradient searches from the "
-        "declared values and points spread over the bounds (gradient), or a swarm (pso), L-SHADE (shade), scipy's "
-        "differential evolution (de) or CMA-ES (cma) alone, the last three also with gradient searches after them",
+        help="a short swarm whose best points start gradient searches and, where these do not meet at one optimum and "
+        "the model is cheap, L-SHADE for a deeper one (both, the default), gradient searches from the declared values "
+        "and points spread over the bounds (gradient), or a swarm (pso), L-SHADE (shade), scipy's differential "
+        "evolution (de) or CMA-ES (cma) alone, each also with gradient searches after it",
     )  # fmt: skip
     command.add_argument(
         "--certify", default="step", choices=("step", "full", "none"),
@@ -75,7 +78,7 @@ def _add_search(command: argparse.ArgumentParser) -> None:
         help="lead the gradient searches through filters with more process noise, where the start is so far away that "
         "the likelihood is rugged there (default: none)",
     )  # fmt: skip
-    command.add_argument("--seed", type=seed, default=0, help="seed of the swarm (default: 0)")
+    command.add_argument("--seed", type=seed, default=0, help="seed of all random numbers of the search (default: 0)")
 
 
 def add_strict(command: argparse.ArgumentParser) -> None:

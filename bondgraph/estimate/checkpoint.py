@@ -7,6 +7,7 @@ import hashlib
 import io
 import json
 import sys
+import time
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, cast
@@ -20,6 +21,9 @@ from bondgraph.estimate.solvers.abstract import SearchState
 from bondgraph.files import write_bytes
 
 FILE = "checkpoint.npz"
+
+#: Times the last writing took that pass before the next: a convention.
+_REST = 9.0
 
 #: Entry that says of what type a state is.
 _TYPE = "type"
@@ -70,6 +74,28 @@ def save_checkpoint(folder: Path, checkpoint: Checkpoint) -> None:
     content = io.BytesIO()
     np.savez(content, **arrays)  # type: ignore[arg-type]
     write_bytes(folder / FILE, content.getvalue())
+
+
+@dataclasses.dataclass
+class Kept:
+    """States of one search in a folder, None keeps nothing.
+
+    What is noted while it rests is not written: a tenth of the time at most goes to writing, and steps after the last
+    that was written are done again with the same numbers.
+    """
+
+    folder: Path | None
+    digest: str
+    rests_until: float = -np.inf
+
+    def keep(self, states: Mapping[str, SearchState], seconds: float, *, at_once: bool = False) -> None:
+        """Write all states if the last writing is long enough ago, or at once."""
+        began = time.perf_counter()
+        if self.folder is None or (began < self.rests_until and not at_once):
+            return
+        save_checkpoint(self.folder, Checkpoint(self.digest, seconds, states))
+        ended = time.perf_counter()
+        self.rests_until = ended + _REST * (ended - began)
 
 
 def load_checkpoint(folder: Path, digest: str) -> Checkpoint | None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -13,6 +13,7 @@ from bondgraph.estimate.continuation import Stage
 from bondgraph.estimate.joint import Problem
 from bondgraph.estimate.objective import Expand, FloatArray, SearchOutcome, TraceRow, fitted_expansion
 from bondgraph.estimate.result import Estimate, Optimum
+from bondgraph.estimate.solvers.gauss_newton import GaussNewtonState
 from bondgraph.estimate.uncertainty import Uncertainty, UncertaintyOutcome, uncertainty
 
 #: Optima whose coordinates all agree within this share of the bounds are one.
@@ -32,6 +33,22 @@ class Found:
     steps: FloatArray | None
     way: tuple[Stage, ...] = ()
     abandoned: int = 0
+
+
+def found_after(before: Estimate, state: GaussNewtonState) -> Found:
+    """The end of a search that went on from an estimate."""
+    rows = tuple(replace(row, evaluations=row.evaluations + before.evaluations) for row in state.trace)
+    return Found(
+        state.points[:, 0],
+        float(state.values[0]),
+        state.outcomes[0] or SearchOutcome.ITERATION_LIMIT,
+        before.evaluations + state.evaluations,
+        before.trace + rows,
+        ((state.points[:, 0], float(state.values[0])),),
+        state.steps[:, 0],
+        before.way,
+        before.abandoned,
+    )
 
 
 def describe(problem: Problem, found: Found, jacobian: Expand, seconds: Callable[[], float]) -> Estimate:

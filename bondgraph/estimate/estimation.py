@@ -21,11 +21,12 @@ from bondgraph.estimate.certify import (
     rounding,
     steps_of,
 )
-from bondgraph.estimate.checkpoint import Checkpoint, load_checkpoint, problem_digest, save_checkpoint
+from bondgraph.estimate.checkpoint import Kept, load_checkpoint, problem_digest
 from bondgraph.estimate.continuation import ON_THE_WAY, Stage, way
+from bondgraph.estimate.deepening import deeper_search
 from bondgraph.estimate.derivatives.exact import derivatives, repays_exact
 from bondgraph.estimate.derivatives.linearised import is_linearised
-from bondgraph.estimate.described import Found, describe
+from bondgraph.estimate.described import Found, describe, found_after
 from bondgraph.estimate.handover import (
     distinct_starts,
     is_shortened,
@@ -51,6 +52,7 @@ _MOST_REFINEMENTS = 4
 
 #: States are kept under these names.
 _EXPLORING, _REFINING = "swarm", "gauss-newton"
+_DEEPER, _AGAIN = "differential evolution", "gauss-newton from there"
 
 #: Most steps along the linearised filter, which cost as much as three by exact derivatives: of two starts on a vehicle
 #: one was near after fifteen, and the other crept for as long as it was let.
@@ -67,8 +69,7 @@ class _Run:
     problem: Problem
     settings: Settings
     progress: Progress
-    folder: Path | None
-    digest: str
+    kept: Kept
     jacobian: Expand
     states: dict[str, SearchState]
     started: float
@@ -94,8 +95,7 @@ class _Run:
     def keep(self, stage: str, state: SearchState) -> None:
         """Note a new state, on disk too, and tell."""
         self.states[stage] = state
-        if self.folder is not None:
-            save_checkpoint(self.folder, Checkpoint(self.digest, self.seconds, self.states))
+        self.kept.keep(self.states, self.seconds)
         before = sum(other.evaluations for name, other in self.states.items() if name != stage)
         self.progress(self.row(stage, state.trace[-1], before))
 
@@ -145,7 +145,7 @@ def estimate(
     progress
         Called after every iteration. An interruption (Ctrl-C) ends the search with the best point so far.
     folder
-        Where the state of the search is kept after every iteration; None keeps nothing.
+        Where the state of the search is kept as it goes on; None keeps nothing.
     resume
         Continue from the state in ``folder``, if there is one; the result is that of an uninterrupted search.
     jacobian
@@ -190,7 +190,7 @@ def estimate(
     found = load_checkpoint(folder, digest) if resume and folder is not None else None
     states = dict(found.states) if found is not None else {}
     started = time.perf_counter() - (found.seconds if found is not None else 0.0)
-    run = _Run(problem, settings, progress, folder, digest, jacobian, states, started, executor)
+    run = _Run(problem, settings, progress, Kept(folder, digest), jacobian, states, started, executor)
     return _certified(_described(_search(run), run), run)
 
 
@@ -231,7 +231,7 @@ def _certified(found: Estimate, run: _Run) -> Estimate:
             problem = planned_again(found.problem, found.point)
         try:
             state = gauss_newton(problem, found.point, run.settings.gradient, run.told_after(found), run.jacobian)
-            found = describe(problem, _continued(found, state), run.jacobian, lambda: run.seconds)
+            found = describe(problem, found_after(found, state), run.jacobian, lambda: run.seconds)
         except KeyboardInterrupt:
             break  # what was found with the steps before is an estimate, and says that it is not certified
     if found.certification.is_ill_conditioned:  # rounding errors in derivatives would pass for certainty
@@ -250,34 +250,32 @@ def _checks(found: Estimate, run: _Run) -> list[tuple[Problem, Check]]:
     return [(one, check(found.problem, found.point, spread, one, run.jacobian, converged=converged)) for one in finer]
 
 
-def _continued(before: Estimate, state: GaussNewtonState) -> Found:
-    """The end of a search that went on from an estimate."""
-    rows = tuple(replace(row, evaluations=row.evaluations + before.evaluations) for row in state.trace)
-    return Found(
-        state.points[:, 0],
-        float(state.values[0]),
-        state.outcomes[0] or SearchOutcome.ITERATION_LIMIT,
-        before.evaluations + state.evaluations,
-        before.trace + rows,
-        ((state.points[:, 0], float(state.values[0])),),
-        state.steps[:, 0],
-        before.way,
-        before.abandoned,
-    )
-
-
 def _search(run: _Run) -> Found:
-    """Both stages; Ctrl-C ends them with what is best so far."""
+    """All stages; Ctrl-C ends them with what is best so far."""
     outcome = SearchOutcome.INTERRUPTED
     try:
         if run.exploring is not None:
             part, search = run.exploring
             outcome = _search_on(run, _EXPLORING, search, part, part.start[:, np.newaxis])[1]
         if run.settings.refines and outcome is not SearchOutcome.NO_FINITE_POINT:
-            outcome = _search_on(run, _REFINING, run.refining, run.problem, _starts(run))[1]
+            state, outcome = _search_on(run, _REFINING, run.refining, run.problem, _starts(run))
+            outcome = _deepened(run, state) or outcome
     except KeyboardInterrupt:
         outcome = SearchOutcome.INTERRUPTED
+    run.kept.keep(run.states, run.seconds, at_once=True)
     return _found(run, outcome)
+
+
+def _deepened(run: _Run, state: GaussNewtonState) -> SearchOutcome | None:
+    """How a second exploration and its gradient search ended, None where there was none."""
+    if not run.settings.deepens:
+        return None
+    spent = sum(other.evaluations for name, other in run.states.items() if name not in (_DEEPER, _AGAIN))
+    search = deeper_search(run.problem, state, spent, run.settings.seed)
+    if search is None:
+        return None
+    deeper, _ = _search_on(run, _DEEPER, search, run.problem, state.points[:, [state.best]])
+    return _search_on(run, _AGAIN, run.refining, run.problem, search.result(deeper).best[:, np.newaxis])[1]
 
 
 def _starts(run: _Run) -> FloatArray:
@@ -355,7 +353,7 @@ def _linearised(run: _Run, starts: FloatArray) -> FloatArray:
 
 def _found(run: _Run, outcome: SearchOutcome) -> Found:
     """The best point of all stages, and every end of a gradient search."""
-    seen, gradient = _explored(run), run.states.get(_REFINING)
+    seen, gradient = _explored(run), run.states.get(_AGAIN, run.states.get(_REFINING))
     trace: tuple[TraceRow, ...] = ()
     points, values = [run.problem.start], [float("inf")]
     ends: list[tuple[FloatArray, float]] = []
@@ -373,13 +371,14 @@ def _found(run: _Run, outcome: SearchOutcome) -> Found:
         if not isinstance(gradient, GaussNewtonState):
             points.append(near.point)
             values.append(near.value)
-    if isinstance(gradient, GaussNewtonState):
-        trace += tuple(run.row(_REFINING, row, evaluations) for row in gradient.trace)
-        evaluations += gradient.evaluations
-        points.append(gradient.points[:, gradient.best])
-        values.append(float(gradient.values.min()))
-        ends = [*race_ends(run.problem, gradient)]
-    elif _on_the_way(run):
+    for name in (name for name in (_REFINING, _DEEPER, _AGAIN) if name in run.states):
+        later = run.states[name]
+        trace += tuple(run.row(name, row, evaluations) for row in later.trace)
+        evaluations += later.evaluations
+        points.append(np.array(later.trace[-1].point))
+        values.append(later.trace[-1].nll)
+        ends += race_ends(run.problem, later) if isinstance(later, GaussNewtonState) else ()
+    if gradient is None and _on_the_way(run):
         nearest = _on_the_way(run)[-1]
         points.append(nearest.points[:, nearest.best])
         values.append(float(run.problem.nll(points[-1][:, np.newaxis])[0]))

@@ -35,10 +35,13 @@ class Method:
         The search over the whole box; None: starts are spread over it instead.
     refine
         Gradient searches follow, from the best distinct points and the declared start.
+    deepen
+        Where these do not agree a second exploration follows, see :mod:`bondgraph.estimate.deepening`.
     """
 
     explore: Make | None
     refine: bool
+    deepen: bool = False
 
 
 def _swarm(problem: Problem, seed: int) -> ParticleSwarm:
@@ -59,12 +62,13 @@ def _adaptation(problem: Problem, seed: int) -> CovarianceAdaptation:
 
 #: Methods by name. ``both`` is the default: a short swarm only has to find the right valleys.
 METHODS: Mapping[str, Method] = {
-    "both": Method(exploring_swarm, refine=True),
+    "both": Method(exploring_swarm, refine=True, deepen=True),
     "gradient": Method(None, refine=True),
     "pso": Method(_swarm, refine=False),
     "shade": Method(_shade, refine=False),
     "de": Method(_evolution, refine=False),
     "cma": Method(_adaptation, refine=False),
+    "pso+gradient": Method(exploring_swarm, refine=True),
     "shade+gradient": Method(_shade, refine=True),
     "de+gradient": Method(_evolution, refine=True),
     "cma+gradient": Method(_adaptation, refine=True),

@@ -24,10 +24,12 @@ class Settings:
     ----------
     method
         A name of :mod:`bondgraph.estimate.methods`. ``"both"``: a short swarm over all but the levels of noise, whose
-        best distinct particles and the declared start begin gradient searches; ``"gradient"``: gradient searches from
-        the declared start and from points spread over the bounds; ``"pso"``, ``"shade"``, ``"de"``, ``"cma"``: a swarm,
-        L-SHADE, differential evolution or CMA-ES alone, over everything; with ``"+gradient"`` searches follow as after
-        the swarm. Gradient searches of a stiff model begin along its linearised filter, at a seventh of the cost of a
+        best distinct particles and the declared start begin gradient searches; where these do not meet at one optimum
+        and evaluations are cheap, L-SHADE looks for a deeper one (:mod:`bondgraph.estimate.deepening`);
+        ``"pso+gradient"``: the same without L-SHADE; ``"gradient"``: gradient searches from the declared start and from
+        points spread over the bounds; ``"pso"``, ``"shade"``, ``"de"``, ``"cma"``: a swarm, L-SHADE, differential
+        evolution or CMA-ES alone, over everything; with ``"+gradient"`` searches follow as after the swarm. Gradient
+        searches of a stiff model begin along its linearised filter, at a seventh of the cost of a
         step by exact derivatives, which then find the optimum (:mod:`bondgraph.estimate.solvers.linearised`).
     seed
         The same seed gives the same estimate, on any number of threads.
@@ -80,6 +82,11 @@ class Settings:
     def refines(self) -> bool:
         """Whether gradient searches follow."""
         return METHODS[self.method].refine
+
+    @property
+    def deepens(self) -> bool:
+        """Whether a second exploration follows where gradient searches do not agree."""
+        return METHODS[self.method].deepen and self.search is None and self.swarm is None
 
     def exploring(self, problem: Problem) -> tuple[Problem, AbstractSearch[Any]] | None:
         """What is explored and how, None where nothing is."""

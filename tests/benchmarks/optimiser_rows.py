@@ -2,7 +2,9 @@
 
 Rastrigin, Rosenbrock, Ackley and Griewank over their usual boxes (Suganthan et al. 2005, CEC benchmark; Molga and
 Smutnicki 2005, Test functions for optimization needs). Every search sees the functions as an estimation would: values
-of a batch of points. pyswarms takes part where it is installed.
+of a batch of points. The default of ``estimate`` takes part as it is: the function is the likelihood of a problem with
+ten parameters, its gradient search takes differences, and the best of the first evaluations counts, whoever asked for
+it. pyswarms takes part where it is installed.
 """
 
 from __future__ import annotations
@@ -10,18 +12,26 @@ from __future__ import annotations
 import importlib.util
 import os
 import tempfile
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.optimize import differential_evolution
 
-from bondgraph.estimate.objective import FloatArray
+from bondgraph.data.log import MatchedLog
+from bondgraph.estimate.derivatives.differences import central_differences
+from bondgraph.estimate.estimation import Settings, estimate
+from bondgraph.estimate.free import FreeParameter
+from bondgraph.estimate.likelihoods import Batch
+from bondgraph.estimate.objective import FloatArray, Terms, TraceRow
+from bondgraph.estimate.problem import EstimationProblem, pose
 from bondgraph.estimate.solvers.abstract import AbstractSearch, search_to_end
 from bondgraph.estimate.solvers.covariance_adaptation import CovarianceAdaptation
 from bondgraph.estimate.solvers.differential_evolution import Shade
 from bondgraph.estimate.solvers.particle_swarm import ParticleSwarm, SwarmSettings
 from bondgraph.estimate.solvers.swarm_rules import Constriction, FallingInertia, Ring, VonNeumann
+from bondgraph.filter.filter_model import FilterModel
+from bondgraph.simulate.state_space import state_space
 
 SIZE, EVALUATIONS, SEEDS = 10, 20_000, 20
 
@@ -84,7 +94,7 @@ def _swarm(**rules: object) -> Callable[[int, int], AbstractSearch]:
     return make
 
 
-#: Searches of the toolkit by name: the first is what stands alone for ``--method shade``.
+#: Searches of the toolkit that stand alone, by name.
 SEARCHES: Mapping[str, Callable[[int, int], AbstractSearch]] = {
     "L-SHADE": lambda evaluations, seed: Shade(evaluations, tolerance=0.0, seed=seed),
     "swarm, global": _swarm(),
@@ -102,7 +112,57 @@ def _own(name: str, function: Function, evaluations: int, seed: int) -> float:
     return search.result(state).best_nll
 
 
-def _scipy(function: Function, evaluations: int, seed: int) -> float:
+class Asked:
+    """A function as a likelihood that knows the best of its first evaluations and tells nothing of its structure.
+
+    It is one term whose log scale is the value, so that its slope is all that a gradient search sees.
+    """
+
+    def __init__(self, function: Function, names: Sequence[str], evaluations: int) -> None:
+        self._function, self._names, self.left, self.best = function, names, evaluations, np.inf
+
+    def nll(self, filter_model: FilterModel, logs: Sequence[MatchedLog], batch: Batch) -> FloatArray:
+        """Values (members,)."""
+        points = batch.theta[[filter_model.model.index("parameter", name) for name in self._names]]
+        values = self._function.nll(points)
+        counted = values[: self.left]
+        self.left -= counted.size
+        self.best = min(self.best, float(counted.min(initial=np.inf)))
+        return values
+
+    def terms(self, filter_model: FilterModel, logs: Sequence[MatchedLog], batch: Batch) -> Terms:
+        """The value as a log scale, shape (1, members)."""
+        values = self.nll(filter_model, logs, batch)[np.newaxis]
+        return Terms(np.zeros(values.shape), values)
+
+
+def function_problem(function: Function, start: FloatArray, evaluations: int) -> tuple[EstimationProblem, Asked]:
+    """A problem with the function as its likelihood, ten parameters that begin at a start (10,), and what it knows."""
+    names = [f"x{k}" for k in range(SIZE)]
+    values = {name: float(value) for name, value in zip(names, start, strict=True)}
+    model = state_space(
+        "still", states={"s": 0.0}, rates={"s": "0*" + "*".join(names)}, outputs={"seen": "s"}, parameters=values
+    )
+    asked, width = Asked(function, names, evaluations), function.half_width
+    free = [FreeParameter(name, -width, width, value) for name, value in values.items()]
+    log = MatchedLog("none", np.array([0.0, 1.0]), np.zeros((0, 2)), np.zeros((1, 2)))
+    return pose(FilterModel(model, {"s": 1.0}, {"seen": 1.0}, {"s": 1.0}), log, free, likelihood=asked), asked
+
+
+def by_default(function: Function, evaluations: int, seed: int) -> float:
+    """What ``estimate`` finds by default; Ctrl-C, as a user would end it, where the evaluations are spent."""
+    start = np.random.default_rng([seed, 9]).uniform(function.lower, function.upper)
+    problem, asked = function_problem(function, start, evaluations)
+
+    def spent(row: TraceRow) -> None:
+        if not asked.left:
+            raise KeyboardInterrupt
+
+    estimate(problem, Settings(seed=seed, certify="none"), progress=spent, jacobian=central_differences)
+    return asked.best
+
+
+def by_scipy(function: Function, evaluations: int, seed: int) -> float:
     """The public function with 40 members, without its polishing."""
     found = differential_evolution(
         function.nll, list(zip(function.lower, function.upper, strict=True)), popsize=_MEMBERS // SIZE,
@@ -129,7 +189,7 @@ def optimisers(seeds: int = SEEDS, evaluations: int = EVALUATIONS) -> list[dict[
         name: (lambda function, evaluations, seed, name=name: _own(name, function, evaluations, seed))
         for name in SEARCHES
     }
-    entrants["scipy, DE of 40"] = _scipy
+    entrants = {"default of estimate": by_default, **entrants, "scipy, DE of 40": by_scipy}
     home, apart = os.getcwd(), tempfile.mkdtemp()
     if importlib.util.find_spec("pyswarms") is not None:
         entrants["pyswarms, global"] = _pyswarms

@@ -74,6 +74,9 @@ class Shade(AbstractSearch[ShadeState]):
     patience, tolerance
         The search ends when the best value fell by less than ``tolerance`` in ``patience`` steps; a tolerance of zero
         never ends it.
+    spread
+        The search ends when all members are within so many nats of the best: they are in one valley, whose bottom they
+        know as well. Zero never ends it.
     seed
         The same seed gives the same search.
 
@@ -87,6 +90,7 @@ class Shade(AbstractSearch[ShadeState]):
     members: int | None = None
     patience: int = 50
     tolerance: float = 1e-3
+    spread: float = 0.0
     seed: int = 0
 
     stage: ClassVar[str] = "differential evolution"
@@ -97,7 +101,7 @@ class Shade(AbstractSearch[ShadeState]):
         return self.evaluations
 
     def __post_init__(self) -> None:
-        for name, least in (("evaluations", 1), ("patience", 1), ("tolerance", 0.0)):
+        for name, least in (("evaluations", 1), ("patience", 1), ("tolerance", 0.0), ("spread", 0.0)):
             if not getattr(self, name) >= least:
                 raise EstimationError(
                     f"differential evolution: {name} = {getattr(self, name)} must be at least {least}", where=(name,)
@@ -162,6 +166,8 @@ class Shade(AbstractSearch[ShadeState]):
                 return SearchOutcome.NO_FINITE_POINT
             if state.trace[-1 - self.patience].nll - best < self.tolerance:
                 return SearchOutcome.STALLED
+        if self.spread > 0.0 and float(state.values.max()) - best < self.spread:
+            return SearchOutcome.CONVERGED
         if state.evaluations < self.evaluations:
             return None
         return SearchOutcome.ITERATION_LIMIT if np.isfinite(best) else SearchOutcome.NO_FINITE_POINT
