@@ -56,6 +56,22 @@ def earned(trial: Trial, trials: Sequence[Trial], where: Sequence[Place], contex
     return trial if told.passes else replace(trial, transfer=told)
 
 
+def in_its_signal(trial: Trial, where: Sequence[Place], context: Context) -> Trial | None:
+    """The best term of the library in the signal of a gate, refitted in the place of the gated law; None if none is.
+
+    A thermostat that opens slowly was a loss above a level, refused since a ramp explains more, and the ramp that
+    explains 700 nats was not offered itself.
+    """
+    regime, place = regime_of(trial.candidate.function), trial.candidate.place
+    linear = linearisation(context.base, context.train)
+    known = signals(context.built, linear, where)
+    signal = next((one for one in known if regime is not None and one.name == regime.signal), None)
+    if signal is None or _is_switch(signal):
+        return None
+    left = Residual(context.built, linear, probes(context.built, linear, [place]), known, ())
+    return best_term(place, signal, left, context)
+
+
 def _against(trial: Trial, where: Sequence[Place], context: Context) -> str:
     """Objection to a gate, whatever it gains; empty if there is none."""
     assert trial.fit is not None and trial.built is not None  # it was refitted

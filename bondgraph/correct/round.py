@@ -23,7 +23,7 @@ from bondgraph.correct.evidence.noise_split import split_again
 from bondgraph.correct.evidence.reasons import alternatives
 from bondgraph.correct.evidence.resolved import resolved
 from bondgraph.correct.evidence.trials import Alternative, Detectable, Trial
-from bondgraph.correct.gate_worth import earned
+from bondgraph.correct.gate_worth import earned, in_its_signal
 from bondgraph.correct.models.absent import absent_when_zero
 from bondgraph.correct.models.candidates import Refused, candidates, places
 from bondgraph.correct.models.failures import attempted
@@ -195,6 +195,7 @@ def _chosen(
         if best.candidate.effect.regime and index not in gated:
             gated.add(index)
             done[index] = _earned(best, done, where, context)
+            done += _instead_of(done[index], done, where, context)
             continue
         report(f"look again at {best.candidate.label}", 0, 1)
         sure, further = _second_look(best, context, lost)
@@ -213,6 +214,14 @@ def _earned(best: Trial, done: Sequence[Trial], where: Sequence[Place], context:
     assert best.evidence is not None  # it would be chosen
     doubted = replace(best, evidence=replace(best.evidence, p_robust=1.0))
     return attempted(lambda: earned(best, done, where, context), lambda why: replace(doubted, failed=why))
+
+
+def _instead_of(gated: Trial, done: Sequence[Trial], where: Sequence[Place], context: Context) -> list[Trial]:
+    """The best term in the signal of a gate that failed its tests, if it is not among the trials."""
+    if gated.evidence is None or gated.evidence.accepted(context.level):
+        return []
+    told = attempted(lambda: in_its_signal(gated, where, context), lambda why: None)
+    return [] if told is None or any(one.candidate.label == told.candidate.label for one in done) else [told]
 
 
 def _less(trial: Trial, nats: float) -> Trial:

@@ -19,7 +19,7 @@ def headline_name(closed: ClosedLoop, added: Added) -> str:
     formula = formula_of(added.trial.candidate.function)
     if formula is None or added.trial.forms:
         return law_title(named(added, closed.corrected))
-    return f"a formula at {formula.place.label}, {formula.text(closed.corrected.values)},"
+    return f"a formula at {formula.place.label} ({formula.text(closed.corrected.values)})"
 
 
 def formula_sentences(closed: ClosedLoop) -> list[str]:

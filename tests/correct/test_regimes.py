@@ -10,7 +10,7 @@ from bondgraph.build import build
 from bondgraph.correct.constants import LEVEL
 from bondgraph.correct.evidence.context import Context
 from bondgraph.correct.evidence.trials import Trial
-from bondgraph.correct.gate_worth import earned
+from bondgraph.correct.gate_worth import earned, in_its_signal
 from bondgraph.correct.loop import ClosedLoop, close_loop
 from bondgraph.correct.models.candidates import candidates, places
 from bondgraph.correct.places.regimes import Regime, in_regime
@@ -229,3 +229,10 @@ def test_a_gate_in_the_signal_of_its_law_is_worth_less_than_another_term_in_it()
     doubted = earned(gated, [gated], where, context)
     assert doubted.evidence is not None and doubted.evidence.p_robust == 1.0
     assert "coulomb_loss everywhere and formula_" in doubted.remark and "explain more" in doubted.remark
+    term = in_its_signal(gated, where, context)  # which takes part in its own name then
+    assert (
+        term is not None
+        and term.evidence is not None
+        and term.candidate.label.endswith("_of_flow_of_carriage at carriage")
+    )
+    assert not term.candidate.effect.regime and term.gate is None
