@@ -8,11 +8,14 @@ import numpy as np
 
 from bondgraph.correct.constants import BLOCKS
 from bondgraph.correct.evidence.bounds import value_text
+from bondgraph.correct.evidence.trials import Trial
 from bondgraph.correct.round import Round
 from bondgraph.estimate.fitted import Fit
 from bondgraph.estimate.free import FreeParameter
 from bondgraph.text import few, inflected
 
+#: Effects that are a delay, by their names.
+_DELAYS = ("sensor_delay", "actuator_delay")
 #: Samples in a block of time below which it hardly counts as one.
 _BLOCK_SAMPLES = 5
 
@@ -69,6 +72,21 @@ def at_bounds(fitted: Fit, which: str, known: Collection[str] | None = None) -> 
         f"{said} {inflected(names, 'rests on its bound', 'rest on their bounds')} in the {which} model: the bounds are "
         f"too narrow, or an effect is missing that {inflected(names, 'it stands', 'they stand')} in for"
     ]
+
+
+def after_delays(laws: Sequence[Trial], fitted: Fit) -> list[str]:
+    """A sentence on each delay that was found before other laws, which may mend what its approximation leaves."""
+    said = []
+    for k, law in enumerate(laws):
+        later = [one.candidate.label for one in laws[k + 1 :]]
+        if law.candidate.effect.name in _DELAYS and later:
+            time = fitted.values[law.candidate.effect.coefficients[0]]
+            said.append(
+                f"{law.candidate.label} is a delay by two states, right for slow changes alone: {few(later)}, found "
+                f"after it, may mend what that leaves - shift the column by {time:.3g} s in the logs and close the "
+                "loop again to see"
+            )
+    return said
 
 
 def resting(fitted: Fit) -> list[str]:

@@ -15,7 +15,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
 from bondgraph.build import BuiltModel, build
-from bondgraph.correct.cautions import at_bounds, cautions_of
+from bondgraph.correct.cautions import after_delays, at_bounds, cautions_of
 from bondgraph.correct.confirmation import Confirmation, confirmation
 from bondgraph.correct.constants import LEVEL, MOST_EFFECTS, MOST_REFITS
 from bondgraph.correct.declared_fit import DeclaredFit, fit_declared, straight_is_likelier
@@ -281,7 +281,7 @@ def _result(
     cautions = (
         *begun.cautions, *cautions_of(nominal, rounds), *_doubts(nominal, current, first, last), *rest.cautions,
         *(round_cautions(rounds[0]) if rounds else ()), *unsearched(rounds, settings.refits),
-        *start_cautions(undeclared),
+        *start_cautions(undeclared), *after_delays(state.added, current),
     )  # fmt: skip
     before = assess(nominal, train), assess(nominal, holdout)
     after = assess(current, state.train), assess(current, holdout)

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import re
+from types import SimpleNamespace
+from typing import Any
 
 import bondgraph as bg
-from bondgraph.correct.cautions import at_bounds, cautions_of
+from bondgraph.correct.cautions import after_delays, at_bounds, cautions_of
 from bondgraph.correct.declared_fit import fit_declared
 from bondgraph.correct.loop import LoopSettings
 from bondgraph.correct.models.started import start_cautions
@@ -33,6 +35,22 @@ def test_one_state_stands_and_several_stand_somewhere() -> None:
     assert "starts v at the declared value" in one and "where it stands" in one and "lead it -" in one
     assert "where they stand" in both and "lead them -" in both
     assert start_cautions([]) == []
+
+
+def test_laws_after_a_delay_may_mend_its_approximation() -> None:
+    """Of an inverter that acted late a polarisation and an inductance came after the delay, with no word of doubt."""
+    fitted = SimpleNamespace(values={"T_late": 0.0487})
+
+    def law(name: str, *coefficients: str) -> Any:
+        effect = SimpleNamespace(name=name, coefficients=coefficients)
+        return SimpleNamespace(candidate=SimpleNamespace(effect=effect, label=f"{name} at armature"))
+
+    delay, other = law("actuator_delay", "T_late"), law("polarisation", "c")
+    (said,) = after_delays([delay, other], fitted)  # type: ignore[arg-type]
+    assert (
+        said.startswith("actuator_delay at armature is") and "polarisation at armature" in said and "0.0487 s" in said
+    )
+    assert after_delays([other, delay], fitted) == [] and after_delays([delay], fitted) == []  # type: ignore[arg-type]
 
 
 def test_a_parameter_on_its_bound_in_the_corrected_model_is_told_with_the_bound_and_its_unit() -> None:
