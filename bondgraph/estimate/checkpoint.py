@@ -87,15 +87,22 @@ class Kept:
     folder: Path | None
     digest: str
     rests_until: float = -np.inf
+    is_written: bool = True
 
-    def keep(self, states: Mapping[str, SearchState], seconds: float, *, at_once: bool = False) -> None:
-        """Write all states if the last writing is long enough ago, or at once."""
-        began = time.perf_counter()
-        if self.folder is None or (began < self.rests_until and not at_once):
+    def keep(self, states: Mapping[str, SearchState], seconds: float) -> None:
+        """Note new states, and write all if the last writing is long enough ago."""
+        self.is_written = False
+        if time.perf_counter() >= self.rests_until:
+            self.write(states, seconds)
+
+    def write(self, states: Mapping[str, SearchState], seconds: float) -> None:
+        """Write all states, if some are not written yet: a search that was finished before stays as it is."""
+        if self.folder is None or self.is_written:
             return
+        began = time.perf_counter()
         save_checkpoint(self.folder, Checkpoint(self.digest, seconds, states))
         ended = time.perf_counter()
-        self.rests_until = ended + _REST * (ended - began)
+        self.rests_until, self.is_written = ended + _REST * (ended - began), True
 
 
 def load_checkpoint(folder: Path, digest: str) -> Checkpoint | None:

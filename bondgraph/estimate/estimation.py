@@ -262,7 +262,7 @@ def _search(run: _Run) -> Found:
             outcome = _deepened(run, state) or outcome
     except KeyboardInterrupt:
         outcome = SearchOutcome.INTERRUPTED
-    run.kept.keep(run.states, run.seconds, at_once=True)
+    run.kept.write(run.states, run.seconds)
     return _found(run, outcome)
 
 

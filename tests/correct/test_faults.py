@@ -28,7 +28,7 @@ FAULTS = {
     "bias": (lambda y, t: y + 0.15, 0.15),
     "scale": (lambda y, t: 1.04 * y, 0.04),
     "drift": (lambda y, t: y + 0.004 * t, 0.004),
-    "delay": (lambda y, t: np.interp(t - 0.15, t, y), 0.15),
+    "delay": (lambda y, t: np.interp(t - 0.2, t, y), 0.2),  # whole samples: half of one would average noise
 }
 
 

@@ -46,7 +46,7 @@ def test_the_head_says_what_it_is_and_how_to_make_it_again(text: str, machine: S
     lines = text.splitlines()
     assert lines[0] == "# Generated from vehicle_graphs/machine.py -- do not edit."
     assert lines[1] == "# Regenerate with:  bondgraph generate machine"
-    assert re.fullmatch(r"# Generator: bondgraph [\d.]+, sympy [\d.]+\.  Equations: [0-9a-f]{16}", lines[2]), lines[2]
+    assert re.fullmatch(r"# Generator: bondgraph [\w.]+, sympy [\d.]+\.  Equations: [0-9a-f]{16}", lines[2]), lines[2]
     assert lines[3] == '"""Belt drive: torque table, slipping belt, drag.'
     assert "      1  v      [m/s]  speed of the vehicle" in lines
     assert render(machine, "bondgraph generate --all").splitlines()[1] == "# Regenerate with:  bondgraph generate --all"

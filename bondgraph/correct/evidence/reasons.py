@@ -168,7 +168,7 @@ def _put_back(chosen: Trial | None, trial: Trial, trials: Sequence[Trial], level
             return f"{only} nothing stays unexplained beside it: its innovations stay coloured"
     faults = (one for one in passing(trials, level) if is_fault(one) and one is not chosen)
     fault = max(faults, key=preferred_gain, default=None)
-    if fault is not None and has_one_sensor(trial) and preferred_gain(trial) <= MOSTLY * preferred_gain(fault):
+    if fault is not None and has_one_sensor(fault) and preferred_gain(trial) <= MOSTLY * preferred_gain(fault):
         half = "explains less than half of what the unproven"
         return f"it passes the tests, but {half} {fault.candidate.label} does ({fault.gain:.1f} nats)"
     if chosen is None:
