@@ -50,7 +50,8 @@ def test_a_forward_selection_writes_the_report_of_what_it_found(
     noted = (tmp_path / "fits.json").read_bytes()
     assert chain_command("coupled_drives_chain", "A chain.", machine, _records, arguments) == 0
     assert (tmp_path / "fits.json").read_bytes() == noted
-    assert rewrite_report(tmp_path).read_text(encoding="utf-8").count("absolute_counter") > 1
+    again = rewrite_report(tmp_path).read_text(encoding="utf-8").replace("<wbr>", "")
+    assert again.count("absolute_counter") > 1
 
 
 def test_the_report_of_a_selection_holds_the_truth(tmp_path: Path) -> None:

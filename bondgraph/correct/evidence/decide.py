@@ -259,16 +259,16 @@ def choose(trials: Sequence[Trial], level: float) -> Trial | None:
 
     Nothing contradicts a fault of the only sensor. It is chosen where no law explains as much, believed or not, and
     nothing stays unexplained beside it: a law that is not believed may stand for another of its kind, and a fault for a
-    part of what is missing. A law that explains less than half of what such a fault does is no answer then. Nor is its
-    drift told from what is slow in the machine: the last of a cell's relaxations was one. A further part of a known law
-    is preferred to one more law.
+    part of what is missing. A law that explains less than half of what such a fault does, a lag aside, is no answer
+    then. Nor is its drift told from what is slow in the machine: the last of a cell's relaxations was one. A further
+    part of a known law is preferred to one more law.
     """
     passed = passing(trials, level)
     if passed and has_one_sensor(passed[0]):
         laws = [trial for trial in passed if not trial.candidate.effect.channel]
         told = max((preferred_gain(one) for one in trials if not one.candidate.effect.channel), default=-math.inf)
         faults = [one for one in passed if is_fault(one)]
-        most = max((preferred_gain(one) for one in faults), default=-math.inf)
+        most = max((preferred_gain(one) for one in faults if outdoes(one)), default=-math.inf)
         passed = [one for one in faults if preferred_gain(one) > told + INDIFFERENT and leaves_white(one, level)] or [
             one for one in laws if preferred_gain(one) > MOSTLY * most
         ]
@@ -289,6 +289,14 @@ def passing(trials: Sequence[Trial], level: float) -> list[Trial]:
 def is_fault(trial: Trial) -> bool:
     """True for a fault of a sensor that may be told from the machine: no drift, which whatever is slow in it does."""
     return bool(trial.candidate.effect.channel) and trial.candidate.effect.kind != "drift"
+
+
+def outdoes(trial: Trial) -> bool:
+    """True for a fault of a sensor that says more than a law where it explains much more: no lag.
+
+    A lag colours the noise of a machine as whatever wanders in it does: a load in pulses was one by 182 nats.
+    """
+    return is_fault(trial) and trial.candidate.effect.kind != "lag"
 
 
 def leaves_white(trial: Trial, level: float) -> bool:

@@ -8,8 +8,8 @@ from collections.abc import Sequence
 from bondgraph.correct.constants import INDIFFERENT, MOSTLY
 from bondgraph.correct.evidence.decide import (
     has_one_sensor,
-    is_fault,
     leaves_white,
+    outdoes,
     passing,
     preferred_gain,
     within_a_sample,
@@ -166,7 +166,7 @@ def _put_back(chosen: Trial | None, trial: Trial, trials: Sequence[Trial], level
             return f"{only} no law explains as much: {best.candidate.label} has {sizes}"
         if not leaves_white(trial, level):
             return f"{only} nothing stays unexplained beside it: its innovations stay coloured"
-    faults = (one for one in passing(trials, level) if is_fault(one) and one is not chosen)
+    faults = (one for one in passing(trials, level) if outdoes(one) and one is not chosen)
     fault = max(faults, key=preferred_gain, default=None)
     if fault is not None and has_one_sensor(fault) and preferred_gain(trial) <= MOSTLY * preferred_gain(fault):
         half = "explains less than half of what the unproven"
