@@ -23,11 +23,14 @@ from bondgraph.declare.expressions import signal
 from bondgraph.declare.functions import clip
 from bondgraph.declare.graph import BondGraph
 from bondgraph.declare.quantities import Input
-from bondgraph.declare.revision import replace_input, revise_integral, revise_law
+from bondgraph.declare.revision import replace_input, revise_law
 from bondgraph.effects.places import (
+    DELAY_LAW,
+    PADE,
     ceiling,
     commanded,
     commands,
+    delayed,
     effort_unit,
     flow_unit,
     gyrators_at,
@@ -43,7 +46,6 @@ _ENGINE = "Guzzella, Onder (2010), Modeling and Control of Internal Combustion E
 _CEILING = "Hippe (2006), Windup in Control, chapter 1"
 _DEAD_ZONE = "Tao, Kokotovic (1996), Adaptive Control of Systems with Actuator and Sensor Nonlinearities, chapter 2"
 _MACHINERY = "Krause, Wasynczuk, Sudhoff (2013), Analysis of Electric Machinery and Drive Systems"
-_PADE = "Golub, Van Loan (2013), Matrix Computations, section 9.3, for the approximations of Pade"
 _CURVES = "Lyons (1982), Lyons' Valve Designer's Handbook, chapter 10, for inherent characteristics of valves"
 _GAP = "Woodson, Melcher (1968), Electromechanical Dynamics, chapter 3"
 #: Exponents beyond one of a bent map that are tried, from a root of the third degree to a fourth power.
@@ -157,10 +159,7 @@ def _lagging(g: BondGraph, at: Place, effect: str, kinds: Sequence[str]) -> Effe
 
 
 def actuator_delay(g: BondGraph, at: Place) -> Effect | None:
-    """A command that acts late as it is: a bus, an inverter's cycle, a pipe that has to be passed.
-
-    By the approximation of :func:`bondgraph.effects.sensors.sensor_delay`, of which that tells the errors.
-    """
+    """A command that acts late: a bus, an inverter's cycle, a pipe that has to be passed; by two states, as sensors."""
     found = _first(g, at, _SOURCES)
     if found is None:
         return None
@@ -168,18 +167,11 @@ def actuator_delay(g: BondGraph, at: Place) -> Effect | None:
     name = f"actuator_delay_{at.name}"
     start, bounds = lateness(at)
     delay = g.parameter(f"T_{name}", start, "s", f"time by which {node.name} acts late", bounds)
-    own = command.symbol
-    late = g.integral(
-        f"late_{name}", 0, command.unit, f"{command.name}, late and smooth", initial=_start(node, command)
-    )
-    rising = g.integral(
-        f"rising_{name}", lambda x: (6 * (own - late) - 4 * x) / delay, command.unit, f"its rise over {delay.name}"
-    )
-    revise_integral(g, late.name, rising / delay)
-    replace_input(g, command.name, late - rising / 3)
+    given = delayed(g, name, command.symbol, delay, command.unit, _start(node, command))
+    replace_input(g, command.name, given)
     return Effect(
-        "actuator_delay", node.name, "command(t - T), by (1 - s*T/3)/(1 + 2*s*T/3 + (s*T)^2/6)", (delay.name,),
-        adds_state=True, amplitudes=(0.4, 0.7), reference=_PADE, manoeuvre="steps of the command",
+        "actuator_delay", node.name, f"command(t - T), {DELAY_LAW}", (delay.name,), adds_state=True,
+        amplitudes=(0.4, 0.7), reference=PADE, manoeuvre="steps of the command",
     )  # fmt: skip
 
 

@@ -14,9 +14,13 @@ from bondgraph.declare.elements import TWO_PORTS, Node
 from bondgraph.declare.expressions import signal
 from bondgraph.declare.graph import BondGraph, Handle
 from bondgraph.declare.quantities import Input, symbol
+from bondgraph.declare.revision import revise_integral
 from bondgraph.derive.causality import assign_causality
 from bondgraph.derive.laws import linear_coefficient
 
+#: Law and reference of a delay, see :func:`delayed`.
+DELAY_LAW = "by (1 - s*T/3)/(1 + 2*s*T/3 + (s*T)^2/6)"
+PADE = "Golub, Van Loan (2013), Matrix Computations, section 9.3, for the approximations of Pade"
 #: Bounds of the number that says how sharply a ceiling ends: a hyperbolic tangent is about 2.7, twenty a corner.
 SHARPNESS = (2.0, 20.0)
 #: Square of a share of a ceiling below which the slope of its sharpness does not matter: a logarithm needs a number.
@@ -293,3 +297,18 @@ def joins_speeds(g: BondGraph, at: Place) -> bool:
         before = next(bond.source for bond in flat.bonds if bond.target == first.name)
         return second.kind == "1" and flat.nodes[before].kind != "1"
     return first.kind == "1" and second.kind in ("1", "TF")
+
+
+def delayed(g: BondGraph, name: str, given: Expr, delay: Expr, unit: str, initial: object) -> Expr:
+    """The value ``given`` as it was a ``delay`` [s] ago, by two new states, the first of which begins at ``initial``.
+
+    A delay is no finite number of states; it is the approximation of Pade with a numerator of first and a denominator
+    of second order, which is right to the fourth power of frequency times delay. Where both make two it loses 13 % in
+    size and 0.09 rad; two lags of half the delay lose 50 % and 0.43 rad. It passes no step at once, which one with
+    two zeros would. An order more leaves a third of the error, but one Runge-Kutta step per sample is unstable with it
+    below 1.5 samples of delay (with this one: below 0.9), and such a delay was not found.
+    """
+    late = g.integral(f"late_{name}", 0, unit, f"{name}, late and smooth", initial=initial)
+    rising = g.integral(f"rising_{name}", lambda x: (6 * (given - late) - 4 * x) / delay, unit, f"rise over {delay}")
+    revise_integral(g, late.name, rising / delay)
+    return late - rising / 3

@@ -15,11 +15,10 @@ from bondgraph.declare.effect import Effect, EffectFunction, Place, sensor_fault
 from bondgraph.declare.functions import clip
 from bondgraph.declare.graph import BondGraph
 from bondgraph.declare.quantities import symbol
-from bondgraph.declare.revision import revise_integral, revise_output
-from bondgraph.effects.places import ceiling, lateness, over, sharpness
+from bondgraph.declare.revision import revise_output
+from bondgraph.effects.places import DELAY_LAW, PADE, ceiling, delayed, lateness, over, sharpness
 from bondgraph.errors import DeclarationError
 
-_PADE = "Golub, Van Loan (2013), Matrix Computations, section 9.3, for the approximations of Pade"
 _INSTRUMENT = "Doebelin (2003), Measurement Systems, chapter 3, instruments of first order"
 _REFERENCE = "Isermann (2006), Fault-Diagnosis Systems, chapter 3"
 
@@ -54,29 +53,15 @@ def sensor_drift(g: BondGraph, at: Place) -> Effect | None:
 
 @sensor_fault
 def sensor_delay(g: BondGraph, at: Place) -> Effect | None:
-    """A value that comes late: a filter in the amplifier, a slow bus.
-
-    A delay is no finite number of states; it is the approximation of Pade with a numerator of first and a denominator
-    of second order, which is right to the fourth power of frequency times delay. Where both make two it loses 13 % in
-    size and 0.09 rad; two lags of half the delay lose 50 % and 0.43 rad. It passes no step at once, which one with
-    two zeros would. An order more leaves a third of the error, but one Runge-Kutta step per sample is unstable with it
-    below 1.5 samples of delay (with this one: below 0.9), and such a delay was not found.
-    """
+    """A value that comes late: a filter in the amplifier, a slow bus; by two states, see :func:`delayed`."""
     name = f"delay_{at.name}"
     shown = next(output.expression for output in g.outputs if output.name == at.output)
     start, bounds = lateness(at)
     delay = g.parameter(name, start, "s", f"time by which {at.output} comes late", bounds)
-    unit = _unit(g, at)
-    late = g.integral(f"late_{at.name}", 0, unit, f"{at.output}, late and smooth", initial=at.output)
-    rising = g.integral(
-        f"rising_{at.name}", lambda x: (6 * (shown - late) - 4 * x) / delay, unit, f"rise of {at.output} over the delay"
-    )
-    revise_integral(g, late.name, rising / delay)
-    revise_output(g, at.output, late - rising / 3)
+    revise_output(g, at.output, delayed(g, at.name, shown, delay, _unit(g, at), at.output))
     return Effect(
-        "sensor_delay", at.output, "shown(t) = true(t - T), by (1 - s*T/3)/(1 + 2*s*T/3 + (s*T)^2/6)", (name,),
-        adds_state=True, amplitudes=(0.4, 0.7), reference=_PADE, channel=at.output, kind="delay",
-        manoeuvre="quick changes",
+        "sensor_delay", at.output, f"shown(t) = true(t - T), {DELAY_LAW}", (name,), adds_state=True,
+        amplitudes=(0.4, 0.7), reference=PADE, channel=at.output, kind="delay", manoeuvre="quick changes",
     )  # fmt: skip
 
 

@@ -29,7 +29,7 @@ _SPREAD = 1e-12
 
 
 def agree(state: GaussNewtonState) -> bool:
-    """Whether several gradient searches met at one optimum; a single one has nothing to disagree with.
+    """True where several gradient searches met at one optimum; a single one has nothing to disagree with.
 
     Examples
     --------

@@ -85,7 +85,7 @@ class Settings:
 
     @property
     def deepens(self) -> bool:
-        """Whether a second exploration follows where gradient searches do not agree."""
+        """True where a second exploration follows gradient searches that do not agree."""
         return METHODS[self.method].deepen and self.search is None and self.swarm is None
 
     def exploring(self, problem: Problem) -> tuple[Problem, AbstractSearch[Any]] | None:

@@ -85,7 +85,7 @@ class Misfit:
 
     @property
     def finding(self) -> str:
-        """What the innovations of the channel show, in words."""
+        """Words for what the innovations of the channel show."""
         why = []
         if self.is_coloured:
             why.append(f"its innovations are coloured ({p_text(self.whiteness_p)})")

@@ -143,7 +143,7 @@ def _notes(estimate: Estimate) -> list[str]:
 
 
 def limits(estimate: Estimate) -> list[str]:
-    """What an estimate does not know: numbers at a bound, and those that the data do not tell."""
+    """Numbers that an estimate does not know: those at a bound, and those that the data do not tell."""
     at_bound = f"At a bound, so that the optimum may lie outside: {', '.join(estimate.at_bound)}."
     notes = [at_bound] if estimate.at_bound else []
     alone = ", ".join(group[0] for group in estimate.not_identifiable if len(group) == 1)

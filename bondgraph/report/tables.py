@@ -155,7 +155,7 @@ def first_sizes(power: Sequence[Power]) -> tuple[list[Power], list[Power]]:
 
 
 def power_table(power: Sequence[Power], title: str = "smallest size found nine times in ten") -> Table:
-    """What the logs would have shown, effect by effect; of many the first that :func:`first_sizes` gives."""
+    """Sizes that the logs would have shown, effect by effect; of many the first that :func:`first_sizes` gives."""
     table = _table(title)
     for name, right in (("effect", 0), ("at", 0), ("size", 1), ("unit", 0)):
         table.add_column(name, justify="right" if right else "left")

@@ -150,7 +150,7 @@ def function_problem(function: Function, start: FloatArray, evaluations: int) ->
 
 
 def by_default(function: Function, evaluations: int, seed: int) -> float:
-    """What ``estimate`` finds by default; Ctrl-C, as a user would end it, where the evaluations are spent."""
+    """Value that ``estimate`` finds by default; Ctrl-C, as a user would end it, where the evaluations are spent."""
     start = np.random.default_rng([seed, 9]).uniform(function.lower, function.upper)
     problem, asked = function_problem(function, start, evaluations)
 
