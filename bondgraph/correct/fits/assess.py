@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import gammaln, stdtr, stdtrit
+from scipy.special import stdtr, stdtrit
 
 from bondgraph.correct.constants import BLOCKS, WINDOWS
 from bondgraph.data.log import FloatArray, MatchedLog
@@ -194,6 +194,8 @@ def scaled_gain(before: Sequence[FilterRun], after: Sequence[FilterRun]) -> Scal
 
 def _scaled(runs: Sequence[FilterRun]) -> tuple[FloatArray, float]:
     """Scaled log-likelihoods of all samples but the first of each log, (n,), and the scale over all channels."""
+    from scipy import stats  # slow to load, and only held-out logs of a correction ask for it
+
     z = np.concatenate([run.whitened[:, 1:] for run in runs], axis=1)
     log_s = np.concatenate([run.log_scales[:, 1:] for run in runs], axis=1)
     seen = np.concatenate([np.isfinite(run.y[:, 1:]) for run in runs], axis=1)
@@ -201,15 +203,8 @@ def _scaled(runs: Sequence[FilterRun]) -> tuple[FloatArray, float]:
     for row in range(z.shape[0]):
         own = z[row, seen[row]]
         scale = _scale(own)
-        gains[row, seen[row]] = _log_density(own / scale) - np.log(scale) - log_s[row, seen[row]]
+        gains[row, seen[row]] = stats.t.logpdf(own / scale, _TAILS) - np.log(scale) - log_s[row, seen[row]]
     return gains.sum(axis=0), float(np.sqrt(np.mean(z[seen] ** 2))) if seen.any() else math.nan
-
-
-def _log_density(z: FloatArray) -> FloatArray:
-    """Logarithm of the density of Student's t with ``_TAILS`` degrees of freedom, entry by entry."""
-    level = float(gammaln(0.5 * (_TAILS + 1.0)) - gammaln(0.5 * _TAILS)) - 0.5 * math.log(math.pi * _TAILS)
-    density: FloatArray = level - 0.5 * (_TAILS + 1.0) * np.log1p(z**2 / _TAILS)
-    return density
 
 
 def _scale(z: FloatArray) -> float:

@@ -168,12 +168,11 @@ def _type(arrow: Any, layout: _Layout, position: int, is_code: bool) -> Any:
 
 
 def _numbers(column: Any) -> FloatArray:
-    """A column of numbers (n,), NaN where it has none, from its buffers: pyarrow's own way loads pandas first."""
+    """A column of numbers (n,), NaN where it has none; ``to_numpy`` loads pandas, where this needs none."""
     values, end = np.empty(len(column)), 0
     for chunk in column.chunks:
-        known = chunk.fill_null(np.nan) if chunk.null_count else chunk
-        begin, end = end, end + len(known)
-        values[begin:end] = np.frombuffer(known.buffers()[1], np.float64, len(known), 8 * known.offset)
+        begin, end = end, end + len(chunk)
+        values[begin:end] = np.from_dlpack(chunk.fill_null(np.nan) if chunk.null_count else chunk)
     return values
 
 
