@@ -36,7 +36,7 @@ from bondgraph.estimate.fitted import at_optimum
 from bondgraph.estimate.free import FreeParameter
 from bondgraph.estimate.local import fit
 from bondgraph.estimate.problem import EstimationProblem
-from bondgraph.text import count
+from bondgraph.text import count, few
 
 
 def in_simpler_laws(state: Progress, rounds: Sequence[Round], settings: RoundSettings) -> Progress:
@@ -199,6 +199,8 @@ def _with(
     fewer = sum(len(one.candidate.effect.parameters) for one in (law, *beside)) - len(other.own)
     nats, parameters = f"{abs(lost):.1f} nats {'less' if lost > 0.0 else 'more'}", count(fewer, "parameter")
     why = f"{trial.candidate.label} does as well: {nats} with {parameters} fewer"
+    if beside:
+        why += f", and takes the place of {few([one.candidate.label for one in beside])} too"
     return replace(
         instead, fit=fitted, check=check,
         added=tuple(taken if one is trial else one for one in reduced.kept),

@@ -1,4 +1,4 @@
-"""Actuators that do not give what they are told: wrong maps, lags, ceilings, dead zones, slow rates.
+"""Actuators that do not give what they are told: wrong maps, lags, delays, ceilings, dead zones, slow rates.
 
 An actuator is a source, a resistance, a transformer or a gyrator whose law follows an input of the graph: a motor's
 torque, a heater, a brake, a valve, a ratio. Levers and switches, which are held between samples and have no unit, are

@@ -127,6 +127,7 @@ def test_one_law_takes_the_place_of_a_law_and_of_what_completes_it() -> None:
     assert not {*second.candidate.effect.parameters, *constant.candidate.effect.parameters} & set(reduced.fit.values)
     (told,) = reduced.history
     assert told.action == "simplified" and told.what == first.candidate.label
+    assert f"takes the place of {second.candidate.label}, {constant.candidate.label} too" in told.why
 
 
 def test_laws_that_complete_nothing_stay() -> None:
