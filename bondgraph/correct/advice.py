@@ -26,6 +26,7 @@ from bondgraph.estimate.fitted import Fit
 from bondgraph.filter.linear.intervals import integrator, simulation_steps
 from bondgraph.filter.linear.recursion import respond
 from bondgraph.filter.linear.response import Path, model_change, open_loop, output_slopes, together
+from bondgraph.simulate.late import inputs_of
 from bondgraph.simulate.model import Model
 from bondgraph.simulate.simulation import simulate
 
@@ -107,7 +108,8 @@ def _simulated(fitted: Fit, log: MatchedLog, u: FloatArray, time: FloatArray) ->
     if not np.isfinite(run.x).all():
         return None
     made = MatchedLog("simulated", time, u, run.y, dict(log.theta_overrides))
-    return Path(model, made, time, run.x[:, :-1], run.x[:, 1:], u[:, :-1], u[:, 1:], run.x, u, theta)
+    own = inputs_of(model, made)
+    return Path(model, made, time, run.x[:, :-1], run.x[:, 1:], own[:, :-1], own[:, 1:], run.x, own, theta)
 
 
 Pair = tuple[tuple[Candidate, Variant], tuple[Candidate, Variant]]
@@ -161,12 +163,15 @@ def _measurable(
     """What a sensor on each effort and flow would show of each change, over its noise."""
     slopes = output_slopes(replace(path, theta=declared.theta(**path.parameters(declared))), declared)
     theta = declared.theta(**path.parameters(declared))
-    shown = declared.output(path.time, path.before, path.u, theta)
+    shown = declared.output(path.time, path.before, path.inputs_for(declared)[2], theta)
     own = len(model.outputs)
     found = {}
     after = [
         None if wide is None or len(wide.states) != len(declared.states)
-        else (wide.output(path.time, path.before, path.u, theta), {n: k for k, n in enumerate(wide.names("output"))})
+        else (
+            wide.output(path.time, path.before, path.inputs_for(wide)[2], theta),
+            {n: k for k, n in enumerate(wide.names("output"))},
+        )
         for _, wide, theta, _ in changed
     ]  # fmt: skip
     for row in range(own, len(declared.outputs)):

@@ -14,8 +14,6 @@ from bondgraph.estimate.fitted import Fit
 from bondgraph.estimate.free import FreeParameter
 from bondgraph.text import few, inflected
 
-#: Effects that are a delay, by their names.
-_DELAYS = ("sensor_delay", "actuator_delay")
 #: Samples in a block of time below which it hardly counts as one.
 _BLOCK_SAMPLES = 5
 
@@ -75,11 +73,11 @@ def at_bounds(fitted: Fit, which: str, known: Collection[str] | None = None) -> 
 
 
 def after_delays(laws: Sequence[Trial], fitted: Fit) -> list[str]:
-    """A sentence on each delay that was found before other laws, which may mend what its approximation leaves."""
+    """A sentence on each delay of a sensor found before other laws, which may mend what its approximation leaves."""
     said = []
     for k, law in enumerate(laws):
         later = [one.candidate.label for one in laws[k + 1 :]]
-        if law.candidate.effect.name in _DELAYS and later:
+        if law.candidate.effect.name == "sensor_delay" and later:
             time = fitted.values[law.candidate.effect.coefficients[0]]
             said.append(
                 f"{law.candidate.label} is a delay by two states, right for slow changes alone: {few(later)}, found "

@@ -40,6 +40,7 @@ from bondgraph.estimate.problem import EstimationProblem
 from bondgraph.estimate.searches import with_longest_steps
 from bondgraph.estimate.setup import FilterSetup, filter_setup
 from bondgraph.estimate.solvers.steps import newton_decrement
+from bondgraph.simulate.late import given_rows
 from bondgraph.text import few, inflected, number
 
 #: The declared model is fitted to this many nats, far below what an effect must gain.
@@ -187,7 +188,7 @@ def _by_long_steps(problem: EstimationProblem, journal: Journal) -> Fit:
 def _steps(built: BuiltModel, train: Sequence[MatchedLog]) -> list[str]:
     """Inputs that would run straight between samples, and stay as they are from most samples to the next."""
     found = []
-    for row, info in enumerate(built.model.inputs):
+    for row, info in enumerate(built.model.inputs[known] for known in given_rows(built.model)):
         moved = np.concatenate([np.diff(log.u[row]) != 0.0 for log in train])
         if info.interpolation == "linear" and not info.rate_of and 0 < moved.sum() < 0.5 * moved.size:
             found.append(info.name)

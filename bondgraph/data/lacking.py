@@ -35,6 +35,7 @@ def require_inputs(
         if not quantity.has_default
         and quantity.name not in given
         and not quantity.rate_of
+        and not quantity.late_of
         and (quantity.name not in channels or channels[quantity.name].missing.all())
     ]
     if lacking:

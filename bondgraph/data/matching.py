@@ -255,10 +255,13 @@ def _inputs(
     given: Mapping[str, float | str],
     notes: list[str],
 ) -> FloatArray:
-    """All inputs, shape (n_u, n); what the log lacks is a slope of what it holds, is given, or has its default."""
+    """Inputs (n_u, n), none late; what the log lacks is a slope of what it holds, is given, or has its default."""
     require_inputs(log, model, channels, given)
     rows: dict[str, FloatArray] = {}
+    late = {quantity.name for quantity in model.inputs if quantity.late_of}
     for quantity in model.inputs:
+        if quantity.name in late or quantity.rate_of in late:  # they follow from the others
+            continue
         channel = channels.get(quantity.name)
         if quantity.rate_of and (channel is None or channel.missing.all()):
             rows[quantity.name] = slopes(log.time, rows[quantity.rate_of])

@@ -38,6 +38,10 @@ class InputQuantity(Quantity, Protocol):
         """The input, earlier in the list, whose slope this one is; empty for all others."""
 
     @property
+    def late_of(self) -> str:
+        """The input that this one follows later; empty for all others."""
+
+    @property
     def letters(self) -> Mapping[str, float] | Sequence[tuple[str, float]] | None:
         """Values of codes, if any."""
 

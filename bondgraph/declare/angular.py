@@ -20,7 +20,7 @@ from bondgraph.coherent import Displayed
 from bondgraph.declare.domains import Domain
 from bondgraph.declare.elements import TWO_PORTS, Node
 from bondgraph.declare.expressions import signal_name, to_text
-from bondgraph.declare.functions import TableFunction, maximum, minimum, switch
+from bondgraph.declare.functions import TableFunction, delay, maximum, minimum, switch
 from bondgraph.declare.quantities import Input, Integral, NamedSignal, Parameter, symbol
 from bondgraph.declare.store import GraphStore
 from bondgraph.errors import DimensionError
@@ -121,7 +121,7 @@ class _AngularSpeeds:
             return _kind_of_unit(self.tables[value.table_name].unit) if not any(value.derivative or ()) else ""
         if value.is_number:
             return "" if _may_convert(value) else _PURE
-        if isinstance(value, sympy.Abs):
+        if isinstance(value, sympy.Abs | delay):
             return self._kind(value.args[0], own)
         if isinstance(value, Mul):
             return _product([self._kind(factor, own) for factor in value.args])

@@ -16,7 +16,7 @@ from sympy import Add, Expr, Mul, Piecewise, Pow, Symbol
 from sympy.core.relational import Relational
 
 from bondgraph.declare.expressions import to_text
-from bondgraph.declare.functions import TableFunction, maximum, minimum, switch
+from bondgraph.declare.functions import TableFunction, delay, maximum, minimum, switch
 from bondgraph.declare.quantities import Table
 from bondgraph.units import DIMENSIONLESS, Dimension, dimension, dimension_text
 
@@ -113,7 +113,7 @@ class DimensionReader:
                 for relation in sorted(condition.atoms(Relational), key=str):
                     self._same(relation, relation.args, "compares")
             return self._same(value, [branch for branch, _ in value.args], "chooses between")
-        if isinstance(value, sympy.Abs):
+        if isinstance(value, sympy.Abs | delay):
             return self.of(value.args[0])
         if isinstance(value, sympy.sign):
             self.of(value.args[0])

@@ -8,7 +8,8 @@ The coefficients of an effect are parameters whose value is zero when it is adde
 behaves as before, so that a candidate can be tested before it is believed. Parameters that shape its law but mean
 nothing while it is absent (a Stribeck speed, a warm-up time) are named as ``shapes``; they are tried at several values
 and then estimated. A law that is not smooth at zero (a backlash) names the ``amplitudes`` at which it is tried. An
-effect that brings a storage of its own (``adds_state``) cannot vanish in this way; it is tried by refitting.
+effect that brings a storage of its own, or a delay (``adds_state``), cannot vanish in this way; it is tried by
+refitting.
 """
 
 from __future__ import annotations
@@ -48,7 +49,8 @@ class Place:
     A sensor is named by ``output``; its ``junction`` is then no node, and its scale holds the size of what it shows
     (``effort``) and how far that moves from its mean (``flow``), both in the sensor's unit. Laws that turn round with
     the flow are smoothed over a share ``smoothing`` of its scale, which explicit integration needs. Laws with a time of
-    their own look for it within ``times``: that between samples, and the length of the longest log, in s.
+    their own look for it within ``times``: that between samples, and the length of the longest log, in s. ``near``: a
+    law that tells values apart by a spacing looks about the first number, with the second; zeros: everywhere.
     """
 
     junction: Handle
@@ -58,6 +60,7 @@ class Place:
     smoothing: float = SMOOTHING
     other: Handle | None = None
     times: tuple[float, float] = TIMES
+    near: tuple[float, float] = (0.0, 0.0)
 
     @classmethod
     def between(cls, first: Handle, second: Handle, scale: Scale, smoothing: float = SMOOTHING) -> Place:
@@ -118,6 +121,9 @@ class Effect:
     ``reference`` says where the law comes from, ``manoeuvre`` what shows it in a log. A fault of a sensor names its
     ``channel`` and ``kind``.
 
+    ``closer`` gives, for a value that was found of the first coefficient, the place at which the same effect function
+    tells values near it further apart; None: no further. The law is found again there.
+
     The bounds of a coefficient scale the search for it, and are widened where that ends on one; only zero is kept.
     """
 
@@ -137,6 +143,7 @@ class Effect:
     grids: tuple[tuple[str, tuple[float, ...]], ...] = ()
     formula: bool = False
     regime: str = ""
+    closer: Callable[[float], Place | None] | None = None
 
     def __post_init__(self) -> None:
         check_name(self.name, lambda problem: DeclarationError(f"effect: {problem}", where=(self.name,)))

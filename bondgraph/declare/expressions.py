@@ -18,7 +18,7 @@ from sympy import Expr, Float, Integer, Symbol
 
 from bondgraph.coherent import in_si, is_quantity
 from bondgraph.declare.expression_text import to_text as to_text
-from bondgraph.declare.functions import TableFunction, clip, maximum, minimum, number, switch
+from bondgraph.declare.functions import TableFunction, clip, delay, maximum, minimum, number, switch
 from bondgraph.declare.limits import NoValueError, bounded, check_law_text, power
 from bondgraph.declare.quantities import symbol
 from bondgraph.errors import DeclarationError, suggest
@@ -66,7 +66,7 @@ FUNCTIONS: dict[str, Callable[..., Expr]] = {
     "Mod": _modulo,
     "min": _nested(minimum), "Min": _nested(minimum), "minimum": _nested(minimum),
     "max": _nested(maximum), "Max": _nested(maximum), "maximum": _nested(maximum),
-    "clip": clip, "pow": power, "switch": switch,
+    "clip": clip, "pow": power, "switch": switch, "delay": delay,
     "Heaviside": _step,
 }  # fmt: skip
 

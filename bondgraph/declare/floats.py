@@ -13,7 +13,7 @@ import numpy as np
 import sympy
 from sympy import Expr, Symbol
 
-from bondgraph.declare.functions import TableFunction, maximum, minimum, smooth_step, switch
+from bondgraph.declare.functions import TableFunction, delay, maximum, minimum, smooth_step, switch
 
 #: The value of a table (and with orders of differentiation, of its slopes) at its arguments.
 TableValue = Callable[[Sequence[float], Sequence[int]], float]
@@ -80,6 +80,8 @@ def _value(node: Any, values: Mapping[Symbol, Any], tables: Mapping[str, TableVa
         return _value(next(chosen, sympy.nan), values, tables)
     if isinstance(node, switch):
         return _value(smooth_step(*node.args), values, tables)
+    if isinstance(node, delay):  # at rest
+        return _value(node.args[0], values, tables)
     if isinstance(node, sympy.And | sympy.Or):
         return (all if isinstance(node, sympy.And) else any)(_value(part, values, tables) for part in node.args)
     if node in (sympy.true, sympy.false):

@@ -1,4 +1,4 @@
-"""Functions of laws beyond sympy's own: two-argument minimum and maximum, clip, switches and tabulated functions.
+"""Functions of laws beyond sympy's own: minimum and maximum of two, clip, switches, delays and tabulated functions.
 
 sympy's ``Min`` and ``Max`` compare their arguments with each other whenever one is built, which costs milliseconds for
 symbolic ones and orders them by an internal key; the two-argument forms here keep what the engineer wrote.
@@ -119,6 +119,33 @@ class switch(Function):  # type: ignore[misc]  # noqa: N801 - a function, printe
         return steep if argindex == 1 else -steep * value / width
 
 
+class delay(Function):  # type: ignore[misc]  # noqa: N801 - a function, printed under this name
+    """An input, or an expression of inputs and parameters, as it was a number of seconds ago.
+
+    Derivation makes an input of every input in it, which follows from the other one in every log and simulation; before
+    the first sample it has the first value. A state cannot be delayed in this way.
+
+    Examples
+    --------
+    >>> u = sympy.Symbol("u", real=True)
+    >>> delay(u, 0.25), delay(delay(u, 0.25), 0.5), delay(u, 0)
+    (delay(u, 0.25), delay(u, 0.75), u)
+    """
+
+    nargs = 2
+    is_real = True
+    is_number = False  # of numbers, too: see TableFunction
+
+    @classmethod
+    def eval(cls, value: Expr, seconds: Expr) -> Expr | None:
+        """Evaluate what does not change, and a delay of a delay or of no length."""
+        if seconds.is_zero or value.is_Number:
+            return value
+        if isinstance(value, delay) and _is_number(seconds, value.args[1]):
+            return delay(value.args[0], value.args[1] + seconds)
+        return None
+
+
 def smooth_step(value: Expr, width: Expr) -> Expr:
     """A switch as a smooth step.
 
@@ -131,7 +158,7 @@ def smooth_step(value: Expr, width: Expr) -> Expr:
 
 
 def numeric(arguments: Sequence[Symbol], law: Expr) -> Callable[..., Any]:
-    """A law as a function of numbers or arrays, with the functions of this module and smooth switches.
+    """A law as a function of numbers or arrays, with the functions of this module, smooth switches and no delays.
 
     Examples
     --------
@@ -139,7 +166,10 @@ def numeric(arguments: Sequence[Symbol], law: Expr) -> Callable[..., Any]:
     >>> numeric([x], maximum(x - 1, 0) + switch(x, 0.1))(np.array([-2.0, 3.0])).tolist()
     [0.0, 3.0]
     """
-    own = {"minimum": np.minimum, "maximum": np.maximum, "switch": lambda x, width: (1 + np.tanh(x / width)) / 2}
+    own = {
+        "minimum": np.minimum, "maximum": np.maximum, "switch": lambda x, width: (1 + np.tanh(x / width)) / 2,
+        "delay": lambda x, seconds: x,
+    }  # fmt: skip
     found: Callable[..., Any] = sympy.lambdify(tuple(arguments), law, [own, "numpy"])
     return found
 

@@ -32,7 +32,10 @@ _OTHER_NAMES = {
     "ceil": "ceiling",
 }  # fmt: skip
 #: Functions of the toolkit's own, and where they are.
-_OWN = {name: f"from bondgraph.declare.functions import {name}" for name in ("maximum", "minimum", "clip", "switch")}
+_OWN = {
+    name: f"from bondgraph.declare.functions import {name}"
+    for name in ("maximum", "minimum", "clip", "switch", "delay")
+}
 _CHOOSE = (
     "choose by switch(value, width) (from bondgraph.declare.functions import switch), "
     "sympy.Piecewise((value, condition), ...), or maximum and minimum of bondgraph.declare.functions"

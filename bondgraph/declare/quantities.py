@@ -6,7 +6,7 @@ Numbers and ``unit`` are in coherent SI; ``shown_unit`` is the declared unit whe
 from __future__ import annotations
 
 import functools
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 from sympy import Expr, Symbol
@@ -36,7 +36,9 @@ class Input(Displayed):
     Between samples it runs linearly, is held, or is ``"band limited"``: the sum of sinc functions through them.
     ``letters`` maps the codes of a text signal (a gear lever) to values; such an input is always held between samples.
     ``rate_of`` names the input whose slope over time this one is; derivation adds those that equations need, and
-    :func:`bondgraph.declare.editing.with_input_rates` those that they may come to need.
+    :func:`bondgraph.declare.editing.with_input_rates` those that they may come to need. ``late_of`` names the input
+    that this one follows ``late_by`` seconds later; derivation adds those that laws use by
+    :class:`bondgraph.declare.functions.delay`.
     """
 
     name: str
@@ -48,6 +50,8 @@ class Input(Displayed):
     rate_of: str = ""
     shown_unit: str = ""
     zero_default: bool = False
+    late_of: str = ""
+    late_by: float = 0.0
 
     @property
     def symbol(self) -> Symbol:
@@ -75,6 +79,17 @@ class Input(Displayed):
         meaning = f"rate of {self.name} (a storage depends on it)"
         shown = _per_second(self.shown_unit)
         return Input(name, _per_second(self.unit), meaning, rate_of=self.name, shown_unit=shown)
+
+    def late(self, name: str, seconds: float) -> Input:
+        """The input that follows this one so many seconds later.
+
+        Examples
+        --------
+        >>> Input("force", "N").late("late_force", 0.25).meaning
+        'force of 0.25 s before'
+        """
+        meaning = f"{self.name} of {seconds:g} s before"
+        return replace(self, name=name, meaning=meaning, letters=(), late_of=self.name, late_by=seconds)
 
 
 @dataclass(frozen=True)

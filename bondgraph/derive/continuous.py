@@ -65,7 +65,7 @@ class ContinuousDerivation(Computed):
             doc=graph.doc,
             source=graph.source,
             states=_as_measured(variables.states, outputs),
-            inputs=(*graph.inputs, *rates_used, *noted.inputs()),
+            inputs=(*variables.inputs, *rates_used, *noted.inputs()),
             parameters=graph.parameters,
             tables=graph.tables,
             assignments=tuple(self.assignments),
@@ -146,7 +146,7 @@ class ContinuousDerivation(Computed):
         for value in results:
             used.update(value.free_symbols)
         found = []
-        for declared in self.causal.graph.inputs:
+        for declared in self.variables.inputs:
             rate = self.variables.input_rates.get(declared.symbol)
             if rate is not None and rate in used and rate.name not in self.causal.graph.quantities:
                 found.append(declared.rate(rate.name))

@@ -11,11 +11,12 @@ from bondgraph.declare.domains import UNDECLARED_PREFIXES, Domain
 from bondgraph.declare.elements import MULTIPORTS, SOURCES, STORAGES, Node
 from bondgraph.declare.expressions import signal_name, symbols_in
 from bondgraph.declare.functions import smooth_step, switch
-from bondgraph.declare.quantities import Integral, NamedSignal, Start, symbol
+from bondgraph.declare.quantities import Input, Integral, NamedSignal, Start, symbol
 from bondgraph.declare.starts import check_initial_unit, check_start, signals_of
 from bondgraph.declare.validation import node_domains
 from bondgraph.derive.causality import CausalGraph
 from bondgraph.derive.definitions import Constrained, Definition, Key, Law, Rate, Residual
+from bondgraph.derive.delays import LateInputs
 from bondgraph.derive.equations import State, StateVariable
 from bondgraph.derive.laws import linear_coefficient
 from bondgraph.derive.modes import ModeNotes
@@ -63,6 +64,7 @@ class BondVariables:
         self._names: dict[str, None] = dict.fromkeys(self.graph.quantities)
         self._derivative = set(causal.derivative)
         self._roots = self._merged()
+        self.late = LateInputs.of(self.graph, self.unused)
         self.input_rates = self._rates_of_inputs()
         self._label_junctions_and_storages()
         self._declare_states()
@@ -184,10 +186,15 @@ class BondVariables:
         self._names[name] = None
         return name
 
+    @property
+    def inputs(self) -> tuple[Input, ...]:
+        """The declared inputs and those that follow them later."""
+        return (*self.graph.inputs, *self.late.inputs)
+
     def _rates_of_inputs(self) -> dict[Symbol, Symbol]:
         """The rate of every input that changes between samples, by the input."""
         declared = {one.rate_of: one.symbol for one in self.graph.inputs if one.rate_of}
-        changing = (one for one in self.graph.inputs if not one.is_held and not one.rate_of)
+        changing = (one for one in self.inputs if not one.is_held and not one.rate_of)
         return {
             one.symbol: declared[one.name] if one.name in declared else symbol(self.unused(f"d_{one.name}"))
             for one in changing
@@ -295,7 +302,7 @@ class BondVariables:
     ) -> Law:
         """An expression as a definition: its own variables, signals, states and named signals become keys."""
         own = own or {}
-        expression = self._with_switches(expression, own)
+        expression = self._with_switches(self.late.law(expression), own)
         arguments: list[tuple[Symbol, Key, int]] = []
         replace: dict[Symbol, Expr] = {}
         for used in symbols_in(expression):

@@ -12,25 +12,27 @@ Sudhoff (2013), Analysis of Electric Machinery and Drive Systems, for motors.
 
 from __future__ import annotations
 
+import functools
+import itertools
+import math
 from collections.abc import Sequence
 
-from sympy import tanh
+from sympy import Expr, tanh
 
 from bondgraph.declare.domains import ELECTRICAL
 from bondgraph.declare.effect import SMOOTHING, Effect, Place
 from bondgraph.declare.elements import TWO_PORTS, Node
 from bondgraph.declare.expressions import signal
-from bondgraph.declare.functions import clip
+from bondgraph.declare.functions import clip, delay
 from bondgraph.declare.graph import BondGraph
 from bondgraph.declare.quantities import Input
 from bondgraph.declare.revision import replace_input, revise_law
 from bondgraph.effects.places import (
-    DELAY_LAW,
-    PADE,
     ceiling,
+    closer_delay,
     commanded,
     commands,
-    delayed,
+    delays_at,
     effort_unit,
     flow_unit,
     gyrators_at,
@@ -45,6 +47,7 @@ from bondgraph.effects.storages import spring_at
 _ENGINE = "Guzzella, Onder (2010), Modeling and Control of Internal Combustion Engine Systems, chapter 2"
 _CEILING = "Hippe (2006), Windup in Control, chapter 1"
 _DEAD_ZONE = "Tao, Kokotovic (1996), Adaptive Control of Systems with Actuator and Sensor Nonlinearities, chapter 2"
+_DEAD_TIME = "Normey-Rico, Camacho (2007), Control of Dead-time Processes"
 _MACHINERY = "Krause, Wasynczuk, Sudhoff (2013), Analysis of Electric Machinery and Drive Systems"
 _CURVES = "Lyons (1982), Lyons' Valve Designer's Handbook, chapter 10, for inherent characteristics of valves"
 _GAP = "Woodson, Melcher (1968), Electromechanical Dynamics, chapter 3"
@@ -159,19 +162,28 @@ def _lagging(g: BondGraph, at: Place, effect: str, kinds: Sequence[str]) -> Effe
 
 
 def actuator_delay(g: BondGraph, at: Place) -> Effect | None:
-    """A command that acts late: a bus, an inverter's cycle, a pipe that has to be passed; by two states, as sensors."""
+    """A command that acts late: a bus, an inverter's cycle, a pipe that has to be passed.
+
+    It takes no states: what a command was is known. Between neighbours among :func:`delays_at` the law is their mean.
+    """
     found = _first(g, at, _SOURCES)
     if found is None:
         return None
     node, command = found
     name = f"actuator_delay_{at.name}"
-    start, bounds = lateness(at)
-    delay = g.parameter(f"T_{name}", start, "s", f"time by which {node.name} acts late", bounds)
-    given = delayed(g, name, command.symbol, delay, command.unit, _start(node, command))
+    known, interval = delays_at(at)
+    start, (least, most) = lateness(at)
+    late = g.parameter(f"T_{name}", at.near[0] or start, "s", f"time by which {node.name} acts late", (least, most))
+    step = g.parameter(f"interval_{name}", interval, "s", "interval between samples")
+    given: Expr = command.symbol
+    for earlier, later in itertools.pairwise(known):
+        share = clip((late / step - earlier) / (later - earlier), 0, 1)
+        given += share * (delay(command.symbol, later * interval) - delay(command.symbol, earlier * interval))
     replace_input(g, command.name, given)
     return Effect(
-        "actuator_delay", node.name, f"command(t - T), {DELAY_LAW}", (delay.name,), adds_state=True,
-        amplitudes=(0.4, 0.7), reference=PADE, manoeuvre="steps of the command",
+        "actuator_delay", node.name, "command(t - T)", (late.name,), adds_state=True,
+        amplitudes=tuple(math.log(one * interval / least) / math.log(most / least) for one in known[1:-1]),
+        reference=_DEAD_TIME, manoeuvre="steps of the command", closer=functools.partial(closer_delay, at),
     )  # fmt: skip
 
 

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from sympy import Expr, Rational, Symbol
 
@@ -97,6 +98,51 @@ def lateness(at: Place) -> tuple[float, tuple[float, float]]:
     shortest, _ = at.times
     bounds = (0.1 * shortest, max(2.0, 40.0 * shortest))
     return (bounds[0] * bounds[1]) ** 0.5, bounds
+
+
+def delays_at(at: Place) -> tuple[list[int], float]:
+    """Delays of a command between which a law takes the mean of both, from none, in intervals of so many s.
+
+    Everywhere: one, two, three, four, six, eight and so on, beyond what :func:`lateness` bounds: they tell where to
+    look closer. Near a delay: two on each side. A mean of commands an interval apart is as exact as samples are.
+
+    Examples
+    --------
+    >>> bus = Place(Handle("bus", "1", None), Scale(1.0, 1.0), times=(0.25, 20.0))
+    >>> delays_at(bus)
+    ([0, 1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48], 0.25)
+    >>> delays_at(replace(bus, near=(2.6, 0.5)))
+    ([0, 6, 8, 10, 12, 14], 0.25)
+    """
+    interval, (about, spacing) = float(f"{at.times[0]:.9g}"), at.near
+    if spacing:
+        apart = max(round(spacing / interval), 1)
+        middle = max(round(about / interval / apart), 2)
+        return [0, *(k * apart for k in range(max(middle - 2, 1), middle + 3))], interval
+    _, (_, longest) = lateness(at)
+    doublings = range(math.ceil(math.log2(longest / interval)))
+    return [0, 1, *(2**k * part for k in doublings for part in (2, 3))], interval
+
+
+def closer_delay(at: Place, found: float) -> Place | None:
+    """The place with delays closer to the one that was found; None where they are as close as samples tell.
+
+    The spacing is a quarter of that before; the first is a quarter of the delay, whose neighbours are a third to a half
+    of it apart. The place moves on where the delay ends beyond the neighbours of the one in the middle.
+
+    Examples
+    --------
+    >>> bus = Place(Handle("bus", "1", None), Scale(1.0, 1.0), times=(0.05, 20.0))
+    >>> closer_delay(bus, 0.9).near, closer_delay(replace(bus, near=(0.9, 0.2)), 0.97).near
+    ((0.9, 0.2), (0.97, 0.05))
+    """
+    shortest, (about, spacing) = at.times[0], at.near
+    if spacing and spacing <= shortest:
+        moved = abs(found - about) > 1.5 * spacing and found > spacing
+        return replace(at, near=(found, spacing)) if moved else None
+    quarter = (spacing or found) / 4.0
+    finer = shortest * 2.0 ** max(math.floor(math.log2(max(quarter / shortest, 1.0))), 0)
+    return replace(at, near=(found, finer))
 
 
 def over(unit: str, other: str, power: int = 1) -> str:

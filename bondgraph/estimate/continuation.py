@@ -34,6 +34,7 @@ from bondgraph.filter.choice import choose_method
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.runs import run
 from bondgraph.simulate.batch import simulate_batch
+from bondgraph.simulate.late import inputs_of
 from bondgraph.simulate.stiff import Rosenbrock
 
 Continuation = Literal["none", "process-noise"]
@@ -170,7 +171,7 @@ def _astray(filter_model: FilterModel, log: MatchedLog, theta: FloatArray, x0: F
         if not np.isfinite(filtered[:, k]).all():
             continue
         start = np.repeat(filtered[:, k : k + 1], theta.shape[1], axis=1)
-        time, inputs = log.time[k : k + 2], log.u[:, k : k + 2]
+        time, inputs = log.time[k : k + 2], inputs_of(model, log)[:, k : k + 2]
         ends = simulate_batch(
             model, time, inputs, known, start, method=method, substeps=filter_model.substeps
         ).x[:, 1]  # fmt: skip

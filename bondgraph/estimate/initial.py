@@ -11,6 +11,7 @@ from bondgraph.data.log import MatchedLog
 from bondgraph.errors import EstimationError
 from bondgraph.estimate.objective import BoolArray, FloatArray
 from bondgraph.filter.follows import Follow, with_followers
+from bondgraph.simulate.late import first_inputs, inputs_of
 from bondgraph.simulate.model import Model
 from bondgraph.simulate.starts import BEGINNING, starts_in
 
@@ -66,20 +67,20 @@ def initial_states(
             f"initial states: rule {rule!r} is not known - choose {', '.join(get_args(InitialRule))}", where=(rule,)
         )
     if rule == "model":
-        return [starts_in(model, log.time, log.u, log.y)[0] for log in logs]
+        return [starts_in(model, log.time, inputs_of(model, log), log.y)[0] for log in logs]
     starts = []
     for log, led in zip(logs, follows or [{}] * len(logs), strict=True):
         known = theta.copy()
         for name, value in log.theta_overrides.items():
             known[model.index("parameter", name)] = value
         x0, held = _from_measurements(model, log, known, led)
-        x0 = with_followers(model, x0, log.u[:, 0], led)
-        starts.append(settled(model, x0, log.u[:, 0], known, held) if rule == "settled" else x0)
+        x0 = with_followers(model, x0, first_inputs(model, log), led)
+        starts.append(settled(model, x0, first_inputs(model, log), known, held) if rule == "settled" else x0)
     return starts
 
 
 def _with_given(model: Model, log: MatchedLog, given: Mapping[str, float]) -> FloatArray:
-    x0 = starts_in(model, log.time, log.u, log.y)[0]
+    x0 = starts_in(model, log.time, inputs_of(model, log), log.y)[0]
     rows = [model.index("state", name) for name in given]
     x0[rows] = list(given.values())
     return x0
@@ -91,12 +92,12 @@ def _from_measurements(
     """Initial state (n_x,), and which of its parts were measured; a start that is declared comes before others."""
     x0 = model.x0()
     held = np.zeros(x0.size, dtype=np.bool_)
-    for output, (state, slope, offset) in directly_measured(model, log.u[:, 0], theta, follows).items():
+    for output, (state, slope, offset) in directly_measured(model, first_inputs(model, log), theta, follows).items():
         value = first_measured(log, output)
         if value is not None:
             x0[state] = (value - offset) / slope
             held[state] = True
-    x0, given = starts_in(model, log.time, log.u, log.y, x0)
+    x0, given = starts_in(model, log.time, inputs_of(model, log), log.y, x0)
     return x0, held | given
 
 

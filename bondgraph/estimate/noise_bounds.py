@@ -23,6 +23,7 @@ from scipy.linalg import expm
 from bondgraph.data.log import MatchedLog
 from bondgraph.estimate.initial import initial_states
 from bondgraph.estimate.objective import FloatArray
+from bondgraph.simulate.late import inputs_of
 from bondgraph.simulate.model import Model
 
 #: Resolution of a measurement chain of 20 bits.
@@ -116,7 +117,7 @@ def _largest_push(
         own[model.index("parameter", name)] = value
     (x,) = initial_states(model, [log], own, "measured")
     interval = float(np.median(np.diff(log.time)))
-    middle = log.u[:, log.time.size // 2]
+    middle = inputs_of(model, log)[:, log.time.size // 2]
     with np.errstate(all="ignore"):
         slope = model.jacobian_x(float(log.time[0]), x, middle, own)
         shown = _output_slopes(model, float(log.time[0]), x, middle, own)

@@ -23,6 +23,7 @@ from bondgraph.filter.discretisation import step_times_rate
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.noise_choice import with_noise_nodes
 from bondgraph.filter.runs import run
+from bondgraph.simulate.late import first_inputs, inputs_of
 from bondgraph.simulate.model import Model
 from bondgraph.simulate.simulation import simulate
 from bondgraph.text import few
@@ -179,9 +180,8 @@ def unknown_drives(model: Model, logs: Sequence[MatchedLog]) -> tuple[str, ...]:
     state is nothing but that input (the inclination of a road, a wind), the state goes where nobody knows.
     """
     x0, u0, theta = model.x0(), model.u0(), model.theta()
-    silent = [
-        row for row in range(len(model.inputs)) if all(bool(np.all(log.u[row] == u0[row])) for log in logs)
-    ]  # fmt: skip
+    every = [inputs_of(model, log) for log in logs]
+    silent = [row for row in range(len(model.inputs)) if all(bool(np.all(u[row] == u0[row])) for u in every)]
     found = []
     with np.errstate(all="ignore"):
         away = x0 + 0.1 * np.maximum(np.abs(x0), 1.0)
@@ -203,7 +203,7 @@ def state_sizes(model: Model, logs: Sequence[MatchedLog], stiff: bool = False) -
     """
     theta = model.theta()
     sizes = np.abs(model.x0())
-    measured = directly_measured(model, logs[0].u[:, 0], theta)
+    measured = directly_measured(model, first_inputs(model, logs[0]), theta)
     for output, (state, slope, offset) in measured.items():
         seen = np.concatenate([log.y[output] for log in logs])
         if np.isfinite(seen).any():
@@ -237,7 +237,7 @@ def _shown(model: Model, logs: Sequence[MatchedLog]) -> FloatArray:
 def looks_stiff(model: Model, logs: Sequence[MatchedLog]) -> bool:
     """Whether explicit steps would have to be very short, by the model's rates at the measured states."""
     theta = model.theta()
-    measured = directly_measured(model, logs[0].u[:, 0], theta)
+    measured = directly_measured(model, first_inputs(model, logs[0]), theta)
     fastest = 0.0
     for log in logs:
         for k in np.unique(np.linspace(0, log.time.size - 1, _RATES).astype(int)):
@@ -246,7 +246,7 @@ def looks_stiff(model: Model, logs: Sequence[MatchedLog]) -> bool:
                 if np.isfinite(log.y[output, k]):
                     x[state] = (log.y[output, k] - offset) / slope
             with np.errstate(all="ignore"):
-                slopes = model.jacobian_x(float(log.time[k]), x, log.u[:, k], theta)
+                slopes = model.jacobian_x(float(log.time[k]), x, inputs_of(model, log)[:, k], theta)
             if np.isfinite(slopes).all():
                 step = float(np.median(np.diff(log.time)))
                 fastest = max(fastest, step * float(np.abs(np.linalg.eigvals(slopes)).max(initial=0.0)))
@@ -274,7 +274,7 @@ def _start_std(
 ) -> dict[str, float]:
     """A measured state starts anywhere near its first measurement, any other anywhere within its size."""
     std = dict(zip(model.names("state"), map(float, sizes), strict=True))
-    for output, (state, slope, _) in directly_measured(model, logs[0].u[:, 0], model.theta()).items():
+    for output, (state, slope, _) in directly_measured(model, first_inputs(model, logs[0]), model.theta()).items():
         name = model.names("output")[output]
         if name in noise:
             sensor = abs(noise[name] / slope)

@@ -19,6 +19,7 @@ from bondgraph.estimate.initial import directly_measured, first_measured
 from bondgraph.estimate.likelihoods import Batch
 from bondgraph.estimate.objective import FloatArray
 from bondgraph.filter.follows import Follow
+from bondgraph.simulate.late import first_inputs
 from bondgraph.simulate.model import Model
 
 #: A start that moves by less than this share of the largest slope does not follow: slopes are differences.
@@ -102,7 +103,8 @@ class ShownStarts:
         own = theta.copy()
         for name, value in self.log.theta_overrides.items():
             own[self.model.index("parameter", name)] = value
-        return float(self.log.time[0]), x0, np.repeat(self.log.u[:, :1], theta.shape[1], axis=1), own
+        u = np.repeat(first_inputs(self.model, self.log)[:, np.newaxis], theta.shape[1], axis=1)
+        return float(self.log.time[0]), x0, u, own
 
     def _by_states(self, theta: FloatArray, x0: FloatArray) -> FloatArray:
         """Derivatives of the outputs by the states (n_y, n_x, members), with what follows each of them."""
@@ -173,7 +175,7 @@ def led(model: Model, log: MatchedLog, theta: FloatArray, follows: Mapping[str, 
     """
     names = model.names("state")
     known = [name for name in follows if name in names]
-    direct = directly_measured(model, log.u[:, 0], theta) if known else {}
+    direct = directly_measured(model, first_inputs(model, log), theta) if known else {}
     shown = {names[state] for output, (state, _, _) in direct.items() if first_measured(log, output) is not None}
     return {name: follows[name] for name in known if name not in shown or _is_of_hidden(follows[name], names, shown)}
 
@@ -211,7 +213,8 @@ def shown_starts(
     if jacobian is None or not own.intersection(map(int, jacobian.columns)):
         return ShownStarts(model, log, ())
     translated = {int(row) for row, column in zip(jacobian.rows, jacobian.columns, strict=True) if int(column) in own}
-    away = directly_measured(model, log.u[:, 0], _moved(model, own), follows)  # a dead zone is not straight there
+    # a dead zone is not straight there
+    away = directly_measured(model, first_inputs(model, log), _moved(model, own), follows)
     found = [
         one
         for one in _begun_at_outputs(model, log, said, free, follows)
@@ -262,7 +265,7 @@ def _begun_at_outputs(
         model.index("state", name) for name in (*_free_starts(log, free), *(one.state for one in model.starts))
     }
     found = []
-    for output, (state, slope, _) in directly_measured(model, log.u[:, 0], theta, follows).items():
+    for output, (state, slope, _) in directly_measured(model, first_inputs(model, log), theta, follows).items():
         value = first_measured(log, output)
         if state not in elsewhere and value is not None:
             found.append(ShownStart(state, output, value, slope))

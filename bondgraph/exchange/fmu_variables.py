@@ -41,6 +41,7 @@ class FmuVariable:
     has_default: bool = False
     interpolation: str = "linear"
     rate_of: str = ""
+    late_of: str = ""
     letters: Mapping[str, float] | None = None
     factor: float = 1.0
     offset: float = 0.0

@@ -32,6 +32,7 @@ from bondgraph.filter.online_state import FilterStep
 from bondgraph.filter.samples import MeasuredLog
 from bondgraph.frames import frame
 from bondgraph.shown import own_axes
+from bondgraph.simulate.late import inputs_of
 
 if TYPE_CHECKING:
     import pandas
@@ -161,8 +162,9 @@ class ChangeDetector:
             If the log does not fit the model.
         """
         steps: list[DetectorStep] = []
+        u = inputs_of(self.nominal.filter_model.model, log)
         for k, t in enumerate(log.time):
-            steps.append(self.step(float(t), log.u[:, k], log.y[:, k]))
+            steps.append(self.step(float(t), u[:, k], log.y[:, k]))
             if until_alarm and steps[-1].alarm:
                 break
         evidence = {name: np.array([step.evidence[name] for step in steps]) for name in self._changed}

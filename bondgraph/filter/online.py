@@ -27,6 +27,7 @@ from bondgraph.filter.online_interval import Intervals
 from bondgraph.filter.online_state import FilterStep, OnlineState, Remembered
 from bondgraph.filter.online_steps import CompiledSteps, Moved, NumpySteps, StepEngine
 from bondgraph.filter.samples import MeasuredLog
+from bondgraph.simulate.late import inputs_of
 from bondgraph.simulate.outcome import Outcome
 
 if TYPE_CHECKING:
@@ -211,9 +212,9 @@ class OnlineFilter:
                 " - make the filter with theta as the log has it",
                 where=(log.name, *log.theta_overrides),
             )
-        steps = []
+        steps, u = [], inputs_of(self.filter_model.model, log)
         for k, t in enumerate(log.time):
-            steps.append(self.step(float(t), log.u[:, k], log.y[:, k]))
+            steps.append(self.step(float(t), u[:, k], log.y[:, k]))
             if not steps[-1].accepted:
                 raise FilterError(f"{log.name}: the sample at {t:.6g} s is not accepted: {steps[-1].reason}")
 

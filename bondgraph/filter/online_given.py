@@ -83,10 +83,17 @@ def given_inputs(model: Model, given: Vector, kept: FloatArray | None) -> FloatA
     Raises
     ------
     FilterError, ModelError
-        If a name is unknown, a shape does not fit, or a value is not finite.
+        If a name is unknown, a shape does not fit, a value is not finite, or an input that is late is not given.
     """
     found = model.u0() if kept is None else kept.copy()
     if isinstance(given, Mapping):
+        late = next((one for one in model.inputs if one.late_of and one.name not in given), None)
+        if late is not None:
+            raise FilterError(
+                f"{model.name}: input {late.name!r} is {late.late_of!r} of {late.late_by:g} s before, which a filter "
+                "on line does not remember - give it with every sample",
+                where=(model.name, late.name),
+            )
         for name, value in given.items():
             found[model.index("input", name)] = model.input_value(name, value)
     elif given is not None:

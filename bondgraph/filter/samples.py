@@ -15,6 +15,7 @@ from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.noise_nodes import NoiseNodes, continuous_nodes, finer_nodes, sampled_nodes
 from bondgraph.filter.plan import IntervalSteps, NoiseRule, cut_steps, log_key, transferred
 from bondgraph.simulate.inputs import InputSegment, hold_flags, limited_rates, limited_rows, rate_rows
+from bondgraph.simulate.late import inputs_of
 from bondgraph.simulate.model import Model
 
 
@@ -84,11 +85,12 @@ class Samples:
     @classmethod
     def _on(cls, filter_model: FilterModel, log: MeasuredLog, nodes: NoiseNodes) -> Samples:
         """A log on the given nodes."""
-        left, right = inputs_between(filter_model.model, nodes, log.time, log.u)
+        u = inputs_of(filter_model.model, log)
+        left, right = inputs_between(filter_model.model, nodes, log.time, u)
         key = log_key(log.time, log.u, log.y, log.theta_overrides)
         steps = _steps(filter_model, log.time, nodes, key)
         return cls(
-            log.name, nodes.time, _inputs(filter_model.model, nodes, log.u, left), left, right,
+            log.name, nodes.time, _inputs(filter_model.model, nodes, u, left), left, right,
             _at_samples(nodes, log.y),
             steps.substeps, steps.grading, nodes.start, nodes.end, nodes.sample, dict(log.theta_overrides), key,
         )  # fmt: skip
@@ -223,7 +225,7 @@ def interval_substeps(time: FloatArray, substeps: int) -> IntArray:
 
 
 def _check(filter_model: FilterModel, log: MeasuredLog) -> None:
-    model = filter_model.model
+    model, u = filter_model.model, inputs_of(filter_model.model, log)
 
     def require(condition: bool, problem: str, *where: str) -> None:
         if not condition:
@@ -231,12 +233,12 @@ def _check(filter_model: FilterModel, log: MeasuredLog) -> None:
 
     n = log.time.size
     require(n > 0 and bool(np.all(np.diff(log.time) > 0)), "times must increase - sort the samples")
-    for array, names, kind in ((log.u, model.names("input"), "input"), (log.y, model.names("output"), "output")):
+    for array, names, kind in ((u, model.names("input"), "input"), (log.y, model.names("output"), "output")):
         require(
             array.shape == (len(names), n),
             f"{kind}s have shape {array.shape}, {model.name} needs ({len(names)}, {n}) - match the log to the model",
         )
-    for name, row in zip(model.names("input"), log.u, strict=True):
+    for name, row in zip(model.names("input"), u, strict=True):
         bad = np.flatnonzero(~np.isfinite(row))
         at = log.time[bad[0]] if bad.size else 0.0
         require(not bad.size, f"input {name!r} has no value at t = {at:.6g} s - fill or cut the gap", name)

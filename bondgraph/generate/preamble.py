@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 
+from bondgraph.declare.quantities import Input
 from bondgraph.derive.equations import StateEquations
 from bondgraph.generate.literals import number, one_line, string
 
@@ -94,10 +95,17 @@ def _input_rows(equations: StateEquations) -> Iterable[Sequence[str]]:
             string(item.name),
             string(item.unit),
             number(item.default, f"default of {item.name}"),
-            string(f"rate of {item.rate_of}" if item.rate_of else item.interpolation),
+            string(_way(item)),
             f"{{{', '.join(letters)}}}" if letters else "None",
             string(item.meaning),
         )
+
+
+def _way(item: Input) -> str:
+    """How an input runs between samples, or which other one it follows."""
+    if item.late_of and not item.rate_of:
+        return f"{item.late_by!r} s after {item.late_of}"
+    return f"rate of {item.rate_of}" if item.rate_of else item.interpolation
 
 
 def _zero_defaults(equations: StateEquations) -> Iterable[str]:

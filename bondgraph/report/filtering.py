@@ -31,6 +31,7 @@ from bondgraph.report.numbers import shown
 from bondgraph.report.plots import state_figure
 from bondgraph.report.series import ChannelSeries, FilteredLog, StateBand, channel_errors
 from bondgraph.report.suspicions import sampling_suspicions, unit_suspicions
+from bondgraph.simulate.late import inputs_of
 from bondgraph.simulate.model import Model
 from bondgraph.simulate.quantities import ParameterInfo, StateInfo
 
@@ -123,7 +124,7 @@ def _filtered(
 
     No covariances are kept, however long the log is.
     """
-    beliefs = OutputBeliefs(filter_model.model, log.y, log.u)
+    beliefs = OutputBeliefs(filter_model.model, log.y, inputs_of(filter_model.model, log))
     if smoothed:
         known = run_smoothed(filter_model, log, x0=start, told=beliefs.add)
         bands = known.filtered

@@ -300,7 +300,7 @@ def _quantities(trajectory: Trajectory, names: Sequence[str]) -> list[tuple[str,
     for info, row in zip(infos, (*trajectory.x, *trajectory.y, *trajectory.u), strict=True):
         own, values = info.display_unit, info.shown(row)
         known = any(unit == own and np.array_equal(values, old, equal_nan=True) for unit, old in found.values())
-        if info.name in names or not known:
+        if info.name in names or not (known or (isinstance(info, InputInfo) and info.late_of)):
             found.setdefault(info.name, (own, values))
     return [(name, *found[name]) for name in (names or found)]
 

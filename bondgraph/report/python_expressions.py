@@ -21,7 +21,7 @@ from bondgraph.declare.quantities import Table
 from bondgraph.syntax import parsed
 
 _SIGNAL = re.compile(r"(flow|effort|displacement|momentum)(\d*)\Z")
-_OWN_FUNCTIONS = ("minimum", "maximum", "switch")
+_OWN_FUNCTIONS = ("minimum", "maximum", "switch", "delay")
 #: Functions of sympy that are none of its classes.
 _ROOTS = ("sqrt", "cbrt")
 #: Joints of conditions and what they are called: text joins them by words, which Python cannot do with symbols.

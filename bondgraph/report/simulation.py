@@ -236,7 +236,7 @@ def input_notes(
         if not one.has_default
         else f"input {one.name!r} is not in the table; {one.default:g} {one.unit} is taken from the declaration"
         for one in lacking
-        if not one.rate_of and (inputs is not None or not one.has_default)
+        if not (one.rate_of or one.late_of) and (inputs is not None or not one.has_default)
     ]
 
 
@@ -254,6 +254,6 @@ def trajectory_log(trajectory: Trajectory, inputs: bool = False) -> Log:
     for mode in model.modes:
         channels.setdefault(mode.input, LogChannel(mode.input, "1", trajectory.input(mode.input)))
     for one in model.inputs if inputs else ():
-        if not one.rate_of and one.name not in channels:
+        if not (one.rate_of or one.late_of) and one.name not in channels:
             channels[one.name] = LogChannel(one.name, one.display_unit or "1", one.shown(trajectory.input(one.name)))
     return Log(model.name, trajectory.time, channels)

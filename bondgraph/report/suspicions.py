@@ -19,6 +19,7 @@ from bondgraph.data.suspicions import (
 from bondgraph.errors import BondGraphError
 from bondgraph.estimate.initial import Initial, initial_states
 from bondgraph.filter.filter_model import FilterModel
+from bondgraph.simulate.late import first_inputs
 from bondgraph.simulate.model import Model
 from bondgraph.simulate.outcome import Outcome
 from bondgraph.simulate.simulation import simulate
@@ -29,7 +30,7 @@ def sampling_suspicions(model: Model, log: MatchedLog, initial: Initial = "measu
     theta = _theta(model, log)
     start = initial_states(model, [log], theta, initial)[0]
     with np.errstate(all="ignore"):
-        slopes = model.jacobian_x(float(log.time[0]), start, log.u[:, 0], theta)
+        slopes = model.jacobian_x(float(log.time[0]), start, first_inputs(model, log), theta)
     if not np.isfinite(slopes).all():
         return []
     return sampling_notes(log.time, np.linalg.eigvals(slopes).astype(np.complex128))

@@ -18,6 +18,7 @@ from bondgraph.arrays import BoolArray, FloatArray
 from bondgraph.data.band_limited import BAND_LIMITED, finer, finer_times, is_even
 from bondgraph.data.rates import slopes
 from bondgraph.errors import ModelError
+from bondgraph.simulate.late import break_times, complete, given_rows, late_rows
 from bondgraph.simulate.model import Model
 from bondgraph.text import count
 
@@ -117,11 +118,13 @@ class InputSignal:
     def of_table(
         cls, model: Model, time: FloatArray, values: FloatArray, given: Container[str] | None = None
     ) -> InputSignal:
-        """Inputs of a model in its order, (n_u, n); the rates that are not ``given`` (None: all are) are filled in.
+        """Inputs of a model in its order, (n_u, n); rates and late ones not ``given`` (None: all are) are filled in.
 
         Band-limited inputs are interpolated where times are even; a table with uneven times is a drawn course, straight
-        between its points.
+        between its points. Late inputs may be left out; those of a log, which has none, are late on its samples.
         """
+        if late_rows(model) and (given is not None or values.shape[0] == len(given_rows(model))):
+            time, values = _with_late(model, time, values)
         values = with_rates(model, time, values, given)
         if limited_rows(model) and time.size > 2 and is_even(time):
             time, values = _refined(model, time, values)
@@ -240,6 +243,26 @@ def _refined(model: Model, time: FloatArray, values: FloatArray) -> tuple[FloatA
     for row, source in limited_rates(model):
         between[row] = slopes(times, between[source])
     return times, between
+
+
+def _with_late(model: Model, time: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """The times of a table with those at which late inputs bend, and all inputs (n_u, n) there."""
+    if values.shape[0] == len(given_rows(model)):
+        return time, complete(model, time, values)
+    hold = hold_flags(model)
+    table = InputSignal(time, values, hold)
+    grid = break_times(model, time)
+    grid = np.append(grid, grid[-1] + 1.0)  # what is there at the last time lasts
+    left, right = table.intervals(grid)
+    for row, source, seconds in late_rows(model):
+        earlier = table.intervals(grid - seconds)
+        left[row], right[row] = earlier[0][source], earlier[1][source]
+    starts, ends = left[:, 1:], right[:, :-1]
+    size = np.max(np.abs(left), axis=1, keepdims=True, initial=0.0)
+    jumps = np.any((np.abs(starts - ends) > _SAME_SLOPE * size) & ~hold[:, np.newaxis], axis=0)
+    times = np.repeat(grid[1:-1], 1 + jumps)
+    doubled = np.insert(starts, np.flatnonzero(jumps), ends[:, jumps], axis=1)
+    return np.append(grid[:1], times), np.concatenate([left[:, :1], doubled], axis=1)
 
 
 def rate_rows(model: Model) -> tuple[int, ...]:

@@ -33,7 +33,7 @@ class InputInfo(Displayed):
     """One input: its default, how it runs between samples, and its letters if it is a code.
 
     ``interpolation`` is ``linear``, ``hold``, ``band limited``, or ``rate of NAME`` for the slope of another input,
-    which is held between samples.
+    which is held between samples. One that follows ``late_of`` so many seconds later runs as that one does.
     ``zero_default`` tells a default of zero that is declared from none at all.
     """
 
@@ -45,6 +45,8 @@ class InputInfo(Displayed):
     meaning: str
     shown_unit: str = ""
     zero_default: bool = False
+    late_of: str = ""
+    late_by: float = 0.0
 
     @property
     def has_default(self) -> bool:

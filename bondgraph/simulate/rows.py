@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, TypeVar
@@ -15,6 +16,9 @@ from bondgraph.units import dimension
 _Info = TypeVar("_Info")
 
 _Shown = TypeVar("_Shown", bound=Displayed)
+
+#: How a module writes of an input that it follows another one.
+_LATE = re.compile(r"(\S+) s after (\S+)\Z")
 
 
 @dataclass(frozen=True)
@@ -80,10 +84,30 @@ def shown_rows(names: Mapping[str, Any], table: str, kind: type[_Shown], source:
 
 
 def input_rows(names: Mapping[str, Any], kind: type[_Shown], source: str) -> tuple[_Shown, ...]:
-    """The inputs of a module; those listed in ``ZERO_DEFAULTS`` have a declared default of zero."""
+    """The inputs of a module; those listed in ``ZERO_DEFAULTS`` have a declared default of zero.
+
+    Raises
+    ------
+    ModelError
+        If one is late of what is no input before it.
+    """
     zeros = names.get("ZERO_DEFAULTS", ())
     found: list[Any] = list(shown_rows(names, "INPUTS", kind, source))
-    return tuple(dataclasses.replace(info, zero_default=info.name in zeros) for info in found)
+    ways: dict[str, str] = {}
+    done = []
+    for info in found:
+        late = _LATE.match(str(info.interpolation))
+        if late:
+            if late[2] not in ways:
+                raise ModelError(
+                    f"{source}: {info.name!r} is said to be {info.interpolation}, which is no input before it - "
+                    "regenerate the module",
+                    where=(source, info.name),
+                )
+            info = dataclasses.replace(info, interpolation=ways[late[2]], late_of=late[2], late_by=float(late[1]))
+        ways[info.name] = info.interpolation
+        done.append(dataclasses.replace(info, zero_default=info.name in zeros))
+    return tuple(done)
 
 
 def events_of(names: Mapping[str, Any], source: str) -> dict[str, Any]:

@@ -196,12 +196,16 @@ class Trajectory(Tabulated, Kept):
         return {f"{info.name} [{info.display_unit or 1}]": info.shown(values) for info, values in self._rows()}
 
     def _rows(self) -> list[tuple[StateInfo | OutputInfo | InputInfo, FloatArray]]:
-        """Quantities with their values (n,); a state that is measured under its own name stands once."""
+        """Quantities with their values (n,), without inputs that follow others late.
+
+        A state that is measured under its own name stands once.
+        """
         model = self.model
         infos: list[StateInfo | OutputInfo | InputInfo] = [*model.states, *model.outputs, *model.inputs]
         found: dict[str, tuple[StateInfo | OutputInfo | InputInfo, FloatArray]] = {}
         for info, values in zip(infos, (*self.x, *self.y, *self.u), strict=True):
-            found.setdefault(info.name, (info, values))
+            if not (isinstance(info, InputInfo) and info.late_of):
+                found.setdefault(info.name, (info, values))
         return list(found.values())
 
     def state(self, name: str) -> FloatArray:

@@ -11,7 +11,8 @@ from sympy import tanh
 from bondgraph import effects
 from bondgraph.build import build
 from bondgraph.correct.evidence.context import coefficients
-from bondgraph.correct.models.candidates import candidates, places, superset
+from bondgraph.correct.models.candidates import candidates, places
+from bondgraph.correct.models.superset import superset
 from bondgraph.data.log import MatchedLog
 from bondgraph.declare.domains import TRANSLATION
 from bondgraph.declare.editing import handle

@@ -38,19 +38,21 @@ def test_one_state_stands_and_several_stand_somewhere() -> None:
 
 
 def test_laws_after_a_delay_may_mend_its_approximation() -> None:
-    """Of an inverter that acted late a polarisation and an inductance came after the delay, with no word of doubt."""
+    """Of a late sensor false laws came after the delay, with no word of doubt; that of a command leaves nothing."""
     fitted = SimpleNamespace(values={"T_late": 0.0487})
 
     def law(name: str, *coefficients: str) -> Any:
         effect = SimpleNamespace(name=name, coefficients=coefficients)
         return SimpleNamespace(candidate=SimpleNamespace(effect=effect, label=f"{name} at armature"))
 
-    delay, other = law("actuator_delay", "T_late"), law("polarisation", "c")
+    delay, other = law("sensor_delay", "T_late"), law("polarisation", "c")
     (said,) = after_delays([delay, other], fitted)  # type: ignore[arg-type]
     assert (
-        said.startswith("actuator_delay at armature is") and "polarisation at armature" in said and "0.0487 s" in said
+        said.startswith("sensor_delay at armature is") and "polarisation at armature" in said and "0.0487 s" in said
     )
-    assert after_delays([other, delay], fitted) == [] and after_delays([delay], fitted) == []  # type: ignore[arg-type]
+    exact = law("actuator_delay", "T_late")
+    for laws in ([other, delay], [delay], [exact, other]):
+        assert after_delays(laws, fitted) == []  # type: ignore[arg-type]
 
 
 def test_a_parameter_on_its_bound_in_the_corrected_model_is_told_with_the_bound_and_its_unit() -> None:

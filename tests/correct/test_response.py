@@ -11,7 +11,8 @@ from scipy.linalg import expm
 from bondgraph import effects
 from bondgraph.compile.machine_code import has_numba
 from bondgraph.correct.evidence.context import coefficients
-from bondgraph.correct.models.candidates import Candidate, candidates, places, superset
+from bondgraph.correct.models.candidates import Candidate, candidates, places
+from bondgraph.correct.models.superset import superset
 from bondgraph.correct.places.located import locate
 from bondgraph.correct.places.probes import hats, probes, signals
 from bondgraph.correct.places.structure import structure

@@ -251,20 +251,15 @@ def test_a_lagging_actuator_follows_its_command() -> None:
 
 
 def test_a_late_actuator_gives_what_was_commanded_before() -> None:
-    """A ramp comes late by the whole delay, once it has settled: the approximation is exact to the second order."""
-    built, effect = extended(effects.actuator_delay, "primary", 0.5)
-    model = built.model
-    late, rising = (next(name for name in model.names("state") if name.startswith(of)) for of in ("late", "rising"))
-    slope, now = 8.0, 30.0  # u = now at this time
-    shown = now - slope * 0.5
-    x = model.x0(**{rising: 0.5 * slope, late: shown + 0.5 * slope / 3.0})
-    rates = model.rhs(0.0, x, np.array([now, 0.0]), model.theta())
-    assert rates[model.index("state", late)] == pytest.approx(slope)
-    assert rates[model.index("state", rising)] == pytest.approx(0.0, abs=1e-12)
+    """A machine with a delay of some intervals goes where the one without goes with its command shifted by as many."""
+    built, effect = extended(effects.actuator_delay, "primary", 0.48)
     without = build(driveline()).model
-    own = without.rhs(0.0, without.x0(), np.array([shown, 0.0]), without.theta())
-    assert rates[model.index("state", "omega_primary")] == pytest.approx(own[without.index("state", "omega_primary")])
+    time = np.arange(200) * 0.04
+    u = np.stack([30.0 + 8.0 * np.sin(3.0 * time) + np.where(time > 4.0, 9.0, 0.0), 0.02 * np.cos(time)])
+    shifted = np.stack([np.concatenate([np.full(12, u[0, 0]), u[0, :-12]]), u[1]])
+    late = simulate(built.model, time, u, {effect.coefficients[0]: 0.48}, method="rk4")
     assert effect.adds_state
+    assert late.x == pytest.approx(simulate(without, time, shifted, method="rk4").x, rel=1e-12)
 
 
 @pytest.mark.parametrize(("unit", "acts"), [("V", True), ("1", False)])

@@ -19,6 +19,7 @@ from bondgraph.errors import BondGraphError
 from bondgraph.estimate.fitted import Fit
 from bondgraph.filter.filter_run import FilterRun
 from bondgraph.filter.linear.intervals import integrator, simulation_steps
+from bondgraph.simulate.late import inputs_of
 from bondgraph.simulate.simulation import simulate
 
 #: Samples of each log at which its rates are looked at.
@@ -53,7 +54,7 @@ def slopes_along(fitted: Fit, log: MatchedLog, run: FilterRun) -> Iterator[Float
     for k in np.unique(np.linspace(0, log.time.size - 1, _RATES).astype(int)):
         x = run.filtered_mean[: len(model.states), k]
         with np.errstate(all="ignore"):
-            yield model.jacobian_x(float(log.time[k]), x, log.u[:, k], theta)
+            yield model.jacobian_x(float(log.time[k]), x, inputs_of(model, log)[:, k], theta)
 
 
 def log_theta(fitted: Fit, log: MatchedLog) -> FloatArray:
@@ -92,7 +93,8 @@ def predicted(fitted: Fit, log: MatchedLog, run: FilterRun, parts: Sequence[tupl
         rows = slice(first, last + 1)
         try:
             piece = simulate(
-                model, log.time[rows], log.u[:, rows], theta, run.filtered_mean[: len(model.states), first],
+                model, log.time[rows], inputs_of(model, log)[:, rows], theta,
+                run.filtered_mean[: len(model.states), first],
                 method=integrator(filter_model), substeps=simulation_steps(filter_model, log.time[rows]), compiled=True,
             )  # fmt: skip
         except BondGraphError:

@@ -24,6 +24,7 @@ from bondgraph.estimate.journal import Journal
 from bondgraph.estimate.local import fit
 from bondgraph.estimate.problem import EstimationProblem
 from bondgraph.filter.filter_model import FilterModel
+from bondgraph.simulate.late import first_inputs
 
 #: A start is doubted if the innovations of so many samples after it are this large by chance.
 _FIRST, _DOUBTED = 10, 1e-3
@@ -58,7 +59,9 @@ def with_starts(fitted: Fit, journal: Journal | None = None) -> Fit:
 def _starts(problem: EstimationProblem) -> tuple[FreeParameter, ...]:
     """The starts that no sensor shows, of every log, as free parameters; none that is free already."""
     filter_model, model = problem.filter_model, problem.filter_model.model
-    shown = {state for state, _, _ in directly_measured(model, problem.logs[0].u[:, 0], model.theta()).values()}
+    shown = {
+        state for state, _, _ in directly_measured(model, first_inputs(model, problem.logs[0]), model.theta()).values()
+    }
     known = {parameter.target.name for parameter in problem.free if parameter.target.kind == "x0"}
     found = []
     for row, name in enumerate(model.names("state")):

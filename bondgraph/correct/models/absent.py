@@ -15,6 +15,7 @@ from bondgraph.build import BuiltModel
 from bondgraph.correct.models.candidates import Candidate, Refused
 from bondgraph.data.log import FloatArray, MatchedLog
 from bondgraph.filter.filter_run import FilterRun
+from bondgraph.simulate.late import inputs_of
 from bondgraph.simulate.model import Model
 
 #: States of each log at which the models are compared.
@@ -65,5 +66,5 @@ def _rates(model: Model, declared: Model, log: MatchedLog, run: FilterRun) -> Fl
     states = np.repeat(model.x0()[:, np.newaxis], picked.size, axis=1)
     states[rows] = run.filtered_mean[: len(rows), picked]
     with np.errstate(all="ignore"):
-        rates: FloatArray = model.rhs(log.time[picked], states, log.u[:, picked], theta)[rows]
+        rates: FloatArray = model.rhs(log.time[picked], states, inputs_of(model, log)[:, picked], theta)[rows]
     return rates

@@ -32,6 +32,7 @@ from bondgraph.errors import (
     suggest,
 )
 from bondgraph.filter.filter_run import FilterRun
+from bondgraph.simulate.late import inputs_of
 from bondgraph.simulate.model import Model
 
 #: Values of a shape parameter that are tried, as shares of its bounds (on a logarithmic scale where these allow it).
@@ -96,6 +97,20 @@ class Candidate:
                 f"{graph.name}: {self.label} does not fit beside what was added before", where=(self.place.label,)
             )
         return extended
+
+    def at(self, place: Place, graph: BondGraph) -> Candidate:
+        """The same effect function at another place of a graph.
+
+        Raises
+        ------
+        DeclarationError
+            If the effect has no place there.
+        """
+        extended = copy(graph)
+        effect = self.function(extended, placed(extended, place))
+        if effect is None:
+            raise DeclarationError(f"{graph.name}: {self.label} does not fit any more", where=(self.place.label,))
+        return replace(self, place=place, effect=effect, model=build(extended).model)
 
     @property
     def lower(self) -> FloatArray:
@@ -232,7 +247,7 @@ def _bond_values(
         for name, value in log.theta_overrides.items():
             known[model.index("parameter", name)] = value
         with np.errstate(all="ignore"):
-            outputs = model.output(log.time, run.filtered_mean[: len(model.states)], log.u, known)
+            outputs = model.output(log.time, run.filtered_mean[: len(model.states)], inputs_of(model, log), known)
         pieces.append(outputs[own:])
     together = np.concatenate(pieces, axis=1)
     together[~np.isfinite(together)] = 0.0
@@ -333,7 +348,7 @@ def _why_not(built: BuiltModel, flat: BondGraph, effect: Effect, equations: Stat
     if not effect.adds_state and lasting:
         return f"does not vanish: its coefficient is {values[lasting[0]]:g} when it is added, not 0"
     own_inputs = {one.name for one in built.equations.inputs}
-    followed = [one.rate_of for one in equations.inputs if one.name not in own_inputs]
+    followed = [one.rate_of for one in equations.inputs if one.rate_of and one.name not in own_inputs]
     if followed:
         return (
             f"would need the rate of input {', '.join(followed)}, which the model does not have - declare that storage "
@@ -366,32 +381,3 @@ def _beside_storage(built: BuiltModel, place: Place) -> bool:
     at = {place.junction.name} if place.other is None else {place.junction.name, place.other.name}
     ends = {end for bond in flat.bonds if at & {bond.source, bond.target} for end in (bond.source, bond.target)}
     return any(flat.nodes[end].kind in STORAGES for end in ends)
-
-
-def superset(built: BuiltModel, vanishing: Sequence[Candidate]) -> BuiltModel:
-    """The declared graph with vanishing candidates in it, their coefficients zero: one model to test them all.
-
-    Those that revise a declared element come first: it stands alone then, as it did when they were offered. One that
-    fits nowhere among the others is left out.
-    """
-    declared = built.causal.graph.nodes
-    graph = built.graph
-    order: list[Candidate] = []
-    for candidate in sorted(vanishing, key=lambda one: one.effect.element not in declared):
-        for place in range(len(order), -1, -1):  # last, else before those that take its place
-            wider = _all_applied(built.graph, [*order[:place], candidate, *order[place:]])
-            if wider is not None:
-                order.insert(place, candidate)
-                graph = wider
-                break
-    return build(graph)
-
-
-def _all_applied(graph: BondGraph, found: Sequence[Candidate]) -> BondGraph | None:
-    """The graph with candidates added one after the other, None where one does not fit."""
-    try:
-        for candidate in found:
-            graph = candidate.apply(graph)
-    except BondGraphError:
-        return None
-    return graph

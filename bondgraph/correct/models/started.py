@@ -22,6 +22,7 @@ from bondgraph.declare.quantities import Integral, Start
 from bondgraph.derive.equations import State
 from bondgraph.estimate.initial import directly_measured
 from bondgraph.filter.follows import Follow
+from bondgraph.simulate.late import first_inputs, inputs_of
 from bondgraph.simulate.model import Model
 from bondgraph.text import inflected
 from bondgraph.units import dimension
@@ -76,14 +77,16 @@ def start_cautions(states: Sequence[str]) -> list[str]:
 
 def _sizes(model: Model, logs: Sequence[MatchedLog], paths: Sequence[FloatArray]) -> dict[str, float]:
     """The largest values of all states and inputs."""
-    together = [np.vstack([path[: len(model.states)], log.u]) for log, path in zip(logs, paths, strict=True)]
+    together = [
+        np.vstack([path[: len(model.states)], inputs_of(model, log)]) for log, path in zip(logs, paths, strict=True)
+    ]
     largest = np.abs(np.nan_to_num(np.concatenate(together, axis=1))).max(axis=1)
     return dict(zip((*model.names("state"), *model.names("input")), map(float, largest), strict=True))
 
 
 def _measured(model: Model, log: MatchedLog, follows: Mapping[str, Follow]) -> dict[str, Start]:
     """The states that an output of their unit shows times a factor, as what they are of it."""
-    found = directly_measured(model, log.u[:, 0], model.theta(**dict(log.theta_overrides)), follows)
+    found = directly_measured(model, first_inputs(model, log), model.theta(**dict(log.theta_overrides)), follows)
     return {
         model.states[state].name: Start(model.outputs[output].name, _rounded(1.0 / slope))
         for output, (state, slope, offset) in found.items()
@@ -106,7 +109,7 @@ def _single(
     if not name or not rest <= _ALONE * parts[name]:
         return None
     slope = dict(follow.slopes)[name]
-    unfit = [one.name for one in model.inputs if one.letters or one.rate_of]  # a rate is in no log
+    unfit = [one.name for one in model.inputs if one.letters or one.rate_of or one.late_of]  # in no log
     start = Start(name, _rounded(slope)) if name in model.names("input") and name not in unfit else None
     shown = measured.get(name)
     if shown is not None:

@@ -31,6 +31,7 @@ from bondgraph.filter.linear.recursion import respond
 from bondgraph.filter.linear.response import LinearLog, Path, linearise, model_change
 from bondgraph.filter.runs import run
 from bondgraph.filter.smoother import smooth
+from bondgraph.simulate.late import inputs_of
 from bondgraph.simulate.model import Model
 
 #: Walks that are tried, as shares of the effort there per sqrt(s), and shares of the process noise beside them.
@@ -265,7 +266,7 @@ def _flow(
     for name, value in log.theta_overrides.items():
         known[model.index("parameter", name)] = value
     known[model.index("parameter", load)] = effort
-    outputs = model.output(log.time, states, log.u, known)
+    outputs = model.output(log.time, states, inputs_of(model, log), known)
     labels = bond_labels(extended.causal)
     source = labels.index(f"source_missing_effort_{place.name}->{place.junction.name}")
     flows = len(labels) if place.junction.kind == "1" else 0

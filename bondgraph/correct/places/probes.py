@@ -168,7 +168,7 @@ def signals(built: BuiltModel, linear: Linearisation, where: Sequence[Place]) ->
         found.append(Signal(name, unit, tuple(rows[row] for rows in values)))
     found += _stored(built, linear)
     for row, info in enumerate(linear.model.inputs):
-        if not info.rate_of:
+        if not info.rate_of and not info.late_of:
             found.append(Signal(info.name, info.unit, tuple(log.path.u[row] for log in linear.logs)))
     found.append(Signal("time", "s", tuple(log.path.time for log in linear.logs)))
     return tuple(signal for signal in found if _moves(signal))

@@ -21,6 +21,7 @@ from bondgraph.correct.places.probes import probed_model
 from bondgraph.correct.places.sums import summed_outputs
 from bondgraph.data.log import FloatArray, MatchedLog
 from bondgraph.declare.effect import Place
+from bondgraph.simulate.late import inputs_of
 from bondgraph.simulate.model import Model
 
 _POINTS = 8
@@ -99,7 +100,7 @@ def _vectors(
     Places are scaled before: a flow in m^3/s and a pressure in Pa have no size in common.
     """
     rng = np.random.default_rng(20240517)
-    inputs = np.concatenate([log.u for log in logs], axis=1)
+    inputs = np.concatenate([inputs_of(model, log) for log in logs], axis=1)
     found: list[FloatArray] = []
     for _ in range(_POINTS):
         x = sizes * rng.uniform(0.15, 1.0, sizes.size)

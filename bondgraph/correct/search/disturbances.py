@@ -45,6 +45,7 @@ from bondgraph.execute.threads import in_threads
 from bondgraph.filter.compiled import CompiledFilter
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.follows import Follow
+from bondgraph.simulate.late import inputs_of
 from bondgraph.text import number
 
 #: Corner times that are tried, as shares of the logarithm from a sample to the length of the longest log.
@@ -334,6 +335,6 @@ def _push(problem: EstimationProblem, candidate: Candidate, state: str, base: Fi
     middle = log.time.size // 2
     x = np.zeros(len(model.states))
     x[: run.filtered_mean.shape[0]] = run.filtered_mean[:, middle][: x.size]
-    slopes = model.jacobian_x(float(log.time[middle]), x, log.u[:, middle], theta)
+    slopes = model.jacobian_x(float(log.time[middle]), x, inputs_of(model, log)[:, middle], theta)
     push = abs(float(slopes[model.index("state", state), model.index("state", candidate.effect.element)]))
     return push if np.isfinite(push) and push > 0.0 else 1.0

@@ -34,6 +34,8 @@ _TOLERANCE, _MOST_ITERATIONS = 0.05, 25
 SHARES = (1.0, 0.5, 0.1)
 #: Shares of the way down to its bounds (logarithms) at which process noise starts: what it stood in for is explained.
 _LOWERED = (0.0, 0.5, 1.0)
+#: Looks at most: each tells values four times further apart, and a few more may move on.
+_LOOKS = 12
 #: Multiples of a predicted coefficient at which a law may start that is not smooth, or much larger than predicted.
 _MULTIPLES = (4.0, 16.0)
 
@@ -91,6 +93,22 @@ def refit(
     fitted = fit(problem, _MOST_ITERATIONS, _TOLERANCE, points, beat, context.journal, first)
     evidence = judge(context.base, fitted, trial.candidate.effect, tried or context.tried, trial.gate is not None)
     return replace(trial, built=built, fit=fitted, evidence=evidence, failed="")
+
+
+def looked_closer(done: Trial, context: Context, tried: int | None = None) -> Trial:
+    """The trial with its law found again where it tells values nearer to the one that was found further apart."""
+    for _ in range(_LOOKS):
+        effect = done.candidate.effect
+        if done.fit is None or effect.closer is None:
+            return done
+        place = effect.closer(done.fit.values[effect.coefficients[0]])
+        if place is None:
+            return done
+        closer = replace(done, candidate=done.candidate.at(place, context.built.graph))
+        point = done.fit.point
+        as_declared = np.concatenate([declared_point(context.base), point[context.base.point.size :]])
+        done = refit(closer, [point, as_declared], context, ready=prepared(closer, context), tried=tried)
+    return done
 
 
 def prepared(trial: Trial, context: Context, shared: FilterModel | None = None) -> tuple[BuiltModel, EstimationProblem]:

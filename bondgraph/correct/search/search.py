@@ -20,12 +20,12 @@ from bondgraph.correct.constants import INDIFFERENT, OPTIMISM, UPPER
 from bondgraph.correct.evidence.context import Context
 from bondgraph.correct.evidence.decide import choose
 from bondgraph.correct.evidence.trials import Trial
-from bondgraph.correct.models.candidates import superset
 from bondgraph.correct.models.failures import FAILURES, attempted
+from bondgraph.correct.models.superset import superset
 from bondgraph.correct.scores.scoring import Scored
 from bondgraph.correct.search.events import context_in_part
 from bondgraph.correct.search.incumbents import Prediction, predicted_by_swap, predicted_in_its_place
-from bondgraph.correct.search.refit import Prepared, prepared, refit
+from bondgraph.correct.search.refit import Prepared, looked_closer, prepared, refit
 from bondgraph.correct.search.regimes import Gated, gated_in_place
 from bondgraph.data.log import FloatArray
 from bondgraph.declare.effect import Place
@@ -168,7 +168,9 @@ def _refit(search: Search, due: Sequence[int]) -> None:
             found[due[k]] = failed(trial, ready)
             return
         found[due[k]] = attempted(  # it may diverge wherever it starts
-            lambda: refit(trial, entry.starts, contexts[k], lead, ready, entry.tried),
+            lambda: looked_closer(
+                refit(trial, entry.starts, contexts[k], lead, ready, entry.tried), contexts[k], entry.tried
+            ),
             lambda why: failed(trial, why),
         )
 

@@ -28,6 +28,7 @@ from bondgraph.estimate.solvers.gauss_newton import GaussNewtonSettings
 from bondgraph.estimate.solvers.steps import newton_decrement
 from bondgraph.filter.filter_run import FilterRun
 from bondgraph.filter.follows import Follow
+from bondgraph.simulate.late import first_inputs
 
 #: Where a storage is tried first, as shares of its bounds on a logarithmic scale.
 SIZES = (0.125, 0.25, 0.375, 0.5, 0.625, 0.75, 0.875)
@@ -134,8 +135,8 @@ def _followers(context: Context, extended: BuiltModel, channel: str) -> dict[str
     values = dict(zip(base.problem.filter_model.model.names("parameter"), map(float, base.theta), strict=True))
     values |= dict(log.theta_overrides)
     if channel:  # a sensor has shown the machine for ever
-        return at_rest(context.built, extended, first, log.u[:, 0], values)
-    return followers(context.built, extended, first, log.u[:, 0], values)
+        return at_rest(context.built, extended, first, first_inputs(extended.model, log), values)
+    return followers(context.built, extended, first, first_inputs(extended.model, log), values)
 
 
 def _worth_a_run(problem: EstimationProblem, trial: Trial, context: Context) -> tuple[FloatArray, str]:

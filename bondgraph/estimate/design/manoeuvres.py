@@ -13,6 +13,7 @@ from bondgraph.estimate.free_simulation import expected_problem
 from bondgraph.estimate.problem import EstimationProblem
 from bondgraph.estimate.reduced import reduced
 from bondgraph.simulate.inputs import InputSignal
+from bondgraph.simulate.late import given_rows, inputs_of
 from bondgraph.simulate.model import Model
 from bondgraph.simulate.scenario import Scenario
 
@@ -122,10 +123,11 @@ def step_manoeuvres(model: Model, logs: Sequence[MatchedLog]) -> tuple[Manoeuvre
     first = logs[0]
     step = float(np.median(np.diff(first.time)))
     time = first.time[0] + step * np.arange(_SAMPLES)
-    inputs = np.concatenate([one.u for one in logs], axis=1)
+    rows = given_rows(model)
+    inputs = np.concatenate([inputs_of(model, one)[rows] for one in logs], axis=1)
     middle, low, high = (np.percentile(inputs, q, axis=1) for q in (50.0, _TAIL, 100.0 - _TAIL))
     found = []
-    for row, info in enumerate(model.inputs):
+    for row, info in enumerate(model.inputs[known] for known in rows):
         if info.rate_of or high[row] == low[row]:
             continue
         for seconds in (share * step for share in _STEPS):

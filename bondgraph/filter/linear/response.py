@@ -29,6 +29,8 @@ from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.filter_run import FilterRun
 from bondgraph.filter.linear.intervals import NODES, Kicks, filter_transitions, kicks
 from bondgraph.filter.samples import Samples
+from bondgraph.simulate.inputs import hold_flags
+from bondgraph.simulate.late import inputs_of
 from bondgraph.simulate.model import Model
 
 #: Terms of the Taylor series of the phi functions, after scaling to a norm below one half.
@@ -45,7 +47,8 @@ class Path:
 
     ``start`` and ``end`` (n_x, n - 1) are the states at both ends of every interval (of a stiff model at two points
     inside it), ``u_left`` and ``u_right`` (n_u, n - 1) the inputs there; ``before`` (n_x, n) the states expected before
-    each measurement, ``u`` (n_u, n) and ``time`` (n,) at the samples; ``theta`` (n_theta,) the parameters of this log.
+    each measurement, ``u`` (n_u, n) and ``time`` (n,) at the samples; ``theta`` (n_theta,) the parameters of this log;
+    ``shares`` the parts of an interval that have passed at its two points.
     """
 
     model: Model
@@ -58,6 +61,22 @@ class Path:
     before: FloatArray
     u: FloatArray
     theta: FloatArray
+    shares: tuple[float, ...] = (0.0, 1.0)
+
+    def inputs_for(self, other: Model) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Inputs of another model at both ends of the intervals, and at the samples; late ones follow from the log."""
+        names = self.model.names("input")
+        if other.names("input") == names:
+            return self.u_left, self.u_right, self.u
+        u = inputs_of(other, self.log).copy()
+        left = u[:, :-1]
+        bend = np.where(hold_flags(other)[:, np.newaxis], 0.0, u[:, 1:] - left)
+        ends = [left + share * bend for share in self.shares]
+        for row, name in enumerate(other.names("input")):
+            if name in names:
+                known = names.index(name)
+                ends[0][row], ends[1][row], u[row] = self.u_left[known], self.u_right[known], self.u[known]
+        return ends[0], ends[1], u
 
     @property
     def intervals(self) -> FloatArray:
@@ -209,7 +228,7 @@ def _between_samples(path: Path, samples: Samples, reached: FloatArray) -> Path:
     """The path of a stiff model: states (n - 1, nodes, n_x) and inputs at the points of the quadrature."""
     bend = samples.u_right - samples.u_left
     left, right = (samples.u_left + node * bend for node in NODES)
-    return replace(path, start=reached[:, 0].T, end=reached[:, 1].T, u_left=left, u_right=right)
+    return replace(path, start=reached[:, 0].T, end=reached[:, 1].T, u_left=left, u_right=right, shares=tuple(NODES))
 
 
 def _by_nodes(moved: FloatArray, intervals: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -292,14 +311,15 @@ def model_change(path: Path, changed: Model, theta: FloatArray, size: float) -> 
     rows = np.array([changed.index("state", name) for name in path.model.names("state")], dtype=int)
     own = own_states(path, changed, theta)
     first, last, shown = path.declared
+    left, right, at_samples = path.inputs_for(changed)
     with np.errstate(all="ignore"):
         shifts = []
         for t, x, u, extra, before in (
-            (path.time[:-1], path.start, path.u_left, own[:, :-1], first),
-            (path.time[1:], path.end, path.u_right, own[:, 1:], last),
+            (path.time[:-1], path.start, left, own[:, :-1], first),
+            (path.time[1:], path.end, right, own[:, 1:], last),
         ):
             shifts.append((changed.rhs(t, _joined(changed, rows, x, extra), u, theta)[rows] - before) / size)
-        outputs = changed.output(path.time, _joined(changed, rows, path.before, own), path.u, theta)
+        outputs = changed.output(path.time, _joined(changed, rows, path.before, own), at_samples, theta)
         outputs = (outputs - shown) / size
     start, end, seen = (np.nan_to_num(a, nan=0.0, posinf=0.0, neginf=0.0)[..., np.newaxis] for a in (*shifts, outputs))
     return Change(start, end, seen)
@@ -337,7 +357,8 @@ def own_states(path: Path, changed: Model, theta: FloatArray) -> FloatArray:
         return np.where(np.isfinite(moved), moved, 0.0)
 
     levels, slopes = [], []
-    for t, x, u in ((path.time[:-1], path.start, path.u_left), (path.time[1:], path.end, path.u_right)):
+    left, right, _ = path.inputs_for(changed)
+    for t, x, u in ((path.time[:-1], path.start, left), (path.time[1:], path.end, right)):
         level = rates(t, x, u, start)
         levels.append(level.T)
         slopes.append(
