@@ -130,7 +130,9 @@ class _Printer:
         operations = self._program.operations
         stores = dict.fromkeys(zip(self._program.results, targets, strict=True))
         lines: list[str] = []
-        for phase in range(max(self._phase, default=0) + 1):
+        # a result may be a rough operation of the last phase, which is read one phase later
+        last = max([*self._phase, *(self._done(node) for node, _ in stores)], default=0)
+        for phase in range(last + 1):
             self._text = {}
             here = [i for i, op in enumerate(operations) if self._phase[i] == phase and op.kind in _SMOOTH]
             body = [line for node in here for line in self._statement(node, phase)]
