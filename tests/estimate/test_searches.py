@@ -21,7 +21,7 @@ from bondgraph.estimate.problem import pose
 from bondgraph.estimate.solvers.abstract import AbstractSearch, search_to_end
 from bondgraph.estimate.solvers.covariance_adaptation import CovarianceAdaptation
 from bondgraph.estimate.solvers.differential_evolution import Shade
-from bondgraph.estimate.solvers.multistart import GaussNewton
+from bondgraph.estimate.solvers.gauss_newton import GaussNewton
 from bondgraph.estimate.solvers.particle_swarm import ParticleSwarm, SwarmSettings
 from bondgraph.estimate.solvers.scipy_evolution import ScipyEvolution
 from bondgraph.estimate.solvers.scipy_gradient import LBFGSB
