@@ -106,18 +106,8 @@ class Certification:
         }
 
 
-def finer_filters(problem: EstimationProblem, point: FloatArray, depth: Depth) -> Iterator[FilterModel]:
-    """The filters that a result at a point (n,) is compared with."""
-    if depth == "none":
-        return
-    yield problem.filter_model.with_halved_steps()
-    explicit = _explicit(problem, point) if depth == "full" else None
-    if explicit is not None:
-        yield explicit
-
-
 def finer_problems(problem: Problem, point: FloatArray, depth: Depth) -> Iterator[Problem]:
-    """The problem with the filters of all its parts finer, as :func:`finer_filters` are."""
+    """The problem with the filters that a result at a point (n,) is compared with, of all its parts."""
     if depth == "none":
         return
     yield problem.with_filters(part.filter_model.with_halved_steps() for part in problem.parts)

@@ -54,14 +54,7 @@ def normal_interval(parameter: FreeParameter, value: float, std: float, reach: f
     """
     if not math.isfinite(std):
         return parameter.lower, parameter.upper
-    if parameter.scale == "linear":
-        lower, upper = value - reach * std, value + reach * std
-    elif parameter.scale == "log":
-        factor = math.exp(min(reach * std / value, 700.0))
-        lower, upper = value / factor, value * factor
-    else:
-        middle, way = parameter.coordinate(value), reach * std / parameter.slope(value)
-        lower, upper = map(float, parameter.values(np.array([middle - way, middle + way])))
+    lower, upper = parameter.transform.around(value, reach * std, parameter.lower, parameter.upper)
     return max(lower, parameter.lower), min(upper, parameter.upper)
 
 

@@ -40,10 +40,9 @@ from bondgraph.estimate.problem import EstimationProblem
 from bondgraph.estimate.result import Estimate
 from bondgraph.estimate.settings import Settings as Settings
 from bondgraph.estimate.solvers.abstract import AbstractSearch, SearchResult, SearchState, StateT
-from bondgraph.estimate.solvers.gauss_newton import GaussNewtonState, gauss_newton
+from bondgraph.estimate.solvers.gauss_newton import GaussNewton, GaussNewtonState, gauss_newton
 from bondgraph.estimate.solvers.linearised import LinearisedScoring, LinearisedState
-from bondgraph.estimate.solvers.multistart import GaussNewton
-from bondgraph.estimate.solvers.race import race_ends
+from bondgraph.estimate.solvers.race import race_ends, raced
 from bondgraph.estimate.spread import spread, spread_expand
 from bondgraph.filter.choice import choose_method
 
@@ -85,7 +84,7 @@ class _Run:
     @property
     def refining(self) -> GaussNewton:
         """The gradient search."""
-        return GaussNewton(self.settings.gradient, spread_expand(self.jacobian, self.problem, self.executor))
+        return GaussNewton(self.settings.gradient, spread_expand(self.jacobian, self.problem, self.executor), raced)
 
     @property
     def seconds(self) -> float:
@@ -321,7 +320,7 @@ def _nearer(run: _Run, starts: FloatArray) -> FloatArray:
         if scale == 0.0:
             return starts
         there = route.at(scale)
-        search = GaussNewton(ON_THE_WAY, spread_expand(run.jacobian, there, run.executor))
+        search = GaussNewton(ON_THE_WAY, spread_expand(run.jacobian, there, run.executor), raced)
         state, _ = _search_on(run, f"{_ON_THE_WAY}{len(run.way) + 1}", search, there, starts)
         run.way += (route.stage(scale, state),)
         starts = distinct_starts(run.problem, state.points, state.values, run.settings.starts)

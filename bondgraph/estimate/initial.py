@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Literal, get_args
+from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
@@ -22,8 +23,47 @@ InitialRule = Literal["measured", "settled", "model"]
 #: A rule, or the states of every log by name, where they are known; states not named start as declared.
 Initial = InitialRule | tuple[Mapping[str, float], ...]
 
+
+@dataclass(frozen=True)
+class StartRule:
+    """What initial states follow: first measurements, others that lead them, a rest; all as declared if nothing."""
+
+    measured: bool = False
+    led: bool = False
+    settled: bool = False
+
+
+#: By the names of the rules.
+_RULES: Mapping[InitialRule, StartRule] = {
+    "measured": StartRule(measured=True, led=True),
+    "settled": StartRule(measured=True, settled=True),
+    "model": StartRule(),
+}
+
 #: Time [s] that states get to come to rest; what still moves then (a distance) is left as declared.
 _SETTLING = 10.0
+
+
+def start_rule(initial: Initial) -> StartRule:
+    """The rule of a name; states that are given by name follow nothing else.
+
+    Raises
+    ------
+    EstimationError
+        If the name is not one of the three.
+
+    Examples
+    --------
+    >>> start_rule("settled").measured, start_rule(({"angle": 0.1},)).measured
+    (True, False)
+    """
+    if not isinstance(initial, str):
+        return StartRule()
+    if initial not in _RULES:
+        raise EstimationError(
+            f"initial states: rule {initial!r} is not known - choose {', '.join(_RULES)}", where=(initial,)
+        )
+    return _RULES[initial]
 
 
 def initial_states(
@@ -62,11 +102,8 @@ def initial_states(
                 f"initial states: given for {len(rule)} logs of {len(logs)} - give one mapping per log"
             )
         return [_with_given(model, log, given) for log, given in zip(logs, rule, strict=True)]
-    if rule not in get_args(InitialRule):
-        raise EstimationError(
-            f"initial states: rule {rule!r} is not known - choose {', '.join(get_args(InitialRule))}", where=(rule,)
-        )
-    if rule == "model":
+    own = start_rule(rule)
+    if not own.measured:
         return [starts_in(model, log.time, inputs_of(model, log), log.y)[0] for log in logs]
     starts = []
     for log, led in zip(logs, follows or [{}] * len(logs), strict=True):
@@ -74,8 +111,9 @@ def initial_states(
         for name, value in log.theta_overrides.items():
             known[model.index("parameter", name)] = value
         x0, held = _from_measurements(model, log, known, led)
-        x0 = with_followers(model, x0, first_inputs(model, log), led)
-        starts.append(settled(model, x0, first_inputs(model, log), known, held) if rule == "settled" else x0)
+        u = first_inputs(model, log)
+        x0 = with_followers(model, x0, u, led)
+        starts.append(settled(model, x0, u, known, held) if own.settled else x0)
     return starts
 
 

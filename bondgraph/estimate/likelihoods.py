@@ -12,10 +12,12 @@ from bondgraph.data.log import MatchedLog
 from bondgraph.estimate.free import Target
 from bondgraph.estimate.objective import Below, FloatArray, Terms
 from bondgraph.filter.batch import run_batches
+from bondgraph.filter.ceiling import run_below
 from bondgraph.filter.filter_model import FilterModel
-from bondgraph.filter.likelihood import innovations, likelihood
+from bondgraph.filter.likelihood import filtered_share, first_failures, whitened_innovations
 from bondgraph.filter.members import MemberValues
 from bondgraph.filter.runs import prepared
+from bondgraph.simulate.outcome import Outcome
 
 
 @dataclass(frozen=True)
@@ -139,29 +141,18 @@ class FilterLikelihood:
         self, filter_model: FilterModel, logs: Sequence[MatchedLog], batch: Batch, ceilings: FloatArray
     ) -> Below:
         """Negative log-likelihood as far as it is below ceilings (members,), see :mod:`bondgraph.filter.ceiling`."""
-        found = likelihood(
-            filter_model,
-            logs,
-            batch.theta,
-            ceilings=ceilings,
-            threads=self.threads,
-            compiled=self.compiled,
-            **batch.values(),
-        )
-        return Below(found.nll, found.abandoned, found.share)
+        used, samples, members = prepared(filter_model, logs, batch.theta, batch.values(), self.compiled)
+        runs = run_below(used, samples, members, ceilings, self.threads, self.compiled)
+        values: FloatArray = np.sum([run.verdicts.nll for run in runs], axis=0)
+        abandoned = np.array([outcome is Outcome.ABANDONED for outcome in first_failures(runs)])
+        return Below(values, abandoned, filtered_share(runs))
 
     def terms(self, filter_model: FilterModel, logs: Sequence[MatchedLog], batch: Batch) -> Terms:
         """Scalar terms, rows ordered by log, output, sample."""
-        records = innovations(
-            filter_model,
-            logs,
-            batch.theta,
-            threads=self.threads,
-            compiled=self.compiled,
-            **batch.values(),
-        )
-        members = batch.theta.shape[1]
+        used, samples, members = prepared(filter_model, logs, batch.theta, batch.values(), self.compiled)
+        runs = run_batches(used, samples, members, 1, self.threads, self.compiled)
+        records, count = [whitened_innovations(run) for run in runs], batch.theta.shape[1]
         return Terms(
-            np.concatenate([record.values.reshape(-1, members) for record in records]),
-            np.concatenate([record.log_scales.reshape(-1, members) for record in records]),
+            np.concatenate([record.values.reshape(-1, count) for record in records]),
+            np.concatenate([record.log_scales.reshape(-1, count) for record in records]),
         )

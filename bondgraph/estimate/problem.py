@@ -18,7 +18,7 @@ from bondgraph.data.log import MatchedLog
 from bondgraph.errors import EstimationError, require_kind, suggest
 from bondgraph.estimate.coordinates import AbstractProblem, checked_priors
 from bondgraph.estimate.free import FreeParameter, Target, declared_free, parse_target, require_known
-from bondgraph.estimate.initial import Initial, initial_states
+from bondgraph.estimate.initial import Initial, initial_states, start_rule
 from bondgraph.estimate.likelihoods import Batch, CeilingLikelihood, FilterLikelihood, LikelihoodFunction
 from bondgraph.estimate.objective import Below, FloatArray, Terms
 from bondgraph.estimate.priors import Prior
@@ -128,7 +128,7 @@ class EstimationProblem(AbstractProblem):
     def _follows(self) -> list[Mapping[str, Follow]]:
         """By log the states that begin where others lead them."""
         own, theta = self.filter_model, self._start_theta
-        follows = own.follows if self.initial == "measured" else {}
+        follows = own.follows if start_rule(self.initial).led else {}
         return [led(own.model, log, theta, follows) for log in self.logs]
 
     @cached_property
@@ -141,7 +141,7 @@ class EstimationProblem(AbstractProblem):
     def beginnings(self) -> Beginnings:
         """How logs begin where free parameters say what an output shows of a state."""
         own, moved = self.filter_model, [target for target, _ in self.numbers(self.start)]
-        begin = isinstance(self.initial, str) and self.initial != "model"
+        begin = start_rule(self.initial).measured
         moving = [one.name for one in moved if begin and one.kind == "parameter"]
         kept = (own.model.index("state", one.name) for one in moved if one.kind == "x0_std")
         found = (
@@ -156,9 +156,10 @@ class EstimationProblem(AbstractProblem):
         None of them where states begin as declared.
         """
         model, moved = self.filter_model.model, [target for target, _ in self.numbers(self.start)]
-        if not isinstance(self.initial, str) or self.initial == "model":
+        rule = start_rule(self.initial)
+        if not rule.measured:
             return np.zeros((len(model.states), len(model.outputs)))
-        follows = led(model, log, theta, self.filter_model.follows if self.initial == "measured" else {})
+        follows = led(model, log, theta, self.filter_model.follows if rule.led else {})
         return start_shifts(model, log, theta, moved, follows)
 
     def known_values(self, values: FloatArray) -> Mapping[str, FloatArray]:

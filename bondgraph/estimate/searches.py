@@ -21,13 +21,7 @@ from bondgraph.estimate.longer_steps import doubled, ladder, longest_that_lead, 
 from bondgraph.estimate.objective import Expansion, Objective, SearchOutcome
 from bondgraph.estimate.problem import EstimationProblem
 from bondgraph.estimate.solvers.exact_newton import arrived, newton_steps, polished
-from bondgraph.estimate.solvers.gauss_newton import (
-    GaussNewtonSettings,
-    finish_starts,
-    initial_starts,
-    starts_ended,
-    step_starts,
-)
+from bondgraph.estimate.solvers.gauss_newton import GaussNewton, GaussNewtonSettings, finish_starts
 from bondgraph.estimate.solvers.linearised import HOPELESS, VAIN, LinearisedScoring, Reached, linear_search
 from bondgraph.estimate.solvers.steps import newton_decrement
 
@@ -206,15 +200,15 @@ def _by_differences(problem: EstimationProblem, wish: Wish) -> Reached:
         rough = replace(wish, iterations=ROUGH_ITERATIONS, tolerance=ROUGH)
         starts = [*(starts or [problem.start]), _by_differences(problem, rough.from_point(wish.first)).point]
     start, _, evaluations = _best_start(problem, starts)
-    settings = GaussNewtonSettings(iterations=wish.iterations, tolerance=wish.tolerance)
     known = _Expansions()
-    state = initial_starts(problem, start, settings)
+    search = GaussNewton(GaussNewtonSettings(iterations=wish.iterations, tolerance=wish.tolerance), known)
+    state = search.init(problem, start)
     if not np.isfinite(state.values[0]):
         raise EstimationError(divergence(problem, start[:, 0]))
     end, idle, vain = SearchOutcome.ITERATION_LIMIT, 0, 0
-    while not starts_ended(state, settings):
+    while search.ended(state) is None:
         before = float(state.values[0])
-        state = step_starts(problem, state, settings, known)
+        state = search.step(problem, state)
         gained = before - float(state.values[0])
         idle, vain = idle + 1 if gained < wish.tolerance else 0, 0 if gained > 0.0 else vain + 1
         if idle >= 2 and gained > 0.0:

@@ -19,6 +19,8 @@ Scale = Literal["linear", "log", "logit"]
 #: The logit of a bound is infinite. A box of coordinates ends where the logistic function is a millionth from its own
 #: ends; the function is stretched by as much, so that these coordinates are the bounds.
 _END = math.log(1e6 - 1.0)
+#: The exponential function still has a value here; of 710 it has none.
+_OVERFLOW = 700.0
 
 
 class Transform(Protocol):
@@ -35,6 +37,9 @@ class Transform(Protocol):
 
     def bend(self, value: float, lower: float, upper: float) -> float:
         """Second derivative of the value with respect to its coordinate."""
+
+    def around(self, value: float, reach: float, lower: float, upper: float) -> tuple[float, float]:
+        """Values to both sides of one, as far in the coordinate as ``reach`` is in the value to first order."""
 
 
 class Linear:
@@ -55,6 +60,10 @@ class Linear:
     def bend(self, value: float, lower: float, upper: float) -> float:
         """Second derivative of the value with respect to its coordinate."""
         return 0.0
+
+    def around(self, value: float, reach: float, lower: float, upper: float) -> tuple[float, float]:
+        """Values to both sides of one."""
+        return value - reach, value + reach
 
 
 class Logarithm:
@@ -78,6 +87,11 @@ class Logarithm:
     def bend(self, value: float, lower: float, upper: float) -> float:
         """Second derivative of the value with respect to its coordinate."""
         return value
+
+    def around(self, value: float, reach: float, lower: float, upper: float) -> tuple[float, float]:
+        """Values to both sides of one, by the same factor."""
+        factor = math.exp(min(reach / value, _OVERFLOW))
+        return value / factor, value * factor
 
 
 class Logit:
@@ -110,6 +124,12 @@ class Logit:
     def bend(self, value: float, lower: float, upper: float) -> float:
         """Second derivative of the value with respect to its coordinate."""
         return self.slope(value, lower, upper) * (1.0 - 2.0 * self._share(value, lower, upper))
+
+    def around(self, value: float, reach: float, lower: float, upper: float) -> tuple[float, float]:
+        """Values to both sides of one, by the same step of the logit."""
+        middle, way = self.coordinate(value, lower, upper), reach / self.slope(value, lower, upper)
+        below, above = map(float, self.values(np.array([middle - way, middle + way]), lower, upper))
+        return below, above
 
     def _share(self, value: float, lower: float, upper: float) -> float:
         """The logistic function at the coordinate of a value."""

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import functools
 import math
-from collections.abc import Sequence
+import operator
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -100,7 +102,8 @@ def run_batches(
     """
     runs = tuple(empty_run(filter_model, samples, batch, depth) for samples, batch in zip(logs, batches, strict=True))
     if compiled and has_numba():
-        _fill_in_kernel(runs, filter_model, threads)
+        workers = thread_count(threads)
+        in_threads(workers, operator.call, _block_runs(runs, filter_model, workers))
     else:
         for run in runs:
             for m in range(run.batch.size):
@@ -124,24 +127,16 @@ def _replace_members(run: BatchRun, again: BatchRun, members: npt.NDArray[np.int
     run.refined[members] = True
 
 
-def _fill_in_kernel(runs: Sequence[BatchRun], filter_model: FilterModel, threads: int | None) -> None:
-    """Filter the members of runs in blocks, which threads share."""
+def _block_runs(runs: Sequence[BatchRun], filter_model: FilterModel, workers: int) -> list[Callable[[], None]]:
+    """Calls of the compiled filter that fill the runs, one for each block of members, for threads to share."""
     compiled_filter = CompiledFilter.of(filter_model)
-    rows = [(log_rows(run.samples), whole_log(run.samples)) for run in runs]
-    workers = thread_count(threads)
     for_each = math.ceil(workers / len(runs))  # several logs share them
-    tasks = [
-        (index, block)
-        for index, run in enumerate(runs)
-        for block in compiled_filter.blocks(run.batch.size, run.samples, for_each)
-    ]
-
-    def filter_block(task: tuple[int, tuple[int, int]]) -> None:
-        index, block = task
-        run = runs[index]
-        compiled_filter.run(*rows[index], run.batch, run.verdicts, run.record, block)
-
-    in_threads(workers, filter_block, tasks)
+    calls: list[Callable[[], None]] = []
+    for run in runs:
+        own = (log_rows(run.samples), whole_log(run.samples), run.batch, run.verdicts, run.record)
+        blocks = compiled_filter.blocks(run.batch.size, run.samples, for_each)
+        calls += [functools.partial(compiled_filter.run, *own, block) for block in blocks]
+    return calls
 
 
 def empty_run(filter_model: FilterModel, samples: Samples, batch: MemberBatch, depth: int) -> BatchRun:

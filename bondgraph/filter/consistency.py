@@ -131,7 +131,7 @@ def consistency(run: AbstractRun, confidence: float = 0.95) -> Consistency:
 def _refused(run: AbstractRun, normalised: FloatArray, row: int) -> int:
     """Number of readings of a channel that a gate kept from the filter; none without one."""
     robust = run.filter_model.robust
-    if robust is None or robust.kind != "gate":
+    if robust is None or not robust.refuses:
         return 0
     return int(np.sum((normalised == 0.0) & (run.innovation[row] != 0.0)))
 

@@ -140,9 +140,8 @@ def likelihood(
     floored = np.sum([run.verdicts.floored for run in runs], axis=0)
     refined = np.any([run.refined for run in runs], axis=0)
     nll = per_log.sum(axis=0)
-    outcomes = _outcomes(runs)
+    outcomes = first_failures(runs)
     abandoned = np.array([outcome is Outcome.ABANDONED for outcome in outcomes])
-    finished = np.sum([run.verdicts.last + 1 for run in runs], axis=0) / sum(run.samples.time.size for run in runs)
 
     def best() -> tuple[FloatArray, MemberValues]:
         m = int(np.argmin(nll))
@@ -164,7 +163,7 @@ def likelihood(
         return conditioning(used, logs, own_theta, compiled=compiled, **own)
 
     steps = (used.method, used.typical_substeps)
-    return Likelihood(nll, outcomes, per_log, floored, refined, abandoned, finished, *steps, error, moved)
+    return Likelihood(nll, outcomes, per_log, floored, refined, abandoned, filtered_share(runs), *steps, error, moved)
 
 
 def negative_log_likelihood(
@@ -195,7 +194,7 @@ def innovations(
     With z and log s of a record, nll = sum(z^2/2 + log s) + log(2 pi)/2 per measured value.
     """
     used, samples, batches = prepared(filter_model, logs, theta, values, compiled)
-    return tuple(_whitened(run) for run in run_batches(used, samples, batches, 1, threads, compiled))
+    return tuple(whitened_innovations(run) for run in run_batches(used, samples, batches, 1, threads, compiled))
 
 
 def _for_each(ceilings: npt.ArrayLike, members: int) -> FloatArray:
@@ -209,18 +208,25 @@ def _for_each(ceilings: npt.ArrayLike, members: int) -> FloatArray:
     return np.array(np.broadcast_to(highest, members))
 
 
-def _outcomes(runs: Sequence[BatchRun]) -> tuple[Outcome, ...]:
-    """The first failure of each member over the logs."""
+def first_failures(runs: Sequence[BatchRun]) -> tuple[Outcome, ...]:
+    """The first failure of each member over the logs, ``OK`` of those that have none."""
     members = range(runs[0].verdicts.nll.size)
     ends = ([run.outcome(m) for run in runs] for m in members)
     return tuple(next((end for end in each if end is not Outcome.OK), Outcome.OK) for each in ends)
 
 
-def _whitened(run: BatchRun) -> WhitenedInnovations:
+def filtered_share(runs: Sequence[BatchRun]) -> FloatArray:
+    """The part of the samples of all logs that each member went through, shape (members,)."""
+    share: FloatArray = np.sum([run.verdicts.last + 1 for run in runs], axis=0)
+    return share / sum(run.samples.time.size for run in runs)
+
+
+def whitened_innovations(run: BatchRun) -> WhitenedInnovations:
+    """The whitened innovations of all members over one log, of a run that recorded at least depth 1."""
     failed = run.verdicts.outcome != 0
     sample = run.samples.sample
     values, log_scales = run.record.whitened[:, sample], run.record.log_scales[:, sample]
     values[..., failed] = np.nan
     log_scales[..., failed] = np.nan
-    outcomes = _outcomes((run,))
+    outcomes = first_failures((run,))
     return WhitenedInnovations(run.samples.name, values, log_scales, ~np.isnan(run.samples.y[:, sample]), outcomes)

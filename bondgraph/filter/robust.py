@@ -25,6 +25,7 @@ from __future__ import annotations
 
 import functools
 import math
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -33,9 +34,6 @@ from bondgraph.arrays import FloatArray
 from bondgraph.errors import FilterError
 from bondgraph.filter.kernel_robust import _score
 from bondgraph.filter.kernel_types import Robustness
-
-#: Kinds, with the number that belongs to each and its usual value; codes are their positions from one on.
-KINDS = {"student": ("degrees of freedom", 4.0), "huber": ("threshold", 1.345), "gate": ("probability", 0.999)}
 
 #: Gaussian measurements.
 PLAIN = Robustness(0, 0.0, 0.0, 0.0)
@@ -79,25 +77,25 @@ class Robust:
     def __post_init__(self) -> None:
         if self.kind not in KINDS:
             raise FilterError(f"robust: kind {self.kind!r} is not known - use {', '.join(KINDS)}", where=(self.kind,))
-        meaning, usual = KINDS[self.kind]
+        loss = KINDS[self.kind]
         if math.isnan(self.value):
-            object.__setattr__(self, "value", usual)
-        low, high = {"student": (1.0, 1e4), "huber": (0.1, 10.0), "gate": (0.5, 1.0 - 1e-12)}[self.kind]
-        if not low <= self.value <= high:
+            object.__setattr__(self, "value", loss.usual)
+        if not loss.least <= self.value <= loss.most:
             raise FilterError(
-                f"robust: {meaning} of {self.kind!r} is {self.value!r} - give a number from {low:g} to {high:g}",
+                f"robust: {loss.meaning} of {self.kind!r} is {self.value!r} - give a number from {loss.least:g} to"
+                f" {loss.most:g}",
                 where=(self.kind,),
             )
 
     @functools.cached_property
     def numbers(self) -> Robustness:
         """What kernels read."""
-        code = 1 + tuple(KINDS).index(self.kind)
-        if self.kind == "student":
-            return _student(code, self.value)
-        if self.kind == "huber":
-            return _huber(code, self.value)
-        return _gate(code, self.value)
+        return KINDS[self.kind].numbers(1 + tuple(KINDS).index(self.kind), self.value)
+
+    @property
+    def refuses(self) -> bool:
+        """True where a value can be kept from the filter altogether."""
+        return KINDS[self.kind].refuses
 
     def counted(self, z: FloatArray) -> FloatArray:
         """Innovations over their standard deviations as large as they count, of any shape: z rho'(z) in their square.
@@ -178,3 +176,26 @@ def _gate(code: int, probability: float) -> Robustness:
 
 def _normal(z: float) -> float:
     return math.exp(-0.5 * z * z) / math.sqrt(2.0 * math.pi)
+
+
+@dataclass(frozen=True)
+class Loss:
+    """A kind of loss: what its number means, the usual one and the ends of its range, and what kernels read of it.
+
+    ``numbers`` takes the code of the kind and its number; ``refuses`` tells that a value may not be used at all.
+    """
+
+    meaning: str
+    usual: float
+    least: float
+    most: float
+    numbers: Callable[[int, float], Robustness]
+    refuses: bool = False
+
+
+#: Losses by kind; their codes are their positions from one on, as ``kernel_robust`` has them.
+KINDS: Mapping[str, Loss] = {
+    "student": Loss("degrees of freedom", 4.0, 1.0, 1e4, _student),
+    "huber": Loss("threshold", 1.345, 0.1, 10.0, _huber),
+    "gate": Loss("probability", 0.999, 0.5, 1.0 - 1e-12, _gate, refuses=True),
+}

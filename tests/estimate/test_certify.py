@@ -9,7 +9,7 @@ import pytest
 
 from bondgraph.data.log import MatchedLog
 from bondgraph.errors import OptionError
-from bondgraph.estimate.certify import NEGLIGIBLE_SHIFT, Certification, Check, finer_filters
+from bondgraph.estimate.certify import NEGLIGIBLE_SHIFT, Certification, Check, finer_problems
 from bondgraph.estimate.estimation import Settings, estimate
 from bondgraph.estimate.objective import SearchOutcome
 from bondgraph.estimate.problem import EstimationProblem, pose
@@ -122,8 +122,9 @@ def test_an_end_that_is_no_optimum_has_its_discretisation_error_too() -> None:
 
 def test_finer_steps_are_finer_everywhere_in_an_interval_also_where_they_are_graded() -> None:
     graded = replace(problem(16), filter_model=replace(problem(16).filter_model, method="ros3p", grading=1.35))
-    (finer,) = finer_filters(graded, np.array([156.0, 0.5]), "step")
-    before, after = (step_lengths(0.05, f.substeps, f.grading) for f in (graded.filter_model, finer))
+    (finer,) = finer_problems(graded, np.array([156.0, 0.5]), "step")
+    used = (graded.filter_model, finer.parts[0].filter_model)
+    before, after = (step_lengths(0.05, f.substeps, f.grading) for f in used)
     assert after.reshape(16, 2).sum(axis=1) == pytest.approx(before, rel=1e-12)
     assert (after.max() / before.max()) < 0.55
 

@@ -17,13 +17,7 @@ from bondgraph.estimate.free import FreeParameter
 from bondgraph.estimate.likelihoods import FilterLikelihood
 from bondgraph.estimate.objective import SearchOutcome
 from bondgraph.estimate.problem import EstimationProblem, pose
-from bondgraph.estimate.solvers.particle_swarm import (
-    SwarmSettings,
-    initial_swarm,
-    particle_swarm,
-    step_swarm,
-    swarm_ended,
-)
+from bondgraph.estimate.solvers.particle_swarm import ParticleSwarm, SwarmSettings, particle_swarm
 from bondgraph.estimate.solvers.swarm_rules import Reflecting
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.simulate.example import pendulum
@@ -86,11 +80,12 @@ def test_threads_do_not_change_the_search() -> None:
 def test_a_search_continues_from_any_state_as_if_never_stopped() -> None:
     problem, _ = PROBLEMS["hartmann3"]
     short = replace(FINE, iterations=20)
-    state = initial_swarm(problem, np.full(3, 0.5), short, seed=4)
+    search = ParticleSwarm(short, seed=4)
+    state = search.init(problem, np.full((3, 1), 0.5))
     for _ in range(7):
-        state = step_swarm(problem, state, short, seed=4)
-    while swarm_ended(state, short) is None:
-        state = step_swarm(problem, state, short, seed=4)
+        state = search.step(problem, state)
+    while search.ended(state) is None:
+        state = search.step(problem, state)
     assert state.trace == particle_swarm(problem, np.full(3, 0.5), seed=4, settings=short)[0].trace
 
 

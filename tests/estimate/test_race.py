@@ -9,7 +9,7 @@ import numpy as np
 from bondgraph.estimate.estimation import Settings, estimate
 from bondgraph.estimate.objective import SearchOutcome
 from bondgraph.estimate.problem import EstimationProblem, pose
-from bondgraph.estimate.solvers.gauss_newton import GaussNewtonSettings, GaussNewtonState, initial_starts
+from bondgraph.estimate.solvers.gauss_newton import GaussNewton, GaussNewtonState
 from bondgraph.estimate.solvers.race import race_ends, raced
 from tests.estimate.linear import ExactLikelihood, lag, simulated
 
@@ -22,7 +22,7 @@ def problem() -> EstimationProblem:
 
 
 def state(points: list[list[float]], values: list[float], pace: list[float], iteration: int = 5) -> GaussNewtonState:
-    given = initial_starts(problem(), np.array(points).T, GaussNewtonSettings())
+    given = GaussNewton().init(problem(), np.array(points).T)
     outcomes = (None,) * len(values)
     return replace(given, iteration=iteration, values=np.array(values), pace=np.array(pace), outcomes=outcomes)
 
@@ -54,7 +54,7 @@ def test_a_start_that_is_where_a_better_one_is_joins_it_whatever_the_noise() -> 
 def test_levels_of_noise_tell_starts_apart_where_nothing_else_is_free() -> None:
     one = problem()
     noise = pose(lag(), one.logs, ["std(speed)"], likelihood=ExactLikelihood())
-    given = initial_starts(noise, np.array([[-2.5, -4.0]]), GaussNewtonSettings())
+    given = GaussNewton().init(noise, np.array([[-2.5, -4.0]]))
     after = raced(noise, replace(given, values=np.array([1.0, 2.0])))
     assert after.outcomes == (None, None)
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from bondgraph.data.log import MatchedLog
-from bondgraph.estimate.certify import finer_filters
+from bondgraph.estimate.certify import finer_problems
 from bondgraph.estimate.problem import pose
 from bondgraph.filter.discretisation import discretisation_error, explicit_substeps, step_times_rate
 from bondgraph.filter.draw import draw_logs
@@ -165,7 +165,8 @@ def test_certification_halves_planned_steps_and_counts_those_of_runge_kutta_by_t
     longest = (np.diff(time) / Samples.of(planned, log).substeps).max()
     assert 0.3 * 400.0 * longest < step_times_rate(filtered, log, None) <= 400.0 * 0.1
     free = next(info.name for info in model.model.parameters if info.lower is not None)
-    halved, explicit = finer_filters(pose(planned, [log], [free]), np.array([400.0]), "full")
+    finer = finer_problems(pose(planned, [log], [free]), np.array([400.0]), "full")
+    halved, explicit = (one.parts[0].filter_model for one in finer)
     assert planned.plan is not None
     assert halved.plan == planned.plan.halved()
     assert (explicit.method, explicit.plan) == ("rk4", None)

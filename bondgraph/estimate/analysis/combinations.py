@@ -14,6 +14,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
+from typing import Protocol
 
 import numpy as np
 
@@ -145,21 +146,14 @@ def _combination(
     values = problem.values(point)[rows]
     names = tuple(problem.names[row] for row in rows)
     dimension = int(np.sum(np.linalg.svd(directions, compute_uv=False) > 0.05 * np.linalg.norm(directions, 2)))
-    # Moves of logarithms; moves of the values themselves are these times the values.
-    products = _echelon(directions, dimension)
-    sums = _echelon(directions * values[:, np.newaxis], dimension)
-    alone = _rise(problem, point, rows, values * np.eye(rows.size)[:1], "sum")
-    rises = {
-        "product": _rise(problem, point, rows, _open_moves(products), "product"),
-        "sum": _rise(problem, point, rows, _open_moves(sums), "sum"),
-    }
-    simple = {"product": all(map(_is_simple, products)), "sum": all(map(_is_simple, sums))}
-    law = min(rises, key=lambda one: (max(rises[one], _EXACT * alone), not simple[one]))
-    rise = rises[law]
-    if not rise <= _HOLDS * alone:
-        law = "locally"
-    written = [_written(names, row, law) for row in (sums if law == "sum" else products)]
-    return Combination(names, tuple(written), law, condition, (rise, alone))
+    known = {law: _echelon(law.across(directions, values), dimension) for law in _LAWS}
+    alone = _rise(problem, point, rows, _SUM.curve(values, values * np.eye(rows.size)[:1]))
+    rises = {law: _rise(problem, point, rows, law.curve(values, _open_moves(known[law]))) for law in _LAWS}
+    best = min(_LAWS, key=lambda law: (max(rises[law], _EXACT * alone), not all(map(_is_simple, known[law]))))
+    holds = rises[best] <= _HOLDS * alone
+    said = best if holds else _PRODUCT
+    written = tuple(said.written(_kept(names, row)) for row in known[said])
+    return Combination(names, written, best.name if holds else "locally", condition, (rises[best], alone))
 
 
 def _echelon(directions: FloatArray, dimension: int) -> FloatArray:
@@ -200,18 +194,8 @@ def _open_moves(exponents: FloatArray) -> FloatArray:
     return moves
 
 
-def _rise(problem: Problem, point: FloatArray, rows: np.ndarray, moves: FloatArray, law: str) -> float:
-    """Largest change of the likelihood in nats along curves that start in some directions (m, k), to both sides.
-
-    Directions are of the logarithms for a product, of the values for a sum; the parameter that moves most, moves by the
-    same factor in both.
-    """
-    values = problem.values(point)[rows]
-    shares = moves if law == "product" else moves / values
-    shares = shares / np.abs(shares).max(axis=1, keepdims=True)
-    size = math.log(_FACTOR) if law == "product" else _FACTOR - 1.0
-    ends = np.concatenate([size * shares, -size * shares])
-    moved = values * (np.exp(ends) if law == "product" else 1.0 + ends)
+def _rise(problem: Problem, point: FloatArray, rows: np.ndarray, moved: FloatArray) -> float:
+    """Largest change of the likelihood in nats where some parameters have moved to other values (m, k)."""
     members = np.repeat(point[:, np.newaxis], len(moved) + 1, axis=1)
     for k, row in enumerate(rows):
         parameter = problem.free[row]
@@ -221,10 +205,9 @@ def _rise(problem: Problem, point: FloatArray, rows: np.ndarray, moves: FloatArr
     return float(np.abs(nll[1:] - nll[0]).max()) if np.isfinite(nll).all() else math.inf
 
 
-def _written(names: Sequence[str], row: FloatArray, law: str) -> str:
-    """A combination in words: a product of powers or a weighted sum; empty where nothing is left."""
-    kept = [(name, float(x)) for name, x in zip(names, row, strict=True) if abs(x) > _NEAR * np.abs(row).max()]
-    return _sum_text(kept) if law == "sum" else _product_text(kept)
+def _kept(names: Sequence[str], row: FloatArray) -> list[tuple[str, float]]:
+    """The parts of a combination that are not next to nothing."""
+    return [(name, float(x)) for name, x in zip(names, row, strict=True) if abs(x) > _NEAR * np.abs(row).max()]
 
 
 def _product_text(kept: Sequence[tuple[str, float]]) -> str:
@@ -262,3 +245,70 @@ def _sum_text(kept: Sequence[tuple[str, float]]) -> str:
     signs = ["-" if x < 0.0 else "+" for _, x in kept]
     first = ("-" if signs[0] == "-" else "") + terms[0]
     return first + "".join(f" {sign} {term}" for sign, term in zip(signs[1:], terms[1:], strict=True))
+
+
+class _Law(Protocol):
+    """A form that combinations of parameters may have, with its curves through a point."""
+
+    @property
+    def name(self) -> str:
+        """In a :class:`Combination`."""
+
+    def across(self, directions: FloatArray, values: FloatArray) -> FloatArray:
+        """Open directions (k, m) in what the law is linear in, of those in the logarithms of values (k,)."""
+
+    def curve(self, values: FloatArray, moves: FloatArray) -> FloatArray:
+        """Values (2 m, k) at both ends of curves along moves (m, k) of what the law is linear in.
+
+        The parameter that moves most, moves by the same factor under either law.
+        """
+
+    def written(self, kept: Sequence[tuple[str, float]]) -> str:
+        """A combination in words; empty where nothing is left."""
+
+
+class _Product:
+    """Powers of the parameters, linear in their logarithms."""
+
+    name = "product"
+
+    def across(self, directions: FloatArray, values: FloatArray) -> FloatArray:
+        """The same."""
+        return directions
+
+    def curve(self, values: FloatArray, moves: FloatArray) -> FloatArray:
+        """Logarithms move evenly."""
+        found: FloatArray = values * np.exp(_both_sides(moves, math.log(_FACTOR)))
+        return found
+
+    def written(self, kept: Sequence[tuple[str, float]]) -> str:
+        """Powers above and below a stroke."""
+        return _product_text(kept)
+
+
+class _Sum:
+    """A weighted sum of the parameters themselves."""
+
+    name = "sum"
+
+    def across(self, directions: FloatArray, values: FloatArray) -> FloatArray:
+        """Moves of values, which are those of logarithms times the values."""
+        return directions * values[:, np.newaxis]
+
+    def curve(self, values: FloatArray, moves: FloatArray) -> FloatArray:
+        """Values move evenly."""
+        return values * (1.0 + _both_sides(moves / values, _FACTOR - 1.0))
+
+    def written(self, kept: Sequence[tuple[str, float]]) -> str:
+        """Terms with their signs."""
+        return _sum_text(kept)
+
+
+def _both_sides(shares: FloatArray, size: float) -> FloatArray:
+    """Moves (2 m, k) to both sides of which the largest has a size."""
+    scaled = shares / np.abs(shares).max(axis=1, keepdims=True)
+    return np.concatenate([size * scaled, -size * scaled])
+
+
+_PRODUCT, _SUM = _Product(), _Sum()
+_LAWS: tuple[_Law, ...] = (_PRODUCT, _SUM)

@@ -10,18 +10,17 @@ Herman and Usher (2017), SALib: An open-source Python library for sensitivity an
 
 from __future__ import annotations
 
-import importlib
 import warnings
 from collections.abc import Callable, Mapping
 from concurrent.futures import Executor
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Literal, get_args
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
-import numpy.typing as npt
 
 from bondgraph.compile.lanes.text import LANES
 from bondgraph.errors import EstimationError, OptionError, suggest
+from bondgraph.estimate.analysis.screening_methods import LITTLE, SCREENING_METHODS, Method, ScreeningMethod
 from bondgraph.estimate.free_simulation import simulated_members
 from bondgraph.estimate.joint import Problem
 from bondgraph.estimate.objective import FloatArray
@@ -40,20 +39,15 @@ if TYPE_CHECKING:
 
 #: A response at points (n, members): one number for each member, not finite where it fails.
 Response = Callable[[FloatArray], FloatArray]
-Method = Literal["morris", "sobol"]
 Reduction = Literal["rms", "mean", "largest", "last"]
-_COLUMNS: dict[str, tuple[str, ...]] = {"morris": ("mu_star", "mu", "sigma"), "sobol": ("first", "total")}
 _REDUCTIONS: dict[str, Callable[[FloatArray], FloatArray]] = {
     "rms": lambda y: np.sqrt(np.mean(y**2, axis=0)),
     "mean": lambda y: np.mean(y, axis=0),
     "largest": lambda y: np.max(np.abs(y), axis=0),
     "last": lambda y: y[-1],
 }
-#: Levels of Morris' grid and the share of failed members above which nothing is said.
-_LEVELS, _MOST_FAILED = 4, 0.2
-#: Share of the variance, or of the largest effect, below which a parameter hardly matters: a convention.
-_LITTLE = 0.05
-_SAMPLES = {"morris": "trajectories", "sobol": "samples"}  # at least two of them
+#: Share of failed members above which nothing is said.
+_MOST_FAILED = 0.2
 #: What to do where intervals are too wide: a likelihood over wide bounds is ruled by their worst corners.
 _MORE = "take more samples, narrower bounds or another response"
 #: Members of a task: four blocks of the compiled filter.
@@ -95,14 +89,17 @@ class GlobalSensitivity(Tabulated, Kept):
         return f"<GlobalSensitivity of {self.response}: {self.method}, {count(self.evaluations, 'evaluation')}>"
 
     @property
+    def _screening(self) -> ScreeningMethod:
+        return SCREENING_METHODS[self.method]
+
+    @property
     def order(self) -> tuple[int, ...]:
         """Positions of the parameters, most important first."""
-        key = "mu_star" if self.method == "morris" else "total"
-        return tuple(int(k) for k in np.argsort(-self.indices[key], kind="stable"))
+        return tuple(int(k) for k in np.argsort(-self.indices[self._screening.key], kind="stable"))
 
     def table(self) -> Table:
         """Header, and a row for each parameter, most important first."""
-        columns = _COLUMNS[self.method]
+        columns = self._screening.columns
         header = ["parameter", *(name for column in columns for name in self._headed(column))]
         rows = [
             [self.names[k], *(number(float(values[k])) for column in columns for values in self._values(column))]
@@ -133,29 +130,21 @@ class GlobalSensitivity(Tabulated, Kept):
         hardly follows eta: less than 5 % of the variance
         64 samples do not tell whether k matters: take more samples, narrower bounds or another response
         """
-        sobol = self.method == "sobol"
-        key, of = ("total", "variance") if sobol else ("mu_star", "largest effect")
-        whole = 1.0 if sobol else float(np.max(self.indices[key])) or 1.0
-        least = (self.indices[key] - self.confidence[key]) / whole
-        most = (self.indices[key] + self.confidence[key]) / whole
-        matters, little = least > _LITTLE, most < _LITTLE
-        samples = f"{self.evaluations // (len(self.names) + (2 if sobol else 1))} {_SAMPLES[self.method]}"
+        own, whole = self._screening, self._screening.whole(self.indices)
+        least = (self.indices[own.key] - self.confidence[own.key]) / whole
+        most = (self.indices[own.key] + self.confidence[own.key]) / whole
+        matters, little = least > LITTLE, most < LITTLE
+        together = own.together(self.indices, self.confidence)
+        samples = f"{own.size(self.evaluations, len(self.names))} {own.sample}"
         said = (
             (matters, "follows {}"),
-            (self._together() & matters, "not by each alone, but together: {}"),
-            (little, f"hardly follows {{}}: less than {_LITTLE:.0%} of the {of}".replace("%", " %")),
+            (together & matters, "not by each alone, but together: {}"),
+            (little, f"hardly follows {{}}: less than {LITTLE:.0%} of the {own.of}".replace("%", " %")),
             (~matters & ~little, f"{samples} do not tell whether {{}} matters: {_MORE}"),
         )
         return tuple(
             text.format(few([self.names[k] for k in self.order if rows[k]])) for rows, text in said if any(rows)
         )
-
-    def _together(self) -> npt.NDArray[np.bool_]:
-        """Whether a parameter brings clearly more with others than alone, shape (n,)."""
-        if self.method == "morris":
-            return np.zeros(len(self.names), dtype=bool)
-        (first, first_width), (total, total_width) = (self._values(column) for column in ("first", "total"))
-        return np.asarray(total - first - np.hypot(first_width, total_width) > _LITTLE)
 
     def _headed(self, column: str) -> list[str]:
         return [column, "+-"] if column in self.confidence else [column]
@@ -189,21 +178,7 @@ class GlobalSensitivity(Tabulated, Kept):
     def plot(self, ax: Axes | None = None) -> Axes:
         """Bars of Sobol's indices with their intervals, or Morris' plane of mean and spread."""
         axes = own_axes(ax, 6.0, 1.0 + 0.32 * len(self.names))
-        if self.method == "morris":
-            axes.plot(self.indices["mu_star"], self.indices["sigma"], "o")
-            for k, name in enumerate(self.names):
-                place = (float(self.indices["mu_star"][k]), float(self.indices["sigma"][k]))
-                axes.annotate(name, place, xytext=(4, 3), textcoords="offset points", fontsize="small")
-            axes.set_xlabel("mean of absolute elementary effects")
-            axes.set_ylabel("their standard deviation")
-        else:
-            for shift, column in ((0.2, "first"), (-0.2, "total")):
-                places = [len(self.names) - 1 - rank + shift for rank in range(len(self.names))]
-                values, widths = (group[column][list(self.order)] for group in (self.indices, self.confidence))
-                axes.barh(places, values, 0.36, xerr=widths, label=f"{column} order" if column == "first" else column)
-            axes.set_yticks(range(len(self.names)), [self.names[k] for k in reversed(self.order)])
-            axes.set_xlabel("share of the variance")
-            axes.legend(loc="best", fontsize="small")
+        self._screening.draw(axes, self.names, self.order, self.indices, self.confidence)
         axes.set_title(self.response)
         return axes
 
@@ -250,34 +225,24 @@ def global_sensitivity(
     >>> found.indices["first"].round(2).tolist()
     [0.8, 0.2]
     """
-    if method not in get_args(Method):
+    if method not in SCREENING_METHODS:
         raise OptionError(
-            f"global sensitivity: method {method!r} is not known{suggest(method, get_args(Method))}"
+            f"global sensitivity: method {method!r} is not known{suggest(method, SCREENING_METHODS)}"
             " - choose morris or sobol",
             where=("method", method),
         )
-    size = samples or (1024 if method == "sobol" else 40)
-    if size < 2 or (method == "sobol" and size & (size - 1)):
-        raise OptionError(
-            f"global sensitivity: {size} samples - {method} needs "
-            + ("a power of two, such as 256 or 1024" if method == "sobol" else "at least two trajectories"),
-            where=("samples",),
-        )
+    screening = SCREENING_METHODS[method]
+    size = samples or screening.usual
+    if not screening.accepts(size):
+        raise OptionError(f"global sensitivity: {size} samples - {method} needs {screening.need}", where=("samples",))
     space = {"num_vars": len(bounds), "names": list(bounds), "bounds": [list(pair) for pair in bounds.values()]}
-    points = _sampled(method, space, size, seed)
+    points = screening.sampled(space, size, seed)
     with open_executor(executor) as workers:
         values, failed = _responses(response, points, meaning, workers)
-    indices, confidence = _analysed(method, space, points, values, seed)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # of pandas and numpy inside the library
+        indices, confidence = screening.analysed(space, points, values, seed)
     return GlobalSensitivity(method, tuple(bounds), indices, confidence, values.size, failed, meaning)
-
-
-def _sampled(method: Method, space: dict[str, Any], size: int, seed: int) -> FloatArray:
-    """Points (members, n) of a design."""
-    if method == "sobol":
-        found: FloatArray = _salib("sample.sobol").sample(space, size, calc_second_order=False, seed=seed)
-    else:
-        found = _salib("sample.morris").sample(space, size, num_levels=_LEVELS, seed=seed)
-    return found
 
 
 def _responses(
@@ -310,32 +275,6 @@ def _responses(
 
 def _some_responses(shared: Shared[Response], points: FloatArray) -> FloatArray:
     return np.array(shared.open()(np.ascontiguousarray(points)), dtype=np.float64)
-
-
-def _analysed(
-    method: Method, space: dict[str, Any], points: FloatArray, values: FloatArray, seed: int
-) -> tuple[dict[str, FloatArray], dict[str, FloatArray]]:
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # of pandas and numpy inside the library
-        if method == "sobol":
-            # SALib takes a seed of zero for none
-            found = _salib("analyze.sobol").analyze(space, values, calc_second_order=False, seed=seed + 1)
-            names, widths = {"first": "S1", "total": "ST"}, {"first": "S1_conf", "total": "ST_conf"}
-        else:
-            found = _salib("analyze.morris").analyze(space, points, values, num_levels=_LEVELS, seed=seed)
-            names, widths = {"mu_star": "mu_star", "mu": "mu", "sigma": "sigma"}, {"mu_star": "mu_star_conf"}
-    return tuple(  # type: ignore[return-value]
-        {own: np.asarray(found[theirs], dtype=np.float64) for own, theirs in group.items()} for group in (names, widths)
-    )
-
-
-def _salib(module: str) -> Any:
-    try:
-        return importlib.import_module(f"SALib.{module}")
-    except ImportError:
-        raise OptionError(
-            "global sensitivity: SALib is not installed - run: pip install 'bondloop[sensitivity]'", where=("SALib",)
-        ) from None
 
 
 def likelihood_response(problem: Problem) -> Response:

@@ -11,7 +11,9 @@ Levenberg-Marquardt algorithm; Bertsekas (1982), Projected Newton methods, SIAM 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from typing import ClassVar
 
 import numpy as np
 import numpy.typing as npt
@@ -28,6 +30,7 @@ from bondgraph.estimate.objective import (
     TraceRow,
     silent,
 )
+from bondgraph.estimate.solvers.abstract import AbstractSearch, SearchResult, search_to_end
 from bondgraph.estimate.solvers.steps import bent_steps, damped_step, newton_decrement, promised_gain
 
 IntArray = npt.NDArray[np.int64]
@@ -102,20 +105,6 @@ class GaussNewtonState:
         return int(np.argmin(self.values))
 
 
-def initial_starts(objective: Objective, starts: FloatArray, settings: GaussNewtonSettings) -> GaussNewtonState:
-    """Evaluate the starts, shape (n, starts)."""
-    points = np.clip(starts, objective.lower[:, np.newaxis], objective.upper[:, np.newaxis])
-    values = objective.nll(points)
-    values = np.where(np.isfinite(values), values, np.inf)
-    outcomes = tuple(None if np.isfinite(value) else SearchOutcome.NO_FINITE_POINT for value in values)
-    steps = np.repeat((settings.difference * (objective.upper - objective.lower))[:, np.newaxis], values.size, axis=1)
-    damping = np.full(values.size, settings.damping)
-    idle = np.zeros(values.size, dtype=np.int64)
-    pace = np.full(values.size, np.inf)
-    state = GaussNewtonState(0, points, values, damping, steps, idle, pace, outcomes, values.size, ())
-    return _traced(state)
-
-
 @dataclass(frozen=True)
 class _Search:
     """One start in one iteration: what is known there, and its trial points (n, trials) with their values (trials,)."""
@@ -136,36 +125,81 @@ class _Search:
         return self.value - float(self.values[best]) < 0.9 * promise or best > 0
 
 
-def step_starts(
-    objective: Objective, state: GaussNewtonState, settings: GaussNewtonSettings, jacobian: Expand
-) -> GaussNewtonState:
-    """One iteration of every start that still moves."""
-    moving = [index for index, outcome in enumerate(state.outcomes) if outcome is None]
-    expansions = jacobian(objective, state.points[:, moving], state.steps[:, moving])
-    evaluations = state.evaluations + sum(expansion.evaluations for expansion in expansions)
-    outcomes, steps = list(state.outcomes), state.steps.copy()
-    searching: list[_Search] = []
-    for index, expansion in zip(moving, expansions, strict=True):
-        point = state.points[:, index]
-        if not expansion.is_finite:
-            outcomes[index] = SearchOutcome.NO_DERIVATIVES
-            continue
-        steps[:, index] = _difference_steps(objective, expansion, settings)
-        if newton_decrement(objective, point, expansion) < settings.tolerance:
-            outcomes[index] = SearchOutcome.CONVERGED
-            continue
-        dampings = state.damping[index] * np.array(_LADDER)
-        trials = np.array([damped_step(objective, point, expansion, float(damping)) for damping in dampings]).T
-        value = float(state.values[index])
-        searching.append(_Search(index, value, point, expansion, dampings, trials, np.empty(0)))
-    state = replace(
-        state, iteration=state.iteration + 1, steps=steps, outcomes=tuple(outcomes), evaluations=evaluations
-    )
-    if not searching:
-        return _traced(state)
-    tried, spent = _evaluated(objective, searching)
-    moved = _take_best(objective, replace(state, evaluations=evaluations + spent), tried)
-    return _traced(_note_idle(state, moved, settings))
+#: What becomes of starts that cannot win, asked after every iteration, see :mod:`bondgraph.estimate.solvers.race`.
+Race = Callable[[Objective, GaussNewtonState], GaussNewtonState]
+
+
+@dataclass(frozen=True)
+class GaussNewton(AbstractSearch[GaussNewtonState]):
+    """Damped Gauss-Newton from several starts in lockstep.
+
+    Parameters
+    ----------
+    settings
+        Stop rules.
+    jacobian
+        Gradient and Fisher information.
+    race
+        Ends starts that cannot win; None: every start goes its way.
+    """
+
+    settings: GaussNewtonSettings = field(default_factory=GaussNewtonSettings)
+    jacobian: Expand = central_differences
+    race: Race | None = None
+
+    stage: ClassVar[str] = "gauss-newton"
+
+    def init(self, objective: Objective, starts: FloatArray) -> GaussNewtonState:
+        """All starts evaluated."""
+        points = np.clip(starts, objective.lower[:, np.newaxis], objective.upper[:, np.newaxis])
+        values = _finite_or_inf(objective.nll(points))
+        outcomes = tuple(None if np.isfinite(value) else SearchOutcome.NO_FINITE_POINT for value in values)
+        widest = self.settings.difference * (objective.upper - objective.lower)
+        steps = np.repeat(widest[:, np.newaxis], values.size, axis=1)
+        damping = np.full(values.size, self.settings.damping)
+        idle = np.zeros(values.size, dtype=np.int64)
+        pace = np.full(values.size, np.inf)
+        return _traced(GaussNewtonState(0, points, values, damping, steps, idle, pace, outcomes, values.size, ()))
+
+    def step(self, objective: Objective, state: GaussNewtonState) -> GaussNewtonState:
+        """One iteration of every start that still moves."""
+        moving = [index for index, outcome in enumerate(state.outcomes) if outcome is None]
+        expansions = self.jacobian(objective, state.points[:, moving], state.steps[:, moving])
+        evaluations = state.evaluations + sum(expansion.evaluations for expansion in expansions)
+        outcomes, steps = list(state.outcomes), state.steps.copy()
+        searching: list[_Search] = []
+        for index, expansion in zip(moving, expansions, strict=True):
+            point = state.points[:, index]
+            if not expansion.is_finite:
+                outcomes[index] = SearchOutcome.NO_DERIVATIVES
+                continue
+            steps[:, index] = _difference_steps(objective, expansion, self.settings)
+            if newton_decrement(objective, point, expansion) < self.settings.tolerance:
+                outcomes[index] = SearchOutcome.CONVERGED
+                continue
+            dampings = state.damping[index] * np.array(_LADDER)
+            trials = np.array([damped_step(objective, point, expansion, float(damping)) for damping in dampings]).T
+            value = float(state.values[index])
+            searching.append(_Search(index, value, point, expansion, dampings, trials, np.empty(0)))
+        state = replace(
+            state, iteration=state.iteration + 1, steps=steps, outcomes=tuple(outcomes), evaluations=evaluations
+        )
+        if searching:
+            tried, spent = _evaluated(objective, searching)
+            moved = _take_best(objective, replace(state, evaluations=evaluations + spent), tried)
+            state = _note_idle(state, moved, self.settings)
+        state = _traced(state)
+        return state if self.race is None else self.race(objective, state)
+
+    def ended(self, state: GaussNewtonState) -> SearchOutcome | None:
+        """The outcome of the best start, once no start moves any more."""
+        if state.iteration < self.settings.iterations and None in state.outcomes:
+            return None
+        return finish_starts(state).outcomes[state.best]
+
+    def result(self, state: GaussNewtonState) -> SearchResult:
+        """Where every start is."""
+        return SearchResult(state.points, state.values)
 
 
 def _note_idle(before: GaussNewtonState, after: GaussNewtonState, settings: GaussNewtonSettings) -> GaussNewtonState:
@@ -287,18 +321,8 @@ def gauss_newton(
     >>> state.points[:, state.best].round(4).tolist(), state.outcomes[0].name
     ([1.0, 1.0], 'CONVERGED')
     """
-    settings = settings or GaussNewtonSettings()
-    state = initial_starts(objective, starts.reshape(objective.lower.size, -1), settings)
-    progress(state.trace[-1])
-    while not starts_ended(state, settings):
-        state = step_starts(objective, state, settings, jacobian)
-        progress(state.trace[-1])
-    return finish_starts(state)
-
-
-def starts_ended(state: GaussNewtonState, settings: GaussNewtonSettings) -> bool:
-    """Whether no start moves any more."""
-    return state.iteration >= settings.iterations or None not in state.outcomes
+    search = GaussNewton(settings or GaussNewtonSettings(), jacobian)
+    return finish_starts(search_to_end(search, objective, starts, progress)[0])
 
 
 def finish_starts(state: GaussNewtonState, reason: SearchOutcome = SearchOutcome.ITERATION_LIMIT) -> GaussNewtonState:
@@ -308,5 +332,5 @@ def finish_starts(state: GaussNewtonState, reason: SearchOutcome = SearchOutcome
 
 def _traced(state: GaussNewtonState) -> GaussNewtonState:
     point = tuple(float(value) for value in state.points[:, state.best])
-    row = TraceRow("gauss-newton", state.iteration, state.evaluations, float(state.values.min()), point)
+    row = TraceRow(GaussNewton.stage, state.iteration, state.evaluations, float(state.values.min()), point)
     return replace(state, trace=(*state.trace, row))

@@ -143,14 +143,6 @@ class SwarmState:
         return min(float(self.personal_best_nll.min()), self.record_nll)
 
 
-def initial_swarm(objective: Objective, start: FloatArray, settings: SwarmSettings, seed: int) -> SwarmState:
-    """Place the particles: the first at ``start``, the others as a Latin hypercube over the box."""
-    positions, velocities = _places(objective, start, settings.members, np.random.default_rng([seed, 0]))
-    values = _finite_or_inf(objective.nll(positions))
-    count = settings.members
-    return _traced(SwarmState(0, positions, velocities, positions.copy(), values, count, (), whole=float(count)))
-
-
 def _places(
     objective: Objective, start: FloatArray | None, members: int, rng: np.random.Generator
 ) -> tuple[FloatArray, FloatArray]:
@@ -164,11 +156,10 @@ def _places(
     return positions, 0.5 * (targets - positions)
 
 
-def step_swarm(objective: Objective, state: SwarmState, settings: SwarmSettings, seed: int) -> SwarmState:
-    """One iteration: move every particle, evaluate all, keep the bests; a swarm that has stalled is placed anew."""
-    rng = np.random.default_rng([seed, state.iteration + 1])
-    if _has_stalled(state, settings) and state.restarts < settings.restarts:
-        return _placed_anew(objective, state, rng)
+def _moved(
+    objective: Objective, state: SwarmState, settings: SwarmSettings, rng: np.random.Generator
+) -> tuple[FloatArray, FloatArray]:
+    """Positions and velocities (n, members) after every particle has flown on, inside the box."""
     own, swarm = rng.random((2, *state.positions.shape))
     inertia, cognitive, social = settings.weights(state.iteration)
     informants = settings.neighbourhood.informants(state.personal_best_nll)
@@ -177,24 +168,7 @@ def step_swarm(objective: Objective, state: SwarmState, settings: SwarmSettings,
         + cognitive * own * (state.personal_best - state.positions)
         + social * swarm * (state.personal_best[:, informants] - state.positions)
     )
-    positions, velocities = settings.walls.keep(
-        state.positions + velocities, velocities, objective.lower, objective.upper
-    )
-    found = _evaluate(objective, positions, state.personal_best_nll, settings)
-    values = _finite_or_inf(found.nll)
-    better = values < state.personal_best_nll
-    moved = replace(
-        state,
-        iteration=state.iteration + 1,
-        positions=positions,
-        velocities=velocities,
-        personal_best=np.where(better, positions, state.personal_best),
-        personal_best_nll=np.where(better, values, state.personal_best_nll),
-        evaluations=state.evaluations + positions.shape[1],
-        abandoned=state.abandoned + int(found.abandoned.sum()),
-        whole=state.whole + float(found.share.sum()),
-    )
-    return _traced(moved)
+    return settings.walls.keep(state.positions + velocities, velocities, objective.lower, objective.upper)
 
 
 def _placed_anew(objective: Objective, state: SwarmState, rng: np.random.Generator) -> SwarmState:
@@ -216,19 +190,6 @@ def _placed_anew(objective: Objective, state: SwarmState, rng: np.random.Generat
             placed=state.iteration + 1,
         )
     )
-
-
-def _evaluate(objective: Objective, positions: FloatArray, ceilings: FloatArray, settings: SwarmSettings) -> Below:
-    return nll_below(objective, positions, ceilings) if settings.abandon else Below.whole(objective.nll(positions))
-
-
-def swarm_ended(state: SwarmState, settings: SwarmSettings) -> SearchOutcome | None:
-    """Why the search ends here, or None if it goes on."""
-    if not np.isfinite(state.swarm_best_nll):
-        return SearchOutcome.NO_FINITE_POINT if state.iteration >= min(settings.patience, settings.iterations) else None
-    if _has_stalled(state, settings) and state.restarts >= settings.restarts:
-        return SearchOutcome.STALLED
-    return SearchOutcome.ITERATION_LIMIT if state.iteration >= settings.iterations else None
 
 
 def _has_stalled(state: SwarmState, settings: SwarmSettings) -> bool:
@@ -254,16 +215,44 @@ class ParticleSwarm(AbstractSearch[SwarmState]):
         return self.settings.members * (1 + self.settings.iterations)
 
     def init(self, objective: Objective, starts: FloatArray) -> SwarmState:
-        """Particles over the box, the first at the first start."""
-        return initial_swarm(objective, starts[:, 0], self.settings, self.seed)
+        """Particles as a Latin hypercube over the box, the first at the first start."""
+        count = self.settings.members
+        positions, velocities = _places(objective, starts[:, 0], count, np.random.default_rng([self.seed, 0]))
+        values = _finite_or_inf(objective.nll(positions))
+        return _traced(SwarmState(0, positions, velocities, positions.copy(), values, count, (), whole=float(count)))
 
     def step(self, objective: Objective, state: SwarmState) -> SwarmState:
-        """One iteration."""
-        return step_swarm(objective, state, self.settings, self.seed)
+        """One iteration: move every particle, evaluate all, keep the bests; a stalled swarm is placed anew."""
+        settings, rng = self.settings, np.random.default_rng([self.seed, state.iteration + 1])
+        if _has_stalled(state, settings) and state.restarts < settings.restarts:
+            return _placed_anew(objective, state, rng)
+        positions, velocities = _moved(objective, state, settings, rng)
+        abandons, limits = settings.abandon, state.personal_best_nll
+        found = nll_below(objective, positions, limits) if abandons else Below.whole(objective.nll(positions))
+        values = _finite_or_inf(found.nll)
+        better = values < state.personal_best_nll
+        moved = replace(
+            state,
+            iteration=state.iteration + 1,
+            positions=positions,
+            velocities=velocities,
+            personal_best=np.where(better, positions, state.personal_best),
+            personal_best_nll=np.where(better, values, state.personal_best_nll),
+            evaluations=state.evaluations + positions.shape[1],
+            abandoned=state.abandoned + int(found.abandoned.sum()),
+            whole=state.whole + float(found.share.sum()),
+        )
+        return _traced(moved)
 
     def ended(self, state: SwarmState) -> SearchOutcome | None:
         """Why the search ends here, or None if it goes on."""
-        return swarm_ended(state, self.settings)
+        settings = self.settings
+        if not np.isfinite(state.swarm_best_nll):
+            hopeless = state.iteration >= min(settings.patience, settings.iterations)
+            return SearchOutcome.NO_FINITE_POINT if hopeless else None
+        if _has_stalled(state, settings) and state.restarts >= settings.restarts:
+            return SearchOutcome.STALLED
+        return SearchOutcome.ITERATION_LIMIT if state.iteration >= settings.iterations else None
 
     def result(self, state: SwarmState) -> SearchResult:
         """The particles' bests, and that of the swarms before."""

@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from bondgraph.estimate.coordinates import AbstractProblem
-from bondgraph.estimate.objective import BoolArray, FloatArray, SearchOutcome
+from bondgraph.estimate.objective import BoolArray, FloatArray, Objective, SearchOutcome
 from bondgraph.estimate.solvers.gauss_newton import GaussNewtonState
 
 #: Every start is given this many iterations.
@@ -25,8 +25,13 @@ _GAINS, _NATS = 5.0, 10.0
 _TOGETHER = 0.01
 
 
-def raced(problem: AbstractProblem, state: GaussNewtonState) -> GaussNewtonState:
-    """The state after an iteration, without the starts that are where a better one is or will not overtake it."""
+def raced(problem: Objective, state: GaussNewtonState) -> GaussNewtonState:
+    """The state after an iteration, without the starts that are where a better one is or will not overtake it.
+
+    An objective that is no estimation problem does not say by which coordinates starts are told apart: all go on.
+    """
+    if not isinstance(problem, AbstractProblem):
+        return state
     counted = _counted(problem)
     width = np.where(problem.upper > problem.lower, problem.upper - problem.lower, 1.0)
     best = state.best
