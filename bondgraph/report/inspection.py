@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,11 +14,14 @@ from bondgraph.data.checks import check_log
 from bondgraph.data.log import FloatArray, Log, LogChannel
 from bondgraph.data.pairs import factor_suspicions
 from bondgraph.data.suspicions import looks_like_milliseconds, time_gaps
+from bondgraph.files import finite, write_json
 from bondgraph.report.diagram.text import plain
-from bondgraph.report.figures import LINES, figure_style
+from bondgraph.report.figures import LINES, figure_style, save_figure
+from bondgraph.report.html import Provenance
 from bondgraph.report.numbers import shown
+from bondgraph.report.page import Section, write_page
 from bondgraph.report.thinning import thinned
-from bondgraph.text import few, number, text_table
+from bondgraph.text import Table, few, number, text_table
 
 #: Steps of time differ where they lie so far apart, as shares of the usual step.
 _UNEVEN = 0.01
@@ -107,28 +111,58 @@ def _summary(time: FloatArray, channel: LogChannel) -> ChannelSummary:
 
 def inspection_text(found: Inspection) -> str:
     """An inspection as a table of channels, then its findings and suspicions as sentences."""
+    lines = [_times(found)]
+    header, rows = _table(found)
+    if rows:
+        lines.append(text_table(header, rows))
+    return "\n".join([*lines, *_said(found)])
+
+
+def _times(found: Inspection) -> str:
     uneven = found.steps[1] - found.steps[0] > _UNEVEN * found.step
     steps = f", between {number(found.steps[0])} and {number(found.steps[1])} s" if uneven else ""
     began = f", begun {found.began}" if found.began else ""
-    lines = [
+    return (
         f"{found.log}: {found.rows} rows from {number(found.start)} to {number(found.end)} s{began}; a row every "
         f"{number(found.step)} s{steps}"
-    ]
+    )
+
+
+def _table(found: Inspection) -> Table:
     rows = [[f"{one.name} [{one.unit}]", *_cells(one)] for one in found.channels]
-    header = ["channel", "samples", "missing", "rate [1/s]", "lowest", "mean", "highest"]
-    if rows:
-        lines.append(text_table(header, rows))
+    return ["channel", "samples", "missing", "rate [1/s]", "lowest", "mean", "highest"], rows
+
+
+def _said(found: Inspection) -> list[str]:
+    """What is to be known of the channels, in sentences."""
     without = [one.name for one in found.channels if one.unit == "?"]
-    if without:
-        lines.append(f"without units, which --units COLUMN=UNIT gives where a model needs them: {few(without)}")
-    lines += [f"note: {one}" for one in found.findings]
-    lines += [f"suspicious: {one}" for one in found.suspicions]
-    return "\n".join(lines)
+    lines = [f"without units, which --units COLUMN=UNIT gives where a model needs them: {few(without)}"]
+    return [
+        *(lines if without else ()), *(f"note: {one}" for one in found.findings),
+        *(f"suspicious: {one}" for one in found.suspicions),
+    ]  # fmt: skip
 
 
 def _cells(one: ChannelSummary) -> list[str]:
     values = [few(one.codes), "", ""] if one.codes else [shown(each, 4) for each in (one.lowest, one.mean, one.highest)]
     return [str(one.samples), str(one.missing), shown(one.rate), *values]
+
+
+def write_inspection(log: Log, found: Inspection, folder: Path, made: Provenance) -> None:
+    """Write ``result.json``, the picture ``NAME_channels.png`` and the page ``report.html`` into a folder.
+
+    Raises
+    ------
+    OSError
+        If a file cannot be written.
+    """
+    write_json(folder / "result.json", finite(found.to_dict()))
+    figure = inspection_figure(log)
+    save_figure(figure, folder / f"{found.log}_channels.png")
+    sections = [Section("Channels", (), *_table(found)), Section("Over time", figure=figure)]
+    nothing = ("Nothing is suspicious in units, times and values.",)
+    answer = [_times(found), *(_said(found) or nothing)]
+    write_page(folder / "report.html", found.log, "What the log holds, without any model.", answer, sections, made)
 
 
 def inspection_figure(log: Log) -> Figure:
