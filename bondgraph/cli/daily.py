@@ -13,11 +13,10 @@ from bondgraph.cli.arguments import parser
 from bondgraph.cli.given_logs import read_given
 from bondgraph.cli.printing import say
 from bondgraph.cli.scaffold import write_scaffold
+from bondgraph.data.log import Log
 from bondgraph.files import finite, output_file, output_folder
-from bondgraph.report.collect import versions
 from bondgraph.report.figures import save_figure
-from bondgraph.report.html import Provenance
-from bondgraph.report.inspection import inspect_log, inspection_figure, inspection_text, write_inspection
+from bondgraph.report.inspection import Inspection, inspect_log, inspection_figure, inspection_text
 
 
 def new(options: argparse.Namespace) -> int:
@@ -47,10 +46,19 @@ def inspect(options: argparse.Namespace) -> int:
         save_figure(inspection_figure(log), Path(options.plot))
         print(f"picture: {options.plot}", file=sys.stderr)
     if folder:
-        made = Provenance(options.command_line, None, versions(), (Path(options.log).name,))
-        write_inspection(log, found, folder, made)
-        print(f"report: {folder / 'report.html'}", file=sys.stderr)
+        _write_inspection(options, log, found, folder)
     return 0
+
+
+def _write_inspection(options: argparse.Namespace, log: Log, found: Inspection, folder: Path) -> None:
+    # Pages load rooms that a look at a log does without.
+    from bondgraph.report.collect import versions
+    from bondgraph.report.html import Provenance
+    from bondgraph.report.inspection_page import write_inspection
+
+    made = Provenance(options.command_line, None, versions(), (Path(options.log).name,))
+    write_inspection(log, found, folder, made)
+    print(f"report: {folder / 'report.html'}", file=sys.stderr)
 
 
 def completion(options: argparse.Namespace) -> int:

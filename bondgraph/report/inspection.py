@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,12 +13,9 @@ from bondgraph.data.checks import check_log
 from bondgraph.data.log import FloatArray, Log, LogChannel
 from bondgraph.data.pairs import factor_suspicions
 from bondgraph.data.suspicions import looks_like_milliseconds, time_gaps
-from bondgraph.files import finite, write_json
 from bondgraph.report.diagram.text import plain
-from bondgraph.report.figures import LINES, figure_style, save_figure
-from bondgraph.report.html import Provenance
+from bondgraph.report.figures import LINES, figure_style
 from bondgraph.report.numbers import shown
-from bondgraph.report.page import Section, write_page
 from bondgraph.report.thinning import thinned
 from bondgraph.text import Table, few, number, text_table
 
@@ -111,14 +107,15 @@ def _summary(time: FloatArray, channel: LogChannel) -> ChannelSummary:
 
 def inspection_text(found: Inspection) -> str:
     """An inspection as a table of channels, then its findings and suspicions as sentences."""
-    lines = [_times(found)]
-    header, rows = _table(found)
+    lines = [times_text(found)]
+    header, rows = channel_table(found)
     if rows:
         lines.append(text_table(header, rows))
-    return "\n".join([*lines, *_said(found)])
+    return "\n".join([*lines, *inspection_notes(found)])
 
 
-def _times(found: Inspection) -> str:
+def times_text(found: Inspection) -> str:
+    """Rows and times of a log in a sentence."""
     uneven = found.steps[1] - found.steps[0] > _UNEVEN * found.step
     steps = f", between {number(found.steps[0])} and {number(found.steps[1])} s" if uneven else ""
     began = f", begun {found.began}" if found.began else ""
@@ -128,12 +125,13 @@ def _times(found: Inspection) -> str:
     )
 
 
-def _table(found: Inspection) -> Table:
+def channel_table(found: Inspection) -> Table:
+    """Header and rows of the table of channels."""
     rows = [[f"{one.name} [{one.unit}]", *_cells(one)] for one in found.channels]
     return ["channel", "samples", "missing", "rate [1/s]", "lowest", "mean", "highest"], rows
 
 
-def _said(found: Inspection) -> list[str]:
+def inspection_notes(found: Inspection) -> list[str]:
     """What is to be known of the channels, in sentences."""
     without = [one.name for one in found.channels if one.unit == "?"]
     lines = [f"without units, which --units COLUMN=UNIT gives where a model needs them: {few(without)}"]
@@ -146,23 +144,6 @@ def _said(found: Inspection) -> list[str]:
 def _cells(one: ChannelSummary) -> list[str]:
     values = [few(one.codes), "", ""] if one.codes else [shown(each, 4) for each in (one.lowest, one.mean, one.highest)]
     return [str(one.samples), str(one.missing), shown(one.rate), *values]
-
-
-def write_inspection(log: Log, found: Inspection, folder: Path, made: Provenance) -> None:
-    """Write ``result.json``, the picture ``NAME_channels.png`` and the page ``report.html`` into a folder.
-
-    Raises
-    ------
-    OSError
-        If a file cannot be written.
-    """
-    write_json(folder / "result.json", finite(found.to_dict()))
-    figure = inspection_figure(log)
-    save_figure(figure, folder / f"{found.log}_channels.png")
-    sections = [Section("Channels", (), *_table(found)), Section("Over time", figure=figure)]
-    nothing = ("Nothing is suspicious in units, times and values.",)
-    answer = [_times(found), *(_said(found) or nothing)]
-    write_page(folder / "report.html", found.log, "What the log holds, without any model.", answer, sections, made)
 
 
 def inspection_figure(log: Log) -> Figure:
