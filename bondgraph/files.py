@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import json
+import math
 import os
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
@@ -90,6 +91,21 @@ def write_json(path: Path, value: Mapping[str, Any]) -> None:
     }
     """
     write_text(path, json.dumps(value, indent=1, allow_nan=False) + "\n")
+
+
+def finite(value: Any) -> Any:
+    """The same value with null for numbers that JSON cannot write.
+
+    Examples
+    --------
+    >>> finite({"rms": float("nan"), "samples": [400]})
+    {'rms': None, 'samples': [400]}
+    """
+    if isinstance(value, dict):
+        return {key: finite(inner) for key, inner in value.items()}
+    if isinstance(value, list | tuple):
+        return [finite(inner) for inner in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def output_folder(path: Path) -> Path:

@@ -6,11 +6,10 @@ import argparse
 import json
 from pathlib import Path
 
-from bondgraph.cli.printing import finite
 from bondgraph.cli.values import assignments, names
 from bondgraph.declare.files import load_graph
 from bondgraph.errors import OptionError
-from bondgraph.files import output_file
+from bondgraph.files import finite, output_file
 from bondgraph.report.figures import save_figure
 from bondgraph.report.linear import bode_figure, linear_answer, linear_json, linear_text, transfer_text
 

@@ -161,7 +161,8 @@ def _add_simulate(commands: Any) -> None:
         "  bondgraph simulate motor.json --inputs steps.csv --until 2 --step 0.01 --set J=0.05 --out run.csv\n"
         "  bondgraph simulate vehicle_graphs.driveline:driveline --until 20 --set engine_torque=30 --plot run.png\n"
         "  bondgraph simulate vehicle_graphs.ranger:full --scenario full_throttle_launch --plot launch.png\n"
-        "  bondgraph simulate engine.fmu --inputs drive.csv --set T_ambient=293 --out torque.csv",
+        "  bondgraph simulate engine.fmu --inputs drive.csv --set T_ambient=293 --out torque.csv\n"
+        "  bondgraph simulate sled.py --until 20 --set force=100 --out - | head",
     )  # fmt: skip
     c.add_argument("graph", metavar="GRAPH", help=f"{GRAPH_HELP}; or an FMU, whose outputs are written")
     _add_exact(c)
@@ -192,7 +193,10 @@ def _add_simulate(commands: Any) -> None:
     c.add_argument("--rtol", type=positive, default=1e-9, help="relative tolerance (default: 1e-9)")
     c.add_argument("--atol", type=positive, help="absolute tolerance (default: relative to each state's size)")
     c.add_argument("--all", action="store_true", help="write the effort and flow of every bond too")
-    c.add_argument("--out", metavar="FILE", help="log to write: .csv, .csv.gz or .parquet (default: print CSV)")
+    c.add_argument(
+        "--out", metavar="FILE",
+        help="log to write: .csv, .csv.gz or .parquet; - prints CSV (default: a summary on a terminal, CSV to a pipe)",
+    )  # fmt: skip
     c.add_argument("--plot", metavar="FILE", help="picture of states and outputs: .png, .svg or .pdf")
 
 

@@ -11,11 +11,12 @@ import shtab
 
 from bondgraph.cli.arguments import parser
 from bondgraph.cli.given_logs import read_given
-from bondgraph.cli.printing import finite, say
+from bondgraph.cli.printing import say
 from bondgraph.cli.scaffold import write_scaffold
-from bondgraph.files import output_file
+from bondgraph.data.log import Log
+from bondgraph.files import finite, output_file, output_folder
 from bondgraph.report.figures import save_figure
-from bondgraph.report.inspection import inspect_log, inspection_figure, inspection_text
+from bondgraph.report.inspection import Inspection, inspect_log, inspection_figure, inspection_text
 
 
 def new(options: argparse.Namespace) -> int:
@@ -38,12 +39,26 @@ def inspect(options: argparse.Namespace) -> int:
     if options.plot:
         output_file(Path(options.plot))
     log = read_given(options.log, options)
+    folder = output_folder(Path(options.out)) if options.out else None
     found = inspect_log(log)
     say(json.dumps(finite(found.to_dict()), indent=1) if options.json else inspection_text(found))
     if options.plot:
         save_figure(inspection_figure(log), Path(options.plot))
         print(f"picture: {options.plot}", file=sys.stderr)
+    if folder:
+        _write_inspection(options, log, found, folder)
     return 0
+
+
+def _write_inspection(options: argparse.Namespace, log: Log, found: Inspection, folder: Path) -> None:
+    # Pages load rooms that a look at a log does without.
+    from bondgraph.report.collect import versions
+    from bondgraph.report.html import Provenance
+    from bondgraph.report.inspection_page import write_inspection
+
+    made = Provenance(options.command_line, None, versions(), (Path(options.log).name,))
+    write_inspection(log, found, folder, made)
+    print(f"report: {folder / 'report.html'}", file=sys.stderr)
 
 
 def completion(options: argparse.Namespace) -> int:

@@ -31,16 +31,7 @@ def add_daily_commands(commands: Any, command: AddCommand) -> None:
     )  # fmt: skip
     c.add_argument("name", metavar="NAME", help="name of the machine and of the folder: letters, digits, underscores")
 
-    c = command(
-        commands, "inspect", "look at a log: channels, units, rates, gaps, outliers, suspicious units",
-        "  bondgraph inspect run.csv\n  bondgraph inspect run.mf4 --from 20 --until 60 --plot run.png\n"
-        "  bondgraph inspect drive.bag --units cmd.linear.x=m/s --json",
-    )  # fmt: skip
-    c.add_argument("log", metavar="LOG", help=LOGS_HELP)
-    add_reading(c)
-    add_window(c)
-    c.add_argument("--plot", metavar="FILE", help="picture of all channels: .png, .svg or .pdf")
-    c.add_argument("--json", action="store_true", help="print one JSON object instead of text")
+    _add_inspect(commands, command)
 
     c = command(
         commands, "compare", "lay a declared model over logs: errors of free simulation per channel, pictures",
@@ -69,6 +60,21 @@ def add_daily_commands(commands: Any, command: AddCommand) -> None:
         "  bondgraph completion bash > ~/.local/share/bash-completion/completions/bondgraph",
     )  # fmt: skip
     c.add_argument("shell", choices=SHELLS, help="shell")
+
+
+def _add_inspect(commands: Any, command: AddCommand) -> None:
+    c = command(
+        commands, "inspect", "look at a log: channels, units, rates, gaps, outliers, suspicious units",
+        "  bondgraph inspect run.csv\n  bondgraph inspect run.mf4 --from 20 --until 60 --plot run.png\n"
+        "  bondgraph inspect run.csv --out seen\n"
+        "  bondgraph inspect drive.bag --units cmd.linear.x=m/s --json",
+    )  # fmt: skip
+    c.add_argument("log", metavar="LOG", help=LOGS_HELP)
+    add_reading(c)
+    add_window(c)
+    c.add_argument("--plot", metavar="FILE", help="picture of all channels: .png, .svg or .pdf")
+    c.add_argument("--out", metavar="DIR", help="folder to write: report.html, result.json, NAME_channels.png")
+    c.add_argument("--json", action="store_true", help="print one JSON object instead of text")
 
 
 def _add_report(commands: Any, command: AddCommand) -> None:

@@ -16,7 +16,6 @@ from bondgraph.build import BuiltModel, build
 from bondgraph.cli.between import inputs_between
 from bondgraph.cli.given_logs import read_given
 from bondgraph.cli.knowledge import posed
-from bondgraph.cli.printing import finite
 from bondgraph.cli.runs import model_and_logs, provenance
 from bondgraph.cli.values import assignments, names, set_values
 from bondgraph.data.log import MatchedLog
@@ -44,7 +43,7 @@ from bondgraph.estimate.estimation import estimate as run_estimate
 from bondgraph.estimate.objective import FloatArray, fitted_expansion
 from bondgraph.estimate.problem import EstimationProblem, pose
 from bondgraph.execute.executors import open_executor
-from bondgraph.files import output_folder
+from bondgraph.files import finite, output_folder
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.report.design import DesignAnswer, write_design
 from bondgraph.report.scenarios import declared_noise, declared_scenario

@@ -12,10 +12,10 @@ import numpy as np
 from bondgraph.cli.between import ways_between
 from bondgraph.cli.given_logs import read_given, units_by_column
 from bondgraph.cli.printing import say
+from bondgraph.cli.tables import give_table
 from bondgraph.cli.values import assignments, initial
 from bondgraph.data.log import Log
 from bondgraph.data.matching import match, read_mapping, renamed
-from bondgraph.data.write import csv_text, write_log
 from bondgraph.errors import OptionError
 from bondgraph.exchange.fmu_import import RTOL, FmuRun, run_fmu, with_units
 from bondgraph.exchange.fmu_variables import Fmu, read_fmu
@@ -64,10 +64,7 @@ def simulate_fmu(options: argparse.Namespace) -> int:
     if options.plot:
         save_figure(inspection_figure(run.log), Path(options.plot))
         print(f"picture: {options.plot}", file=sys.stderr)
-    if options.out:
-        print(f"written: {write_log(options.out, run.log)}", file=sys.stderr)
-    elif not options.plot:
-        print(csv_text(run.log), end="")
+    give_table(run.log, options.out, bool(options.plot))
     return 0
 
 

@@ -9,7 +9,6 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from bondgraph.cli.arguments import FOLDER
-from bondgraph.cli.printing import finite
 from bondgraph.cli.values import read_json
 from bondgraph.declare.files import load_graph
 from bondgraph.declare.loading import is_code_reference, load_module
@@ -20,7 +19,7 @@ from bondgraph.derive.explicit import equations_json, equations_text
 from bondgraph.derive.latex import latex
 from bondgraph.derive.modes import by_value, modes_json, modes_text
 from bondgraph.errors import OptionError, suggest
-from bondgraph.files import output_file
+from bondgraph.files import finite, output_file
 from bondgraph.generate.drift import check, explain, render_all, write
 from bondgraph.report.drawing import drawing_of, save_drawing
 from bondgraph.report.evaluate import evaluate as evaluate_points

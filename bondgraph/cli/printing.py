@@ -5,12 +5,11 @@ Where the output is no terminal, lines stay as they are, for programs that read 
 
 from __future__ import annotations
 
-import math
 import re
 import shutil
 import sys
 import textwrap
-from typing import Any, TextIO
+from typing import TextIO
 
 #: Names written out of a list in one line; beyond twice as many it is cut.
 _NAMES = 10
@@ -59,18 +58,3 @@ def _cut(line: str, whole: str) -> str:
         return line
     where = f" (all in {whole})" if whole else ""
     return f"{head}: {', '.join(names[:_NAMES])} and {len(names) - _NAMES} more{where}"
-
-
-def finite(value: Any) -> Any:
-    """The same value with null for numbers that JSON cannot write.
-
-    Examples
-    --------
-    >>> finite({"rms": float("nan"), "samples": [400]})
-    {'rms': None, 'samples': [400]}
-    """
-    if isinstance(value, dict):
-        return {key: finite(inner) for key, inner in value.items()}
-    if isinstance(value, list | tuple):
-        return [finite(inner) for inner in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value

@@ -16,11 +16,11 @@ from bondgraph.cli.fmus import is_fmu, simulate_fmu
 from bondgraph.cli.given_logs import read_given
 from bondgraph.cli.knowledge import posed, with_values
 from bondgraph.cli.printing import say
+from bondgraph.cli.tables import check_files, give_table
 from bondgraph.cli.values import assignments, initial, names, set_values
 from bondgraph.data.log import Log, MatchedLog
 from bondgraph.data.matching import match, read_mapping
 from bondgraph.data.select import decimate
-from bondgraph.data.write import csv_text, write_log
 from bondgraph.declare.files import load_graph
 from bondgraph.declare.loading import is_model_file
 from bondgraph.errors import OptionError
@@ -30,7 +30,7 @@ from bondgraph.estimate.likelihood_profile import profile_likelihood, profile_ta
 from bondgraph.estimate.problem import EstimationProblem
 from bondgraph.estimate.result import Estimate
 from bondgraph.execute.executors import open_executor
-from bondgraph.files import output_file, output_folder
+from bondgraph.files import output_folder
 from bondgraph.filter.robust import parse_robust
 from bondgraph.report.collect import versions
 from bondgraph.report.estimation import limits, rough_note, write_estimate
@@ -57,9 +57,7 @@ def simulate(options: argparse.Namespace) -> int:
     """Simulate a graph over a table of inputs."""
     if options.scenario and options.inputs:
         raise OptionError("--scenario and --inputs both give the inputs - leave one out", where=("--scenario",))
-    for file in (options.out, options.plot):
-        if file:
-            output_file(Path(file))
+    check_files((options.out, options.plot))
     if is_fmu(options.graph):
         return simulate_fmu(options)
     graph = inputs_between(load_graph(options.graph), options)
@@ -88,10 +86,7 @@ def simulate(options: argparse.Namespace) -> int:
         mark_events(figure, trajectory)
         save_figure(figure, Path(options.plot))
         print(f"picture: {options.plot}", file=sys.stderr)
-    if options.out:
-        print(f"written: {write_log(options.out, log)}", file=sys.stderr)
-    elif not options.plot:
-        print(csv_text(log), end="")
+    give_table(log, options.out, bool(options.plot))
     return 0
 
 

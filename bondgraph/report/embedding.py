@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
-import base64
 import io
 import textwrap
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from html import escape
 
+import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 from matplotlib.text import Text
 
+from bondgraph.report.compact import compact_svg, svg_uri
 from bondgraph.report.figures import NARROW, figure_style, laid_out
+from bondgraph.report.thinning import MOST_POINTS
 
 #: Letters of a title or a label that fit into the width of a phone beside the numbers of an axis.
 _LETTERS = 42
@@ -43,7 +47,8 @@ def embed(figure: Figure, alternative: str, narrow: Figure | None = None) -> str
         The same for a window of 640 pixels or less; None takes the figure drawn again at that width, so that its
         letters keep their size.
 
-    The SVG goes in as a data URI, so that names inside one figure never meet those of another.
+    The SVG goes in as a data URI, so that names inside one figure never meet those of another; it is written short
+    (:mod:`bondgraph.report.compact`).
     """
     width = figure.get_size_inches()[0]
     image = image_of(figure, alternative)
@@ -93,4 +98,25 @@ def _broken(text: str, letters: int) -> str:
 
 
 def _uri(figure: Figure) -> str:
-    return f"data:image/svg+xml;base64,{base64.b64encode(figure_svg(figure).encode()).decode()}"
+    with _drawn_dots(figure):
+        return svg_uri(compact_svg(figure_svg(figure)))
+
+
+@contextmanager
+def _drawn_dots(figure: Figure) -> Iterator[None]:
+    """Dots of which a few hundred make a line as dots, which then take less of a page than a raster of them.
+
+    Where many lie one over another, half seen through, a raster stays.
+    """
+    found = [
+        one for one in figure.findobj(Line2D)
+        if isinstance(one, Line2D) and one.get_rasterized() and one.get_alpha() is None
+        and np.size(one.get_xdata()) <= MOST_POINTS
+    ]  # fmt: skip
+    for one in found:
+        one.set_rasterized(False)
+    try:
+        yield
+    finally:
+        for one in found:
+            one.set_rasterized(True)

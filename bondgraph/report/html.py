@@ -43,7 +43,7 @@ from bondgraph.report.tables import ALL_LOGS, first_sizes, grouped_errors, poole
 from bondgraph.report.thinning import MOST_POINTS
 from bondgraph.report.words import Words, law_title
 
-#: Stretches that are drawn of one long log, and of all: each takes a third of a second and 0.2 MB of the page.
+#: Stretches that are drawn of one long log, and of all: each takes half a second and 0.1 MB of the page.
 _MOST_STRETCHES, _STRETCHES_OF_ALL = 6, 24
 
 

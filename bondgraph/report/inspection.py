@@ -17,7 +17,7 @@ from bondgraph.report.diagram.text import plain
 from bondgraph.report.figures import LINES, figure_style
 from bondgraph.report.numbers import shown
 from bondgraph.report.thinning import thinned
-from bondgraph.text import few, number, text_table
+from bondgraph.text import Table, few, number, text_table
 
 #: Steps of time differ where they lie so far apart, as shares of the usual step.
 _UNEVEN = 0.01
@@ -107,23 +107,38 @@ def _summary(time: FloatArray, channel: LogChannel) -> ChannelSummary:
 
 def inspection_text(found: Inspection) -> str:
     """An inspection as a table of channels, then its findings and suspicions as sentences."""
+    lines = [times_text(found)]
+    header, rows = channel_table(found)
+    if rows:
+        lines.append(text_table(header, rows))
+    return "\n".join([*lines, *inspection_notes(found)])
+
+
+def times_text(found: Inspection) -> str:
+    """Rows and times of a log in a sentence."""
     uneven = found.steps[1] - found.steps[0] > _UNEVEN * found.step
     steps = f", between {number(found.steps[0])} and {number(found.steps[1])} s" if uneven else ""
     began = f", begun {found.began}" if found.began else ""
-    lines = [
+    return (
         f"{found.log}: {found.rows} rows from {number(found.start)} to {number(found.end)} s{began}; a row every "
         f"{number(found.step)} s{steps}"
-    ]
+    )
+
+
+def channel_table(found: Inspection) -> Table:
+    """Header and rows of the table of channels."""
     rows = [[f"{one.name} [{one.unit}]", *_cells(one)] for one in found.channels]
-    header = ["channel", "samples", "missing", "rate [1/s]", "lowest", "mean", "highest"]
-    if rows:
-        lines.append(text_table(header, rows))
+    return ["channel", "samples", "missing", "rate [1/s]", "lowest", "mean", "highest"], rows
+
+
+def inspection_notes(found: Inspection) -> list[str]:
+    """What is to be known of the channels, in sentences."""
     without = [one.name for one in found.channels if one.unit == "?"]
-    if without:
-        lines.append(f"without units, which --units COLUMN=UNIT gives where a model needs them: {few(without)}")
-    lines += [f"note: {one}" for one in found.findings]
-    lines += [f"suspicious: {one}" for one in found.suspicions]
-    return "\n".join(lines)
+    lines = [f"without units, which --units COLUMN=UNIT gives where a model needs them: {few(without)}"]
+    return [
+        *(lines if without else ()), *(f"note: {one}" for one in found.findings),
+        *(f"suspicious: {one}" for one in found.suspicions),
+    ]  # fmt: skip
 
 
 def _cells(one: ChannelSummary) -> list[str]:

@@ -26,7 +26,7 @@ from bondgraph.report.figures import (
 )
 from bondgraph.report.numbers import shown
 from bondgraph.report.series import ChannelSeries, FloatArray, MissingEffort, Prediction, StateBand
-from bondgraph.report.thinning import MOST_POINTS, thinned, with_gaps
+from bondgraph.report.thinning import MOST_NARROW, MOST_POINTS, thinned, with_gaps
 from bondgraph.simulate.quantities import InputInfo, OutputInfo, StateInfo
 from bondgraph.simulate.trajectory import Trajectory
 
@@ -272,14 +272,14 @@ def _finish(
 
 
 def _line(axes: Axes, time: FloatArray, values: FloatArray, colour: str, label: str = "", steps: bool = False) -> None:
-    shown_time, shown_values = thinned(time, values)
+    shown_time, shown_values = thinned(time, values, _most(axes))
     style = "steps-post" if steps else "default"
     axes.plot(shown_time, shown_values, color=colour, label=label or None, drawstyle=style)
 
 
 def _dots(axes: Axes, time: FloatArray, values: FloatArray, colour: str = MEASURED) -> None:
     finite = np.isfinite(values)
-    shown_time, shown_values = thinned(time[finite], values[finite])
+    shown_time, shown_values = thinned(time[finite], values[finite], _most(axes))
     axes.plot(
         shown_time, shown_values, ".", color=colour, markersize=4.0, markeredgewidth=0.0, rasterized=True
     )  # wider than lines
@@ -288,8 +288,14 @@ def _dots(axes: Axes, time: FloatArray, values: FloatArray, colour: str = MEASUR
 def _residual(axes: Axes, one: ChannelSeries, predicted: FloatArray, colour: str) -> None:
     difference = one.measured - predicted
     finite = np.isfinite(difference)
-    time, values = thinned(*with_gaps(one.time[finite], difference[finite]))
+    time, values = thinned(*with_gaps(one.time[finite], difference[finite]), _most(axes))
     axes.plot(time, values, color=colour, linewidth=0.8, alpha=0.85)
+
+
+def _most(axes: Axes) -> int:
+    """How many points of a line the width of a figure can show."""
+    figure = axes.get_figure(root=True)
+    return MOST_NARROW if figure is not None and figure.get_size_inches()[0] <= NARROW else MOST_POINTS
 
 
 def _quantities(trajectory: Trajectory, names: Sequence[str]) -> list[tuple[str, str, FloatArray]]:

@@ -16,6 +16,7 @@ from typing import Any
 
 import sympy
 
+from bondgraph.declare.domains import DOMAINS
 from bondgraph.declare.expressions import FUNCTIONS, to_text
 from bondgraph.declare.quantities import Table
 from bondgraph.syntax import parsed
@@ -32,7 +33,8 @@ _RELATIONS: dict[type[ast.cmpop], str] = {
 #: Names of the lines themselves: the graph, and what they import beside functions of laws.
 _NAMES_OF_LINES = {
     "g", "pi", "abs", "Rational", "Piecewise", "And", "Or", "Not", *_RELATIONS.values(), "symbol", "signal",
-    "table_function", "revise_law", "revise_output", "with_values", "with_bounds", "with_inputs_between",
+    "table_function", "revise_law", "revise_laws", "revise_output", "revise_integral", "split_bond", "share_effort",
+    "Bond", "Node", "Domain", *(name.upper() for name in DOMAINS), "with_values", "with_bounds", "with_inputs_between",
 }  # fmt: skip
 #: Words that text of laws may hold as they are: those of its conditions.
 _WORDS_OF_CONDITIONS = {"and", "or", "not", "True", "False"}
@@ -48,7 +50,7 @@ class UnwritableError(Exception):
 class Writer:
     """Lines while they are collected, with the imports and names that they need.
 
-    ``quantities`` are those of the corrected graph, by name.
+    ``quantities`` are those of the corrected graph, by name; ``later`` names integrals whose rate is given at the end.
     """
 
     quantities: Mapping[str, Any] = field(default_factory=dict)
@@ -56,6 +58,7 @@ class Writer:
     lines: list[str] = field(default_factory=list)
     imports: dict[str, set[str]] = field(default_factory=dict)
     known: dict[str, str] = field(default_factory=dict)
+    later: set[str] = field(default_factory=set)
 
     def use(self, module: str, name: str) -> str:
         """Import a name."""
@@ -121,7 +124,7 @@ class _Translator(ast.NodeTransformer):
         """An operation; a fraction of whole numbers stays one, which Python would make a number with a point."""
         if isinstance(node.op, ast.Div) and _is_whole(node.left) and _is_whole(node.right):
             return self._called("Rational", [node.left, node.right])
-        return self.generic_visit(node)
+        return self.generic_visit(_number_last(node))
 
     def visit_BoolOp(self, node: ast.BoolOp) -> ast.AST:
         return self._called(_JOINTS[type(node.op)], [self.visit(value) for value in node.values])
@@ -157,6 +160,30 @@ class _Translator(ast.NodeTransformer):
     def _called(self, name: str, arguments: list[Any]) -> ast.Call:
         """The call of a function of sympy."""
         return ast.Call(ast.Name(self._writer.use("sympy", name)), arguments, [])
+
+
+def _number_last(node: ast.BinOp) -> ast.BinOp:
+    """A product of a number, a sum and more with the number last: Python would multiply the terms of a sum by it."""
+    chain: list[tuple[ast.operator, ast.expr]] = []
+    first: ast.expr = node
+    while isinstance(first, ast.BinOp) and isinstance(first.op, ast.Mult | ast.Div):
+        chain.insert(0, (first.op, first.right))
+        first = first.left
+    negative = isinstance(first, ast.UnaryOp) and isinstance(first.op, ast.USub)
+    number: ast.expr = ast.Constant(1) if negative else first
+    factors = [(ast.Mult(), first.operand), *chain] if isinstance(first, ast.UnaryOp) and negative else chain
+    if not isinstance(number, ast.Constant) or len(factors) < 2 or not isinstance(factors[0][0], ast.Mult):
+        return node
+    if not _is_sum(factors[0][1]):
+        return node
+    made = factors[0][1]
+    for operator, factor in factors[1:]:
+        made = ast.BinOp(made, operator, factor)
+    return ast.BinOp(made, ast.Mult(), ast.UnaryOp(ast.USub(), number) if negative else number)
+
+
+def _is_sum(node: ast.expr) -> bool:
+    return isinstance(node, ast.BinOp) and isinstance(node.op, ast.Add | ast.Sub)
 
 
 def _dotted(node: ast.expr) -> str:

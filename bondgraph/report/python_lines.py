@@ -9,11 +9,13 @@ import ast
 import difflib
 import sys
 import tempfile
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from sympy import Integer
+
 from bondgraph.declare.editing import copy
-from bondgraph.declare.elements import Node
 from bondgraph.declare.files import load_graph
 from bondgraph.declare.graph import BondGraph
 from bondgraph.declare.loading import is_file_reference, split_reference
@@ -21,12 +23,9 @@ from bondgraph.declare.quantities import Integral, NamedSignal, Parameter
 from bondgraph.errors import BondGraphError
 from bondgraph.files import write_text
 from bondgraph.report.python_expressions import UnwritableError, Writer
+from bondgraph.report.python_nodes import write_nodes
 from bondgraph.syntax import parsed
 from bondgraph.text import few, inflected
-
-#: Own variables of laws by what they give; those of storages first.
-_OWN = {"R": {"effort": "flow", "flow": "effort"}, "C": {"effort": "displacement"}, "I": {"flow": "momentum"}}
-_BUILDERS = {"R": "resistance", "C": "compliance", "I": "inertance", "Se": "effort_source", "Sf": "flow_source"}
 
 
 def correction_lines(before: BondGraph, after: BondGraph) -> str:
@@ -61,7 +60,7 @@ def _tried(before: BondGraph, after: BondGraph) -> tuple[str, str]:
     writer = Writer(after.quantities)
     try:
         _write_quantities(writer, before, after)
-        _write_nodes(writer, before, after)
+        write_nodes(writer, before, after)
         _write_ways(writer, before, after)
         _write_values(writer, before, after)
     except UnwritableError as error:
@@ -102,9 +101,13 @@ def _write_quantities(writer: Writer, before: BondGraph, after: BondGraph) -> No
             writer.lines.append(f"{writer.variable(one.name)} = g.parameter({_parameter(one)})")
     for group, method in (("integrals", "integral"), ("signals", "signal")):
         old = {quantity.name for quantity in getattr(before, group)}
-        for quantity in getattr(after, group):
-            if quantity.name not in old:
-                _write_defined(writer, quantity, method)
+        new = [quantity for quantity in getattr(after, group) if quantity.name not in old]
+        for place, quantity in enumerate(new):
+            _write_defined(writer, quantity, method, [one.name for one in new[place + 1 :]])
+        for quantity in new if method == "integral" else ():
+            if quantity.name in writer.later:
+                revise = writer.use("bondgraph.declare.revision", "revise_integral")
+                writer.lines.append(f"{revise}(g, {quantity.name!r}, {writer.expression(quantity.of)})")
     outputs = {output.name: output for output in before.outputs}
     for output in after.outputs:
         if output.name in outputs and output != outputs[output.name]:
@@ -119,49 +122,28 @@ def _parameter(one: Parameter) -> str:
     return ", ".join(shown)
 
 
-def _write_defined(writer: Writer, quantity: Integral | NamedSignal, method: str) -> None:
+def _write_defined(writer: Writer, quantity: Integral | NamedSignal, method: str, later: Sequence[str]) -> None:
+    """A line for an integral or a signal; an integral of what is declared ``later`` is given its rate after that."""
     value = quantity.of if isinstance(quantity, Integral) else quantity.expression
     if isinstance(quantity, NamedSignal) and quantity.guess is not None:
         raise UnwritableError(f"{quantity.name}, which is solved for")
+    if method == "integral" and {one.name for one in value.free_symbols} & {*later}:
+        writer.later.add(quantity.name)
+        value = Integer(0)
     text = writer.expression(value, {quantity.name})
     own = f"lambda {quantity.name}: " if method == "integral" and quantity.name in text else ""
     variable = writer.variable(quantity.name)
-    start = f", initial={quantity.initial!r}" if isinstance(quantity, Integral) and quantity.initial else ""
+    start = _begun(quantity) if isinstance(quantity, Integral) else ""
     writer.lines.append(
         f"{variable} = g.{method}({quantity.name!r}, {own}{text}, {quantity.unit!r}, {quantity.meaning!r}{start})"
     )
 
 
-def _write_nodes(writer: Writer, before: BondGraph, after: BondGraph) -> None:
-    if [bond for bond in before.bonds if bond not in after.bonds]:
-        raise UnwritableError("an element in the middle of a bond")
-    for name, node in after.nodes.items():
-        if name not in before.nodes:
-            ends = [bond for bond in after.bonds if name in (bond.source, bond.target)]
-            if len(ends) != 1 or node.kind not in _BUILDERS:
-                raise UnwritableError(f"the element {name}")
-            junction = ends[0].source if ends[0].target == name else ends[0].target
-            writer.lines.append(f"g.{_BUILDERS[node.kind]}({name!r}, {_laws(writer, node)}, at={junction!r})")
-        elif node != before.nodes[name]:
-            revise = writer.use("bondgraph.declare.revision", "revise_law")
-            for given, law in node.laws:
-                text = writer.expression(law)
-                writer.lines.append(f"{revise}(g, {name!r}, {given!r}, {text})")
-
-
-def _laws(writer: Writer, node: Node) -> str:
-    own = _OWN.get(node.kind)
-    if own is None:
-        ((_, law),) = node.laws
-        return writer.expression(law)
-    texts = []
-    for given, law in node.laws:
-        if given not in own:
-            raise UnwritableError(f"the law of {node.name}")
-        text = f"lambda {own[given]}: {writer.expression(law, {own[given]})}"
-        first = given == ("flow" if node.kind == "I" else "effort")
-        texts.append(text if first and node.kind != "I" else f"{given}={text}")
-    return ", ".join(texts)
+def _begun(one: Integral) -> str:
+    """Where an integral begins, as the argument that says so."""
+    if one.start is not None:
+        return f", initial=({str(one.start)!r}, {one.initial!r})"
+    return f", initial={one.initial!r}" if one.initial else ""
 
 
 def _write_ways(writer: Writer, before: BondGraph, after: BondGraph) -> None:

@@ -6,8 +6,9 @@ import numpy as np
 
 from bondgraph.arrays import FloatArray, IntArray
 
-#: Points of a line beyond which it is thinned.
-MOST_POINTS = 1000
+#: Points of a line beyond which it is thinned: the lowest and the highest of each pixel of a panel, 450 pixels on a
+#: screen and 290 on a phone.
+MOST_POINTS, MOST_NARROW = 1000, 600
 
 
 def with_gaps(time: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:

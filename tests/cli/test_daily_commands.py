@@ -123,6 +123,14 @@ def test_inspect_tells_rates_gaps_and_suspicious_units(tmp_path: Path, capsys: p
     assert "'dash' is 3.6 times 'gps', which suggests km/h read as m/s" in out
     assert "column 'dash' has no measurement from 5 s to 10 s (rows 104 to 202)" in out and "H, L" in out
     assert (tmp_path / "run.png").stat().st_size > 10_000
+    assert main([*command, "--out", str(tmp_path / "seen")]) == 0
+    said = capsys.readouterr()
+    assert said.out == out and said.err.endswith(f"report: {tmp_path / 'seen' / 'report.html'}\n")
+    page = (tmp_path / "seen" / "report.html").read_text()
+    assert "which suggests km/h read as m/s" in page and "gps [m/s]" in page and "data:image/" in page
+    written = json.loads((tmp_path / "seen" / "result.json").read_text())
+    assert [(one["name"], one["mean"] is None) for one in written["channels"]][-1] == ("gear", True)
+    assert (tmp_path / "seen" / "run_channels.png").stat().st_size > 10_000
     assert main([*command, "--json", "--until", "4"]) == 0
     found = json.loads(capsys.readouterr().out)
     rates = {one["name"]: one["rate"] for one in found["channels"]}

@@ -22,7 +22,8 @@ def test_sensitivity_prints_tables_and_writes_a_picture_and_a_report(
     assert "std alone" in said and "rate [1/s]" in said and "free " in said
     assert {path.name for path in out.iterdir()} == {"result.json", "sensitivity.png", "rates.png", "report.html"}
     page = (out / "report.html").read_text(encoding="utf-8")
-    assert "Rate of samples" in page and "std joint" in page and "http" not in page
+    assert "Rate of samples" in page and "std joint" in page
+    assert "http" not in page.replace("http://www.w3.org", "")  # the name space of pictures
     for told in (said, page):  # of values far from what logs say the two tables differ, up to 26 times
         assert "estimate first, and look again" in " ".join(told.split())
     written = json.loads((out / "result.json").read_text(encoding="utf-8"))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -44,6 +45,32 @@ def test_simulate_reaches_the_stationary_speed(motor_file: Path, capsys: pytest.
     current = 12.0 / (1.0 + 0.1**2 / 0.05)
     assert float(lines[-1]["i_L [A]"]) == pytest.approx(current, rel=1e-7)
     assert float(lines[-1]["effort(loop->R) [V]"]) == pytest.approx(current, rel=1e-7)
+
+
+def test_simulate_tells_a_person_what_came_out_and_gives_programs_the_table(
+    motor_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    command = ["simulate", str(motor_file), "--until", "2", "--set", "u_a=12"]
+    assert main(command) == 0
+    table = capsys.readouterr().out
+    assert table.count("\n") == 1002
+    monkeypatch.setattr(sys.stdout, "isatty", lambda: True)
+    assert main([*command, "--out", "-"]) == 0
+    assert capsys.readouterr().out == table
+    assert main([*command, "--all"]) == 0
+    rows = list(csv.DictReader(table.splitlines()))
+    speeds = [float(row["omega [rad/s]"]) for row in rows]
+    told = capsys.readouterr().out
+    (line,) = (line.split() for line in told.splitlines() if line.startswith("omega "))
+    assert [float(cell) for cell in line[2:]] == pytest.approx(
+        [speeds[0], speeds[-1], min(speeds), max(speeds)], rel=1e-3
+    )
+    assert "1001 rows from 0 to 2 s" in told and "--out -" in told and told.count("\n") < 12
+    assert "efforts and flows of bonds, which the table has too: 14" in told
+    assert main([*command, "--out", str(tmp_path / "run.csv")]) == 0
+    assert (tmp_path / "run.csv").read_text(encoding="utf-8") == table
+    said = capsys.readouterr()
+    assert "1001 rows" in said.out and "--out" not in said.out and "written: " in said.err
 
 
 @pytest.mark.rendered

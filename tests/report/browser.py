@@ -80,9 +80,19 @@ _PICTURES = """
 """
 
 
+#: Tables of which a part is hidden until they are scrolled.
+_SCROLLED = """
+[...document.querySelectorAll(".scroll")].filter((one) => one.scrollWidth > one.clientWidth + 1)
+  .map((one) => one.textContent.trim().replace(/\\s+/g, " ").slice(0, 60))
+"""
+
+
 @dataclass(frozen=True)
 class Seen:
-    """A page at one width in one scheme of colours: its own width, what overflows, is faint, was complained of."""
+    """A page at one width in one scheme of colours: its own width, what overflows, is faint, was complained of.
+
+    ``scrolled`` holds the first words of tables that are wider than their place.
+    """
 
     width: int
     scheme: str
@@ -91,6 +101,7 @@ class Seen:
     faint: tuple[str, ...]
     complaints: tuple[str, ...]
     pictures: tuple[int, ...]
+    scrolled: tuple[str, ...]
     png: bytes
 
 
@@ -182,6 +193,7 @@ async def _seen(session: _Session, page: Path, width: int, scheme: str, pictures
     opened = await session.evaluate(_MEASURE)
     drawn = await session.evaluate(_PICTURES)
     faint = await session.evaluate(_FAINT)
+    scrolled = await session.evaluate(_SCROLLED)
     png = b""
     if pictures:
         shot = await session.call("Page.captureScreenshot", format="png", captureBeyondViewport=True)
@@ -189,7 +201,7 @@ async def _seen(session: _Session, page: Path, width: int, scheme: str, pictures
     outside = dict.fromkeys((*measured["outside"], *opened["outside"]))
     return Seen(
         width, scheme, max(measured["page"], opened["page"]), tuple(outside), tuple(faint), _complaints(session.events),
-        tuple(drawn), png,
+        tuple(drawn), tuple(scrolled), png,
     )  # fmt: skip
 
 
@@ -223,7 +235,7 @@ def main() -> None:
         for seen in look(page, options.widths, pictures=True):
             target = options.out / f"{page.resolve().parent.name}_{page.stem}_{seen.width}_{seen.scheme}.png"
             target.write_bytes(seen.png)
-            print(target, seen.page, *seen.outside, *seen.faint, *seen.complaints, sep="\n  ")
+            print(target, seen.page, *seen.outside, *seen.scrolled, *seen.faint, *seen.complaints, sep="\n  ")
 
 
 if __name__ == "__main__":

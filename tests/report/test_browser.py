@@ -77,6 +77,25 @@ def test_long_names_and_many_logs_do_not_overflow(tmp_path: Path) -> None:
         _good(one)
 
 
+def test_errors_of_a_vehicle_are_read_without_scrolling(tmp_path: Path) -> None:
+    """The table of errors ran out of its place on half a screen, where channels had names such as those of a car."""
+    data = coast_down_report()
+    names = {"velocity": ("longitudinal_acceleration", "m/s^2"), "wheel_speed": ("rear_left_wheel_speed", "rad/s")}
+    errors = tuple(
+        replace(
+            row, channel=names[row.channel][0], unit=names[row.channel][1], log="mixed_cycle_recorded_1",
+            simulation_before=1e4 * row.simulation_before, simulation_ci95=(0.0491, 0.0532),
+            one_step_ci95=(0.0491, 0.0532),
+        )
+        for row in data.errors
+    )  # fmt: skip
+    page = tmp_path / "report.html"
+    write_report(replace(data, errors=errors, series=()), page)
+    for one in look(page, (400, 660, 800, 1000, 1600), ["light"]):
+        _good(one)
+        assert one.scrolled == (), one.width
+
+
 def test_what_overflows_fails_or_is_faint_is_found(tmp_path: Path) -> None:
     page = tmp_path / "bad.html"
     page.write_text(

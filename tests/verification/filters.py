@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -11,6 +12,7 @@ from bondgraph.data.log import MatchedLog
 from bondgraph.filter.belief import Belief, Prediction, predict, update
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.filter_run import FilterRun
+from bondgraph.filter.online import OnlineFilter
 from bondgraph.filter.runs import run
 from bondgraph.filter.sigma_points import MerweScaled, lower_factor
 from bondgraph.filter.smoother import smooth, smooth_step
@@ -46,7 +48,13 @@ def steady_covariance(case: Published) -> Answer:
     return Answer([case["expected"]["P_predicted"], case["expected"]["P_filtered"]], got)
 
 
-def redrawn_points(case: Published) -> Answer:
+def streamed(model: FilterModel, log: MatchedLog, x0: list[float] | None = None, compiled: bool = True) -> FilterRun:
+    """The run of a filter that is given the samples one by one."""
+    interval = float(np.median(np.diff(log.time)))
+    return OnlineFilter(model, interval=interval, x0=x0, compiled=compiled).follow(log)
+
+
+def redrawn_points(case: Published, run: Callable[..., FilterRun] = run) -> Answer:
     inputs, table = case["inputs"], case.table()
     model = walking(1.0, 1.0, **{name: inputs[name] for name in ("alpha", "beta", "kappa")})
     log = log_of(np.arange(table.size + 1.0), after_start(table["z"]))
@@ -58,7 +66,7 @@ def redrawn_points(case: Published) -> Answer:
 # Machines.
 
 
-def cannonball(case: Published) -> Answer:
+def cannonball(case: Published, run: Callable[..., FilterRun] = run) -> Answer:
     table = case.table()
     speed = 100.0 * np.sqrt(0.5)
     spread = {"x": 30.0, "v_along": np.sqrt(1e-3), "y": 30.0, "v_up": np.sqrt(1e-3)}
@@ -196,7 +204,15 @@ CLAIMS = (
         ("P_predicted", "P_filtered"),
     ),
     Claim("filterpy_172_ukf_equals_kf", "means and variances", (run,), redrawn_points, within("abs")),
+    Claim(
+        "filterpy_172_ukf_equals_kf", "the same by the on-line filter", (OnlineFilter.step,),
+        partial(redrawn_points, run=streamed), within("abs"),
+    ),
     Claim("hipparchus_cannonball_zero_process_noise", "means and covariances", (run,), cannonball, within("abs")),
+    Claim(
+        "hipparchus_cannonball_zero_process_noise", "the same by the on-line filter", (OnlineFilter.step,),
+        partial(cannonball, run=streamed), within("abs"),
+    ),
     Claim("hipparchus_cv_rts", "smoothed means and covariances", (run, smooth), constant_velocity, within("abs")),
     Claim(
         _SARKKA, "unscented filter and smoother, RMSE", (*_STEPS, smooth_step), unscented_pendulum, within("abs"),
