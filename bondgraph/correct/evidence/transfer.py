@@ -12,7 +12,8 @@ closes a clutch nothing is known of the clutch, and the launch cannot be predict
 
 Reference: Rad and Maleki (2020), J. Royal Stat. Soc. B 82(4); Giordano, Stephenson, Liu, Jordan and Broderick (2019),
 AISTATS, for approximate cross-validation. The gain over all folds must be above zero by more than its scatter over
-blocks of time, and not be that of one fold alone; and over the horizon no channel may be predicted clearly worse.
+blocks of time, and not be that of one fold alone; and over the horizon no channel may be predicted clearly worse,
+unless the others gain more by it: where two laws lack, the first may wait for its partner.
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ import numpy as np
 from scipy import stats
 
 from bondgraph.correct.constants import CHANCE, FOLDS, LOGS_AS_FOLDS
-from bondgraph.correct.fits.compared import Compared, Errors, judged, squares
+from bondgraph.correct.fits.compared import Compared, Errors, is_worse, judged, squares
 from bondgraph.correct.fits.horizon import horizon, predicted, windows
 from bondgraph.correct.fits.times import summed, term_times
 from bondgraph.correct.scores.score import solve
@@ -81,7 +82,7 @@ class Transfer:
     @property
     def why_not(self) -> str:
         """What speaks against it, empty if nothing does."""
-        worse = [str(one) for one in self.compared if one.clearly]
+        worse = [str(one) for one in self.compared if one.clearly] if is_worse(self.compared) else []
         if not self.p_value < CHANCE:
             return f"left out, the folds gain {self.gain:.3g} ± {self.error:.3g} nats (p = {self.p_value:.2g})"
         if not self.gain > self.fold_error:

@@ -89,6 +89,21 @@ def judged(one: Errors, random: bool, count: int) -> Compared:
     return Compared(one.data, one.kind, one.channel, math.sqrt(before), math.sqrt(after), p_worse, clearly, one.info)
 
 
+def is_worse(compared: Sequence[Compared]) -> bool:
+    """True where all channels together are shown worse: by the geometric mean of their ratios of errors.
+
+    With noise levels as large as the errors, that is a loss of likelihood: half the logarithm of each mean square.
+
+    Examples
+    --------
+    >>> def one(channel: str, after: float) -> Compared:
+    ...     return Compared("left-out", "prediction", channel, 1.0, after, 0.0, True)
+    >>> is_worse([one("current_d", 0.1), one("current_q", 1.02)]), is_worse([one("speed", 0.95), one("angle", 1.5)])
+    (False, True)
+    """
+    return sum(math.log(one.after / one.before) for one in compared if one.before > 0.0 and one.after > 0.0) > 0.0
+
+
 def predicts_worse(first: Fit, second: Fit, logs: Sequence[MatchedLog]) -> bool:
     """True where a second fit predicts the channels of logs worse over the horizon than the first.
 

@@ -36,6 +36,8 @@ SHARES = (1.0, 0.5, 0.1)
 _LOWERED = (0.0, 0.5, 1.0)
 #: Looks at most: each tells values four times further apart, and a few more may move on.
 _LOOKS = 12
+#: What a law gains from afar is right to a factor of two, as scores are.
+_HALF = 0.5
 #: Multiples of a predicted coefficient at which a law may start that is not smooth, or much larger than predicted.
 _MULTIPLES = (4.0, 16.0)
 
@@ -95,11 +97,15 @@ def refit(
     return replace(trial, built=built, fit=fitted, evidence=evidence, failed="")
 
 
-def looked_closer(done: Trial, context: Context, tried: int | None = None) -> Trial:
-    """The trial with its law found again where it tells values nearer to the one that was found further apart."""
+def looked_closer(done: Trial, context: Context, lead: Fit | None = None, tried: int | None = None) -> Trial:
+    """The trial with its law found again where it tells values nearer to the one that was found further apart.
+
+    One that gains less than half of what the best fit so far does is left as it is.
+    """
+    least = max(context.required, 0.0 if lead is None else _HALF * (context.base.nll - lead.nll))
     for _ in range(_LOOKS):
         effect = done.candidate.effect
-        if done.fit is None or effect.closer is None:
+        if done.fit is None or effect.closer is None or done.gain < least:
             return done
         place = effect.closer(done.fit.values[effect.coefficients[0]])
         if place is None:

@@ -169,7 +169,7 @@ def _refit(search: Search, due: Sequence[int]) -> None:
             return
         found[due[k]] = attempted(  # it may diverge wherever it starts
             lambda: looked_closer(
-                refit(trial, entry.starts, contexts[k], lead, ready, entry.tried), contexts[k], entry.tried
+                refit(trial, entry.starts, contexts[k], lead, ready, entry.tried), contexts[k], lead, entry.tried
             ),
             lambda why: failed(trial, why),
         )

@@ -93,8 +93,9 @@ def whole_law(law: Trial, graph: BondGraph, read: bool = False) -> tuple[str, Ex
     gives, found = "", sympy.Integer(0)
     flat, place = graph.flatten(), law.candidate.place
     common = argument(f"{'flow' if place.junction.kind == '1' else 'effort'} of {place.label}")
-    for one in law.forms or (law,):
-        node = flat.nodes.get(one.candidate.effect.element)
+    parts = {one.candidate.effect.element: one for one in law.forms or (law,)}  # two may revise one element
+    for element, one in parts.items():
+        node = flat.nodes.get(element)
         if node is None or len(node.laws) != 1 or (gives and node.laws[0][0] != gives):
             return None
         gives, expression = node.laws[0]

@@ -1,7 +1,7 @@
 """The library of terms: what a formula may be made of, with the signals that each kind of term makes sense for.
 
-A term is a function of one signal, or a product of two, times a coefficient that carries the unit. Some have an inner
-parameter (a threshold, a reach, a period): it is tried at a few values and then estimated with the coefficient. The
+A term is a function of one signal, or a product of two, one perhaps to a power, times a coefficient with the unit.
+Some have an inner parameter (a threshold, a reach, a period): it is tried at a few values and then estimated. The
 library is small on purpose, and searched whole: a best subset found by exhaustive search is the best one there is,
 which no greedy or thresholded regression promises. References: Brunton, Proctor and Kutz (2016), PNAS 113(15), for
 libraries of terms; Bertsimas, King and Mazumder (2016), Annals of Statistics 44(2), for best subsets by exact search.
@@ -39,7 +39,11 @@ _TURNS = (1.5, 2.0, 3.0, 4.0, 6.0, 8.0, 12.0)
 #: A signal counts as a position where its name or its unit says so.
 _ANGLES = ("m", "rad")
 
-_X = Symbol("x", real=True)
+#: Exponents of the second signal of a product that are tried beside one: of a current that is chopped twice, and of
+#: conductances and resistances in a stream. The span is a convention.
+_SCALES, _SCALE_SPAN = (-1.0, -0.5, 0.5, 2.0), (-3.0, 3.0)
+
+_X, _Y = Symbol("x", real=True), Symbol("y", real=True)
 _TURN = Float(2.0 * math.pi)
 _SIZE, _INNER = Symbol("size", positive=True), Symbol("inner", real=True)
 
@@ -59,6 +63,8 @@ def identifier(words: str) -> str:
 class Kind:
     """A kind of term: its laws in ``x`` (two for a wave of unknown phase), and what its inner parameter means.
 
+    ``x`` is the signal, or the product of two; where the laws have a ``y``, that is the second one.
+
     ``power``: the coefficient has the unit of the missing variable over that of the signal to this power. ``read`` are
     the laws as a person reads them, where that is shorter. ``alone``: a law of its own, and no part of a sum.
     """
@@ -69,6 +75,11 @@ class Kind:
     inner: str = ""
     read: tuple[Expr, ...] = ()
     alone: bool = False
+
+    @property
+    def has_second(self) -> bool:
+        """True where the second signal has a place of its own in the laws."""
+        return any(_Y in law.free_symbols for law in self.laws)
 
 
 #: Kinds without an inner parameter; the width of a change of sign is that of smoothed dry friction.
@@ -103,6 +114,11 @@ _POWER = Kind(
 _FALLING_POWER = replace(_POWER, name="falling_power")
 _WAVE = Kind("wave", (sin(_TURN * _X / _INNER), cos(_TURN * _X / _INNER)), 0, "period")
 _PRODUCT = Kind("product", (_X,), 1)
+#: A product of one signal with a power of the size of another: what a stream or a command makes of a loss.
+_SCALED = Kind(
+    "power_product", (_X * ((_Y / _SIZE) ** 2 + SMOOTHING**4) ** (_INNER / 2),), 1, "exponent",
+    (_X * Abs(_Y / _SIZE) ** _INNER,), alone=True,
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -126,9 +142,9 @@ class Term:
 
     @property
     def argument_unit(self) -> str:
-        """Unit of the signal, or of the product of two; empty where one is not known."""
-        several = len(self.units) > 1
-        return "" if not all(self.units) else "*".join(f"({unit})" if several else unit for unit in self.units)
+        """Unit of what is x in the laws; empty where one is not known."""
+        units = self.units[:1] if self.kind.has_second else self.units
+        return "" if not all(units) else "*".join(f"({unit})" if len(units) > 1 else unit for unit in units)
 
     @property
     def name(self) -> str:
@@ -148,19 +164,27 @@ class Term:
         """
         argument_of = [argument(one) for one in self.signals]
         given = {_SIZE: Float(self.size), _INNER: Float(self.inner) if inner is None else inner}
-        product = argument_of[0] if len(argument_of) == 1 else argument_of[0] * argument_of[1]
         laws = (self.kind.read or self.kind.laws) if read else self.kind.laws
-        return tuple(law.xreplace({**given, _X: product}) for law in laws)
+        if self.kind.has_second:
+            given |= {_X: argument_of[0], _Y: argument_of[1]}
+        else:
+            given[_X] = argument_of[0] if len(argument_of) == 1 else argument_of[0] * argument_of[1]
+        return tuple(law.xreplace(given) for law in laws)
 
     def courses(self, known: Sequence[Signal], log: int) -> FloatArray:
         """The laws along one log, shape (laws, n)."""
-        return self.values(np.prod([_named(known, name).values[log] for name in self.signals], axis=0))
+        own = [_named(known, name).values[log] for name in self.signals]
+        if self.kind.has_second:
+            return self.values(own[0], second=own[1])
+        return self.values(np.prod(own, axis=0))
 
-    def values(self, argument: FloatArray, inner: float | None = None) -> FloatArray:
-        """The laws at values of the signal (n,), or of the product of two, shape (laws, n)."""
+    def values(self, argument: FloatArray, inner: float | None = None, second: FloatArray | float = 0.0) -> FloatArray:
+        """The laws at values (n,) of the signal, or of the product of two, and of the second, shape (laws, n)."""
         at = self.inner if inner is None else inner
         with np.errstate(over="ignore"):
-            found = [np.broadcast_to(one(argument, self.size, at), argument.shape) for one in _numeric(self.kind)]
+            found = [
+                np.broadcast_to(one(argument, self.size, at, second), argument.shape) for one in _numeric(self.kind)
+            ]
         return np.array(found)
 
 
@@ -169,9 +193,9 @@ def _named(known: Sequence[Signal], name: str) -> Signal:
 
 
 @functools.lru_cache(maxsize=64)
-def _numeric(kind: Kind) -> tuple[Callable[[FloatArray, float, float], FloatArray], ...]:
-    """The laws as functions of values, size and inner parameter."""
-    return tuple(numeric((_X, _SIZE, _INNER), law) for law in kind.laws)
+def _numeric(kind: Kind) -> tuple[Callable[[FloatArray, float, float, FloatArray | float], FloatArray], ...]:
+    """The laws as functions of values, size, inner parameter and values of a second signal."""
+    return tuple(numeric((_X, _SIZE, _INNER, _Y), law) for law in kind.laws)
 
 
 def library(known: Sequence[Signal], of: Signal) -> list[Term]:
@@ -195,6 +219,32 @@ def library(known: Sequence[Signal], of: Signal) -> list[Term]:
     if _is_position(of):
         found += _waves(of, together, size)
     return found + _products(known, of)
+
+
+def products(known: Sequence[Signal]) -> list[Term]:
+    """The products of every two signals, time left out, and those of a signal with a power of an input."""
+    timeless = [one for one in known if one.name != "time"]
+    every = [term for one in timeless for term in _products(known, one)]
+    inputs = [one for one in timeless if not is_variable(one)]
+    scaled = [term for one in timeless for other in inputs if other is not one for term in _scaled(one, other)]
+    return [*{one.name: one for one in every}.values(), *scaled]
+
+
+def is_variable(of: Signal) -> bool:
+    """True for a signal that is a variable of the machine, such as an effort of a junction: no input, nor time."""
+    return " of " in of.name
+
+
+def _scaled(of: Signal, by: Signal) -> list[Term]:
+    """A signal times powers of the size of an input; negative ones only where that keeps away from zero."""
+    values = np.abs(np.concatenate(by.values))
+    size = float(np.percentile(values, 99.0))
+    if not size > 0.0 or not np.abs(np.concatenate(of.values)).max() > 0.0:
+        return []
+    least = _SCALE_SPAN[0] if float(values.min()) > _AWAY * size else 1.0 / 3.0
+    span = (least, _SCALE_SPAN[1])
+    names, units = (of.name, by.name), (of.unit, by.unit)
+    return [Term(_SCALED, names, units, size, n, span) for n in _SCALES if n > least]
 
 
 def _with_thresholds(of: Signal, together: FloatArray, size: float) -> list[Term]:

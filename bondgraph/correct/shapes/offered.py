@@ -31,7 +31,18 @@ from bondgraph.correct.scores.scoring import Linearisation, Scored
 from bondgraph.correct.search.refit import refit_from
 from bondgraph.correct.shapes.completions import arguments
 from bondgraph.correct.shapes.formula import Formula
-from bondgraph.correct.shapes.subsets import MOST_TERMS, Sum, Terms, best_sums, elsewhere, lost, scored_terms, tried
+from bondgraph.correct.shapes.library import products
+from bondgraph.correct.shapes.subsets import (
+    MOST_TERMS,
+    Sum,
+    Terms,
+    best_sums,
+    elsewhere,
+    lost,
+    scored_products,
+    scored_terms,
+    tried,
+)
 from bondgraph.declare.effect import Place
 from bondgraph.estimate.local import Report
 
@@ -90,13 +101,15 @@ def with_formulas(
     law = choose(trials, context.level)
     if law is not None and context.base.problem.filter_model.is_stiff:
         return list(trials)  # a refit costs a compilation and minutes; what the law leaves is looked at in the end
-    known = distinct(left.signals)
-    functions = splines(left.linear, _suspects(left, _ALL_PLACES if law is None else _PLACES), known)
+    known, least = distinct(left.signals), _WORTH * _promised(scored, law)
+    where = _suspects(left, _ALL_PLACES if law is None else _PLACES)
+    functions = splines(left.linear, where, known)
     measured = sum(int(np.isfinite(log.y).sum()) for log in context.train)
     found = unexplained(functions, measured, context.level)
-    if found is None or found.signal == "time" or found.gain < _WORTH * _promised(scored, law):
-        return list(trials)
-    options, counts = _options(functions, known, left, measured, 1 if law is not None else MOST_TERMS)
+    plain = found is not None and found.signal != "time" and found.gain >= least
+    options, counts = _options(functions if plain else (), known, left, measured, 1 if law else MOST_TERMS)
+    crossed, pairs = _crossed(where, functions, known, left, measured, least)
+    options, counts = sorted([*crossed, *options], key=lambda one: -one.chosen.worth), {**counts, 1: counts[1] + pairs}
     if law is not None and options and _says(law, options[0], scored, left):
         return list(trials)
     done, refitted = list(trials), {one.candidate.label for one in trials}
@@ -105,7 +118,7 @@ def with_formulas(
         if f"{formula_at(option.probe, option.chosen, left.signals).name} at {option.probe.place.label}" in refitted:
             continue  # as a form of a law that was found before
         made = _refitted(option, left, context, context.tried + counts[len(option.chosen.terms)])
-        done += made
+        done, refitted = done + made, refitted | {one.candidate.label for one in made}
         if law is not None and made and not made[0].gain > law.gain + INDIFFERENT:
             break  # the foremost does not beat the law
     report("refit formulas", len(options), len(options))
@@ -139,6 +152,29 @@ def _options(
         counts = {size: before + most * tried(terms, size) for size, before in counts.items()}
         found += [_at_home(terms, chosen, left) for chosen in _sums(terms, one, measured, most)]
     return sorted(found, key=lambda option: -option.chosen.worth), counts
+
+
+def _crossed(
+    where: Sequence[Probe],
+    functions: Sequence[Spline],
+    known: Sequence[Signal],
+    left: Residual,
+    measured: int,
+    least: float,
+) -> tuple[list[Option], int]:
+    """Products of two signals that promise more than every function of one at their place, and how many were tried.
+
+    A product may be no function of either signal: a speed that couples two windings takes current from both.
+    """
+    found: list[Option] = []
+    count = 0
+    for probe in where if products(known) else ():
+        terms = scored_products(left.linear, probe, known)
+        count += tried(terms, 1)
+        most = max([least, *(one.gain for one in functions if one.probe is probe)])
+        best = best_sums(terms, measured, 1, 1)
+        found += [_at_home(terms, one, left) for one in best if one.gain > most and one.worth > 0.0]
+    return sorted(found, key=lambda option: -option.chosen.gain)[:_MOST_PLACES], count
 
 
 def _sums(terms: Terms, free: Spline, measured: int, most: int) -> list[Sum]:

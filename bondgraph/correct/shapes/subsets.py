@@ -18,7 +18,7 @@ from bondgraph.correct.constants import FREE_TAKE, INDIFFERENT
 from bondgraph.correct.places.probes import Probe, Signal, shaped
 from bondgraph.correct.scores.score import Projected, solve
 from bondgraph.correct.scores.scoring import Linearisation
-from bondgraph.correct.shapes.library import Term, library
+from bondgraph.correct.shapes.library import Term, library, products
 from bondgraph.data.log import FloatArray
 from bondgraph.filter.linear.response import Change
 
@@ -66,6 +66,15 @@ class Terms:
 def scored_terms(linear: Linearisation, probe: Probe, known: Sequence[Signal], of: Sequence[Signal]) -> Terms:
     """The terms in some signals at one place, those of which parameters leave something."""
     terms = list({(one.name, one.inner): one for signal in of for one in library(known, signal)}.values())
+    return _scored(linear, probe, known, terms)
+
+
+def scored_products(linear: Linearisation, probe: Probe, known: Sequence[Signal]) -> Terms:
+    """The products of every two signals at one place, those of which parameters leave something."""
+    return _scored(linear, probe, known, products(known))
+
+
+def _scored(linear: Linearisation, probe: Probe, known: Sequence[Signal], terms: Sequence[Term]) -> Terms:
     sizes = [len(term.kind.laws) for term in terms]
     columns = _responses(linear, probe, terms, known)
     projected = linear.projected(columns)

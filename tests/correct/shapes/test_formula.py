@@ -18,7 +18,7 @@ from bondgraph.correct.places.unexplained import distinct, splines
 from bondgraph.correct.result import result_json
 from bondgraph.correct.scores.scoring import linearisation
 from bondgraph.correct.shapes.formula import Formula, formula_of
-from bondgraph.correct.shapes.library import Term, library
+from bondgraph.correct.shapes.library import Term, library, products
 from bondgraph.correct.shapes.subsets import Terms, best_sums
 from bondgraph.correct.shapes.words import lies_in
 from bondgraph.data.log import MatchedLog
@@ -75,7 +75,7 @@ def log(cube: float, seed: int, samples: int = 500) -> MatchedLog:
 
 
 def every_term() -> list[Term]:
-    return [term for one in (WAY, SPEED, PULL) for term in library(KNOWN, one)]
+    return [*(term for one in (WAY, SPEED, PULL) for term in library(KNOWN, one)), *products(KNOWN)]
 
 
 @pytest.mark.parametrize("term", every_term(), ids=lambda term: f"{term.name}-{term.inner:.3g}")
@@ -95,7 +95,7 @@ def test_terms_fit_their_signals() -> None:
 
 
 def test_the_best_sums_are_those_of_least_squares() -> None:
-    terms = tuple(one for one in every_term() if not one.kind.inner)
+    terms = tuple({one.name: one for one in every_term() if not one.kind.inner}.values())
     columns = np.concatenate([one.courses(KNOWN, 0) for one in terms]).T
     truth = 3.0 * WAY.values[0] ** 3 - 0.2 * SPEED.values[0] * np.abs(SPEED.values[0])
     y = truth + 0.01 * RNG.standard_normal(200)
@@ -123,6 +123,7 @@ SUMS = (
     (_term("cube", WAY),), (_term("signed_square", SPEED),), (_term("sign", SPEED), _term("step", SPEED)),
     (_term("ramp_above", PULL),), (_term("wave", WAY), _term("saturation", SPEED)), (_term("exponential", WAY),),
     (_term("product", PULL), _term("magnitude", SPEED), _term("ramp_below", WAY)),
+    (next(one for one in products(KNOWN) if one.kind.name == "power_product"),),
 )  # fmt: skip
 
 
@@ -147,8 +148,9 @@ def test_its_lines_of_python_declare_the_same_machine(terms: tuple[Term, ...]) -
     inner = iter(values[name] for name in made.effect.shapes)
     law = 0.0
     for term in terms:
-        product = np.prod([next(s for s in signals_there if s.name == n).values[0] for n in term.signals], axis=0)
-        laws = term.values(product, next(inner) if term.kind.inner else None)
+        own = [next(s for s in signals_there if s.name == n).values[0] for n in term.signals]
+        x, second = (own[0], own[1]) if term.kind.has_second else (np.prod(own, axis=0), 0.0)
+        laws = term.values(x, next(inner) if term.kind.inner else None, second)
         law += sum(next(coefficients) * float(one[0]) for one in laws)
     assert taken[0] == pytest.approx(law, rel=1e-9)
 

@@ -32,7 +32,7 @@ def log(seed: int, delay: float = 0.0, lag: float = 0.0, acting: float = 0.0) ->
     """
     chance = np.random.default_rng(seed)
     time = STEP * np.arange(SAMPLES)
-    u = steps(time, chance, -20.0, 20.0, 0.4)
+    u = np.where(time < 0.4, 0.0, steps(time, chance, -20.0, 20.0, 0.4))
 
     def rates(t: float, x: FloatArray) -> FloatArray:
         given = np.interp(t - acting, time, u, left=0.0) if acting else np.interp(t, time, u)
