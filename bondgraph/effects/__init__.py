@@ -6,15 +6,16 @@ in which it acts: ``creep`` is a leakage in a tank and a shunt in a circuit. Whe
 earlier one is preferred. What is imported here is tried where nothing else is said; the modules hold further effects.
 
 friction     what takes an effort: viscous, dry, Stribeck, quadratic, rolling at speed, cold oil
-hysteresis   friction that gives way before it slides, as Dahl, as Bouc and Wen, and as LuGre have it
+hysteresis   friction that gives way before it slides, as Dahl, as Bouc and Wen, and as LuGre have it; cells
 losses       in proportion to the load, by direction, creep, slip, leaks, thresholds, centrifugal belt tension,
              tyres whose force builds up over a length
 thermal      heat given away by conduction, convection, radiation; a heat capacity that changes
 between      leaks, overflows, friction and fluid couplings between two junctions of one domain; clutches and
              couplings that slip
 loads        constant efforts and flows, headwind, ripple
-actuators    wrong scale and lag of sources and ratios, ceiling, dead zone, bent map and rate of what follows a
-             command; motors whose constant falls with the current, magnets that pull harder as a gap closes
+actuators    wrong scale, lag and delay of sources and ratios, ceiling, dead zone, play, bent map and rate of what
+             follows a command; motors whose constant falls with the current, magnets that pull harder as a gap closes
+ratios       cranks, universal joints and linkages, whose ratio moves with an angle or a stroke
 relaxation   cells that polarise, walls that take up heat slowly, viscoelastic drag, masses on springs
 storages     added inertia, capacity, compliance; backlash, stops, springs that harden, gas, iron that saturates
 fading       resistances that change with temperature, batteries that fall with their charge
@@ -27,6 +28,7 @@ from bondgraph.effects.friction import coulomb_loss as coulomb_loss
 from bondgraph.effects.friction import electrode_loss as electrode_loss
 from bondgraph.effects.friction import heating_resistance as heating_resistance
 from bondgraph.effects.hysteresis import hysteresis_loss as hysteresis_loss
+from bondgraph.effects.hysteresis import voltage_hysteresis as voltage_hysteresis
 from bondgraph.effects.friction import quadratic_loss as quadratic_loss
 from bondgraph.effects.friction import rolling_speed_loss as rolling_speed_loss
 from bondgraph.effects.friction import stribeck_loss as stribeck_loss
@@ -69,6 +71,10 @@ from bondgraph.effects.actuators import stroke_fading as stroke_fading
 from bondgraph.effects.actuators import actuator_ceiling as actuator_ceiling
 from bondgraph.effects.actuators import actuator_dead_zone as actuator_dead_zone
 from bondgraph.effects.actuators import actuator_rate_limit as actuator_rate_limit
+from bondgraph.effects.actuators import actuator_play as actuator_play
+from bondgraph.effects.ratios import ratio_by_angle as ratio_by_angle
+from bondgraph.effects.ratios import crank_ratio as crank_ratio
+from bondgraph.effects.ratios import ratio_by_stroke as ratio_by_stroke
 from bondgraph.effects.actuators import actuator_exponent as actuator_exponent
 from bondgraph.effects.actuators import gap_dependence as gap_dependence
 from bondgraph.effects.between import leak_between as leak_between

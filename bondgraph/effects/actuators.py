@@ -53,6 +53,8 @@ _CURVES = "Lyons (1982), Lyons' Valve Designer's Handbook, chapter 10, for inher
 _GAP = "Woodson, Melcher (1968), Electromechanical Dynamics, chapter 3"
 #: Exponents beyond one of a bent map that are tried, from a root of the third degree to a fourth power.
 _BENT = (-0.67, 3.0)
+#: The least half play that is looked for, as a share of what the source gives at most: less hides in noise.
+_LEAST_PLAY = 0.003
 #: Share of a gap that a stroke may close: the pull is 25 times as large then, and the law has a pole at the whole gap.
 _CLOSED = 0.8
 #: What an element of each kind gives.
@@ -217,6 +219,33 @@ def actuator_dead_zone(g: BondGraph, at: Place) -> Effect | None:
     return Effect(
         "actuator_dead_zone", node.name, f"{given} = x - clip(x, -b, b), x declared", (b.name,),
         amplitudes=(0.03, 0.1, 0.3), reference=_DEAD_ZONE, manoeuvre="small commands of both signs",
+    )  # fmt: skip
+
+
+def actuator_play(g: BondGraph, at: Place) -> Effect | None:
+    """A source that stays where it is until its command has turned back by a play: a valve's linkage, a rack's gear.
+
+    Within the play nothing moves; beyond it what is given follows in the time between two samples.
+    """
+    found = _source(g, at)
+    if found is None:
+        return None
+    node, given, unit, size = found
+    name = f"actuator_play_{at.name}"
+    bounds = (_LEAST_PLAY * size, size)
+    half = g.parameter(f"b_{name}", (bounds[0] * bounds[1]) ** 0.5, unit, f"half of the play of {node.name}", bounds)
+    interval = g.parameter(f"follows_{name}", float(f"{at.times[0]:.9g}"), "s", "time in which it follows beyond")
+    wanted = node.law(given)
+
+    def rate(x: Expr) -> Expr:
+        away = wanted - x
+        return (away - clip(away, -half, half)) / interval
+
+    revise_law(g, node.name, given, g.integral(f"moved_{name}", rate, unit, f"what {node.name} gives"))
+    return Effect(
+        "actuator_play", node.name, f"d({given})/dt = (e - clip(e, -b, b))/T, e = x - {given}, x declared",
+        (half.name,), adds_state=True, amplitudes=(0.4, 0.7), reference=_DEAD_ZONE,
+        manoeuvre="commands that turn back, small and large",
     )  # fmt: skip
 
 

@@ -1,10 +1,13 @@
-"""Friction with a memory: it gives way before it slides, as Dahl, as Bouc and Wen, and as LuGre have it.
+"""Efforts with a memory: friction that gives way before it slides, as Dahl, as Bouc and Wen, and as LuGre have it.
 
 Each has a state h, the friction as a share of its level, which is an integral of the flow; so the effect vanishes with
 its level. The way over which h turns round is a shape: no machine tells it beforehand.
 
+A cell remembers in the same way whether it was charged or discharged.
+
 References: Dahl (1976), AIAA Journal 14(12); Wen (1976), Journal of the Engineering Mechanics Division 102(2); Canudas
-de Wit, Olsson, Astrom, Lischinsky (1995), IEEE Trans. Automatic Control 40(3), for LuGre.
+de Wit, Olsson, Astrom, Lischinsky (1995), IEEE Trans. Automatic Control 40(3), for LuGre; Plett (2015), Battery
+Management Systems, volume 1, chapter 2, for cells.
 """
 
 from __future__ import annotations
@@ -13,9 +16,10 @@ from collections.abc import Callable
 
 from sympy import Abs, Expr, exp
 
+from bondgraph.declare.domains import ELECTRICAL
 from bondgraph.declare.effect import Effect, Place
 from bondgraph.declare.graph import BondGraph
-from bondgraph.effects.places import coefficient, effort_unit, elements_at, flow_unit, is_motion
+from bondgraph.effects.places import coefficient, effort_unit, elements_at, flow_unit, has_flow, is_motion
 
 #: Ways of sliding that turn friction round, as times at the largest flow [s]: the shortest, as declared, the longest.
 _WAYS = (0.005, 0.1, 0.5)
@@ -39,6 +43,24 @@ def hysteresis_loss(g: BondGraph, at: Place) -> Effect | None:
         "hysteresis_loss", name, "effort = c*h, dh/dt = (flow - |flow|*h)/g", (level.name,), shapes=(give.name,),
         reference="Dahl (1976), AIAA Journal 14(12)", dissipative=True,
         manoeuvre="small reversals that do not break loose",
+    )  # fmt: skip
+
+
+def voltage_hysteresis(g: BondGraph, at: Place) -> Effect | None:
+    """A cell whose voltage at rest is higher after charging than after discharging: iron phosphate, nickel."""
+    if not (has_flow(at) and at.domain == ELECTRICAL and elements_at(g, at, "C")):
+        return None
+    name, level = coefficient(g, at, "voltage_hysteresis", "voltage of the hysteresis", effort_unit(at), power=0)
+    shortest, longest = at.times
+    bounds = (shortest * at.scale.flow, 0.5 * longest * at.scale.flow)
+    usual = (bounds[0] * bounds[1]) ** 0.5
+    give = g.parameter(f"give_{name}", usual, ELECTRICAL.displacement_unit, "charge over which it turns round", bounds)
+    flow = at.junction.flow
+    _bending(g, at, name, level, lambda h: (flow - Abs(flow) * h) / give)
+    return Effect(
+        "voltage_hysteresis", name, "effort = c*h, dh/dt = (flow - |flow|*h)/g", (level.name,), shapes=(give.name,),
+        reference="Plett (2015), Battery Management Systems, volume 1, chapter 2", dissipative=True,
+        manoeuvre="charge and discharge about the same charge, with rests",
     )  # fmt: skip
 
 
@@ -100,5 +122,5 @@ def _give(g: BondGraph, at: Place, name: str) -> Expr:
 
 def _bending(g: BondGraph, at: Place, name: str, level: Expr, rate: Callable[[Expr], Expr]) -> None:
     """The state of the friction, and its effort against the flow."""
-    bent = g.integral(f"bent_{name}", rate, "1", f"share of the friction at {at.label}")
+    bent = g.integral(f"bent_{name}", rate, "1", f"share of the hysteresis at {at.label}")
     g.effort_source(name, -level * bent, at=at.junction)

@@ -297,10 +297,15 @@ def driven_from(g: BondGraph, at: Place, kind: str) -> list[Node]:
 
 def gyrators_at(g: BondGraph, at: Place) -> list[Node]:
     """The gyrators at a junction, from whichever side they are bonded to it."""
+    return two_ports_at(g, at, "GY")
+
+
+def two_ports_at(g: BondGraph, at: Place, kind: str) -> list[Node]:
+    """The transformers (``TF``) or gyrators at a junction, from whichever side they are bonded to it."""
     flat = g.flatten()
     ends = [flat.bonds[index] for index, _ in flat.incidence()[at.junction.name]]
     others = (flat.nodes[bond.target if bond.source == at.junction.name else bond.source] for bond in ends)
-    return [node for node in others if node.kind == "GY"]
+    return [node for node in others if node.kind == kind]
 
 
 def yielding(g: BondGraph, at: Place) -> tuple[Node, Expr] | None:

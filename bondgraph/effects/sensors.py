@@ -8,7 +8,9 @@ Fault-Tolerant Control, chapter 5.
 
 from __future__ import annotations
 
-from sympy import Abs
+import math
+
+from sympy import Abs, cos, sin
 
 from bondgraph.coherent import coherent
 from bondgraph.declare.effect import Effect, EffectFunction, Place, sensor_fault
@@ -20,6 +22,9 @@ from bondgraph.effects.places import DELAY_LAW, PADE, ceiling, delayed, lateness
 from bondgraph.errors import DeclarationError
 
 _INSTRUMENT = "Doebelin (2003), Measurement Systems, chapter 3, instruments of first order"
+_ENCODER = "de Silva (2007), Sensors and Actuators: Control System Instrumentation, errors of optical encoders"
+#: Angles over which an eccentric disc shows, and its largest error [rad]: what is more would not be mounted.
+_HALF_TURN, _LARGEST_ERROR = math.pi, 0.3
 _REFERENCE = "Isermann (2006), Fault-Diagnosis Systems, chapter 3"
 
 
@@ -115,6 +120,24 @@ def sensor_dead_zone(g: BondGraph, at: Place) -> Effect | None:
 
 
 @sensor_fault
+def sensor_eccentricity(g: BondGraph, at: Place) -> Effect | None:
+    """An encoder whose disc is not centred on its shaft: its error comes back with every turn."""
+    unit, one = _shown_unit(g, at)
+    if _unit(g, at) != "rad" or at.scale.flow < _HALF_TURN:
+        return None
+    limits = (-_LARGEST_ERROR / one, _LARGEST_ERROR / one)
+    wave, shift = (
+        g.parameter(f"{of}_{at.name}", 0.0, unit, f"{of} of the angle in the error of {at.output}", limits)
+        for of in ("sine", "cosine")
+    )
+    revise_output(g, at.output, lambda shown: shown + wave * sin(shown) + shift * (cos(shown) - 1))
+    return Effect(
+        "sensor_eccentricity", at.output, "shown = x + a*sin(x) + b*(cos(x) - 1), x true", (wave.name, shift.name),
+        reference=_ENCODER, channel=at.output, kind="eccentricity", manoeuvre="whole turns",
+    )  # fmt: skip
+
+
+@sensor_fault
 def sensor_magnitude(g: BondGraph, at: Place) -> Effect | None:
     """A sensor that does not see the direction: a pulse counter, a tachometer behind a rectifier."""
     name = f"magnitude_{at.name}"
@@ -144,6 +167,7 @@ def sensor_square(g: BondGraph, at: Place) -> Effect | None:
 #: All faults, in the order in which they are preferred where data do not tell them apart.
 SENSOR_FAULTS: tuple[EffectFunction, ...] = (
     sensor_bias, sensor_scale, sensor_drift, sensor_delay, sensor_lag, sensor_ceiling, sensor_dead_zone,
+    sensor_eccentricity,
 )  # fmt: skip
 
 

@@ -131,7 +131,10 @@ def _explained(closed: ClosedLoop) -> str:
             first = f"The training logs ask for {names}, but the logs contradict that correction: {against}."
         elif closed.verdict == "sensor fault suspected":
             faults = [added.trial.candidate.effect for added in closed.added]
-            said = " and ".join(f"a {fault.kind} of the sensor {fault.channel}" for fault in faults)
+            said = " and ".join(
+                f"{'an' if fault.kind[0] in 'aeiou' else 'a'} {fault.kind} of the sensor {fault.channel}"
+                for fault in faults
+            )
             first = f"What the sensors show fits together if there is {said}; no missing effect explains it as well."
         else:
             first = f"The declared model lacks {names}{_and_more(closed)}. The search ended because {closed.reason}."

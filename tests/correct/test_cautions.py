@@ -47,9 +47,7 @@ def test_laws_after_a_delay_may_mend_its_approximation() -> None:
 
     delay, other = law("sensor_delay", "T_late"), law("polarisation", "c")
     (said,) = after_delays([delay, other], fitted)  # type: ignore[arg-type]
-    assert (
-        said.startswith("sensor_delay at armature is") and "polarisation at armature" in said and "0.0487 s" in said
-    )
+    assert said.startswith("sensor_delay at armature is") and "polarisation at armature" in said and "0.0487 s" in said
     exact = law("actuator_delay", "T_late")
     for laws in ([other, delay], [delay], [exact, other]):
         assert after_delays(laws, fitted) == []  # type: ignore[arg-type]

@@ -215,7 +215,8 @@ LAWS = [
     "b*max(flow, w, 0) + b*min(flow, 0)", "b*clip(flow, 0, w)", "b*switch(flow - w, 0.01)", "b*sign(flow)*2**flow",
     "b*flow if flow > w else 0", "b*flow if 0 < flow else b*w", "b*(flow if flow > 0 and flow < w or flow < -w else w)",
     "b*flow if not (flow < w or flow > 2*w) else 0", "b*Heaviside(flow, 0)", "curve(flow)*b", "b*map(flow, w)",
-    "lambda*flow", "b*flow*flow(body)", "b*flow*g", "b*flow*sin(sin_)", "b*flow*symbol", "b*flow + inside.c*flow",
+    "lambda*flow", "b*flow*flow(body)", "b*flow*g", "b*flow*sin(sin_)", "b*flow*symbol",
+    "b*flow*delay(w, 0.5)", "b*flow + inside.c*flow",
 ]  # fmt: skip
 
 
