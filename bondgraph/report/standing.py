@@ -12,6 +12,8 @@ from bondgraph.text import few
 
 #: Percent by which the error of a free simulation must grow to be said beside a confirmation.
 _CLEARLY = 5
+#: Times the noise from which a free simulation is far off: three quarters of its mean square are then no noise.
+_FAR = 2.0
 
 
 def held_out(closed: ClosedLoop, told: Confirmation) -> str:
@@ -30,7 +32,7 @@ def held_out(closed: ClosedLoop, told: Confirmation) -> str:
     noise = f"innovations there are {shown(told.noise)} times as large as the corrected model expects"
     against = [f"{one}; " for one in told.contradictions if "log-likelihood" not in one]
     said = f"{what}: {''.join(against)}{changed} ({how}); {noise}.{_of_laws(told)} Held-out logs decided nothing."
-    return said if told.contradictions else f"{said}{_wandering(closed)}"
+    return said if told.contradictions else f"{said}{_wandering(closed) or _far_off(closed, told)}"
 
 
 def _of_laws(told: Confirmation) -> str:
@@ -62,6 +64,20 @@ def _grown(closed: ClosedLoop) -> dict[str, int]:
         name: round(100.0 * (one.simulation_rmse / before[name].simulation_rmse - 1.0)) for name, one in after.items()
         if 0.0 < before[name].simulation_rmse < one.simulation_rmse < math.inf
     }  # fmt: skip
+
+
+def _far_off(closed: ClosedLoop, told: Confirmation) -> str:
+    """A sentence on free simulation that stays far above the noise of sensors where a correction is confirmed."""
+    if told.standing != "confirmed" or closed.disturbances or not closed.added:
+        return ""
+    far = {
+        name: one.simulation_rmse / one.noise_std for name, one in closed.corrected_holdout.channels.items()
+        if one.noise_std > 0.0 and _FAR * one.noise_std < one.simulation_rmse < math.inf
+    }  # fmt: skip
+    if not far:
+        return ""
+    said = few([f"{name} ({shown(times)} times)" for name, times in far.items()])
+    return f" Free simulation stays above the noise of {said} there: not everything is explained."
 
 
 def _wandering(closed: ClosedLoop) -> str:
