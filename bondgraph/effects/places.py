@@ -104,24 +104,33 @@ def delays_at(at: Place) -> tuple[list[int], float]:
     """Delays of a command between which a law takes the mean of both, from none, in intervals of so many s.
 
     Everywhere: one, two, three, four, six, eight and so on, beyond what :func:`lateness` bounds: they tell where to
-    look closer. Near a delay: two on each side. A mean of commands an interval apart is as exact as samples are.
+    look closer. Near a delay: two on each side, one where they are neighbouring samples, whose mean is as exact as
+    samples are.
 
     Examples
     --------
+    >>> from bondgraph.declare.effect import Scale
     >>> bus = Place(Handle("bus", "1", None), Scale(1.0, 1.0), times=(0.25, 20.0))
     >>> delays_at(bus)
     ([0, 1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48], 0.25)
     >>> delays_at(replace(bus, near=(2.6, 0.5)))
     ([0, 6, 8, 10, 12, 14], 0.25)
+    >>> delays_at(replace(bus, near=(2.6, 0.25)))
+    ([0, 9, 10, 11], 0.25)
     """
     interval, (about, spacing) = float(f"{at.times[0]:.9g}"), at.near
     if spacing:
         apart = max(round(spacing / interval), 1)
-        middle = max(round(about / interval / apart), 2)
-        return [0, *(k * apart for k in range(max(middle - 2, 1), middle + 3))], interval
+        middle, reach = max(round(about / interval / apart), 1), _reach(apart)
+        return [0, *(k * apart for k in range(max(middle - reach, 1), middle + reach + 1))], interval
     _, (_, longest) = lateness(at)
     doublings = range(math.ceil(math.log2(longest / interval)))
     return [0, 1, *(2**k * part for k in doublings for part in (2, 3))], interval
+
+
+def _reach(apart: int) -> int:
+    """How many delays, so many intervals apart, a law has on each side of the one in the middle."""
+    return 2 if apart > 1 else 1
 
 
 def closer_delay(at: Place, found: float) -> Place | None:
@@ -132,13 +141,14 @@ def closer_delay(at: Place, found: float) -> Place | None:
 
     Examples
     --------
+    >>> from bondgraph.declare.effect import Scale
     >>> bus = Place(Handle("bus", "1", None), Scale(1.0, 1.0), times=(0.05, 20.0))
     >>> closer_delay(bus, 0.9).near, closer_delay(replace(bus, near=(0.9, 0.2)), 0.97).near
     ((0.9, 0.2), (0.97, 0.05))
     """
     shortest, (about, spacing) = at.times[0], at.near
     if spacing and spacing <= shortest:
-        moved = abs(found - about) > 1.5 * spacing and found > spacing
+        moved = abs(found - about) > 0.75 * spacing and found > spacing
         return replace(at, near=(found, spacing)) if moved else None
     quarter = (spacing or found) / 4.0
     finer = shortest * 2.0 ** max(math.floor(math.log2(max(quarter / shortest, 1.0))), 0)
