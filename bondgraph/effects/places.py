@@ -112,7 +112,7 @@ def delays_at(at: Place) -> tuple[list[int], float]:
     >>> from bondgraph.declare.effect import Scale
     >>> bus = Place(Handle("bus", "1", None), Scale(1.0, 1.0), times=(0.25, 20.0))
     >>> delays_at(bus)
-    ([0, 1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48], 0.25)
+    ([0, 1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64, 96], 0.25)
     >>> delays_at(replace(bus, near=(2.6, 0.5)))
     ([0, 6, 8, 10, 12, 14], 0.25)
     >>> delays_at(replace(bus, near=(2.6, 0.25)))
