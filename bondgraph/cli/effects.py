@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from types import ModuleType
 
 from bondgraph.cli.values import names
@@ -11,6 +11,7 @@ from bondgraph.declare.loading import load_module, split_reference
 from bondgraph.effects.catalogue import catalogue, every_effect
 from bondgraph.effects.sensors import SENSOR_FAULTS
 from bondgraph.errors import DeclarationError, OptionError, suggest
+from bondgraph.text import few, inflected
 
 #: The effects that are tried where nothing else is said, and whose names may be given alone.
 SHIPPED = "bondgraph.effects"
@@ -52,6 +53,24 @@ def chosen_effects(given: Sequence[str], without: Sequence[str] = ()) -> tuple[E
     if not kept:
         raise OptionError("--without leaves no effect to try - leave out fewer", where=("--without",))
     return kept
+
+
+def without_place(given: Sequence[str], known: Collection[str]) -> str:
+    """A sentence on effects that ``--effects`` names one by one and that have no place in a machine; empty without any.
+
+    ``known`` are the names of those that were tried or refused there.
+
+    Examples
+    --------
+    >>> without_place(["bondgraph.effects", "creep", "backlash"], {"creep"})
+    'backlash finds no place in this machine - bondgraph effects backlash says where to look'
+    """
+    named = [own[0].__name__ for one in names(given) if len(own := _functions(one)) == 1]
+    silent = list(dict.fromkeys(name for name in named if name not in known))
+    if not silent:
+        return ""
+    verb = inflected(silent, "finds", "find")
+    return f"{few(silent)} {verb} no place in this machine - bondgraph effects {' '.join(silent)} says where to look"
 
 
 def _functions(reference: str) -> tuple[EffectFunction, ...]:

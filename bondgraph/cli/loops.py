@@ -13,7 +13,7 @@ from pathlib import Path
 
 from bondgraph.build import build
 from bondgraph.cli.between import inputs_between
-from bondgraph.cli.effects import chosen_effects
+from bondgraph.cli.effects import chosen_effects, without_place
 from bondgraph.cli.given_logs import read_given
 from bondgraph.cli.printing import say
 from bondgraph.cli.values import names, set_values
@@ -45,6 +45,10 @@ def close_loop(options: argparse.Namespace) -> int:
     for line in logs.said:
         say(line, sys.stderr)
     closed, made = _closed(options, graph, logs)
+    known = {one.candidate.function.__name__ for turn in closed.rounds for one in turn.trials}
+    known |= {one.effect for turn in closed.rounds for one in turn.refused}
+    if unheard := without_place(options.effects, known):
+        say(unheard, sys.stderr)
     told = summary(write_closed_loop(closed, Path(options.out), made, said=logs.split, declared=declared))
     say(told, whole=str(Path(options.out) / "report.html"))
     print(*write_python(Path(options.out), declared, closed.corrected_graph, options.graph), sep="\n")

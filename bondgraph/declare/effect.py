@@ -49,8 +49,8 @@ class Place:
     A sensor is named by ``output``; its ``junction`` is then no node, and its scale holds the size of what it shows
     (``effort``) and how far that moves from its mean (``flow``), both in the sensor's unit. Laws that turn round with
     the flow are smoothed over a share ``smoothing`` of its scale, which explicit integration needs. Laws with a time of
-    their own look for it within ``times``: that between samples, and the length of the longest log, in s. ``near``: a
-    law that tells values apart by a spacing looks about the first number, with the second; zeros: everywhere.
+    their own look for it within ``times``: that between samples, and the length of the longest log, in s. Of
+    ``near`` the first number is a time about which a law has a spacing, the second; zeros: it looks everywhere.
     """
 
     junction: Handle
@@ -121,8 +121,8 @@ class Effect:
     ``reference`` says where the law comes from, ``manoeuvre`` what shows it in a log. A fault of a sensor names its
     ``channel`` and ``kind``.
 
-    ``closer`` gives, for a value that was found of the first coefficient, the place at which the same effect function
-    tells values near it further apart; None: no further. The law is found again there.
+    ``closer`` gives the place at which the same effect function has a finer spacing about a value of the first
+    coefficient, None where it is as fine as it gets; the law is found again there.
 
     The bounds of a coefficient scale the search for it, and are widened where that ends on one; only zero is kept.
     """

@@ -101,10 +101,10 @@ def lateness(at: Place) -> tuple[float, tuple[float, float]]:
 
 
 def delays_at(at: Place) -> tuple[list[int], float]:
-    """Delays of a command between which a law takes the mean of both, from none, in intervals of so many s.
+    """Delays of a command, in intervals of so many s; between two of them a law takes a mean of both.
 
-    Everywhere: one, two, three, four, six, eight and so on, beyond what :func:`lateness` bounds: they tell where to
-    look closer. Near a delay: two on each side, one where they are neighbouring samples, whose mean is as exact as
+    Everywhere: none, one, two, three, four, six and so on, beyond what :func:`lateness` bounds: they tell where to look
+    closer. Near a delay: two on each side, one where they are neighbouring samples, whose mean is as exact as
     samples are.
 
     Examples

@@ -32,6 +32,7 @@ class Signal(Named):
     interpolation: str = "linear"
     letters: Mapping[str, float] | None = None
     rate_of: str = ""
+    late_of: str = ""
 
     @property
     def has_default(self) -> bool:

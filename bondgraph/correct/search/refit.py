@@ -34,7 +34,7 @@ _TOLERANCE, _MOST_ITERATIONS = 0.05, 25
 SHARES = (1.0, 0.5, 0.1)
 #: Shares of the way down to its bounds (logarithms) at which process noise starts: what it stood in for is explained.
 _LOWERED = (0.0, 0.5, 1.0)
-#: Looks at most: each tells values four times further apart, and a few more may move on.
+#: Looks at most: each has a quarter of the spacing before, and a few more may move on.
 _LOOKS = 12
 #: What a law gains from afar is right to a factor of two, as scores are.
 _HALF = 0.5
@@ -98,7 +98,7 @@ def refit(
 
 
 def looked_closer(done: Trial, context: Context, lead: Fit | None = None, tried: int | None = None) -> Trial:
-    """The trial with its law found again where it tells values nearer to the one that was found further apart.
+    """The trial with its law found again at finer and finer spacings, where it has one, see :class:`Effect`.
 
     One that gains less than half of what the best fit so far does is left as it is.
     """
