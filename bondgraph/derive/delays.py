@@ -41,7 +41,7 @@ class LateInputs:
 
     @classmethod
     def of(cls, graph: BondGraph, unused: Callable[[str], str]) -> LateInputs:
-        """Those that the laws of a flat graph need.
+        """The late inputs that the laws of a flat graph need.
 
         Raises
         ------
@@ -65,7 +65,7 @@ class LateInputs:
         return expression.xreplace(self._instead) if self._instead else expression
 
     def _later(self, one: Expr, further: float, where: str) -> Expr:
-        """What stands in the place of a delay that is so many seconds longer; the delays in it are added to it."""
+        """The expression in the place of a delay that is so many seconds longer; delays inside are added to it."""
         value, seconds = one.args
         if not seconds.is_Number or not 0.0 < float(seconds) < math.inf:
             raise DerivationError(

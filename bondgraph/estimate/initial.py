@@ -26,7 +26,7 @@ Initial = InitialRule | tuple[Mapping[str, float], ...]
 
 @dataclass(frozen=True)
 class StartRule:
-    """What initial states follow: first measurements, others that lead them, a rest; all as declared if nothing."""
+    """The sources of initial states: first measurements, others that lead them, a rest; as declared without any."""
 
     measured: bool = False
     led: bool = False

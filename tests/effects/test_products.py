@@ -124,9 +124,12 @@ def test_powers_fall_only_where_an_input_keeps_away_from_zero() -> None:
     way = np.linspace(-1.0, 1.0, 50)
     current, duty = Signal("flow of armature", "A", (way,)), Signal("duty", "1", (way[::-1],))
     stream, hot = Signal("stream", "m^3/s", (2.0 + way,)), Signal("effort of oil", "K", (300.0 + way,))
-    found = {(one.kind.name, one.signals, one.inner) for one in products([current, duty, stream, hot])}
+    found = {(one.kind.name, one.signals, one.inner) for one in products([current, duty, stream, hot], current.name)}
     assert ("product", ("duty", "flow of armature"), 0.0) in found
     assert ("power_product", ("flow of armature", "duty"), 2.0) in found
     assert ("power_product", ("flow of armature", "duty"), -1.0) not in found
     assert ("power_product", ("flow of armature", "stream"), -1.0) in found
-    assert not [one for one in found if one[0] == "power_product" and one[1][1] == "effort of oil"]
+    assert {one[1][0] for one in found if one[0] == "power_product"} == {current.name}
+    assert not [one for one in found if one[0] == "power_product" and one[1][1] == hot.name]
+    clutch = Signal("clutch", "1", (np.where(way > 0.0, 1.0, 0.0),))
+    assert products([current, clutch]) == []  # a fan that its clutch engages is no product

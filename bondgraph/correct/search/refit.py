@@ -36,7 +36,7 @@ SHARES = (1.0, 0.5, 0.1)
 _LOWERED = (0.0, 0.5, 1.0)
 #: Looks at most: each has a quarter of the spacing before, and a few more may move on.
 _LOOKS = 12
-#: What a law gains from afar is right to a factor of two, as scores are.
+#: The gain of a law from afar is right to a factor of two, as scores are.
 _HALF = 0.5
 #: Multiples of a predicted coefficient at which a law may start that is not smooth, or much larger than predicted.
 _MULTIPLES = (4.0, 16.0)

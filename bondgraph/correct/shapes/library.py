@@ -221,12 +221,17 @@ def library(known: Sequence[Signal], of: Signal) -> list[Term]:
     return found + _products(known, of)
 
 
-def products(known: Sequence[Signal]) -> list[Term]:
-    """The products of every two signals, time left out, and those of a signal with a power of an input."""
-    timeless = [one for one in known if one.name != "time"]
-    every = [term for one in timeless for term in _products(known, one)]
+def products(known: Sequence[Signal], own: str = "") -> list[Term]:
+    """The products of every two signals, and those of one with powers of the inputs: what these make of its loss.
+
+    That one is called ``own``: the flow or effort of the place itself, on which a loss there depends.
+
+    Time is left out, and what has two values alone: where a switch is on a law acts, which is told by regimes.
+    """
+    timeless = [one for one in known if one.name != "time" and np.unique(np.concatenate(one.values)).size > 2]
+    every = [term for one in timeless for term in _products(timeless, one)]
     inputs = [one for one in timeless if not is_variable(one)]
-    scaled = [term for one in timeless for other in inputs if other is not one for term in _scaled(one, other)]
+    scaled = [term for one in timeless if one.name == own for other in inputs for term in _scaled(one, other)]
     return [*{one.name: one for one in every}.values(), *scaled]
 
 

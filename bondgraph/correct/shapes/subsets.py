@@ -70,8 +70,9 @@ def scored_terms(linear: Linearisation, probe: Probe, known: Sequence[Signal], o
 
 
 def scored_products(linear: Linearisation, probe: Probe, known: Sequence[Signal]) -> Terms:
-    """The products of every two signals at one place, those of which parameters leave something."""
-    return _scored(linear, probe, known, products(known))
+    """The products of signals at one place, those of which parameters leave something."""
+    own = f"{'flow' if probe.variable == 'effort' else 'effort'} of {probe.place.label}"
+    return _scored(linear, probe, known, products(known, own))
 
 
 def _scored(linear: Linearisation, probe: Probe, known: Sequence[Signal], terms: Sequence[Term]) -> Terms:

@@ -41,7 +41,7 @@ class ScreeningMethod(Protocol):
 
     @property
     def of(self) -> str:
-        """What that index is a share of, in words."""
+        """The quantity that this index is a share of, in words."""
 
     @property
     def sample(self) -> str:
@@ -53,7 +53,7 @@ class ScreeningMethod(Protocol):
 
     @property
     def need(self) -> str:
-        """What a number of samples must be, in words."""
+        """The rule for a number of samples, in words."""
 
     def accepts(self, size: int) -> bool:
         """True for a number of samples that the design can have."""
@@ -68,7 +68,7 @@ class ScreeningMethod(Protocol):
         """Indices of responses (members,) at the points."""
 
     def whole(self, indices: Mapping[str, FloatArray]) -> float:
-        """What shares of the key index are taken of."""
+        """The quantity of which shares of the key index are taken."""
 
     def together(self, indices: Mapping[str, FloatArray], confidence: Mapping[str, FloatArray]) -> BoolArray:
         """True where a parameter brings clearly more with others than alone, shape (n,)."""

@@ -125,7 +125,7 @@ class _Search:
         return self.value - float(self.values[best]) < 0.9 * promise or best > 0
 
 
-#: What becomes of starts that cannot win, asked after every iteration, see :mod:`bondgraph.estimate.solvers.race`.
+#: Fate of starts that cannot win, asked after every iteration, see :mod:`bondgraph.estimate.solvers.race`.
 Race = Callable[[Objective, GaussNewtonState], GaussNewtonState]
 
 
