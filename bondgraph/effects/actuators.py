@@ -53,7 +53,8 @@ _CURVES = "Lyons (1982), Lyons' Valve Designer's Handbook, chapter 10, for inher
 _GAP = "Woodson, Melcher (1968), Electromechanical Dynamics, chapter 3"
 #: Exponents beyond one of a bent map that are tried, from a root of the third degree to a fourth power.
 _BENT = (-0.67, 3.0)
-#: The least half play that is looked for, as a share of what the source gives at most: less hides in noise.
+#: The least half play that is looked for, as a share of what the source gives at most: less hides in noise. A
+#: convention.
 _LEAST_PLAY = 0.003
 #: Share of a gap that a stroke may close: the pull is 25 times as large then, and the law has a pole at the whole gap.
 _CLOSED = 0.8

@@ -21,6 +21,7 @@ from bondgraph.declare.effect import Effect, Place
 from bondgraph.declare.graph import BondGraph
 from bondgraph.effects.places import coefficient, effort_unit, elements_at, flow_unit, has_flow, is_motion
 
+_DAHL = "effort = c*h, dh/dt = (flow - |flow|*h)/g"
 #: Ways of sliding that turn friction round, as times at the largest flow [s]: the shortest, as declared, the longest.
 _WAYS = (0.005, 0.1, 0.5)
 #: Powers of Bouc and Wen between which friction is tried: one is Dahl's, large ones are elastic until it slides.
@@ -37,10 +38,9 @@ def hysteresis_loss(g: BondGraph, at: Place) -> Effect | None:
         return None
     name, level = coefficient(g, at, "hysteresis_loss", "friction with hysteresis", effort_unit(at), power=0)
     give = _give(g, at, name)
-    flow = at.junction.flow
-    _bending(g, at, name, level, lambda h: (flow - Abs(flow) * h) / give)
+    _bending(g, at, name, level, _turning_round(at, give))
     return Effect(
-        "hysteresis_loss", name, "effort = c*h, dh/dt = (flow - |flow|*h)/g", (level.name,), shapes=(give.name,),
+        "hysteresis_loss", name, _DAHL, (level.name,), shapes=(give.name,),
         reference="Dahl (1976), AIAA Journal 14(12)", dissipative=True,
         manoeuvre="small reversals that do not break loose",
     )  # fmt: skip
@@ -55,13 +55,18 @@ def voltage_hysteresis(g: BondGraph, at: Place) -> Effect | None:
     bounds = (shortest * at.scale.flow, 0.5 * longest * at.scale.flow)
     usual = (bounds[0] * bounds[1]) ** 0.5
     give = g.parameter(f"give_{name}", usual, ELECTRICAL.displacement_unit, "charge over which it turns round", bounds)
-    flow = at.junction.flow
-    _bending(g, at, name, level, lambda h: (flow - Abs(flow) * h) / give)
+    _bending(g, at, name, level, _turning_round(at, give))
     return Effect(
-        "voltage_hysteresis", name, "effort = c*h, dh/dt = (flow - |flow|*h)/g", (level.name,), shapes=(give.name,),
+        "voltage_hysteresis", name, _DAHL, (level.name,), shapes=(give.name,),
         reference="Plett (2015), Battery Management Systems, volume 1, chapter 2", dissipative=True,
         manoeuvre="charge and discharge about the same charge, with rests",
     )  # fmt: skip
+
+
+def _turning_round(at: Place, give: Expr) -> Callable[[Expr], Expr]:
+    """The rate of a share that turns round over a way, or a charge: Dahl's friction with an exponent of one."""
+    flow = at.junction.flow
+    return lambda h: (flow - Abs(flow) * h) / give
 
 
 def bouc_wen_loss(g: BondGraph, at: Place) -> Effect | None:

@@ -16,13 +16,14 @@ from xml.etree import ElementTree
 
 #: Decimals of a coordinate in points: a hundredth of 1/72 inch is 0.013 pixels of a screen.
 _DECIMALS = 2
-#: Letters of a path beyond which it is worth a name.
+#: Letters of a path beyond which it is worth a name. A convention.
 _LONG = 200
-#: Marks of a line beyond which they are one path, since each is written with its style and name.
+#: Marks of a line beyond which they are one path, since each is written with its style and name. A
+#: convention.
 _FEW_MARKS = 20
 #: Digits of the short names: letters only, since a class must not begin with a number.
 _LETTERS = "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ"
-#: What may stand as it is in a data URI between double quotes; spaces would end it in a list of sources.
+#: Characters that may stand as they are in a data URI between double quotes; spaces would end it in a list of sources.
 _PLAIN = "<>='/:;,.!*()+-_{}@$?[]|~"
 _COMMANDS = re.compile(r"[A-Za-z]|-?[\d.]+(?:e-?\d+)?")
 _REFERENCE = re.compile(r"url\(#([^)]+)\)")

@@ -132,7 +132,7 @@ def channel_table(found: Inspection) -> Table:
 
 
 def inspection_notes(found: Inspection) -> list[str]:
-    """What is to be known of the channels, in sentences."""
+    """Sentences on what is to be known of the channels."""
     without = [one.name for one in found.channels if one.unit == "?"]
     lines = [f"without units, which --units COLUMN=UNIT gives where a model needs them: {few(without)}"]
     return [

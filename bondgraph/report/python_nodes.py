@@ -22,7 +22,7 @@ _OWN: Mapping[str, Mapping[str, str]] = {
     "C": {"effort": "displacement", "displacement": "effort"},
     "I": {"flow": "momentum", "momentum": "flow"},
 }
-#: What a builder takes as its first argument; other laws are named.
+#: The law that a builder takes as its first argument; others are named.
 _FIRST = {"R": "effort", "C": "effort"}
 _BUILDERS = {"R": "resistance", "C": "compliance", "I": "inertance", "Se": "effort_source", "Sf": "flow_source"}
 _JUNCTIONS = {"0": "zero_junction", "1": "one_junction"}
@@ -64,7 +64,7 @@ def _revise(writer: Writer, old: Node, node: Node) -> None:
 
 @dataclass
 class _Change:
-    """What lines have made of the first graph: names of nodes, and bonds that are still to come or to go."""
+    """The first graph as lines have changed it: names of nodes, and bonds that are still to come or to go."""
 
     writer: Writer
     before: BondGraph

@@ -6,7 +6,7 @@ from bondgraph.data.log import Log, LogChannel
 from bondgraph.report.numbers import shown
 from bondgraph.text import count, few, number, text_table
 
-#: What stands between the nodes in the name of a bond's effort or flow.
+#: Mark between the nodes in the name of a bond's effort or flow.
 _BOND = "->"
 _DIGITS = 4
 

@@ -124,7 +124,7 @@ def yoke(slider: str = "travel") -> bg.BondGraph:
     (ratio_by_stroke, "slide", (4.0, -60.0)),
 ])  # fmt: skip
 def test_a_ratio_that_moves_loses_no_power(function: EffectFunction, at: str, values: tuple[float, ...]) -> None:
-    """What the motor gives beyond its bearing and rotor, the slide takes up by its spring and damper."""
+    """The slide takes up by spring and damper all that the motor gives beyond its bearing and rotor."""
     g = yoke()
     built = with_effect(g, function, Place(handle(g, at), Scale(3.0, 2.0)), *values)
     model = built.model

@@ -1,4 +1,4 @@
-"""What laws make of parameters alone is computed once for each member, before the filter: it must be computed."""
+"""Parts of laws in parameters alone, which are computed once for each member, before the filter."""
 
 from __future__ import annotations
 

@@ -12,7 +12,7 @@ from bondgraph.report.standing import held_out
 
 
 def answer(simulated: float, *, disturbed: bool = False, before: float = 9.0) -> str:
-    """What is said of a correction with such an error of free simulation, of a sensor with a noise of one."""
+    """The sentences on a correction with such an error of free simulation, for a sensor with a noise of one."""
 
     def channels(error: float) -> Any:
         return SimpleNamespace(channels={"level": SimpleNamespace(simulation_rmse=error, noise_std=1.0)})

@@ -101,7 +101,7 @@ def is_worse(compared: Sequence[Compared]) -> bool:
     >>> is_worse([one("current_d", 0.1), one("current_q", 1.02)]), is_worse([one("speed", 0.95), one("angle", 1.5)])
     (False, True)
     """
-    return sum(math.log(one.after / one.before) for one in compared if one.before > 0.0 and one.after > 0.0) > 0.0
+    return _grow([(one.before, one.after) for one in compared])
 
 
 def predicts_worse(first: Fit, second: Fit, logs: Sequence[MatchedLog]) -> bool:
@@ -117,8 +117,12 @@ def predicts_worse(first: Fit, second: Fit, logs: Sequence[MatchedLog]) -> bool:
         for row, found in enumerate(pieces):
             found += squares(log.y[row], [y[row] for y in shown], parts)
     told = [np.array(found, dtype=np.float64) for found in pieces if found]
-    means = [np.average(one[:, :2], axis=0, weights=one[:, 2]) for one in told]
-    return sum(math.log(after / before) for before, after in means if before > 0.0 and after > 0.0) > 0.0
+    return _grow([tuple(np.average(one[:, :2], axis=0, weights=one[:, 2])) for one in told])
+
+
+def _grow(errors: Sequence[tuple[float, float]]) -> bool:
+    """True where errors before and after, of several channels, grow by the geometric mean of their ratios."""
+    return sum(math.log(after / before) for before, after in errors if before > 0.0 and after > 0.0) > 0.0
 
 
 def _p_worse(grown: FloatArray, weight: FloatArray) -> float:

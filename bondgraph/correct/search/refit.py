@@ -34,7 +34,8 @@ _TOLERANCE, _MOST_ITERATIONS = 0.05, 25
 SHARES = (1.0, 0.5, 0.1)
 #: Shares of the way down to its bounds (logarithms) at which process noise starts: what it stood in for is explained.
 _LOWERED = (0.0, 0.5, 1.0)
-#: Looks at most: each has a quarter of the spacing before, and a few more may move on.
+#: Looks at most: each has a quarter of the spacing before, so that six lead from two seconds to a millisecond; as
+#: many may move on.
 _LOOKS = 12
 #: The gain of a law from afar is right to a factor of two, as scores are.
 _HALF = 0.5

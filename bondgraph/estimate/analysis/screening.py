@@ -46,7 +46,7 @@ _REDUCTIONS: dict[str, Callable[[FloatArray], FloatArray]] = {
     "largest": lambda y: np.max(np.abs(y), axis=0),
     "last": lambda y: y[-1],
 }
-#: Share of failed members above which nothing is said.
+#: Share of failed members above which nothing is said. A convention.
 _MOST_FAILED = 0.2
 #: What to do where intervals are too wide: a likelihood over wide bounds is ruled by their worst corners.
 _MORE = "take more samples, narrower bounds or another response"

@@ -22,7 +22,7 @@ Method = Literal["morris", "sobol"]
 #: Indices by column, each (n,), and half widths of their 95 % intervals.
 Indices = tuple[dict[str, FloatArray], dict[str, FloatArray]]
 
-#: Levels of Morris' grid.
+#: Levels of the grid, as Morris (1991), Technometrics 33(2), has them in his examples.
 _LEVELS = 4
 #: Share of the variance, or of the largest effect, below which a parameter hardly matters: a convention.
 LITTLE = 0.05
