@@ -4,7 +4,7 @@ A log says nothing of its inputs between the samples. Straight lines lead an inp
 output, by half a sample, and whatever comes late, a lag or a delay, would make good for that. So an input that is
 constant in pieces in all logs is tried held as well. The two ways have the same parameters: the likelier is taken where
 the odds are those of strong evidence. What the machine lacks may make held inputs likelier too, a late sensor above
-all; so straight lines are tried once more with what was found.
+all, or hide that they are: so the other way is tried once more with what was found, see :func:`held_after_all`.
 """
 
 from __future__ import annotations
@@ -77,7 +77,8 @@ class DeclaredFit:
     """The declared model and its fit, with what was set up for it, and logs matched to it.
 
     ``graph`` may have rates among its inputs that no equation uses; ``held`` are inputs that are taken as held against
-    the declaration, and ``cautions`` say so.
+    the declaration, and ``cautions`` say so. ``straight`` are sets of inputs that run straight between samples and may
+    be held: those that are constant in ``pieces``, and all.
     """
 
     graph: BondGraph
@@ -89,6 +90,21 @@ class DeclaredFit:
     holdout: tuple[MatchedLog, ...]
     held: tuple[str, ...] = ()
     cautions: tuple[str, ...] = ()
+    straight: tuple[tuple[str, ...], ...] = ()
+    pieces: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class HeldAfterAll:
+    """Inputs that are held between samples after all, ``nats`` likelier than straight lines beside a law.
+
+    ``law`` is empty where held inputs alone do as much as that. ``pieces`` are those that are constant in pieces.
+    """
+
+    names: tuple[str, ...]
+    nats: float
+    law: str
+    pieces: tuple[str, ...]
 
 
 def fit_declared(
@@ -107,25 +123,79 @@ def fit_declared(
     """
     report("fit the declared model", 0, 1)
     found = _fitted(graph, train, holdout, wishes)
-    names = [] if wishes.inputs_as_declared else _steps(found.built, found.train)
-    if names:
-        ways: dict[str, Interpolation] = dict.fromkeys(names, "hold")
-        if _is_likelier(found.fit, found.built, ways, wishes.journal):
-            graph = with_inputs_between(graph, **ways)
-            held = attempted(lambda: _fitted(graph, train, holdout, wishes), lambda why: None)
-            if held is not None and held.fit.nll < found.fit.nll - INDIFFERENT:
-                found = replace(held, held=tuple(names), cautions=(_said(names, found.fit.nll - held.fit.nll),))
+    every = () if wishes.inputs_as_declared else _straight(found.built, found.train)
+    names = tuple(name for name, share in every if share < 0.5)
+    sets = dict.fromkeys((names, tuple(name for name, _ in every)))
+    found = replace(found, straight=tuple(one for one in sets if one), pieces=names)
+    if names and _otherwise(found.fit, found.built, _held(names), wishes.journal) < -INDIFFERENT:
+        held = attempted(lambda: _held_fit(graph, train, holdout, wishes, names), lambda why: None)
+        if held is not None and held.fit.nll < found.fit.nll - INDIFFERENT:
+            found = replace(held, cautions=(_said(HeldAfterAll(names, found.fit.nll - held.fit.nll, "", names)),))
     report("fit the declared model", 1, 1)
     return found
 
 
+def fit_held(
+    graph: BondGraph, train: Sequence[MatchedLog], holdout: Sequence[MatchedLog], wishes: Wishes, after: HeldAfterAll
+) -> DeclaredFit | None:
+    """The declared model with inputs held that a law has shown to be; None where it cannot be fitted."""
+    held = attempted(lambda: _held_fit(graph, train, holdout, wishes, after.names), lambda why: None)
+    return None if held is None else replace(held, cautions=(_said(after),))
+
+
+def _held_fit(
+    graph: BondGraph,
+    train: Sequence[MatchedLog],
+    holdout: Sequence[MatchedLog],
+    wishes: Wishes,
+    names: tuple[str, ...],
+) -> DeclaredFit:
+    return replace(_fitted(with_inputs_between(graph, **_held(names)), train, holdout, wishes), held=names)
+
+
+def held_after_all(
+    begun: DeclaredFit, before: tuple[Fit, BuiltModel], after: tuple[Fit, BuiltModel], law: str, journal: Journal
+) -> HeldAfterAll | None:
+    """Inputs that a law shows to be held between samples, with which all begins anew; None where it does not.
+
+    Parameters
+    ----------
+    begun
+        The fit of the declared model; some of its inputs run straight.
+    before, after
+        Fits with their models, without the law and with it.
+    law
+        What it is called.
+    journal
+        Finished fits.
+
+    What is missing hides half a sample, and a delay or lag would make good for it in the end. So with a law in the
+    model both ways are compared again, of inputs that move at every sample too, which a controller may give; and a law
+    that does no more than held inputs do alone is none.
+    """
+    found = []
+    for names in begun.straight:
+        alone = _otherwise(*before, _held(names), journal)
+        if before[0].nll + alone < after[0].nll + INDIFFERENT:
+            found.append(HeldAfterAll(names, -alone, "", begun.pieces))
+            continue
+        beside = _otherwise(*after, _held(names), journal)
+        if beside < -INDIFFERENT:
+            found.append(HeldAfterAll(names, -beside, law, begun.pieces))
+    return max(found, key=lambda one: one.nats, default=None)
+
+
 def straight_is_likelier(begun: DeclaredFit, fitted: Fit, built: BuiltModel, journal: Journal) -> bool:
     """True where a corrected model is likelier with straight lines where inputs were taken as held."""
-    return _is_likelier(fitted, built, dict.fromkeys(begun.held, "linear"), journal)
+    return _otherwise(fitted, built, dict.fromkeys(begun.held, "linear"), journal) < -INDIFFERENT
 
 
-def _is_likelier(fitted: Fit, built: BuiltModel, ways: Mapping[str, Interpolation], journal: Journal) -> bool:
-    """True where a fitted model is likelier with its inputs otherwise between samples, searched from where it is.
+def _held(names: Sequence[str]) -> dict[str, Interpolation]:
+    return dict.fromkeys(names, "hold")
+
+
+def _otherwise(fitted: Fit, built: BuiltModel, ways: Mapping[str, Interpolation], journal: Journal) -> float:
+    """Nats by which a fitted model gets worse with its inputs otherwise between samples, searched from where it is.
 
     One value with the derivatives of the fit tells first whether that is within reach.
     """
@@ -141,14 +211,16 @@ def _is_likelier(fitted: Fit, built: BuiltModel, ways: Mapping[str, Interpolatio
         lost = around.sum - fitted.expansion.sum
         return lost - promise if lost - promise > 0.0 else fit(problem, journal=journal).nll - fitted.nll
 
-    return attempted(otherwise, lambda why: 0.0) < -INDIFFERENT
+    return attempted(otherwise, lambda why: 0.0)
 
 
-def _said(names: Sequence[str], nats: float) -> str:
-    verb = inflected(names, "is", "are")
+def _said(after: HeldAfterAll) -> str:
+    verb, pieces = inflected(after.names, "is", "are"), set(after.names) <= set(after.pieces)
+    said = f"{verb} constant in pieces, and " if pieces else ""
+    beside = " beside what was found first" if after.law else ""
     return (
-        f"{few(list(names))} {verb} constant in pieces, and {verb} taken as held between samples, {number(nats)} nats "
-        "likelier than straight lines - declare hold=True, or say --inputs-between linear"
+        f"{few(list(after.names))} {said}{verb} taken as held between samples, {number(after.nats)} nats likelier than "
+        f"straight lines{beside} - declare hold=True, or say --inputs-between linear"
     )
 
 
@@ -185,13 +257,13 @@ def _by_long_steps(problem: EstimationProblem, journal: Journal) -> Fit:
     return fitted(problem) if longer is problem else attempted(lambda: fitted(longer), lambda why: fitted(problem))
 
 
-def _steps(built: BuiltModel, train: Sequence[MatchedLog]) -> list[str]:
-    """Inputs that would run straight between samples, and stay as they are from most samples to the next."""
+def _straight(built: BuiltModel, train: Sequence[MatchedLog]) -> list[tuple[str, float]]:
+    """Inputs that run straight between samples and move, with the share of samples at which they do."""
     found = []
     for row, info in enumerate(built.model.inputs[known] for known in given_rows(built.model)):
         moved = np.concatenate([np.diff(log.u[row]) != 0.0 for log in train])
-        if info.interpolation == "linear" and not info.rate_of and 0 < moved.sum() < 0.5 * moved.size:
-            found.append(info.name)
+        if info.interpolation == "linear" and not info.rate_of and moved.any():
+            found.append((info.name, float(moved.mean())))
     return found
 
 

@@ -4,9 +4,8 @@ graph + training logs -> fit -> scores of all candidates -> refits of the few be
 
 Integration steps are certified before anything is scored, and for every model that follows. After every addition the
 effects that are already there are tested again (backward elimination), and whether the new one is the same throughout
-the data. At the end a function without a law is tried at every place: it says what stays
-unexplained, and withdraws a named effect that it makes needless. Held-out logs are assessed before and after and
-decide nothing.
+the data. At the end a function without a law is tried at every place: it says what stays unexplained, and withdraws a
+named effect that it makes needless. Held-out logs are assessed before and after and decide nothing.
 """
 
 from __future__ import annotations
@@ -18,7 +17,13 @@ from bondgraph.build import BuiltModel, build
 from bondgraph.correct.cautions import after_delays, at_bounds, cautions_of
 from bondgraph.correct.confirmation import Confirmation, confirmation
 from bondgraph.correct.constants import LEVEL, MOST_EFFECTS, MOST_REFITS
-from bondgraph.correct.declared_fit import DeclaredFit, fit_declared, straight_is_likelier
+from bondgraph.correct.declared_fit import (
+    DeclaredFit,
+    fit_declared,
+    fit_held,
+    held_after_all,
+    straight_is_likelier,
+)
 from bondgraph.correct.evidence.certified import doubts
 from bondgraph.correct.evidence.trials import Added, Detectable, Trial
 from bondgraph.correct.fits.assess import Assessment, assess
@@ -174,6 +179,9 @@ def close_loop(
     _check_given(graph, train, functions)
     begun = fit_declared(graph, train, holdout, settings, report)
     found, rounds, result = _closed(begun, functions, settings, report)
+    if found.held is not None:
+        begun = fit_held(graph, train, holdout, settings, found.held) or replace(begun, straight=())
+        found, rounds, result = _closed(begun, functions, settings, report)
     if begun.held and any(
         straight_is_likelier(begun, fitted, built, settings.journal) for fitted, built in _explaining(found, rounds)
     ):
@@ -202,8 +210,8 @@ def _closed(
     substeps = begun.setup.filter_model.substeps
     own = RoundSettings(settings.level, settings.refits, report, settings.journal, substeps)
     start = Progress(begun.graph, begun.built, begun.fit, begun.train, check=begun.check)
-    state, rounds, reason = _rounds(start, every, own, settings.max_effects)
-    rest = settle(state, rounds, own, settings.tables)
+    state, rounds, reason = _rounds(start, every, own, settings.max_effects, begun=begun)
+    rest = settle(state, rounds, own, settings.tables) if state.held is None else Rest(state, ())
     while _withdrawn(state, rest) and len(state.added) == settings.max_effects and not settings.tables:
         state, rounds, reason = _rounds(rest.state, every, own, settings.max_effects, rounds)
         rest = settle(state, rounds, own, settings.tables)
@@ -220,9 +228,14 @@ def _withdrawn(before: Progress, after: Rest) -> bool:
 
 
 def _rounds(
-    state: Progress, functions: Sequence[EffectFunction], own: RoundSettings, most: int, earlier: Sequence[Round] = ()
+    state: Progress,
+    functions: Sequence[EffectFunction],
+    own: RoundSettings,
+    most: int,
+    earlier: Sequence[Round] = (),
+    begun: DeclaredFit | None = None,
 ) -> tuple[Progress, list[Round], str]:
-    """Add what is found until nothing passes: the state, the rounds, and why they ended.
+    """Add what is found until nothing passes, or shows inputs to be held: the state, the rounds, and why they ended.
 
     What fails in the first round is told; later ones have results that are worth keeping. Every round adds an effect or
     takes one out for good, so that they end.
@@ -237,7 +250,10 @@ def _rounds(
                 passes = f"no {further}candidate passes the tests" if turn.trials else "no effect could be tried"
                 return state, rounds, passes
             disturbed = explained_at_random(state, turn.chosen, own)
-            state = advance(state, turn, own) if disturbed is state else disturbed
+            before, state = state, advance(state, turn, own) if disturbed is state else disturbed
+            state = state if begun is None or not state.laws else _with_held(begun, before, state, own.journal)
+            if state.held is not None:
+                return state, rounds, "inputs are held between samples after all"
         except FAILURES as error:
             number = len(rounds) + (not rounds or rounds[-1].base is not state.fit)
             if not rounds:
@@ -247,6 +263,13 @@ def _rounds(
                 raise EstimationError(f"{why} - check units, initial states and declared values") from error
             return state, rounds, f"round {number} could not be finished: {reason_of(error)}"
     return state, rounds, f"the limit of {most} effects was reached"
+
+
+def _with_held(begun: DeclaredFit, before: Progress, after: Progress, journal: Journal) -> Progress:
+    """The state after a law was added, with the inputs that it shows to be held."""
+    label = after.laws[-1].candidate.label
+    held = held_after_all(begun, (before.fit, before.built), (after.fit, after.built), label, journal)
+    return replace(after, held=held)
 
 
 def _named(state: Progress) -> int:

@@ -10,6 +10,7 @@ import numpy as np
 
 from bondgraph.build import BuiltModel, build
 from bondgraph.correct.constants import LEVEL
+from bondgraph.correct.declared_fit import HeldAfterAll
 from bondgraph.correct.evidence.certified import refined
 from bondgraph.correct.evidence.context import Context
 from bondgraph.correct.evidence.decide import doubt, judge
@@ -54,7 +55,8 @@ class Progress:
 
     ``added`` holds events too, effects that act in part of a log only: as long as the search goes on they are in the
     model, and the logs know their times. ``check`` says what halved steps would change at the fit.
-    ``banned`` are effects that were dropped, by function and place: they are not offered again.
+    ``banned`` are effects that were dropped, by function and place: they are not offered again. ``held`` are inputs
+    that what was added shows to be held between samples: all begins anew with these.
     """
 
     declared: BondGraph
@@ -65,6 +67,7 @@ class Progress:
     history: tuple[Decision, ...] = ()
     banned: frozenset[tuple[str, str]] = frozenset()
     check: Check | None = None
+    held: HeldAfterAll | None = None
 
     @property
     def present(self) -> set[tuple[str, str]]:

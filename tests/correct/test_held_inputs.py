@@ -25,10 +25,13 @@ def _cart() -> bg.BondGraph:
     return g
 
 
-def _log(held: bool, seed: int) -> MatchedLog:
-    """A cart behind a force that is held, or straight, between samples 0.1 s apart: the exact discrete system."""
+def _log(held: bool, seed: int, samples: int = 8) -> MatchedLog:
+    """A cart behind a force that is held, or straight, between samples 0.1 s apart: the exact discrete system.
+
+    It has a new level after so many ``samples``.
+    """
     chance = np.random.default_rng(seed)
-    force = np.repeat(chance.uniform(-30.0, 30.0, 100), 8)
+    force = np.repeat(chance.uniform(-30.0, 30.0, 800 // samples), samples)
     system = tuple(np.array([[one]]) for one in (-_DRAG / _MASS, 1.0 / _MASS, 1.0, 0.0))
     a, b, c, d, _ = cont2discrete(system, 0.1, "zoh" if held else "foh")
     speed = lfilter([float(d[0, 0]), float((c @ b - a * d)[0, 0])], [1.0, -float(a[0, 0])], force)
@@ -45,6 +48,21 @@ def test_the_likelier_way_between_samples_is_taken_and_no_lag_found(held: bool) 
     (info,) = closed.nominal_built.model.inputs
     assert info.interpolation == ("hold" if held else "linear")
     assert abs(closed.nominal.values["m"] - _MASS) < 4.0 * closed.nominal.std["m"]
+
+
+def test_an_input_that_moves_at_every_sample_is_held_where_a_delay_does_no_more() -> None:
+    """Half a sample of a torque that changed every 4 ms was an actuator's delay, and then a mass on a spring."""
+    closed = close_loop(_cart(), [_log(True, 5, samples=1)], [], [effects.actuator_delay], LoopSettings())
+    assert closed.verdict == "no missing effect"
+    (said,) = [text for text in closed.cautions if "held between samples" in text]
+    assert said.startswith("force is taken as held") and "pieces" not in said
+    assert closed.held == ("force",)
+    assert abs(closed.nominal.values["m"] - _MASS) < 4.0 * closed.nominal.std["m"]
+
+
+def test_an_input_that_moves_at_every_sample_stays_straight_where_it_is() -> None:
+    closed = close_loop(_cart(), [_log(False, 5, samples=1)], [], [effects.actuator_delay], LoopSettings())
+    assert closed.verdict == "no missing effect" and not closed.held
 
 
 def test_inputs_stay_as_declared_where_that_is_asked_for() -> None:
