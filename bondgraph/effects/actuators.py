@@ -312,7 +312,7 @@ def actuator_rate_limit(g: BondGraph, at: Place) -> Effect | None:
 def _first(g: BondGraph, at: Place, kinds: Sequence[str]) -> tuple[Node, Input] | None:
     """The first element here that follows a command, where no element before it does: it stands for all of them."""
     nodes = g.flatten().nodes.values()
-    for node, command in commanded(g, at, kinds):
+    for node, command in commanded(g, at, kinds, temperatures=True):
         followers = (one.name for one in nodes if one.kind in _GIVES and command in commands(g, one))
         if next(followers, "") == node.name:
             return node, command

@@ -283,13 +283,13 @@ def commands(g: BondGraph, node: Node) -> list[Input]:
     return [one for one in flat.inputs if one.symbol in reached and not (one.is_held and one.unit in ("", "1"))]
 
 
-def commanded(g: BondGraph, at: Place, kinds: Sequence[str]) -> list[tuple[Node, Input]]:
+def commanded(g: BondGraph, at: Place, kinds: Sequence[str], temperatures: bool = False) -> list[tuple[Node, Input]]:
     """Elements of some kinds at a junction that follow an input, each with the first such input.
 
     A transformer or gyrator belongs to the junction that its first bond comes from. A temperature that is given is no
-    actuator's.
+    actuator's: it may arrive late (``temperatures``), as a feed does through a pipe, but has no range of its own.
     """
-    kinds = [kind for kind in kinds if kind != "Se" or at.domain != THERMAL]
+    kinds = [kind for kind in kinds if temperatures or kind != "Se" or at.domain != THERMAL]
     if at.bond is not None or at.junction.kind not in ("0", "1"):
         return []
     nodes = [

@@ -60,8 +60,8 @@ def _turning(g: BondGraph, at: Place, effect: str, at_zero: int, reference: str)
 
 
 def ratio_by_stroke(g: BondGraph, at: Place) -> Effect | None:
-    """A ratio that changes over the stroke of a spring: the linkage of a suspension, a lever at an angle."""
-    node = _constant(g, at) if is_motion(at) else None
+    """A ratio that changes over the stroke of a spring: the linkage of a suspension, a lever, a coil in its gap."""
+    node = (_constant(g, at, "TF") or _constant(g, at, "GY")) if is_motion(at) else None
     spring = spring_at(g, at, straight=False)
     if node is None or spring is None:
         return None
@@ -82,9 +82,9 @@ def ratio_by_stroke(g: BondGraph, at: Place) -> Effect | None:
     )  # fmt: skip
 
 
-def _constant(g: BondGraph, at: Place) -> Node | None:
-    """The only transformer at a junction, if its ratio is a constant."""
-    found = two_ports_at(g, at, "TF")
+def _constant(g: BondGraph, at: Place, kind: str = "TF") -> Node | None:
+    """The only transformer (or gyrator) at a junction, if its ratio is a constant."""
+    found = two_ports_at(g, at, kind)
     law = found[0].law("modulus") if len(found) == 1 else None
     constants = {parameter.symbol for parameter in g.flatten().parameters}
     return found[0] if law is not None and law.free_symbols <= constants else None
