@@ -12,6 +12,7 @@ losses       in proportion to the load, by direction, creep, slip, leaks, thresh
 thermal      heat given away by conduction, convection, radiation; a heat capacity that changes
 between      leaks, overflows, friction and fluid couplings between two junctions of one domain; clutches and
              couplings that slip
+couplings    springs to the frame and between bodies, coils that share a flux, capacitance between two nodes
 loads        constant efforts and flows, headwind, ripple
 actuators    wrong scale, lag and delay of sources and ratios, ceiling, dead zone, play, bent map and rate of what
              follows a command; motors whose constant falls with the current, magnets that pull harder as a gap closes
@@ -85,6 +86,10 @@ from bondgraph.effects.between import drag_between as drag_between
 from bondgraph.effects.between import friction_between as friction_between
 from bondgraph.effects.between import fluid_coupling_between as fluid_coupling_between
 from bondgraph.effects.between import coupling_slip as coupling_slip
+from bondgraph.effects.couplings import return_spring as return_spring
+from bondgraph.effects.couplings import spring_between as spring_between
+from bondgraph.effects.couplings import mutual_inductance as mutual_inductance
+from bondgraph.effects.couplings import capacitance_between as capacitance_between
 from bondgraph.effects.thermal import radiation_between as radiation_between
 from bondgraph.effects.relaxation import polarisation as polarisation
 from bondgraph.effects.relaxation import slow_heat_capacity as slow_heat_capacity

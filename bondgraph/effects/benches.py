@@ -94,7 +94,7 @@ def drive() -> Bench:
 
 
 def circuit() -> Bench:
-    """A coil with a condenser, whose wire warms a body and whose current turns a fan."""
+    """A coil with a condenser and a choke, whose wire warms a body and whose current turns a fan."""
     g = BondGraph("circuit")
     voltage = g.input("voltage", "V", "command of the amplifier")
     loop, node = g.one_junction("loop", ELECTRICAL), g.zero_junction("node", ELECTRICAL)
@@ -110,6 +110,7 @@ def circuit() -> Bench:
     g.resistance("lamp", g.parameter("R_l", 20.0, "V/A", "lamp"), at=load)
     g.effort_source("cell", g.parameter("E", 4.0, "V", "battery"), at=load)
     g.compliance("charge", 1 / g.parameter("C_b", 50.0, "A s/V", "capacity of the battery"), at=load, state="q_b")
+    g.inertance("choke", g.parameter("L_l", 0.05, "V s/A", "inductance before the lamp"), at=load, state="i_l")
     g.bond(load, tail)
     g.compliance("second", 1 / g.parameter("C_2", 2e-3, "A s/V", "second condenser"), at=tail, state="q_2")
     body = g.zero_junction("body", THERMAL)

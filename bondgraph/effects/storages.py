@@ -74,7 +74,7 @@ def added_inertia(g: BondGraph, at: Place) -> Effect | None:
 def added_capacity(g: BondGraph, at: Place) -> Effect | None:
     """Capacity that was not counted: a wall that takes up heat, a hose that swells, gas in oil, a stray capacitance."""
     word = _CAPACITY.at(at)
-    declared = _capacity_beside(g, at) if has_effort(at) and word else None
+    declared = capacity_beside(g, at) if has_effort(at) and word else None
     if declared is None:
         return None
     name = f"{word}_{at.name}"
@@ -292,7 +292,7 @@ def spring_at(g: BondGraph, at: Place, straight: bool = True) -> Spring | None:
     return Spring(springs[0].name, at.scale.effort / abs(float(stiffness)), at.scale.effort, unit)
 
 
-def _capacity_beside(g: BondGraph, at: Place) -> tuple[float, str] | None:
+def capacity_beside(g: BondGraph, at: Place) -> tuple[float, str] | None:
     """Size and unit of the linear compliance declared at a junction: the natural size of a capacity not counted."""
     values = {parameter.symbol: parameter.value for parameter in g.flatten().parameters}
     for node in elements_at(g, at, "C"):

@@ -4,8 +4,9 @@ Two chambers, nodes or bodies (0-junctions) exchange a flow by the difference of
 (1-junctions) an effort by the difference of their speeds. Only neighbours are paired: two with one junction between
 them, directly or through transformers and gyrators, or two of which one drives an element at the other by a signal: a
 jet that falls into a tank. Heat needs no way that somebody declared: it passes through frames and air, so that any two
-bodies are paired, and any two nodes of a circuit, whose leakage creeps over boards and through moist insulation. Two
-that are rigidly tied have no difference of their own.
+bodies are paired, and any two nodes of a circuit, whose leakage creeps over boards and through moist insulation. So are
+any two coils of a circuit, which a flux may join through air or iron. Two that are rigidly tied have no difference of
+their own.
 """
 
 from __future__ import annotations
@@ -79,11 +80,17 @@ def neighbours(flat: BondGraph) -> list[tuple[str, str]]:
     network: nx.Graph[str] = nx.Graph((bond.source, bond.target) for bond in flat.bonds)
     domains = node_domains(flat)
     kinds = {name: domain and _KIND.get(domain) for name, domain in domains.items()}
-    own = [name for name, node in flat.nodes.items() if node.is_junction and node.kind == kinds[name]]
+    own = [
+        name
+        for name, node in flat.nodes.items()
+        if node.is_junction and (node.kind == kinds[name] or (domains[name] == ELECTRICAL and _has_coil(flat, name)))
+    ]
     chosen = [name for name in own if not _is_difference(flat, name)]
     tied, driven = _tied(flat, chosen), _driven(flat, chosen)
     found = []
     for first, second in itertools.combinations(chosen, 2):
+        if flat.nodes[first].kind != flat.nodes[second].kind:
+            continue
         if domains[first] == domains[second] and tied[first] != tied[second] and first in network and second in network:
             if domains[first] in _EVERYWHERE or {first, second} in driven:
                 found.append((first, second))
@@ -93,6 +100,13 @@ def neighbours(flat: BondGraph) -> list[tuple[str, str]]:
             if _one_junction_apart(flat, between, first, second):
                 found.append((first, second))
     return found
+
+
+def _has_coil(flat: BondGraph, name: str) -> bool:
+    """True for the 1-junction of an inductance."""
+    bonds = [(flat.bonds[index], inward) for index, inward in flat.incidence()[name]]
+    kinds = {flat.nodes[bond.source if inward else bond.target].kind for bond, inward in bonds}
+    return flat.nodes[name].kind == "1" and "I" in kinds
 
 
 def _is_difference(flat: BondGraph, name: str) -> bool:
