@@ -91,6 +91,17 @@ def test_more_nats_are_never_a_negative_number_of_less() -> None:
     )
 
 
+def test_a_law_that_bends_is_told_from_another_by_its_own_refit_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A coil whose constant fades was said to do as well as a polynomial of its stroke, though its refit had not."""
+    law, fault = _pair()
+    behind = replace(
+        fault, fit=None, evidence=None, score_gain=12.0, remark="given up", instead=(law.candidate.label, 0.9)
+    )
+    assert "in its place it would do as well" in _why(law, behind)
+    monkeypatch.setattr(type(law.candidate), "parts_from", lambda self, other: True)
+    assert _why(law, behind) == "its score promises 10.0 nats less than quadratic_loss at runner; given up"
+
+
 def test_a_refit_that_ends_with_nothing_of_its_candidate_says_so() -> None:
     law, _ = _pair()
     assert law.fit is not None

@@ -82,7 +82,9 @@ def _compared(chosen: Trial | None, trial: Trial, found: Scores, order: dict[str
     if trial.evidence is not None and abs(short) < INDIFFERENT:
         return True, f"its likelihood is within {abs(short):.1f} nats, which these data do not tell apart"
     against = f"{_said(trial)} {_difference(short)} than {chosen.candidate.label}"
-    if trial.instead is not None and trial.instead[0] == chosen.candidate.label and trial.instead[1] < INDIFFERENT:
+    parts = chosen.candidate.parts_from(trial.candidate)  # what a fit with small coefficients says of it is little
+    told = trial.instead is not None and trial.instead[0] == chosen.candidate.label and not parts
+    if told and trial.instead is not None and trial.instead[1] < INDIFFERENT:
         return True, _in_its_place(trial.instead[1], against if trial.evidence is not None else "")
     if short < 0.0:  # a promise alone: nobody knows whether a refit would have kept it
         against += ", but a score is a promise and no refit came to an end"
