@@ -51,10 +51,7 @@ def cautions_of(nominal: Fit, rounds: Sequence[Round]) -> tuple[str, ...]:
             f"these logs say next to nothing about {', '.join(unknown)}: drive with more variety, or fix "
             f"{inflected(unknown, 'it', 'them')}"
         )
-    blind = _blind(rounds)
-    if blind:
-        said.append(f"cannot be detected with these logs, at any size that its law may have: {few(blind)}")
-    return tuple(said)
+    return (*said, *_undetectable(rounds))
 
 
 def at_bounds(fitted: Fit, which: str, known: Collection[str] | None = None) -> list[str]:
@@ -96,13 +93,17 @@ def resting(fitted: Fit) -> list[str]:
     ]
 
 
-def _blind(rounds: Sequence[Round]) -> list[str]:
-    """Effects that the logs do not show at any size, less those that a later round could see."""
+def _undetectable(rounds: Sequence[Round]) -> list[str]:
+    """Sentences on effects that the logs do not show, less those that a later round could see."""
     seen = {(one.effect, one.junction) for turn in rounds for one in turn.detectable if np.isfinite(one.size)} | {
         (turn.chosen.candidate.effect.described, turn.chosen.candidate.place.label) for turn in rounds if turn.chosen
     }
-    first = rounds[0].detectable if rounds else ()
-    return [f"{one.effect} at {one.junction}" for one in first if (one.effect, one.junction) not in seen]
+    blind = [one for one in (rounds[0].detectable if rounds else ()) if (one.effect, one.junction) not in seen]
+    taken, small = ([f"{one.effect} at {one.junction}" for one in blind if one.taken is way] for way in (True, False))
+    said = [f"cannot be told from what is free, whatever its size: {few(taken)}"] if taken else []
+    if small:
+        said.append(f"cannot be detected with these logs unless larger than all else at its place: {few(small)}")
+    return said
 
 
 def _uninformed(fitted: Fit, parameter: FreeParameter) -> bool:

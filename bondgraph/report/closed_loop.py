@@ -158,7 +158,7 @@ def _explained(closed: ClosedLoop) -> str:
         )
     if closed.verdict == "disturbance":
         none = f"none of the {tried} effects and faults tried passes the tests beside a disturbance"
-        return f"Nothing shows that a law is missing: {none}."
+        return f"No law was found: {none}."
     if not tried:
         return "No effect could be tried, but all innovations are white: nothing asks for one."
     return f"None of the {tried} effects and faults tried passes the tests, and all innovations are white."

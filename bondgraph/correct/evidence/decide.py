@@ -231,8 +231,8 @@ def detectable(vanishing: Sequence[Candidate], found: Scores, need: float) -> tu
     """The size at which each candidate would have been found nine times in ten.
 
     The root of twice the gain is nearly normal around size * sqrt(information) with unit variance; it must pass the
-    root of twice the ``need``. Of an effect with several coefficients the first is meant. One that it would need more
-    of than it may have cannot be detected.
+    root of twice the ``need``. Of an effect with several coefficients the first is meant. Its bounds say how large all
+    else at its place is: one that would have to be larger cannot be detected.
 
     Parameters
     ----------
@@ -250,7 +250,8 @@ def detectable(vanishing: Sequence[Candidate], found: Scores, need: float) -> tu
         info = one.model.parameters[one.model.index("parameter", name)]
         size = reach / math.sqrt(told) if told > 0.0 else math.inf
         size = size if size <= max(map(abs, one.bounds(name))) else math.inf  # no such law is meant
-        listed.append(Detectable(one.effect.name, one.place.label, name, info.shown(size), info.display_unit))
+        label, shown = (one.effect.name, one.place.label), info.shown(size)
+        listed.append(Detectable(*label, name, shown, info.display_unit, taken=not told > 0.0))
     return tuple(listed)
 
 

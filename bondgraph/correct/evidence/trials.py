@@ -104,7 +104,8 @@ class Detectable:
     """How large a missing effect must be to be found with logs such as these.
 
     At ``size`` of its coefficient it is found about nine times in ten, with the same excitation and noise. ``size`` is
-    infinite where no size that the effect may have shows: the free parameters take its response, or it is too small.
+    infinite where free parameters take all of its response (``taken``), or where it would have to be larger than all
+    else at its place.
     """
 
     effect: str
@@ -112,6 +113,7 @@ class Detectable:
     coefficient: str
     size: float
     unit: str
+    taken: bool = False
 
 
 @dataclass(frozen=True)
