@@ -32,6 +32,8 @@ from bondgraph.effects.hysteresis import hysteresis_loss as hysteresis_loss
 from bondgraph.effects.hysteresis import voltage_hysteresis as voltage_hysteresis
 from bondgraph.effects.friction import quadratic_loss as quadratic_loss
 from bondgraph.effects.friction import rolling_speed_loss as rolling_speed_loss
+from bondgraph.effects.friction import turbulent_loss as turbulent_loss
+from bondgraph.effects.friction import eddy_current_drag as eddy_current_drag
 from bondgraph.effects.friction import stribeck_loss as stribeck_loss
 from bondgraph.effects.friction import viscous_loss as viscous_loss
 from bondgraph.effects.friction import warm_up_loss as warm_up_loss

@@ -13,7 +13,7 @@ from collections.abc import Mapping
 
 from sympy import Abs, Expr, asinh, exp, tanh
 
-from bondgraph.declare.domains import ELECTRICAL, ROTATION, TRANSLATION
+from bondgraph.declare.domains import ELECTRICAL, HYDRAULIC, ROTATION, TRANSLATION
 from bondgraph.declare.effect import Effect, Place
 from bondgraph.declare.elements import Node
 from bondgraph.declare.functions import clip
@@ -40,6 +40,10 @@ _ORIFICE = "Merritt (1967), Hydraulic Control Systems, chapter 3"
 _EMPS = "Janot, Gautier, Brunot (2019), Data Set and Reference Models of EMPS"
 _EYRING = "Eyring (1936), J. Chem. Phys. 4, 283"
 _BUTLER = "Bard, Faulkner (2001), Electrochemical Methods, chapter 3"
+_PIPES = "White (2011), Fluid Mechanics, sections 6.6 and 6.7"
+_EDDY = "Wouterse (1991), IEE Proceedings B 138(4)"
+#: Powers of the flow in turbulent pipes: 7/4 by Blasius, 1.852 by Hazen and Williams, a square where walls are rough.
+_TURBULENT = (1.75, 1.95)
 #: Speed to which speed-dependent rolling resistance is referred, m/s (100 km/h).
 _ROLLING_SPEED = 100.0 / 3.6
 _BOND_GRAPHS = "Karnopp, Margolis, Rosenberg (2012), System Dynamics, chapter 3"
@@ -135,6 +139,44 @@ def quadratic_loss(g: BondGraph, at: Place) -> Effect | None:
     return Effect(
         word, name, "effort = c*flow*|flow|", (c.name,), dissipative=True,
         reference=_SURVEY if word == "quadratic_loss" else _ORIFICE, manoeuvre="small and large flows in one log",
+    )  # fmt: skip
+
+
+def turbulent_loss(g: BondGraph, at: Place) -> Effect | None:
+    """Pressure lost in a long pipe: the power 7/4 of the flow in a smooth one, and nearly its square in a rough one."""
+    if not has_flow(at) or at.domain != HYDRAULIC:
+        return None
+    name = f"turbulent_loss_{at.name}"
+    c = g.parameter(f"c_{name}", 0.0, effort_unit(at), "pressure at the largest flow", (0.0, 2.0 * at.scale.effort))
+    most = g.parameter(f"r_{name}", at.scale.flow, flow_unit(at), "flow of that pressure")
+    n = g.parameter(f"n_{name}", _TURBULENT[0], "1", "power of the flow", _TURBULENT)
+    w = at.smoothing
+
+    def law(flow: Expr) -> Expr:
+        x = flow / most
+        return c * x * (x**2 + w**2) ** ((n - 1) / 2)
+
+    g.resistance(name, law, at=at.junction)
+    return Effect(
+        "turbulent_loss", name, "effort = c*x*(x^2 + w^2)^((n - 1)/2), x = flow/r", (c.name,), dissipative=True,
+        widths=(n.name,), reference=_PIPES, manoeuvre="small and large flows in one log",
+    )  # fmt: skip
+
+
+def eddy_current_drag(g: BondGraph, at: Place) -> Effect | None:
+    """Drag of a conductor in a magnet's field: it grows up to a critical speed, and falls beyond it.
+
+    So does the slip of an induction motor, by the same law of Kloss.
+    """
+    if not is_motion(at) or at.domain is None:
+        return None
+    name, c = coefficient(g, at, "eddy_current_drag", "largest drag", effort_unit(at), power=0)
+    bounds = (0.05 * at.scale.flow, at.scale.flow)
+    v = g.parameter(f"v_{name}", 0.3 * at.scale.flow, flow_unit(at), "flow at the largest drag", bounds)
+    g.resistance(name, lambda flow: 2 * c * (flow / v) / (1 + (flow / v) ** 2), at=at.junction)
+    return Effect(
+        "eddy_current_drag", name, "effort = 2*c*x/(1 + x^2), x = flow/v", (c.name,), shapes=(v.name,),
+        reference=_EDDY, dissipative=True, manoeuvre="slow and fast motion in one log",
     )  # fmt: skip
 
 
