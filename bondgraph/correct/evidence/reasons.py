@@ -63,6 +63,8 @@ def _settled(trial: Trial) -> tuple[bool, str] | None:
 
 def _compared(chosen: Trial | None, trial: Trial, found: Scores, order: dict[str, int]) -> tuple[bool, str]:
     """Closeness of a trial to the chosen one, and how it compares; no words where its own tests say more."""
+    if chosen is not None and trial.words_for == chosen.candidate.label:
+        return False, f"it says {trial.words_for} in other words"
     if chosen is None:
         if trial.evidence is not None:
             return False, ""

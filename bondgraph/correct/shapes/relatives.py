@@ -179,7 +179,7 @@ def _numbers(relative: _Relative, filter_model: FilterModel) -> tuple[FreeParame
 
 
 def in_plainer_words(trials: Sequence[Trial], left: Residual, level: float) -> list[Trial]:
-    """The trials; powers behind a law without a free exponent that draws the same curve, and passes the tests.
+    """The trials; formulas behind a law that draws the same curve with no more parameters, and passes the tests.
 
     With many samples the exponent of a spring that hardens with the cube is told from 3 by what is left of its sensor.
     """
@@ -188,7 +188,7 @@ def in_plainer_words(trials: Sequence[Trial], left: Residual, level: float) -> l
 
 def _behind_plainer(trial: Trial, trials: Sequence[Trial], left: Residual, level: float) -> Trial:
     formula = formula_of(trial.candidate.function)
-    if formula is None or trial.evidence is None or not any(term.kind.alone for term in formula.terms):
+    if formula is None or trial.evidence is None:
         return trial
     own = _drawn(trial, left)
     for other in trials:
@@ -198,8 +198,8 @@ def _behind_plainer(trial: Trial, trials: Sequence[Trial], left: Residual, level
         if curve is None or curve.signal.name != own.signal.name or _departure(own, curve) > _SAME:
             continue
         behind = min(trial.evidence.bic_gain, other.evidence.bic_gain - INDIFFERENT)
-        remark = f"{other.candidate.label} draws the same curve with fewer parameters"
-        return replace(trial, evidence=replace(trial.evidence, bic_gain=behind), remark=remark)
+        label = other.candidate.label
+        return replace(trial, evidence=replace(trial.evidence, bic_gain=behind), words_for=label)
     return trial
 
 
@@ -209,10 +209,11 @@ def _drawn(trial: Trial, left: Residual) -> _Curve | None:
 
 
 def _is_plainer(other: Trial, trial: Trial, level: float) -> bool:
-    """True for another law at the place of a trial that passes the tests with fewer parameters."""
+    """True for another law there that passes the tests, with fewer parameters, or with as many and no formula."""
     same = other.candidate.place.label == trial.candidate.place.label and other.gate is None
-    fewer = len(other.candidate.effect.parameters) < len(trial.candidate.effect.parameters)
-    return same and fewer and other.evidence is not None and other.evidence.accepted(level)
+    saved = len(trial.candidate.effect.parameters) - len(other.candidate.effect.parameters)
+    plain = saved > 0 or (saved == 0 and formula_of(other.candidate.function) is None)
+    return same and plain and other.evidence is not None and other.evidence.accepted(level)
 
 
 def _departure(one: _Curve, other: _Curve) -> float:

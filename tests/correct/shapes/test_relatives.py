@@ -21,8 +21,9 @@ from bondgraph.data.log import MatchedLog
 from bondgraph.declare.domains import HYDRAULIC
 from bondgraph.declare.editing import handle
 from bondgraph.declare.effect import Place, Scale
-from bondgraph.effects import hardening_spring, overflow, quadratic_loss, relief, viscous_loss
+from bondgraph.effects import eddy_current_drag, hardening_spring, overflow, quadratic_loss, relief, viscous_loss
 from bondgraph.filter.filter_model import FilterModel
+from bondgraph.report.formulas import twins
 
 PRESSURE = Signal("effort of basin", "Pa", (np.linspace(500.0, 7000.0, 300),))
 
@@ -136,3 +137,13 @@ def test_a_brake_that_fades_at_speed_is_one_term_and_no_sum_of_others() -> None:
     assert (values["reach_hump_rotor"], values["c_hump_rotor"], values["J"]) == pytest.approx(
         (62.0, 4.2, 0.06), rel=2e-3
     )
+
+
+@pytest.mark.slow
+def test_a_formula_that_says_a_law_in_other_words_is_no_rival_of_it() -> None:
+    """A brake was "eddy_current_drag or formula (hump), which these data do not tell apart"."""
+    functions = (viscous_loss, quadratic_loss, eddy_current_drag)
+    found = close_loop(disc(), [braked(1), braked(2)], [braked(9)], functions, LoopSettings(faults=False))
+    (law,) = found.added
+    assert law.trial.candidate.label == "eddy_current_drag at rotor"
+    assert twins(found, law) == []
