@@ -77,7 +77,7 @@ def error_table(errors: Sequence[ChannelError], title: str = "error before and a
     """Errors per channel and log, free simulation and one step ahead, against the noise of the sensor."""
     table = _table(title)
     for name in ("data", "channel", "log"):
-        table.add_column(name)
+        table.add_column(name, overflow="fold")  # the ends of names tell logs apart
     for name in ("simulation\nbefore", "after", "change", "one step\nbefore", "after", "change", "sensor\nnoise"):
         table.add_column(name, justify="right")
     for group, rows in grouped_errors(errors):

@@ -62,6 +62,13 @@ def test_the_error_table_shows_before_after_and_change() -> None:
     assert ["held out", "speed [rad/s]", "run_2", "12.5", "14.0", "+12 %", "0.400", "0.300", "−25 %", "0.100"] in rows
 
 
+def test_logs_with_long_names_keep_the_ends_that_tell_them_apart() -> None:
+    """Two training logs of one machine were both called "speaker_clean…"."""
+    names = [f"loudspeaker_on_the_bench_in_free_air_{k}" for k in (1, 2)]
+    table = text_of(error_table([error(name, 3.0, 1.0) for name in names]), width=80)
+    assert "r_1" in table and "r_2" in table
+
+
 def test_the_parameter_table_shows_intervals_and_bounds() -> None:
     text = text_of(
         parameter_table(
