@@ -10,6 +10,8 @@ Table: TypeAlias = tuple[Sequence[str], Sequence[Sequence[str]]]
 
 #: Names written out in one line; more are counted.
 _SHOWN = 6
+#: Seconds from which four significant digits would need an exponent.
+_LONG = 1e4
 
 
 def few(names: Sequence[str], most: int = _SHOWN) -> str:
@@ -68,6 +70,17 @@ def number(value: float) -> str:
     ('176', '1.5e-07', '1.235e+05', 'nan')
     """
     return f"{value:.4g}"
+
+
+def instant(value: float) -> str:
+    """A time in seconds: as a number, and from ten thousand seconds on in whole ones, not in an exponent.
+
+    Examples
+    --------
+    >>> instant(20.0), instant(41759.975), instant(1.7e9)
+    ('20', '41760', '1700000000')
+    """
+    return f"{value:.0f}" if abs(value) >= _LONG else number(value)
 
 
 def text_table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:

@@ -115,7 +115,7 @@ class Ranking(Tabulated, Kept):
         """Header, and a row for each parameter with standard deviations in declared units."""
         header = ("parameter", "unit", "advice", "nats", "known before", "std alone", "std joint", "std if freed")
         rows = [
-            [one.name, unit, one.advice, number(one.influence), *map(number, shown)]
+            [one.name, unit, one.advice, *(number(x) if math.isfinite(x) else "-" for x in (one.influence, *shown))]
             for one, (unit, shown) in zip(self.parameters, self._shown(), strict=True)
         ]
         return header, rows
