@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Sequence, Sized
 from typing import TypeAlias
 
@@ -70,6 +71,17 @@ def number(value: float) -> str:
     ('176', '1.5e-07', '1.235e+05', 'nan')
     """
     return f"{value:.4g}"
+
+
+def known(value: float) -> str:
+    """A number as :func:`number` shows it, and a dash for what nothing tells.
+
+    Examples
+    --------
+    >>> known(176.04321), known(float("nan")), known(float("inf"))
+    ('176', '-', '-')
+    """
+    return number(value) if math.isfinite(value) else "-"
 
 
 def instant(value: float) -> str:

@@ -35,7 +35,7 @@ from bondgraph.frames import frame
 from bondgraph.shown import Tabulated
 from bondgraph.simulate.outcome import Outcome
 from bondgraph.simulate.stored import Kept
-from bondgraph.text import Table, count, few, number, text_table
+from bondgraph.text import Table, count, few, known, number, text_table
 
 if TYPE_CHECKING:
     import pandas
@@ -133,7 +133,7 @@ class Estimate(Tabulated, Kept):
         """
         unknown = {name for group in self.not_identifiable for name in group}
         rows = [
-            [one.name, unit_of(self.problem, one), *map(number, self._shown(one)), self._remark(one.name, unknown)]
+            [one.name, unit_of(self.problem, one), *map(known, self._shown(one)), self._remark(one.name, unknown)]
             for one in self.problem.free
         ]
         return ("parameter", "unit", "value", "std", "2.5 %", "97.5 %", ""), rows
