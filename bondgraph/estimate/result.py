@@ -7,7 +7,7 @@ from collections.abc import Callable, Container, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, overload
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -26,7 +26,7 @@ from bondgraph.estimate.profile import ProfileInterval, profile_interval
 from bondgraph.estimate.quantities import quantity_of, unit_of
 from bondgraph.estimate.uncertainty import UncertaintyOutcome
 from bondgraph.filter.consistency import misfits
-from bondgraph.filter.figure import run_figure, run_panel
+from bondgraph.filter.figure import Panels
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.filter_run import FilterRun
 from bondgraph.filter.misfit import Misfit
@@ -39,8 +39,6 @@ from bondgraph.text import Table, count, few, known, number, text_table
 
 if TYPE_CHECKING:
     import pandas
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 
 @dataclass(frozen=True)
@@ -53,7 +51,7 @@ class Optimum:
 
 
 @dataclass(frozen=True, repr=False)
-class Estimate(Tabulated, Kept):
+class Estimate(Panels, Tabulated, Kept):
     """An estimate of the free parameters of a problem.
 
     Parameters
@@ -154,38 +152,6 @@ class Estimate(Tabulated, Kept):
         ]
         names = ("value", "std", "lower95", "upper95", "lower_bound", "upper_bound", "unit", "at_bound")
         return frame(dict(zip(names, zip(*rows, strict=True), strict=True)), self.problem.names, "parameter")
-
-    @overload
-    def plot(self) -> Figure: ...
-
-    @overload
-    def plot(self, output: str = "", log: str = "", *, ax: Axes) -> Axes: ...
-
-    @overload
-    def plot(self, output: str, log: str = "", ax: Axes | None = None) -> Axes: ...
-
-    def plot(self, output: str = "", log: str = "", ax: Axes | None = None) -> Figure | Axes:
-        """Measured channels and what the estimated model expects one step ahead, with a band of two deviations.
-
-        Parameters
-        ----------
-        output, log
-            One panel alone; the first measured output or the first log where only the other or ``ax`` is given.
-        ax
-            Where the panel is drawn; None: in a figure of its own.
-
-        Returns
-        -------
-        Figure or Axes
-            Without arguments a row for each channel and a column for each log, else the axes of one panel. All are in
-            declared units.
-
-        Raises
-        ------
-        OptionError
-            If no log or measured output is called so.
-        """
-        return run_panel(self.runs, output, log, ax) if output or log or ax is not None else run_figure(self.runs)
 
     def _shown(self, parameter: FreeParameter) -> tuple[float, float, float, float]:
         """Value, standard deviation and ends of the 95 % interval as they are shown."""

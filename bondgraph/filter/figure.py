@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, overload
 
 import numpy as np
 
@@ -97,3 +98,44 @@ def _draw_channel(axes: Axes, run: FilterRun, row: int) -> None:
     axes.fill_between(time, expected - reach, expected + reach, alpha=0.25, linewidth=0.0, label="two deviations")
     axes.plot(time, expected, label="one step ahead")
     axes.plot(run.time, info.shown(run.y[row]), ".", color="0.4", markersize=2.5, label="measured")
+
+
+class Panels:
+    """Results that hold runs, and draw them."""
+
+    @property
+    @abstractmethod
+    def runs(self) -> Sequence[FilterRun]:
+        """Runs of one filter model."""
+
+    @overload
+    def plot(self) -> Figure: ...
+
+    @overload
+    def plot(self, output: str = "", log: str = "", *, ax: Axes) -> Axes: ...
+
+    @overload
+    def plot(self, output: str, log: str = "", ax: Axes | None = None) -> Axes: ...
+
+    def plot(self, output: str = "", log: str = "", ax: Axes | None = None) -> Figure | Axes:
+        """Measured channels and what the model expects one step ahead, with a band of two deviations.
+
+        Parameters
+        ----------
+        output, log
+            One panel alone; the first measured output or the first log where only the other or ``ax`` is given.
+        ax
+            Where the panel is drawn; None: in a figure of its own.
+
+        Returns
+        -------
+        Figure or Axes
+            Without arguments a row for each channel and a column for each log, else the axes of one panel. All are in
+            declared units.
+
+        Raises
+        ------
+        OptionError
+            If no log or measured output is called so.
+        """
+        return run_panel(self.runs, output, log, ax) if output or log or ax is not None else run_figure(self.runs)
