@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Sequence, Sized
 from typing import TypeAlias
 
@@ -10,6 +11,8 @@ Table: TypeAlias = tuple[Sequence[str], Sequence[Sequence[str]]]
 
 #: Names written out in one line; more are counted.
 _SHOWN = 6
+#: Seconds from which four significant digits would need an exponent.
+_LONG = 1e4
 
 
 def few(names: Sequence[str], most: int = _SHOWN) -> str:
@@ -68,6 +71,28 @@ def number(value: float) -> str:
     ('176', '1.5e-07', '1.235e+05', 'nan')
     """
     return f"{value:.4g}"
+
+
+def known(value: float) -> str:
+    """A number as :func:`number` shows it, and a dash for what nothing tells.
+
+    Examples
+    --------
+    >>> known(176.04321), known(float("nan")), known(float("inf"))
+    ('176', '-', '-')
+    """
+    return number(value) if math.isfinite(value) else "-"
+
+
+def instant(value: float) -> str:
+    """A time in seconds: as a number, and from ten thousand seconds on in whole ones, not in an exponent.
+
+    Examples
+    --------
+    >>> instant(20.0), instant(41759.975), instant(1.7e9)
+    ('20', '41760', '1700000000')
+    """
+    return f"{value:.0f}" if abs(value) >= _LONG else number(value)
 
 
 def text_table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:

@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 
 import bondgraph as bg
 from bondgraph import exchange
@@ -385,6 +386,16 @@ def test_an_estimate_is_plotted(fit) -> None:
     assert axes.get_ylabel() == "speed [km/h]" and axes.get_title() == "run1"
     measured = axes.lines[-1].get_ydata()
     np.testing.assert_allclose(measured, pushed().channel("speed").numbers, rtol=1e-12)
+
+
+def test_one_panel_of_an_estimate_is_drawn_on_axes_of_ones_own(fit) -> None:
+    own = Figure().subplots()
+    assert fit.plot(ax=own) is own and own.get_ylabel() == "speed [km/h]"
+    assert fit.plot("speed", "run1").get_title() == "run1"
+    with pytest.raises(bg.BondGraphError, match="no measured output is called 'sped'; did you mean 'speed'"):
+        fit.plot("sped")
+    with pytest.raises(bg.BondGraphError, match="no log is called 'run7'"):
+        fit.plot(log="run7", ax=own)
 
 
 def test_runs_are_tables_in_declared_units() -> None:

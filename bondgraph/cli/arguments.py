@@ -145,6 +145,7 @@ def _add_linearise(commands: Any) -> None:
         "--at", action="append", default=[], metavar="NAME=VALUE",
         help="value of a state, an input or a parameter there (default: as declared)",
     )  # fmt: skip
+    c.add_argument("--set", nargs="+", action="extend", dest="at", metavar="NAME=VALUE", help="the same, several")
     c.add_argument("--steady", action="store_true", help="look for the equilibrium near that point first")
     c.add_argument("--moving", nargs="+", default=[], metavar="STATE", help="states that may go on moving in it")
     c.add_argument(

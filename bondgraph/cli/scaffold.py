@@ -26,11 +26,13 @@ def write_scaffold(name: str, parent: Path) -> Path:
     """
     if not name.isidentifier() or keyword.iskeyword(name):
         raise OptionError(f"new {name}: a name has letters, digits and underscores, such as sled", where=(name,))
-    if importlib.util.find_spec(name) is not None:
-        raise OptionError(f"new {name}: a module of this name is installed - choose another name", where=(name,))
     folder = parent / name
     if folder.exists():
         raise OptionError(f"new {name}: {folder} exists - choose another name, or delete it", where=(str(folder),))
+    found = importlib.util.find_spec(name)
+    if found is not None:
+        place = f", {found.origin}" if found.has_location else ""
+        raise OptionError(f"new {name}: there is a module of this name{place} - choose another name", where=(name,))
     folder.mkdir()
     try:
         template = importlib.resources.files("bondgraph.cli").joinpath(_TEMPLATE).read_text(encoding="utf-8")

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
+from bondgraph.data.dates import parsed_dates, seconds_since_first, split_date
 from bondgraph.data.header import TEXT_UNIT, convert_unit, require_unit, split_header
 from bondgraph.errors import DataError, suggest
 
@@ -119,6 +120,8 @@ def _time(values: Any, unit: str, name: str) -> FloatArray:
         start = values[0] if hasattr(values, "total_seconds") or not hasattr(values, "iloc") else values.iloc[0]
         passed: FloatArray = (values - start).to_numpy() / np.timedelta64(1, "s")
         return passed
+    if len(values) and isinstance(first := next(iter(values)), str) and split_date(first):
+        return seconds_since_first(parsed_dates(list(map(str, values)), name, first_row=0))[0]
     if values.dtype.kind not in "fiu":
         raise DataError(f"{name}: the time is {values.dtype}, neither numbers nor dates", where=(name, "time"))
     factor, offset = convert_unit("time", unit, "s", name)

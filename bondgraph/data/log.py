@@ -18,7 +18,7 @@ from bondgraph.errors import DataError, suggest, wrong_kind
 from bondgraph.files import check_name
 from bondgraph.frames import frame
 from bondgraph.shown import Tabulated
-from bondgraph.text import Table, count, few, number
+from bondgraph.text import Table, count, few, instant, number
 
 if TYPE_CHECKING:
     import pandas
@@ -256,7 +256,7 @@ class MatchedLog:
 
 
 def _extent(time: FloatArray) -> str:
-    return f"{count(time.size, 'sample')}, {number(float(time[0]))} to {number(float(time[-1]))} s"
+    return f"{count(time.size, 'sample')}, {instant(float(time[0]))} to {instant(float(time[-1]))} s"
 
 
 def _require_name(name: str) -> None:

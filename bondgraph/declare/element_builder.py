@@ -83,8 +83,8 @@ class ElementBuilder(GraphStore):
         """A spring or capacitor: ``effort`` as a function of the displacement, or the stiffness of a linear one.
 
         ``displacement`` as a function of the effort lets a nonlinear compliance be a dependent storage in closed form;
-        it may also be given alone, or both may be bound by ``residual(effort, displacement)``. ``initial`` may be a
-        signal of a log, see :mod:`bondgraph.declare.starts`.
+        it may also be given alone, or both may be bound by ``residual(effort, displacement)``. That of a linear one is
+        its capacity, ``displacement=C``. ``initial`` may be a signal of a log, see :mod:`bondgraph.declare.starts`.
         """
         return self._storage("C", name, effort, displacement, residual, at, initial, state)
 
@@ -129,7 +129,10 @@ class ElementBuilder(GraphStore):
             is_stiffness = kind == "C" and not callable_law(law)
             laws.append((gives, self._expression(name, law) * own if is_stiffness else self._law(name, law, own)))
         if inverse is not None:
-            laws.append((stored, self._law(name, inverse, power)))
+            held = self._law(name, inverse, power)
+            if not callable_law(inverse) and not {own, power} & held.free_symbols:  # a capacity, a mass
+                laws, held = laws or [(gives, own / held)], held * power
+            laws.append((stored, held))
         if residual is not None:
             laws.append(("residual", self._law(name, residual, power, own)))
         domain = at.domain if isinstance(at, Handle) else None

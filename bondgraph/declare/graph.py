@@ -8,12 +8,13 @@ what can only be known at the end (a junction without bonds, a signal of a node 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, Self
+from typing import TYPE_CHECKING, Any, NoReturn, Self
 
 from bondgraph.declare.composition import depth_of, flatten
 from bondgraph.declare.element_builder import ElementBuilder
 from bondgraph.declare.handles import At, ElementType, Handle, Law, SubGraph, apply_law, callable_law
 from bondgraph.declare.limits import DEEPEST_PART
+from bondgraph.declare.other_names import refuse_name
 from bondgraph.declare.quantities import Input, Parameter
 from bondgraph.declare.quantity_builder import QuantityBuilder
 from bondgraph.declare.validation import validate
@@ -55,6 +56,11 @@ class BondGraph(QuantityBuilder, ElementBuilder, Drawn):
     >>> [str(bond) for bond in g.bonds]
     ['drive -> shaft', 'shaft -> rotor', 'shaft -> bearing']
     """
+
+    if not TYPE_CHECKING:  # a checker says by itself which names there are not
+
+        def __getattr__(self, name: str) -> NoReturn:
+            refuse_name(name, (one for one in dir(type(self)) if not one.startswith("_")))
 
     def include(
         self,

@@ -15,7 +15,7 @@ from bondgraph.declare.modal_laws import MODAL_LAWS, modal_dimension
 from bondgraph.declare.quantities import Input, Integral, NamedSignal, Parameter, Table, symbol
 from bondgraph.declare.store import GraphStore
 from bondgraph.errors import DimensionError
-from bondgraph.units import dimension_text
+from bondgraph.units import Dimension, dimension_text
 
 _VARIABLES = ("effort", "flow", "displacement", "momentum")
 
@@ -115,7 +115,7 @@ class _LawUnits:
         if needed is not None and found is not None and found != needed:
             raise DimensionError(
                 f"{self.graph.name}: {where}: {name} must be {dimension_text(needed)} but {to_text(law)} is "
-                f"{dimension_text(found)} - correct the law or its units",
+                f"{dimension_text(found)} - correct the law or its units{_reciprocal(needed, found, law, own)}",
                 where=(where,),
             )
 
@@ -135,6 +135,18 @@ def _dimension(
 ) -> Known:
     """The dimension of a law; kept, for most laws of a machine are those of before when an effect is added to it."""
     return DimensionReader(dict(known), set(declared), {table.name: table for table in tables}).of(law)
+
+
+def _reciprocal(needed: Dimension, found: Dimension, law: Expr, own: Mapping[Symbol, Known]) -> str:
+    """A hint where the reciprocal of a coefficient fits: a capacity for a stiffness, a conductance, an area."""
+    variables = [one for one in symbols_in(law) if one in own]
+    one = variables[0] if len(variables) == 1 else None
+    by = of_unit("1") if not variables else one and own[one]
+    coefficient = law if one is None else law.coeff(one)
+    if by is None or (one is not None and law != coefficient * one) or coefficient.is_zero:
+        return ""
+    fits = subtract(found, by) == subtract(by, needed)
+    return f"; the reciprocal would fit: {to_text(1 / coefficient)}" if fits else ""
 
 
 def _variable_dimension(domain: Domain | None, variable: str) -> Known:

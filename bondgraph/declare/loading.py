@@ -279,8 +279,16 @@ def told_where(reference: str) -> Iterator[None]:
         raise DeclarationError(f"{_line_of(error) or reference}: recursion without end", where=(reference,)) from None
     except Exception as error:
         raise DeclarationError(
-            f"{_line_of(error) or reference}: {type(error).__name__}: {error}", where=(reference,)
+            f"{_line_of(error) or reference}: {type(error).__name__}: {error}{_meant(error)}", where=(reference,)
         ) from error
+
+
+def _meant(error: BaseException) -> str:
+    """A hint at the name that is close to one that is not defined where an error arose."""
+    frames = [frame for frame, _ in traceback.walk_tb(error.__traceback__)]
+    if not isinstance(error, NameError) or not error.name or not frames:
+        return ""
+    return suggest(error.name, [*frames[-1].f_locals, *frames[-1].f_globals])
 
 
 def _line_of(error: BaseException) -> str:

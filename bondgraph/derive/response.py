@@ -60,6 +60,10 @@ def telling_frequencies(model: LinearModel, points: int = 400) -> FloatArray:
     return np.geomspace(0.1 * low, 10.0 * high, points)
 
 
+#: Points in a decade beyond all modes, where a response is nearly straight in logarithms.
+_A_DECADE = 20
+
+
 @dataclass(frozen=True)
 class Margins:
     """How far an output fed back to an input, ``u = r - y``, is from instability; infinite where nothing limits it.
@@ -81,7 +85,8 @@ class Margins:
 def margins(model: LinearModel, output: int, given: int) -> Margins:
     """Margins of one output fed back to one input, by their indices.
 
-    Crossings are looked for between the points of :func:`telling_frequencies` and found to rounding.
+    Crossings are looked for between the points of :func:`telling_frequencies` and found to rounding; those of a
+    magnitude of one also beyond them, as far as the response can go on to grow or fall.
 
     Examples
     --------
@@ -103,10 +108,26 @@ def margins(model: LinearModel, output: int, given: int) -> Margins:
 
     turned = [f for f in _zeros(lambda f: curve(f).imag, frequencies) if curve(f)[0].real < 0.0]
     gains = [(float(1.0 / abs(curve(f)[0])), f) for f in turned]
-    unit = _zeros(lambda f: np.abs(curve(f)) - 1.0, frequencies)
+    unit = _zeros(lambda f: np.abs(curve(f)) - 1.0, _as_far_as_one(frequencies, np.abs(curve(frequencies))))
     phases = [(float(np.angle(-curve(f)[0])), f) for f in unit]
     gain = min(gains, key=lambda one: abs(math.log(one[0])), default=(np.inf, np.nan))
     return Margins(*gain, *min(phases, key=lambda one: abs(one[0]), default=(np.inf, np.nan)))
+
+
+def _as_far_as_one(frequencies: FloatArray, magnitude: FloatArray) -> FloatArray:
+    """Frequencies with those beyond both ends at which a response that falls or grows there comes to one.
+
+    Outside all modes a magnitude follows a power of the frequency, the first at least unless it is constant.
+    """
+    first, last = magnitude[0], magnitude[-1]
+    low = min(first, 1.0 / first) if first > 0.0 else 1.0
+    ends = 0.5 * low * frequencies[0], 2.0 * max(last, 1.0) * frequencies[-1]
+    below, above = _between(ends[0], frequencies[0]), _between(frequencies[-1], ends[1])
+    return np.concatenate([below[:-1], frequencies, above[1:]])
+
+
+def _between(low: float, high: float) -> FloatArray:
+    return np.geomspace(low, high, 2 + math.ceil(_A_DECADE * math.log10(high / low)))
 
 
 def _zeros(function: Callable[[float | FloatArray], FloatArray], at: FloatArray) -> list[float]:

@@ -105,7 +105,9 @@ def build_site(folder: str | Path, commands: argparse.ArgumentParser, say: Calla
         say("drawing the dictionary of effects")
         write_reference(stage, commands)
         say("building pages; the notebook runs")
-        _build(stage, target, Path(made) / "trees")
+        built = Path(made) / "built" / "html"  # MyST leaves a folder of executed cells beside it
+        _build(stage, built, Path(made) / "trees")
+        shutil.copytree(built, target, dirs_exist_ok=True)
     return target / "index.html"
 
 

@@ -26,7 +26,7 @@ from bondgraph.estimate.profile import ProfileInterval, profile_interval
 from bondgraph.estimate.quantities import quantity_of, unit_of
 from bondgraph.estimate.uncertainty import UncertaintyOutcome
 from bondgraph.filter.consistency import misfits
-from bondgraph.filter.figure import run_figure
+from bondgraph.filter.figure import Panels
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.filter_run import FilterRun
 from bondgraph.filter.misfit import Misfit
@@ -35,11 +35,10 @@ from bondgraph.frames import frame
 from bondgraph.shown import Tabulated
 from bondgraph.simulate.outcome import Outcome
 from bondgraph.simulate.stored import Kept
-from bondgraph.text import Table, count, few, number, text_table
+from bondgraph.text import Table, count, few, known, number, text_table
 
 if TYPE_CHECKING:
     import pandas
-    from matplotlib.figure import Figure
 
 
 @dataclass(frozen=True)
@@ -52,7 +51,7 @@ class Optimum:
 
 
 @dataclass(frozen=True, repr=False)
-class Estimate(Tabulated, Kept):
+class Estimate(Panels, Tabulated, Kept):
     """An estimate of the free parameters of a problem.
 
     Parameters
@@ -132,7 +131,7 @@ class Estimate(Tabulated, Kept):
         """
         unknown = {name for group in self.not_identifiable for name in group}
         rows = [
-            [one.name, unit_of(self.problem, one), *map(number, self._shown(one)), self._remark(one.name, unknown)]
+            [one.name, unit_of(self.problem, one), *map(known, self._shown(one)), self._remark(one.name, unknown)]
             for one in self.problem.free
         ]
         return ("parameter", "unit", "value", "std", "2.5 %", "97.5 %", ""), rows
@@ -153,13 +152,6 @@ class Estimate(Tabulated, Kept):
         ]
         names = ("value", "std", "lower95", "upper95", "lower_bound", "upper_bound", "unit", "at_bound")
         return frame(dict(zip(names, zip(*rows, strict=True), strict=True)), self.problem.names, "parameter")
-
-    def plot(self) -> Figure:
-        """Measured channels and what the estimated model expects one step ahead, with a band of two deviations.
-
-        A row for each channel and a column for each log, in declared units.
-        """
-        return run_figure(self.runs)
 
     def _shown(self, parameter: FreeParameter) -> tuple[float, float, float, float]:
         """Value, standard deviation and ends of the 95 % interval as they are shown."""

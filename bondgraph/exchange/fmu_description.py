@@ -55,9 +55,12 @@ def variables(model: Model) -> list[Variable]:
     rows = [(one.name, one.unit, one.meaning, float(u), "input") for one, u in zip(model.inputs, u0, strict=True)]
     rows += [(p.name, p.unit, p.meaning, float(v), "parameter") for p, v in zip(model.parameters, theta, strict=True)]
     last = [(one.name, one.unit, one.meaning, None, "output") for one in model.outputs]
+    held = {one.name for one in model.inputs if one.interpolation == "hold"}  # an importer stops where they jump
     for name, unit, meaning, start, causality in (*rows, *last):
         own = f"{causality}.{name}" if name in {one.name for one in found} else name
-        variability = "tunable" if causality == "parameter" else "continuous"
+        variability = {"parameter": "tunable", "input": "discrete" if name in held else "continuous"}.get(
+            causality, "continuous"
+        )
         found.append(Variable(own, causality, variability, unit, meaning, start))
     return found
 

@@ -16,6 +16,8 @@ from bondgraph.files import write_bytes
 
 #: GraphML knows texts and numbers; lists and objects stand in it as JSON behind this sign.
 _JSON = "json:"
+#: Attributes that networkx gives to every graph that it reads from GraphML.
+_DEFAULTS = ("node_default", "edge_default")
 
 
 def from_networkx(network: Any, where: str = "graph") -> BondGraph:
@@ -25,7 +27,8 @@ def from_networkx(network: Any, where: str = "graph") -> BondGraph:
     ----------
     network
         Directed; each node has a ``kind`` and its law, an edge is a bond that points the way of positive power, and
-        the attributes of the graph hold name, parameters, inputs and outputs.
+        the attributes of the graph hold name, parameters, inputs and outputs. What networkx reads from a file of
+        :func:`write_graphml` is such a network, too.
     where
         Name in messages.
 
@@ -51,11 +54,20 @@ def from_networkx(network: Any, where: str = "graph") -> BondGraph:
             f"{where}: the edges have no direction, and a bond points the way of positive power - give a MultiDiGraph",
             where=(where,),
         )
-    head = {"name": str(network.graph.get("name") or where), **network.graph}
-    head.pop("node_default", None), head.pop("edge_default", None)
-    nodes = [{"id": str(name), **attributes} for name, attributes in network.nodes(data=True)]
-    bonds = [{"source": str(source), "target": str(target)} for source, target in network.edges()]
-    return graph_from_json({"graph": head, "nodes": nodes, "bonds": bonds}, where)
+    return _declared(network, str(network.graph.get("name") or where), where)
+
+
+def _declared(network: Any, name: str, where: str) -> BondGraph:
+    """The graph of a network, whose lists may be packed as texts, as GraphML needs them."""
+    head = {key: _unpacked(value) for key, value in network.graph.items() if key not in _DEFAULTS}
+    nodes = [
+        {"id": str(node), **{key: _unpacked(value) for key, value in attributes.items()}}
+        for node, attributes in network.nodes(data=True)
+        if attributes or "." not in str(node)  # ends within sub-graphs are named by bonds alone
+    ]
+    edges = sorted(network.edges(data=True), key=lambda edge: int(edge[2].get("order", 0)))
+    bonds = [{"source": str(source), "target": str(target)} for source, target, _ in edges]
+    return graph_from_json({"graph": {"name": name, **head}, "nodes": nodes, "bonds": bonds}, where)
 
 
 def write_graphml(graph: BondGraph, path: Path | str) -> None:
@@ -89,19 +101,7 @@ def read_graphml(path: Path | str) -> BondGraph:
         network = nx.read_graphml(path, force_multigraph=True)
     except (OSError, SyntaxError, nx.NetworkXException, ValueError) as error:
         raise DeclarationError(f"{path.name}: cannot be read as GraphML ({error})", where=(path.name,)) from None
-    plain: nx.MultiDiGraph[str] = nx.MultiDiGraph(
-        **{key: _unpacked(value) for key, value in network.graph.items() if key not in ("node_default", "edge_default")}
-    )
-    for name, attributes in network.nodes(data=True):
-        if attributes:  # ends within sub-graphs are named by bonds alone
-            plain.add_node(name, **{key: _unpacked(value) for key, value in attributes.items()})
-    bonds = sorted(network.edges(data=True), key=lambda bond: int(bond[2].get("order", 0)))
-    data = {
-        "graph": {"name": path.stem, **plain.graph},
-        "nodes": [{"id": name, **attributes} for name, attributes in plain.nodes(data=True)],
-        "bonds": [{"source": source, "target": target} for source, target, _ in bonds],
-    }
-    return graph_from_json(data, path.name)
+    return _declared(network, path.stem, path.name)
 
 
 def _packed(value: Any) -> Any:

@@ -28,7 +28,7 @@ from bondgraph.report.suspicions import sampling_suspicions, unit_suspicions
 from bondgraph.report.thinning import thinned
 from bondgraph.simulate.model import Model
 from bondgraph.simulate.simulation import simulate
-from bondgraph.text import number, text_table
+from bondgraph.text import instant, text_table
 
 #: A method that chooses its own steps starts anew at every sample, a millisecond each. Logs with more samples than an
 #: hour of a machine has, at 40 in a second, are simulated with the fixed steps of their filter, halved.
@@ -253,7 +253,7 @@ def comparison_text(compared: Compared) -> str:
     rows = [
         [
             f"{run.log}: {one.channel} [{one.unit}]", str(one.samples), shown(one.rms), shown(one.mean),
-            f"{shown(one.largest)} at {number(one.largest_at)} s", shown(100.0 * one.fit),
+            f"{shown(one.largest)} at {instant(one.largest_at)} s", shown(100.0 * one.fit),
         ]
         for run in compared.runs if not run.failure
         for one in run.errors

@@ -20,6 +20,8 @@ from bondgraph.report.thinning import MOST_POINTS
 
 #: Letters of a title or a label that fit into the width of a phone beside the numbers of an axis.
 _LETTERS = 42
+#: Letters of what an axis counts below it, which leave room for names beside the rows of a picture.
+_LETTERS_BELOW = 32
 #: Letters of a name beside a row of a picture that leave it half of that width.
 _LETTERS_BESIDE = 22
 #: Height of a line of text over that of its letters, as matplotlib sets lines.
@@ -69,13 +71,14 @@ def _narrow(figure: Figure) -> str:
     """The figure at the width of a phone, long lines of text broken; the figure stays as it was."""
     width, height = figure.get_size_inches()
     found = figure.findobj(Text)
-    lines = [one for one in found if isinstance(one, Text) and len(one.get_text()) > _LETTERS]
+    lines = [one for one in found if isinstance(one, Text) and len(one.get_text()) > _LETTERS_BELOW]
     texts = [line.get_text() for line in lines]
     beside = [(axes, [label.get_text() for label in axes.get_yticklabels()]) for axes in figure.axes]
     named = [(axes, names) for axes, names in beside if max(map(len, names), default=0) > _LETTERS_BESIDE]
     figure.set_size_inches(NARROW, height + sum(_name_beside(axes, names) for axes, names in named))
+    below = {axes.xaxis.label for axes in figure.axes}
     for line, text in zip(lines, texts, strict=True):
-        line.set_text(_broken(text, _LETTERS))
+        line.set_text(_broken(text, _LETTERS_BELOW if line in below else _LETTERS))
     uri = _uri(figure)
     for line, text in zip(lines, texts, strict=True):
         line.set_text(text)

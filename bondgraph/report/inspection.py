@@ -17,7 +17,7 @@ from bondgraph.report.diagram.text import plain
 from bondgraph.report.figures import LINES, figure_style
 from bondgraph.report.numbers import shown
 from bondgraph.report.thinning import thinned
-from bondgraph.text import Table, few, number, text_table
+from bondgraph.text import Table, few, instant, number, text_table
 
 #: Steps of time differ where they lie so far apart, as shares of the usual step.
 _UNEVEN = 0.01
@@ -120,7 +120,7 @@ def times_text(found: Inspection) -> str:
     steps = f", between {number(found.steps[0])} and {number(found.steps[1])} s" if uneven else ""
     began = f", begun {found.began}" if found.began else ""
     return (
-        f"{found.log}: {found.rows} rows from {number(found.start)} to {number(found.end)} s{began}; a row every "
+        f"{found.log}: {found.rows} rows from {instant(found.start)} to {instant(found.end)} s{began}; a row every "
         f"{number(found.step)} s{steps}"
     )
 

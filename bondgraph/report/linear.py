@@ -200,13 +200,14 @@ def bode_figure(answer: LinearAnswer, pairs: Sequence[tuple[str, str]]) -> Figur
     those of the output fed back to the input with a factor of one.
     """
     model = answer.model
-    frequencies = telling_frequencies(model)
+    places = [(_index(model.outputs, y, "output"), _index(model.inputs, u, "input")) for u, y in pairs]
+    found = [margins(model, row, at) for row, at in places]
+    frequencies = _holding(telling_frequencies(model), found)
     response = frequency_response(model, frequencies)
     with figure_style():
         figure = Figure(figsize=(max(5.0, 4.2 * len(pairs)), 5.6), layout="constrained")
         panels = figure.subplots(2, len(pairs), sharex="col", squeeze=False)
-        for (above, below), (given, measured) in zip(panels.T, pairs, strict=True):
-            row, at = _index(model.outputs, measured, "output"), _index(model.inputs, given, "input")
+        for (above, below), (given, measured), (row, at), own in zip(panels.T, pairs, places, found, strict=True):
             unit = f"{model.units.outputs[row] or '1'} per {model.units.inputs[at] or '1'}"
             curve = response[row, at]
             with np.errstate(divide="ignore"):  # a response that is zero has no decibels
@@ -216,11 +217,19 @@ def bode_figure(answer: LinearAnswer, pairs: Sequence[tuple[str, str]]) -> Figur
             below.semilogx(frequencies, np.degrees(np.unwrap(np.angle(curve))), color=AFTER)
             below.set_ylabel("phase [deg]")
             below.set_xlabel("frequency [Hz]")
-            _draw_margins(above, below, margins(model, row, at))
+            _draw_margins(above, below, own)
         letters = round(22 * figure.get_size_inches()[0])
         point = "\n".join(textwrap.wrap(f"at {_operating_point(answer)}", letters))
         figure.suptitle(plain(point), x=0.01, ha="left", fontsize="small")
     return figure
+
+
+def _holding(frequencies: np.ndarray[Any, Any], found: Sequence[Margins]) -> np.ndarray[Any, Any]:
+    """Frequencies as many and as wide, and wider where a margin is taken beyond them."""
+    taken = [one.phase_frequency for one in found if np.isfinite(one.phase)]
+    low, high = min([frequencies[0], *taken]), max([frequencies[-1], *taken])
+    wider = np.geomspace(low, high, frequencies.size)
+    return frequencies if (low, high) == (frequencies[0], frequencies[-1]) else wider
 
 
 def _decibels(magnitude: np.ndarray[Any, Any] | float) -> Any:

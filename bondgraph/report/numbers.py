@@ -66,13 +66,15 @@ def with_interval(value: float, ci95: tuple[float, float]) -> tuple[str, str]:
     ('2.00', '–')
     >>> with_interval(2.29841e-5, (2.29832e-5, 2.2985e-5))
     ('2.29841e-05', '[2.29832e-05, 2.2985e-05]')
+    >>> with_interval(5.43e-5, (5.373e-5, 5.487e-5))
+    ('5.43e-05', '[5.373e-05, 5.487e-05]')
     """
     width = abs(ci95[1] - ci95[0])
     if not math.isfinite(width) or width == 0.0 or not math.isfinite(value):
         return shown(value), MISSING
     decimals = max(1 - math.floor(math.log10(width / 2)), 0)
     largest = max(abs(value), abs(ci95[0]), abs(ci95[1]))
-    if decimals > 8 or largest >= 1e7:
+    if decimals > 8 or largest >= 1e7 or largest < 1e-4:
         digits = min(max(math.floor(math.log10(largest)) - math.floor(math.log10(width / 2)) + 2, 4), _MOST_DIGITS)
         return f"{value:.{digits}g}", f"[{ci95[0]:.{digits}g}, {ci95[1]:.{digits}g}]"
     return f"{value:.{decimals}f}", f"[{ci95[0]:.{decimals}f}, {ci95[1]:.{decimals}f}]"

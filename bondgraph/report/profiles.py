@@ -18,11 +18,12 @@ from bondgraph.report.html import Provenance
 from bondgraph.report.page import Section, write_page
 from bondgraph.text import number, text_table
 
-_COLUMNS, _WIDTH, _HEIGHT = 3, 3.6, 2.7
+#: Panels beside each other, and inches of one: both stand in a window of half a screen, 800 pixels.
+_COLUMNS, _WIDTH, _HEIGHT = 2, 3.6, 2.7
 
 
 def profile_figure(profiles: Sequence[LikelihoodProfile]) -> Figure:
-    """A panel for each profile, three in a row, in declared units."""
+    """A panel for each profile, two in a row, in declared units."""
     columns = min(_COLUMNS, len(profiles))
     rows = math.ceil(len(profiles) / columns)
     with figure_style():

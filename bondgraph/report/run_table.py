@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from bondgraph.data.log import Log, LogChannel
 from bondgraph.report.numbers import shown
-from bondgraph.text import count, few, number, text_table
+from bondgraph.text import count, few, instant, text_table
 
 #: Mark between the nodes in the name of a bond's effort or flow.
 _BOND = "->"
@@ -24,7 +24,7 @@ def run_text(log: Log) -> str:
     v [m/s]      0  3.000       0    3.500
     """
     rows = [[f"{one.name} [{one.unit}]", *_cells(one)] for one in log.channels.values() if _BOND not in one.name]
-    ends = f" from {number(float(log.time[0]))} to {number(float(log.time[-1]))} s" if len(log) else ""
+    ends = f" from {instant(float(log.time[0]))} to {instant(float(log.time[-1]))} s" if len(log) else ""
     lines = [f"{log.name}: {count(len(log), 'row')}{ends}"]
     if rows:
         lines.append(text_table(["", "first", "last", "lowest", "highest"], rows))

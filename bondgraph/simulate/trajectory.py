@@ -18,7 +18,7 @@ from bondgraph.simulate.model import Model
 from bondgraph.simulate.outcome import Outcome, describe_end
 from bondgraph.simulate.quantities import InputInfo, OutputInfo, StateInfo
 from bondgraph.simulate.stored import Kept, store, stored
-from bondgraph.text import Table, count, number, text_table
+from bondgraph.text import Table, count, instant, number, text_table
 
 #: The suffix of a whole trajectory; any other is that of a log.
 _WHOLE = ".npz"
@@ -73,7 +73,7 @@ class Trajectory(Tabulated, Kept):
 
     def __repr__(self) -> str:
         events = f", {count(len(self.events), 'event')}" if self.events else ""
-        span = f"{number(float(self.time[0]))} to {number(float(self.time[-1]))} s"
+        span = f"{instant(float(self.time[0]))} to {instant(float(self.time[-1]))} s"
         end = self.end.partition(" - ")[0]
         return f"<Trajectory {self.model.name}: {count(self.time.size, 'time')}, {span}{events}; {end}>"
 

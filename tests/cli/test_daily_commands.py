@@ -55,7 +55,8 @@ def test_what_new_writes_can_be_laid_over_its_logs(machine: Path, capsys: pytest
 
 
 @pytest.mark.parametrize(
-    ("name", "said"), [("a-b", "letters, digits and underscores"), ("json", "is installed"), ("toboggan", "exists")]
+    ("name", "said"),
+    [("a-b", "letters, digits and underscores"), ("json", "there is a module of this name, "), ("toboggan", "exists")],
 )
 def test_names_that_a_machine_cannot_have(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], name: str, said: str
@@ -163,6 +164,14 @@ def test_an_inspection_has_no_row_for_what_is_not_there() -> None:
     log = bg.Log("run", np.arange(3.0), {"v": bg.LogChannel("v", "?", np.array([1.0, np.nan, 2.0]))})
     (row,) = inspect_log(log).channels
     assert (row.samples, row.missing, row.lowest, row.highest) == (2, 1, 1.0, 2.0)
+
+
+def test_times_of_a_day_have_no_exponent(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    rows = "\n".join(f"{60 * k},{k % 7}" for k in range(1441))
+    (tmp_path / "day.csv").write_text(f"time [s],v [m/s]\n{rows}\n")
+    assert main(["inspect", str(tmp_path / "day.csv")]) == 0
+    assert "1441 rows from 0 to 86400 s; a row every 60 s" in capsys.readouterr().out
+    assert "1441 samples, 0 to 86400 s" in repr(bg.read_log(tmp_path / "day.csv"))
 
 
 def test_completion_knows_all_commands(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:

@@ -176,6 +176,13 @@ def test_linearise_prints_modes_and_transfer_functions(
     assert answer["A"][1] == pytest.approx([0.1 / 0.05, -0.1 / 0.05])
 
 
+def test_linearise_takes_values_as_other_commands_do(motor_file: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["linearise", str(motor_file), "--at", "J=0.05", "--at", "u_a=3", "--json"]) == 0
+    expected = capsys.readouterr().out
+    assert main(["linearise", str(motor_file), "--set", "J=0.05", "u_a=3", "--json"]) == 0
+    assert capsys.readouterr().out == expected
+
+
 def test_linearise_refuses_what_is_no_number(motor_file: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["linearise", str(motor_file), "--at", "J=heavy"]) == 2
     assert "must be a number" in capsys.readouterr().err

@@ -66,6 +66,7 @@ def test_what_acts_only_in_a_sum_is_open_on_one_side(
     said = capsys.readouterr().out
     assert "b is open below: the data forbid no value down to its bound, 0.01 N m s." in said
     assert "the curvature does not tell it" in said and "--free NAME=LOWER:UPPER" in said
+    assert "nan" not in (both / "report.html").read_text(encoding="utf-8").partition("<h2>The estimate")[2][:4000]
     sum_of_both, found = (_result(out)["parameters"]["b"] for out in (alone, both))
     assert found["open"] == [True, False] and found["std"] is None and found["curvature"] == [None, None]
     assert found["interval"][0] == pytest.approx(0.01)

@@ -45,6 +45,7 @@ def test_an_index_is_the_time(index: object, options: dict[str, object]) -> None
         ("time [ms]", [0.0, 100.0, 200.0], {}),
         ("time", [0.0, 0.1, 0.2], {}),
         ("time", pandas.date_range("2024-05-01", periods=3, freq="100ms"), {}),
+        ("time", ["2024-05-01T10:00:00", "2024-05-01T10:00:00.1", "2024-05-01T10:00:00.2"], {}),
         ("clock", [0, 100, 200], {"time": "clock", "units": {"clock": "ms"}}),
         ("t [ms]", [0.0, 100.0, 200.0], {"time": "t"}),
     ],

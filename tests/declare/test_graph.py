@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import copy
+import pickle
+
 import pytest
 import sympy
 
@@ -32,7 +35,9 @@ def test_elements_take_functions_expressions_or_coefficients():
     g.compliance("stiffness", b)
     g.compliance("spring", lambda q: b * q**3)
     g.compliance("soft", displacement=lambda e: e / b)
+    g.compliance("capacity", displacement=b)
     g.inertance("mass", b)
+    g.inertance("weight", momentum=b)
     g.inertance("fast", lambda p: p / sympy.sqrt(1 + p**2))
     g.inertance("slow", momentum=lambda f: b * f)
     g.inertance("given", flow=lambda p: p / b, momentum=lambda f: b * f)
@@ -44,6 +49,8 @@ def test_elements_take_functions_expressions_or_coefficients():
     assert law(g, "both") == {"effort": "b*flow", "flow": "effort/b"}
     assert law(g, "implicit") == {"residual": "effort - flow**3"}
     assert law(g, "stiffness") == {"effort": "b*displacement"}
+    assert law(g, "capacity") == {"effort": "displacement/b", "displacement": "b*effort"}
+    assert law(g, "weight") == {"flow": "momentum/b", "momentum": "b*flow"}
     assert law(g, "spring") == {"effort": "b*displacement**3"}
     assert law(g, "soft") == {"displacement": "effort/b"}
     assert law(g, "mass") == {"flow": "momentum/b"}
@@ -322,3 +329,26 @@ def test_switches_may_be_used_in_any_law():
     g.inertance("m", 1.0, at=v)
     g.resistance("r", lambda f: positive_part(f, 0.1), at=v)
     assert law(g, "r") == {"effort": "flow*switch(flow, 0.1)"}
+
+
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [
+        ("capacitance", "a BondGraph has no 'capacitance'; it is called compliance(name, displacement=C) here"),
+        ("add_bond", "a BondGraph has no 'add_bond'; it is called bond here"),
+        ("R", "a BondGraph has no 'R'; it is called resistance here"),
+        ("resistence", "a BondGraph has no 'resistence'; did you mean 'resistance'?"),
+        ("zzzzzz", "a BondGraph has no 'zzzzzz'"),
+    ],
+)
+def test_a_name_of_other_tools_is_told_ours(name, message):
+    with pytest.raises(AttributeError) as refused:
+        getattr(BondGraph("g"), name)
+    assert str(refused.value).startswith(message)
+
+
+def test_a_graph_is_copied_though_it_answers_to_names_it_lacks():
+    g = BondGraph("g")
+    g.one_junction("v", TRANSLATION)
+    assert [*copy.deepcopy(g).nodes] == [*pickle.loads(pickle.dumps(g)).nodes] == ["v"]
+    assert not hasattr(g, "to_dataframe")

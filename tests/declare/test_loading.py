@@ -79,6 +79,14 @@ def test_what_gives_no_graph_is_told_with_its_line(folder: Path, body: str, refe
     assert caught.value.message.startswith(text)
 
 
+def test_a_name_that_is_not_defined_is_told_with_the_one_that_is_close(folder: Path) -> None:
+    _write(folder, "sled.py", "def sled(torque=1.0) -> BondGraph:\n    return mass(torqe)")
+    with pytest.raises(
+        DeclarationError, match=r"sled\.py:9: NameError: .*'torqe' is not defined; did you mean 'torque'"
+    ):
+        load_graph("sled.py")
+
+
 def test_a_file_that_is_missing_is_told_so(folder: Path) -> None:
     with pytest.raises(DeclarationError, match=r"^sled\.py: no such file$"):
         load_graph("sled.py:g")

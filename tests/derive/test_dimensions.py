@@ -194,3 +194,37 @@ def test_rates_tell_the_dimension_of_states_without_a_domain():
     g.resistance("wire", R, at=loop)
     with pytest.raises(DimensionError, match=r"d\(f_coil\)/dt: .* adds .*u.*kg m\^2 s\^-3 A\^-1"):
         check_dimensions(derive(assign_causality(g)))
+
+
+def _capacity(g: BondGraph) -> None:
+    g.compliance("tank", g.parameter("C", 2e-10, "m^3/Pa"), at=g.zero_junction("line", HYDRAULIC))
+
+
+def _conductance(g: BondGraph) -> None:
+    g.resistance("wall", g.parameter("UA", 60.0, "W/K"), at=g.one_junction("between", THERMAL))
+
+
+def _area(g: BondGraph) -> None:
+    line, rod = g.zero_junction("line", HYDRAULIC), g.one_junction("rod", TRANSLATION)
+    g.effort_source("pump", g.input("p", "Pa"), at=line)
+    g.inertance("mass", g.parameter("m", 1.0, "kg"), at=rod)
+    g.transformer("piston", 2 * g.parameter("area", 2e-3, "m^2"), line, rod)
+
+
+@pytest.mark.parametrize(
+    ("declare", "hint"), [(_capacity, "1/C"), (_conductance, "1/UA"), (_area, "1/(2*area)")], ids=["C", "UA", "area"]
+)
+def test_a_coefficient_given_as_its_reciprocal_is_told(declare, hint):
+    """A capacity where a stiffness belongs, a conductance for a resistance, an area for an effort per effort."""
+    g = BondGraph("lift")
+    declare(g)
+    with pytest.raises(DimensionError) as refused:
+        assign_causality(g)
+    assert str(refused.value).endswith(f" - correct the law or its units; the reciprocal would fit: {hint}")
+
+
+def test_no_reciprocal_is_offered_where_none_fits():
+    g = BondGraph("lift")
+    g.compliance("tank", g.parameter("C", 2e-10, "m^3"), at=g.zero_junction("line", HYDRAULIC))
+    with pytest.raises(DimensionError, match=r"correct the law or its units\Z"):
+        assign_causality(g)

@@ -249,6 +249,7 @@ def test_a_broken_link_is_found(tmp_path: Path) -> None:
 def test_the_site_is_built_without_warnings_links_hold_and_nothing_needs_a_network(tmp_path: Path) -> None:
     first = build_site(tmp_path / "site", parser())
     site = first.parent
+    assert [path.name for path in tmp_path.iterdir()] == ["site"]
     assert _broken(site) == []
     for path in site.rglob("*.html"):
         loaded = _Links(path.read_text(encoding="utf-8")).loaded

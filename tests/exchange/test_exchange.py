@@ -124,6 +124,40 @@ def test_co_simulation_fmu_against_our_trajectory(version: Any, tmp_path: Path) 
         np.testing.assert_allclose(found[name], own.x[row], atol=1e-8)
 
 
+def _switched() -> Model:
+    g = bg.BondGraph("motor")
+    voltage = g.input("voltage", "V", "of a bridge", hold=True)
+    load = g.input("load", "N m", default=0.0)
+    R, k, J = g.parameter("R", 0.1, "ohm"), g.parameter("k", 0.01, "N m/A"), g.parameter("J", 5e-5, "kg m^2")
+    coil, shaft = g.one_junction("coil", bg.ELECTRICAL), g.one_junction("shaft", bg.ROTATION)
+    g.effort_source("bridge", voltage, at=coil)
+    g.resistance("copper", R, at=coil)
+    g.gyrator("motor", k, coil, shaft)
+    g.effort_source("load", -load, at=shaft)
+    g.inertance("rotor", J, at=shaft, state="omega")
+    g.measure_flow("speed", shaft)
+    return bg.build(g)
+
+
+@needs_compiler
+@pytest.mark.parametrize("version", ["2.0", "3.0"])
+def test_an_importer_stops_where_a_held_input_jumps(version: Any, tmp_path: Path) -> None:
+    """CVode of FMPy ended with an error at the first jump of an input that was called continuous."""
+    fmpy = pytest.importorskip("fmpy")
+    model = _switched()
+    assert {one.name: one.variability for one in variables(model)}["voltage"] == "discrete"
+    assert {one.name: one.variability for one in variables(model)}["load"] == "continuous"
+    path = export_fmu(model, tmp_path / "motor.fmu", version)
+    times, volts = np.arange(0.0, 5.0, 0.5), np.random.default_rng(1).uniform(3.0, 12.0, 10)
+    given = np.array(list(zip(times, volts, strict=True)), dtype=[("time", float), ("voltage", float)])
+    rows = fmpy.simulate_fmu(
+        str(path), stop_time=4.5, output_interval=0.5, input=given, relative_tolerance=1e-9, output=["speed"]
+    )
+    own = bg.simulate(model, times, {"voltage": volts, "load": 0.0}, rtol=1e-11).y[0]
+    last = np.searchsorted(rows["time"], times, side="right") - 1
+    np.testing.assert_allclose(rows["speed"][last], own, rtol=1e-6, atol=1e-6 * own.max())
+
+
 def test_variables_of_an_fmu_have_names_of_their_own() -> None:
     names = [one.name for one in variables(bg.load(GENERATED / "driveline.py"))]
     assert len(set(names)) == len(names)
@@ -208,6 +242,7 @@ def test_graphs_go_to_graphml_and_networkx_and_back(tmp_path: Path) -> None:
     graph = _motor()
     write_graphml(graph, tmp_path / "motor.graphml")
     assert read_graphml(tmp_path / "motor.graphml") == graph
+    assert from_networkx(nx.read_graphml(tmp_path / "motor.graphml")) == graph
     assert nx.read_graphml(tmp_path / "motor.graphml").nodes["rotor"]["kind"] == "I"
     with pytest.raises(DeclarationError, match="cannot be read as GraphML"):
         read_graphml(Path(__file__))

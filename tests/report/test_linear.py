@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -102,6 +103,27 @@ def test_margins_are_those_of_python_control(stiffness: float):
         assert 2 * np.pi * found.phase_frequency == pytest.approx(at_phase[least], rel=1e-6)
     else:
         assert found.phase == np.inf
+
+
+@pytest.mark.parametrize(("gain", "high_pass"), [(4e4, False), (3e5, True), (0.4, False), (1.0e-3, True)])
+def test_a_margin_beyond_all_modes_is_found_and_drawn(gain: float, high_pass: bool):
+    """K/(s + 40) and K s/((s + 40)(s + 5)): a motor from duty to speed crosses one far above its only mode."""
+    control = pytest.importorskip("control", reason="needs the extra 'control'")
+    A = np.array([[-40.0, 0.0], [1.0, -5.0]])
+    B, C = np.array([[gain], [0.0]]), np.array([[1.0, -5.0 if high_pass else 0.0]])
+    zero, one, units = np.zeros(2), np.zeros(1), Units(("1", "1"), ("1",), ("1",))
+    model = LinearModel(A, B, C, np.zeros((1, 1)), ("a", "b"), ("u",), ("y",), units, zero, one, zero, one)
+    _, phases, _, _, at_phase, _ = control.stability_margins(control.ss(A, B, C, np.zeros((1, 1))), returnall=True)
+    found = margins(model, 0, 0)
+    if not len(phases):
+        assert found.phase == np.inf
+        return
+    least = np.argmin(np.abs(phases))
+    assert np.degrees(found.phase) == pytest.approx(phases[least], rel=1e-6)
+    assert 2 * np.pi * found.phase_frequency == pytest.approx(at_phase[least], rel=1e-6)
+    figure = bode_figure(replace(linear_answer(oscillator(), {}), model=model), [("u", "y")])
+    curve = figure.axes[0].lines[0].get_xdata()
+    assert curve[0] <= found.phase_frequency <= curve[-1]
 
 
 def test_what_cannot_be_answered_is_said(tmp_path: Path):

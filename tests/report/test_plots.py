@@ -182,7 +182,7 @@ def test_long_lines_are_broken_on_a_phone_alone(monkeypatch: pytest.MonkeyPatch)
     figure = missing_effort_figure(replace(missing_drag(), x_label="speed " * 12))
     monkeypatch.setattr(embedding, "compact_svg", str)  # which leaves out what the letters spell
     narrow, wide = pictures(embed(figure, "missing"))
-    assert narrow.count("<!-- speed") == 2 and wide.count("<!-- speed") == 1
+    assert narrow.count("<!-- speed") == 3 and wide.count("<!-- speed") == 1
     assert figure.axes[0].get_xlabel() == "speed " * 12
 
 

@@ -25,7 +25,7 @@ from bondgraph.estimate.sensitivities import Sensitivity, sensitivity_from
 from bondgraph.frames import frame
 from bondgraph.shown import Tabulated, own_axes
 from bondgraph.simulate.stored import Kept
-from bondgraph.text import Table, number, text_table
+from bondgraph.text import Table, known, text_table
 
 if TYPE_CHECKING:
     import pandas
@@ -115,7 +115,7 @@ class Ranking(Tabulated, Kept):
         """Header, and a row for each parameter with standard deviations in declared units."""
         header = ("parameter", "unit", "advice", "nats", "known before", "std alone", "std joint", "std if freed")
         rows = [
-            [one.name, unit, one.advice, number(one.influence), *map(number, shown)]
+            [one.name, unit, one.advice, *map(known, (one.influence, *shown))]
             for one, (unit, shown) in zip(self.parameters, self._shown(), strict=True)
         ]
         return header, rows
