@@ -33,6 +33,7 @@ from bondgraph.correct.models.failures import reason as reason_of
 from bondgraph.correct.models.resting import without_resting_state
 from bondgraph.correct.models.shaping_filters import DISTURBANCE
 from bondgraph.correct.models.started import start_cautions, with_declared_starts
+from bondgraph.correct.models.typical import typical_inputs
 from bondgraph.correct.places.structure import Structure, structure
 from bondgraph.correct.places.unexplained import Unexplained
 from bondgraph.correct.progress import Decision, Progress, advance, reduced_to, without_events
@@ -43,7 +44,7 @@ from bondgraph.correct.verdict import Verdict, unproven, verdict
 from bondgraph.correct.wandering import explained_at_random
 from bondgraph.data.log import MatchedLog
 from bondgraph.declare.editing import handle, with_bounds, with_values, without_input_rates
-from bondgraph.declare.effect import EffectFunction, Place, Scale
+from bondgraph.declare.effect import EffectFunction, Place, Scale, members_of
 from bondgraph.declare.graph import BondGraph
 from bondgraph.effects.sensors import SENSOR_FAULTS
 from bondgraph.errors import BondGraphError, DataError, EstimationError, OptionError
@@ -206,7 +207,9 @@ def _closed(
     """Where the rounds end from a fit of the declared model, the rounds, and what makes the result of that."""
     told = structure(begun.built, _everywhere(begun.built, begun.train), begun.train, begun.setup.sizes)
     offered = (*functions, *(SENSOR_FAULTS if settings.faults else ()))
-    every = tuple(one for one in offered if one.__name__ not in settings.without)
+    wanted = [one for one in offered if one.__name__ not in settings.without]
+    typical = typical_inputs(begun.built.model, begun.train)
+    every = tuple(member for one in wanted for member in members_of(one, begun.graph, typical))
     substeps = begun.setup.filter_model.substeps
     own = RoundSettings(settings.level, settings.refits, report, settings.journal, substeps)
     start = Progress(begun.graph, begun.built, begun.fit, begun.train, check=begun.check)

@@ -15,7 +15,7 @@ refitting.
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from types import ModuleType
 from typing import get_type_hints
@@ -181,6 +181,33 @@ def between_junctions(function: EffectFunction) -> EffectFunction:
     """Mark an effect function as one between two junctions: it is offered every such pair, and nothing else."""
     function.__dict__["for_pairs"] = True
     return function
+
+
+#: What makes the members of a family for a graph, from the typical size of its inputs that vary.
+Members = Callable[[BondGraph, Mapping[str, float]], Sequence[EffectFunction]]
+
+
+def family(members: Members) -> Callable[[EffectFunction], EffectFunction]:
+    """Mark an effect function as one of a family of laws, such as one for each input; a loop tries all members."""
+
+    def marked(function: EffectFunction) -> EffectFunction:
+        function.__dict__["family"] = members
+        return function
+
+    return marked
+
+
+def members_of(function: EffectFunction, graph: BondGraph, typical: Mapping[str, float]) -> Sequence[EffectFunction]:
+    """The members of the family of an effect function, or itself alone; ``typical`` are sizes of inputs that vary.
+
+    Examples
+    --------
+    >>> def no_effect(graph: BondGraph, place: Place) -> Effect | None: ...
+    >>> members_of(no_effect, BondGraph("sled"), {}) == (no_effect,)
+    True
+    """
+    found: Members | None = getattr(function, "family", None)
+    return (function,) if found is None else found(graph, typical)
 
 
 def is_for(function: EffectFunction, place: Place) -> bool:

@@ -20,6 +20,7 @@ ratios       cranks, universal joints and linkages, whose ratio moves with an an
 relaxation   cells that polarise, walls that take up heat slowly, viscoelastic drag, masses on springs
 storages     added inertia, capacity, compliance; backlash, stops, springs that harden, gas, iron that saturates
 fading       resistances that change with temperature, batteries that fall with their charge
+streams      resistances that follow an input, such as the speed of a fan
 sensors      faults of sensors, which the loop itself tries beside these
 """
 
@@ -100,3 +101,4 @@ from bondgraph.effects.relaxation import viscoelastic_drag as viscoelastic_drag
 from bondgraph.effects.fading import charge_fading as charge_fading
 from bondgraph.effects.fading import temperature_dependence as temperature_dependence
 from bondgraph.effects.fading import thermal_activation as thermal_activation
+from bondgraph.effects.streams import resistance_by_input as resistance_by_input

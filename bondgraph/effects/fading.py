@@ -42,7 +42,7 @@ def temperature_dependence(g: BondGraph, at: Place) -> Effect | None:
     a = g.parameter(f"a_{name}", 0.0, "1/K", f"relative rise of {node.name} per kelvin", (-_STEEPEST, _STEEPEST))
     around = Integer(0) if known is None else known.temperature
     reference = g.parameter(f"T0_{name}", ROOM, "K", "where it is as declared") if _is_absolute(known) else around
-    revise_laws(g, node.name, lambda laws: _multiplied(laws, 1 + a * (body.effort - reference)))
+    revise_laws(g, node.name, lambda laws: multiplied(laws, 1 + a * (body.effort - reference)))
     return Effect(
         "temperature_dependence", node.name, "effort = declared*(1 + a*(T - T0))", (a.name,),
         reference="Incropera, DeWitt, Bergman, Lavine (2007), Fundamentals of Heat and Mass Transfer, appendix A",
@@ -63,7 +63,7 @@ def thermal_activation(g: BondGraph, at: Place) -> Effect | None:
     steepest = (-_MOST_ACTIVE, _MOST_ACTIVE)
     b = g.parameter(f"b_{name}", 0.0, "K", f"activation energy of {node.name} over the gas constant", steepest)
     reference = g.parameter(f"T0_{name}", ROOM, "K", "where it is as declared")
-    revise_laws(g, node.name, lambda laws: _multiplied(laws, exp(b * (1 / body.effort - 1 / reference))))
+    revise_laws(g, node.name, lambda laws: multiplied(laws, exp(b * (1 / body.effort - 1 / reference))))
     return Effect(
         "thermal_activation", node.name, "effort = declared*exp(b*(1/T - 1/T0))", (b.name,),
         reference="Atkins, de Paula (2010), Physical Chemistry, section 22.5, for the law of Arrhenius",
@@ -84,7 +84,7 @@ def _is_absolute(known: Around | None) -> bool:
     return known is not None and known.zero == 0.0
 
 
-def _multiplied(laws: Mapping[str, Expr], factor: Expr) -> dict[str, Expr]:
+def multiplied(laws: Mapping[str, Expr], factor: Expr) -> dict[str, Expr]:
     """The laws of a resistance that is a factor larger."""
     effort = symbol("effort")
     return {
