@@ -40,6 +40,7 @@ def fit(
     journal: Journal | None = None,
     first: FloatArray | None = None,
     reach: float = WITHIN_REACH,
+    same: float = ROUGH,
 ) -> Fit:
     """Estimate the free parameters by Gauss-Newton, until a step promises less than ``tolerance`` or two gain less.
 
@@ -65,13 +66,15 @@ def fit(
         The search of a stiff model is finished by exact derivatives only if it ends behind ``beat`` by less than this
         (ahead of it by more, if negative), and by less than it gained or a further step promises: what hardly moved
         left little.
+    same
+        Nats by which longer integration steps, that lead to the optimum, may tell innovations otherwise.
 
     Raises
     ------
     EstimationError
         If the model diverges at every start.
     """
-    return _widened(problem, Wish(iterations, tolerance, starts, beat, first, reach), journal)
+    return _widened(problem, Wish(iterations, tolerance, starts, beat, first, reach, same=same), journal)
 
 
 def refitted(fitted: Fit, filter_model: FilterModel, journal: Journal | None = None) -> Fit:

@@ -40,7 +40,7 @@ ROUGH, ROUGH_ITERATIONS = 2.0, 30
 class Wish:
     """Order of a search, see :func:`bondgraph.estimate.local.fit`: points (n,) and numbers.
 
-    ``longer``: it may go by way of longer integration steps.
+    ``longer``: it may go by way of longer integration steps, which may tell innovations otherwise by ``same`` nats.
     """
 
     iterations: int
@@ -50,11 +50,13 @@ class Wish:
     first: FloatArray | None = None
     reach: float = WITHIN_REACH
     longer: bool = True
+    same: float = ROUGH
 
     @property
     def content(self) -> list[object]:
         """Plain values that tell this wish from every other."""
-        return [self.iterations, self.tolerance, [*self.starts, self.first], self.beat, self.reach, self.longer]
+        own = [self.iterations, self.tolerance, [*self.starts, self.first], self.beat, self.reach, self.longer]
+        return own if self.same == ROUGH else [*own, self.same]
 
     def from_point(self, point: FloatArray) -> Wish:
         """The same from another start (n,)."""
@@ -144,7 +146,7 @@ def _by_longer_steps(problem: EstimationProblem, times: int, wish: Wish) -> tupl
     """The optimum of a problem by way of steps doubled so many times, and True; their own one where it is another."""
     longer, stiff = doubled(problem, times), is_linearised(problem)
     found = _approached(longer, wish)
-    if not _tell_the_same(problem, found):
+    if not _tell_the_same(problem, found, wish.same):
         return found, False
     if stiff:
         found = _polished(longer, found, wish)
@@ -158,11 +160,11 @@ def _by_longer_steps(problem: EstimationProblem, times: int, wish: Wish) -> tupl
     return _polished(problem, own, wish) if stiff else _with_own_steps(problem, wish.from_point(own.point)), True
 
 
-def _tell_the_same(problem: EstimationProblem, found: Reached) -> bool:
+def _tell_the_same(problem: EstimationProblem, found: Reached, nats: float) -> bool:
     """True where the end of a search with longer steps tells the innovations that a problem's own steps do."""
     known = found.expansion.terms
     seen = problem.terms(found.point[:, np.newaxis])
-    return known is not None and step_gain(known.members(np.array([0])), seen) <= ROUGH
+    return known is not None and step_gain(known.members(np.array([0])), seen) <= nats
 
 
 def carried_on(problem: EstimationProblem, known: Reached, tolerance: float) -> tuple[Reached, bool] | None:

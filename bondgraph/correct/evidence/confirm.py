@@ -112,13 +112,13 @@ def _in_free_simulation(refit: Fit, trial: Trial, evidence: Evidence, context: C
     driven = any(one.target.kind == "process" for one in refit.problem.free)
     if not driven or _is_clear(refit, evidence, trial.candidate, context.level):
         return evidence
+    walking, stake = integrating(context.base), evidence.delta_nll
     still = context.quiet or quiet_fit(context.base, context.train, context.journal)
-    without = _quietest(context.base, still, context)
-    walking = integrating(context.base)
-    quiet = quiet_fit(refit, refit.problem.logs, context.journal, walking)
+    without = _quietest(context.base, still, context, 0.0)
+    quiet = quiet_fit(refit, refit.problem.logs, context.journal, walking, stake)
     p_value = _p_value(quiet, without, trial) * evidence.tried
     if p_value > context.level:
-        p_value = _p_value(_quietest(refit, quiet, context), without, trial) * evidence.tried
+        p_value = _p_value(_quietest(refit, quiet, context, stake), without, trial) * evidence.tried
     return replace(evidence, p_robust=max(evidence.p_robust, min(1.0, p_value)))
 
 
@@ -137,9 +137,9 @@ def _p_value(quiet: Fit | None, without: Fit | None, trial: Trial) -> float:
     return p_value
 
 
-def _quietest(loud: Fit, quiet: Fit | None, context: Context) -> Fit | None:
+def _quietest(loud: Fit, quiet: Fit | None, context: Context, stake: float) -> Fit | None:
     """The likelier of a quiet fit and the one that lowering the process noise of a fit by steps leads to."""
-    annealed = annealed_fit(loud, loud.problem.logs, context.journal, integrating(context.base))
+    annealed = annealed_fit(loud, loud.problem.logs, context.journal, integrating(context.base), stake)
     return min((one for one in (quiet, annealed) if one is not None), key=lambda one: one.nll, default=None)
 
 

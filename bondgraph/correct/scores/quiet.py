@@ -35,10 +35,14 @@ from bondgraph.estimate.local import fit
 from bondgraph.estimate.noise_bounds import process_bounds
 from bondgraph.estimate.noise_starts import matched_levels
 from bondgraph.estimate.problem import EstimationProblem
+from bondgraph.estimate.searches import ROUGH, with_longest_steps
 from bondgraph.filter.filter_model import FilterModel
 
 #: The quiet fit is only where scores are taken and refits start; of a stiff model, whose fits take long, the less.
 _TOLERANCE, _STIFF_TOLERANCE, _MOST_ITERATIONS = 0.5, 2.0, 40
+#: A fit by which a law is judged is right to this share of what is at stake, nats that the law gained elsewhere. The
+#: hurdles of a law that gained a thousand are a hundredth of that: a convention.
+_AT_STAKE = 0.01
 #: Shares of the way down to its bounds (logarithms) at which the process noise is held, one after the other.
 _DESCENT = (0.2, 0.4, 0.6, 0.8, 1.0)
 
@@ -57,35 +61,45 @@ class Quiet:
 
 
 def quiet_fit(
-    base: Fit, train: Sequence[MatchedLog], journal: Journal | None = None, walking: Sequence[str] | None = None
+    base: Fit,
+    train: Sequence[MatchedLog],
+    journal: Journal | None = None,
+    walking: Sequence[str] | None = None,
+    stake: float = 0.0,
 ) -> Fit | None:
     """A fit with its process noise at the lower bounds, everything else free as it was.
 
     ``walking`` are the states that keep noise of their own, None: those that only integrate, see
-    :func:`bondgraph.correct.fits.integrals.integrating`.
+    :func:`bondgraph.correct.fits.integrals.integrating`. ``stake``: nats of a law that is judged by it.
     None where no process noise is free, or where the model diverges without it.
     """
     problem, levels = base.problem, _levels(base)
     if not levels:
         return None
-    tolerance = _STIFF_TOLERANCE if problem.filter_model.is_stiff else _TOLERANCE
+    tolerance = max(_STIFF_TOLERANCE if problem.filter_model.is_stiff else _TOLERANCE, _AT_STAKE * stake)
     free = _kept(base, train, integrating(base) if walking is None else walking)
     model = _driven(base, free, {name: lowest for name, (_, lowest) in levels.items()})
     try:
         quiet = EstimationProblem(model, tuple(train), free, problem.initial)
         starts = [quiet.start, matched_levels(quiet, quiet.start)]
-        return fit(quiet, _MOST_ITERATIONS, tolerance, starts, journal=journal)
+        return fit(quiet, _MOST_ITERATIONS, tolerance, starts, journal=journal, same=max(ROUGH, tolerance))
     except (EstimationError, FilterError):
         return None
 
 
 def annealed_fit(
-    base: Fit, train: Sequence[MatchedLog], journal: Journal | None = None, walking: Sequence[str] | None = None
+    base: Fit,
+    train: Sequence[MatchedLog],
+    journal: Journal | None = None,
+    walking: Sequence[str] | None = None,
+    stake: float = 0.0,
 ) -> Fit | None:
     """The quiet fit again, its process noise lowered by steps; the sensors may count as noisy as what they show varies.
 
-    The steps only lead somewhere, so that all but the last are made on the beginnings of long logs. None where
-    :func:`quiet_fit` gives none, and of stiff models, which so many fits are too much for. ``walking`` as there.
+    All but the last only lead somewhere, so that they are made on the beginnings of long logs, roughly, and with the
+    longest integration steps that lead. None where
+    :func:`quiet_fit` gives none, and of stiff models, which so many fits are too much for. ``walking`` and ``stake`` as
+    there.
     """
     problem, levels = base.problem, _levels(base)
     if not levels or problem.filter_model.is_stiff:
@@ -93,14 +107,19 @@ def annealed_fit(
     free = _kept(base, train, integrating(base) if walking is None else walking)
     free = tuple(_widened(one, problem, train) for one in free)
     fitted: Fit | None = None
+    tolerance = max(_TOLERANCE, _AT_STAKE * stake)
     part = excerpt(EstimationProblem(_driven(base, free, {}), tuple(train), free, problem.initial))
     for share in _DESCENT:
         model = _driven(base, free, {name: level * (low / level) ** share for name, (level, low) in levels.items()})
-        logs = train if part is None or share == _DESCENT[-1] else part.logs
+        last = share == _DESCENT[-1]
         try:
-            lowered = EstimationProblem(model, tuple(logs), free, problem.initial)
+            lowered = EstimationProblem(
+                model, tuple(train if part is None or last else part.logs), free, problem.initial
+            )
             starts = [lowered.start, matched_levels(lowered, lowered.start)]
-            fitted = fit(lowered, _MOST_ITERATIONS, _TOLERANCE, starts, journal=journal)
+            lowered = lowered if last else with_longest_steps(lowered, starts)
+            least = tolerance if last else max(tolerance, ROUGH)
+            fitted = fit(lowered, _MOST_ITERATIONS, least, starts, journal=journal, same=max(ROUGH, least))
         except EstimationError:
             return None
         free = at_optimum(fitted)
