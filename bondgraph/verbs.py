@@ -24,7 +24,7 @@ from bondgraph.estimate.initial import Initial, initial_states
 from bondgraph.estimate.joint import Problem
 from bondgraph.estimate.likelihoods import LikelihoodFunction
 from bondgraph.estimate.objective import Progress, silent
-from bondgraph.estimate.priors import Prior
+from bondgraph.estimate.priors import Prior, read_priors
 from bondgraph.estimate.problem import EstimationProblem
 from bondgraph.estimate.problem import pose as pose_problem
 from bondgraph.estimate.result import Estimate
@@ -163,8 +163,8 @@ def estimate(
     *,
     process_noise: str = "free",
     initial: Initial = "measured",
-    ties: Mapping[str, str] | Sequence[Tie] = (),
-    priors: Sequence[Prior] = (),
+    ties: Mapping[str, str] | Tie | Sequence[Tie] = (),
+    priors: Prior | Sequence[Prior] = (),
     columns: Mapping[str, str] | None = None,
     constants: Mapping[str, float | str] | None = None,
     progress: Progress = silent,
@@ -191,8 +191,8 @@ def estimate(
     ties
         Quantities that follow from free parameters, in coherent SI: ``{"k_r": "1.2*k_f"}``.
     priors
-        What is known from elsewhere: a data sheet, ``[Normal("mass", 1200.0, 50.0)]`` of ``bondgraph.estimate``, or an
-        estimate before, ``[fit.as_prior()]``.
+        What is known from elsewhere: a data sheet, ``Normal("mass", 1200.0, 50.0)`` of ``bondgraph.estimate``, an
+        estimate before, ``fit.as_prior()``, or several of them.
     columns
         Name of a column -> name in the model, where they differ.
     constants
@@ -253,8 +253,8 @@ def pose(
     free: str | Sequence[str | FreeParameter] = (),
     initial: Initial = "measured",
     likelihood: LikelihoodFunction | None = None,
-    ties: Mapping[str, str] | Sequence[Tie] = (),
-    priors: Sequence[Prior] = (),
+    ties: Mapping[str, str] | Tie | Sequence[Tie] = (),
+    priors: Prior | Sequence[Prior] = (),
     *,
     process_noise: str = "free",
     columns: Mapping[str, str] | None = None,
@@ -309,17 +309,17 @@ def pose(
     [1.0, 1.0]
     """
     require_kind("pose", model, (Model, FilterModel), "model")
-    own, tied = model.model if isinstance(model, FilterModel) else model, read_ties(ties)
+    own, tied, known = model.model if isinstance(model, FilterModel) else model, read_ties(ties), read_priors(priors)
     names = [free] if isinstance(free, str) else list(free)
     if not names and (tied or isinstance(model, FilterModel)):
         names = [name for name in bounded(own) if name not in {tie.name for tie in tied}]
     fitting = all_matched(logs, own, columns, constants)
     if isinstance(model, FilterModel):
-        return pose_problem(model, fitting, names, initial, likelihood, tied, priors)
+        return pose_problem(model, fitting, names, initial, likelihood, tied, known)
     if not fitting:
         raise OptionError(f"estimate: {own.name} needs at least one log - give logs", where=("logs",))
     found = declared_problem(own, own.driven, fitting, names, process_noise, initial)
-    found = replace(found, ties=tied, priors=tuple(priors)) if tied or priors else found
+    found = replace(found, ties=tied, priors=known) if tied or known else found
     return found if likelihood is None else replace(found, likelihood=likelihood)
 
 

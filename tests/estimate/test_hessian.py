@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from bondgraph.data.log import MatchedLog
-from bondgraph.errors import EstimationError, FilterError
+from bondgraph.errors import EstimationError, FilterError, OptionError
 from bondgraph.estimate.analysis.hessian import exact_hessian, hessian
 from bondgraph.estimate.derivatives.exact import exact_derivatives
 from bondgraph.estimate.free import FreeParameter
@@ -260,3 +260,10 @@ def test_a_filter_that_fails_has_no_exact_second_derivatives() -> None:
         exact_hessian(pose(SWING, gone, ["length"]))
     with pytest.raises(FilterError, match="choose one before"):
         curvature(replace(SWING, method="auto"), gone, None)  # type: ignore[arg-type]
+
+
+def test_a_point_of_another_problem_is_refused() -> None:
+    with pytest.raises(EstimationError, match=r"at a point of shape \(3,\) - give a coordinate for each of length"):
+        exact_hessian(pose(SWING, swings(), ["length"]), np.zeros(3))
+    with pytest.raises(OptionError, match="FilterModel was given where a posed problem is expected"):
+        hessian(SWING)  # type: ignore[arg-type]

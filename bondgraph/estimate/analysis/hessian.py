@@ -15,9 +15,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from bondgraph.errors import EstimationError
+from bondgraph.errors import EstimationError, require_kind
 from bondgraph.estimate.derivatives.exact import exact_derivatives
-from bondgraph.estimate.joint import Problem
+from bondgraph.estimate.joint import JointProblem, Problem
 from bondgraph.estimate.likelihoods import Batch, FilterLikelihood
 from bondgraph.estimate.objective import Expand, FloatArray, fitted_expansion
 from bondgraph.estimate.problem import EstimationProblem
@@ -99,7 +99,7 @@ def exact_hessian(problem: Problem, point: FloatArray | None = None) -> Hessian:
     >>> exact.relative_error < 1e-10, bool((np.abs(exact.matrix - differenced.matrix) <= 2 * differenced.error).all())
     (True, True)
     """
-    where = problem.start if point is None else np.asarray(point, dtype=np.float64)
+    where = _at(problem, point)
     for part in problem.parts:
         _require_exact(part)
     known = fitted_expansion(problem, where, exact_derivatives)
@@ -117,6 +117,19 @@ def exact_hessian(problem: Problem, point: FloatArray | None = None) -> Hessian:
         )
     asymmetry = 0.5 * np.abs(total - total.T)
     return Hessian(problem.names, 0.5 * (total + total.T), asymmetry, known.information, known.evaluations + 1)
+
+
+def _at(problem: Problem, point: FloatArray | None) -> FloatArray:
+    """The point, checked."""
+    require_kind("hessian", problem, (EstimationProblem, JointProblem), "posed problem")
+    where = problem.start if point is None else np.asarray(point, dtype=np.float64)
+    if where.shape != problem.start.shape:
+        raise EstimationError(
+            f"{problem.name}: second derivatives at a point of shape {where.shape} - give a coordinate for each of "
+            f"{', '.join(problem.names)}",
+            where=("point",),
+        )
+    return where
 
 
 def _require_exact(problem: EstimationProblem) -> None:
@@ -222,7 +235,7 @@ def hessian(problem: Problem, point: FloatArray | None = None, jacobian: Expand 
     >>> found.matrix.shape, found.relative_error < 1e-5
     ((2, 2), True)
     """
-    where = problem.start if point is None else np.asarray(point, dtype=np.float64)
+    where = _at(problem, point)
     expansion = fitted_expansion(problem, where, jacobian)
     information = np.diag(expansion.information)
     if not (np.isfinite(information).all() and (information > 0.0).all()):
