@@ -50,6 +50,8 @@ def test_sensitivity_answers_in_json_over_the_whole_bounds(
         (["--global", "sobol", "--samples", "100"], "a power of two"),
         (["--global", "morris", "--response", "omeg"], "did you mean 'omega'?"),
         (["--declared-noise"], "declares no noise"),
+        (["--response", "omega"], "--response: it is one of --global - add --global morris or sobol"),
+        (["--samples", "64"], "--samples: it is one of --global"),
     ],
 )
 def test_impossible_sensitivities_are_refused(
