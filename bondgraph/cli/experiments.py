@@ -22,7 +22,7 @@ from bondgraph.data.log import MatchedLog
 from bondgraph.data.matching import match, match_inputs, match_outputs, read_mapping, renamed
 from bondgraph.declare.files import load_graph
 from bondgraph.declare.loading import is_model_file
-from bondgraph.errors import OptionError
+from bondgraph.errors import OptionError, suggest
 from bondgraph.estimate.analysis.ranking import rank_parameters
 from bondgraph.estimate.analysis.rates import rate_table
 from bondgraph.estimate.analysis.screening import (
@@ -193,6 +193,12 @@ def _planned_filter(options: argparse.Namespace, reference: str, model: Model) -
         if not isinstance(value, float) or not value > 0.0:
             raise OptionError(
                 f"--noise {name}={value}: give a standard deviation above zero, a space before the next NAME=STD",
+                where=("--noise", name),
+            )
+        if name not in outputs and not options.rival:  # a rival may have it
+            raise OptionError(
+                f"--noise {name}: {model.name} has no output {name!r}{suggest(name, outputs)} - it has"
+                f" {', '.join(outputs)}",
                 where=("--noise", name),
             )
         if name in outputs:

@@ -120,6 +120,7 @@ def test_design_reads_logs_by_the_options_of_all_commands_with_logs(
     [
         (["--noise", "omega=0.05"], "no manoeuvre is planned"),
         ([], "no noise of a sensor is known"),
+        (["--noise", "omgea=0.05"], "has no output 'omgea'; did you mean 'omega'? - it has omega"),
         (["--noise", "omega=-1"], "a standard deviation above zero"),
         (["--noise", "omega=0.05", "--rate", "0"], "give samples per second above zero"),
     ],
