@@ -105,6 +105,7 @@ _GIVEN_BY = {
     "graph": "give a bg.BondGraph or its file",
     "log": "bg.read_log(file) or bg.Log.from_dataframe(table) gives one",
     "posed problem": "bg.pose(filter_model, logs, free) gives one",
+    "finished estimate": "bg.estimate(model, logs) gives one",
     "prior": "give Normal, LogNormal, Uniform or MultivariateNormal of bondgraph.estimate, or fit.as_prior()",
     "loss": "give bg.Robust('student'), or its text 'student', 'huber' or 'gate'",
     "tie": "give expressions by name, {'k_r': '1.2*k_f'}",

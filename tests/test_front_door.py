@@ -18,6 +18,7 @@ import bondgraph as bg
 from bondgraph import exchange
 from bondgraph.data import LogChannel
 from bondgraph.errors import DataError, ModelError, OptionError
+from bondgraph.estimate import likelihood_ratio, predict, profile_likelihood, sample_posterior
 from bondgraph.simulate import InputSignal, simulate_batch
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -83,6 +84,10 @@ WRONG = {
     "draw a log": (lambda a: bg.draw(a.log()), "draw: Log was given where a graph is expected"),
     "linearise a number": (lambda a: bg.linearise(3), "linearise: int was given where a model is expected"),
     "pose a graph": (lambda a: bg.pose(a.graph, a.log(), ["mass"]), "pose: BondGraph was given where a model"),
+    "profile": (lambda a: profile_likelihood(a.model), "profile: BuiltModel was given where a finished"),
+    "ratio": (lambda a: likelihood_ratio(a.model, {"mass": 1.0}), "likelihood ratio: BuiltModel was given"),
+    "predict": (lambda a: predict(a.model), "predict: BuiltModel was given where"),
+    "posterior": (lambda a: sample_posterior(a.model), "posterior: BuiltModel was given where"),
     "sensitivity": (lambda a: bg.sensitivity(a.model), "where a posed problem is expected - bg.pose"),
     "read a log": (lambda a: bg.read_log(a.log()), "read_log: Log was given where a file is expected"),
     "write a graph": (lambda a: bg.write_log("x.csv", a.graph), "write_log: BondGraph was given where a log"),
