@@ -9,6 +9,7 @@ from __future__ import annotations
 import difflib
 import re
 from collections.abc import Iterable
+from typing import TypeVar
 
 #: A word of a message that is no name of anything: it is cut.
 _ENDLESS = re.compile(r"\S{500,}")
@@ -93,6 +94,9 @@ class NotKeptError(OptionError, AttributeError):
     """A result that was read from a file lacks what only the program that made it had."""
 
 
+#: A kind of thing of which one or several are given.
+_Kind = TypeVar("_Kind")
+
 #: Advice by the kind of thing that a verb of the front door asks for.
 _GIVEN_BY = {
     "model": "bg.build(graph) or bg.load(file) gives one",
@@ -101,8 +105,13 @@ _GIVEN_BY = {
     "graph": "give a bg.BondGraph or its file",
     "log": "bg.read_log(file) or bg.Log.from_dataframe(table) gives one",
     "posed problem": "bg.pose(filter_model, logs, free) gives one",
+    "finished estimate": "bg.estimate(model, logs) gives one",
+    "prior": "give Normal, LogNormal, Uniform or MultivariateNormal of bondgraph.estimate, or fit.as_prior()",
+    "loss": "give bg.Robust('student'), or its text 'student', 'huber' or 'gate'",
+    "tie": "give expressions by name, {'k_r': '1.2*k_f'}",
     "data frame": "give one of pandas",
     "file": "give its name",
+    "name": "give its text",
 }
 
 
@@ -140,6 +149,29 @@ def wrong_kind(verb: str, given: object, wanted: str) -> OptionError:
     else:
         told, remedy = kind, _GIVEN_BY[wanted]
     return OptionError(f"{verb}: {told} was given where a {wanted} is expected - {remedy}", where=(verb, kind))
+
+
+def listed(verb: str, given: _Kind | Iterable[_Kind], kind: type[_Kind], wanted: str) -> list[_Kind]:
+    """One thing, or several, as a list of things of one kind.
+
+    Raises
+    ------
+    OptionError
+        If something is of another kind.
+
+    Examples
+    --------
+    >>> listed("ties", 1.5, float, "tie"), listed("ties", (), float, "tie")
+    ([1.5], [])
+    """
+    if isinstance(given, kind):
+        return [given]
+    if isinstance(given, str) or not isinstance(given, Iterable):
+        raise wrong_kind(verb, given, wanted)
+    found = list(given)
+    for one in found:
+        require_kind(verb, one, kind, wanted)
+    return found
 
 
 def suggest(name: str, known: Iterable[str]) -> str:

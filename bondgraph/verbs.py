@@ -24,7 +24,7 @@ from bondgraph.estimate.initial import Initial, initial_states
 from bondgraph.estimate.joint import Problem
 from bondgraph.estimate.likelihoods import LikelihoodFunction
 from bondgraph.estimate.objective import Progress, silent
-from bondgraph.estimate.priors import Prior
+from bondgraph.estimate.priors import Prior, read_priors
 from bondgraph.estimate.problem import EstimationProblem
 from bondgraph.estimate.problem import pose as pose_problem
 from bondgraph.estimate.result import Estimate
@@ -34,6 +34,7 @@ from bondgraph.execute.executors import open_executor
 from bondgraph.filter.bands import FilterBands
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.filter_run import FilterRun
+from bondgraph.filter.robust import Robust, read_robust
 from bondgraph.filter.runs import run, run_bands, run_smoothed
 from bondgraph.filter.smoother_bands import SmootherBands
 from bondgraph.simulate.model import Model
@@ -52,6 +53,7 @@ def filter_log(
     initial: Initial = "measured",
     columns: Mapping[str, str] | None = None,
     constants: Mapping[str, float | str] | None = None,
+    robust: Robust | str | None = None,
     compiled: bool = True,
     keep: Literal["all"] = "all",
 ) -> FilterRun: ...
@@ -67,6 +69,7 @@ def filter_log(
     initial: Initial = "measured",
     columns: Mapping[str, str] | None = None,
     constants: Mapping[str, float | str] | None = None,
+    robust: Robust | str | None = None,
     compiled: bool = True,
     keep: Literal["bands"],
 ) -> FilterBands: ...
@@ -82,6 +85,7 @@ def filter_log(
     initial: Initial = "measured",
     columns: Mapping[str, str] | None = None,
     constants: Mapping[str, float | str] | None = None,
+    robust: Robust | str | None = None,
     compiled: bool = True,
     keep: Literal["smoothed"],
 ) -> SmootherBands: ...
@@ -96,6 +100,7 @@ def filter_log(
     initial: Initial = "measured",
     columns: Mapping[str, str] | None = None,
     constants: Mapping[str, float | str] | None = None,
+    robust: Robust | str | None = None,
     compiled: bool = True,
     keep: Literal["all", "bands", "smoothed"] = "all",
 ) -> FilterRun | FilterBands | SmootherBands:
@@ -117,6 +122,9 @@ def filter_log(
         Name of a column -> name in the model, where they differ.
     constants
         Values (or letters) of inputs that a log lacks.
+    robust
+        Loss of innovations where sensors have outliers: ``"student"``, ``"huber"`` or ``"gate"``, see
+        :class:`bondgraph.filter.robust.Robust`; None: that of the filter model.
     compiled
         Use compiled equations; for short logs interpreted ones are ready sooner.
     keep
@@ -145,6 +153,7 @@ def filter_log(
     own = model.model if isinstance(model, FilterModel) else model
     fitting = matched(log, own, columns, constants)
     filter_model = model if isinstance(model, FilterModel) else filter_setup(own, own.driven, [fitting]).filter_model
+    filter_model = _judging(filter_model, read_robust(robust))
     values = own.theta(**theta) if isinstance(theta, Mapping) else own.theta() if theta is None else np.asarray(theta)
     start = initial_states(own, [fitting], values, initial if x0 is None else (x0,))[0]
     kept = {"all": run, "bands": run_bands, "smoothed": run_smoothed}.get(keep)
@@ -163,10 +172,11 @@ def estimate(
     *,
     process_noise: str = "free",
     initial: Initial = "measured",
-    ties: Mapping[str, str] | Sequence[Tie] = (),
-    priors: Sequence[Prior] = (),
+    ties: Mapping[str, str] | Tie | Sequence[Tie] = (),
+    priors: Prior | Sequence[Prior] = (),
     columns: Mapping[str, str] | None = None,
     constants: Mapping[str, float | str] | None = None,
+    robust: Robust | str | None = None,
     progress: Progress = silent,
     folder: str | Path | None = None,
     resume: bool = False,
@@ -191,12 +201,15 @@ def estimate(
     ties
         Quantities that follow from free parameters, in coherent SI: ``{"k_r": "1.2*k_f"}``.
     priors
-        What is known from elsewhere: a data sheet, ``[Normal("mass", 1200.0, 50.0)]`` of ``bondgraph.estimate``, or an
-        estimate before, ``[fit.as_prior()]``.
+        What is known from elsewhere: a data sheet, ``Normal("mass", 1200.0, 50.0)`` of ``bondgraph.estimate``, an
+        estimate before, ``fit.as_prior()``, or several of them.
     columns
         Name of a column -> name in the model, where they differ.
     constants
         Values (or letters) of inputs that a log lacks.
+    robust
+        Loss of innovations where sensors have outliers: ``"student"``, ``"huber"`` or ``"gate"``, see
+        :class:`bondgraph.filter.robust.Robust`; None: that of the filter model.
     progress, folder, resume
         As for :func:`bondgraph.estimate.estimation.estimate`.
     executor
@@ -231,16 +244,16 @@ def estimate(
     True
     """
     if isinstance(model, Problem):
-        if logs or free or ties or priors:
+        if logs or free or ties or priors or robust:
             raise OptionError(
-                "estimate: a posed problem has its own logs, free parameters, ties and priors - give it alone"
+                "estimate: a posed problem has its own logs, free parameters, ties, priors and loss - give it alone"
             )
         problem = model
     else:
         require_kind("estimate", model, (Model, FilterModel), "model")
         problem = pose(
             model, logs, free, initial, None, ties, priors, process_noise=process_noise, columns=columns,
-            constants=constants,
+            constants=constants, robust=robust,
         )  # fmt: skip
     place = None if folder is None else Path(folder)
     with open_executor(executor) as workers:
@@ -253,12 +266,13 @@ def pose(
     free: str | Sequence[str | FreeParameter] = (),
     initial: Initial = "measured",
     likelihood: LikelihoodFunction | None = None,
-    ties: Mapping[str, str] | Sequence[Tie] = (),
-    priors: Sequence[Prior] = (),
+    ties: Mapping[str, str] | Tie | Sequence[Tie] = (),
+    priors: Prior | Sequence[Prior] = (),
     *,
     process_noise: str = "free",
     columns: Mapping[str, str] | None = None,
     constants: Mapping[str, float | str] | None = None,
+    robust: Robust | str | None = None,
 ) -> EstimationProblem:
     """Pose an estimation problem: for :func:`estimate`, for sensitivities before it, or as a part of a joint problem.
 
@@ -285,6 +299,8 @@ def pose(
         Name of a column -> name in the model, where they differ.
     constants
         Values (or letters) of inputs that a log lacks.
+    robust
+        Loss of innovations where sensors have outliers; None: that of the filter model.
 
     Returns
     -------
@@ -309,18 +325,25 @@ def pose(
     [1.0, 1.0]
     """
     require_kind("pose", model, (Model, FilterModel), "model")
-    own, tied = model.model if isinstance(model, FilterModel) else model, read_ties(ties)
+    own, tied, known = model.model if isinstance(model, FilterModel) else model, read_ties(ties), read_priors(priors)
     names = [free] if isinstance(free, str) else list(free)
     if not names and (tied or isinstance(model, FilterModel)):
         names = [name for name in bounded(own) if name not in {tie.name for tie in tied}]
     fitting = all_matched(logs, own, columns, constants)
+    loss = read_robust(robust)
     if isinstance(model, FilterModel):
-        return pose_problem(model, fitting, names, initial, likelihood, tied, priors)
+        return pose_problem(_judging(model, loss), fitting, names, initial, likelihood, tied, known)
     if not fitting:
         raise OptionError(f"estimate: {own.name} needs at least one log - give logs", where=("logs",))
     found = declared_problem(own, own.driven, fitting, names, process_noise, initial)
-    found = replace(found, ties=tied, priors=tuple(priors)) if tied or priors else found
+    found = replace(found, filter_model=_judging(found.filter_model, loss))
+    found = replace(found, ties=tied, priors=known) if tied or known else found
     return found if likelihood is None else replace(found, likelihood=likelihood)
+
+
+def _judging(filter_model: FilterModel, loss: Robust | None) -> FilterModel:
+    """The filter with a loss, where one is asked for."""
+    return filter_model if loss is None else replace(filter_model, robust=loss)
 
 
 def bounded(model: Model) -> tuple[str, ...]:

@@ -8,6 +8,7 @@ import inspect
 import subprocess
 import sys
 import types
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +19,7 @@ import bondgraph as bg
 from bondgraph import exchange
 from bondgraph.data import LogChannel
 from bondgraph.errors import DataError, ModelError, OptionError
+from bondgraph.estimate import likelihood_ratio, predict, profile_likelihood, sample_posterior
 from bondgraph.simulate import InputSignal, simulate_batch
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -83,6 +85,10 @@ WRONG = {
     "draw a log": (lambda a: bg.draw(a.log()), "draw: Log was given where a graph is expected"),
     "linearise a number": (lambda a: bg.linearise(3), "linearise: int was given where a model is expected"),
     "pose a graph": (lambda a: bg.pose(a.graph, a.log(), ["mass"]), "pose: BondGraph was given where a model"),
+    "profile": (lambda a: profile_likelihood(a.model), "profile: BuiltModel was given where a finished"),
+    "ratio": (lambda a: likelihood_ratio(a.model, {"mass": 1.0}), "likelihood ratio: BuiltModel was given"),
+    "predict": (lambda a: predict(a.model), "predict: BuiltModel was given where"),
+    "posterior": (lambda a: sample_posterior(a.model), "posterior: BuiltModel was given where"),
     "sensitivity": (lambda a: bg.sensitivity(a.model), "where a posed problem is expected - bg.pose"),
     "read a log": (lambda a: bg.read_log(a.log()), "read_log: Log was given where a file is expected"),
     "write a graph": (lambda a: bg.write_log("x.csv", a.graph), "write_log: BondGraph was given where a log"),
@@ -321,8 +327,25 @@ def test_what_is_known_and_what_is_tied_goes_in_with_a_model_and_a_log() -> None
     assert more[0] == pytest.approx(0.5 * gap @ np.linalg.solve(spread, gap), rel=1e-6)
     tied = bg.estimate(model, log, settings=quick, ties={"drag": "0.13*mass"})
     assert "drag" not in tied.problem.names and tied.problem.ties[0].name == "drag"
-    with pytest.raises(OptionError, match="ties and priors - give it alone"):
+    with pytest.raises(OptionError, match="priors and loss - give it alone"):
         bg.estimate(known[0], priors=[first.as_prior()])
+
+
+def test_outliers_are_weighed_by_one_word() -> None:
+    """A hundredth of the readings is 20 sigma off: the noise that is found stays that of the sensor."""
+    table = pushed(samples=800).to_dataframe()
+    table.loc[table.index[50::100], "speed [km/h]"] += 3.6 * 0.4
+    model, log = bg.build(sled(1.5)), bg.Log.from_dataframe(table, "struck")
+    quick = bg.Settings(method="gradient", starts=1, certify="none")
+    taken, judged = (bg.estimate(model, log, ["mass", "drag"], quick, robust=loss) for loss in (None, "student"))
+    assert taken.values["std(speed)"] > 0.03
+    assert judged.values["std(speed)"] == pytest.approx(0.02, rel=0.1)
+    assert judged.filter_model.robust == bg.Robust("student")
+    known = bg.FilterModel(model, {"v": 0.1}, {"speed": 0.02}, {"v": 0.1})
+    run = bg.filter_log(known, log, robust="gate:0.999", compiled=False)
+    assert run.nll == bg.filter_log(replace(known, robust=bg.Robust("gate")), log, compiled=False).nll
+    with pytest.raises(OptionError, match="robust: float was given where a loss is expected"):
+        bg.filter_log(known, log, robust=4.0)  # type: ignore[call-overload]
 
 
 # ---------------------------------------------------------------------- results in a few lines

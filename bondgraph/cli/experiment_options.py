@@ -20,7 +20,7 @@ def sensitivity_options(command: argparse.ArgumentParser) -> None:
         "not matter) or shares of variance (sobol); needs pip install 'bondloop[sensitivity]'",
     )  # fmt: skip
     command.add_argument(
-        "--response", nargs="+", default=["likelihood"], metavar="WHAT",
+        "--response", nargs="+", default=[], metavar="WHAT",
         help="what --global asks of: likelihood (default), or outputs as simulated, by name; name:last, name:mean, "
         "name:largest or name:rms (default) say by which number",
     )  # fmt: skip

@@ -22,7 +22,7 @@ from bondgraph.data.log import MatchedLog
 from bondgraph.data.matching import match, match_inputs, match_outputs, read_mapping, renamed
 from bondgraph.declare.files import load_graph
 from bondgraph.declare.loading import is_model_file
-from bondgraph.errors import OptionError
+from bondgraph.errors import OptionError, suggest
 from bondgraph.estimate.analysis.ranking import rank_parameters
 from bondgraph.estimate.analysis.rates import rate_table
 from bondgraph.estimate.analysis.screening import (
@@ -54,6 +54,7 @@ from bondgraph.simulate.model import Model
 def sensitivity(options: argparse.Namespace) -> int:
     """Say which parameters logs can tell, and write a picture and a report."""
     rates = [_rate(text) for text in names(options.rates)]
+    _refuse_unasked(options)
     model, driven, logs = model_and_logs(options)
     known = _declared_filter(options.model, model) if options.declared_noise else None
     problem = posed(options, model, driven, logs, known)
@@ -80,6 +81,13 @@ def _rate(text: str) -> float:
     return value
 
 
+def _refuse_unasked(options: argparse.Namespace) -> None:
+    """Refuse options of ``--global`` without it: they would change nothing."""
+    for option, given in (("--response", options.response), ("--samples", options.samples)):
+        if given and not options.screen:
+            raise OptionError(f"{option}: it is one of --global - add --global morris or sobol", where=(option,))
+
+
 def _screened(
     options: argparse.Namespace, problem: EstimationProblem, workers: Executor | None
 ) -> list[GlobalSensitivity]:
@@ -87,7 +95,7 @@ def _screened(
     if options.seed < 0:
         raise OptionError(f"--seed {options.seed}: give a whole number of at least 0", where=("--seed",))
     found = []
-    for asked in names(options.response):
+    for asked in names(options.response) or ["likelihood"]:
         response: Response
         if asked == "likelihood":
             response, meaning = likelihood_response(problem), "negative log-likelihood"
@@ -185,6 +193,12 @@ def _planned_filter(options: argparse.Namespace, reference: str, model: Model) -
         if not isinstance(value, float) or not value > 0.0:
             raise OptionError(
                 f"--noise {name}={value}: give a standard deviation above zero, a space before the next NAME=STD",
+                where=("--noise", name),
+            )
+        if name not in outputs and not options.rival:  # a rival may have it
+            raise OptionError(
+                f"--noise {name}: {model.name} has no output {name!r}{suggest(name, outputs)} - it has"
+                f" {', '.join(outputs)}",
                 where=("--noise", name),
             )
         if name in outputs:

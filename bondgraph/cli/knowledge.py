@@ -21,6 +21,7 @@ from bondgraph.estimate.problem import EstimationProblem, pose
 from bondgraph.estimate.ties import Tie
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.simulate.model import Model
+from bondgraph.text import few
 
 #: Bounds above zero that span more than this factor are searched on a logarithmic scale, as declared ones are.
 _WIDE = 20.0
@@ -145,7 +146,8 @@ def _quantity(target: Target, name: str, model: Model, option: str) -> Displayed
     known: dict[str, Displayed] = {one.name: one for one in infos}
     if target.name not in known:
         raise OptionError(
-            f"{option} {name}: {model.name} has no {kind} {target.name!r}{suggest(target.name, tuple(known))}",
+            f"{option} {name}: {model.name} has no {kind} {target.name!r}{suggest(target.name, tuple(known))}"
+            f" - it has {few(tuple(known))}",
             where=(option, name),
         )
     return known[target.name]

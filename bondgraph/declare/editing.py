@@ -17,6 +17,7 @@ from bondgraph.declare.quantity_checks import check_quantity
 from bondgraph.declare.requirements import check_requirements
 from bondgraph.declare.validation import node_domains
 from bondgraph.errors import DeclarationError, suggest
+from bondgraph.text import few
 
 
 def copy(graph: BondGraph) -> BondGraph:
@@ -145,7 +146,7 @@ def with_values(graph: BondGraph, values: Mapping[str, Any]) -> BondGraph:
             continue
         if not isinstance(declared, Parameter):
             known = [parameter.name for parameter in graph.flatten().parameters]
-            raise DeclarationError(f"{graph.name}: no parameter {name!r}{suggest(name, known)}", where=(name,))
+            raise _unknown(graph, name, known)
         changed = dataclasses.replace(
             declared, value=DeclaredUnit(declared.unit, "", 1.0, declared.unit, f"{graph.name}: {name}").number(value)
         )
@@ -157,6 +158,12 @@ def with_values(graph: BondGraph, values: Mapping[str, Any]) -> BondGraph:
     flat = twin.flatten()
     check_requirements(flat.requirements, flat.parameters, graph.name)
     return twin
+
+
+def _unknown(graph: BondGraph, name: str, known: Sequence[str]) -> DeclarationError:
+    return DeclarationError(
+        f"{graph.name}: no parameter {name!r}{suggest(name, known)} - it has {few(known)}", where=(name,)
+    )
 
 
 def with_bounds(graph: BondGraph, bounds: Mapping[str, tuple[float, float]]) -> BondGraph:
@@ -179,7 +186,7 @@ def with_bounds(graph: BondGraph, bounds: Mapping[str, tuple[float, float]]) -> 
         declared = twin._quantities.get(name)
         if not isinstance(declared, Parameter):
             known = [parameter.name for parameter in graph.parameters]
-            raise DeclarationError(f"{graph.name}: no parameter {name!r}{suggest(name, known)}", where=(name,))
+            raise _unknown(graph, name, known)
         changed = dataclasses.replace(declared, bounds=own)
         check_quantity(changed, graph.name)
         twin._quantities[name] = changed

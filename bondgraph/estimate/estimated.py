@@ -90,9 +90,14 @@ def next_prior(
     wanted = list(names) or [one.name for one in told if one.target.kind == "parameter"]
     missing = next((name for name in wanted if name not in known), "" if wanted else "any parameter")
     if missing:
+        remedy = (
+            f"there are {', '.join(known)}"
+            if known
+            else "fix some, or take the logs of both stages at once (pose_joint)"
+        )
         raise EstimationError(
             f"as_prior: the logs told nothing of {missing} that a normal distribution could hold"
-            f"{suggest(missing, known)} - there are {', '.join(known) or 'none'}",
+            f"{suggest(missing, known)} - {remedy}",
             where=(missing,),
         )
     rows = [problem.names.index(name) for name in wanted]

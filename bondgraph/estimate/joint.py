@@ -16,11 +16,11 @@ import numpy as np
 import numpy.typing as npt
 
 from bondgraph.data.log import MatchedLog
-from bondgraph.errors import EstimationError
+from bondgraph.errors import EstimationError, listed
 from bondgraph.estimate.coordinates import AbstractProblem, checked_priors
 from bondgraph.estimate.free import FreeParameter, parse_target
 from bondgraph.estimate.objective import Below, FloatArray, Terms
-from bondgraph.estimate.priors import Prior
+from bondgraph.estimate.priors import Prior, read_priors
 from bondgraph.estimate.problem import EstimationProblem, check_logs
 from bondgraph.estimate.ties import Tie, read_ties
 from bondgraph.filter.filter_model import FilterModel
@@ -148,10 +148,10 @@ Problem = EstimationProblem | JointProblem
 
 
 def pose_joint(
-    problems: Sequence[EstimationProblem],
-    per_log: Sequence[str] = (),
-    ties: Mapping[str, str] | Sequence[Tie] = (),
-    priors: Sequence[Prior] = (),
+    problems: EstimationProblem | Sequence[EstimationProblem],
+    per_log: str | Sequence[str] = (),
+    ties: Mapping[str, str] | Tie | Sequence[Tie] = (),
+    priors: Prior | Sequence[Prior] = (),
 ) -> JointProblem:
     """Pose several problems as one, with free parameters of one name shared.
 
@@ -188,14 +188,20 @@ def pose_joint(
     >>> pose_joint([bg.pose(swing, logs, ["length", "damping"])], per_log=["length"]).names
     ('length(swing)', 'damping', 'length(second)')
     """
-    listed = read_ties(ties)
-    parts = [alone for problem in problems for alone in _per_log(problem, per_log)]
+    given, split = (
+        listed("pose_joint", problems, EstimationProblem, "posed problem"),
+        listed("per_log", per_log, str, "name"),
+    )
+    if not given:
+        raise EstimationError("pose_joint: there is no problem - give those of bg.pose(filter_model, logs, free)")
+    equations = read_ties(ties)
+    parts = [alone for problem in given for alone in _per_log(problem, split)]
     found: dict[str, FreeParameter] = {}
     for one in (parameter for part in parts for parameter in part.free):
         found[one.name] = _merged(found[one.name], one) if one.name in found else one
-    _check_names(found, parts, per_log, listed)
-    together = tuple(dict.fromkeys([prior for problem in problems for prior in problem.priors] + list(priors)))
-    tied = [_tied(replace(part, priors=()), listed, found) for part in parts]
+    _check_names(found, parts, split, equations)
+    together = tuple(dict.fromkeys([prior for problem in given for prior in problem.priors] + [*read_priors(priors)]))
+    tied = [_tied(replace(part, priors=()), equations, found) for part in parts]
     return JointProblem(tuple(tied), tuple(found.values()), together)
 
 

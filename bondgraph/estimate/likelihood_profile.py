@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from scipy.special import gammaincc
 
-from bondgraph.errors import EstimationError, suggest
+from bondgraph.errors import EstimationError, require_kind, suggest
 from bondgraph.estimate.checkpoint import problem_digest
 from bondgraph.estimate.derivatives.exact import derivatives
 from bondgraph.estimate.estimated import normal_interval
@@ -195,6 +195,7 @@ def profile_likelihood(
     >>> profile.interval[0] < fit.values["length"] < profile.interval[1]
     True
     """
+    require_kind("profile", estimate, Estimate, "finished estimate")
     asked = (names,) if isinstance(names, str) else tuple(dict.fromkeys(names))
     chosen = asked or tuple(name for name, std in estimate.std.items() if np.isfinite(std))
     check_profiled(estimate, chosen)
@@ -351,6 +352,7 @@ def likelihood_ratio(estimate: Estimate, given: Mapping[str, float]) -> Likeliho
     >>> likelihood_ratio(fit, {"length": 2.0}).p_value < 1e-6
     True
     """
+    require_kind("likelihood ratio", estimate, Estimate, "finished estimate")
     problem = estimate.problem
     if not given:
         raise EstimationError("likelihood ratio: no values are given - give some by name")

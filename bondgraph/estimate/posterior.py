@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from bondgraph.coherent import Displayed
-from bondgraph.errors import EstimationError, OptionError
+from bondgraph.errors import EstimationError, OptionError, require_kind
 from bondgraph.estimate.objective import FloatArray
 from bondgraph.estimate.prediction import drawn_points
 from bondgraph.estimate.quantities import quantity_of, unit_of
@@ -180,6 +180,7 @@ def sample_posterior(
     >>> sample_posterior(fit, 20, burn=10).draws.shape
     (4, 20, 1)
     """
+    require_kind("posterior", estimate, Estimate, "finished estimate")
     problem, size = estimate.problem, estimate.point.size
     count = walkers or max(_WALKERS * size, 4)
     if draws < 1 or burn < 0 or count < 2 * size or count % 2:

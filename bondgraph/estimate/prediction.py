@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from bondgraph.data.given import GivenLog, all_matched
-from bondgraph.errors import EstimationError, OptionError, suggest
+from bondgraph.errors import EstimationError, OptionError, require_kind, suggest
 from bondgraph.estimate.derivatives.exact import derivatives
 from bondgraph.estimate.free_simulation import simulated_logs, simulated_members, simulation_problem
 from bondgraph.estimate.objective import FloatArray, fitted_expansion
@@ -161,6 +161,7 @@ def predict(
     >>> bool((band.std > 0.0).all()), band.y.shape
     (True, (1, 100))
     """
+    require_kind("predict", estimate, Estimate, "finished estimate")
     problem = estimate.single
     model = problem.filter_model.model
     chosen = tuple(all_matched(logs, model)) or problem.logs

@@ -18,16 +18,17 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from scipy.linalg import solve_triangular
 
 from bondgraph.arrays import FloatArray
-from bondgraph.errors import EstimationError
+from bondgraph.errors import EstimationError, listed
 from bondgraph.estimate.transforms import Scale
 
 
+@runtime_checkable
 class Prior(Protocol):
     """Distribution of one or several parameters, in the units of the model."""
 
@@ -283,6 +284,22 @@ class MultivariateNormal:
         k = self.parameters.index(name)
         std = math.sqrt(self.covariance[k][k])
         return std * math.exp(self.mean[k]) if self._logarithmic[k] else std
+
+
+def read_priors(priors: Prior | Sequence[Prior]) -> tuple[Prior, ...]:
+    """One prior, or several.
+
+    Raises
+    ------
+    OptionError
+        If something else is given.
+
+    Examples
+    --------
+    >>> read_priors(Normal("mass", 1200.0, 50.0))
+    (Normal(name='mass', mean=1200.0, std=50.0),)
+    """
+    return tuple(listed("priors", priors, Prior, "prior"))  # type: ignore[type-abstract]
 
 
 def prior_terms(priors: Sequence[Prior], values: Mapping[str, FloatArray], members: int) -> FloatArray:

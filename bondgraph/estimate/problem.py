@@ -21,7 +21,7 @@ from bondgraph.estimate.free import FreeParameter, Target, declared_free, parse_
 from bondgraph.estimate.initial import Initial, initial_states, start_rule
 from bondgraph.estimate.likelihoods import Batch, CeilingLikelihood, FilterLikelihood, LikelihoodFunction
 from bondgraph.estimate.objective import Below, FloatArray, Terms
-from bondgraph.estimate.priors import Prior
+from bondgraph.estimate.priors import Prior, read_priors
 from bondgraph.estimate.shown_starts import Beginnings, led, shown_starts, start_shifts
 from bondgraph.estimate.ties import Tie, read_ties
 from bondgraph.filter.filter_model import FilterModel
@@ -243,8 +243,8 @@ def pose(
     free: Sequence[str | FreeParameter],
     initial: Initial = "measured",
     likelihood: LikelihoodFunction | None = None,
-    ties: Mapping[str, str] | Sequence[Tie] = (),
-    priors: Sequence[Prior] = (),
+    ties: Mapping[str, str] | Tie | Sequence[Tie] = (),
+    priors: Prior | Sequence[Prior] = (),
 ) -> EstimationProblem:
     """Pose an estimation problem.
 
@@ -295,7 +295,7 @@ def pose(
         for item in free
     )
     return EstimationProblem(
-        filter_model, listed, chosen, initial, likelihood or _FILTER, read_ties(ties), tuple(priors)
+        filter_model, listed, chosen, initial, likelihood or _FILTER, read_ties(ties), read_priors(priors)
     )
 
 

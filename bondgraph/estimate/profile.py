@@ -110,7 +110,9 @@ def profile_interval(
     (-1.386, 1.386)
     """
     if not (std > 0.0 and math.isfinite(std) and 0.0 < level < 1.0):
-        raise EstimationError(f"profile: std {std:g} must be positive and level {level:g} between 0 and 1")
+        raise EstimationError(
+            f"profile: std {std:g} and level {level:g} - the first must be above zero, the second between 0 and 1"
+        )
     reach = NormalDist().inv_cdf(0.5 + 0.5 * level)
     way = _Way(objective, point, index, jacobian, np.eye(point.size)[index] if direction is None else direction)
     shared = Shared.of(way) if executor else None

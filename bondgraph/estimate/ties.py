@@ -18,7 +18,7 @@ from bondgraph.compile.front.parse import Reader, Value
 from bondgraph.compile.ir.evaluate import evaluate
 from bondgraph.compile.ir.tape import FUNCTIONS, Program, Tape
 from bondgraph.compile.passes.tangent import tangents
-from bondgraph.errors import EstimationError, ModelError
+from bondgraph.errors import EstimationError, ModelError, listed, wrong_kind
 from bondgraph.syntax import parsed
 
 #: Functions that an expression may call, by these names.
@@ -70,8 +70,9 @@ class Tie:
         try:
             return parsed(self.expression.strip(), mode="eval").body
         except (SyntaxError, ValueError) as error:
+            reason = error.msg if isinstance(error, SyntaxError) else error
             raise EstimationError(
-                f"{self._what}: cannot be read ({error}) - write it like 1.2*k_f", where=(self.name,)
+                f"{self._what}: cannot be read ({reason}) - write it like 1.2*k_f", where=(self.name,)
             ) from None
 
     @cached_property
@@ -125,6 +126,17 @@ class _Calls(ast.NodeTransformer):
         return ast.copy_location(ast.Call(attribute, node.args, []), node)
 
 
-def read_ties(ties: Mapping[str, str] | Sequence[Tie]) -> tuple[Tie, ...]:
-    """Ties given as name and expression, or as they are."""
-    return tuple(Tie(*pair) for pair in ties.items()) if isinstance(ties, Mapping) else tuple(ties)
+def read_ties(ties: Mapping[str, str] | Tie | Sequence[Tie]) -> tuple[Tie, ...]:
+    """Ties given as name and expression, or as they are.
+
+    Raises
+    ------
+    BondGraphError
+        If something else is given, or an expression cannot be read.
+    """
+    if not isinstance(ties, Mapping):
+        return tuple(listed("ties", ties, Tie, "tie"))
+    wrong = next((text for text in ties.values() if not isinstance(text, str)), None)
+    if wrong is not None:
+        raise wrong_kind("ties", wrong, "tie")
+    return tuple(Tie(*pair) for pair in ties.items())

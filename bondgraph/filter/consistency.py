@@ -142,12 +142,17 @@ def joined_innovations(runs: Sequence[AbstractRun]) -> tuple[ChannelInnovations,
         return ()
     gap = np.full((len(runs[0].filter_model.model.outputs), _APART), np.nan)
     normalised = np.concatenate([part for one in runs for part in (normalised_innovations(one), gap)], axis=1)
-    errors = np.concatenate([part for one in runs for part in (one.innovation, gap)], axis=1)
+    errors = np.concatenate([part for one in runs for part in (_counted_errors(one), gap)], axis=1)
     joined = [
         ChannelInnovations(info.name, info.display_unit, normalised[row], errors[row], info.shown(1.0))
         for row, info in enumerate(runs[0].filter_model.model.outputs)
     ]
     return tuple(channel for channel in joined if channel.count)
+
+
+def _counted_errors(run: AbstractRun) -> FloatArray:
+    """Innovations (n_y, n), outliers as large as they count: else a few of them would be the error of a channel."""
+    return normalised_innovations(run) * np.sqrt(run.output_var) if run.filter_model.robust else run.innovation
 
 
 def misfits(

@@ -2,13 +2,11 @@
 
 The equations of a model are differentiated on their tape, forward over the tangents: in one direction, and what comes
 out in another. So laws bend as they are written, algebraic loops by the implicit function theorem. Everything else, the
-sigma points, the Runge-Kutta steps and the Cholesky factors, is the same computation on jets
-(:mod:`bondgraph.filter.second_order`). It is done in numpy, all pairs of directions at once, in some milliseconds for
-each sample: for looking closely at an optimum, not for a search.
+sigma points, the integration steps (:mod:`bondgraph.filter.moving_model`) and the Cholesky factors, is the same
+computation on jets (:mod:`bondgraph.filter.second_order`). It is done in numpy, all pairs of directions at once, in
+some milliseconds for each step of a small model and 40 ms for one of a vehicle: for looking closely at an optimum.
 
-Stiff methods take the Jacobian of a model along, whose second derivatives are the third ones of every law; they, robust
-losses and appended parameters have none here. :func:`bondgraph.estimate.analysis.hessian.hessian` differences exact
-gradients there.
+Where a robust loss has a kink (Huber, gate) they are those of the branch taken.
 """
 
 from __future__ import annotations
@@ -20,15 +18,12 @@ from typing import Any
 import numpy as np
 
 from bondgraph.arrays import FloatArray
-from bondgraph.compile.front.model_program import Equations
-from bondgraph.compile.ir.tape import Program
-from bondgraph.compile.passes.tangent import tangents
 from bondgraph.errors import FilterError
 from bondgraph.filter.filter_model import FilterModel
+from bondgraph.filter.moving_model import MovingModel
 from bondgraph.filter.samples import MeasuredLog, Samples
-from bondgraph.filter.second_order import Jet, drawn, factor, joined, logarithm, moments, product, solved
-from bondgraph.simulate.inputs import InputSegment
-from bondgraph.simulate.model import Model
+from bondgraph.filter.second_order import Jet, drawn, factor, joined, moments, product
+from bondgraph.filter.second_order_channels import Channels
 from bondgraph.simulate.outcome import Outcome
 
 
@@ -57,18 +52,13 @@ class Curvature:
     outcome: Outcome
 
 
-def has_exact_curvature(filter_model: FilterModel) -> bool:
-    """Whether there are exact second derivatives: Runge-Kutta steps, Gaussian noise, no appended parameters."""
-    return filter_model.method == "rk4" and not filter_model.appended and not filter_model.robust
-
-
 def curvature(filter_model: FilterModel, log: MeasuredLog, member: MovingMember) -> Curvature:
     """The likelihood of a log with its first and second derivatives.
 
     Parameters
     ----------
     filter_model
-        With fixed steps of ``"rk4"``, without robust losses and appended parameters.
+        With any method but ``"auto"``, see :func:`bondgraph.filter.choice.choose_method`.
     log
         A parameter that it knows does not move.
     member
@@ -77,7 +67,7 @@ def curvature(filter_model: FilterModel, log: MeasuredLog, member: MovingMember)
     Raises
     ------
     FilterError
-        If the filter model has no exact second derivatives, or the log does not fit it.
+        If no method is chosen, or the log does not fit the filter model.
 
     Examples
     --------
@@ -93,10 +83,10 @@ def curvature(filter_model: FilterModel, log: MeasuredLog, member: MovingMember)
     >>> found.gradient.shape, found.hessian.shape
     ((1,), (1, 1))
     """
-    if not has_exact_curvature(filter_model):
+    if filter_model.method == "auto":
         raise FilterError(
-            f"{filter_model.model.name}: exact second derivatives need method 'rk4' without robust losses and appended "
-            f"parameters, not {filter_model!r} - difference exact gradients instead (hessian)",
+            f"{filter_model.model.name}: second derivatives along a log with method 'auto' - choose one before"
+            " (choose_method)",
             where=(filter_model.model.name, "method"),
         )
     samples = Samples.of(filter_model, log)
@@ -108,7 +98,7 @@ class _Filter:
     """The filter over one log; ``nll`` is gathered on the way."""
 
     def __init__(self, filter_model: FilterModel, samples: Samples, member: MovingMember) -> None:
-        self._points, self._samples = filter_model.points, samples
+        self._points, self._samples, self._robustness = filter_model.points, samples, filter_model.robustness
         count = member.theta.d.shape[-1]
         known = np.ones(member.theta.v.size, dtype=np.bool_)
         for name in samples.theta_overrides:
@@ -117,12 +107,13 @@ class _Filter:
         self._theta = Jet(
             theta, member.theta.d * known[:, np.newaxis], member.theta.h * known[:, np.newaxis, np.newaxis]
         )
-        self._model = _MovingModel(filter_model.model, self._theta)
+        self._model = MovingModel(filter_model, self._theta)
         self._process = _scaled(filter_model.process_correlations, member.process_std)
         noise = Jet(*(np.nan_to_num(getattr(member.noise_std, name)) for name in ("v", "d", "h")))
         self._noise = _scaled(filter_model.noise_correlations, noise)
         root = np.asarray(np.linalg.cholesky(filter_model.start_correlations), dtype=np.float64)
-        self._mean, self._lower = member.x0, product("i,ij->ij", member.initial_std, Jet.still(root, count))
+        self._mean = joined([member.x0, self._theta[filter_model.appended_index]])
+        self._lower = product("i,ij->ij", member.initial_std, Jet.still(root, count))
         self._nll = Jet.still(np.array(0.0), count)
 
     def run(self) -> Curvature:
@@ -148,7 +139,8 @@ class _Filter:
         if outcome is not Outcome.OK:
             return outcome
         points = drawn(self._points, self._mean, self._lower)
-        moved = self._model.moved(points, samples.segment(k), int(samples.substeps[k - 1]))
+        steps = (int(samples.substeps[k - 1]), float(samples.grading[k - 1]))
+        moved = self._model.moved(points, samples.segment(k), *steps)
         self._mean, cov, _ = moments(self._points, moved)
         self._lower, outcome = factor(cov + self._process * float(samples.noise_end[k - 1]))
         return outcome
@@ -157,79 +149,24 @@ class _Filter:
         """Condition on the measured channels, by one factor of their joint covariance with the state."""
         samples, n, m = self._samples, self._mean.v.size, measured.size
         points = drawn(self._points, self._mean, self._lower)
-        seen = self._model.evaluated("output", float(samples.time[k]), points, samples.u[:, k])[measured]
+        seen = self._model.outputs(float(samples.time[k]), points, samples.u[:, k])[measured]
         expected, cov, deviations = moments(self._points, seen)
-        cov = cov + self._noise[np.ix_(measured, measured)]
+        noise = self._noise[np.ix_(measured, measured)]
+        cov = cov + noise
         slopes = (deviations[:, 1 : n + 1] - deviations[:, n + 1 :]) * (0.5 / self._points.spread)
         cross = product("ij,aj->ia", self._lower, slopes)
         own = product("ij,kj->ik", self._lower, self._lower)
         turned = cross.map(lambda array: np.swapaxes(array, 0, 1))
         joint = joined([joined([cov, turned], axis=1), joined([cross, own], axis=1)])
-        lower, outcome = factor(joint, required=m)
+        innovation = Jet.still(samples.y[measured, k], self._nll.d.size) - expected
+        channels = Channels(self._robustness, innovation, noise)
+        lower, outcome = factor(joint, m, channels.scale)
         if outcome is not Outcome.OK:
             return outcome
-        innovation = Jet.still(samples.y[measured, k], self._nll.d.size) - expected
-        z = solved(lower[:m, :m], innovation)
-        scales = logarithm(lower[np.arange(m), np.arange(m)])
-        total = product("a,a->", z, z) * 0.5 + scales.map(lambda array: array.sum(axis=0))
-        self._nll = self._nll + total + Jet.still(np.array(0.5 * m * math.log(2.0 * math.pi)), self._nll.d.size)
-        self._mean = self._mean + product("ia,a->i", lower[m:, :m], z)
+        self._nll = self._nll + channels.nll
+        self._mean = self._mean + product("ia,a->i", lower[m:, :m], channels.scores)
         self._lower = lower[m:, m:]
         return outcome
-
-
-class _MovingModel:
-    """The equations of a model with first and second derivatives, along states and parameters that move."""
-
-    def __init__(self, model: Model, theta: Jet) -> None:
-        self._program, self._theta, self._size = model.program.anew(), theta, len(model.states)
-        self._moving = [int(row) for row in np.flatnonzero(theta.d.any(axis=1))]
-        self._programs = {equations: self._differentiated(equations) for equations in _EQUATIONS}
-        behind = theta.d.shape[-1]
-        self._parameters = {
-            "theta": theta.v[:, np.newaxis, np.newaxis, np.newaxis],
-            "theta_1": theta.d[:, np.newaxis, :, np.newaxis], "theta_2": theta.d[:, np.newaxis, np.newaxis, :],
-            "theta_12": theta.h[:, np.newaxis],
-        }  # fmt: skip
-        self._directions = behind
-
-    def _differentiated(self, equations: Equations) -> Program:
-        """Rows, their derivatives in one direction, and the derivatives of those in another."""
-        program = self._program
-        tape, rows = program.tape, program.rows[equations]
-        places = [("x", i) for i in range(self._size)] + [("theta", i) for i in self._moving]
-        one = {tape.leaf(name, i): tape.leaf(f"{name}_1", i) for name, i in places}
-        other = {tape.leaf(name, i): tape.leaf(f"{name}_2", i) for name, i in places}
-        both = {tape.leaf(f"{name}_1", i): tape.leaf(f"{name}_12", i) for name, i in places}
-        first = tangents(program.reader, rows, one)
-        return tape.program([*rows, *first, *tangents(program.reader, first, {**other, **both})])
-
-    def evaluated(self, equations: Equations, t: float, x: Jet, u: FloatArray) -> Jet:
-        """Rows (rows, points) at states (n_x, points) and inputs (n_u,)."""
-        leaves = {
-            "t": (t,), "u": u, "x": x.v[..., np.newaxis, np.newaxis],
-            "x_1": x.d[..., :, np.newaxis], "x_2": x.d[..., np.newaxis, :], "x_12": x.h, **self._parameters,
-        }  # fmt: skip
-        batch = (x.v.shape[1], self._directions, self._directions)
-        found = self._program.evaluate(self._programs[equations], leaves, batch)
-        count = found.shape[0] // 3
-        return Jet(found[:count, :, 0, 0], found[count : 2 * count, :, :, 0], found[2 * count :])
-
-    def moved(self, x: Jet, segment: InputSegment, substeps: int) -> Jet:
-        """States after a segment of the inputs, by the steps of :class:`bondgraph.simulate.integrators.RK4`."""
-        step = (segment.end - segment.start) / substeps
-        for k in range(substeps):
-            t = segment.start + k * step
-            left, middle, right = (segment.at(t + share * step) for share in (0.0, 0.5, 1.0))
-            slope_1 = self.evaluated("rhs", t, x, left)
-            slope_2 = self.evaluated("rhs", t + 0.5 * step, x + slope_1 * (0.5 * step), middle)
-            slope_3 = self.evaluated("rhs", t + 0.5 * step, x + slope_2 * (0.5 * step), middle)
-            slope_4 = self.evaluated("rhs", t + step, x + slope_3 * step, right)
-            x = x + (slope_1 + (slope_2 + slope_3) * 2.0 + slope_4) * (step / 6.0)
-        return x
-
-
-_EQUATIONS: tuple[Equations, ...] = ("rhs", "output")
 
 
 def _scaled(correlation: FloatArray, std: Jet) -> Jet:

@@ -9,20 +9,24 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any, Unpack
+from typing import TYPE_CHECKING, Any, Unpack
 
 import numpy as np
 import numpy.typing as npt
 
 from bondgraph.arrays import FloatArray
-from bondgraph.errors import FilterError
+from bondgraph.errors import FilterError, require_kind
 from bondgraph.filter.belief import PointFunction
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.members import MemberValues, member_batches
+from bondgraph.filter.online_given import given_member
 from bondgraph.filter.samples import MeasuredLog, Samples, uniform_steps
 from bondgraph.filter.sigma_points import lower_factor
 from bondgraph.filter.ukf import Member, measured_at, measurement, moved_along, transition
 from bondgraph.simulate.inputs import InputSegment
+
+if TYPE_CHECKING:
+    from bondgraph.simulate.task import Vector
 
 #: Inputs of a model (n_u,) or some by name, the others at their defaults.
 Inputs = Mapping[str, float | str] | npt.ArrayLike | None
@@ -43,6 +47,10 @@ class _Functions:
     def __init__(self, filter_model: FilterModel, theta: FloatArray, dt: float, u: Inputs) -> None:
         self._filter_model, self._theta, self._dt, self.u = filter_model, theta, dt, u
         self._used = np.flatnonzero(~np.isnan(filter_model.noise_std))
+
+    def check(self) -> None:
+        """Refuse inputs that do not fit the model, before the first prediction does."""
+        self._inputs(None)
 
     def move(self, x: FloatArray, dt: float, u: Inputs = None, u_end: Inputs = None, t: float = 0.0) -> FloatArray:
         """A point (n_s,) after ``dt``, inputs held at ``u`` or running straight from there to ``u_end``."""
@@ -73,7 +81,7 @@ class _Functions:
         return u
 
 
-def filterpy_filter(filter_model: FilterModel, dt: float, theta: npt.ArrayLike | None = None, u: Inputs = None) -> Any:
+def filterpy_filter(filter_model: FilterModel, dt: float, theta: Vector = None, u: Inputs = None) -> Any:
     """A ``filterpy.kalman.UnscentedKalmanFilter`` of a filter model, for scripts that are written for filterpy.
 
     ``predict()``, ``predict(dt)``, ``update(z)``, ``batch_filter`` and ``rts_smoother`` work as in any such script.
@@ -92,15 +100,15 @@ def filterpy_filter(filter_model: FilterModel, dt: float, theta: npt.ArrayLike |
     dt
         Seconds of a step where ``predict`` is given none.
     theta
-        Parameters (n_theta,); None: declared values.
+        Parameters by name or as a vector (n_theta,); None: declared values.
     u
         Inputs where a call gives none; None: their defaults.
 
     Raises
     ------
-    FilterError
-        If filterpy 2.0.0 or later is not installed, measurements are robust, the integration method is not decided, or
-        ``dt`` is no positive number.
+    FilterError, ModelError
+        If filterpy 2.0.0 or later is not installed, measurements are robust, the integration method is not decided,
+        ``dt`` is no positive number, a name is unknown, or a shape does not fit.
 
     Examples
     --------
@@ -115,18 +123,18 @@ def filterpy_filter(filter_model: FilterModel, dt: float, theta: npt.ArrayLike |
     """
     kalman = _import_filterpy()
     _refuse(filter_model, dt)
-    parameters = np.array(filter_model.model.theta() if theta is None else theta, dtype=np.float64)
-    functions = _Functions(filter_model, parameters, dt, u)
+    member = given_member(filter_model, theta, None)
+    functions = _Functions(filter_model, member.theta, dt, u)
+    functions.check()
     n_s, n_z = len(filter_model.state_names), len(filter_model.measurement_noise)
     spread = (filter_model.alpha, filter_model.beta, filter_model.kappa)
     points = kalman.MerweScaledSigmaPoints(n_s, *spread, sqrt_method=_upper_factor)
     ukf = kalman.UnscentedKalmanFilter(n_s, n_z, dt=dt, hx=functions.measure, fx=functions.move, points=points)
-    member = Member.of(filter_model, parameters)
     used = np.flatnonzero(~np.isnan(filter_model.noise_std))
     ukf.R = member.noise_cov[np.ix_(used, used)]
     ukf.noise_per_second = member.process_cov
     ukf.Q = dt * member.process_cov
-    ukf.x = filter_model.start_mean(parameters, filter_model.model.x0())
+    ukf.x = filter_model.start_mean(member.theta, member.x0)
     ukf.P = member.initial_lower @ member.initial_lower.T
     ukf.sigmas_f = ukf.points_fn.sigma_points(ukf.x, ukf.P)
     return ukf
@@ -141,6 +149,7 @@ def _upper_factor(matrix: FloatArray) -> FloatArray:
 
 
 def _refuse(filter_model: FilterModel, dt: float) -> None:
+    require_kind("filterpy_filter", filter_model, FilterModel, "filter model")
     name = filter_model.model.name
     if filter_model.robust:
         raise FilterError(

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from bondgraph.arrays import FloatArray
-from bondgraph.errors import FilterError, suggest
+from bondgraph.errors import FilterError, require_kind, suggest
 from bondgraph.filter.adaptive import AdaptiveNoise
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.ukf import Member
@@ -26,9 +26,10 @@ def check_options(
 
     Raises
     ------
-    FilterError
+    FilterError, OptionError
         With what to give instead.
     """
+    require_kind("OnlineFilter", filter_model, FilterModel, "filter model")
     name = filter_model.model.name
 
     def require(condition: bool, problem: str, *where: str) -> None:
@@ -111,7 +112,8 @@ def given_outputs(model: Model, noise_std: FloatArray, given: Vector) -> FloatAr
     Raises
     ------
     FilterError
-        If a name is unknown, a shape does not fit, or a channel is measured whose noise is not declared.
+        If a name is unknown, a shape does not fit, a value is no number or infinite, or a channel is measured whose
+        noise is not declared.
     """
     names = model.names("output")
     found = np.full(len(names), np.nan)
@@ -122,9 +124,14 @@ def given_outputs(model: Model, noise_std: FloatArray, given: Vector) -> FloatAr
                     f"{model.name}: no output {name!r}{suggest(name, names)} - it has {', '.join(names)}",
                     where=(model.name, name),
                 )
-            found[names.index(name)] = value
+            found[names.index(name)] = _vector(value)
     elif given is not None:
         found = _sized(_vector(given), found.size, f"{model.name}: y")
+    for row in np.flatnonzero(np.isinf(found)):
+        raise FilterError(
+            f"{model.name}: output {names[row]!r} is {found[row]} - give a finite number, or NaN where it is missing",
+            where=(model.name, names[row]),
+        )
     for row in np.flatnonzero(~np.isnan(found) & np.isnan(noise_std)):
         raise FilterError(
             f"{model.name}: output {names[row]!r} is measured but measurement_noise does not name it"
@@ -143,4 +150,7 @@ def _sized(vector: FloatArray, size: int, what: str) -> FloatArray:
 
 
 def _vector(given: object) -> FloatArray:
-    return np.array(given, dtype=np.float64)
+    try:
+        return np.array(given, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise FilterError(f"on-line filter: {given!r} is no number, or no vector of them - give numbers") from None

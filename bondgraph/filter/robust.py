@@ -31,7 +31,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from bondgraph.arrays import FloatArray
-from bondgraph.errors import FilterError
+from bondgraph.errors import FilterError, require_kind
 from bondgraph.filter.kernel_robust import _score
 from bondgraph.filter.kernel_types import Robustness
 
@@ -134,6 +134,23 @@ def parse_robust(text: str) -> Robust:
     if colon and not math.isfinite(number):
         raise FilterError(f"robust: {value!r} in {text!r} is no number - write {kind}:NUMBER", where=(text,))
     return Robust(kind, number)
+
+
+def read_robust(given: Robust | str | None) -> Robust | None:
+    """A loss as it is, or as a text such as ``"student"`` and ``"huber:2"``.
+
+    Raises
+    ------
+    FilterError
+        If a text is no loss.
+    OptionError
+        If something else is given.
+    """
+    if isinstance(given, str):
+        return parse_robust(given)
+    if given is not None:
+        require_kind("robust", given, Robust, "loss")
+    return given
 
 
 def _student(code: int, degrees: float) -> Robustness:

@@ -76,8 +76,8 @@ class Samples:
         Raises
         ------
         FilterError
-            If shapes do not fit the model, times do not increase, an input is missing somewhere, a channel is measured
-            whose noise is not declared, or a parameter known for the log does not exist.
+            If shapes do not fit the model, times do not increase, an input is missing somewhere, an output is infinite,
+            a channel is measured whose noise is not declared, or a parameter known for the log does not exist.
         """
         _check(filter_model, log)
         return cls._on(filter_model, log, filter_nodes(filter_model.model, filter_model.noise_rule, log.time))
@@ -250,6 +250,9 @@ def _check(filter_model: FilterModel, log: MeasuredLog) -> None:
         *limited,
     )
     for name, row in zip(model.names("output"), log.y, strict=True):
+        infinite = np.flatnonzero(np.isinf(row))
+        at = log.time[infinite[0]] if infinite.size else 0.0
+        require(not infinite.size, f"output {name!r} is infinite at t = {at:.6g} s - clear that value", name)
         require(
             name in filter_model.measurement_noise or bool(np.isnan(row).all()),
             f"output {name!r} is measured but measurement_noise does not name it - name it, or clear the channel",

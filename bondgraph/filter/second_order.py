@@ -109,8 +109,27 @@ def joined(parts: list[Jet], axis: int = 0) -> Jet:
     return Jet(*(np.concatenate([getattr(one, name) for one in parts], axis=axis) for name in ("v", "d", "h")))
 
 
-def factor(matrix: Jet, required: int = 0) -> tuple[Jet, Outcome]:
-    """The lower Cholesky factor (n, n), pivots floored as :func:`bondgraph.filter.sigma_points.lower_factor` does."""
+#: Factor of a column: ``scale(position, row, pivot)`` with what is left of the pivot, and the row (position,) so far.
+Scale = Callable[[int, Jet, Jet], Jet]
+
+
+def _unit(position: int, row: Jet, pivot: Jet) -> Jet:
+    """The scale with which the factor is that of the matrix."""
+    return inverse(root(pivot))
+
+
+def factor(matrix: Jet, required: int = 0, scale: Scale = _unit) -> tuple[Jet, Outcome]:
+    """The lower Cholesky factor (n, n), pivots floored as :func:`bondgraph.filter.sigma_points.lower_factor` does.
+
+    Parameters
+    ----------
+    matrix
+        Shape (n, n).
+    required
+        Pivots that must be positive.
+    scale
+        Another scale of these columns: a noise that is judged on the way.
+    """
     n, rest = matrix.v.shape[0], matrix
     lower = Jet.still(np.zeros(matrix.v.shape), matrix.d.shape[-1])
     for j in range(n):
@@ -122,7 +141,7 @@ def factor(matrix: Jet, required: int = 0) -> tuple[Jet, Outcome]:
             if j < required:
                 return lower, Outcome.NOT_POSITIVE
             continue
-        scaled = product("i,->i", column, inverse(root(column[0])))
+        scaled = product("i,->i", column, (scale if j < required else _unit)(j, lower[j, :j], column[0]))
         for name in ("v", "d", "h"):
             getattr(lower, name)[j:, j] = getattr(scaled, name)
         taken = product("i,k->ik", scaled, scaled)
@@ -131,17 +150,6 @@ def factor(matrix: Jet, required: int = 0) -> tuple[Jet, Outcome]:
             getattr(left, name)[j:, j:] -= getattr(taken, name)
         rest = left
     return lower, Outcome.OK
-
-
-def solved(lower: Jet, right: Jet) -> Jet:
-    """The solution (n,) of a lower triangular system (n, n)."""
-    found: list[Jet] = []
-    for j in range(right.v.shape[0]):
-        left = right[j]
-        for k in range(j):
-            left = left - lower[j, k] * found[k]
-        found.append(left * inverse(lower[j, j]))
-    return Jet(*(np.array([getattr(one, name) for one in found]) for name in ("v", "d", "h")))
 
 
 def drawn(points: MerweScaled, mean: Jet, lower: Jet) -> Jet:

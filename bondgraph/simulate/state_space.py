@@ -12,7 +12,7 @@ import keyword
 import linecache
 import math
 import traceback
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -145,6 +145,7 @@ def state_space(
     """
     tables = _Tables(name, states, inputs or {}, parameters or {}, units or {})
     _check_names(tables)
+    _check_bounds(tables)
     derivatives = _followed(tables, rates, "rates")
     if isinstance(derivatives, Mapping):
         _require_same(tables, derivatives, list(states), "rates")
@@ -174,6 +175,18 @@ def _check_names(tables: _Tables) -> None:
             raise ModelError(f"{tables.name}: {one!r} names two quantities - rename one", where=(tables.name, one))
     if not tables.states:
         raise ModelError(f"{tables.name}: there are no states - give at least one", where=(tables.name, "states"))
+
+
+def _check_bounds(tables: _Tables) -> None:
+    for one, given in tables.parameters.items():
+        values = given if isinstance(given, tuple | list) else (given,)
+        good = all(isinstance(value, int | float) and math.isfinite(value) for value in values)
+        if not good or len(values) not in (1, 3) or sorted(values) != [*values[1:2], values[0], *values[2:]]:
+            raise ModelError(
+                f"{tables.name}: parameter {one!r} is {given!r} - give a finite number, or (value, lower, upper) with"
+                " the value between its bounds",
+                where=(tables.name, one),
+            )
 
 
 def _check_units(tables: _Tables, outputs: Sequence[str]) -> None:
@@ -219,7 +232,13 @@ def _followed(tables: _Tables, given: Given, what: str) -> Mapping[str, Any] | l
         ) from error
     if isinstance(found, Mapping):
         return {str(one): value for one, value in found.items()}
-    return [found] if isinstance(found, Traced | float | int) else list(found)
+    if isinstance(found, Traced | float | int):
+        return [found]
+    if not isinstance(found, Iterable):
+        raise ModelError(
+            f"{tables.name}: {what} gives {found!r} - let it return its numbers", where=(tables.name, what)
+        )
+    return list(found)
 
 
 def _place(function: Callable[..., Any], error: Exception) -> str:
@@ -241,8 +260,9 @@ def _read(tables: _Tables, what: str, text: str) -> Any:
     try:
         return _evaluated(parsed(text.strip(), mode="eval").body, known)
     except (SyntaxError, ValueError, TypeError, RecursionError, TraceError) as error:
+        reason = error.msg if isinstance(error, SyntaxError) else error
         raise ModelError(
-            f"{tables.name}: {what}: {text!r} cannot be read ({error}) - write it like 'k*x - sqrt(c)*v'",
+            f"{tables.name}: {what}: {text!r} cannot be read ({reason}) - write it like 'k*x - sqrt(c)*v'",
             where=(tables.name, what),
         ) from None
 

@@ -50,6 +50,8 @@ def test_sensitivity_answers_in_json_over_the_whole_bounds(
         (["--global", "sobol", "--samples", "100"], "a power of two"),
         (["--global", "morris", "--response", "omeg"], "did you mean 'omega'?"),
         (["--declared-noise"], "declares no noise"),
+        (["--response", "omega"], "--response: it is one of --global - add --global morris or sobol"),
+        (["--samples", "64"], "--samples: it is one of --global"),
     ],
 )
 def test_impossible_sensitivities_are_refused(
@@ -118,6 +120,7 @@ def test_design_reads_logs_by_the_options_of_all_commands_with_logs(
     [
         (["--noise", "omega=0.05"], "no manoeuvre is planned"),
         ([], "no noise of a sensor is known"),
+        (["--noise", "omgea=0.05"], "has no output 'omgea'; did you mean 'omega'? - it has omega"),
         (["--noise", "omega=-1"], "a standard deviation above zero"),
         (["--noise", "omega=0.05", "--rate", "0"], "give samples per second above zero"),
     ],

@@ -120,6 +120,8 @@ def test_sensitivity_knows_ties_and_priors(
 @pytest.mark.parametrize(("option", "message"), [
     (("--free", "b=3"), "write it as name or name=lower:upper"),
     (("--free", "bb=1:2"), "dc_motor has no parameter 'bb'"),
+    (("--prior", "drag=1+-2"), "has no parameter 'drag' - it has L_a, R_a"),
+    (("--set", "drag=3"), "no parameter 'drag' - it has L_a, R_a"),
     (("--prior", "b=many"), "write it as name=mean"),
     (("--prior", "b=1*/0.5"), "the factor 0.5 must be above one"),
     (("--prior", "J=1+-0.5"), "prior of 'J': it is not free"),

@@ -2,28 +2,32 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 from bondgraph.data.log import MatchedLog
-from bondgraph.errors import EstimationError, FilterError
+from bondgraph.errors import EstimationError, FilterError, OptionError
 from bondgraph.estimate.analysis.hessian import exact_hessian, hessian
 from bondgraph.estimate.derivatives.exact import exact_derivatives
 from bondgraph.estimate.free import FreeParameter
-from bondgraph.estimate.priors import LogNormal, Normal
+from bondgraph.estimate.joint import JointProblem, Problem, pose_joint
+from bondgraph.estimate.priors import LogNormal, MultivariateNormal, Normal
 from bondgraph.estimate.problem import EstimationProblem, pose
 from bondgraph.filter.curvature import MovingMember, curvature
 from bondgraph.filter.filter_model import FilterModel
+from bondgraph.filter.planning import plan_steps
 from bondgraph.filter.robust import Robust
 from bondgraph.filter.second_order import Jet
 from bondgraph.simulate.example import pendulum
 from bondgraph.simulate.model import Model
 from tests.estimate.lag_covariance import covariance, one_sensor, pushed, unit_course
-from tests.estimate.linear import lag, simulated
+from tests.estimate.linear import ExactLikelihood, lag, simulated
 
 
 def measured(samples: int) -> MatchedLog:
@@ -89,8 +93,10 @@ def test_the_exact_hessian_by_a_gain_is_that_of_a_gaussian_vector() -> None:
     log = pushed()
     course = unit_course(log)
     expected = course @ np.linalg.solve(covariance(log), course)
-    found = exact_hessian(pose(one_sensor(), log, [FreeParameter("gain", 0.2, 5.0, 1.7)], initial="model"))
-    assert found.matrix[0, 0] == pytest.approx(expected, rel=1e-8)  # the closed form of the course is as exact
+    for method, substeps in (("rk4", 8), ("rodas4", 12)):
+        lagging = one_sensor(method=method, substeps=substeps)
+        found = exact_hessian(pose(lagging, log, [FreeParameter("gain", 0.2, 5.0, 1.7)], initial="model"))
+        assert found.matrix[0, 0] == pytest.approx(expected, rel=1e-8)  # the closed form of the course is as exact
 
 
 SWING = FilterModel(pendulum(), {"rate": 0.1}, {"deflection": 0.05}, {"angle": 0.1, "rate": 0.1}, substeps=2)
@@ -106,6 +112,37 @@ def swings(samples: int = 50) -> MatchedLog:
     return MatchedLog("swing", time, 0.3 * np.sin(time)[np.newaxis], y[np.newaxis])
 
 
+def struck() -> MatchedLog:
+    """The swings, three of whose readings are something else."""
+    log = swings()
+    y = log.y.copy()
+    y[0, [5, 20, 33]] += 1.0
+    return replace(log, name="struck", y=y)
+
+
+def stiff(method: str, **changes: Any) -> EstimationProblem:
+    """The swing by a stiff method whose steps grow along each interval."""
+    return pose(replace(SWING, method=method, substeps=3, grading=1.5, **changes), swings(), ["length", "damping"])
+
+
+def judged(kind: str, value: float = math.nan) -> EstimationProblem:
+    """Two channels of the lag, some of whose readings are something else, with a loss."""
+    log = simulated("run", 3, {}, 30)
+    y = log.y.copy()
+    y[0, [5, 20]] += 1.0
+    y[1, [9, 20]] -= 1.0
+    return pose(replace(lag(), robust=Robust(kind, value)), replace(log, y=y), ["mass", "drag", "process(v)"])
+
+
+def together() -> JointProblem:
+    """Two filters of one swing, one of them stiff and robust, whose coordinates stand in another order."""
+    other = replace(SWING, method="ros3p", robust=Robust("student"))
+    return pose_joint(
+        [pose(SWING, swings(), ["length", "damping"]), pose(other, struck(), ["std(deflection)", "damping", "length"])],
+        priors=[LogNormal("length", 1.1, 0.1)],
+    )
+
+
 def vessel() -> EstimationProblem:
     """A vessel that empties through two orifices in series, whose flow follows from an algebraic loop."""
     model = Model.from_file(Path(__file__).parents[1] / "simulate" / "modules" / "orifices.txt")
@@ -117,7 +154,9 @@ def vessel() -> EstimationProblem:
     return pose(slow, MatchedLog("vessel", time, np.zeros((1, 40)), y), ["a_turbulent", "c_exponent"])
 
 
-PROBLEMS: dict[str, Callable[[], EstimationProblem]] = {
+TWO = MultivariateNormal(("length", "damping"), (0.1, 0.3), ((0.01, 0.005), (0.005, 0.02)), ("log", "linear"))
+
+PROBLEMS: dict[str, Callable[[], Problem]] = {
     "parameters": lambda: pose(SWING, swings(), ["length", "damping", FreeParameter("gravity", 5.0, 15.0, 9.81)]),
     "levels and starts": lambda: pose(
         SWING, swings(), ["length", "std(deflection)", "process(rate)", "x0_std(angle)",
@@ -134,6 +173,33 @@ PROBLEMS: dict[str, Callable[[], EstimationProblem]] = {
         SWING, [swings(), replace(swings(30), name="other", theta_overrides={"length": 1.1})], ["length", "damping"]
     ),
     "an algebraic loop": vessel,
+    "steps of ros2": lambda: stiff("ros2"),
+    "steps of ros3p": lambda: stiff("ros3p"),
+    "steps of rodas4": lambda: stiff("rodas4"),
+    "planned steps": lambda: pose(
+        plan_steps(replace(SWING, method="ros3p", substeps=4), [swings()], compiled=False), swings(), ["length"]
+    ),
+    "a parameter that is followed": lambda: pose(
+        replace(SWING, appended={"damping": 0.05}, initial_std={**SWING.initial_std, "damping": 0.1}), swings(),
+        ["length", FreeParameter("process(damping)", 0.001, 1.0, 0.05)],
+    ),
+    "a parameter that is followed in stiff steps": lambda: stiff(
+        "ros3p", appended={"gravity": 0.0}, initial_std={**SWING.initial_std, "gravity": 0.3}
+    ),
+    "Student's loss": lambda: judged("student"),
+    "Huber's loss": lambda: judged("huber", 5.0),
+    "a gate": lambda: judged("gate", 0.99),
+    "Student's loss and stiff steps": lambda: pose(
+        replace(SWING, method="ros3p", robust=Robust("student", 2.0)), struck(), ["length", "std(deflection)"]
+    ),
+    "ties": lambda: pose(SWING, swings(), ["length"], ties={"damping": "0.2*length**2"}),
+    "a tied level": lambda: pose(SWING, swings(), ["length"], ties={"std(deflection)": "0.05*length**2"}),
+    "a lognormal prior": lambda: pose(SWING, swings(), ["length"], priors=[LogNormal("length", 1.1, 0.1)]),
+    "a prior of two": lambda: pose(SWING, swings(), ["length", "damping"], priors=[TWO]),
+    "a prior of what is tied": lambda: pose(
+        SWING, swings(), ["length"], ties={"damping": "0.2*length**2"}, priors=[Normal("damping", 0.3, 0.1)]
+    ),
+    "two filters": together,
     "two sensors of a linear machine": lambda: pose(lag(), simulated("run", 3, {}, 30), ["mass", "drag", "process(v)"]),
 }  # fmt: skip
 
@@ -163,16 +229,24 @@ def test_the_curvature_has_the_value_and_the_gradient_of_the_filter() -> None:
     np.testing.assert_allclose(found.gradient, expansion.gradient, rtol=1e-9)
 
 
+def test_the_exact_hessian_of_a_followed_parameter_is_that_of_values() -> None:
+    problem = PROBLEMS["a parameter that is followed"]()
+    found = exact_hessian(problem)
+    steps = 0.005 / np.sqrt(np.diag(found.information))
+    scale = np.outer(steps, steps) / 0.005**2
+    for i, j in ((0, 0), (0, 1), (1, 1)):
+        expected = _second_difference(problem, problem.start, i, j, steps)
+        assert abs(found.matrix[i, j] - expected) * scale[i, j] < 1e-5
+
+
 def test_at_a_bound_there_are_exact_second_derivatives() -> None:
     mass = FreeParameter("mass", 2.0, 8.0, 2.0)
     assert np.isfinite(exact_hessian(pose(one_sensor(), measured(40), [mass, "drag"])).matrix).all()
 
 
 @pytest.mark.parametrize(("problem", "why"), [
-    (lambda: pose(replace(SWING, method="ros3p"), swings(), ["length"]), "integration by ros3p"),
-    (lambda: pose(replace(SWING, robust=Robust("huber")), swings(), ["length"]), "a robust loss"),
-    (lambda: pose(SWING, swings(), ["length"], ties={"damping": "0.1*length"}), "ties"),
-    (lambda: pose(SWING, swings(), ["length"], priors=[LogNormal("length", 1.0, 0.1)]), "not normal"),
+    (lambda: pose(SWING, swings(), [FreeParameter("x0_corr(angle, rate)", -0.9, 0.9, 0.1)]), "free correlations"),
+    (lambda: pose(lag(), measured(20), ["mass"], likelihood=ExactLikelihood()), "another likelihood"),
 ])  # fmt: skip
 def test_what_has_no_exact_second_derivatives_is_refused(problem: Callable[[], EstimationProblem], why: str) -> None:
     with pytest.raises(EstimationError, match=why):
@@ -184,5 +258,12 @@ def test_a_filter_that_fails_has_no_exact_second_derivatives() -> None:
     gone.u[0, 30:] = 1e200
     with pytest.raises(EstimationError, match="no second derivatives at this point, where the filter fails"):
         exact_hessian(pose(SWING, gone, ["length"]))
-    with pytest.raises(FilterError, match="need method 'rk4'"):
-        curvature(replace(SWING, method="ros3p"), gone, None)  # type: ignore[arg-type]
+    with pytest.raises(FilterError, match="choose one before"):
+        curvature(replace(SWING, method="auto"), gone, None)  # type: ignore[arg-type]
+
+
+def test_a_point_of_another_problem_is_refused() -> None:
+    with pytest.raises(EstimationError, match=r"at a point of shape \(3,\) - give a coordinate for each of length"):
+        exact_hessian(pose(SWING, swings(), ["length"]), np.zeros(3))
+    with pytest.raises(OptionError, match="FilterModel was given where a posed problem is expected"):
+        hessian(SWING)  # type: ignore[arg-type]

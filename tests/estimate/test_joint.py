@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from bondgraph.errors import EstimationError
+from bondgraph.errors import BondGraphError, EstimationError
 from bondgraph.estimate.analysis.ranking import rank_parameters
 from bondgraph.estimate.analysis.rates import rate_table
 from bondgraph.estimate.analysis.screening import likelihood_response, problem_bounds
@@ -202,3 +203,25 @@ def test_sensitivities_of_two_models_add_their_information() -> None:
         assert found.std_alone[found.names.index(name)] ** -2 == pytest.approx(parts, rel=1e-6)
     assert "gain" in found.summary() and likelihood_response(joint)(joint.start[:, np.newaxis]).shape == (1,)
     assert set(problem_bounds(joint)) == set(joint.names)
+
+
+def test_one_prior_and_one_tie_and_one_name_need_no_list() -> None:
+    known, tie = Normal("mass", 2.5, 0.2), Tie("load", "0.1*mass")
+    part = pose(lag(), LOGS[:2], ["mass"], ties=tie, priors=known)
+    assert (part.priors, part.ties) == ((known,), (tie,))
+    joint = pose_joint(pose(lag(), LOGS[:2], ["mass"]), per_log="mass", priors=Normal("mass(run1)", 2.5, 0.2))
+    assert joint.names == ("mass(run1)", "mass(run2)")
+    assert len(joint.priors) == 1
+
+
+@pytest.mark.parametrize(("wrong", "message"), [
+    (lambda: pose_joint([]), "there is no problem - give those of bg.pose"),
+    (lambda: pose_joint([lag()]), "FilterModel was given where a posed problem is expected"),
+    (lambda: pose(lag(), LOGS, ["mass"], priors=[("mass", 2.0)]), "tuple was given where a prior is expected - give"),
+    (lambda: pose(lag(), LOGS, ["mass"], ties=["load=2*mass"]), "str was given where a tie is expected - give expr"),
+    (lambda: pose(lag(), LOGS, ["mass"], ties={"load": 2.0}), "float was given where a tie is expected"),
+    (lambda: pose(lag(), LOGS, ["mass"], ties={"load": "2*(mass"}), r"cannot be read \('\(' was never closed\) -"),
+])  # fmt: skip
+def test_things_of_another_kind_are_refused(wrong: Callable[[], object], message: str) -> None:
+    with pytest.raises(BondGraphError, match=message):
+        wrong()

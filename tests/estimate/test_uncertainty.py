@@ -175,7 +175,7 @@ def test_profiles_follow_a_skewed_likelihood_and_end_at_bounds() -> None:
     tight = Exponential()
     tight.upper = np.array([1.2])
     assert profile_interval(tight, np.array([1.0]), 0, std=0.2).upper == 1.2
-    with pytest.raises(EstimationError, match="must be positive and level"):
+    with pytest.raises(EstimationError, match="the first must be above zero, the second"):
         profile_interval(tight, np.array([1.0]), 0, std=float("nan"))
 
 

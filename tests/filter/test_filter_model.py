@@ -67,6 +67,7 @@ LOG = PlainLog("run", np.arange(4.0), np.zeros((1, 4)), np.zeros((1, 4)))
         (PlainLog("run", np.arange(4.0), np.zeros((1, 4)), np.zeros((1, 3))), "outputs have shape (1, 3)"),
         (PlainLog("run", np.zeros(4), np.zeros((1, 4)), np.zeros((1, 4))), "times must increase"),
         (PlainLog("run", np.arange(4.0), np.array([[0, np.nan, 0, 0]]), LOG.y), "'drive' has no value at t = 1"),
+        (PlainLog("run", np.arange(4.0), LOG.u, np.array([[0, 0, np.inf, 0]])), "'deflection' is infinite at t = 2 s"),
         (PlainLog("run", np.arange(4.0), LOG.u, LOG.y, {"lenght": 1.0}), "no parameter 'lenght' in pendulum; did you"),
     ],
 )  # fmt: skip

@@ -8,7 +8,7 @@ import filterpy
 import numpy as np
 import pytest
 
-from bondgraph.errors import FilterError
+from bondgraph.errors import FilterError, ModelError, OptionError
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.filter_run import FilterRun
 from bondgraph.filter.filterpy_bridge import filterpy_filter
@@ -123,7 +123,19 @@ def test_the_object_has_the_noises_of_the_filter_model() -> None:
     assert ukf.points_fn.alpha == 0.4
 
 
+def test_parameters_are_given_by_name_or_as_a_vector() -> None:
+    model = pendulum_filter()
+    by_name, as_vector = (filterpy_filter(model, DT, one) for one in ({"length": 2.0}, [2.0, *model.model.theta()[1:]]))
+    by_name.predict()
+    as_vector.predict()
+    np.testing.assert_array_equal(by_name.P, as_vector.P)
+
+
 def test_what_filterpy_cannot_have_is_refused() -> None:
+    with pytest.raises(OptionError, match="Model was given where a filter model is expected"):
+        filterpy_filter(pendulum_filter().model, DT)  # type: ignore[arg-type]
+    with pytest.raises(ModelError, match="did you mean 'drive'"):
+        filterpy_filter(pendulum_filter(), DT, u={"driev": 1.0})
     with pytest.raises(FilterError, match="no robust='gate'"):
         filterpy_filter(pendulum_filter(robust=Robust("gate")), DT)
     with pytest.raises(FilterError, match=r"give choose_method\(filter_model, logs\)"):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -14,6 +16,7 @@ from bondgraph.estimate.setup import filter_setup
 from bondgraph.filter.consistency import consistency, joined_innovations, misfits
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.misfit import ChannelInnovations, channel_misfits
+from bondgraph.filter.robust import Robust
 from bondgraph.filter.runs import run
 from bondgraph.simulate.example import pendulum
 from bondgraph.simulate.simulation import simulate
@@ -67,6 +70,18 @@ def test_noise_that_is_larger_than_declared_is_reported_as_that_and_smaller_is_n
     assert found.is_large and not found.is_coloured and 3.0 < found.nis_mean < 5.0
     assert "coloured" not in str(found)
     assert not run(_filter(), _log(2, noise=0.3 * NOISE)).misfits
+
+
+@pytest.mark.parametrize("kind", ["student", "gate"])
+def test_outliers_that_a_robust_filter_weighs_are_no_error_of_a_channel(kind: str) -> None:
+    """Three readings of 50 sigma in 150 are seven times the noise in a mean of squares."""
+    log, robust = _log(1), replace(_filter(), robust=Robust(kind))
+    y = log.y.copy()
+    y[0, [40, 80, 120]] += 50.0 * NOISE
+    (clean,), (struck,) = (joined_innovations([run(robust, one)]) for one in (log, replace(log, y=y)))
+    assert struck.rmse == pytest.approx(clean.rmse, rel=0.15)
+    assert clean.rmse == pytest.approx(NOISE, rel=0.2)
+    assert not run(robust, replace(log, y=y)).misfits
 
 
 def test_a_noise_widened_to_the_misfit_does_not_hide_it() -> None:

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from bondgraph.errors import FilterError, ModelError
+from bondgraph.errors import FilterError, ModelError, OptionError
 from bondgraph.filter.adaptive import AdaptiveNoise, NoiseBelief, updated
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.online import OnlineFilter
@@ -207,6 +207,9 @@ def test_bad_input_is_refused_with_what_to_do() -> None:
         (lambda: online.step(0.0, u=[np.inf]), FilterError, "input 'drive' has no finite value"),
         (lambda: online.step(0.0, y={"angel": 1.0}), FilterError, "no output 'angel'"),
         (lambda: online.step(0.0, y=[1.0, 2.0]), FilterError, r"y has shape \(2,\), not \(1,\)"),
+        (lambda: online.step(0.0, y={"deflection": np.inf}), FilterError, "output 'deflection' is inf - give a finite"),
+        (lambda: online.step(0.0, y={"deflection": "high"}), FilterError, "'high' is no number"),
+        (lambda: OnlineFilter(model.model), OptionError, "Model was given where a filter model is expected"),
     ):
         with pytest.raises(error, match=message):
             call()  # type: ignore[no-untyped-call]

@@ -261,6 +261,11 @@ def test_what_cannot_be_followed_is_refused_with_its_line(rates: Callable[..., A
         ({"rates": lambda t, x, u, theta: (math.nan, x[0])}, "gives nan"),
         ({"rates": lambda t, x: x}, "function of (t, x) - let it take (t, x, u, theta)"),
         ({"rates": {"prey": "prey +", "predator": "0"}}, "rates of prey: 'prey +' cannot be read"),
+        ({"rates": {"prey": "(prey", "predator": "0"}}, "cannot be read ('(' was never closed) - write it"),
+        ({"rates": lambda t, x, u, theta: None}, "rates gives None - let it return its numbers"),
+        ({"parameters": {"growth": (4.0, 0.1, 3.0)}}, "'growth' is (4.0, 0.1, 3.0) - give a finite number, or (value"),
+        ({"parameters": {"growth": (1.0, 3.0)}}, "'growth' is (1.0, 3.0) - give a finite number"),
+        ({"parameters": {"growth": math.nan}}, "'growth' is nan - give a finite number"),
         ({"rates": {"prey": "open('x')", "predator": "0"}}, "cannot be read"),
         ({"rates": {"prey": "sin(prey, 2)", "predator": "0"}}, "sin takes 1, not 2 numbers"),
         ({"rates": {"prey": "where(prey, 1, 2)", "predator": "0"}}, "a number stands where a condition is needed"),
@@ -271,7 +276,7 @@ def test_what_cannot_be_followed_is_refused_with_its_line(rates: Callable[..., A
         ({"states": {}}, "there are no states"),
         ({"units": {"loss": "1/min"}}, "loss is in [1/min]"),
         ({"units": {"losses": "1/s"}}, "units names 'losses'; did you mean 'loss'"),
-        ({"parameters": {**GROWTH, "growth": (1.0, 3.0, 0.1)}}, "bounds (3.0, 0.1) are not in order"),
+        ({"parameters": {**GROWTH, "growth": (1.0, 3.0, 0.1)}}, "(value, lower, upper) with the value between"),
     ],
 )
 def test_what_is_declared_wrongly_is_refused(changes: dict[str, Any], said: str) -> None:

@@ -1,37 +1,36 @@
 """Second derivatives of a likelihood, from its exact gradient, with an error that is measured.
 
-The compiled filter has no second tangents: those of a stiff step would take the third derivatives of every law. Instead
-the exact gradient is differenced, at two step lengths along every coordinate. Their combination is of fourth order
-(Richardson 1911; Abramowitz and Stegun 1964, 25.3.21 once integrated), and two things tell how good it is: what the
-shorter step alone would have given, and how far the matrix is from symmetric, which no formula here enforces.
+The compiled filter has no second tangents. Instead the exact gradient is differenced, at two step lengths along every
+coordinate. Their combination is of fourth order (Richardson 1911; Abramowitz and Stegun 1964, 25.3.21 once integrated),
+and two things tell how good it is: what the shorter step alone would have given, and how far the matrix is from
+symmetric, which no formula here enforces.
 
-Of a filter with Runge-Kutta steps :func:`exact_hessian` has second derivatives without differences, in numpy.
+:func:`exact_hessian` has second derivatives without differences, in numpy and a few tens of times slower.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from typing import cast
+from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 
-from bondgraph.errors import EstimationError
+from bondgraph.errors import EstimationError, require_kind
 from bondgraph.estimate.derivatives.exact import exact_derivatives
+from bondgraph.estimate.joint import JointProblem, Problem
 from bondgraph.estimate.likelihoods import Batch, FilterLikelihood
 from bondgraph.estimate.objective import Expand, FloatArray, fitted_expansion
-from bondgraph.estimate.priors import Normal
 from bondgraph.estimate.problem import EstimationProblem
 from bondgraph.filter.choice import choose_method
-from bondgraph.filter.curvature import MovingMember, curvature
-from bondgraph.filter.filter_model import FilterModel
+from bondgraph.filter.curvature import Curvature, MovingMember, curvature
 from bondgraph.filter.second_order import Jet
 from bondgraph.text import inflected
 
 #: Shorter of both steps, in standard deviations of a coordinate given the others. A gradient is right to about 1e-9 of
 #: a nat per standard deviation, so rounding leaves 1e-8, and the fourth order as much of a likelihood of 100 samples.
 _STEP = 0.05
-#: Slopes of where logs begin are differenced over this: a cube root of rounding, best for central differences. Press et
-#: al. (2007), Numerical Recipes, section 5.7.
+#: Exact slopes of what takes no filter are differenced over this: a cube root of rounding, best for that.
+#: Press et al. (2007), Numerical Recipes, section 5.7.
 _START_STEP = 6e-6
 #: Relative difference up to which two values of a likelihood are the same.
 _SAME = 1e-7
@@ -69,17 +68,17 @@ class Hessian:
         return float(np.nanmax(self.error * np.outer(scale, scale)))
 
 
-def exact_hessian(problem: EstimationProblem, point: FloatArray | None = None) -> Hessian:
-    """Second derivatives of the negative log-likelihood of a problem, forward over the tangents of its filter.
+def exact_hessian(problem: Problem, point: FloatArray | None = None) -> Hessian:
+    """Second derivatives of the negative log-likelihood of a problem, forward over the tangents of its filters.
 
-    They cost some milliseconds for each sample, see :mod:`bondgraph.filter.curvature`. ``error`` is half of the
-    asymmetry, which is rounding.
+    They cost some milliseconds for each integration step, see :mod:`bondgraph.filter.curvature`. ``error`` is half of
+    the asymmetry, which is rounding. Where logs begin, what is tied and what priors say takes no filter: its second
+    derivatives are central differences of exact first ones.
 
     Parameters
     ----------
     problem
-        Free parameters and logs. The filter takes Runge-Kutta steps, without robust losses and appended parameters;
-        nothing is tied, correlations are not free, and priors are normal ones of single parameters.
+        Free parameters and logs, whose likelihood is that of the filter; correlations are not free.
     point
         Coordinates, shape (n,); None: where searches start. It may rest on bounds.
 
@@ -100,39 +99,48 @@ def exact_hessian(problem: EstimationProblem, point: FloatArray | None = None) -
     >>> exact.relative_error < 1e-10, bool((np.abs(exact.matrix - differenced.matrix) <= 2 * differenced.error).all())
     (True, True)
     """
-    where = problem.start if point is None else np.asarray(point, dtype=np.float64)
-    filter_model = choose_method(problem.filter_model, problem.logs)
-    _require_exact(problem, filter_model)
-    (known,) = exact_derivatives(problem, where[:, np.newaxis], np.full((where.size, 1), _STEP))
-    parts = [curvature(filter_model, *each) for each in zip(problem.logs, _moving(problem, where), strict=True)]
+    where = _at(problem, point)
+    for part in problem.parts:
+        _require_exact(part)
+    known = fitted_expansion(problem, where, exact_derivatives)
+    own, total = float(problem.prior_values(where[:, np.newaxis])[0]), _prior_curvature(problem, where)
+    for part, rows in zip(problem.parts, problem.rows, strict=True):
+        found = _curvatures(part, where[rows])
+        own += sum(one.nll for one in found)
+        total[np.ix_(rows, rows)] += np.sum([one.hessian for one in found], axis=0)
     value = float(problem.nll(where[:, np.newaxis])[0])
-    own = sum(part.nll for part in parts) + float(problem.prior_values(where[:, np.newaxis])[0])
     if not (known.is_finite and abs(own - value) <= _SAME * (1.0 + abs(value))):
         raise EstimationError(
             f"{problem.name}: no second derivatives at this point, where the filter fails or multiplies rounding - "
             "start nearer to plausible values, or use more substeps",
             where=(problem.name,),
         )
-    total: FloatArray = np.sum([part.hessian for part in parts], axis=0)
-    total = total + _prior_curvature(problem, where)
     asymmetry = 0.5 * np.abs(total - total.T)
     return Hessian(problem.names, 0.5 * (total + total.T), asymmetry, known.information, known.evaluations + 1)
 
 
-def _require_exact(problem: EstimationProblem, filter_model: FilterModel) -> None:
+def _at(problem: Problem, point: FloatArray | None) -> FloatArray:
+    """The point, checked."""
+    require_kind("hessian", problem, (EstimationProblem, JointProblem), "posed problem")
+    where = problem.start if point is None else np.asarray(point, dtype=np.float64)
+    if where.shape != problem.start.shape:
+        raise EstimationError(
+            f"{problem.name}: second derivatives at a point of shape {where.shape} - give a coordinate for each of "
+            f"{', '.join(problem.names)}",
+            where=("point",),
+        )
+    return where
+
+
+def _require_exact(problem: EstimationProblem) -> None:
     """Refuse what has no exact second derivatives."""
     free = {parameter.target.kind for parameter in problem.free}
     wrong = next(
         (
             what
             for what, holds in (
-                (f"integration by {filter_model.method}", filter_model.method != "rk4"),
-                ("a robust loss", filter_model.robust is not None),
-                ("appended parameters", bool(filter_model.appended)),
                 ("another likelihood than the filter's", not isinstance(problem.likelihood, FilterLikelihood)),
-                ("ties", bool(problem.ties)),
                 ("free correlations", not free <= {"parameter", "std", "process", "x0", "x0_std"}),
-                ("priors that are not normal", not all(isinstance(one, Normal) for one in problem.all_priors)),
             )
             if holds
         ),
@@ -146,56 +154,60 @@ def _require_exact(problem: EstimationProblem, filter_model: FilterModel) -> Non
         )
 
 
+def _curvatures(problem: EstimationProblem, point: FloatArray) -> list[Curvature]:
+    """What each log says at a point (n,)."""
+    filter_model = choose_method(problem.filter_model, problem.logs)
+    return [curvature(filter_model, *each) for each in zip(problem.logs, _moving(problem, point), strict=True)]
+
+
 def _moving(problem: EstimationProblem, point: FloatArray) -> list[MovingMember]:
     """The numbers of each log with their derivatives by the coordinates at a point (n,)."""
-    here, moved = problem.batch(point[:, np.newaxis]), problem.batch_slopes(point)
-    values = list(map(float, problem.values(point)))
-    # every other number moves with one coordinate at most, so that it bends with that coordinate as the value does
-    bends = np.array([one.bend(v) / one.slope(v) for one, v in zip(problem.free, values, strict=True)])
-
-    def jet(value: FloatArray, slopes: FloatArray) -> Jet:
-        return Jet(value[:, 0], slopes, (slopes * bends)[..., np.newaxis] * np.eye(point.size))
-
-    theta, *levels = (jet(getattr(here, name), getattr(moved, name)) for name in ("theta", "process_std", "noise_std"))
-    begun = [jet(value, slopes) for value, slopes in zip(_begun(here), _begun(moved), strict=True)]
+    here, moved = _numbers(problem.batch(point[:, np.newaxis])), _numbers(problem.batch_slopes(point))
+    if problem.ties:
+        bent = _slopes_of(lambda at: _numbers(problem.batch_slopes(at)), point)
+    else:
+        values = list(map(float, problem.values(point)))
+        # every other number moves with one coordinate at most, so that it bends with that coordinate as the value does
+        bends = np.array([one.bend(v) / one.slope(v) for one, v in zip(problem.free, values, strict=True)])
+        bent = [(slopes * bends)[..., np.newaxis] * np.eye(point.size) for slopes in moved]
     if problem.beginnings.move:
-        begun = [replace(one, h=bent) for one, bent in zip(begun, _bent(problem, point), strict=True)]
-    *starts, width = begun
-    return [MovingMember(theta, start, width, *levels) for start in starts]
+        bent[_LEVELS:] = _slopes_of(lambda at: _numbers(problem.batch_slopes(at))[_LEVELS:], point)
+    jets = [Jet(v[:, 0], d, h) for v, d, h in zip(here, moved, bent, strict=True)]
+    theta, process, noise, width, *starts = jets
+    return [MovingMember(theta, start, width, process, noise) for start in starts]
 
 
-def _begun(batch: Batch) -> list[FloatArray]:
-    """Where logs begin, and how uncertain that is."""
-    return [*batch.x0, batch.initial_std]
+def _numbers(batch: Batch) -> list[FloatArray]:
+    """Parameters and levels, then how uncertain the beginnings of logs are, and where each begins."""
+    return [batch.theta, batch.process_std, batch.noise_std, batch.initial_std, *batch.x0]
 
 
-def _bent(problem: EstimationProblem, point: FloatArray) -> list[FloatArray]:
-    """Second derivatives (n_x, n, n) of where logs begin: central differences of the exact first ones."""
-    found = [np.zeros((one.shape[0], point.size, point.size)) for one in _begun(problem.batch_slopes(point))]
+#: How many groups of :func:`_numbers` stand before the beginnings of logs.
+_LEVELS = 3
+
+
+def _slopes_of(slopes: Callable[[FloatArray], list[FloatArray]], point: FloatArray) -> list[FloatArray]:
+    """Second derivatives (rows, n, n) of groups of numbers: central differences of their exact first ones (rows, n)."""
+    found = [np.zeros((*one.shape, point.size)) for one in slopes(point)]
     for k in range(point.size):
         away = np.zeros(point.size)
         away[k] = _START_STEP * max(1.0, abs(float(point[k])))
-        slopes = [_begun(problem.batch_slopes(point + sign * away)) for sign in (1.0, -1.0)]
-        for own, ahead, behind in zip(found, *slopes, strict=True):
+        for own, ahead, behind in zip(found, slopes(point + away), slopes(point - away), strict=True):
             own[:, :, k] = (ahead - behind) / (2.0 * away[k])
     return [0.5 * (own + own.transpose(0, 2, 1)) for own in found]
 
 
-def _prior_curvature(problem: EstimationProblem, point: FloatArray) -> FloatArray:
-    """Second derivatives (n, n) of half the squares of the terms of normal priors."""
-    slopes = problem.prior_slopes(point)
+def _prior_curvature(problem: Problem, point: FloatArray) -> FloatArray:
+    """Second derivatives (n, n) of half the squares of the terms of the priors."""
+    slopes, terms = problem.prior_slopes(point), problem.prior_terms(point[:, np.newaxis])[:, 0]
     found: FloatArray = np.einsum("ta,tb->ab", slopes, slopes)
-    terms = problem.prior_terms(point[:, np.newaxis])[:, 0]
-    for term, prior in zip(terms, problem.all_priors, strict=True):
-        k = problem.names.index(prior.names[0])
-        value = float(problem.values(point)[k])
-        found[k, k] += float(term) * problem.free[k].bend(value) / cast(Normal, prior).std
+    if terms.size:
+        (bent,) = _slopes_of(lambda at: [problem.prior_slopes(at)], point)
+        found = found + np.einsum("t,tab->ab", terms, bent)
     return found
 
 
-def hessian(
-    problem: EstimationProblem, point: FloatArray | None = None, jacobian: Expand = exact_derivatives
-) -> Hessian:
+def hessian(problem: Problem, point: FloatArray | None = None, jacobian: Expand = exact_derivatives) -> Hessian:
     """Second derivatives of the negative log-likelihood of a problem.
 
     Parameters
@@ -223,13 +235,13 @@ def hessian(
     >>> found.matrix.shape, found.relative_error < 1e-5
     ((2, 2), True)
     """
-    where = problem.start if point is None else np.asarray(point, dtype=np.float64)
+    where = _at(problem, point)
     expansion = fitted_expansion(problem, where, jacobian)
     information = np.diag(expansion.information)
     if not (np.isfinite(information).all() and (information > 0.0).all()):
         silent = [name for name, told in zip(problem.names, information, strict=True) if not told > 0.0]
         raise EstimationError(
-            f"{problem.filter_model.model.name}: no second derivatives at this point, the data say nothing about"
+            f"{problem.name}: no second derivatives at this point, the data say nothing about"
             f" {', '.join(silent)} - fix {inflected(silent, 'it', 'these')}, or start where the model does not diverge",
             where=tuple(silent),
         )
@@ -238,7 +250,7 @@ def hessian(
     free = np.flatnonzero(steps > 1e-4 * _STEP / np.sqrt(information))
     if not free.size:
         raise EstimationError(
-            f"{problem.filter_model.model.name}: every coordinate rests on a bound, so no second derivatives exist"
+            f"{problem.name}: every coordinate rests on a bound, so no second derivatives exist"
             " - widen the bounds, or take a point inside",
             where=problem.names,
         )
@@ -254,7 +266,7 @@ def hessian(
 
 
 def _gradient_slopes(
-    problem: EstimationProblem, point: FloatArray, steps: FloatArray, free: np.ndarray, jacobian: Expand
+    problem: Problem, point: FloatArray, steps: FloatArray, free: np.ndarray, jacobian: Expand
 ) -> tuple[tuple[FloatArray, FloatArray], int]:
     """Central differences of the gradient by the free coordinates, over one step and over two, each (m, m)."""
     shares = np.array([1.0, -1.0, 2.0, -2.0])
@@ -266,7 +278,7 @@ def _gradient_slopes(
     gradients = np.array([one.gradient[free] for one in found]).reshape(free.size, 4, free.size)
     if not np.isfinite(gradients).all():
         raise EstimationError(
-            f"{problem.filter_model.model.name}: the gradient is not finite around this point"
+            f"{problem.name}: the gradient is not finite around this point"
             " - use more substeps, or start nearer to plausible values",
             where=problem.names,
         )

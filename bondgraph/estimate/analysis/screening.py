@@ -20,7 +20,7 @@ import numpy as np
 
 from bondgraph.compile.lanes.text import LANES
 from bondgraph.errors import EstimationError, OptionError, suggest
-from bondgraph.estimate.analysis.screening_methods import LITTLE, SCREENING_METHODS, Method, ScreeningMethod
+from bondgraph.estimate.analysis.screening_methods import LITTLE, SCREENING_METHODS, Indices, Method, ScreeningMethod
 from bondgraph.estimate.free_simulation import simulated_members
 from bondgraph.estimate.joint import Problem
 from bondgraph.estimate.objective import FloatArray
@@ -93,6 +93,10 @@ class GlobalSensitivity(Tabulated, Kept):
         return SCREENING_METHODS[self.method]
 
     @property
+    def _found(self) -> Indices:
+        return Indices(self.indices, self.confidence)
+
+    @property
     def order(self) -> tuple[int, ...]:
         """Positions of the parameters, most important first."""
         return tuple(int(k) for k in np.argsort(-self.indices[self._screening.key], kind="stable"))
@@ -130,11 +134,11 @@ class GlobalSensitivity(Tabulated, Kept):
         hardly follows eta: less than 5 % of the variance
         64 samples do not tell whether k matters: take more samples, narrower bounds or another response
         """
-        own, whole = self._screening, self._screening.whole(self.indices)
+        own, whole = self._screening, self._screening.whole(self._found)
         least = (self.indices[own.key] - self.confidence[own.key]) / whole
         most = (self.indices[own.key] + self.confidence[own.key]) / whole
         matters, little = least > LITTLE, most < LITTLE
-        together = own.together(self.indices, self.confidence)
+        together = own.together(self._found)
         samples = f"{own.size(self.evaluations, len(self.names))} {own.sample}"
         said = (
             (matters, "follows {}"),
@@ -178,7 +182,7 @@ class GlobalSensitivity(Tabulated, Kept):
     def plot(self, ax: Axes | None = None) -> Axes:
         """Bars of Sobol's indices with their intervals, or Morris' plane of mean and spread."""
         axes = own_axes(ax, 6.0, 1.0 + 0.32 * len(self.names))
-        self._screening.draw(axes, self.names, self.order, self.indices, self.confidence)
+        self._screening.draw(axes, self.names, self.order, self._found)
         axes.set_title(self.response)
         return axes
 
@@ -241,8 +245,8 @@ def global_sensitivity(
         values, failed = _responses(response, points, meaning, workers)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # of pandas and numpy inside the library
-        indices, confidence = screening.analysed(space, points, values, seed)
-    return GlobalSensitivity(method, tuple(bounds), indices, confidence, values.size, failed, meaning)
+        found = screening.analysed(space, points, values, seed)
+    return GlobalSensitivity(method, tuple(bounds), found.values, found.widths, values.size, failed, meaning)
 
 
 def _responses(

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import importlib
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal, Protocol
 
 import numpy as np
@@ -19,13 +20,18 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 Method = Literal["morris", "sobol"]
-#: Indices by column, each (n,), and half widths of their 95 % intervals.
-Indices = tuple[dict[str, FloatArray], dict[str, FloatArray]]
-
 #: Levels of the grid, as Morris (1991), Technometrics 33(2), has them in his examples.
 _LEVELS = 4
 #: Share of the variance, or of the largest effect, below which a parameter hardly matters: a convention.
 LITTLE = 0.05
+
+
+@dataclass(frozen=True)
+class Indices:
+    """Indices by column, each (n,), and of some the half widths of their 95 % intervals."""
+
+    values: Mapping[str, FloatArray]
+    widths: Mapping[str, FloatArray]
 
 
 class ScreeningMethod(Protocol):
@@ -67,20 +73,13 @@ class ScreeningMethod(Protocol):
     def analysed(self, space: dict[str, Any], points: FloatArray, values: FloatArray, seed: int) -> Indices:
         """Indices of responses (members,) at the points."""
 
-    def whole(self, indices: Mapping[str, FloatArray]) -> float:
+    def whole(self, found: Indices) -> float:
         """The quantity of which shares of the key index are taken."""
 
-    def together(self, indices: Mapping[str, FloatArray], confidence: Mapping[str, FloatArray]) -> BoolArray:
+    def together(self, found: Indices) -> BoolArray:
         """True where a parameter brings clearly more with others than alone, shape (n,)."""
 
-    def draw(
-        self,
-        axes: Axes,
-        names: Sequence[str],
-        order: Sequence[int],
-        indices: Mapping[str, FloatArray],
-        confidence: Mapping[str, FloatArray],
-    ) -> None:
+    def draw(self, axes: Axes, names: Sequence[str], order: Sequence[int], found: Indices) -> None:
         """Indices of parameters as a picture; ``order`` has the most important one first."""
 
 
@@ -106,29 +105,24 @@ class Morris:
     def analysed(self, space: dict[str, Any], points: FloatArray, values: FloatArray, seed: int) -> Indices:
         """Means, absolute means and spreads of elementary effects."""
         found = _salib("analyze.morris").analyze(space, points, values, num_levels=_LEVELS, seed=seed)
-        return _columns(found, {name: name for name in self.columns}), _columns(found, {"mu_star": "mu_star_conf"})
+        return Indices(
+            _columns(found, {name: name for name in self.columns}), _columns(found, {"mu_star": "mu_star_conf"})
+        )
 
-    def whole(self, indices: Mapping[str, FloatArray]) -> float:
+    def whole(self, found: Indices) -> float:
         """The largest effect."""
-        return float(np.max(indices[self.key])) or 1.0
+        return float(np.max(found.values[self.key])) or 1.0
 
-    def together(self, indices: Mapping[str, FloatArray], confidence: Mapping[str, FloatArray]) -> BoolArray:
+    def together(self, found: Indices) -> BoolArray:
         """Nowhere: elementary effects do not tell parts of a variance apart."""
-        return np.zeros(indices[self.key].size, dtype=np.bool_)
+        return np.zeros(found.values[self.key].size, dtype=np.bool_)
 
-    def draw(
-        self,
-        axes: Axes,
-        names: Sequence[str],
-        order: Sequence[int],
-        indices: Mapping[str, FloatArray],
-        confidence: Mapping[str, FloatArray],
-    ) -> None:
+    def draw(self, axes: Axes, names: Sequence[str], order: Sequence[int], found: Indices) -> None:
         """The plane of mean and spread."""
-        axes.plot(indices["mu_star"], indices["sigma"], "o")
-        for k, name in enumerate(names):
-            place = (float(indices["mu_star"][k]), float(indices["sigma"][k]))
-            axes.annotate(name, place, xytext=(4, 3), textcoords="offset points", fontsize="small")
+        mean, spread = found.values["mu_star"], found.values["sigma"]
+        axes.plot(mean, spread, "o")
+        for name, x, y in zip(names, mean, spread, strict=True):
+            axes.annotate(name, (float(x), float(y)), xytext=(4, 3), textcoords="offset points", fontsize="small")
         axes.set_xlabel("mean of absolute elementary effects")
         axes.set_ylabel("their standard deviation")
 
@@ -157,29 +151,22 @@ class Sobol:
         # SALib takes a seed of zero for none
         found = _salib("analyze.sobol").analyze(space, values, calc_second_order=False, seed=seed + 1)
         own = _columns(found, {"first": "S1", "total": "ST"})
-        return own, _columns(found, {"first": "S1_conf", "total": "ST_conf"})
+        return Indices(own, _columns(found, {"first": "S1_conf", "total": "ST_conf"}))
 
-    def whole(self, indices: Mapping[str, FloatArray]) -> float:
+    def whole(self, found: Indices) -> float:
         """One: the indices are shares already."""
         return 1.0
 
-    def together(self, indices: Mapping[str, FloatArray], confidence: Mapping[str, FloatArray]) -> BoolArray:
+    def together(self, found: Indices) -> BoolArray:
         """True where the total share is above the first-order one by more than both intervals."""
-        width = np.hypot(confidence["first"], confidence["total"])
-        return np.asarray(indices["total"] - indices["first"] - width > LITTLE)
+        width = np.hypot(found.widths["first"], found.widths["total"])
+        return np.asarray(found.values["total"] - found.values["first"] - width > LITTLE)
 
-    def draw(
-        self,
-        axes: Axes,
-        names: Sequence[str],
-        order: Sequence[int],
-        indices: Mapping[str, FloatArray],
-        confidence: Mapping[str, FloatArray],
-    ) -> None:
+    def draw(self, axes: Axes, names: Sequence[str], order: Sequence[int], found: Indices) -> None:
         """Bars with their intervals."""
         for shift, column, label in ((0.2, "first", "first order"), (-0.2, "total", "total")):
             places = [len(names) - 1 - rank + shift for rank in range(len(names))]
-            values, widths = (group[column][list(order)] for group in (indices, confidence))
+            values, widths = (group[column][list(order)] for group in (found.values, found.widths))
             axes.barh(places, values, 0.36, xerr=widths, label=label)
         axes.set_yticks(range(len(names)), [names[k] for k in reversed(order)])
         axes.set_xlabel("share of the variance")
