@@ -9,7 +9,7 @@ friction     what takes an effort: viscous, dry, Stribeck, quadratic, rolling at
 hysteresis   friction that gives way before it slides, as Dahl, as Bouc and Wen, and as LuGre have it; cells
 losses       in proportion to the load, by direction, creep, slip, leaks, thresholds, centrifugal belt tension,
              tyres whose force builds up over a length
-thermal      heat given away by conduction, convection, radiation; a heat capacity that changes
+thermal      heat given away by conduction, convection, radiation; a heat capacity that changes, a change of phase
 between      leaks, overflows, friction and fluid couplings between two junctions of one domain; clutches and
              couplings that slip
 couplings    springs to the frame and between bodies, coils that share a flux, capacitance between two nodes
@@ -19,7 +19,8 @@ actuators    wrong scale, lag and delay of sources and ratios, ceiling, dead zon
 ratios       cranks, universal joints and linkages, whose ratio moves with an angle or a stroke
 relaxation   cells that polarise, walls that take up heat slowly, viscoelastic drag, masses on springs
 storages     added inertia, capacity, compliance; backlash, stops, springs that harden, gas, iron that saturates
-fading       resistances that change with temperature, batteries that fall with their charge
+imperfect    resistances on the way into a storage, losses in the iron of a coil
+fading       resistances that change with temperature or by what has passed, batteries that fall with their charge
 streams      resistances that follow an input, such as the speed of a fan
 sensors      faults of sensors, which the loop itself tries beside these
 """
@@ -57,6 +58,7 @@ from bondgraph.effects.thermal import heat_loss as heat_loss
 from bondgraph.effects.thermal import convection as convection
 from bondgraph.effects.thermal import radiation as radiation
 from bondgraph.effects.thermal import varying_heat_capacity as varying_heat_capacity
+from bondgraph.effects.thermal import latent_heat as latent_heat
 from bondgraph.effects.storages import added_capacity as added_capacity
 from bondgraph.effects.storages import added_compliance as added_compliance
 from bondgraph.effects.storages import added_inertia as added_inertia
@@ -92,6 +94,8 @@ from bondgraph.effects.couplings import return_spring as return_spring
 from bondgraph.effects.couplings import spring_between as spring_between
 from bondgraph.effects.couplings import mutual_inductance as mutual_inductance
 from bondgraph.effects.couplings import capacitance_between as capacitance_between
+from bondgraph.effects.imperfect import storage_resistance as storage_resistance
+from bondgraph.effects.imperfect import core_loss as core_loss
 from bondgraph.effects.thermal import radiation_between as radiation_between
 from bondgraph.effects.relaxation import polarisation as polarisation
 from bondgraph.effects.relaxation import slow_heat_capacity as slow_heat_capacity
@@ -100,4 +104,5 @@ from bondgraph.effects.relaxation import viscoelastic_drag as viscoelastic_drag
 from bondgraph.effects.fading import charge_fading as charge_fading
 from bondgraph.effects.fading import temperature_dependence as temperature_dependence
 from bondgraph.effects.fading import thermal_activation as thermal_activation
+from bondgraph.effects.fading import clogging as clogging
 from bondgraph.effects.streams import resistance_by_input as resistance_by_input

@@ -9,12 +9,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import networkx as nx
-from sympy import Expr, Integer, exp
+from sympy import Abs, Expr, Integer, exp
 
-from bondgraph.declare.domains import ELECTRICAL, THERMAL
+from bondgraph.declare.domains import ELECTRICAL, HYDRAULIC, THERMAL
 from bondgraph.declare.editing import handle
 from bondgraph.declare.effect import Effect, Place, Scale
 from bondgraph.declare.elements import Node
+from bondgraph.declare.expressions import signal
 from bondgraph.declare.graph import BondGraph, Handle
 from bondgraph.declare.quantities import symbol
 from bondgraph.declare.revision import revise_laws
@@ -25,6 +26,9 @@ from bondgraph.effects.thermal import ROOM, Around, surroundings
 _STEEPEST = 0.05
 #: Largest activation energy over the gas constant that is tried [K], of 100 kJ/mol: a convention.
 _MOST_ACTIVE = 12000.0
+#: Clogged resistances are scaled by so many times the clean one at the end of the longest log: a convention.
+_MOST_CLOGGED = 10.0
+_FILTERS = "Ruth, Montillon, Montonna (1933), Industrial and Engineering Chemistry 25(2), for cakes of filters"
 #: Time in which the largest current may bring a battery to nothing [s]: 36 times its capacity per hour.
 SHORTEST_DISCHARGE = 100.0
 
@@ -91,6 +95,22 @@ def multiplied(laws: Mapping[str, Expr], factor: Expr) -> dict[str, Expr]:
         given: factor * law if given == "effort" else law.xreplace({effort: effort / factor})
         for given, law in laws.items()
     }
+
+
+def clogging(g: BondGraph, at: Place) -> Effect | None:
+    """A resistance that grows with what has passed it since the log began: a filter, a screen, a nozzle that scales."""
+    found = elements_at(g, at, "R") if at.bond is None and at.domain == HYDRAULIC else []
+    if len(found) != 1 or "." in found[0].name:
+        return None
+    node, name = found[0], f"clogging_{at.name}"
+    most = _MOST_CLOGGED / (at.scale.flow * at.times[1])
+    c = g.parameter(f"c_{name}", 0.0, "1/(m^3)", f"relative rise of {node.name} per volume passed", (0.0, most))
+    passed = g.integral(f"passed_{name}", Abs(signal("flow", node.name)), "m^3", f"volume that has passed {node.name}")
+    revise_laws(g, node.name, lambda laws: multiplied(laws, 1 + c * passed))
+    return Effect(
+        "clogging", node.name, "effort = declared*(1 + c*volume passed)", (c.name,), reference=_FILTERS,
+        manoeuvre="a long run at a steady flow, the same levels at its beginning and its end",
+    )  # fmt: skip
 
 
 def charge_fading(g: BondGraph, at: Place) -> Effect | None:

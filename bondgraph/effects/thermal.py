@@ -13,7 +13,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import networkx as nx
-from sympy import Expr, Float, Integer
+from sympy import Expr, Float, Integer, tanh
 
 from bondgraph.declare.domains import THERMAL
 from bondgraph.declare.effect import Effect, Place, between_junctions
@@ -31,6 +31,9 @@ ABSOLUTE_ABOVE = 200.0
 #: Powers of the difference in temperature within which that of convection is searched: 5/4 and 4/3 of laminar and of
 #: turbulent layers (Incropera et al., section 9.6) with as much room on either side. The room is a convention.
 _POWERS = (1.1, 1.4)
+#: Where a change of phase is looked for, as shares of the largest difference in temperature from what is around: as far
+#: below as above, by steps that the width of a search spans. A convention.
+_MELTING = (-1.0, -0.75, -0.5, -0.25, 0.0, 0.25, 0.5, 0.75, 1.0)
 #: Temperature of a room [K], and of the zero of the Celsius scale.
 ROOM, CELSIUS_ZERO = 293.15, 273.15
 
@@ -124,6 +127,29 @@ def varying_heat_capacity(g: BondGraph, at: Place) -> Effect | None:
     return Effect(
         "varying_heat_capacity", name, "capacity = declared*(1 + c*(effort - around))", (c.name,),
         reference=f"{_HEAT}, section 2.2.2", manoeuvre="equal steps of heat at low and high temperature",
+    )  # fmt: skip
+
+
+def latent_heat(g: BondGraph, at: Place) -> Effect | None:
+    """Heat that a change of phase takes up around one temperature: ice, wax, solder, water in what dries."""
+    around = surroundings(g, at)
+    stores = elements_at(g, at, "C") if around is not None else []
+    if around is None or len(stores) != 1 or "." in stores[0].name:
+        return None
+    name, size = f"latent_heat_{at.name}", _difference(at)
+    values = {one.symbol: one.value for one in g.flatten().parameters}
+    fixed = around.temperature.free_symbols <= set(values)
+    middle = float(around.temperature.subs(values)) if fixed else ROOM - around.zero
+    at_values = tuple(middle + share * size for share in _MELTING)
+    limit = at.scale.flow * at.times[1]
+    c = g.parameter(f"c_{name}", 0.0, "J", f"latent heat of {at.label}", (0.0, limit))
+    melts = g.parameter(f"T_{name}", at_values[0], "K", "middle of the change of phase", (at_values[0], at_values[-1]))
+    width = g.parameter(f"w_{name}", at.smoothing * size, "K", "width of it", (1e-3 * size, size))
+    g.compliance(name, displacement=lambda e: c * (1 + tanh((e - melts) / width)) / 2, at=at.junction)
+    return Effect(
+        "latent_heat", name, "heat = declared + c*(1 + tanh((effort - T)/w))/2", (c.name,), shapes=(melts.name,),
+        widths=(width.name,), grids=((melts.name, at_values),), reference=f"{_HEAT}, section 5.8 for changes of phase",
+        manoeuvre="slow warming and cooling through the change of phase",
     )  # fmt: skip
 
 
