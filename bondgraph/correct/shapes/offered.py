@@ -173,7 +173,7 @@ def _crossed(
         count += tried(terms, 1)
         most = max([least, *(one.gain for one in functions if one.probe is probe)])
         best = best_sums(terms, measured, 1, 1)
-        found += [_at_home(terms, one, left) for one in best if one.gain > most and one.worth > 0.0]
+        found += [_at_home(terms, one, left) for one in best if one.gain > _NEAR * most and one.worth > 0.0]
     return sorted(found, key=lambda option: -option.chosen.gain)[:_MOST_PLACES], count
 
 
