@@ -7,18 +7,20 @@ Fundamentals of Heat and Mass Transfer, appendix A, for metals and oils.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 
 import networkx as nx
 from sympy import Abs, Expr, Integer, exp
 
 from bondgraph.declare.domains import ELECTRICAL, HYDRAULIC, THERMAL
 from bondgraph.declare.editing import handle
-from bondgraph.declare.effect import Effect, Place, Scale
+from bondgraph.declare.effect import Effect, Place, Scale, family
 from bondgraph.declare.elements import Node
 from bondgraph.declare.expressions import signal
 from bondgraph.declare.graph import BondGraph, Handle
 from bondgraph.declare.quantities import symbol
 from bondgraph.declare.revision import revise_laws
+from bondgraph.effects.families import each_resistance
 from bondgraph.effects.places import commands, elements_at, has_flow
 from bondgraph.effects.thermal import ROOM, Around, surroundings
 
@@ -33,55 +35,81 @@ _FILTERS = "Ruth, Montillon, Montonna (1933), Industrial and Engineering Chemist
 SHORTEST_DISCHARGE = 100.0
 
 
+@family(each_resistance("temperature_dependence", lambda g, at, k: _straight(g, at, k)))
 def temperature_dependence(g: BondGraph, at: Place) -> Effect | None:
     """A resistance that changes with the temperature of the nearest body of the graph, straight around a reference.
 
-    That is a room's temperature where temperatures are known to be absolute, else the one around that body.
+    That is a room's temperature where temperatures are known to be absolute, else the one around that body. Of several
+    resistances at a place a loop tries each.
     """
-    found = _beside_a_body(g, at)
+    return _straight(g, at, 0)
+
+
+def _straight(g: BondGraph, at: Place, which: int) -> Effect | None:
+    found = _beside_a_body(g, at, which)
     if found is None:
         return None
-    node, body, known = found
-    name = f"temperature_dependence_{at.name}"
+    node, body, known, effect = found.of("temperature_dependence")
+    name = f"{effect}_{at.name}"
     a = g.parameter(f"a_{name}", 0.0, "1/K", f"relative rise of {node.name} per kelvin", (-_STEEPEST, _STEEPEST))
     around = Integer(0) if known is None else known.temperature
     reference = g.parameter(f"T0_{name}", ROOM, "K", "where it is as declared") if _is_absolute(known) else around
     revise_laws(g, node.name, lambda laws: multiplied(laws, 1 + a * (body.effort - reference)))
     return Effect(
-        "temperature_dependence", node.name, "effort = declared*(1 + a*(T - T0))", (a.name,),
+        effect, node.name, "effort = declared*(1 + a*(T - T0))", (a.name,),
         reference="Incropera, DeWitt, Bergman, Lavine (2007), Fundamentals of Heat and Mass Transfer, appendix A",
         manoeuvre="the same run cold and warm",
     )  # fmt: skip
 
 
+@family(each_resistance("thermal_activation", lambda g, at, k: _arrhenius(g, at, k)))
 def thermal_activation(g: BondGraph, at: Place) -> Effect | None:
     """A resistance by the law of Arrhenius of the nearest body: a cell's electrolyte, a thermistor, oil, a reaction.
 
-    None where temperatures are not known to be absolute.
+    None where temperatures are not known to be absolute. Of several resistances at a place a loop tries each.
     """
-    found = _beside_a_body(g, at)
-    if found is None or not _is_absolute(found[2]):
+    return _arrhenius(g, at, 0)
+
+
+def _arrhenius(g: BondGraph, at: Place, which: int) -> Effect | None:
+    found = _beside_a_body(g, at, which)
+    if found is None or not _is_absolute(found.around):
         return None
-    node, body, _ = found
-    name = f"thermal_activation_{at.name}"
+    node, body, _, effect = found.of("thermal_activation")
+    name = f"{effect}_{at.name}"
     steepest = (-_MOST_ACTIVE, _MOST_ACTIVE)
     b = g.parameter(f"b_{name}", 0.0, "K", f"activation energy of {node.name} over the gas constant", steepest)
     reference = g.parameter(f"T0_{name}", ROOM, "K", "where it is as declared")
     revise_laws(g, node.name, lambda laws: multiplied(laws, exp(b * (1 / body.effort - 1 / reference))))
     return Effect(
-        "thermal_activation", node.name, "effort = declared*exp(b*(1/T - 1/T0))", (b.name,),
+        effect, node.name, "effort = declared*exp(b*(1/T - 1/T0))", (b.name,),
         reference="Atkins, de Paula (2010), Physical Chemistry, section 22.5, for the law of Arrhenius",
         manoeuvre="the same run cold and warm",
     )  # fmt: skip
 
 
-def _beside_a_body(g: BondGraph, at: Place) -> tuple[Node, Handle, Around | None] | None:
-    """The only resistance at a place, the nearest body, and what is around that; None where there is no such."""
+@dataclass(frozen=True)
+class _Beside:
+    """A resistance, the nearest body, and what is around that; ``alone``: there is no other resistance at its place."""
+
+    node: Node
+    body: Handle
+    around: Around | None
+    alone: bool
+
+    def of(self, effect: str) -> tuple[Node, Handle, Around | None, str]:
+        """The parts, and the name of an effect, which tells several resistances apart."""
+        return self.node, self.body, self.around, effect if self.alone else f"{effect}_of_{self.node.name}"
+
+
+def _beside_a_body(g: BondGraph, at: Place, which: int) -> _Beside | None:
+    """One of the resistances at a place, the nearest body, and what is around that; None where there is no such."""
     resistances = elements_at(g, at, "R") if at.bond is None and at.domain != THERMAL else []
-    body = _nearest_body(g, at) if len(resistances) == 1 else None
-    if body is None or "." in resistances[0].name:
+    body = _nearest_body(g, at) if which < len(resistances) else None
+    if body is None or "." in resistances[which].name:
         return None
-    return resistances[0], body, surroundings(g, Place(body, Scale(0.0, 0.0)))
+    around = surroundings(g, Place(body, Scale(0.0, 0.0)))
+    return _Beside(resistances[which], body, around, len(resistances) == 1)
 
 
 def _is_absolute(known: Around | None) -> bool:

@@ -38,7 +38,8 @@ def storage_resistance(g: BondGraph, at: Place) -> Effect | None:
         return None
     unit = over(effort_unit(at), flow_unit(at))
     name, c = coefficient(g, at, word, word.replace("_", " "), unit, power=1)
-    g.resistance(name, lambda flow: c * flow, at=split_bond(g, way, Node(f"way_{name}", "1", at.domain)))
+    inside = split_bond(g, way, Node(f"way_{name}", "1", at.domain))
+    g.effort_source(name, -c * inside.flow, at=inside)  # no resistance: it is never asked for its flow, which is 1/c
     return Effect(
         word, name, "effort = stored + c*flow", (c.name,), reference=_STORAGES, dissipative=True,
         manoeuvre="quick changes of what flows into the storage",
@@ -51,7 +52,8 @@ def core_loss(g: BondGraph, at: Place) -> Effect | None:
     if way is None:
         return None
     name, c = conductance(g, at, "core_loss", "conductance of the iron", over(flow_unit(at), effort_unit(at)), 1)
-    g.resistance(name, flow=lambda effort: c * effort, at=split_bond(g, way, Node(f"way_{name}", "0", at.domain)))
+    inside = split_bond(g, way, Node(f"way_{name}", "0", at.domain))
+    g.flow_source(name, -c * inside.effort, at=inside)
     return Effect(
         "core_loss", name, "flow = that of the coil + c*effort", (c.name,), reference=_MACHINERY, dissipative=True,
         manoeuvre="quick and slow changes of the voltage",

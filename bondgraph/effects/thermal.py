@@ -143,7 +143,7 @@ def latent_heat(g: BondGraph, at: Place) -> Effect | None:
     at_values = tuple(middle + share * size for share in _MELTING)
     limit = at.scale.flow * at.times[1]
     c = g.parameter(f"c_{name}", 0.0, "J", f"latent heat of {at.label}", (0.0, limit))
-    melts = g.parameter(f"T_{name}", at_values[0], "K", "middle of the change of phase", (at_values[0], at_values[-1]))
+    melts = g.parameter(f"T_{name}", middle, "K", "middle of the change of phase", (at_values[0], at_values[-1]))
     width = g.parameter(f"w_{name}", at.smoothing * size, "K", "width of it", (1e-3 * size, size))
     g.compliance(name, displacement=lambda e: c * (1 + tanh((e - melts) / width)) / 2, at=at.junction)
     return Effect(

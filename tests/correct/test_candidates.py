@@ -101,7 +101,8 @@ def test_effects_of_the_demo_are_offered_where_they_make_sense() -> None:
     assert "added_inertia at body" in labels and "added_inertia at wheel" not in labels  # nothing to add to
     assert {"torque_proportional_loss at axle", "torque_proportional_loss at primary"} <= labels  # also where it leaves
     assert {label for label in labels if label.endswith(("at belt", "at shaft"))} == {  # no common flow there
-        "creep at belt", "creep at shaft", "slip at belt", "slip at shaft", "centrifugal_tension at belt"
+        "creep at belt", "creep at shaft", "slip at belt", "slip at shaft", "centrifugal_tension at belt",
+        "resistance_by_input at belt",
     }  # fmt: skip
     assert not refused
     first = next(candidate for candidate in found if candidate.label == "viscous_loss at body")

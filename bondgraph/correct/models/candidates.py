@@ -12,6 +12,7 @@ from sympy import Expr
 
 from bondgraph.build import BuiltModel, build, model_of
 from bondgraph.correct.models.bonds import bond_model
+from bondgraph.correct.models.failures import attempted, has_rates
 from bondgraph.correct.models.pairs import pairs, sizes
 from bondgraph.data.log import FloatArray, MatchedLog
 from bondgraph.declare.editing import copy, handle
@@ -296,7 +297,11 @@ def candidates(
             beside = _beside_storage(built, place)
             own = {state.symbol.name for state in built.equations.states}
             followed = all(s.variable == "integral" or s.symbol.name in own for s in equations.states)
-            model = model_of(equations, f"{built.graph.name} with {effect.name}", own=True)
+            name = f"{built.graph.name} with {effect.name}"
+            model = attempted(functools.partial(model_of, equations, name, own=True), lambda why: None)
+            if model is None or (_loops(equations) > built.implicit_loops and not has_rates(model)):
+                refused.append(Refused(effect.name, place.label, "would have no rates at the declared values"))
+                continue
             element = flat.nodes.get(effect.element)
             laws = () if element is None else tuple(law for _, law in element.laws)
             found.append(Candidate(function, place, effect, model, _passive(flat, effect), beside, followed, laws))
@@ -354,8 +359,7 @@ def _why_not(built: BuiltModel, flat: BondGraph, effect: Effect, equations: Stat
             f"would need the rate of input {', '.join(followed)}, which the model does not have - declare that storage "
             "in the graph, its size a parameter with bounds"
         )
-    loops = sum(isinstance(step, ImplicitLoop) for step in equations.assignments) - built.implicit_loops
-    if loops > 0 and effect.adds_state:
+    if _loops(equations) > built.implicit_loops and effect.adds_state:
         return "would close a nonlinear algebraic loop around a storage of unknown size"
     states = {state.symbol.name for state in equations.states}
     own = {state.symbol.name for state in built.equations.states}
@@ -364,6 +368,10 @@ def _why_not(built: BuiltModel, flat: BondGraph, effect: Effect, equations: Stat
     if any(state.variable != "integral" for state in equations.states if state.symbol.name not in own):
         return None if effect.adds_state else "would add a state that has no size yet"
     return None
+
+
+def _loops(equations: StateEquations) -> int:
+    return sum(isinstance(step, ImplicitLoop) for step in equations.assignments)
 
 
 def _passive(flat: BondGraph, effect: Effect) -> bool:

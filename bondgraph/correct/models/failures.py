@@ -8,6 +8,7 @@ from typing import TypeVar
 import numpy as np
 
 from bondgraph.errors import BondGraphError
+from bondgraph.simulate.model import Model
 
 _Found = TypeVar("_Found")
 
@@ -41,3 +42,13 @@ def attempted(action: Callable[[], _Found], failed: Callable[[str], _Found]) -> 
         return action()
     except FAILURES as error:
         return failed(reason(error))
+
+
+def has_rates(model: Model) -> bool:
+    """True for a model whose equations have finite values where it is declared: its implicit loops have a solution."""
+
+    def finite() -> bool:
+        return bool(np.isfinite(model.rhs(0.0, model.x0(), model.u0(), model.theta())).all())
+
+    with np.errstate(all="ignore"):
+        return attempted(finite, lambda why: False)
