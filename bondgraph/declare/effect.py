@@ -183,7 +183,7 @@ def between_junctions(function: EffectFunction) -> EffectFunction:
     return function
 
 
-#: What makes the members of a family for a graph, from the typical size of its inputs that vary.
+#: Maker of the members of a family for a graph, from the typical sizes of its inputs that vary.
 Members = Callable[[BondGraph, Mapping[str, float]], Sequence[EffectFunction]]
 
 

@@ -7,7 +7,7 @@ from typing import NoReturn
 
 from bondgraph.errors import suggest
 
-#: What is declared -> how others call it.
+#: Names of what is declared here -> those in other tools.
 _OTHERS = {
     "compliance(name, displacement=C)": ("capacitance", "capacitor", "capacity", "accumulator", "C"),
     "compliance(name, stiffness)": ("spring",),

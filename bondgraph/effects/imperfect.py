@@ -26,7 +26,7 @@ from bondgraph.effects.places import (
 
 _STORAGES = "Karnopp, Margolis, Rosenberg (2012), System Dynamics, chapter 4"
 _MACHINERY = "Krause, Wasynczuk, Sudhoff (2013), Analysis of Electric Machinery and Drive Systems"
-#: What the resistance on the way into a storage is called.
+#: Names of the resistance on the way into a storage.
 _WAY_IN = Words("spring_damping", "equivalent_series_resistance", "neck_resistance", "inner_resistance")
 
 

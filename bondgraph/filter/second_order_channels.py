@@ -45,7 +45,7 @@ class Channels:
 
     @property
     def scores(self) -> Jet:
-        """What columns of the factor are multiplied with to move the state, shape (m,)."""
+        """Factors of the columns by which they move the state, shape (m,)."""
         return joined([one.map(lambda array: array[np.newaxis]) for one in self._found])
 
     def scale(self, position: int, row: Jet, pivot: Jet) -> Jet:

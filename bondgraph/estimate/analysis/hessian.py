@@ -155,7 +155,7 @@ def _require_exact(problem: EstimationProblem) -> None:
 
 
 def _curvatures(problem: EstimationProblem, point: FloatArray) -> list[Curvature]:
-    """What each log says at a point (n,)."""
+    """Curvature of the likelihood of each log at a point (n,)."""
     filter_model = choose_method(problem.filter_model, problem.logs)
     return [curvature(filter_model, *each) for each in zip(problem.logs, _moving(problem, point), strict=True)]
 
