@@ -9,11 +9,15 @@ import numpy as np
 from bondgraph.correct.constants import BLOCKS
 from bondgraph.correct.evidence.bounds import value_text
 from bondgraph.correct.evidence.trials import Trial
+from bondgraph.correct.models.failures import attempted
 from bondgraph.correct.round import Round
+from bondgraph.estimate.analysis.combinations import Combination, combinations
 from bondgraph.estimate.fitted import Fit
 from bondgraph.estimate.free import FreeParameter
 from bondgraph.text import few, inflected
 
+#: Condition index from which a direction is open to rounding: derivatives by differences are right to the sixth digit.
+_OPEN = 1e6
 #: Samples in a block of time below which it hardly counts as one.
 _BLOCK_SAMPLES = 5
 
@@ -46,12 +50,28 @@ def cautions_of(nominal: Fit, rounds: Sequence[Round]) -> tuple[str, ...]:
         for parameter in nominal.problem.free
         if parameter.target.kind == "parameter" and _uninformed(nominal, parameter)
     ]
-    if unknown:
-        said.append(
-            f"these logs say next to nothing about {', '.join(unknown)}: drive with more variety, or fix "
-            f"{inflected(unknown, 'it', 'them')}"
-        )
+    said += _unknown(nominal, unknown)
     return (*said, *_undetectable(rounds))
+
+
+def _unknown(fitted: Fit, names: Sequence[str]) -> list[str]:
+    """Sentences on parameters of which the logs say next to nothing, or only how some act together.
+
+    Standard deviations say nothing of a direction that is open to rounding.
+    """
+    information = fitted.expansion.information
+    found: tuple[Combination, ...] = attempted(
+        lambda: combinations(fitted.problem, fitted.point, information), lambda why: ()
+    )
+    together = [one for one in found if one.known and (one.condition > _OPEN or len(set(one.names) & set(names)) > 1)]
+    said = [f"in these logs {one}: fix one of them, or drive so that they act apart" for one in together]
+    left = [name for name in names if not any(name in one.names for one in together)]
+    if left:
+        said.append(
+            f"these logs say next to nothing about {', '.join(left)}: drive with more variety, or fix "
+            f"{inflected(left, 'it', 'them')}"
+        )
+    return said
 
 
 def at_bounds(fitted: Fit, which: str, known: Collection[str] | None = None) -> list[str]:

@@ -112,6 +112,10 @@ def _transfer(told: Transfer | None) -> tuple[tuple[str, str], ...]:
     return ("transfer to data left out", whole), ("transfer by fold, nats", folds)
 
 
+#: Advice where something is a function of a signal that nothing explains.
+_AS_A_TABLE = " As a table whose points are estimated it can be added: --tables, in Python LoopSettings(tables=True)."
+
+
 def explanation(closed: ClosedLoop) -> str:
     """The verdict in a few sentences."""
     return " ".join((_explained(closed), *(f"{one}." for one in closed.disturbances), *worse_simulated(closed)))
@@ -146,7 +150,8 @@ def _explained(closed: ClosedLoop) -> str:
         rest = f" There remains {left[0]}." if left else ""
         return f"Something happened in the logs ({what}); no law that holds throughout passes the tests.{rest}"
     if left:
-        return f"There is {left[0]} that none of the {tried} effects and faults tried explains."
+        table = "" if closed.unexplained[0].signal == "time" else _AS_A_TABLE
+        return f"There is {left[0]} that none of the {tried} effects and faults tried explains.{table}"
     if closed.verdict == "unexplained residual" and not coloured and closed.unproven is not None:
         told = f"{law_title(closed.unproven.candidate.label)} passes the tests ({closed.unproven.gain:.1f} nats)"
         return f"Something is missing: {told}, but what it is cannot be told; see what was tried for the reason."

@@ -68,7 +68,7 @@ def _grown(closed: ClosedLoop) -> dict[str, int]:
 
 def _far_off(closed: ClosedLoop, told: Confirmation) -> str:
     """A sentence on free simulation that stays far above the noise of sensors where a correction is confirmed."""
-    if told.standing != "confirmed" or closed.disturbances or not closed.added:
+    if told.standing != "confirmed" or not (closed.added or closed.disturbances):
         return ""
     far = {
         name: one.simulation_rmse / one.noise_std for name, one in closed.corrected_holdout.channels.items()
@@ -77,7 +77,8 @@ def _far_off(closed: ClosedLoop, told: Confirmation) -> str:
     if not far:
         return ""
     said = few([f"{name} ({shown(times)} times)" for name, times in far.items()])
-    return f" Free simulation stays above the noise of {said} there: not everything is explained."
+    why = "what drives the machine at random may hide a law" if closed.disturbances else "not everything is explained"
+    return f" Free simulation stays above the noise of {said} there: {why}."
 
 
 def _wandering(closed: ClosedLoop) -> str:

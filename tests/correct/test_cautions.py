@@ -30,6 +30,28 @@ def test_one_parameter_rests_and_several_rest_on_bounds() -> None:
     )
 
 
+def test_parameters_that_share_a_scale_are_said_to_act_only_together() -> None:
+    """Of a chamber and its paddle a report asked for more variety, which tells no common scale."""
+
+    def geared() -> bg.BondGraph:
+        g = bg.BondGraph("cart")
+        gain = g.parameter("gain", 1.0, "1", "", (0.1, 10.0))
+        body = g.one_junction("body", bg.TRANSLATION)
+        g.effort_source("push", gain * g.input("force", "N"), at=body)
+        mass, drag = (
+            g.parameter("mass", 50.0, "kg", "", (5.0, 500.0)),
+            g.parameter("drag", 8.0, "N s/m", "", (0.8, 90.0)),
+        )
+        g.inertance("mass", mass, at=body, state="v", initial=3.0)
+        g.resistance("wheels", lambda v: drag * v, at=body)
+        g.measure_flow("speed", body)
+        return g
+
+    said = _said(geared())
+    assert said.startswith("in these logs gain, mass and drag act only together, as ")
+    assert "drive with more variety" not in said
+
+
 def test_one_state_stands_and_several_stand_somewhere() -> None:
     (one,), (both,) = start_cautions(["v"]), start_cautions(["v", "x"])
     assert "starts v at the declared value" in one and "where it stands" in one and "lead it -" in one

@@ -30,8 +30,14 @@ def test_a_confirmed_correction_is_said_to_leave_what_it_leaves(simulated: float
     """A lag was confirmed in place of a play; free simulation stayed at six times the noise, and nothing said so."""
     said = answer(simulated)
     assert said.startswith("The held-out logs confirm the correction")
-    assert ("above the noise of level (6.20 times)" in said) == told
-    assert "above the noise" not in answer(simulated, disturbed=True)
+    assert ("above the noise of level (6.20 times) there: not everything is explained." in said) == told
+
+
+def test_a_confirmed_disturbance_is_said_to_leave_room_for_a_law() -> None:
+    """Melting plates were a confirmed disturbance at fifteen times the noise, without a word of doubt."""
+    said = answer(6.2, disturbed=True)
+    assert "above the noise of level (6.20 times) there: what drives the machine at random may hide a law." in said
+    assert "above the noise" not in answer(1.9, disturbed=True)
 
 
 def test_a_simulation_that_gets_worse_is_said_first() -> None:

@@ -250,4 +250,7 @@ def _over(unit: str, term: Term) -> str:
     power, below = term.kind.power, term.argument_unit
     if power == 0 or below == "1" or not unit:
         return unit
-    return f"{unit}/({below})" + (f"^{power}" if power > 1 else "") if below else ""
+    if not below:
+        return ""
+    whole = below if below.isalpha() else f"({below})"
+    return f"{unit}/{whole}" + (f"^{power}" if power > 1 else "")

@@ -144,7 +144,11 @@ class Term:
     def argument_unit(self) -> str:
         """Unit of what is x in the laws; empty where one is not known."""
         units = self.units[:1] if self.kind.has_second else self.units
-        return "" if not all(units) else "*".join(f"({unit})" if len(units) > 1 else unit for unit in units)
+        return (
+            ""
+            if not all(units)
+            else "*".join(unit if unit.isalpha() or len(units) == 1 else f"({unit})" for unit in units)
+        )
 
     @property
     def name(self) -> str:
