@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import cast
 
 import numpy as np
 import pytest
@@ -11,11 +13,13 @@ from sympy import exp
 from bondgraph import effects
 from bondgraph.build import build
 from bondgraph.correct.loop import ClosedLoop, LoopSettings, close_loop
+from bondgraph.correct.places.probes import Probe, Signal
+from bondgraph.correct.places.unexplained import Spline, unexplained
 from bondgraph.correct.result import result_json
 from bondgraph.correct.scores.gates import Constancy, Gate, constancy, gate_samples, gates
 from bondgraph.data.log import MatchedLog
-from bondgraph.declare.editing import with_values
-from bondgraph.declare.effect import Effect, EffectFunction, Place
+from bondgraph.declare.editing import handle, with_values
+from bondgraph.declare.effect import Effect, EffectFunction, Place, Scale
 from bondgraph.declare.graph import BondGraph
 from bondgraph.declare.quantities import symbol
 from bondgraph.estimate.fitted import at_optimum
@@ -87,6 +91,16 @@ def test_on_request_it_is_added_as_a_table(closed: ClosedLoop, journal: Journal)
     assert table.trial.candidate.effect.name == "table" and len(table.coefficients) > 4
     assert tabled.corrected.nll < closed.corrected.nll - 20.0
     assert f"table_{table.trial.candidate.place.label}" in tabled.corrected_graph.nodes
+
+
+def test_a_constant_is_a_function_of_no_signal() -> None:
+    """A condenser that began at 5 V was "an unknown effort as a function of time", beside the right law."""
+    place = Place(handle(sled(), "runner"), Scale(150.0, 4.0))
+    probe = cast(Probe, SimpleNamespace(place=place, variable="effort"))
+    signal, at = Signal("time", "s", (np.arange(5.0),)), np.arange(5.0)
+    function = Spline(probe, signal, at, np.full(5, 5.0), np.full(5, 0.1), 300.0, 1e-30, (), 295.0)
+    assert unexplained([function], 1000, 0.01) is None
+    assert unexplained([replace(function, constant=100.0)], 1000, 0.01) is not None
 
 
 def changing(when: float, name: str = "second") -> MatchedLog:
