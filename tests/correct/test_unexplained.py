@@ -98,9 +98,10 @@ def test_a_constant_is_a_function_of_no_signal() -> None:
     place = Place(handle(sled(), "runner"), Scale(150.0, 4.0))
     probe = cast(Probe, SimpleNamespace(place=place, variable="effort"))
     signal, at = Signal("time", "s", (np.arange(5.0),)), np.arange(5.0)
-    function = Spline(probe, signal, at, np.full(5, 5.0), np.full(5, 0.1), 300.0, 1e-30, (), 295.0)
+    function = Spline(probe, signal, at, 5.0 + 0.01 * at, np.full(5, 0.1), 300.0, 1e-30)
     assert unexplained([function], 1000, 0.01) is None
-    assert unexplained([replace(function, constant=100.0)], 1000, 0.01) is not None
+    assert unexplained([replace(function, values=5.0 + at)], 1000, 0.01) is not None
+    assert unexplained([replace(function, values=0.1 * (at - 2.0))], 1000, 0.01) is not None
 
 
 def changing(when: float, name: str = "second") -> MatchedLog:

@@ -37,6 +37,8 @@ _UNMET = 1e-9
 _SHARED = 0.3
 #: Knots of a spline element.
 _KNOTS = 8
+#: Standard deviations in a band: nineteen of twenty values lie in it.
+_BANDS = 2.0
 #: A named effect is not needed beside a spline if what it adds is this likely by chance.
 _NEEDLESS = 0.01
 
@@ -74,7 +76,6 @@ class Spline:
     """A function of one signal at one place that was tried: its values at the knots, their band, gain and p-value.
 
     ``taken``: names of the free parameters that take a part of any such function, which the values leave out.
-    ``constant`` is the gain of a constant alone, which is no function of any signal.
     """
 
     probe: Probe
@@ -85,7 +86,15 @@ class Spline:
     gain: float
     p_value: float
     taken: tuple[str, ...] = ()
-    constant: float = 0.0
+
+    @property
+    def is_constant(self) -> bool:
+        """True for values that are clearly not zero, and all the same within their bands: a load, no function.
+
+        So shows a storage that begins elsewhere than where it was declared.
+        """
+        middle, band = float(np.median(self.values)), _BANDS * self.std
+        return bool((np.abs(self.values) > band).all() and (np.abs(self.values - middle) <= band).all())
 
 
 def splines(linear: Linearisation, found: Sequence[Probe], known: Sequence[Signal]) -> tuple[Spline, ...]:
@@ -130,16 +139,7 @@ def _scored(linear: Linearisation, probe: Probe, one: Signal, at: FloatArray, co
     step, gain, p_value = best_step(projected, own, np.zeros(len(own), dtype=bool))
     cov = _cov(projected, own, step)
     values, variance = kept @ step, np.maximum(np.einsum("ij,jk,ik->i", kept, cov, kept), 0.0)
-    return Spline(probe, one, at, values, np.sqrt(variance), gain, p_value, taken, _of_constant(linear, columns))
-
-
-def _of_constant(linear: Linearisation, columns: FloatArray) -> float:
-    """The gain of a constant, in nats, from responses (n_terms, knots) to hats, whose sum it is.
-
-    A constant is a load, which is a law, or a storage that begins elsewhere than where it was declared.
-    """
-    found = linear.projected(columns.sum(axis=1, keepdims=True))
-    return max(best_step(found, [0], np.zeros(1, dtype=bool))[1], 0.0)
+    return Spline(probe, one, at, values, np.sqrt(variance), gain, p_value, taken)
 
 
 def distinct(known: Sequence[Signal]) -> list[Signal]:
@@ -163,7 +163,7 @@ def unexplained(tried: Sequence[Spline], measured: int, level: float) -> Unexpla
     for one in tried:
         penalty = 0.5 * one.knots.size * math.log(max(measured, 2)) + math.log(count)
         ahead = best is None or one.gain > best.gain + 1e-6
-        if one.p_value * count < level and one.gain - one.constant > penalty and ahead:
+        if one.p_value * count < level and one.gain > penalty and ahead and not one.is_constant:
             best = one
     if best is None:
         return None
