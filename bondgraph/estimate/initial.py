@@ -130,11 +130,14 @@ def _from_measurements(
     """Initial state (n_x,), and which of its parts were measured; a start that is declared comes before others."""
     x0 = model.x0()
     held = np.zeros(x0.size, dtype=np.bool_)
-    for output, (state, slope, offset) in directly_measured(model, first_inputs(model, log), theta, follows).items():
-        value = first_measured(log, output)
-        if value is not None:
+    while True:  # what one output shows may tell a state that another shows beside it
+        found = directly_measured(model, first_inputs(model, log), theta, follows, (x0, held))
+        shown = {o: (*of, value) for o, of in found.items() if (value := first_measured(log, o)) is not None}
+        for state, slope, offset, value in shown.values():
             x0[state] = (value - offset) / slope
             held[state] = True
+        if not shown:
+            break
     x0, given = starts_in(model, log.time, inputs_of(model, log), log.y, x0)
     return x0, held | given
 
@@ -187,12 +190,17 @@ def settled(model: Model, x0: FloatArray, u: FloatArray, theta: FloatArray, held
 
 
 def directly_measured(
-    model: Model, u: FloatArray, theta: FloatArray, follows: Mapping[str, Follow] | None = None
+    model: Model,
+    u: FloatArray,
+    theta: FloatArray,
+    follows: Mapping[str, Follow] | None = None,
+    known: tuple[FloatArray, BoolArray] | None = None,
 ) -> dict[int, tuple[int, float, float]]:
     """Outputs that are slope * state + offset for one state only: output -> (state, slope, offset).
 
     Found by probing the output equations at states drawn around the declared ones; where two outputs measure the same
-    state the first counts. States that follow others are where these lead them.
+    state the first counts. States that follow others are where these lead them. Of states (n_x,) some may be ``known``:
+    an output that shows another one beside them measures that.
 
     Examples
     --------
@@ -201,9 +209,9 @@ def directly_measured(
     {}
     """
     size = len(model.states)
-    middle = model.x0()
+    middle, held = (model.x0(), np.zeros(size, dtype=np.bool_)) if known is None else known
     led = np.isin(model.names("state"), list(follows or {}))
-    reach = np.where(led, 0.0, np.maximum(np.abs(middle), 1.0))
+    reach = np.where(led | held, 0.0, np.maximum(np.abs(middle), 1.0))
     rng = np.random.default_rng(0)
     probes = middle[:, np.newaxis] + reach[:, np.newaxis] * rng.uniform(-1.0, 1.0, (size, 4 * size + 8))
     if led.any():
@@ -214,7 +222,7 @@ def directly_measured(
     for index, row in enumerate(outputs):
         if not np.isfinite(row).all():
             continue
-        columns = np.vstack([np.where(led[:, np.newaxis], 0.0, probes), np.ones(probes.shape[1])])
+        columns = np.vstack([np.where((led | held)[:, np.newaxis], 0.0, probes), np.ones(probes.shape[1])])
         coefficients = np.linalg.lstsq(columns.T, row)[0]
         straight = np.allclose(columns.T @ coefficients, row, rtol=1e-9, atol=1e-9 * np.ptp(row))
         acting = np.flatnonzero(np.abs(coefficients[:-1]) * reach > 1e-9 * max(float(np.ptp(row)), 1e-300))

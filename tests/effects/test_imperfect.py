@@ -11,6 +11,7 @@ import bondgraph as bg
 from bondgraph import effects
 from bondgraph.declare.editing import handle
 from bondgraph.declare.effect import EffectFunction, Place, Scale
+from bondgraph.estimate.initial import initial_states
 
 SIZES = st.one_of(st.just(0.0), st.floats(1e-6, 5.0))
 
@@ -27,6 +28,7 @@ def filtered() -> bg.BondGraph:
     load = g.parameter("G", 0.3, "A/V")
     g.resistance("load", flow=lambda effort: load * effort, at=out)
     g.measure_effort("voltage", out)
+    g.measure_flow("current", choke)
     return g
 
 
@@ -58,3 +60,17 @@ def test_a_coil_whose_iron_takes_current_beside_it(c: float, i: float, q: float,
     theta = WITH_IRON.theta(c_core_loss_choke=c)
     found = WITH_IRON.rhs(0.0, np.array([i, q]), np.array([u]), theta)
     np.testing.assert_allclose(found, [e / 0.2, i + c * e - 0.3 * v], rtol=1e-9, atol=1e-9)
+
+
+def test_a_state_begins_where_sensors_show_it_beside_another_one() -> None:
+    """A condenser at 5 V began empty, since its voltage shows what its own resistance takes of the current too."""
+    time, c = np.linspace(0.0, 1.9, 20), 0.7
+    y = np.repeat([[5.0], [1.5]], time.size, axis=1)
+    log = bg.MatchedLog("run", time, np.zeros((1, time.size)), y)
+    theta = WITH_RESISTANCE.theta(c_equivalent_series_resistance_out=c)
+    (x0,) = initial_states(WITH_RESISTANCE, [log], theta, "measured")
+    assert x0.tolist() == pytest.approx([1.5, 0.1 * (5.0 - c * (1.5 - 0.3 * 5.0))])
+    assert WITH_RESISTANCE.output(0.0, x0, np.zeros(1), theta).tolist() == pytest.approx([5.0, 1.5])
+    y[1] = np.nan  # alone the voltage tells neither
+    (x0,) = initial_states(WITH_RESISTANCE, [log], theta, "measured")
+    assert x0.tolist() == [0.0, 0.0]
