@@ -76,9 +76,12 @@ def _far_off(closed: ClosedLoop, told: Confirmation) -> str:
     }  # fmt: skip
     if not far:
         return ""
+    if closed.disturbances:
+        return (
+            f" Free simulation stays far from {few(list(far))} there: what drives the machine at random may hide a law."
+        )
     said = few([f"{name} ({shown(times)} times)" for name, times in far.items()])
-    why = "what drives the machine at random may hide a law" if closed.disturbances else "not everything is explained"
-    return f" Free simulation stays above the noise of {said} there: {why}."
+    return f" Free simulation stays above the noise of {said} there: not everything is explained."
 
 
 def _wandering(closed: ClosedLoop) -> str:

@@ -138,8 +138,9 @@ def test_where_long_steps_tell_something_else_the_own_ones_decide(monkeypatch: p
     own = by_own_steps(fast(), monkeypatch)
     found = fit(fast())
     assert found.nll == pytest.approx(own.nll, abs=2e-3)
-    asked = [searches._tell_the_same(fast(), searches._approached(doubled(fast(), k), Wish(40, 1e-3))) for k in (1, 3)]
-    assert asked == [True, False]
+    ends = [searches._approached(doubled(fast(), k), Wish(40, 1e-3)) for k in (1, 3)]
+    assert [searches._tell_the_same(fast(), end, Wish(40, 1e-3).same) for end in ends] == [True, False]
+    assert searches._tell_the_same(fast(), ends[1], np.inf)  # where nothing hangs on it they may end one
 
 
 def test_a_search_ends_where_no_step_follows_its_derivatives(monkeypatch: pytest.MonkeyPatch) -> None:
