@@ -98,12 +98,12 @@ class DeclaredFit:
 class HeldAfterAll:
     """Inputs that are held between samples after all, ``nats`` likelier than straight lines beside a law.
 
-    ``law`` is empty where held inputs alone do as much as that. ``pieces`` are those that are constant in pieces.
+    ``beside`` is false where held inputs alone do as much as that. ``pieces`` are those that are constant in pieces.
     """
 
     names: tuple[str, ...]
     nats: float
-    law: str
+    beside: bool
     pieces: tuple[str, ...]
 
 
@@ -130,7 +130,7 @@ def fit_declared(
     if names and _otherwise(found.fit, found.built, _held(names), wishes.journal) < -INDIFFERENT:
         held = attempted(lambda: _held_fit(graph, train, holdout, wishes, names), lambda why: None)
         if held is not None and held.fit.nll < found.fit.nll - INDIFFERENT:
-            found = replace(held, cautions=(_said(HeldAfterAll(names, found.fit.nll - held.fit.nll, "", names)),))
+            found = replace(held, cautions=(_said(HeldAfterAll(names, found.fit.nll - held.fit.nll, False, names)),))
     report("fit the declared model", 1, 1)
     return found
 
@@ -154,7 +154,7 @@ def _held_fit(
 
 
 def held_after_all(
-    begun: DeclaredFit, before: tuple[Fit, BuiltModel], after: tuple[Fit, BuiltModel], law: str, journal: Journal
+    begun: DeclaredFit, before: tuple[Fit, BuiltModel], after: tuple[Fit, BuiltModel], journal: Journal
 ) -> HeldAfterAll | None:
     """Inputs that a law shows to be held between samples, with which all begins anew; None where it does not.
 
@@ -164,8 +164,6 @@ def held_after_all(
         The fit of the declared model; some of its inputs run straight.
     before, after
         Fits with their models, without the law and with it.
-    law
-        What it is called.
     journal
         Finished fits.
 
@@ -177,11 +175,11 @@ def held_after_all(
     for names in begun.straight:
         alone = _otherwise(*before, _held(names), journal)
         if before[0].nll + alone < after[0].nll + INDIFFERENT:
-            found.append(HeldAfterAll(names, -alone, "", begun.pieces))
+            found.append(HeldAfterAll(names, -alone, False, begun.pieces))
             continue
         beside = _otherwise(*after, _held(names), journal)
         if beside < -INDIFFERENT:
-            found.append(HeldAfterAll(names, -beside, law, begun.pieces))
+            found.append(HeldAfterAll(names, -beside, True, begun.pieces))
     return max(found, key=lambda one: one.nats, default=None)
 
 
@@ -217,7 +215,7 @@ def _otherwise(fitted: Fit, built: BuiltModel, ways: Mapping[str, Interpolation]
 def _said(after: HeldAfterAll) -> str:
     verb, pieces = inflected(after.names, "is", "are"), set(after.names) <= set(after.pieces)
     said = f"{verb} constant in pieces, and " if pieces else ""
-    beside = " beside what was found first" if after.law else ""
+    beside = " beside what was found first" if after.beside else ""
     return (
         f"{few(list(after.names))} {said}{verb} taken as held between samples, {number(after.nats)} nats likelier than "
         f"straight lines{beside} - declare hold=True, or say --inputs-between linear"

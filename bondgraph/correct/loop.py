@@ -270,9 +270,7 @@ def _rounds(
 
 def _with_held(begun: DeclaredFit, before: Progress, after: Progress, journal: Journal) -> Progress:
     """The state after a law was added, with the inputs that it shows to be held."""
-    label = after.laws[-1].candidate.label
-    held = held_after_all(begun, (before.fit, before.built), (after.fit, after.built), label, journal)
-    return replace(after, held=held)
+    return replace(after, held=held_after_all(begun, (before.fit, before.built), (after.fit, after.built), journal))
 
 
 def _named(state: Progress) -> int:

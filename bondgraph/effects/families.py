@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 
-from bondgraph.declare.effect import Effect, EffectFunction, Members, Place
-from bondgraph.declare.elements import Node
+from bondgraph.declare.editing import handle
+from bondgraph.declare.effect import Effect, EffectFunction, Members, Place, Scale
 from bondgraph.declare.graph import BondGraph
+from bondgraph.effects.places import elements_at
 
 
 def each_resistance(name: str, law: Callable[[BondGraph, Place, int], Effect | None]) -> Members:
@@ -22,8 +23,8 @@ def each_resistance(name: str, law: Callable[[BondGraph, Place, int], Effect | N
 
     def members(g: BondGraph, typical: Mapping[str, float]) -> list[EffectFunction]:
         flat = g.flatten()
-        names = [one.name for one in flat.nodes.values() if one.is_junction]
-        most = max((len(_resistances(flat, one)) for one in names), default=0)
+        places = [Place(handle(flat, one.name), Scale(0.0, 0.0)) for one in flat.nodes.values() if one.is_junction]
+        most = max((len(elements_at(flat, at, "R")) for at in places), default=0)
         return [member(k) for k in range(max(most, 1))]
 
     def member(which: int) -> EffectFunction:
@@ -34,9 +35,3 @@ def each_resistance(name: str, law: Callable[[BondGraph, Place, int], Effect | N
         return declared
 
     return members
-
-
-def _resistances(flat: BondGraph, junction: str) -> list[Node]:
-    bonds = [(flat.bonds[index], inward) for index, inward in flat.incidence()[junction]]
-    found = [flat.nodes[bond.source if inward else bond.target] for bond, inward in bonds]
-    return [one for one in found if one.kind == "R" and one.ports == 1]

@@ -97,9 +97,8 @@ def annealed_fit(
     """The quiet fit again, its process noise lowered by steps; the sensors may count as noisy as what they show varies.
 
     All but the last only lead somewhere, so that they are made on the beginnings of long logs, roughly, and with the
-    longest integration steps that lead. None where
-    :func:`quiet_fit` gives none, and of stiff models, which so many fits are too much for. ``walking`` and ``stake`` as
-    there.
+    longest integration steps that lead. None where :func:`quiet_fit` gives none, and of stiff models, which so many
+    fits are too much for. ``walking`` and ``stake`` as there.
     """
     problem, levels = base.problem, _levels(base)
     if not levels or problem.filter_model.is_stiff:
