@@ -25,7 +25,7 @@ from bondgraph.correct.models.candidates import candidates
 from bondgraph.data.log import MatchedLog
 from bondgraph.declare.domains import TRANSLATION
 from bondgraph.declare.editing import handle
-from bondgraph.declare.effect import Effect, Place, Scale
+from bondgraph.declare.effect import Effect, EffectFunction, Place, Scale
 from bondgraph.declare.graph import BondGraph
 from bondgraph.effects.losses import relief
 from bondgraph.effects.sensors import sensor_scale
@@ -108,7 +108,7 @@ def test_a_law_beside_a_gauge_is_judged_by_what_it_gains() -> None:
 
 @pytest.mark.parametrize("sensors", [1, 2])
 @pytest.mark.parametrize(("law", "believed", "chosen"), [
-    (20.0, True, ("quadratic_loss", "sensor_scale")),  # a law that passes, however much the fault explains
+    (20.0, True, ("quadratic_loss", "quadratic_loss")),  # a law that passes, within odds of 20 to 1
     (20.0, False, (None, "sensor_scale")),  # within odds of 20 to 1: it may stand for another law of its kind
     (2.0, False, ("sensor_scale", "sensor_scale")),
 ])  # fmt: skip
@@ -143,6 +143,24 @@ def test_one_more_law_must_do_better_than_a_form_of_a_law_that_is_there(more: fl
     assert choose(trials, LEVEL) is trials[0 if own else 1]
     doubted = replace(trials[0], evidence=replace(_SURE, p_robust=0.5))
     assert choose([doubted, trials[1]], LEVEL) is trials[1]  # it must pass like every other
+
+
+@pytest.mark.parametrize(("more", "function", "chosen"), [
+    (0.0, effects.quadratic_loss, "quadratic_loss"),
+    (2.9, effects.quadratic_loss, "quadratic_loss"),
+    (3.1, effects.quadratic_loss, "sensor_scale"),
+    (0.1, effects.constant_effort, "sensor_scale"),  # a drive has no claim on what a sensor may do
+])  # fmt: skip
+def test_a_loss_is_chosen_before_an_equally_likely_fault_of_a_sensor(
+    more: float, function: EffectFunction, chosen: str
+) -> None:
+    """A vehicle that only rolls forwards: dry friction of the axle and a bias of its torque sensor tie exactly."""
+    base = fitted([LOG])
+    places = [Place(handle(sled(), "runner"), Scale(150.0, 4.0)), Place.sensor("speed", Scale(4.0, 4.0))]
+    (law, fault), _ = candidates(built(), [function, sensor_scale], places)
+    better = replace(_SURE, delta_nll=22.0 + more, bic_gain=22.0 + more)
+    best = choose([Trial(law, 22.0, fit=base, evidence=_SURE), Trial(fault, 22.0, fit=base, evidence=better)], LEVEL)
+    assert best is not None and best.candidate.effect.name == chosen
 
 
 @pytest.mark.parametrize(("seconds", "refused"), [(0.07, True), (0.9, True), (1.1, False), (45.0, False)])

@@ -261,8 +261,9 @@ def choose(trials: Sequence[Trial], level: float) -> Trial | None:
     Nothing contradicts a fault of the only sensor. It is chosen where no law explains as much, believed or not, and
     nothing stays unexplained beside it: a law that is not believed may stand for another of its kind, and a fault for a
     part of what is missing. A law that explains less than half of what such a fault does, a lag aside, is no answer
-    then. Nor is its drift told from what is slow in the machine: the last of a cell's relaxations was one. A further
-    part of a known law is preferred to one more law.
+    then. Nor is its drift told from what is slow in the machine: the last of a cell's relaxations was one. A law that
+    only takes energy is preferred to a fault of a sensor that is as likely, and a further part of a known law to one
+    more law.
     """
     passed = passing(trials, level)
     if passed and has_one_sensor(passed[0]):
@@ -274,8 +275,10 @@ def choose(trials: Sequence[Trial], level: float) -> Trial | None:
             one for one in laws if preferred_gain(one) > MOSTLY * most
         ]
     best = max(passed, key=preferred_gain, default=None)
-    forms = [one for one in passed if one.completes]
-    own = max(forms, key=preferred_gain, default=None)
+    preferred = [one for one in passed if one.completes]
+    if best is not None and best.candidate.effect.channel:  # machines lose energy more often than sensors fail
+        preferred += [one for one in passed if one.candidate.passive and not one.candidate.effect.channel]
+    own = max(preferred, key=preferred_gain, default=None)
     if best is not None and own is not None and preferred_gain(own) > preferred_gain(best) - INDIFFERENT:
         return own
     return best
