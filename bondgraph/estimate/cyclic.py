@@ -43,9 +43,9 @@ def repeats(model: Model, sizes: FloatArray) -> BoolArray:
     found = np.zeros(sizes.size, dtype=np.bool_)
     for k in range(sizes.size):
         turn = 2.0 * math.pi * (np.arange(sizes.size) == k)
-        whole, part = (
-            np.abs(np.array([_values(model, point + share * turn) for point in points]) - seen) for share in (1.0, 0.3)
-        )
+        turned = [np.array([_values(model, point + share * turn) for point in points]) for share in (1.0, 0.3)]
+        with np.errstate(invalid="ignore"):  # rates that are infinite here and there do not repeat
+            whole, part = (np.abs(one - seen) for one in turned)
         found[k] = bool(np.all(whole <= rounding) and np.any(part > rounding))
     return found
 
