@@ -22,8 +22,9 @@ from bondgraph.simulate.model import Model
 _STEP = 1e-4
 #: A bond whose variable changes by less than this share of the largest response to a state tells nothing of it.
 _TELLING = 1e-6
-#: Most turns until the states settle, for laws that are not straight, and the share of a state that is settled.
-_TURNS, _SETTLED = 10, 1e-9
+#: Most turns until the states settle, and the share of a state that is settled. A law that is flat where the search
+#: begins sends it far off, from where half of the way is made in a turn: fifty are those of all digits of a number.
+_TURNS, _SETTLED = 50, 1e-9
 
 
 def followers(
@@ -107,15 +108,15 @@ def _bonds(model: Model, rows: list[str], values: Mapping[str, float]) -> _Bonds
 def _start(
     model: Model, own: list[str], known: Mapping[str, float], u: FloatArray, wanted: FloatArray, shown: _Bonds
 ) -> FloatArray:
-    """Own states (own,) at which the shared bonds are nearest to what is wanted."""
+    """Own states (own,) at which the shared bonds are nearest to what is wanted; NaN where the search does not end."""
     x = model.x0(**known)
     rows = [model.index("state", name) for name in own]
     for _ in range(_TURNS):
         moves = _moves(x, rows, u, wanted, shown)
         x[rows] += moves
         if np.all(np.abs(moves) <= _SETTLED * np.maximum(np.abs(x[rows]), 1.0)):
-            break
-    return x[rows]
+            return x[rows]
+    return np.full(len(rows), np.nan)
 
 
 def _moves(x: FloatArray, rows: list[int], u: FloatArray, wanted: FloatArray, shown: _Bonds) -> FloatArray:
