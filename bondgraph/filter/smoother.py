@@ -26,6 +26,7 @@ from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.filter_run import FilterRun, solved
 from bondgraph.frames import dataset, frame
 from bondgraph.shown import Tabulated
+from bondgraph.simulate.outcome import Outcome
 from bondgraph.simulate.stored import Kept
 from bondgraph.text import Table, count, text_table
 
@@ -193,17 +194,49 @@ def smooth(run: FilterRun) -> SmootherRun:
     return SmootherRun(run.filter_model, run.log_name, run.time, mean, cov)
 
 
+def smoothed_start(run: FilterRun, until: float) -> FloatArray:
+    """The state at the first sample, shape (n_s,), by all that was measured until a time.
+
+    Of a run that failed on its way, or whose beginning cannot be smoothed, what the first sample says of it.
+
+    Parameters
+    ----------
+    run
+        As :func:`bondgraph.filter.runs.run` gives it.
+    until
+        The last time that counts, in s.
+
+    Examples
+    --------
+    >>> import bondgraph as bg
+    >>> from bondgraph.simulate.example import pendulum
+    >>> swing = bg.FilterModel(pendulum(), {"rate": 0.1}, {"deflection": 0.05}, {"angle": 0.1, "rate": 2.0}, substeps=2)
+    >>> time = np.arange(40) * 0.05
+    >>> log = bg.MatchedLog("swing", time, np.zeros((1, 40)), np.sin(3.1 * time)[np.newaxis])
+    >>> filtered = bg.filter_log(swing, log, compiled=False)
+    >>> float(filtered.mean("rate")[0]), round(float(smoothed_start(filtered, 0.2)[1]), 1)
+    (0.0, 2.9)
+    """
+    size = int(np.count_nonzero(run.time <= until))
+    mean, cov = run.filtered_mean[:, :size].copy(), run.filtered_cov[..., :size].copy()
+    if size > 1 and run.outcome is Outcome.OK:
+        smooth_back(run, mean, cov)
+    found: FloatArray = mean[:, 0]
+    return found if np.isfinite(found).all() else run.filtered_mean[:, 0]
+
+
 def smooth_back(run: FilterRun, mean: FloatArray, cov: FloatArray) -> None:
-    """Smooth all samples of a run but the last, which is smoothed already.
+    """Smooth the samples of a run, or of its beginning, but the last of them, which is smoothed already.
 
     Parameters
     ----------
     run
         Of which beliefs and ``cross_cov`` are read; the latter of the first sample is not.
     mean, cov
-        Smoothed means (n_s, n) and covariances (n_s, n_s, n); those of the last sample are read, the others written.
+        Smoothed means (n_s, n) and covariances (n_s, n_s, n) of the first n samples; those of the last of them are
+        read, the others written.
     """
-    for end in range(run.time.size - 1, 0, -_AT_ONCE):
+    for end in range(mean.shape[1] - 1, 0, -_AT_ONCE):
         own = slice(max(end - _AT_ONCE, 0), end)
         ahead = slice(own.start + 1, end + 1)
         # copies in order of samples: those of filtered beliefs become smoothed ones

@@ -18,7 +18,7 @@ FloatArray = NDArray[np.float64]
 class Prediction:
     """One channel of one log as a model gives it, each of shape (n,): NaN where there is none.
 
-    ``one_step`` is what the filter expects before each measurement, ``simulated`` a free run from the first sample.
+    ``one_step`` is what the filter expects before each measurement, ``simulated`` a free run from where the log begins.
     """
 
     one_step: FloatArray | None = None

@@ -1,7 +1,7 @@
 """Errors before and after: one step ahead and in free simulation, per channel and per log, against the sensor noise.
 
-The first sample of a log tells where the machine starts: nothing was predicted before it, so it counts in no one-step
-error, and the free simulation starts from the state that the filter takes from it.
+Nothing was predicted before the first sample of a log, so it counts in no one-step error. The free simulation starts at
+the state of that sample, as a smoother takes it from the first twentieth of the log.
 """
 
 from __future__ import annotations
@@ -18,8 +18,10 @@ from bondgraph.data.log import FloatArray, MatchedLog
 from bondgraph.estimate.fitted import Fit
 from bondgraph.filter.filter_run import FilterRun
 from bondgraph.filter.linear.intervals import integrator, simulation_steps
+from bondgraph.filter.smoother import smoothed_start
 from bondgraph.simulate.outcome import Outcome
 from bondgraph.simulate.simulation import simulate
+from bondgraph.simulate.starts import BEGINNING
 from bondgraph.simulate.trajectory import Trajectory
 from bondgraph.text import count
 
@@ -115,15 +117,24 @@ def _assess_log(fitted: Fit, log: MatchedLog, run: FilterRun) -> LogAssessment:
 
 
 def free_simulation(fitted: Fit, log: MatchedLog, filtered: FilterRun) -> Trajectory:
-    """The fitted model left alone: nothing is given but the inputs and what the first sample says of the state."""
+    """The fitted model left alone: given are its inputs, and what the beginning of the log says of where it starts.
+
+    One sample says nothing of a state that no sensor shows. Reference: Ljung (1999), System Identification, chapter 4.
+    """
     filter_model = fitted.problem.filter_model
     model = filter_model.model
     theta = fitted.theta.copy()
     for name, value in log.theta_overrides.items():
         theta[model.index("parameter", name)] = value
-    x0 = filtered.filtered_mean[: len(model.states), 0]
     steps = simulation_steps(filter_model, log.time)
-    return simulate(model, log.time, log.u, theta, x0, method=integrator(filter_model), substeps=steps, compiled=True)
+
+    def simulated(start: FloatArray) -> Trajectory:
+        x0 = start[: len(model.states)]
+        method = integrator(filter_model)
+        return simulate(model, log.time, log.u, theta, x0, method=method, substeps=steps, compiled=True)
+
+    begun = simulated(smoothed_start(filtered, float(log.time[0] + BEGINNING * np.ptp(log.time))))
+    return begun if begun.outcome is Outcome.OK else simulated(filtered.filtered_mean[:, 0])
 
 
 def rms_interval(values: FloatArray) -> tuple[float, float]:
