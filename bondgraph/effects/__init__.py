@@ -19,6 +19,7 @@ actuators    wrong scale, lag and delay of sources and ratios, ceiling, dead zon
 ratios       cranks, universal joints and linkages, whose ratio moves with an angle or a stroke
 relaxation   cells that polarise, walls that take up heat slowly, viscoelastic drag, masses on springs
 storages     added inertia, capacity, compliance; backlash, stops, springs that harden, gas, iron that saturates
+lines        inertia of fluid or inductance in a line that has none, capacity of a node that has none
 imperfect    resistances on the way into a storage, losses in the iron of a coil
 fading       resistances that change with temperature or by what has passed, batteries that fall with their charge
 streams      resistances that follow an input, such as the speed of a fan
@@ -62,6 +63,8 @@ from bondgraph.effects.thermal import latent_heat as latent_heat
 from bondgraph.effects.storages import added_capacity as added_capacity
 from bondgraph.effects.storages import added_compliance as added_compliance
 from bondgraph.effects.storages import added_inertia as added_inertia
+from bondgraph.effects.lines import line_inertia as line_inertia
+from bondgraph.effects.lines import node_capacity as node_capacity
 from bondgraph.effects.storages import backlash as backlash
 from bondgraph.effects.storages import end_stop as end_stop
 from bondgraph.effects.storages import gas_storage as gas_storage
