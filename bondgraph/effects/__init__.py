@@ -76,6 +76,7 @@ from bondgraph.effects.storages import softening_spring as softening_spring
 from bondgraph.effects.actuators import ratio_lag as ratio_lag
 from bondgraph.effects.actuators import ratio_scale as ratio_scale
 from bondgraph.effects.actuators import modulus_fading as modulus_fading
+from bondgraph.effects.actuators import armature_reaction as armature_reaction
 from bondgraph.effects.actuators import actuator_ceiling as actuator_ceiling
 from bondgraph.effects.actuators import actuator_dead_zone as actuator_dead_zone
 from bondgraph.effects.actuators import actuator_rate_limit as actuator_rate_limit

@@ -17,7 +17,7 @@ import itertools
 import math
 from collections.abc import Sequence
 
-from sympy import Expr, tanh
+from sympy import Expr, Rational, tanh
 
 from bondgraph.declare.domains import ELECTRICAL
 from bondgraph.declare.effect import SMOOTHING, Effect, Place
@@ -53,6 +53,10 @@ _CURVES = "Lyons (1982), Lyons' Valve Designer's Handbook, chapter 10, for inher
 _GAP = "Woodson, Melcher (1968), Electromechanical Dynamics, chapter 3"
 #: Exponents beyond one of a bent map that are tried, from a root of the third degree to a fourth power.
 _BENT = (-0.67, 3.0)
+#: Powers of the current with which a motor's constant falls: from its own to that of iron that saturates late.
+_FADING = (1.0, 4.0)
+#: Share of a motor's field that its armature may take at the largest current: beyond it the torque would turn round.
+_WEAKENED = 0.9
 #: The least half play that is looked for, as a share of what the source gives at most: less hides in noise. A
 #: convention.
 _LEAST_PLAY = 0.003
@@ -92,24 +96,47 @@ def _scaled(g: BondGraph, at: Place, effect: str, kinds: Sequence[str]) -> Effec
 
 
 def modulus_fading(g: BondGraph, at: Place) -> Effect | None:
-    """Constant of a motor that falls as its current grows: saturated iron, magnets that the armature weakens.
+    """Constant of a motor that falls as its iron saturates: with the square of the current, or where its power bends.
 
     Torque and voltage fall alike, so that it loses no power.
     """
+    motor = _motor_at(g, at)
+    if motor is None:
+        return None
+    name = f"modulus_fading_{at.name}"
+    c = g.parameter(f"c_{name}", 0.0, "1", "what the constant falls by at the largest flow", (0.0, 2.0))
+    most = g.parameter(f"r_{name}", at.scale.flow, flow_unit(at), "largest flow")
+    n = g.parameter(f"n_{name}", 2.0, "1", "power of the flow", _FADING)
+    x, w = at.junction.flow / most, at.smoothing
+    revise_law(g, motor, "modulus", lambda old: old / (1 + c * (x**2 + w**2) ** (n / 2)))
+    return Effect(
+        "modulus_fading", motor, "modulus = declared/(1 + c*(x^2 + w^2)^(n/2)), x = flow/r", (c.name,),
+        widths=(n.name,), reference=_MACHINERY, manoeuvre="small and large currents, at standstill and at speed",
+    )  # fmt: skip
+
+
+def armature_reaction(g: BondGraph, at: Place) -> Effect | None:
+    """Constant of a motor whose armature weakens the field in proportion to its current, either way round."""
+    motor = _motor_at(g, at)
+    if motor is None:
+        return None
+    name = f"armature_reaction_{at.name}"
+    limit = _WEAKENED / at.scale.flow
+    c = g.parameter(f"c_{name}", 0.0, over("1", flow_unit(at)), "1 over the current without a field", (0.0, limit))
+    w = at.smoothing * at.scale.flow
+    revise_law(g, motor, "modulus", lambda old: old * (1 - c * (at.junction.flow**2 + w**2) ** Rational(1, 2)))
+    return Effect(
+        "armature_reaction", motor, "modulus = declared*(1 - c*|flow|)", (c.name,), reference=_MACHINERY,
+        manoeuvre="small and large currents, at standstill and at speed",
+    )  # fmt: skip
+
+
+def _motor_at(g: BondGraph, at: Place) -> str | None:
+    """The only gyrator at a circuit's 1-junction, if its modulus follows nothing."""
     motors = gyrators_at(g, at) if has_flow(at) and at.domain == ELECTRICAL else []
     known = {parameter.symbol for parameter in g.flatten().parameters}
     law = motors[0].law("modulus") if len(motors) == 1 else None
-    if law is None or not law.free_symbols <= known:
-        return None
-    name = f"modulus_fading_{at.name}"
-    limit = 2.0 / at.scale.flow**2
-    c = g.parameter(f"c_{name}", 0.0, over("1", flow_unit(at), 2), "1 over the square of a current", (0.0, limit))
-    current = at.junction.flow
-    revise_law(g, motors[0].name, "modulus", lambda old: old / (1 + c * current**2))
-    return Effect(
-        "modulus_fading", motors[0].name, "modulus = declared/(1 + c*flow^2)", (c.name,), reference=_MACHINERY,
-        manoeuvre="small and large currents, at standstill and at speed",
-    )  # fmt: skip
+    return motors[0].name if law is not None and law.free_symbols <= known else None
 
 
 def stroke_fading(g: BondGraph, at: Place) -> Effect | None:

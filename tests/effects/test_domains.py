@@ -222,7 +222,7 @@ def test_laws_are_called_in_the_words_of_the_domain() -> None:
 
 def test_pairs_are_neighbours_that_are_not_tied() -> None:
     assert neighbours(bench("hydraulic").graph) == [("first", "second"), ("second", "drain")]
-    assert neighbours(bench("thermal").graph) == [("plate", "case")]
+    assert neighbours(bench("thermal").graph) == [("plate", "case"), ("plate", "paint"), ("case", "paint")]
     assert ("rotor", "twist") not in neighbours(bench("mechanical").graph)  # the twist is a difference itself
     g = BondGraph("geared")
     motor, wheel = g.one_junction("motor", ROTATION), g.one_junction("wheel", ROTATION)

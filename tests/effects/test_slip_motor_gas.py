@@ -14,7 +14,7 @@ from bondgraph.data.log import FloatArray
 from bondgraph.declare.editing import handle, with_bounds, with_values
 from bondgraph.declare.effect import Effect, Place, Scale
 from bondgraph.derive.causality import bond_labels
-from bondgraph.effects.actuators import modulus_fading
+from bondgraph.effects.actuators import armature_reaction, modulus_fading
 from bondgraph.effects.between import coupling_slip
 from bondgraph.effects.storages import COMPRESSED, gas_storage
 from bondgraph.simulate.simulation import simulate
@@ -139,20 +139,35 @@ def servo(turned: bool = False) -> bg.BondGraph:
 
 @pytest.mark.parametrize("turned", [False, True])
 @pytest.mark.parametrize("current", [-12.0, 3.0, 25.0])
-def test_torque_and_voltage_of_a_motor_fall_alike(turned: bool, current: float) -> None:
+@pytest.mark.parametrize("power", [1.0, 2.0])
+def test_torque_and_voltage_of_a_motor_fall_alike(turned: bool, current: float, power: float) -> None:
     g = servo(turned)
     effect = modulus_fading(g, Place(handle(g, "loop"), Scale(12.0, 10.0)))
     assert effect is not None
-    weak = build(with_values(g, {effect.coefficients[0]: 1.0 / 22.0**2}))
+    weak = build(with_values(g, {effect.coefficients[0]: (10.0 / 22.0) ** power, effect.widths[0]: power}))
     model, declared = weak.model, build(servo(turned)).model
     x, u = model.x0(i=current, omega=90.0), np.array([5.0, 0.1])
-    fallen = 0.05 / (1.0 + (current / 22.0) ** 2) - 0.05
+    smooth = np.hypot(current / 10.0, Place(handle(g, "loop"), Scale(12.0, 10.0)).smoothing)
+    fallen = 0.05 / (1.0 + (10.0 / 22.0 * smooth) ** power) - 0.05
     i, omega = model.rhs(0.0, x, u, model.theta()) - declared.rhs(0.0, x, u, declared.theta())
     assert 2e-4 * omega == pytest.approx(fallen * current, rel=1e-9)
     assert 2e-3 * i == pytest.approx(-fallen * 90.0, rel=1e-9)
 
 
-@pytest.mark.parametrize("c", [0.0, 2e-3, 0.02])
+@pytest.mark.parametrize("current", [-12.0, 3.0, 25.0])
+def test_an_armature_weakens_the_field_in_proportion_to_its_current(current: float) -> None:
+    g = servo()
+    effect = armature_reaction(g, Place(handle(g, "loop"), Scale(12.0, 10.0)))
+    assert effect is not None
+    model, declared = build(with_values(g, {effect.coefficients[0]: 1.0 / 70.0})).model, build(servo()).model
+    x, u = model.x0(i=current, omega=90.0), np.array([5.0, 0.1])
+    fallen = -0.05 * np.hypot(current, 10.0 * Place(handle(g, "loop"), Scale(12.0, 10.0)).smoothing) / 70.0
+    i, omega = model.rhs(0.0, x, u, model.theta()) - declared.rhs(0.0, x, u, declared.theta())
+    assert 2e-4 * omega == pytest.approx(fallen * current, rel=1e-9)
+    assert 2e-3 * i == pytest.approx(-fallen * 90.0, rel=1e-9)
+
+
+@pytest.mark.parametrize("c", [0.0, 0.2, 2.0])
 def test_a_motor_passes_all_power_at_any_current(c: float) -> None:
     g = servo()
     effect = modulus_fading(g, Place(handle(g, "loop"), Scale(12.0, 10.0)))
@@ -180,6 +195,7 @@ def test_a_constant_that_follows_something_does_not_fade() -> None:
     g.gyrator("motor", k * field, loop, wheel)
     for at in (loop, wheel):
         assert modulus_fading(g, Place(at, Scale(1.0, 1.0))) is None
+        assert armature_reaction(g, Place(at, Scale(1.0, 1.0))) is None
     assert modulus_fading(servo(), Place(handle(servo(), "wheel"), Scale(1.0, 1.0))) is None
 
 
