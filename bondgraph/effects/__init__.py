@@ -19,6 +19,7 @@ actuators    wrong scale, lag and delay of sources and ratios, ceiling, dead zon
 ratios       cranks, universal joints and linkages, whose ratio moves with an angle or a stroke
 relaxation   cells that polarise, walls that take up heat slowly, viscoelastic drag, masses on springs
 storages     added inertia, capacity, compliance; backlash, stops, springs that harden, gas, iron that saturates
+bodies       inertia that changes with a position
 lines        inertia of fluid or inductance in a line that has none, capacity of a node that has none
 imperfect    resistances on the way into a storage, losses in the iron of a coil
 fading       resistances that change with temperature or by what has passed, batteries that fall with their charge
@@ -39,6 +40,7 @@ from bondgraph.effects.friction import turbulent_loss as turbulent_loss
 from bondgraph.effects.friction import eddy_current_drag as eddy_current_drag
 from bondgraph.effects.friction import stribeck_loss as stribeck_loss
 from bondgraph.effects.friction import viscous_loss as viscous_loss
+from bondgraph.effects.friction import direction_dependent_drag as direction_dependent_drag
 from bondgraph.effects.friction import warm_up_loss as warm_up_loss
 from bondgraph.effects.actuators import actuator_lag as actuator_lag
 from bondgraph.effects.actuators import actuator_delay as actuator_delay
@@ -65,6 +67,7 @@ from bondgraph.effects.storages import added_compliance as added_compliance
 from bondgraph.effects.storages import added_inertia as added_inertia
 from bondgraph.effects.lines import line_inertia as line_inertia
 from bondgraph.effects.lines import node_capacity as node_capacity
+from bondgraph.effects.bodies import inertia_by_position as inertia_by_position
 from bondgraph.effects.storages import backlash as backlash
 from bondgraph.effects.storages import end_stop as end_stop
 from bondgraph.effects.storages import gas_storage as gas_storage

@@ -214,16 +214,17 @@ def warm_up_loss(g: BondGraph, at: Place) -> Effect | None:
 
 
 def direction_dependent_drag(g: BondGraph, at: Place) -> Effect | None:
-    """Viscous drag that differs by direction: what a screw or belt loses more in one direction than in the other."""
+    """Viscous drag that differs by direction: a shock absorber with softer valves one way, a screw, a belt."""
     if not is_motion(at):
         return None
     unit = over(effort_unit(at), flow_unit(at))
     name, c = coefficient(g, at, "direction_dependent_drag", "half the difference of drags", unit, 1, signed=True)
-    g.resistance(name, lambda flow: c * Abs(flow), at=at.junction)
-    manoeuvre = "the same run in both directions"
+    w = direction(g, at, name)
+    g.resistance(name, lambda flow: c * flow * tanh(flow / w), at=at.junction)
     return Effect(
-        "direction_dependent_drag", name, "effort = c*|flow|", (c.name,), reference=_EMPS, manoeuvre=manoeuvre
-    )
+        "direction_dependent_drag", name, "effort = c*flow*tanh(flow/w)", (c.name,), reference=_EMPS,
+        widths=(w.name,), manoeuvre="the same run in both directions",
+    )  # fmt: skip
 
 
 def cubic_loss(g: BondGraph, at: Place) -> Effect | None:

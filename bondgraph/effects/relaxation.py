@@ -63,7 +63,11 @@ def slow_heat_capacity(g: BondGraph, at: Place) -> Effect | None:
 
     The part begins at the temperature of the body, whatever that is, so that the lead of the body is its state.
     """
-    slope = _rate(g, at, "C", "effort", "displacement", "flow") if has_effort(at) and at.domain == THERMAL else None
+    slope = (
+        rate_of_storage(g, at, "C", "effort", "displacement", "flow")
+        if has_effort(at) and at.domain == THERMAL
+        else None
+    )
     if slope is None:
         return None
     unit = over(flow_unit(at), effort_unit(at))
@@ -86,7 +90,7 @@ def sprung_mass(g: BondGraph, at: Place) -> Effect | None:
     It rides along at first, so that its lag in speed is its state.
     """
     declared = inertance_beside(g, at.junction) if is_motion(at) else None
-    acceleration = None if declared is None else _rate(g, at, "I", "flow", "momentum", "effort")
+    acceleration = None if declared is None else rate_of_storage(g, at, "I", "flow", "momentum", "effort")
     if declared is None or acceleration is None:
         return None
     name = f"sprung_mass_{at.name}"
@@ -110,7 +114,7 @@ def sprung_mass(g: BondGraph, at: Place) -> Effect | None:
     )  # fmt: skip
 
 
-def _rate(g: BondGraph, at: Place, kind: str, gives: str, stored: str, driven: str) -> Expr | None:
+def rate_of_storage(g: BondGraph, at: Place, kind: str, gives: str, stored: str, driven: str) -> Expr | None:
     """The rate of change of what a straight storage there gives, by what drives it; None without one."""
     for node in elements_at(g, at, kind):
         law = node.law(gives)
