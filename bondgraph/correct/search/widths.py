@@ -2,9 +2,10 @@
 
 Dry friction is smoothed around standstill over a width that its author chose. Where a machine changes over more
 sharply, a law with more coefficients makes up for it: of a drive whose dry friction changed its sign over an eighth of
-our width Stribeck friction was found, with p = 5e-29. So before a law with widths is chosen, it and the simpler ones at
-its place are fitted with their widths free, each counted as one more parameter; of those that do as well the simplest
-is taken. An exponent that differs from case to case is freed in the same way, that of convection between 5/4 and 4/3.
+our width Stribeck friction was found, with p = 5e-29. So before a law with widths is chosen, it, those that do as well
+and the simpler ones at its place are fitted with their widths free, each counted as one more parameter; of those that
+do as well then the simplest is taken. An exponent that differs from case to case is freed in the same way, that of
+convection between 5/4 and 4/3.
 """
 
 from __future__ import annotations
@@ -44,12 +45,13 @@ def is_due(best: Trial, trials: Sequence[Trial], context: Context) -> bool:
 
 
 def at_any_width(best: Trial, trials: Sequence[Trial], context: Context) -> list[Trial]:
-    """The trials, the best and the simpler ones at its place with free widths where these explain more.
+    """The trials, the best, its equals and the simpler ones at its place with free widths where these explain more.
 
     Of those that gain as much, to a few nats beyond their number of parameters, the simpler one is left as the best.
     """
     done = list(trials)
-    due = [k for k, one in enumerate(done) if one is best or one in _simpler(best, trials)]
+    others = [*_simpler(best, trials), *_equals(best, trials)]
+    due = [k for k, one in enumerate(done) if one is best or any(one is other for other in others)]
     for k in due:
         freed = attempted(lambda one=done[k]: with_free_widths(one, context), lambda why: None)  # type: ignore[misc]
         if freed is not None and _worth(freed) > _worth(done[k]):
@@ -76,6 +78,20 @@ def _simpler(best: Trial, trials: Sequence[Trial]) -> list[Trial]:
         and not one.candidate.effect.adds_state
         and len(one.candidate.effect.parameters) < len(best.candidate.effect.parameters)
         and (one.fit is not None or any(one.step))
+    ]
+
+
+def _equals(best: Trial, trials: Sequence[Trial]) -> list[Trial]:
+    """Laws with widths at the place of the best, and in its regime, that were refitted and do as well."""
+    own = best.candidate
+    return [
+        one
+        for one in trials
+        if (one.candidate.place.label, one.candidate.effect.regime) == (own.place.label, own.effect.regime)
+        and one.gate is None
+        and one.fit is not None
+        and one.candidate.effect.widths
+        and _worth(one) > _worth(best) - INDIFFERENT
     ]
 
 
