@@ -39,8 +39,8 @@ class Decision:
     """One decision: its round, what was done, and why.
 
     ``action`` is ``"added"``, ``"own form"`` (what was added became a part of a law), ``"simplified"`` (a simpler law
-    took its place), ``"event"``, ``"not constant"``, ``"dropped"``, ``"withdrawn"``, ``"disturbance"`` or
-    ``"stopped"``.
+    took its place), ``"replaced"`` (a rival did), ``"event"``, ``"not constant"``, ``"dropped"``, ``"withdrawn"``,
+    ``"disturbance"`` or ``"stopped"``.
     """
 
     round: int

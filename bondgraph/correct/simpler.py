@@ -1,9 +1,11 @@
-"""Simpler relatives of laws that were found: what came beside a law may leave its further coefficients nothing.
+"""Other laws in the place of those that were found: what came beside a law may speak for a simpler one, or a rival.
 
 A law is chosen beside what its round knew. Stribeck friction of a winch was chosen before the gusts on its load were
 described; beside these dry friction loses 1.1 nats to it, with two parameters fewer. So at the end each law with
 several coefficients is weighed against the simpler ones at its place, and the best of those that do as well by the
-Bayesian information criterion is taken. Others that the data do not tell from it are named with it.
+Bayesian information criterion is taken. Others that the data do not tell from it are named with it. A law beside which
+others were found is weighed against those that came near it in its round, too: of a kiln whose thermocouple lags and
+whose flue draws, a lag of the heater was chosen while the flue was unknown.
 
 A sum of laws of one signal is weighed against single laws that draw its curve, and so is a law with those that complete
 its form. A leak of a pump with the power 1.35 of the pressure was chosen as an overflow, which a straight leak
@@ -18,14 +20,16 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from bondgraph.correct.constants import INDIFFERENT
+from bondgraph.correct.constants import INDIFFERENT, MOSTLY
 from bondgraph.correct.evidence.certified import refined
 from bondgraph.correct.evidence.context import Context
 from bondgraph.correct.evidence.trials import Trial
+from bondgraph.correct.fits.whiteness import is_white
 from bondgraph.correct.models.failures import attempted
 from bondgraph.correct.models.shaping_filters import DISTURBANCE
 from bondgraph.correct.progress import Decision, Progress, reduced_to
 from bondgraph.correct.round import Round, RoundSettings
+from bondgraph.correct.search.storages import started_anew
 from bondgraph.correct.shapes.completions import arguments
 from bondgraph.correct.shapes.formula import formula_of, is_long
 from bondgraph.correct.shapes.offered import Residual
@@ -36,16 +40,23 @@ from bondgraph.estimate.fitted import at_optimum
 from bondgraph.estimate.free import FreeParameter
 from bondgraph.estimate.local import fit
 from bondgraph.estimate.problem import EstimationProblem
+from bondgraph.filter.filter_model import FilterModel
 from bondgraph.text import count, few
+
+#: Rivals that are refitted in the place of a law.
+_RIVALS = 2
 
 
 def in_simpler_laws(state: Progress, rounds: Sequence[Round], settings: RoundSettings) -> Progress:
     """The state with each of its laws in the place of which a simpler one does as well replaced by that.
 
-    None of stiff models in the place of a sum: their refits are costly.
+    So is a law in the place of which a rival of its round does better beside what came after it. None of stiff models
+    in the place of a sum, and no rivals: their refits are costly.
     """
     for k in range(len(state.added)):
         state = _simplified(state, k, rounds, settings)
+    for k in range(len(state.added)):
+        state = _best(state, k, _rivals(state, k, rounds), rounds, settings)
     return state
 
 
@@ -120,10 +131,11 @@ def _criterion(state: Progress) -> float:
 
 @dataclass(frozen=True)
 class _Other:
-    """A law for the place of one, and its free parameters with where they start."""
+    """A law for the place of one, its free parameters with where they start, and the nats that it must do better."""
 
     trial: Trial
     own: tuple[FreeParameter, ...]
+    least: float = 0.0
 
 
 def _singles(
@@ -164,6 +176,33 @@ def _simpler(state: Progress, index: int, rounds: Sequence[Round]) -> list[_Othe
     return [_Other(one, _refitted(one)) for one in best.values()]
 
 
+def _rivals(state: Progress, index: int, rounds: Sequence[Round]) -> list[_Other]:
+    """Refitted laws that explained most of what a law did in its round, if more was found after that."""
+    law = state.added[index]
+    stiff, effect = state.fit.problem.filter_model.is_stiff, law.candidate.effect
+    labels = [None if one.chosen is None else one.chosen.candidate.label for one in rounds]
+    chosen = [k for k, label in enumerate(labels) if label == law.candidate.label]
+    if stiff or effect.kind == DISTURBANCE or effect.regime or law.gate is not None or law.forms or not chosen:
+        return []
+    turn = rounds[chosen[-1]]
+    if not any(labels[chosen[-1] + 1 :]):
+        return []
+    there = {one.candidate.label for one in state.added}
+    near = [
+        one
+        for one in turn.trials
+        if one.candidate.label not in there
+        and one.fit is not None
+        and one.gate is None
+        and not one.candidate.effect.regime
+        and not formula_of(one.candidate.function)
+        and turn.chosen is not None
+        and one.gain > MOSTLY * turn.chosen.gain
+    ]
+    best = sorted(near, key=lambda one: -one.gain)[:_RIVALS]
+    return [_Other(one, _refitted(one), INDIFFERENT) for one in best]
+
+
 def _refitted(trial: Trial) -> tuple[FreeParameter, ...]:
     """The free parameters of a law that was refitted, to start where that ended."""
     assert trial.fit is not None  # only those are taken
@@ -179,14 +218,19 @@ def _with(
         return None
     kept = [trial if k == index else one for k, one in enumerate(state.added) if not _is_one_of(one, beside)]
     reduced = reduced_to(state, kept)
-    problem = replace(reduced.problem, free=(*reduced.problem.free, *other.own))
+    filter_model = _with_starts_of(trial, reduced.problem.filter_model)
+    problem = replace(reduced.problem, filter_model=filter_model, free=(*reduced.problem.free, *other.own))
     fitted = min(
         (fit(problem, starts=[start], journal=settings.journal) for start in _starts(problem, trial)),
         key=lambda one: one.nll,
     )
+    if trial.candidate.effect.adds_state:
+        before = reduced_to(state, [one for one in kept if one is not trial]).built
+        fitted = started_anew(fitted, before, reduced.built, trial.candidate.effect.channel, settings.journal)
     instead = replace(state, built=reduced.built, fit=fitted)
     lost, gained = fitted.nll - state.fit.nll, _criterion(state) - _criterion(instead)
-    if reduced.baseless or not gained > 0.0:
+    unproven = bool(other.least and trial.candidate.effect.channel) and not is_white(fitted, settings.level)
+    if reduced.baseless or unproven or not gained > other.least:
         return None
     fitted, check = refined(fitted, settings.journal, settings.substeps)
     evidence = replace(
@@ -196,15 +240,35 @@ def _with(
         trial, fit=fitted, built=reduced.built, evidence=evidence, transfer=law.transfer,
         simplifies=law.candidate.label, stands_for=(), instead=None, remark="",
     )  # fmt: skip
-    fewer = sum(len(one.candidate.effect.parameters) for one in (law, *beside)) - len(other.own)
-    nats, parameters = f"{abs(lost):.1f} nats {'less' if lost > 0.0 else 'more'}", count(fewer, "parameter")
-    why = f"{trial.candidate.label} does as well: {nats} with {parameters} fewer"
-    if beside:
-        why += f", and takes the place of {few([one.candidate.label for one in beside])} too"
+    action, why = ("replaced" if other.least else "simplified"), _why(other, law, beside, lost)
     return replace(
         instead, fit=fitted, check=check,
         added=tuple(taken if one is trial else one for one in reduced.kept),
-        history=(*state.history, Decision(number, "simplified", law.candidate.label, why)),
+        history=(*state.history, Decision(number, action, law.candidate.label, why)),
+    )  # fmt: skip
+
+
+def _why(other: _Other, law: Trial, beside: Sequence[Trial], lost: float) -> str:
+    """Why another law takes the place of one, and of those ``beside`` it; ``lost`` nats of likelihood."""
+    nats = f"{abs(lost):.1f} nats {'less' if lost > 0.0 else 'more'}"
+    if other.least:
+        return f"{other.trial.candidate.label} does better beside what was found later: {nats}"
+    fewer = sum(len(one.candidate.effect.parameters) for one in (law, *beside)) - len(other.own)
+    why = f"{other.trial.candidate.label} does as well: {nats} with {count(fewer, 'parameter')} fewer"
+    return why + (f", and takes the place of {few([one.candidate.label for one in beside])} too" if beside else "")
+
+
+def _with_starts_of(trial: Trial, filter_model: FilterModel) -> FilterModel:
+    """The filter with the starts of the states that a law brings, as they were where it was refitted."""
+    if trial.fit is None:
+        return filter_model
+    own, names = trial.fit.problem.filter_model, filter_model.model.names("state")
+    return replace(
+        filter_model,
+        initial_std={
+            **{name: std for name, std in own.initial_std.items() if name in names}, **filter_model.initial_std,
+        },
+        follows={**{name: at for name, at in own.follows.items() if name in names}, **filter_model.follows},
     )  # fmt: skip
 
 

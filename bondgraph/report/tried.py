@@ -44,6 +44,8 @@ def _became(chosen: Trial, closed: ClosedLoop) -> str:
         return "taken for an event, taken out again later"
     if "simplified" in actions:
         return "added; a simpler law took its place"
+    if "replaced" in actions:
+        return "added; another law took its place"
     if actions & {"added", "dropped", "withdrawn"}:
         return "added, taken out again later"
     return "it passes the tests, but a disturbance explains more"

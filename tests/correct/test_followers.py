@@ -17,10 +17,11 @@ from bondgraph.correct.models.followers import followers
 from bondgraph.correct.models.started import with_declared_starts
 from bondgraph.correct.search.refit import refit
 from bondgraph.data.log import Log, LogChannel, MatchedLog
-from bondgraph.declare.domains import ROTATION
+from bondgraph.declare.domains import ROTATION, THERMAL
 from bondgraph.declare.graph import BondGraph
 from bondgraph.declare.json_reader import graph_from_json
 from bondgraph.declare.json_writer import graph_to_json
+from bondgraph.effects.sensors import sensor_lag
 from bondgraph.estimate.declared import free_parameters
 from bondgraph.estimate.fitted import Fit
 from bondgraph.estimate.local import fit
@@ -179,3 +180,46 @@ def test_a_corrected_declaration_says_where_its_states_start(kind: str) -> None:
     else:
         assert x0["given_actuator_lag_motor"] == log.u[0, 0]
     assert with_declared_starts(after, {}, [log], [path[rows]]) == (after, ())
+
+
+def kiln() -> BondGraph:
+    """A body that is heated; its heat capacity is declared half as large again as it is."""
+    g = BondGraph("kiln")
+    power = g.input("P", "W", hold=True)
+    capacity = g.parameter("C", 57000.0, "J/K", "body", (1e4, 2e5))
+    loss = g.parameter("G", 12.0, "W/K", "walls", (2.0, 40.0))
+    body, walls = g.zero_junction("body", THERMAL), g.one_junction("walls", THERMAL)
+    g.flow_source("heater", power, at=body)
+    g.compliance("heat", 1 / capacity, at=body, state="H", initial=57000.0 * 350.0)
+    g.bond(body, walls)
+    g.resistance("loss", 1 / loss, at=walls)
+    g.bond(walls, g.effort_source("around", 293.0))
+    g.measure_effort("temperature", body)
+    return g
+
+
+def test_a_late_thermometer_starts_at_what_it_shows_whatever_the_heat_capacity() -> None:
+    """By the declared capacity the body was to begin at 350 K; by the estimated one it began at 533 K."""
+    chance, time = np.random.default_rng(3), np.arange(400) * 20.0
+    power = np.repeat(chance.uniform(0.0, 9000.0, 10), 40)
+    body, shown = np.empty(400), np.empty(400)
+    body[0] = shown[0] = 350.0
+    for k in range(399):  # steps of a second
+        t, s = body[k], shown[k]
+        for _ in range(20):
+            t, s = t + (power[k] - 10.0 * (t - 293.0)) / 38000.0, s + (t - s) / 110.0
+        body[k + 1], shown[k + 1] = t, s
+    y = (shown + 0.5 * chance.standard_normal(400))[np.newaxis]
+    own = build(kiln())
+    log = MatchedLog("kiln", time, power[np.newaxis], y)
+    setup = filter_setup(own.model, own.driven, [log], "none")
+    base = fit(EstimationProblem(setup.filter_model, (log,), (*free_parameters(setup, ()), *setup.noise)))
+    where = places(own, [log], base.runs([log]), base.theta)
+    (late,), _ = candidates(own, [sensor_lag], [one for one in where if one.output])
+    done = refit(Trial(late, 0.0), [], Context(own, base, (log,), 10, 0.01, 5.0))
+    assert done.fit is not None
+    assert done.fit.values["C"] == pytest.approx(38000.0, rel=0.02)
+    assert done.fit.values["lag_temperature"] == pytest.approx(110.0, rel=0.05)
+    heat, following = done.fit.problem.batch(done.fit.point[:, np.newaxis]).x0[0][:, 0]
+    assert heat / done.fit.values["C"] == pytest.approx(following, abs=0.5)
+    assert following == pytest.approx(y[0, 0], abs=1.0)

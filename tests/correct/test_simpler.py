@@ -39,7 +39,7 @@ def _added(log: MatchedLog, chosen: EffectFunction, *others: EffectFunction) -> 
     law, *rest = [refitted(one) for one in (chosen, *others)]
     assert law.built is not None and law.fit is not None
     state = Progress(sled(), law.built, law.fit, (log,), (law,))
-    return in_simpler_laws(state, [SimpleNamespace(trials=(law, *rest))], RoundSettings())  # type: ignore[list-item]
+    return in_simpler_laws(state, [SimpleNamespace(trials=(law, *rest), chosen=law)], RoundSettings())  # type: ignore[list-item]
 
 
 def test_a_simpler_law_that_does_as_well_takes_the_place_of_a_law() -> None:
@@ -72,8 +72,9 @@ def _summed(log: MatchedLog, *functions: EffectFunction) -> tuple[Progress, Roun
     linear = linearisation(base, [log])
     where = places(own, [log], linear.runs, base.theta_of(own.model))
     turn = SimpleNamespace(
-        trials=(), linear=linear, probed=probes(own, linear, where), signals=signals(own, linear, where), located=()
-    )
+        trials=(), linear=linear, probed=probes(own, linear, where), signals=signals(own, linear, where), located=(),
+        chosen=None,
+    )  # fmt: skip
     return Progress(sled(), own, base, (log,), tuple(laws)), turn  # type: ignore[return-value]
 
 
@@ -128,6 +129,36 @@ def test_one_law_takes_the_place_of_a_law_and_of_what_completes_it() -> None:
     (told,) = reduced.history
     assert told.action == "simplified" and told.what == first.candidate.label
     assert f"takes the place of {second.candidate.label}, {constant.candidate.label} too" in told.why
+
+
+def _rivalled(log: MatchedLog, first: EffectFunction, rival: EffectFunction, later: bool = True) -> Progress:
+    """The state with a law and dry friction beside it at the end of a loop, whose first round refitted a rival too."""
+    state, _ = _summed(log, first, effects.coulomb_loss)
+    base = fitted([log])
+    where = [one for one in places(built(), [log], base.runs([log]), base.theta) if one.label == "runner"]
+    (made,), _ = candidates(built(), [rival], where)
+    other = refit_from(Trial(made, 0.0), [5.0], Context(built(), base, (log,), 10, 0.01, 5.0))
+    law, friction = state.added
+    turns = [SimpleNamespace(trials=(law, other), chosen=law), SimpleNamespace(trials=(), chosen=friction)]
+    return in_simpler_laws(state, turns[: 1 + later], RoundSettings())  # type: ignore[arg-type]
+
+
+def test_a_rival_that_does_better_beside_what_was_found_later_takes_the_place_of_a_law() -> None:
+    """A lag of a heater was left as the answer for that of a thermometer, chosen while a second loss was unknown."""
+    log = pull(added(effects.coulomb_loss, "runner", FRICTION, added(effects.quadratic_loss, "runner", 8.0)), 5)
+    state = _rivalled(log, effects.rolling_speed_loss, effects.quadratic_loss)
+    law, friction = state.added
+    assert law.candidate.label == "quadratic_loss at runner" and law.simplifies == "rolling_speed_loss at runner"
+    assert friction.candidate.label == "coulomb_loss at runner"
+    (told,) = state.history
+    assert told.action == "replaced" and "does better beside what was found later" in told.why
+    assert state.fit.values[law.candidate.effect.coefficients[0]] == pytest.approx(8.0, rel=0.05)
+
+
+def test_a_rival_is_not_asked_where_nothing_was_found_later_or_it_does_no_better() -> None:
+    log = pull(added(effects.coulomb_loss, "runner", FRICTION, added(effects.quadratic_loss, "runner", 8.0)), 5)
+    assert not _rivalled(log, effects.rolling_speed_loss, effects.quadratic_loss, later=False).history
+    assert not _rivalled(log, effects.quadratic_loss, effects.rolling_speed_loss).history
 
 
 def test_laws_that_complete_nothing_stay() -> None:

@@ -17,7 +17,7 @@ from bondgraph.build import BuiltModel, build
 from bondgraph.correct.evidence.context import Context, coefficients, declared_point, inside
 from bondgraph.correct.evidence.decide import judge
 from bondgraph.correct.evidence.trials import Trial
-from bondgraph.correct.search.storages import sizes, storage_problem
+from bondgraph.correct.search.storages import sizes, started_anew, storage_problem
 from bondgraph.data.log import FloatArray
 from bondgraph.estimate.derivatives.linearised import is_linearised
 from bondgraph.estimate.excerpt import excerpt, on_beginnings
@@ -94,6 +94,8 @@ def refit(
     if is_linearised(problem):  # what cannot pass the tests need not be finished
         beat = min(beat, context.base.nll - context.required)
     fitted = fit(problem, _MOST_ITERATIONS, _TOLERANCE, points, beat, context.journal, first)
+    if trial.candidate.effect.adds_state:
+        fitted = started_anew(fitted, context.built, built, trial.candidate.effect.channel, context.journal)
     evidence = judge(context.base, fitted, trial.candidate.effect, tried or context.tried, trial.gate is not None)
     return replace(trial, built=built, fit=fitted, evidence=evidence, failed="")
 

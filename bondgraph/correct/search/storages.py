@@ -20,6 +20,9 @@ from bondgraph.data.log import FloatArray
 from bondgraph.estimate.derivatives.linearised import filter_runs, is_linearised, linear_expansion, value_of
 from bondgraph.estimate.excerpt import excerpt
 from bondgraph.estimate.fitted import Fit, at_optimum
+from bondgraph.estimate.initial import initial_states
+from bondgraph.estimate.journal import Journal
+from bondgraph.estimate.local import fit
 from bondgraph.estimate.objective import Expansion
 from bondgraph.estimate.problem import EstimationProblem
 from bondgraph.estimate.searches import expand
@@ -38,6 +41,8 @@ SIZES = (0.125, 0.25, 0.375, 0.5, 0.625, 0.75, 0.875)
 _SHAPES = (-0.25, 0.0, 0.25)
 #: The steps that a storage is given at most, as a multiple of those of the model without it.
 _MOST_STEPS = 4
+#: Fits at most whose starts were led anew, and the share of its uncertainty by which a start is elsewhere.
+_AGAIN, _ELSEWHERE = 3, 0.5
 #: One that loses this many times what an effect must gain, at every size that is tried, is not refitted: towards no
 #: size at all it loses nothing, and those that the data asked for gained at some size with all else as it was.
 _LOSES = 5.0
@@ -126,6 +131,53 @@ def _further(
 
 def _promise(problem: EstimationProblem, point: FloatArray, expansion: Expansion) -> float:
     return newton_decrement(problem, point, expansion) if expansion.is_finite else float("nan")
+
+
+def started_anew(
+    fitted: Fit, before: BuiltModel, after: BuiltModel, channel: str, journal: Journal | None = None
+) -> Fit:
+    """The fit of a law with a state of its own, again where its own parameters would have that state start elsewhere.
+
+    Starts are lines in other states, by the fit without the law. A thermometer in a well that lags was to begin at
+    350 K, by the declared heat capacity of its kiln; with two thirds of that it began at 230 K.
+    """
+    for _ in range(_AGAIN):
+        problem = _led_by(fitted, before, after, channel)
+        std = np.array([fitted.problem.filter_model.initial_std.get(name, 0.0) for name in after.model.names("state")])
+        moved = [
+            np.abs(there - here) > _ELSEWHERE * std
+            for here, there in zip(_starts(fitted.problem), _starts(problem), strict=True)
+        ]
+        if not np.any(moved):
+            break
+        found = fit(problem, starts=[fitted.point], journal=journal)
+        if not found.nll < fitted.nll:
+            break
+        fitted = found
+    return fitted
+
+
+def _starts(problem: EstimationProblem) -> list[FloatArray]:
+    """Where each log begins (n_x,) at the start of a search."""
+    return [x0[:, 0] for x0 in problem.batch(problem.start[:, np.newaxis]).x0]
+
+
+def _led_by(fitted: Fit, before: BuiltModel, after: BuiltModel, channel: str) -> EstimationProblem:
+    """The problem of a fit with starts of the states that only ``after`` has by the values of that fit."""
+    problem, log = fitted.problem, fitted.problem.logs[0]
+    values = dict(zip(after.model.names("parameter"), map(float, fitted.theta), strict=True))
+    values |= dict(log.theta_overrides)
+    known = {name: value for name, value in values.items() if name in before.model.names("parameter")}
+    theta = before.model.theta(**known)
+    rule = problem.initial if isinstance(problem.initial, str) else "model"
+    (x,) = initial_states(before.model, [log], theta, rule)
+    lead = at_rest if channel else followers
+    follows = {**problem.filter_model.follows, **lead(before, after, x, first_inputs(after.model, log), values)}
+    free = tuple(
+        replace(one, start=float(np.clip(value, one.lower, one.upper)))
+        for one, value in zip(problem.free, fitted.values.values(), strict=True)
+    )
+    return replace(problem, filter_model=replace(problem.filter_model, follows=follows), free=free)
 
 
 def _followers(context: Context, extended: BuiltModel, channel: str) -> dict[str, Follow]:
