@@ -9,8 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from bondgraph.data.log import FloatArray, Log, LogChannel, MatchedLog
-from bondgraph.data.write import write_log
+from bondgraph.data.log import FloatArray, MatchedLog
 from bondgraph.estimate.initial import Initial, initial_states
 from bondgraph.estimate.setup import filter_setup
 from bondgraph.files import write_json
@@ -30,10 +29,10 @@ from bondgraph.report.noise import noise_sentence
 from bondgraph.report.numbers import shown
 from bondgraph.report.plots import state_figure
 from bondgraph.report.series import ChannelSeries, FilteredLog, StateBand, channel_errors
+from bondgraph.report.states_table import EXACT_CSV, StatesTable
 from bondgraph.report.suspicions import sampling_suspicions, unit_suspicions
 from bondgraph.simulate.late import inputs_of
 from bondgraph.simulate.model import Model
-from bondgraph.simulate.quantities import ParameterInfo, StateInfo
 
 #: Share of refused readings beyond which they are no outliers of a sensor: Hampel et al. (1986), Robust Statistics,
 #: section 1.2, have 1 to 10 % of gross errors in routine data.
@@ -58,12 +57,13 @@ def filter_logs(
     noise: Noise | None = None,
     made: Provenance | None = None,
     robust: Robust | None = None,
+    table: StatesTable = EXACT_CSV,
 ) -> Filtered:
     """Filter logs with a model at its declared parameters and write states, innovations and consistency.
 
     Noises are the declared ones, or else taken from the logs as for an estimation; ``robust`` is the loss of outliers.
-    Writes ``NAME_states.csv`` and
-    ``NAME_states.png`` per log, one ``result.json`` and one ``report.html``.
+    Writes ``NAME_states.csv``, or another ``table``, and ``NAME_states.png`` per log, one ``result.json`` and one
+    ``report.html``.
     """
     filter_model = _filter_model(model, driven, logs, noise, robust)
     folder.mkdir(parents=True, exist_ok=True)
@@ -78,7 +78,7 @@ def filter_logs(
         suspected += [f"{log.name}: {one}" for one in unit_suspicions(filter_model, log, initial)]
         start = initial_states(model, [log], model.theta(), initial)[0]
         record, shown_run, outputs = _filtered(filter_model, log, start, smoothed)
-        write_log(folder / f"{log.name}_states.csv", _states_log(shown_run))
+        lines += table.advice(table.write(folder, shown_run))
         bands = (*state_bands(record, shown_run), *outputs)
         save_figure(state_figure(bands, log.name), folder / f"{log.name}_states.png")
         filtered.append(FilteredLog(log.name, bands, innovation_bands(record)))
@@ -133,18 +133,6 @@ def _filtered(
         return bands, shown_run, beliefs.bands(bands)
     bands = run_bands(filter_model, log, x0=start, told=beliefs.add).raise_if_failed()
     return bands, bands, beliefs.bands(bands)
-
-
-def _states_log(record: AbstractRun) -> Log:
-    model = record.filter_model.model
-    quantities: list[StateInfo | ParameterInfo] = [*model.parameters, *model.states]
-    infos = {info.name: info for info in quantities}
-    channels: dict[str, LogChannel] = {}
-    for name in record.filter_model.state_names:
-        info = infos[name]
-        for label, values in ((name, record.mean(name)), (f"{name}_std", record.std(name))):
-            channels[label] = LogChannel(label, info.display_unit or "1", info.shown(values))
-    return Log(record.log_name, record.time, channels)
 
 
 def _lines(record: AbstractRun, found: Consistency) -> list[str]:
