@@ -49,7 +49,7 @@ from bondgraph.report.progress import WorkProgress
 from bondgraph.report.scenarios import declared_noise, declared_panels, declared_scenario
 from bondgraph.report.simulation import SimulationOptions, input_notes, simulate_graph, trajectory_log
 from bondgraph.report.states_table import StatesTable
-from bondgraph.report.tables import parameter_table, text_of
+from bondgraph.report.tables import error_table, parameter_table, text_of
 from bondgraph.simulate.model import Model
 from bondgraph.text import text_table
 
@@ -161,6 +161,8 @@ def _estimated(
         print(rough_note(found))
     if unseen:
         print(held_out_table(unseen))
+        errors = [one for log in unseen for one in log.errors]
+        print(text_of(error_table(errors, "held out: before and after the estimate (rms)")), end="")
     report = folder / "report.html"
     print(*limits(found), *misfit_sentences(found.misfits, report), *data.suspected, f"report: {report}", sep="\n")
     if options.profile is not None:
