@@ -343,6 +343,7 @@ def test_robust_commands_are_not_led_astray(
     said = capsys.readouterr().out  # it said that the noises are taken too large, since nothing passed the gate
     assert "the model or its noises are wrong rather than the sensor - filter without --robust" in said
     assert "taken too large" not in said and ", refused ones as zero" in said
+    assert "No channel contradicts" not in said  # nor does any that was not followed agree
     for text, said in (("cauchy", "kind 'cauchy' is not known"), ("gate:2", "give a number from 0.5 to 1")):
         assert main([*filtered, "--robust", text]) == 2
         assert said in capsys.readouterr().err
