@@ -46,7 +46,7 @@ class StatesTable:
     def check(self) -> None:
         """Refuse a kind of file whose package is not installed, before any work is done for it."""
         if self.form == "parquet":
-            extra("pyarrow.parquet", Path(f"_states.{self.form}"), "parquet")
+            extra("pyarrow.parquet", Path(f"--states {self.form}"), "parquet")
 
     def write(self, folder: Path, record: AbstractRun) -> Path:
         """Write ``NAME_states`` of a run into a folder; the file written."""
