@@ -220,8 +220,8 @@ def _add_filter(commands: Any) -> None:
     )  # fmt: skip
     c.add_argument(
         "--rounded", action="store_true",
-        help="leave out of that table the digits below a thousandth of a state's own deviation: half the size, as "
-        "csv.gz an eighth",
+        help="leave out of that table the digits below a thousandth of a state's own deviation: about half the "
+        "size, as csv.gz an eighth",
     )  # fmt: skip
     c.add_argument("--out", default="filtered", metavar="DIR", help="folder to write (default: filtered)")
 
