@@ -13,6 +13,7 @@ from bondgraph.lazy import exported
 from bondgraph.version import __version__ as __version__
 
 if TYPE_CHECKING:
+    from bondgraph.asking import sensitivity as sensitivity
     from bondgraph.build import BuiltModel as BuiltModel
     from bondgraph.build import build as build
     from bondgraph.correct.loop import LoopSettings as LoopSettings
@@ -38,7 +39,6 @@ if TYPE_CHECKING:
     from bondgraph.errors import BondGraphError as BondGraphError
     from bondgraph.estimate.estimation import Settings as Settings
     from bondgraph.estimate.joint import pose_joint as pose_joint
-    from bondgraph.estimate.sensitivities import sensitivity as sensitivity
     from bondgraph.filter.detector import ChangeDetector as ChangeDetector
     from bondgraph.filter.filter_model import FilterModel as FilterModel
     from bondgraph.filter.online import OnlineFilter as OnlineFilter
@@ -58,6 +58,7 @@ else:
     __getattr__, __dir__, __all__ = exported(
         __name__,
         {
+            "asking": "sensitivity",
             "build": "BuiltModel build",
             "correct.loop": "LoopSettings",
             "data.log": "Log LogChannel MatchedLog",
@@ -72,7 +73,6 @@ else:
             "errors": "BondGraphError",
             "estimate.estimation": "Settings",
             "estimate.joint": "pose_joint",
-            "estimate.sensitivities": "sensitivity",
             "filter.detector": "ChangeDetector",
             "filter.filter_model": "FilterModel",
             "filter.online": "OnlineFilter",

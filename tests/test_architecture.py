@@ -23,7 +23,7 @@ DESIGN_TIME = ("declare", "derive", "generate")
 RUN_TIME = ("execute", "compile", "data", "simulate", "filter", "estimate")
 ON_TOP = ("effects", "correct", "report", "exchange", "documentation", "cli")
 #: Single files above the halves: from a graph to a model.
-FRONT = ("build", "verbs")
+FRONT = ("asking", "build", "verbs")
 ROOMS = (*DESIGN_TIME, *RUN_TIME, *ON_TOP)
 
 #: What each room may import besides itself. The halves do not know each other; what is on top may use both.
@@ -44,6 +44,7 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
     "compile": FOUNDATION,
     "data": FOUNDATION,
     "build": (*FOUNDATION, *DESIGN_TIME, "compile", "simulate"),
+    "asking": (*FOUNDATION, *RUN_TIME, "verbs"),
     "verbs": (*FOUNDATION, *RUN_TIME, "correct"),
     **{room: (*FOUNDATION, *DESIGN_TIME, *RUN_TIME, "build", *ON_TOP[:i]) for i, room in enumerate(ON_TOP)},
     "effects": (*FOUNDATION, "declare", "derive"),

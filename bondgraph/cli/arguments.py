@@ -34,6 +34,8 @@ GRAPH_HELP = (
     "(vehicle_graphs.baja:launch), or graph file (motor.json); the name is that of a BondGraph or of a function that "
     "returns one"
 )
+#: Kinds of files of the states' table that a filter writes.
+STATE_FORMS = ("csv", "csv.gz", "parquet")
 #: Folder of the generated modules.
 FOLDER = "generated"
 MODEL_HELP = GRAPH_HELP + ", or generated module (generated/driveline.py)"
@@ -205,12 +207,22 @@ def _add_filter(commands: Any) -> None:
     c = _command(
         commands, "filter", "filter logs with a model: states with bands, innovations, consistency",
         "  bondgraph filter vehicle_graphs.driveline:driveline --data run.csv --smooth --out filtered\n"
-        "  bondgraph filter vehicle_graphs.driveline:driveline --data run.csv --robust gate:0.9999",
+        "  bondgraph filter vehicle_graphs.driveline:driveline --data run.csv --robust gate:0.9999\n"
+        "  bondgraph filter MODEL --data day.parquet --states csv.gz --rounded",
     )  # fmt: skip
     _add_data(c)
     add_strict(c)
     add_robust(c)
     c.add_argument("--smooth", action="store_true", help="states given the whole log instead of the past only")
+    c.add_argument(
+        "--states", default="csv", choices=STATE_FORMS,
+        help="kind of file of NAME_states, the table of all states with their deviations (default: csv)",
+    )  # fmt: skip
+    c.add_argument(
+        "--rounded", action="store_true",
+        help="leave out of that table the digits below a thousandth of a state's own deviation: about half the "
+        "size, as csv.gz an eighth",
+    )  # fmt: skip
     c.add_argument("--out", default="filtered", metavar="DIR", help="folder to write (default: filtered)")
 
 

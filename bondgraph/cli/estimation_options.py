@@ -18,8 +18,9 @@ def estimate_options(command: argparse.ArgumentParser) -> None:
     add_problem(command)
     add_knowledge(command)
     command.add_argument(
-        "--holdout", nargs="+", default=[], metavar="FILE", help="held-out logs: looked at, they decide nothing"
-    )
+        "--holdout", nargs="+", default=[], metavar="FILE",
+        help="held-out logs, with their likelihood and errors before and after: looked at, they decide nothing",
+    )  # fmt: skip
     _add_search(command)
     command.add_argument(
         "--profile", nargs="*", metavar="NAME",

@@ -48,7 +48,8 @@ from bondgraph.report.profiles import write_profiles
 from bondgraph.report.progress import WorkProgress
 from bondgraph.report.scenarios import declared_noise, declared_panels, declared_scenario
 from bondgraph.report.simulation import SimulationOptions, input_notes, simulate_graph, trajectory_log
-from bondgraph.report.tables import parameter_table, text_of
+from bondgraph.report.states_table import StatesTable
+from bondgraph.report.tables import error_table, parameter_table, text_of
 from bondgraph.simulate.model import Model
 from bondgraph.text import text_table
 
@@ -99,11 +100,13 @@ def _inputs(options: argparse.Namespace) -> Log | None:
 
 def filter(options: argparse.Namespace) -> int:
     """Filter logs and write states with bands, innovations and consistency."""
+    table = StatesTable(options.states, options.rounded)
+    table.check()
     model, driven, logs = model_and_logs(options)
     noise = None if is_model_file(options.model) else declared_noise(options.model, model.name)
     made, folder = provenance(options, math.nan), output_folder(Path(options.out))
     robust = parse_robust(options.robust) if options.robust else None
-    found = filter_logs(model, driven, logs, folder, options.smooth, options.start, noise, made, robust)
+    found = filter_logs(model, driven, logs, folder, options.smooth, options.start, noise, made, robust, table)
     say(found.text, whole=str(folder / "report.html"))
     return 1 if options.strict and found.misfits else 0
 
@@ -158,6 +161,8 @@ def _estimated(
         print(rough_note(found))
     if unseen:
         print(held_out_table(unseen))
+        errors = [one for log in unseen for one in log.errors]
+        print(text_of(error_table(errors, "held out: before and after the estimate (rms)")), end="")
     report = folder / "report.html"
     print(*limits(found), *misfit_sentences(found.misfits, report), *data.suspected, f"report: {report}", sep="\n")
     if options.profile is not None:

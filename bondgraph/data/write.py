@@ -110,7 +110,8 @@ def _write_parquet(path: Path, log: Log) -> Path:
     columns = {"time [s]": log.time}
     for channel in log.channels.values():
         # Missing cells are nulls in the file, so that other programs see them as missing too.
-        columns[f"{channel.name} [{channel.unit}]"] = arrow.array(channel.values.tolist(), mask=channel.missing)
+        values = channel.values.tolist() if channel.is_text else channel.values.astype(np.float64)
+        columns[f"{channel.name} [{channel.unit}]"] = arrow.array(values, mask=channel.missing)
     content = io.BytesIO()
     parquet.write_table(arrow.table(columns), content)
     write_bytes(path, content.getvalue())

@@ -18,7 +18,7 @@ from sympy import Expr
 
 from bondgraph.coherent import is_quantity
 from bondgraph.declare.laws import as_expression
-from bondgraph.declare.quantities import Input, Start
+from bondgraph.declare.quantities import Input, Parameter, Start
 from bondgraph.errors import DeclarationError, suggest
 from bondgraph.units import dimension, unit_text
 
@@ -192,6 +192,9 @@ def _named(text: str, where: str) -> Start:
 
 def _of_symbol(signal: Expr, where: str, inputs: Mapping[str, Any]) -> Start:
     factor, symbol = as_expression(signal, where).as_coeff_Mul()
+    known = {one: inputs[one.name] for one in signal.free_symbols if one.name in inputs}
+    if len(known) == len(signal.free_symbols) and all(isinstance(one, Parameter) for one in known.values()):
+        raise _of_parameters(signal, where, {one: parameter.value for one, parameter in known.items()})
     if not symbol.is_Symbol:
         raise _unreadable(signal, where)
     if symbol.name in inputs and not isinstance(inputs[symbol.name], Input):
@@ -203,6 +206,18 @@ def _start(signal: str, factor: float, given: Any, where: str) -> Start:
     if not math.isfinite(factor) or factor == 0.0:
         raise _unreadable(given, where)
     return Start(signal, factor)
+
+
+def _of_parameters(given: Expr, where: str, values: Mapping[Any, float]) -> DeclarationError:
+    """The error of a start that would follow parameters: its value at the declared ones is what can be given."""
+    value = given.subs(values)
+    number = f", {float(value):.10g} in coherent SI" if value.is_number and value.is_finite else ""
+    return DeclarationError(
+        f"{where}: initial {given} is no start of a state: no start follows parameters - give its value at the "
+        f"declared ones{number}; a log that measures the element begins at what its sensor shows, whatever parameters "
+        f"are tried, and for one that nothing measures an estimate takes the tie x0(STATE)={given}",
+        where=(where.rpartition(": ")[2], *sorted(map(str, given.free_symbols))),
+    )
 
 
 def _unreadable(given: Any, where: str) -> DeclarationError:

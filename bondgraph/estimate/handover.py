@@ -14,7 +14,6 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from scipy.stats import qmc
 
 from bondgraph.estimate.derivatives.exact import filtering_work
 from bondgraph.estimate.excerpt import excerpt
@@ -22,6 +21,7 @@ from bondgraph.estimate.joint import JointProblem, Problem
 from bondgraph.estimate.objective import FloatArray
 from bondgraph.estimate.problem import EstimationProblem
 from bondgraph.estimate.solvers.abstract import AbstractSearch
+from bondgraph.estimate.solvers.hypercube import latin_hypercube
 from bondgraph.estimate.solvers.particle_swarm import ParticleSwarm, SwarmSettings
 
 #: Points closer than this share of the bounds in every coordinate count as one start.
@@ -142,7 +142,7 @@ def spread_starts(problem: Problem, count: int, seed: int) -> FloatArray:
     """
     rng = np.random.default_rng([seed, 1])
     others = max(count - 1, 1)
-    shares = qmc.LatinHypercube(len(problem.free), rng=rng).random(others).T
+    shares = latin_hypercube(len(problem.free), others, rng)
     near = np.where(problem.noise_levels, np.log(_SCATTER), np.inf)
     lower, upper = np.maximum(problem.lower, problem.start - near), np.minimum(problem.upper, problem.start + near)
     spread = lower[:, np.newaxis] + (upper - lower)[:, np.newaxis] * shares

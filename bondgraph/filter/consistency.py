@@ -21,13 +21,13 @@ from scipy.special import gammaincinv
 from bondgraph.arrays import FloatArray
 from bondgraph.errors import FilterError
 from bondgraph.filter.abstract_run import AbstractRun, normalised_innovations
-from bondgraph.filter.misfit import LEVEL, ChannelInnovations, Misfit, channel_misfits
+from bondgraph.filter.misfit import LEVEL, ChannelInnovations, Misfit, channel_tests
 from bondgraph.filter.whiteness import ljung_box, whiteness_p
 from bondgraph.simulate.outcome import Outcome
 
 __all__ = [
-    "ChannelConsistency", "Consistency", "consistency", "joined_innovations", "ljung_box", "misfits", "nis_band",
-    "normalised_innovations", "whiteness_p",
+    "ChannelConsistency", "Consistency", "consistency", "innovation_tests", "joined_innovations", "ljung_box",
+    "misfits", "nis_band", "normalised_innovations", "whiteness_p",
 ]  # fmt: skip
 
 #: Missing samples put between logs, so that no autocorrelation reaches from one into the next.
@@ -188,10 +188,21 @@ def misfits(
     >>> [(one.channel, one.is_coloured, one.is_large) for one in misfits([run(swing, log, compiled=False)])]
     [('deflection', True, True)]
     """
+    return tuple(one for one in innovation_tests(runs, noise, level, guessed=guessed) if one.contradicts)
+
+
+def innovation_tests(
+    runs: Sequence[AbstractRun],
+    noise: Mapping[str, float] | None = None,
+    level: float = LEVEL,
+    *,
+    guessed: bool = False,
+) -> tuple[Misfit, ...]:
+    """The tests behind :func:`misfits` of all channels, whether they contradict the model or not."""
     good = [one for one in runs if one.outcome is Outcome.OK]
     declared = good[0].filter_model.measurement_noise if good else {}
     logs = tuple(one.log_name for one in good)
-    return channel_misfits(joined_innovations(good), logs, {**declared, **(noise or {})}, level, guessed=guessed)
+    return channel_tests(joined_innovations(good), logs, {**declared, **(noise or {})}, level, guessed=guessed)
 
 
 def nis_band(values: int, samples: int, confidence: float = 0.95) -> tuple[float, float]:

@@ -16,7 +16,7 @@ import numpy as np
 from scipy.special import fdtrc, gammainc, gammaincc
 
 from bondgraph.arrays import FloatArray
-from bondgraph.filter.whiteness import whiteness_p
+from bondgraph.filter.whiteness import first_autocorrelation, whiteness_p
 from bondgraph.text import inflected
 
 #: Chance of a false alarm about all channels of a report together.
@@ -59,12 +59,13 @@ class ChannelInnovations:
 
 @dataclass(frozen=True)
 class Misfit:
-    """A measured channel that a model does not explain in some logs.
+    """What the innovations of a measured channel say: whether a model explains it in some logs.
 
     ``error`` is the rms of the one-step errors and ``noise`` the standard deviation of the sensor's noise, both in
     ``unit``. ``nis_mean`` is the mean of the normalised squared innovations, 1 for a consistent filter; ``nis_p`` is
     the p-value of its being so large by chance, ``whiteness_p`` that of white innovations. ``is_coloured`` and
-    ``is_large`` say which of both was rejected.
+    ``is_large`` say which of both was rejected. ``autocorrelation`` is that of neighbouring innovations;
+    ``could_be_gain`` where noises that are taken too large would colour them as much.
     """
 
     channel: str
@@ -77,6 +78,13 @@ class Misfit:
     whiteness_p: float
     is_coloured: bool
     is_large: bool
+    autocorrelation: float = math.nan
+    could_be_gain: bool = False
+
+    @property
+    def contradicts(self) -> bool:
+        """Whether the channel is a misfit at all."""
+        return self.is_coloured or self.is_large
 
     @property
     def ratio(self) -> float:
@@ -88,7 +96,7 @@ class Misfit:
         """Words for what the innovations of the channel show."""
         why = []
         if self.is_coloured:
-            why.append(f"its innovations are coloured ({p_text(self.whiteness_p)})")
+            why.append(f"its innovations are coloured ({self._colour})")
         if self.is_large:
             why.append(
                 f"its squared innovations are {self.nis_mean:.3g} times what the filter expects ({p_text(self.nis_p)})"
@@ -97,6 +105,29 @@ class Misfit:
             f"{', '.join(self.logs)}: {self.channel}: one-step error {self.error:.2g} {self.unit} is "
             f"{_times(self.ratio)} its noise {self.noise:.2g} {self.unit}, and {' and '.join(why)}"
         )
+
+    @property
+    def harmless_colour(self) -> str:
+        """Words for colour that does not contradict a model; empty where there is none, or where it does."""
+        if self.is_coloured or not self.whiteness_p < LEVEL:
+            return ""
+        if self.could_be_gain:
+            why = (
+                f"but smaller than the filter expects (NIS {self.nis_mean:.2g}): noises that are taken too large do "
+                "that, and then the bands of the states are too wide"
+            )
+        else:
+            one_of = 1.0 / (_TAIL * self.whiteness_p**_TAIL_POWER)
+            why = f"which chance alone brings in one of {one_of:.0f} channels of a model that is right"
+        return f"{', '.join(self.logs)}: {self.channel}: its innovations are coloured ({self._colour}), {why}"
+
+    @property
+    def _colour(self) -> str:
+        """How sure colour is, and how much of an innovation the next one repeats."""
+        share = f"{100.0 * abs(self.autocorrelation):.0f} %"
+        next_one = f"repeats {share} of it" if self.autocorrelation >= 0.0 else f"takes back {share} of it"
+        how = f", first autocorrelation {self.autocorrelation:.2g}: after an error the next one {next_one}"
+        return p_text(self.whiteness_p) + (how if math.isfinite(self.autocorrelation) else "")
 
     def __str__(self) -> str:
         return f"{self.finding}: the model does not explain {inflected(self.logs, 'this log', 'these logs')}"
@@ -107,6 +138,7 @@ class Misfit:
             "channel": self.channel, "unit": self.unit, "logs": list(self.logs), "error": self.error,
             "noise": self.noise, "nis_mean": self.nis_mean, "nis_p": self.nis_p, "whiteness_p": self.whiteness_p,
             "coloured": self.is_coloured, "large": self.is_large, "sentence": str(self),
+            "autocorrelation": self.autocorrelation if math.isfinite(self.autocorrelation) else None,
         }  # fmt: skip
 
 
@@ -118,13 +150,26 @@ def channel_misfits(
     *,
     guessed: bool = False,
 ) -> tuple[Misfit, ...]:
-    """Channels whose innovations say that the model does not explain them; ``level`` is that of all tests together.
+    """Channels whose innovations say that the model does not explain them, see :func:`channel_tests`."""
+    return tuple(one for one in channel_tests(channels, logs, noise, level, guessed=guessed) if one.contradicts)
+
+
+def channel_tests(
+    channels: Sequence[ChannelInnovations],
+    logs: tuple[str, ...],
+    noise: Mapping[str, float],
+    level: float = LEVEL,
+    *,
+    guessed: bool = False,
+) -> tuple[Misfit, ...]:
+    """Tests of all channels, whether the model explains them or not; ``level`` is that of all tests together.
 
     Noises ``guessed`` from second differences of the same logs are known less well than the mean of all squares.
     """
     each = level / (2 * len(channels)) if channels else level
-    tested = [_tested(channel, logs, float(noise.get(channel.name, math.nan)), each, guessed) for channel in channels]
-    return tuple(one for one in tested if one.is_coloured or one.is_large)
+    return tuple(
+        _tested(channel, logs, float(noise.get(channel.name, math.nan)), each, guessed) for channel in channels
+    )
 
 
 def _tested(
@@ -149,6 +194,7 @@ def _tested(
         innovations.name, innovations.unit, logs, innovations.rmse * innovations.per_coherent,
         noise * innovations.per_coherent, squares / count, large_p, white_p,
         is_coloured=not could_be_gain and white_p < smallest, is_large=large_p < level,
+        autocorrelation=first_autocorrelation(innovations.normalised), could_be_gain=could_be_gain,
     )  # fmt: skip
 
 

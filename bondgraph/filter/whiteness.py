@@ -64,6 +64,23 @@ def ljung_box(series: FloatArray) -> tuple[float, int]:
     return statistic, freedom
 
 
+def first_autocorrelation(series: FloatArray) -> float:
+    """Correlation of neighbouring values of a series (n,), as many lags apart as a slow sensor is; NaN without any.
+
+    Examples
+    --------
+    >>> steps = np.random.default_rng(0).standard_normal(4000)
+    >>> round(first_autocorrelation(steps[1:] + 0.5 * steps[:-1]), 1)  # 0.5/(1 + 0.5^2)
+    0.4
+    """
+    present = ~np.isnan(series)
+    centred = np.where(present, series - np.mean(series[present]), 0.0) if present.any() else np.zeros(series.size)
+    power = float(np.sum(centred**2))
+    for lag, pairs in _paired_lags(present, 1) if power > 0.0 else ():
+        return float(np.sum(centred[lag:] * centred[:-lag])) / power * float(present.sum()) / pairs
+    return float("nan")
+
+
 def _paired_lags(present: BoolArray, most: int) -> list[tuple[int, float]]:
     """The first lags at which at least half of the values (n,) have a partner, and how many have.
 

@@ -49,6 +49,7 @@ def write_estimate(estimate: Estimate, folder: Path, made: Provenance, unseen: S
 def estimate_report(estimate: Estimate, made: Provenance, unseen: Sequence[HeldOutLog] = ()) -> ReportData:
     """The report of an estimate as plain values: declared parameters before, estimated after."""
     series = [one for part in estimate.parts for one in _series(part)]
+    series += [one for log in unseen for one in log.series]
     changes = [change for part in estimate.parts for change in _changes(part)]
     return ReportData(
         title=estimate.problem.name,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -9,13 +10,12 @@ from typing import Any
 
 import numpy as np
 
-from bondgraph.data.log import FloatArray, Log, LogChannel, MatchedLog
-from bondgraph.data.write import write_log
+from bondgraph.data.log import FloatArray, MatchedLog
 from bondgraph.estimate.initial import Initial, initial_states
 from bondgraph.estimate.setup import filter_setup
 from bondgraph.files import write_json
 from bondgraph.filter.abstract_run import AbstractRun
-from bondgraph.filter.consistency import Consistency, consistency, misfits
+from bondgraph.filter.consistency import Consistency, consistency, innovation_tests
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.misfit import LEVEL, Misfit, p_text
 from bondgraph.filter.noise import Noise
@@ -25,15 +25,15 @@ from bondgraph.report.collect import OutputBeliefs, Runs, channel_series, innova
 from bondgraph.report.figures import save_figure
 from bondgraph.report.html import Provenance, ReportData, write_report
 from bondgraph.report.logs import grouped_notes
-from bondgraph.report.misfits import band_text, misfit_sentences
+from bondgraph.report.misfits import band_text, filter_sentences
 from bondgraph.report.noise import noise_sentence
 from bondgraph.report.numbers import shown
 from bondgraph.report.plots import state_figure
 from bondgraph.report.series import ChannelSeries, FilteredLog, StateBand, channel_errors
+from bondgraph.report.states_table import EXACT_CSV, StatesTable
 from bondgraph.report.suspicions import sampling_suspicions, unit_suspicions
 from bondgraph.simulate.late import inputs_of
 from bondgraph.simulate.model import Model
-from bondgraph.simulate.quantities import ParameterInfo, StateInfo
 
 #: Share of refused readings beyond which they are no outliers of a sensor: Hampel et al. (1986), Robust Statistics,
 #: section 1.2, have 1 to 10 % of gross errors in routine data.
@@ -58,45 +58,46 @@ def filter_logs(
     noise: Noise | None = None,
     made: Provenance | None = None,
     robust: Robust | None = None,
+    table: StatesTable = EXACT_CSV,
 ) -> Filtered:
     """Filter logs with a model at its declared parameters and write states, innovations and consistency.
 
     Noises are the declared ones, or else taken from the logs as for an estimation; ``robust`` is the loss of outliers.
-    Writes ``NAME_states.csv`` and
-    ``NAME_states.png`` per log, one ``result.json`` and one ``report.html``.
+    Writes ``NAME_states.csv``, or another ``table``, and ``NAME_states.png`` per log, one ``result.json`` and one
+    ``report.html``.
     """
     filter_model = _filter_model(model, driven, logs, noise, robust)
     folder.mkdir(parents=True, exist_ok=True)
     lines, result = [], {}
     series: list[ChannelSeries] = []
     filtered: list[FilteredLog] = []
-    found_misfits: list[Misfit] = []
-    suspected: list[str] = []
+    tests: list[Misfit] = []
+    suspected, refused = list[str](), dict[tuple[str, str], str]()
     for log in logs:
         # simulations of their own, which end before anything is kept of a long log
         suspected += [f"{log.name}: {one}" for one in sampling_suspicions(model, log, initial)]
         suspected += [f"{log.name}: {one}" for one in unit_suspicions(filter_model, log, initial)]
         start = initial_states(model, [log], model.theta(), initial)[0]
         record, shown_run, outputs = _filtered(filter_model, log, start, smoothed)
-        write_log(folder / f"{log.name}_states.csv", _states_log(shown_run))
+        lines += table.advice(table.write(folder, shown_run))
         bands = (*state_bands(record, shown_run), *outputs)
         save_figure(state_figure(bands, log.name), folder / f"{log.name}_states.png")
         filtered.append(FilteredLog(log.name, bands, innovation_bands(record)))
         found = consistency(record)
-        result[log.name] = {"nll": record.nll, "nis_mean": found.nis_mean, "nis_band": list(found.nis_band)}
-        misfit = misfits([record], level=LEVEL / len(logs), guessed=noise is None)
-        result[log.name] |= {"channels": _channels(found), "misfits": [one.to_dict() for one in misfit]}
-        found_misfits += misfit
-        suspected += _too_many_refused(log.name, found)
+        tested = innovation_tests([record], level=LEVEL / len(logs), guessed=noise is None)
+        result[log.name] = _result(record, found, tested)
+        tests += tested
+        refused |= _too_many_refused(log.name, found)
         series += channel_series(model, log, Runs(record), noise_std=filter_model.measurement_noise)
         lines += _lines(record, found)
     lines.append(noise_sentence(filter_model))
+    suspected += refused.values()
     write_json(folder / "result.json", result)
-    sentences = misfit_sentences(found_misfits, folder / "report.html")
+    found_misfits = tuple(one for one in tests if one.contradicts)
     data = ReportData(
         title=model.name,
         verdict="not explained" if found_misfits else "filtered",
-        explanation="\n".join(misfit_sentences(found_misfits)) or "No channel contradicts the model.",
+        explanation="\n".join(filter_sentences(tests, None, refused) or refused.values()),
         errors=channel_errors(series),
         series=tuple(series),
         filtered=tuple(filtered),
@@ -106,7 +107,8 @@ def filter_logs(
         subtitle=f"The model at its declared parameters, {'smoothing' if smoothed else 'filtering'} its measurements.",
     )
     write_report(data, folder / "report.html")
-    return Filtered("\n".join([*lines, *sentences, *suspected, f"written: {folder}"]), tuple(found_misfits))
+    said = [*lines, *filter_sentences(tests, folder / "report.html", refused), *suspected, f"written: {folder}"]
+    return Filtered("\n".join(said), found_misfits)
 
 
 def _filter_model(
@@ -135,18 +137,6 @@ def _filtered(
     return bands, bands, beliefs.bands(bands)
 
 
-def _states_log(record: AbstractRun) -> Log:
-    model = record.filter_model.model
-    quantities: list[StateInfo | ParameterInfo] = [*model.parameters, *model.states]
-    infos = {info.name: info for info in quantities}
-    channels: dict[str, LogChannel] = {}
-    for name in record.filter_model.state_names:
-        info = infos[name]
-        for label, values in ((name, record.mean(name)), (f"{name}_std", record.std(name))):
-            channels[label] = LogChannel(label, info.display_unit or "1", info.shown(values))
-    return Log(record.log_name, record.time, channels)
-
-
 def _lines(record: AbstractRun, found: Consistency) -> list[str]:
     """What the likelihood and the innovations of a log say, for the terminal."""
     band = [*map(shown, (found.nis_mean, *found.nis_band))]
@@ -161,17 +151,30 @@ def _lines(record: AbstractRun, found: Consistency) -> list[str]:
     return [whole, *channels]
 
 
-def _too_many_refused(log_name: str, found: Consistency) -> list[str]:
+def _too_many_refused(log_name: str, found: Consistency) -> dict[tuple[str, str], str]:
     """Sentences on channels of which a gate refused more than a sensor has outliers: then the model is wrong."""
-    return [
-        f"{log_name}: {c.name}: the gate refused {c.refused} of {c.count} readings, so that the filter hardly followed "
-        "them: the model or its noises are wrong rather than the sensor - filter without --robust to see how"
+    return {
+        (log_name, c.name): (
+            f"{log_name}: {c.name}: the gate refused {c.refused} of {c.count} readings, so that the filter hardly "
+            "followed them: the model or its noises are wrong rather than the sensor - filter without --robust to see "
+            "how"
+        )
         for c in found.channels
         if c.refused > _MOST_REFUSED * c.count
-    ]
+    }
 
 
-def _channels(found: Consistency) -> dict[str, Any]:
+def _result(record: AbstractRun, found: Consistency, tested: Sequence[Misfit]) -> dict[str, Any]:
+    """What ``result.json`` says of a log."""
+    return {
+        "nll": record.nll, "nis_mean": found.nis_mean, "nis_band": list(found.nis_band),
+        "channels": _channels(found, tested),
+        "misfits": [one.to_dict() for one in tested if one.contradicts],
+    }  # fmt: skip
+
+
+def _channels(found: Consistency, tested: Sequence[Misfit]) -> dict[str, Any]:
+    neighbours = {one.channel: one.autocorrelation for one in tested if math.isfinite(one.autocorrelation)}
     return {
         c.name: {
             "unit": c.unit,
@@ -179,6 +182,7 @@ def _channels(found: Consistency) -> dict[str, Any]:
             "nis_mean": c.nis_mean,
             "nis_band": list(c.nis_band),
             "whiteness_p": c.whiteness_p,
+            "autocorrelation": neighbours.get(c.name),
             "refused": c.refused,
         }
         for c in found.channels

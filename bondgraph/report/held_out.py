@@ -1,4 +1,4 @@
-"""An estimate on logs that it has not seen: likelihood and consistency beside those at the declared values."""
+"""An estimate on logs that it has not seen: likelihood, consistency and errors beside those at the declared values."""
 
 from __future__ import annotations
 
@@ -7,11 +7,18 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from bondgraph.arrays import FloatArray
 from bondgraph.data.log import MatchedLog
 from bondgraph.estimate.initial import initial_states
 from bondgraph.estimate.result import Estimate
 from bondgraph.filter.consistency import consistency
+from bondgraph.filter.filter_run import FilterRun
+from bondgraph.filter.linear.intervals import integrator, simulation_steps
 from bondgraph.filter.runs import run
+from bondgraph.report.collect import Runs, channel_series
+from bondgraph.report.series import ChannelError, ChannelSeries, channel_errors
+from bondgraph.simulate.outcome import Outcome
+from bondgraph.simulate.simulation import simulate
 from bondgraph.text import number, text_table
 
 
@@ -27,6 +34,8 @@ class HeldOutLog:
         Negative log-likelihood at the declared parameters, and at the estimated ones; both with the estimated noises.
     nis_mean, nis_band
         Mean normalised innovation squared at the estimate, and its 95 % band.
+    series
+        Measured channels with what the model says of them, at the declared parameters before and at the estimate after.
     """
 
     name: str
@@ -34,12 +43,31 @@ class HeldOutLog:
     nll: float
     nis_mean: float
     nis_band: tuple[float, float]
+    series: tuple[ChannelSeries, ...] = ()
+
+    @property
+    def errors(self) -> tuple[ChannelError, ...]:
+        """Errors of each channel: free simulations start from what a filter takes from the first sample."""
+        return channel_errors(self.series)
 
     def to_dict(self) -> dict[str, Any]:
         """As ``result.json`` holds it; numbers that do not exist are null."""
         numbers = {"declared_nll": self.declared_nll, "nll": self.nll, "nis_mean": self.nis_mean}
-        finite = {name: value if math.isfinite(value) else None for name, value in numbers.items()}
-        return {"log": self.name, **finite, "nis_band": list(self.nis_band)}
+        channels = {
+            one.channel: {
+                "unit": one.unit,
+                **_finite({
+                    "declared_simulation_rmse": one.simulation_before, "simulation_rmse": one.simulation_after,
+                    "noise_std": one.noise_std,
+                }),
+            }
+            for one in self.errors
+        }  # fmt: skip
+        return {"log": self.name, **_finite(numbers), "nis_band": list(self.nis_band), "channels": channels}
+
+
+def _finite(numbers: dict[str, float]) -> dict[str, float | None]:
+    return {name: value if math.isfinite(value) else None for name, value in numbers.items()}
 
 
 def held_out_logs(fit: Estimate, logs: Sequence[MatchedLog]) -> tuple[HeldOutLog, ...]:
@@ -57,12 +85,31 @@ def held_out_logs(fit: Estimate, logs: Sequence[MatchedLog]) -> tuple[HeldOutLog
             run(filter_model, log, theta, x0=initial_states(model, [log], theta, _rule(fit))[0])
             for theta in (model.theta(), fit.theta)
         )
+        series = channel_series(
+            model, log, _runs(declared, model.theta(), log), _runs(estimated, fit.theta, log),
+            dict(zip(model.names("output"), filter_model.noise_std, strict=True)), held_out=True,
+        )  # fmt: skip
         nis, band = math.nan, (math.nan, math.nan)
         if math.isfinite(estimated.nll):
             seen = consistency(estimated)
             nis, band = seen.nis_mean, seen.nis_band
-        found.append(HeldOutLog(log.name, declared.nll, estimated.nll, nis, band))
+        found.append(HeldOutLog(log.name, declared.nll, estimated.nll, nis, band, series))
     return tuple(found)
+
+
+def _runs(filtered: FilterRun, theta: FloatArray, log: MatchedLog) -> Runs:
+    """A filter's run with the free simulation from its first belief; none of a run that failed or a model that does."""
+    filter_model, model = filtered.filter_model, filtered.filter_model.model
+    if filtered.outcome is not Outcome.OK:
+        return Runs()
+    own = theta.copy()
+    for name, value in log.theta_overrides.items():
+        own[model.index("parameter", name)] = value
+    simulated = simulate(
+        model, log.time, log.u, own, filtered.filtered_mean[: len(model.states), 0],
+        method=integrator(filter_model), substeps=simulation_steps(filter_model, log.time), compiled=True,
+    )  # fmt: skip
+    return Runs(filtered, simulated if simulated.outcome is Outcome.OK else None)
 
 
 def _rule(fit: Estimate) -> Any:

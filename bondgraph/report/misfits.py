@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from pathlib import Path
 
 from bondgraph.filter.misfit import Misfit
@@ -31,6 +31,29 @@ def misfit_sentences(misfits: Sequence[Misfit], report: Path | None = None) -> l
         return [f"{misfit} - {todo}" for misfit in misfits]
     these = inflected({log for misfit in misfits for log in misfit.logs}, "this log", "these logs")
     return [*(misfit.finding for misfit in misfits), f"The model does not explain {these} - {todo}"]
+
+
+def filter_sentences(
+    tests: Sequence[Misfit], report: Path | None = None, emptied: Collection[tuple[str, str]] = ()
+) -> list[str]:
+    """Sentences on channels that are not explained, or that there is none; then on colour that contradicts nothing.
+
+    Of channels of which a gate ``emptied`` a log, pairs of log and channel, innovations tell neither.
+
+    Examples
+    --------
+    >>> wide = Misfit("speed", "m/s", ("run1",), 0.05, 0.05, 0.1, 1.0, 0.0, is_coloured=False, is_large=False,
+    ...     autocorrelation=-0.47, could_be_gain=True)
+    >>> print(*filter_sentences([wide]), sep=chr(10))  # doctest: +ELLIPSIS
+    No channel contradicts the model.
+    run1: speed: its innovations are coloured (p < 1e-100, first autocorrelation -0.47: after an error the next one
+    takes back 47 % of it), but smaller than the filter expects (NIS 0.1): noises that are taken too large do that, ...
+    """
+    against = misfit_sentences([one for one in tests if one.contradicts], report)
+    if not against and not emptied:
+        against = ["No channel contradicts the model."]
+    told = [one for one in tests if not any((log, one.channel) in emptied for log in one.logs)]
+    return [*against, *(one.harmless_colour for one in told if one.harmless_colour)]
 
 
 def band_text(mean: float, band: tuple[float, float], shown: Sequence[str]) -> str:

@@ -102,7 +102,13 @@ def test_what_is_known_of_parameters_is_said_on_the_command_line(
     assert result["parameters"]["b"]["value"] == pytest.approx(0.125, rel=1e-4)
     (unseen,) = result["held_out"]
     assert unseen["log"] == "other" and unseen["nll"] < unseen["declared_nll"]
-    assert "other" in capsys.readouterr().out and "Held out" in (out / "report.html").read_text("utf-8")
+    said, page = capsys.readouterr().out, (out / "report.html").read_text("utf-8")
+    assert "other" in said and "Held out" in page
+    speed = unseen["channels"]["omega"]
+    assert speed["unit"] == "rad/s" and speed["noise_std"] > 0.0
+    assert speed["simulation_rmse"] < 0.5 * speed["declared_simulation_rmse"]
+    table = said[said.index("held out: before and after") :]
+    assert "omega [rad/s]" in table and f"{speed['simulation_rmse']:.2g}" in table and "held out" in table
 
 
 def test_sensitivity_knows_ties_and_priors(
@@ -337,6 +343,7 @@ def test_robust_commands_are_not_led_astray(
     said = capsys.readouterr().out  # it said that the noises are taken too large, since nothing passed the gate
     assert "the model or its noises are wrong rather than the sensor - filter without --robust" in said
     assert "taken too large" not in said and ", refused ones as zero" in said
+    assert "No channel contradicts" not in said  # nor does any that was not followed agree
     for text, said in (("cauchy", "kind 'cauchy' is not known"), ("gate:2", "give a number from 0.5 to 1")):
         assert main([*filtered, "--robust", text]) == 2
         assert said in capsys.readouterr().err

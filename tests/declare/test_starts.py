@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from bondgraph.build import build
-from bondgraph.declare.domains import ROTATION, TRANSLATION
+from bondgraph.data.log import MatchedLog
+from bondgraph.declare.domains import ROTATION, THERMAL, TRANSLATION
 from bondgraph.declare.graph import BondGraph
 from bondgraph.declare.json_reader import graph_from_json
 from bondgraph.declare.json_writer import graph_to_json
@@ -17,6 +18,8 @@ from bondgraph.declare.quantities import Start
 from bondgraph.errors import DeclarationError, ModelError
 from bondgraph.generate.module import render
 from bondgraph.simulate.model import Model
+from bondgraph.simulate.simulation import simulate
+from bondgraph.verbs import pose
 
 
 def rotor(initial: object = 0.0, graph: BondGraph | None = None, **more: object) -> BondGraph:
@@ -135,6 +138,39 @@ def test_a_part_starts_at_its_own_signals_or_at_what_they_are_bound_to():
 def test_what_is_no_start_is_refused(initial, message):
     with pytest.raises(DeclarationError, match=message):
         build(rotor(initial))
+
+
+def test_a_start_that_would_follow_parameters_is_refused_with_its_value():
+    """Heat is the state of a body of which one knows the temperature: a number was asked for, and not said which."""
+    g = BondGraph("oven")
+    heat, C = g.zero_junction("body", THERMAL), g.parameter("C", 500.0, "J/K")
+    wanted = r"load: initial 293\.15\*C is no start .* declared ones, 146575 in coherent SI; .* tie x0\(STATE\)="
+    with pytest.raises(DeclarationError, match=wanted + r"293\.15\*C"):
+        g.compliance("load", 1 / C, at=heat, initial=293.15 * C)
+    with pytest.raises(DeclarationError, match=r"C \+ 1 is no start .* declared ones, 501 in coherent SI"):
+        g.compliance("load", 1 / C, at=heat, initial=C + 1)
+
+
+def test_a_tie_begins_what_nothing_measures_where_a_parameter_says():
+    g = BondGraph("oven")
+    core, shell = (g.zero_junction(name, THERMAL) for name in ("core", "shell"))
+    wall = g.one_junction("wall", THERMAL)
+    C, R = g.parameter("C", 500.0, "J/K", "", (200.0, 1000.0)), g.parameter("R", 2.0, "K/W")
+    g.flow_source("heater", g.input("heat", "W"), at=core)
+    g.compliance("core_body", 1 / C, at=core, initial=293.15 * 500.0)
+    g.compliance("shell_body", 1 / g.parameter("C_s", 300.0, "J/K"), at=shell, initial=293.15 * 300.0)
+    g.bond(core, wall)
+    g.bond(wall, shell)
+    g.resistance("gap", R, at=wall)
+    g.measure_effort("temperature", shell)
+    model, time = build(g).model, 2.0 * np.arange(60)
+    measured = simulate(model, time, np.full((1, 60), 20.0)).y
+    log = MatchedLog("warm", time, np.full((1, 60), 20.0), measured)
+    problem = pose(model, log, ["C"], ties={"x0(q_core_body)": "293.15*C"}, process_noise="none")
+    members = problem.batch(problem.start[:, np.newaxis] + np.array([0.0, 0.1]))
+    begun = members.x0[0][model.index("state", "q_core_body")]
+    np.testing.assert_allclose(begun, 293.15 * members.theta[model.index("parameter", "C")], rtol=1e-12)
+    assert begun[1] > begun[0]
 
 
 def test_a_start_has_the_unit_of_the_state_and_takes_no_text():

@@ -13,11 +13,13 @@ from bondgraph.declare.domains import TRANSLATION
 from bondgraph.declare.graph import BondGraph
 from bondgraph.estimate.initial import initial_states
 from bondgraph.estimate.setup import filter_setup
-from bondgraph.filter.consistency import consistency, joined_innovations, misfits
+from bondgraph.filter.consistency import consistency, innovation_tests, joined_innovations, misfits
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.misfit import ChannelInnovations, channel_misfits
 from bondgraph.filter.robust import Robust
 from bondgraph.filter.runs import run
+from bondgraph.filter.whiteness import first_autocorrelation
+from bondgraph.report.misfits import filter_sentences
 from bondgraph.simulate.example import pendulum
 from bondgraph.simulate.simulation import simulate
 from vehicle_graphs.driveline import driveline
@@ -82,6 +84,31 @@ def test_outliers_that_a_robust_filter_weighs_are_no_error_of_a_channel(kind: st
     assert struck.rmse == pytest.approx(clean.rmse, rel=0.15)
     assert clean.rmse == pytest.approx(NOISE, rel=0.2)
     assert not run(robust, replace(log, y=y)).misfits
+
+
+def test_colour_that_contradicts_nothing_is_said_with_its_size() -> None:
+    """A page said that no channel contradicts the model beside a whiteness of p < 1e-100."""
+    eager = replace(_filter(), process_noise={"rate": 1.0})
+    (one,) = innovation_tests([run(eager, _log(4, samples=1500))])
+    assert not one.contradicts and one.whiteness_p < 1e-30 and -0.5 < one.autocorrelation < -0.3
+    first, colour = filter_sentences([one])
+    assert first == "No channel contradicts the model."
+    assert f"first autocorrelation {one.autocorrelation:.2g}: after an error the next one takes back" in colour
+    assert "noises that are taken too large" in colour and f"NIS {one.nis_mean:.2g}" in colour
+    (white,) = innovation_tests([run(_filter(), _log(4, samples=1500))])
+    assert filter_sentences([white]) == ["No channel contradicts the model."]
+    rare = replace(white, whiteness_p=1e-5)
+    assert "which chance alone brings in one of 506 channels" in filter_sentences([rare])[1]
+
+
+def test_the_first_autocorrelation_is_that_of_neighbouring_readings() -> None:
+    chance = np.random.default_rng(3).standard_normal(6001)
+    series = chance[1:] - 0.5 * chance[:-1]
+    slow = np.full(5 * series.size, np.nan)
+    slow[::5] = series
+    assert first_autocorrelation(series) == pytest.approx(-0.4, abs=0.04)
+    assert first_autocorrelation(slow) == pytest.approx(first_autocorrelation(series), rel=1e-3)
+    assert np.isnan(first_autocorrelation(np.full(9, np.nan))) and np.isnan(first_autocorrelation(np.ones(9)))
 
 
 def test_a_noise_widened_to_the_misfit_does_not_hide_it() -> None:

@@ -15,6 +15,6 @@ print(profile)
 profile.plot().figure.savefig("profile.svg")
 
 another = measured("run3", 3)
-print(bg.sensitivity(bg.pose(model, another, ["mass", "drag"])).summary())  # what another log tells, before it is used
+print(bg.sensitivity(model, another, ["mass", "drag"]).summary())  # what another log tells, before it is used
 second = bg.estimate(model, another, ["mass", "drag"], priors=[fit.as_prior()])  # what the first said is its prior
 print(second.summary())

@@ -20,11 +20,11 @@ from typing import ClassVar
 
 import numpy as np
 import numpy.typing as npt
-from scipy.stats import qmc
 
 from bondgraph.errors import EstimationError
 from bondgraph.estimate.objective import FloatArray, Objective, SearchOutcome, TraceRow, nll_below
 from bondgraph.estimate.solvers.abstract import AbstractSearch, SearchResult
+from bondgraph.estimate.solvers.hypercube import latin_hypercube
 
 #: Members for each coordinate at first, and left behind ones for each member. Tanabe and Fukunaga tuned 18 and 2.6 for
 #: 10 000 evaluations per coordinate; with 2000 smaller numbers are better (``python -m tests.benchmarks --only
@@ -117,7 +117,7 @@ class Shade(AbstractSearch[ShadeState]):
         size = objective.lower.size
         members = self.members or max(_PER_COORDINATE * size, _LEAST)
         rng = np.random.default_rng([self.seed, 0])
-        points = lower + width * qmc.LatinHypercube(size, rng=rng).random(members).T
+        points = lower + width * latin_hypercube(size, members, rng)
         points[:, 0] = starts[:, 0]
         values = _finite(objective.nll(points))
         half = np.full(_MEMORY, 0.5)

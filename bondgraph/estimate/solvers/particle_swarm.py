@@ -24,7 +24,6 @@ from dataclasses import dataclass, field, replace
 from typing import ClassVar
 
 import numpy as np
-from scipy.stats import qmc
 
 from bondgraph.errors import EstimationError
 from bondgraph.estimate.objective import (
@@ -38,6 +37,7 @@ from bondgraph.estimate.objective import (
     silent,
 )
 from bondgraph.estimate.solvers.abstract import AbstractSearch, SearchResult, search_to_end
+from bondgraph.estimate.solvers.hypercube import latin_hypercube
 from bondgraph.estimate.solvers.swarm_rules import Global, Neighbourhood, Reflecting, Schedule, Walls
 
 
@@ -148,7 +148,7 @@ def _places(
 ) -> tuple[FloatArray, FloatArray]:
     """Positions and velocities (n, members) of particles that begin."""
     lower, width = objective.lower[:, np.newaxis], (objective.upper - objective.lower)[:, np.newaxis]
-    positions = lower + width * qmc.LatinHypercube(objective.lower.size, rng=rng).random(members).T
+    positions = lower + width * latin_hypercube(objective.lower.size, members, rng)
     if start is not None:
         positions[:, 0] = start
     # Half of the way to another random point: as far as particles usually fly, and never far outside.

@@ -7,10 +7,10 @@ from typing import ClassVar
 
 import numpy as np
 from scipy.optimize import Bounds, differential_evolution
-from scipy.stats import qmc
 
 from bondgraph.estimate.objective import FloatArray, Objective, SearchOutcome, TraceRow
 from bondgraph.estimate.solvers.abstract import AbstractSearch, SearchResult
+from bondgraph.estimate.solvers.hypercube import latin_hypercube
 
 
 @dataclass(frozen=True)
@@ -58,7 +58,7 @@ class ScipyEvolution(AbstractSearch[PopulationState]):
         """A Latin hypercube over the box, the first of it at the first start."""
         lower, width = objective.lower[:, np.newaxis], (objective.upper - objective.lower)[:, np.newaxis]
         rng = np.random.default_rng([self.seed, 0])
-        points = lower + width * qmc.LatinHypercube(objective.lower.size, rng=rng).random(self.members).T
+        points = lower + width * latin_hypercube(objective.lower.size, self.members, rng)
         points[:, 0] = starts[:, 0]
         return _traced(PopulationState(0, points, _finite(objective.nll(points)), self.members, ()))
 
