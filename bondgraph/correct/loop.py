@@ -40,6 +40,7 @@ from bondgraph.correct.progress import Decision, Progress, advance, reduced_to, 
 from bondgraph.correct.rest import Rest, at_random, settle
 from bondgraph.correct.round import Round, RoundSettings, one_round, round_cautions, unsearched
 from bondgraph.correct.search.disturbances import Disturbance, described
+from bondgraph.correct.together import two_laws
 from bondgraph.correct.verdict import Verdict, unproven, verdict
 from bondgraph.correct.wandering import explained_at_random
 from bondgraph.data.log import MatchedLog
@@ -244,10 +245,14 @@ def _rounds(
     takes one out for good, so that they end.
     """
     rounds = list(earlier)
-    while _named(state) < most and len(rounds) - len(earlier) < 2 * most + 1:
+    while (room := most - state.named) > 0 and len(rounds) - len(earlier) < 2 * most + 1:
         try:
             turn = one_round(state.built, state.fit, state.train, functions, own, state.present, state.added)
             rounds.append(turn)
+            pair = two_laws(state, turn, functions, own) if room > 1 else None
+            if pair is not None:
+                state, rounds = pair[0], [*rounds, pair[1]]
+                continue
             if turn.chosen is None:
                 further = "further " if state.added else ""
                 passes = f"no {further}candidate passes the tests" if turn.trials else "no effect could be tried"
@@ -271,11 +276,6 @@ def _rounds(
 def _with_held(begun: DeclaredFit, before: Progress, after: Progress, journal: Journal) -> Progress:
     """The state after a law was added, with the inputs that it shows to be held."""
     return replace(after, held=held_after_all(begun, (before.fit, before.built), (after.fit, after.built), journal))
-
-
-def _named(state: Progress) -> int:
-    """How many laws were added; a disturbance is none."""
-    return sum(one.candidate.effect.kind != DISTURBANCE for one in state.laws)
 
 
 def _result(

@@ -79,6 +79,11 @@ class Progress:
         """Effects that were added to the declaration: everything but events."""
         return tuple(trial for trial in self.added if trial.gate is None)
 
+    @property
+    def named(self) -> int:
+        """How many laws were added; a disturbance is none."""
+        return sum(trial.candidate.effect.kind != DISTURBANCE for trial in self.laws)
+
 
 def _key(trial: Trial) -> tuple[str, str]:
     return trial.candidate.function.__name__, trial.candidate.place.label

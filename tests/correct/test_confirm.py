@@ -34,7 +34,7 @@ def test_a_fit_without_the_law_that_ended_too_early_is_found_from_where_the_refi
     trials, _, context = rivals()
     drag = refit_from(trials[0], trials[0].step, context)
     assert drag.fit is not None and drag.evidence is not None
-    monkeypatch.setattr(confirm, "_is_clear", lambda *given: False)
+    monkeypatch.setattr(confirm, "is_clear", lambda *given: False)
     monkeypatch.setattr(confirm, "_in_free_simulation", lambda refit, trial, evidence, context: evidence)
     monkeypatch.setattr(confirm, "excerpt", lambda problem: None if samples is None else excerpt(problem, samples))
     early = worse(context.base, 0.1)

@@ -88,7 +88,7 @@ def test_under_coloured_noise_a_free_simulation_must_gain_over_the_quiet_fit_wit
     assert trial.fit is not None
     alone = quiet_fit(trial.fit, [log])
     assert alone is not None
-    monkeypatch.setattr(confirm, "_is_clear", lambda *given: False)  # as if its white channels said too little
+    monkeypatch.setattr(confirm, "is_clear", lambda *given: False)  # as if its white channels said too little
     as_good = replace(context, quiet=replace(without, nll=alone.nll))
     doubted = confirmed(trial, as_good)
     assert doubted.evidence is not None and doubted.evidence.p_robust == 1.0

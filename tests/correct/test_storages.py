@@ -119,7 +119,7 @@ def test_a_gain_counts_by_its_scatter_along_the_log() -> None:
 def test_a_storage_must_gain_all_along_the_log_where_innovations_stay_coloured(monkeypatch: pytest.MonkeyPatch) -> None:
     context = fitted(swinging(elastic(0.02, 0.1, loss=0.05)))
     assert one_round(context.built, context.base, context.train, [effects.added_compliance]).chosen is not None
-    monkeypatch.setattr(confirm, "_is_clear", lambda *given: False)  # as if its white channels said too little
+    monkeypatch.setattr(confirm, "is_clear", lambda *given: False)  # as if its white channels said too little
     monkeypatch.setattr(confirm, "gain_p_value", lambda before, after: 0.2)
     assert one_round(context.built, context.base, context.train, [effects.added_compliance]).chosen is None
 

@@ -10,6 +10,7 @@ from scipy.integrate import solve_ivp
 
 import bondgraph as bg
 from bondgraph import effects
+from bondgraph.data.log import FloatArray
 from bondgraph.declare.editing import handle
 from bondgraph.declare.effect import Place, Scale
 
@@ -75,7 +76,7 @@ def test_it_is_offered_where_a_position_is_known_and_an_inertia_declared() -> No
 def drive(more: float, seed: int) -> bg.Log:
     """A log of 25 s at 50 Hz, by scipy; the carriage goes between places, its chain has so many kg/m."""
     chance = np.random.default_rng(seed)
-    time = np.arange(1250) * 0.02
+    time: FloatArray = np.arange(1250) * 0.02
     force, state, states = np.zeros(time.size), np.array([0.0, 3.0]), []
     for k in range(time.size):
         if k % 40 == 0:

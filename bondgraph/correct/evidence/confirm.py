@@ -52,7 +52,7 @@ def confirmed(trial: Trial, context: Context) -> Trial:
         return trial
     candidate = trial.candidate
     if context.base.problem.filter_model.is_stiff:
-        if _is_clear(trial.fit, trial.evidence, candidate, context.level):
+        if is_clear(trial.fit, trial.evidence, candidate, context.level):
             return trial
         if candidate.effect.adds_state and not candidate.followed:
             along = gain_p_value(context.base.own_runs, trial.fit.own_runs)
@@ -91,7 +91,7 @@ def _from_there(base: Fit, refit: Fit, context: Context) -> Fit:
     return other if other.nll < base.nll else base
 
 
-def _is_clear(refit: Fit, evidence: Evidence, candidate: Candidate, level: float) -> bool:
+def is_clear(refit: Fit, evidence: Evidence, candidate: Candidate, level: float) -> bool:
     """Whether a candidate stands by the channels alone whose innovations could be white.
 
     Coloured ones may say what they like: what they tell of its coefficients does not count.
@@ -110,7 +110,7 @@ def _in_free_simulation(refit: Fit, trial: Trial, evidence: Evidence, context: C
     in the second way only where it does not pass as it is.
     """
     driven = any(one.target.kind == "process" for one in refit.problem.free)
-    if not driven or _is_clear(refit, evidence, trial.candidate, context.level):
+    if not driven or is_clear(refit, evidence, trial.candidate, context.level):
         return evidence
     walking, stake = integrating(context.base), evidence.delta_nll
     still = context.quiet or quiet_fit(context.base, context.train, context.journal)
