@@ -251,7 +251,7 @@ def _rounds(
             rounds.append(turn)
             pair = two_laws(state, turn, functions, own) if room > 1 else None
             if pair is not None:
-                state, rounds = pair[0], [*rounds, pair[1]]
+                state, rounds = pair[0], [*rounds[:-1], *pair[1]]
                 continue
             if turn.chosen is None:
                 further = "further " if state.added else ""

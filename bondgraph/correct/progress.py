@@ -252,13 +252,14 @@ def _refitted(reduced: Reduced, settings: RoundSettings) -> Fit | None:
 
 
 def _without_needless_disturbance(state: Progress, last: Trial, number: int, settings: RoundSettings) -> Progress:
-    """The state without a disturbance whose intensity and time are not worth their penalty beside the last effect."""
+    """The state without disturbances whose intensity and time are not worth their penalty beside the last effect."""
     measured = sum(int(np.isfinite(log.y).sum()) for log in state.train)
-    for k, trial in enumerate(state.added):
-        if trial.candidate.effect.kind == DISTURBANCE:
-            why = f"its intensity and its time are worth less than their penalty beside {last.candidate.label}"
-            fewer = without(state, k, "dropped", why, number, settings)
-            return fewer if fewer.fit.nll - state.fit.nll < math.log(measured) else state
+    why = f"its intensity and its time are worth less than their penalty beside {last.candidate.label}"
+    for trial in [one for one in state.added if one.candidate.effect.kind == DISTURBANCE]:
+        index = next((k for k, one in enumerate(state.added) if one is trial), None)
+        if index is not None:  # a rhythm stands beside a first one, and may go with it
+            fewer = without(state, index, "dropped", why, number, settings)
+            state = fewer if fewer.fit.nll - state.fit.nll < math.log(measured) else state
     return state
 
 

@@ -56,7 +56,7 @@ def in_simpler_laws(state: Progress, rounds: Sequence[Round], settings: RoundSet
     for k in range(len(state.added)):
         state = _simplified(state, k, rounds, settings)
     for k in range(len(state.added)):
-        state = _best(state, k, _rivals(state, k, rounds), rounds, settings)
+        state = _against_rivals(state, k, rounds, settings)
     return state
 
 
@@ -131,7 +131,10 @@ def _criterion(state: Progress) -> float:
 
 @dataclass(frozen=True)
 class _Other:
-    """A law for the place of one, its free parameters with where they start, and the nats that it must do better."""
+    """A law for the place of one, its free parameters with where they start, and the nats that it must do better.
+
+    Less than none of a rival, which may do as well.
+    """
 
     trial: Trial
     own: tuple[FreeParameter, ...]
@@ -176,6 +179,26 @@ def _simpler(state: Progress, index: int, rounds: Sequence[Round]) -> list[_Othe
     return [_Other(one, _refitted(one)) for one in best.values()]
 
 
+def _against_rivals(state: Progress, index: int, rounds: Sequence[Round], settings: RoundSettings) -> Progress:
+    """The state with the best rival in the place of a law, if one does clearly better; else with those that do as well.
+
+    Equals of a law that was not known to be one of several are named with it.
+    """
+    found = [
+        made
+        for one in _rivals(state, index, rounds)
+        if (made := attempted(lambda one=one: _with(state, index, one, len(rounds), settings), lambda why: None))  # type: ignore[misc]
+    ]
+    best = min(found, key=_criterion, default=None)
+    takes = best is not None and _criterion(best) < _criterion(state) - INDIFFERENT
+    chosen = best if best is not None and takes else state
+    labels = [one.added[index].candidate.label for one in (state, *found) if one is not chosen]
+    worth = [_criterion(one) for one in (state, *found) if one is not chosen]
+    alike = tuple(label for label, one in zip(labels, worth, strict=True) if one - _criterion(chosen) < INDIFFERENT)
+    law = replace(chosen.added[index], rivals=alike)
+    return replace(chosen, added=tuple(law if k == index else one for k, one in enumerate(chosen.added)))
+
+
 def _rivals(state: Progress, index: int, rounds: Sequence[Round]) -> list[_Other]:
     """Refitted laws that explained most of what a law did in its round, if more was found after that."""
     law = state.added[index]
@@ -200,7 +223,7 @@ def _rivals(state: Progress, index: int, rounds: Sequence[Round]) -> list[_Other
         and one.gain > MOSTLY * turn.chosen.gain
     ]
     best = sorted(near, key=lambda one: -one.gain)[:_RIVALS]
-    return [_Other(one, _refitted(one), INDIFFERENT) for one in best]
+    return [_Other(one, _refitted(one), -INDIFFERENT) for one in best]
 
 
 def _refitted(trial: Trial) -> tuple[FreeParameter, ...]:

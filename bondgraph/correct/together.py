@@ -15,6 +15,7 @@ from dataclasses import replace
 
 from bondgraph.correct.evidence.confirm import is_clear
 from bondgraph.correct.evidence.decide import judge, preferred_gain, robust_p_value
+from bondgraph.correct.evidence.reasons import alternatives
 from bondgraph.correct.evidence.transfer import transfer
 from bondgraph.correct.evidence.trials import Evidence, Trial
 from bondgraph.correct.models.failures import attempted
@@ -27,8 +28,8 @@ from bondgraph.estimate.local import fit
 
 def two_laws(
     state: Progress, turn: Round, functions: Sequence[EffectFunction], settings: RoundSettings
-) -> tuple[Progress, Round] | None:
-    """The state with two laws that pass the tests together, and the round that chose the second; None without any.
+) -> tuple[Progress, tuple[Round, Round]] | None:
+    """The state with two laws that pass the tests together, and the rounds that chose them; None without any.
 
     None where the round chose a law that acts throughout, and of stiff models, whose rounds are costly.
     """
@@ -40,7 +41,7 @@ def two_laws(
 
 def _together(
     state: Progress, turn: Round, lead: Trial, functions: Sequence[EffectFunction], settings: RoundSettings
-) -> tuple[Progress, Round] | None:
+) -> tuple[Progress, tuple[Round, Round]] | None:
     """The state with a law on trial and the one that a round finds beside it, if both pass."""
     begun = advance(state, replace(turn, chosen=lead), settings)
     if not any(one.candidate.label == lead.candidate.label for one in begun.laws):
@@ -65,7 +66,8 @@ def _together(
     )  # fmt: skip
     history = [*both.history]
     history[len(state.history)] = told
-    return replace(both, history=tuple(history)), second
+    others = alternatives(lead, turn.trials, turn.scored.scores, settings.level)
+    return replace(both, history=tuple(history)), (replace(turn, chosen=lead, alternatives=tuple(others)), second)
 
 
 def _law(state: Progress, label: str) -> Trial | None:

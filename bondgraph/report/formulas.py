@@ -79,6 +79,8 @@ def twins(closed: ClosedLoop, added: Added) -> list[Alternative]:
     turn, own, first = round_of(closed, added), added.trial.candidate, added.trial.simplifies.partition(" at ")[0]
     found = [] if turn is None else [one for one in turn.alternatives if one.indistinguishable]
     found = [replace(one, name=own.effect.described) if one.name == first else one for one in found]
-    alike = [label.partition(" at ") for label in added.trial.stands_for] if first else []
+    labels = (*(added.trial.stands_for if first else ()), *added.trial.rivals)
+    known = {f"{one.name} at {one.junction}" for one in found}
+    alike = [label.partition(" at ") for label in labels if label not in known]
     found += [Alternative(name, at, added.trial.gain, True, "it does as well in its place") for name, _, at in alike]
     return [one for one in found if (one.name, one.junction) != (own.effect.described, own.place.label)]

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 from bondgraph import effects
@@ -13,6 +15,7 @@ from bondgraph.correct.evidence.context import coefficients
 from bondgraph.correct.evidence.trials import Trial
 from bondgraph.correct.loop import LoopSettings, close_loop
 from bondgraph.correct.models.candidates import candidates
+from bondgraph.correct.models.shaping_filters import DISTURBANCE
 from bondgraph.correct.progress import Progress, standing, without
 from bondgraph.correct.rest import Rest
 from bondgraph.correct.round import RoundSettings
@@ -125,3 +128,22 @@ def test_nothing_is_tested_again_where_shorter_steps_withdraw_all(monkeypatch: p
     closed = close_loop(sled(), [pull(truth, 4)], [], (effects.quadratic_loss,), LoopSettings(faults=False))
     assert closed.added == ()
     assert [one.action for one in closed.history[:2]] == ["added", "withdrawn"]
+
+
+def test_a_rhythm_beside_a_needless_disturbance_is_asked_as_well(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A hose that gives way left a disturbance that went, and a rhythm beside it of 0.014 N m that stayed."""
+
+    def trial(name: str, kind: str = DISTURBANCE) -> SimpleNamespace:
+        return SimpleNamespace(candidate=SimpleNamespace(label=name, effect=SimpleNamespace(kind=kind)))
+
+    first, second, law = trial("disturbance at shaft"), trial("rhythm at shaft"), trial("node_volume at port", "")
+
+    def fewer(state: SimpleNamespace, index: int, *rest: object) -> SimpleNamespace:
+        left = tuple(one for k, one in enumerate(state.added) if k != index)
+        return SimpleNamespace(added=left, fit=SimpleNamespace(nll=state.fit.nll + 1.0), train=state.train)
+
+    monkeypatch.setattr(progress, "without", fewer)
+    log = SimpleNamespace(y=np.zeros((1, 500)))
+    state = SimpleNamespace(added=(first, second, law), fit=SimpleNamespace(nll=0.0), train=(log,))
+    done = progress._without_needless_disturbance(state, law, 2, RoundSettings())  # type: ignore[arg-type]
+    assert done.added == (law,)

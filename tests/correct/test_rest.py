@@ -73,7 +73,7 @@ def test_the_verdict_names_what_the_data_do_not_tell_apart(
     monkeypatch.setattr("bondgraph.report.closed_loop.headline_name", lambda closed, added: "leak at tank")
     closed = SimpleNamespace(corrected=cast(Fit, None))
     leak = SimpleNamespace(effect=SimpleNamespace(described="leak"), place=SimpleNamespace(label="tank"))
-    added = SimpleNamespace(trial=SimpleNamespace(candidate=leak, simplifies="", stands_for=()))
+    added = SimpleNamespace(trial=SimpleNamespace(candidate=leak, simplifies="", rivals=(), stands_for=()))
     assert _or_twins(closed, added) == said  # type: ignore[arg-type]
 
 
@@ -88,7 +88,7 @@ def test_what_took_the_place_of_a_law_is_told_apart_from_no_more_than_that(monke
     )
     dry = SimpleNamespace(effect=SimpleNamespace(described="coulomb_loss"), place=SimpleNamespace(label="motor"))
     trial = SimpleNamespace(
-        candidate=dry, simplifies="stribeck_loss at motor", stands_for=("torque_loss at motor",), gain=252.0
+        candidate=dry, simplifies="stribeck_loss at motor", rivals=(), stands_for=("torque_loss at motor",), gain=252.0
     )
     found = twins(SimpleNamespace(), SimpleNamespace(trial=trial))  # type: ignore[arg-type]
     assert [(one.name, one.junction) for one in found] == [("coulomb_loss", "hook"), ("torque_loss", "motor")]

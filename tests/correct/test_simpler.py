@@ -164,3 +164,18 @@ def test_a_rival_is_not_asked_where_nothing_was_found_later_or_it_does_no_better
 def test_laws_that_complete_nothing_stay() -> None:
     state, turn = _summed(pull(added(_drag(1.5), "runner", 12.0), 5), effects.quadratic_loss, effects.stribeck_loss)
     assert in_one_law(state, [turn], RoundSettings(), {}) is state
+
+
+def test_a_rival_that_does_as_well_is_named_with_the_law() -> None:
+    """A drag of the drum and one of the sled are the same behind a rope."""
+    log = pull(added(effects.coulomb_loss, "runner", FRICTION, added(effects.quadratic_loss, "runner", 8.0)), 5)
+    state, _ = _summed(log, effects.quadratic_loss, effects.coulomb_loss)
+    base = fitted([log])
+    where = [one for one in places(built(), [log], base.runs([log]), base.theta) if one.label == "drum"]
+    (made,), _ = candidates(built(), [effects.quadratic_loss], where)
+    other = refit_from(Trial(made, 0.0), [0.1], Context(built(), base, (log,), 10, 0.01, 5.0))
+    law, friction = state.added
+    turns = [SimpleNamespace(trials=(law, other), chosen=law), SimpleNamespace(trials=(), chosen=friction)]
+    done = in_simpler_laws(state, turns, RoundSettings())  # type: ignore[arg-type]
+    assert [one.candidate.label for one in done.added] == ["quadratic_loss at runner", "coulomb_loss at runner"]
+    assert done.added[0].rivals == ("quadratic_loss at drum",) and not done.history

@@ -82,7 +82,8 @@ def test_both_stay_where_each_passes_beside_the_other(function: EffectFunction, 
     state, done = refused_round(pull(true, 5))
     found = two_laws(state, done, FUNCTIONS, RoundSettings())
     assert found is not None
-    both, second = found
+    both, (first_round, second) = found
+    assert first_round.chosen is not None and first_round.chosen.candidate.label == "quadratic_loss at runner"
     assert second.chosen is not None and second.chosen.candidate.effect.name == function.__name__
     parts = {part.candidate.effect.name for law in both.laws for part in (law, *law.forms)}
     assert parts == {"quadratic_loss", function.__name__}

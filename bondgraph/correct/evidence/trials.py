@@ -41,8 +41,8 @@ class Trial:
     whose response is the same to rounding, of which this one was refitted. ``gate``: it acts in part of the data only.
     ``transfer``: how it predicts data that it was not estimated from, known of what would be chosen.
     ``instead``: another that was refitted, and how many nats less this one would gain in its place, told there.
-    ``simplifies``: the law of more coefficients whose place it took at the end, if it did. ``words_for``: the law that
-    a formula says in other words.
+    ``simplifies``: the law of more coefficients whose place it took at the end, if it did. ``rivals``: laws that do as
+    well in its place beside what was found after it. ``words_for``: the law that a formula says in other words.
     ``remark``: sizes that were left out, if any. ``failed``: why its score, its refit or a second look at that could
     not be made, if so; it cannot be chosen on what is missing then.
     """
@@ -64,6 +64,7 @@ class Trial:
     completes: str = ""
     simplifies: str = ""
     words_for: str = ""
+    rivals: tuple[str, ...] = ()
 
     @property
     def transfers(self) -> bool:

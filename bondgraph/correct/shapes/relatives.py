@@ -361,9 +361,10 @@ def _fitted(law: _Law, own: Sequence[FreeParameter], candidate: Candidate, curve
         start = np.array([variant.shapes.get(one.name, one.start) for one in own])
         start[sizes] = variant.sizes
         unit = law.drawn(curve.x, start)
-        if not np.isfinite(unit).all() or not (bent := curve.rest(unit)).any():
+        largest = float(np.abs(unit).max())  # the thirtieth power of a temperature overflows in a square
+        if not (0.0 < largest < np.inf) or not (bent := curve.rest(unit / largest)).any():
             continue
-        start[sizes] *= float(bent @ curve.y) / float(bent @ bent)
+        start[sizes] *= float(bent @ curve.y) / float(bent @ bent) / largest
         begun, scale = np.clip(start, lower, upper), np.where(start != 0.0, np.abs(start), 1.0)
         found = least_squares(misses, begun, bounds=(lower, upper), x_scale=scale, max_nfev=_STEPS)
         if 2.0 * found.cost < best[0]:
