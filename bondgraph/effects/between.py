@@ -59,7 +59,7 @@ def leak_between(g: BondGraph, at: Place) -> Effect | None:
 
 @between_junctions
 def orifice_between(g: BondGraph, at: Place) -> Effect | None:
-    """Flow through an opening between two chambers, with the root of the difference in pressure."""
+    """Flow through an opening between two chambers, with the root of the difference in pressure or a little more."""
     if at.junction.kind != "0" or at.domain != HYDRAULIC:
         return None
     name = f"orifice_between_{at.name}"
@@ -67,7 +67,7 @@ def orifice_between(g: BondGraph, at: Place) -> Effect | None:
     g.resistance(name, flow=leak.law, at=path(g, at, name))
     return Effect(
         "orifice_between", name, f"{ROOT_LAW}, effort = first - second", (leak.coefficient,), reference=_ORIFICE,
-        dissipative=True, manoeuvre="small and large differences in pressure",
+        dissipative=True, widths=(leak.power,), manoeuvre="small and large differences in pressure",
     )  # fmt: skip
 
 

@@ -111,7 +111,7 @@ def slip(g: BondGraph, at: Place) -> Effect | None:
 
 
 def orifice_leak(g: BondGraph, at: Place) -> Effect | None:
-    """Flow lost through a sharp opening, with the root of the pressure: a hole, a worn seat, a damaged seal."""
+    """Flow lost through an opening, with the root of the pressure or a little more: a hole, a worn seat, a crack."""
     if not has_effort(at) or at.domain != HYDRAULIC:
         return None
     name = f"orifice_leak_{at.name}"
@@ -119,7 +119,7 @@ def orifice_leak(g: BondGraph, at: Place) -> Effect | None:
     g.resistance(name, flow=leak.law, at=at.junction)
     return Effect(
         "orifice_leak", name, ROOT_LAW, (leak.coefficient,), reference=_ORIFICE, dissipative=True,
-        manoeuvre="low and high pressure held with no flow drawn",
+        widths=(leak.power,), manoeuvre="low and high pressure held with no flow drawn",
     )  # fmt: skip
 
 

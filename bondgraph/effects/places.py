@@ -7,7 +7,7 @@ import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
-from sympy import Expr, Rational, Symbol
+from sympy import Expr, Symbol
 
 from bondgraph.declare.domains import CHEMICAL, ELECTRICAL, HYDRAULIC, THERMAL
 from bondgraph.declare.effect import SMOOTHING, Place
@@ -186,34 +186,40 @@ def direction(g: BondGraph, at: Place, name: str) -> Expr:
     return g.parameter(f"w_{name}", at.smoothing * at.scale.flow, flow_unit(at), meaning)
 
 
-#: Law of a flow through a sharp opening; the width keeps its slope finite where the pressures are equal.
-ROOT_LAW = "flow = c*x/(x^2 + w^2)^(1/4), x = effort/e"
+#: Law of a flow through an opening; the small number keeps its slope finite where the pressures are equal.
+ROOT_LAW = "flow = c*x*(x^2 + 1e-6)^((n - 1)/2), x = effort/e"
 #: Share of its largest pressure below which flow through an opening is laminar.
 _LAMINAR = 1e-3
+#: Powers of the pressure that drives flow through openings, from the root of a sharp edge to one of a laminar gap:
+#: ASHRAE (2017), Handbook of Fundamentals, chapter 16, where cracks have 0.65.
+_OPENINGS = (0.5, 1.0)
 
 
 @dataclass(frozen=True)
 class RootFlow:
-    """A flow with the root of an effort: its law, and the name of its coefficient."""
+    """A flow with the root of an effort: its law, and the names of its coefficient and of its power."""
 
     law: Callable[[Expr], Expr]
     coefficient: str
+    power: str
 
 
 def root_flow(g: BondGraph, at: Place, name: str) -> RootFlow:
-    """A flow through a sharp opening; its coefficient is the flow at the largest effort of the place.
+    """A flow through an opening; its coefficient is the flow at the largest effort of the place.
 
-    Below a small share of that effort it is laminar, which keeps its slope finite (Merritt 1967, section 3-4).
+    Below a small share of that effort it is laminar, which keeps its slope finite (Merritt 1967, section 3-4). Its
+    power is that of a sharp edge, or another one where the logs ask for it.
     """
     flow, size = at.scale.flow, at.scale.effort
     c = g.parameter(f"c_{name}", 0.0, flow_unit(at), f"flow at {size:.3g} {effort_unit(at)}", (0.0, 0.5 * flow))
     at_most = g.parameter(f"e_{name}", size, effort_unit(at), "effort of that flow")
+    n = g.parameter(f"n_{name}", _OPENINGS[0], "1", "power of the effort", _OPENINGS)
 
     def law(effort: Expr) -> Expr:
         x = effort / at_most
-        return c * x / (x**2 + _LAMINAR**2) ** Rational(1, 4)
+        return c * x * (x**2 + _LAMINAR**2) ** ((n - 1) / 2)
 
-    return RootFlow(law, c.name)
+    return RootFlow(law, c.name, n.name)
 
 
 def ceiling(value: Expr, c: Expr, n: Expr) -> Expr:

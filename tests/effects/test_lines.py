@@ -141,3 +141,17 @@ def test_the_water_of_a_culvert_is_found_where_it_has_inertia(inertia: float) ->
         value = closed.corrected.values["inertia_line_inertia_culvert"]
         assert value == pytest.approx(0.9 * 9810.0, rel=0.03)
         assert closed.corrected_holdout.channels["level"].simulation_rmse < 2.0 * 0.02
+
+
+@pytest.mark.parametrize("power", [0.5, 0.65, 1.0])
+@pytest.mark.parametrize("pressure", [-3.0, 0.4, 9.0])
+def test_what_a_crack_lets_through_goes_with_its_power(power: float, pressure: float) -> None:
+    """A gate that leaked with the power 0.6 was an opening with the root and a linear leak beside it."""
+    g = vessel()
+    effect = effects.orifice_leak(g, Place(handle(g, "tank"), Scale(10.0, 8.0)))
+    assert effect is not None
+    (n,), (c,) = effect.widths, effect.coefficients
+    model, declared = bg.build(g).model, bg.build(vessel()).model
+    x, u = np.array([40.0 * pressure]), np.zeros(1)
+    lost = declared.rhs(0.0, x, u, declared.theta()) - model.rhs(0.0, x, u, model.theta(**{n: power, c: 2.0}))
+    assert lost[0] == pytest.approx(2.0 * np.sign(pressure) * abs(pressure / 10.0) ** power, rel=1e-3)

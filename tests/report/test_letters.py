@@ -24,7 +24,7 @@ def _found(name: str, domain: str, value: float = 0.01) -> FoundEffect:
 
 @pytest.mark.parametrize(("name", "domain", "words"), [
     ("convection", "thermal", ("e = ", " K", "w = ")),
-    ("orifice_leak", "hydraulic", ("e = ", " Pa", "w = ")),
+    ("orifice_leak", "hydraulic", ("e = ", " Pa")),
     ("ripple", "mechanical", ("a = sine_ripple_", "b = cosine_ripple_", "n = ")),
     ("directional_loss", "mechanical", ("a = drive_directional_loss_", "b = overrun_directional_loss_", "w = ")),
     ("coulomb_loss", "mechanical", ("w = ",)),
