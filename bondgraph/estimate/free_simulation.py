@@ -23,10 +23,16 @@ from bondgraph.estimate.problem import EstimationProblem
 from bondgraph.estimate.reduced import reduced
 from bondgraph.filter.choice import choose_method
 from bondgraph.filter.filter_model import FilterModel
+from bondgraph.filter.filter_run import FilterRun
+from bondgraph.filter.linear.intervals import integrator, simulation_steps
 from bondgraph.filter.samples import Samples
+from bondgraph.filter.smoother import smoothed_start
 from bondgraph.simulate.batch import simulate_batch
+from bondgraph.simulate.outcome import Outcome
 from bondgraph.simulate.simulation import simulate
+from bondgraph.simulate.starts import BEGINNING
 from bondgraph.simulate.stiff import Rosenbrock
+from bondgraph.simulate.trajectory import Trajectory
 
 #: Of fourth order, as the classical Runge-Kutta method (Hairer and Wanner 1996, Solving ODEs II, section IV.10).
 _STABLE = "rodas4"
@@ -219,3 +225,42 @@ def expected_problem(problem: EstimationProblem, point: FloatArray) -> Estimatio
         logs.append(replace(log, y=np.where(seen, run.y, np.nan)))
         starts.append(dict(zip(model.names("state"), map(float, x0[:, 0]), strict=True)))
     return replace(problem, logs=tuple(logs), initial=tuple(starts))
+
+
+def left_alone(filtered: FilterRun, theta: FloatArray, log: MatchedLog) -> Trajectory:
+    """A model left alone along a log: given are its inputs, and what the log's beginning says of where it starts.
+
+    Its integration is that of the filter. Where it diverges from the start that a smoother takes from the first
+    twentieth of the log, it starts from what the first sample alone says. One sample says nothing of a state that no
+    sensor shows. Reference: Ljung (1999), System Identification, chapter 4.
+
+    Parameters
+    ----------
+    filtered
+        The filter's run along the log.
+    theta
+        Parameters, shape (n_theta,); those that are known for the log count.
+    log
+        The log.
+
+    Examples
+    --------
+    >>> import bondgraph as bg
+    >>> from bondgraph.simulate.example import pendulum
+    >>> swing = bg.FilterModel(pendulum(), {"rate": 0.05}, {"deflection": 0.05}, {"angle": 0.1, "rate": 0.1}, 2)
+    >>> log = bg.MatchedLog("swing", np.arange(60) * 0.05, np.zeros((1, 60)), np.zeros((1, 60)))
+    >>> left_alone(bg.filter_log(swing, log), swing.model.theta(), log).y.shape
+    (1, 60)
+    """
+    filter_model, model = filtered.filter_model, filtered.filter_model.model
+    own = theta.copy()
+    for name, value in log.theta_overrides.items():
+        own[model.index("parameter", name)] = value
+    method, steps = integrator(filter_model), simulation_steps(filter_model, log.time)
+
+    def simulated(start: FloatArray) -> Trajectory:
+        x0 = start[: len(model.states)]
+        return simulate(model, log.time, log.u, own, x0, method=method, substeps=steps, compiled=True)
+
+    begun = simulated(smoothed_start(filtered, float(log.time[0] + BEGINNING * np.ptp(log.time))))
+    return begun if begun.outcome is Outcome.OK else simulated(filtered.filtered_mean[:, 0])

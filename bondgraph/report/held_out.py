@@ -9,16 +9,15 @@ from typing import Any
 
 from bondgraph.arrays import FloatArray
 from bondgraph.data.log import MatchedLog
+from bondgraph.estimate.free_simulation import left_alone
 from bondgraph.estimate.initial import initial_states
 from bondgraph.estimate.result import Estimate
 from bondgraph.filter.consistency import consistency
 from bondgraph.filter.filter_run import FilterRun
-from bondgraph.filter.linear.intervals import integrator, simulation_steps
 from bondgraph.filter.runs import run
 from bondgraph.report.collect import Runs, channel_series
 from bondgraph.report.series import ChannelError, ChannelSeries, channel_errors
 from bondgraph.simulate.outcome import Outcome
-from bondgraph.simulate.simulation import simulate
 from bondgraph.text import number, text_table
 
 
@@ -47,7 +46,7 @@ class HeldOutLog:
 
     @property
     def errors(self) -> tuple[ChannelError, ...]:
-        """Errors of each channel: free simulations start from what a filter takes from the first sample."""
+        """Errors of each channel: free simulations start where the beginning of a log shows."""
         return channel_errors(self.series)
 
     def to_dict(self) -> dict[str, Any]:
@@ -98,17 +97,10 @@ def held_out_logs(fit: Estimate, logs: Sequence[MatchedLog]) -> tuple[HeldOutLog
 
 
 def _runs(filtered: FilterRun, theta: FloatArray, log: MatchedLog) -> Runs:
-    """A filter's run with the free simulation from its first belief; none of a run that failed or a model that does."""
-    filter_model, model = filtered.filter_model, filtered.filter_model.model
+    """A filter's run with the free simulation beside it; none of a run that failed or a model that does."""
     if filtered.outcome is not Outcome.OK:
         return Runs()
-    own = theta.copy()
-    for name, value in log.theta_overrides.items():
-        own[model.index("parameter", name)] = value
-    simulated = simulate(
-        model, log.time, log.u, own, filtered.filtered_mean[: len(model.states), 0],
-        method=integrator(filter_model), substeps=simulation_steps(filter_model, log.time), compiled=True,
-    )  # fmt: skip
+    simulated = left_alone(filtered, theta, log)
     return Runs(filtered, simulated if simulated.outcome is Outcome.OK else None)
 
 

@@ -16,12 +16,9 @@ from scipy.special import stdtr, stdtrit
 from bondgraph.correct.constants import BLOCKS, WINDOWS
 from bondgraph.data.log import FloatArray, MatchedLog
 from bondgraph.estimate.fitted import Fit
+from bondgraph.estimate.free_simulation import left_alone
 from bondgraph.filter.filter_run import FilterRun
-from bondgraph.filter.linear.intervals import integrator, simulation_steps
-from bondgraph.filter.smoother import smoothed_start
 from bondgraph.simulate.outcome import Outcome
-from bondgraph.simulate.simulation import simulate
-from bondgraph.simulate.starts import BEGINNING
 from bondgraph.simulate.trajectory import Trajectory
 from bondgraph.text import count
 
@@ -117,24 +114,8 @@ def _assess_log(fitted: Fit, log: MatchedLog, run: FilterRun) -> LogAssessment:
 
 
 def free_simulation(fitted: Fit, log: MatchedLog, filtered: FilterRun) -> Trajectory:
-    """The fitted model left alone: given are its inputs, and what the beginning of the log says of where it starts.
-
-    One sample says nothing of a state that no sensor shows. Reference: Ljung (1999), System Identification, chapter 4.
-    """
-    filter_model = fitted.problem.filter_model
-    model = filter_model.model
-    theta = fitted.theta.copy()
-    for name, value in log.theta_overrides.items():
-        theta[model.index("parameter", name)] = value
-    steps = simulation_steps(filter_model, log.time)
-
-    def simulated(start: FloatArray) -> Trajectory:
-        x0 = start[: len(model.states)]
-        method = integrator(filter_model)
-        return simulate(model, log.time, log.u, theta, x0, method=method, substeps=steps, compiled=True)
-
-    begun = simulated(smoothed_start(filtered, float(log.time[0] + BEGINNING * np.ptp(log.time))))
-    return begun if begun.outcome is Outcome.OK else simulated(filtered.filtered_mean[:, 0])
+    """The fitted model left alone, see :func:`bondgraph.estimate.free_simulation.left_alone`."""
+    return left_alone(filtered, fitted.theta, log)
 
 
 def rms_interval(values: FloatArray) -> tuple[float, float]:
