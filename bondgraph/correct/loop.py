@@ -182,6 +182,7 @@ def close_loop(
     begun = fit_declared(graph, train, holdout, settings, report)
     found, rounds, result = _closed(begun, functions, settings, report)
     if found.held is not None:
+        report(f"begin anew with {few(found.held.names)} held between samples", 0, 1)
         begun = fit_held(graph, train, holdout, settings, found.held) or replace(begun, straight=())
         found, rounds, result = _closed(begun, functions, settings, report)
     if begun.held and any(

@@ -1,4 +1,4 @@
-"""Parts with a time of their own: polarised cells, viscoelastic drag, walls that take up heat, masses that swing along.
+"""Parts with a time of their own: polarised cells, viscoelastic drag, slow storages, masses that swing along.
 
 An ordinary loss answers at once and an ordinary storage for ever; these do both one after the other. Each has a state
 that follows by a first-order lag and vanishes with its coefficient. The time of the lag is a shape: it lies between the
@@ -7,14 +7,16 @@ a spring has a frequency instead.
 
 References: Plett (2015), Battery Management Systems, volume 1, section 2.4, for a cell's polarisation; Ferry (1980),
 Viscoelastic Properties of Polymers, chapter 1, for Maxwell's element; Madsen, Holst (1995), Energy and Buildings 22(1),
-for walls with a temperature of their own; Den Hartog (1956), Mechanical Vibrations, chapter 3, for masses on springs.
+for walls with a temperature of their own; Pourmovahed, Otis (1990), ASME J. Dyn. Syst. Meas. Control 112(1), for gas
+that gives the heat of compression to its walls; Dow (1958), IRE Trans. Electronic Computers EC-7(1), for dielectrics;
+Den Hartog (1956), Mechanical Vibrations, chapter 3, for masses on springs.
 """
 
 from __future__ import annotations
 
 from sympy import Expr, pi
 
-from bondgraph.declare.domains import ELECTRICAL, THERMAL
+from bondgraph.declare.domains import ELECTRICAL
 from bondgraph.declare.effect import Effect, Place
 from bondgraph.declare.expressions import signal
 from bondgraph.declare.graph import BondGraph
@@ -22,6 +24,7 @@ from bondgraph.declare.quantities import symbol
 from bondgraph.declare.revision import revise_integral
 from bondgraph.derive.laws import affine_parts
 from bondgraph.effects.places import (
+    Words,
     coefficient,
     conductance,
     effort_unit,
@@ -34,6 +37,13 @@ from bondgraph.effects.places import (
 )
 from bondgraph.effects.storages import inertance_beside
 
+#: What a slow storage beside a quick one is called in each domain, and where it is described.
+_SLOW = Words("", "dielectric_absorption", "gas_heat_exchange", "slow_heat_capacity")
+_SLOWLY = {
+    "dielectric_absorption": "Dow (1958), IRE Trans. Electronic Computers EC-7(1)",
+    "gas_heat_exchange": "Pourmovahed, Otis (1990), ASME J. Dyn. Syst. Meas. Control 112(1)",
+    "slow_heat_capacity": "Madsen, Holst (1995), Energy and Buildings 22(1)",
+}
 #: Frequencies at which a mass on a spring is tried, one every half octave or so where logs tell of two decades.
 _FREQUENCIES = 12
 
@@ -59,28 +69,25 @@ def viscoelastic_drag(g: BondGraph, at: Place) -> Effect | None:
 
 
 def slow_heat_capacity(g: BondGraph, at: Place) -> Effect | None:
-    """Heat that passes into a part with a temperature of its own: a wall, a core, a filling, a fixture.
+    """A storage that fills slowly beside a quick one: a wall that takes up heat, gas that warms as it is compressed.
 
-    The part begins at the temperature of the body, whatever that is, so that the lead of the body is its state.
+    A dielectric that takes up charge is one, too. The slow part begins at the effort of the quick one, whatever that
+    is, so that the lead of the quick one is its state.
     """
-    slope = (
-        rate_of_storage(g, at, "C", "effort", "displacement", "flow")
-        if has_effort(at) and at.domain == THERMAL
-        else None
-    )
+    word = _SLOW.at(at) if has_effort(at) else ""
+    slope = rate_of_storage(g, at, "C", "effort", "displacement", "flow") if word else None
     if slope is None:
         return None
     unit = over(flow_unit(at), effort_unit(at))
-    name, c = conductance(g, at, "slow_heat_capacity", "conductance to the part", unit, 1)
+    name, c = conductance(g, at, word, "conductance to the slow part", unit, 1)
     time = _time(g, at, name)
     lead = g.integral(
-        f"lead_{name}", lambda y: slope - y / time, effort_unit(at), f"temperature of {at.label} over that of the part"
+        f"lead_{name}", lambda y: slope - y / time, effort_unit(at), f"effort of {at.label} over that of the slow part"
     )  # fmt: skip
     g.flow_source(name, -c * lead, at=at.junction)
     return Effect(
-        "slow_heat_capacity", name, "flow = c*(effort - x), dx/dt = (effort - x)/T", (c.name,), shapes=(time.name,),
-        reference="Madsen, Holst (1995), Energy and Buildings 22(1)", dissipative=True,
-        manoeuvre="a step of the heat, then time to settle",
+        word, name, "flow = c*(effort - x), dx/dt = (effort - x)/T", (c.name,), shapes=(time.name,),
+        reference=_SLOWLY[word], dissipative=True, manoeuvre="a step of the flow, then time to settle",
     )  # fmt: skip
 
 

@@ -10,6 +10,7 @@ import pytest
 
 import bondgraph as bg
 from bondgraph.build import build
+from bondgraph.declare.domains import Domain
 from bondgraph.declare.editing import copy, handle, with_bounds, with_values
 from bondgraph.declare.effect import Effect, Place, Scale
 from bondgraph.effects.relaxation import polarisation, slow_heat_capacity, sprung_mass, viscoelastic_drag
@@ -196,3 +197,33 @@ def test_a_body_at_any_temperature_is_told_from_a_disturbance_by_the_wall_that_i
     assert loop.corrected.values["c_slow_heat_capacity_plate"] == pytest.approx(0.8, rel=0.2)
     assert loop.corrected.values["T_slow_heat_capacity_plate"] == pytest.approx(300.0, rel=0.2)
     assert "g.integral(" in loop.python_lines()
+
+
+@pytest.mark.parametrize(("domain", "name"), [
+    (bg.ELECTRICAL, "dielectric_absorption"), (bg.HYDRAULIC, "gas_heat_exchange"), (bg.THERMAL, "slow_heat_capacity"),
+])  # fmt: skip
+def test_a_slow_storage_is_one_behind_a_resistance_in_every_domain(domain: Domain, name: str) -> None:
+    """Air that warms as it is compressed was a disturbance as long as the logs."""
+
+    def vessel() -> bg.BondGraph:
+        g = bg.BondGraph("vessel")
+        node = g.zero_junction("node", domain)
+        g.flow_source("feed", g.input("feed", domain.flow_unit), at=node)
+        g.compliance("quick", lambda q: q / 5.0, at=node, state="q")
+        g.resistance("leak", flow=lambda effort: 0.05 * effort, at=node)
+        g.measure_effort("shown", node)
+        return g
+
+    conductance, time = 0.3, 12.0
+    by_hand = vessel()
+    way, slow = by_hand.one_junction("way", domain), by_hand.zero_junction("slow", domain)
+    by_hand.bond(handle(by_hand, "node"), way)
+    by_hand.bond(way, slow)
+    by_hand.resistance("between", flow=lambda effort: conductance * effort, at=way)
+    by_hand.compliance("second", lambda q: q / (conductance * time), at=slow, state="q_2")
+    u = np.sign(np.sin(np.arange(300) / 20.0))
+    own = shown(with_effect(vessel(), slow_heat_capacity, "node", conductance, time), u, 0.5)
+    assert own == pytest.approx(shown(by_hand, u, 0.5), abs=1e-6)
+    g = vessel()
+    effect = slow_heat_capacity(g, Place(handle(g, "node"), Scale(1.0, 1.0)))
+    assert isinstance(effect, Effect) and effect.name == name
