@@ -43,7 +43,7 @@ from bondgraph.estimate.problem import EstimationProblem
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.text import count, few
 
-#: Rivals that are refitted in the place of a law.
+#: Rivals that are refitted in the place of a law; each costs a fit. A convention.
 _RIVALS = 2
 
 
@@ -189,9 +189,10 @@ def _against_rivals(state: Progress, index: int, rounds: Sequence[Round], settin
         for one in _rivals(state, index, rounds)
         if (made := attempted(lambda one=one: _with(state, index, one, len(rounds), settings), lambda why: None))  # type: ignore[misc]
     ]
-    best = min(found, key=_criterion, default=None)
-    takes = best is not None and _criterion(best) < _criterion(state) - INDIFFERENT
-    chosen = best if best is not None and takes else state
+    if not found:
+        return state
+    best = min(found, key=_criterion)
+    chosen = best if _criterion(best) < _criterion(state) - INDIFFERENT else state
     labels = [one.added[index].candidate.label for one in (state, *found) if one is not chosen]
     worth = [_criterion(one) for one in (state, *found) if one is not chosen]
     alike = tuple(label for label, one in zip(labels, worth, strict=True) if one - _criterion(chosen) < INDIFFERENT)

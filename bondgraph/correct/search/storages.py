@@ -41,7 +41,8 @@ SIZES = (0.125, 0.25, 0.375, 0.5, 0.625, 0.75, 0.875)
 _SHAPES = (-0.25, 0.0, 0.25)
 #: The steps that a storage is given at most, as a multiple of those of the model without it.
 _MOST_STEPS = 4
-#: Fits at most whose starts were led anew, and the share of its uncertainty by which a start is elsewhere.
+#: Fits at most whose starts were led anew, and the share of its uncertainty by which a start is elsewhere: less of it
+#: costs an eighth of a nat. Conventions.
 _AGAIN, _ELSEWHERE = 3, 0.5
 #: One that loses this many times what an effect must gain, at every size that is tried, is not refitted: towards no
 #: size at all it loses nothing, and those that the data asked for gained at some size with all else as it was.
