@@ -27,7 +27,7 @@ from bondgraph.verbs import pose
 
 
 class Posed(TypedDict, total=False):
-    """What a problem may be posed with beside its model, logs and free parameters, see :func:`bondgraph.verbs.pose`."""
+    """Keywords of a problem beside its model, logs and free parameters, see :func:`bondgraph.verbs.pose`."""
 
     initial: Initial
     likelihood: LikelihoodFunction | None
@@ -68,7 +68,7 @@ def sensitivity(
     jacobian: Expand = derivatives,
     **posed: Unpack[Posed],
 ) -> Sensitivity:
-    """What logs can say about parameters, before anything is estimated.
+    """Information of logs about parameters, before anything is estimated.
 
     Parameters
     ----------

@@ -47,7 +47,7 @@ _TURBULENT = (1.75, 1.95)
 #: Speed to which speed-dependent rolling resistance is referred, m/s (100 km/h).
 _ROLLING_SPEED = 100.0 / 3.6
 _BOND_GRAPHS = "Karnopp, Margolis, Rosenberg (2012), System Dynamics, chapter 3"
-#: What laws are called in each domain.
+#: Names of laws in each domain.
 _PROPORTIONAL = Words("viscous_loss", "series_resistance", "laminar_loss", "contact_resistance", "transport_resistance")
 _CONSTANT = Words("coulomb_loss", "contact_drop", "opening_pressure")
 _SQUARE = Words("quadratic_loss", hydraulic="orifice_loss")

@@ -13,7 +13,7 @@ from bondgraph.declare.graph import BondGraph
 from bondgraph.effects.places import Words, elements_at, has_effort, has_flow, lateness, over
 
 _STORAGES = "Karnopp, Margolis, Rosenberg (2012), System Dynamics, chapter 4"
-#: What laws are called in each domain.
+#: Names of laws in each domain.
 _INERTIA = Words("", "line_inductance", "line_inertia")
 _CAPACITY = Words("", "node_capacitance", "node_volume", "node_heat_capacity")
 

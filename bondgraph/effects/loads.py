@@ -29,7 +29,7 @@ from bondgraph.effects.places import (
 
 _BOND_GRAPHS = "Karnopp, Margolis, Rosenberg (2012), System Dynamics, chapter 3"
 _COGGING = "Hanselman (2003), Brushless Permanent-Magnet Motor Design, chapter 7"
-#: What laws are called in each domain.
+#: Names of laws in each domain.
 _CONSTANT = Words("constant_effort", "offset_voltage", "static_pressure")
 _CONSTANT_FLOW = Words("", "offset_current", "constant_inflow", "constant_heat", "constant_supply")
 #: Periods in a turn at which a load that repeats is tried.

@@ -38,7 +38,7 @@ _PACEJKA = "Pacejka (2012), Tire and Vehicle Dynamics, chapter 7"
 #: Relaxation lengths, as times of rolling at the largest speed [s]: the shortest, as declared, the longest.
 _RELAXATION = (2e-3, 0.03, 0.5)
 _BOND_GRAPHS = "Karnopp, Margolis, Rosenberg (2012), System Dynamics, chapter 3"
-#: What laws are called in each domain; heat that a body gives away has a law of its own, which knows what is around.
+#: Names of laws in each domain; heat that a body gives away has a law of its own, which knows what is around.
 _PROPORTIONAL = Words("creep", "shunt_leakage", "leakage", chemical="side_reaction")
 _SQUARE = Words("slip", chemical="second_order_reaction")
 _THRESHOLD = Words(electrical="breakdown", hydraulic="relief_valve")

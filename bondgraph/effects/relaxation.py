@@ -37,7 +37,7 @@ from bondgraph.effects.places import (
 )
 from bondgraph.effects.storages import inertance_beside
 
-#: What a slow storage beside a quick one is called in each domain, and where it is described.
+#: Names of a slow storage beside a quick one in each domain, and where it is described.
 _SLOW = Words("", "dielectric_absorption", "gas_heat_exchange", "slow_heat_capacity")
 _SLOWLY = {
     "dielectric_absorption": "Dow (1958), IRE Trans. Electronic Computers EC-7(1)",

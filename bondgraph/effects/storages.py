@@ -41,7 +41,7 @@ _DUFFING = "Duffing (1918), Erzwungene Schwingungen bei veränderlicher Eigenfre
 _SOFTENING = "Nayfeh, Mook (1979), Nonlinear Oscillations, chapter 4"
 _STOP = "Karnopp, Margolis, Rosenberg (2012), System Dynamics, chapter 8"
 _GAS_LAW = "Pourmovahed, Otis (1990), ASME J. Dyn. Syst. Meas. Control 112(1)"
-#: What laws are called in each domain.
+#: Names of laws in each domain.
 _INERTIA = Words("added_inertia", "added_inductance", "fluid_inertia")
 _CAPACITY = Words("", "stray_capacitance", "added_volume", "added_heat_capacity")
 _CUBIC = Words("hardening_spring", "voltage_dependent_capacitance", "stiffening_volume")

@@ -59,7 +59,7 @@ class ChannelInnovations:
 
 @dataclass(frozen=True)
 class Misfit:
-    """What the innovations of a measured channel say: whether a model explains it in some logs.
+    """Innovations of a measured channel, and whether a model explains it in some logs.
 
     ``error`` is the rms of the one-step errors and ``noise`` the standard deviation of the sensor's noise, both in
     ``unit``. ``nis_mean`` is the mean of the normalised squared innovations, 1 for a consistent filter; ``nis_p`` is
@@ -83,7 +83,7 @@ class Misfit:
 
     @property
     def contradicts(self) -> bool:
-        """Whether the channel is a misfit at all."""
+        """True where the channel is a misfit at all."""
         return self.is_coloured or self.is_large
 
     @property

@@ -165,7 +165,7 @@ def _too_many_refused(log_name: str, found: Consistency) -> dict[tuple[str, str]
 
 
 def _result(record: AbstractRun, found: Consistency, tested: Sequence[Misfit]) -> dict[str, Any]:
-    """What ``result.json`` says of a log."""
+    """Part of ``result.json`` on a log."""
     return {
         "nll": record.nll, "nis_mean": found.nis_mean, "nis_band": list(found.nis_band),
         "channels": _channels(found, tested),
