@@ -8,8 +8,8 @@ a spring has a frequency instead.
 References: Plett (2015), Battery Management Systems, volume 1, section 2.4, for a cell's polarisation; Ferry (1980),
 Viscoelastic Properties of Polymers, chapter 1, for Maxwell's element; Madsen, Holst (1995), Energy and Buildings 22(1),
 for walls with a temperature of their own; Pourmovahed, Otis (1990), ASME J. Dyn. Syst. Meas. Control 112(1), for gas
-that gives the heat of compression to its walls; Dow (1958), IRE Trans. Electronic Computers EC-7(1), for dielectrics;
-Den Hartog (1956), Mechanical Vibrations, chapter 3, for masses on springs.
+that gives the heat of compression to its walls; Den Hartog (1956), Mechanical Vibrations, chapter 3, for masses on
+springs.
 """
 
 from __future__ import annotations
@@ -38,9 +38,8 @@ from bondgraph.effects.places import (
 from bondgraph.effects.storages import inertance_beside
 
 #: Names of a slow storage beside a quick one in each domain, and where it is described.
-_SLOW = Words("", "dielectric_absorption", "gas_heat_exchange", "slow_heat_capacity")
+_SLOW = Words("", "", "gas_heat_exchange", "slow_heat_capacity")
 _SLOWLY = {
-    "dielectric_absorption": "Dow (1958), IRE Trans. Electronic Computers EC-7(1)",
     "gas_heat_exchange": "Pourmovahed, Otis (1990), ASME J. Dyn. Syst. Meas. Control 112(1)",
     "slow_heat_capacity": "Madsen, Holst (1995), Energy and Buildings 22(1)",
 }
@@ -71,8 +70,8 @@ def viscoelastic_drag(g: BondGraph, at: Place) -> Effect | None:
 def slow_heat_capacity(g: BondGraph, at: Place) -> Effect | None:
     """A storage that fills slowly beside a quick one: a wall that takes up heat, gas that warms as it is compressed.
 
-    A dielectric that takes up charge is one, too. The slow part begins at the effort of the quick one, whatever that
-    is, so that the lead of the quick one is its state.
+    The slow part begins at the effort of the quick one, whatever that is, so that the lead of the quick one is its
+    state. Circuits have polarisation for that.
     """
     word = _SLOW.at(at) if has_effort(at) else ""
     slope = rate_of_storage(g, at, "C", "effort", "displacement", "flow") if word else None
