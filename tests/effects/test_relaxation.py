@@ -202,7 +202,7 @@ def test_a_body_at_any_temperature_is_told_from_a_disturbance_by_the_wall_that_i
 @pytest.mark.parametrize(("domain", "name"), [
     (bg.HYDRAULIC, "gas_heat_exchange"), (bg.THERMAL, "slow_heat_capacity"),
 ])  # fmt: skip
-def test_a_slow_storage_is_one_behind_a_resistance_in_every_domain(domain: Domain, name: str) -> None:
+def test_a_slow_storage_is_one_behind_a_resistance(domain: Domain, name: str) -> None:
     """Air that warms as it is compressed was a disturbance as long as the logs."""
 
     def vessel() -> bg.BondGraph:
