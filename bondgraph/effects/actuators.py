@@ -53,9 +53,11 @@ _CURVES = "Lyons (1982), Lyons' Valve Designer's Handbook, chapter 10, for inher
 _GAP = "Woodson, Melcher (1968), Electromechanical Dynamics, chapter 3"
 #: Exponents beyond one of a bent map that are tried, from a root of the third degree to a fourth power.
 _BENT = (-0.67, 3.0)
-#: Powers of the current with which a motor's constant falls: from its own to that of iron that saturates late.
+#: Powers of the current with which a motor's constant falls: from its own to that of iron that saturates late. A
+#: convention; the square is the first term of an even curve.
 _FADING = (1.0, 4.0)
-#: Share of a motor's field that its armature may take at the largest current: beyond it the torque would turn round.
+#: Share of a motor's field that its armature may take at the largest current: beyond all of it the torque would
+#: turn round. A convention.
 _WEAKENED = 0.9
 #: The least half play that is looked for, as a share of what the source gives at most: less hides in noise. A
 #: convention.

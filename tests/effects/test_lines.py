@@ -21,7 +21,7 @@ from bondgraph.effects.benches import BENCHES
 SIZES = st.floats(1e-3, 50.0)
 
 
-def vessel(with_source: bool = False) -> bg.BondGraph:
+def vessel(with_node: bool = False) -> bg.BondGraph:
     """A pipe from a pump into a vessel, declared as a turbulent resistance; it may pass a node with a leak."""
     g = bg.BondGraph("vessel")
     pipe, tank = g.one_junction("pipe", bg.HYDRAULIC), g.zero_junction("tank", bg.HYDRAULIC)
@@ -30,7 +30,7 @@ def vessel(with_source: bool = False) -> bg.BondGraph:
     g.resistance(
         "wall", lambda q: sp.sign(q) * (q / k) ** 2, flow=lambda e: k * sp.sign(e) * sp.sqrt(sp.Abs(e)), at=pipe
     )
-    if with_source:
+    if with_node:
         node, rest = g.zero_junction("node", bg.HYDRAULIC), g.one_junction("rest", bg.HYDRAULIC)
         leak = g.parameter("G", 0.2, "m^3/s/Pa", "leak")
         g.resistance("leak", flow=lambda e: leak * e, at=node)
@@ -51,7 +51,7 @@ def with_law(g: bg.BondGraph, function: EffectFunction, junction: str) -> bg.Mod
 
 
 PIPE = with_law(vessel(), effects.line_inertia, "pipe")
-NODE = with_law(vessel(with_source=True), effects.node_capacity, "node")
+NODE = with_law(vessel(with_node=True), effects.node_capacity, "node")
 
 
 @given(SIZES, st.floats(-60.0, 60.0), st.floats(-9.0, 9.0), st.floats(-9.0, 9.0))

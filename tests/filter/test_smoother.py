@@ -9,7 +9,7 @@ from bondgraph.errors import FilterError
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.runs import run
 from bondgraph.filter.samples import interval_substeps
-from bondgraph.filter.smoother import smooth
+from bondgraph.filter.smoother import smooth, smoothed_start
 from tests.filter.kalman import runge_kutta_map
 from tests.filter.logs import PlainLog, circuit_filter, driveline_filter, simulated_log, uneven_times
 from tests.simulate.samples import decay
@@ -57,6 +57,21 @@ def test_on_a_linear_model_it_is_the_exact_posterior(compiled: bool) -> None:
     smoothed = smooth(run(model, log, compiled=compiled))
     np.testing.assert_allclose(smoothed.smoothed_mean, mean, atol=1e-9)
     np.testing.assert_allclose(smoothed.smoothed_cov, cov, atol=1e-9)
+
+
+def test_a_start_is_the_exact_posterior_given_the_beginning_of_a_log() -> None:
+    model = circuit_filter(noise_scheme="sampled")
+    log = simulated_log(model, uneven_times(30, 0.05, seed=2), seed=2)
+    mean, _ = dense_posterior(model, PlainLog(log.name, log.time[:11], log.u[:, :11], log.y[:, :11]))
+    found = smoothed_start(run(model, log), float(log.time[10]))
+    np.testing.assert_allclose(found, mean[:, 0], atol=1e-9)
+    assert np.abs(found - run(model, log).filtered_mean[:, 0]).max() > 1e-6
+
+
+def test_the_start_of_a_failed_run_is_what_its_first_sample_says() -> None:
+    model = circuit_filter()
+    failed = run(model, simulated_log(model, np.arange(5) * 0.05, seed=1), x0=[np.inf, 0.0])
+    np.testing.assert_array_equal(smoothed_start(failed, 1.0), failed.filtered_mean[:, 0])
 
 
 def test_it_knows_more_than_the_filter_and_ends_with_it() -> None:
