@@ -73,7 +73,7 @@ def sums(clock, inputs, w, n):
         a = w[0 + l]
         k = min(np.int64(np.floor(abs(a))), 2)
         w[16 + l] = TABLE[1, k] * scale + own(a)
-        w[32 + l] = math.pow(abs(a), 1.5) + np.arctan2(a, scale)
+        w[32 + l] = np.arctan2(scale, abs(a)) + np.arctan2(a, scale)
         w[48 + l] = a > 0.25
         w[64 + l] = np.int64(np.int64(k) + 1023 << 52).view(np.float64) if (a != a) | (a < 0.0) else math.sqrt(a)
 """

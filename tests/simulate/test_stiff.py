@@ -156,6 +156,7 @@ def test_elimination_fills_in_little() -> None:
 @pytest.mark.parametrize(
     ("name", "low", "high", "ulps"),
     [("tanh", -22.0, 22.0, 8), ("tanh", -1e-3, 1e-3, 8), ("exp", -700.0, 700.0, 2), ("exp", -2.0, 2.0, 2),
+     ("log", 1e-300, 1e-290, 2), ("log", 0.0, 3.0, 2), ("log", 0.999, 1.001, 2), ("log", 1e-310, 1e-309, 2),
      ("arcsin", -1.0, 1.0, 3), ("arcsin", -1e-2, 1e-2, 3), ("arctan", -1e3, 1e3, 3), ("arctan", -3.0, 3.0, 3)],
 )  # fmt: skip
 def test_functions_of_lanes_have_the_stated_error(name: str, low: float, high: float, ulps: int) -> None:
@@ -174,8 +175,33 @@ def test_sines_of_lanes_have_the_stated_error(name: str, high: float) -> None:
         assert abs(float(function(float(x))) - getattr(math, name)(x)) <= 3e-16, x
 
 
+def test_powers_of_lanes_have_the_stated_error() -> None:
+    rng = np.random.default_rng(3)
+    bases, exponents = np.exp(rng.uniform(-50.0, 50.0, 20_000)), rng.uniform(-9.0, 9.0, 20_000)
+    for x, y in zip(bases.tolist(), exponents.tolist(), strict=True):
+        exact = math.pow(x, y)
+        assert abs(float(lane_math._lane_pow(x, y)) - exact) <= (3 + abs(y * math.log2(x))) * np.spacing(exact), (x, y)
+
+
+@pytest.mark.parametrize(
+    ("x", "y"),
+    [(0.0, 2.0), (0.0, 0.0), (0.0, 0.3), (-2.0, 3.0), (-2.0, 2.0), (-2.0, -1.0), (math.inf, 2.0), (math.inf, -2.0),
+     (1.0, math.nan), (math.nan, 0.0), (2.0, -1022.0), (2.0, 1023.0), (0.5, 1e6), (1.0, 1e300), (1e-300, -1.0)],
+)  # fmt: skip
+def test_powers_of_lanes_at_their_ends_are_those_of_c(x: float, y: float) -> None:
+    with np.errstate(all="ignore"):
+        assert float(lane_math._lane_pow(x, y)) == pytest.approx(math.pow(x, y), rel=1e-13, abs=0.0)
+
+
 def test_functions_of_lanes_keep_what_is_not_finite() -> None:
     with np.errstate(all="ignore"):
+        assert lane_math._lane_pow(0.0, -1.0) == lane_math._lane_pow(1.5, 1e9) == math.inf
+        for x, y in ((-2.0, 0.5), (math.nan, 1.0), (2.0, math.nan)):
+            assert math.isnan(lane_math._lane_pow(x, y))
+        assert lane_math._lane_log(0.0) == -math.inf
+        assert lane_math._lane_log(math.inf) == math.inf
+        for x in (-1.0, math.nan):
+            assert math.isnan(lane_math._lane_log(x))
         for name in ("tanh", "exp", "sin", "cos", "arctan"):
             assert math.isnan(getattr(lane_math, f"_lane_{name}")(math.nan))
         assert lane_math._lane_exp(1e4) == math.inf

@@ -33,7 +33,7 @@ _INTRINSICS = {"abs": "llvm.fabs", "math.sqrt": "llvm.sqrt", "np.floor": "llvm.f
 #: Names of other functions in the mathematical library of C.
 C_NAMES = {
     "np.tan": "tan", "np.arccos": "acos", "np.arctan2": "atan2", "np.sinh": "sinh", "np.cosh": "cosh",
-    "np.arcsinh": "asinh", "np.arccosh": "acosh", "np.arctanh": "atanh", "np.log": "log", "math.pow": "pow",
+    "np.arcsinh": "asinh", "np.arccosh": "acosh", "np.arctanh": "atanh",
     "math.log1p": "log1p", "math.copysign": "copysign",
 }  # fmt: skip
 #: The count of lanes in printed text.
@@ -357,12 +357,14 @@ class _Body:
 
     def _called(self, node: ast.Call) -> Any:
         if isinstance(node.func, ast.Attribute) and node.func.attr == "view":
-            return self._do.bits_as_float(self.value(node.func.value))
+            bits = self.value(node.func.value)
+            whole = ast.unparse(node.args[0]) == "np.int64"
+            return self._do.bits_as_integer(bits) if whole else self._do.bits_as_float(bits)
         given = [self.value(argument) for argument in node.args]
         name = ast.unparse(node.func)
         if name in ("np.int64", "int"):
             return self._do.as_integer(given[0])
-        if name == "float":
+        if name in ("np.float64", "float"):
             return self._do.as_float(given[0])
         if name == "min":
             return self._do.choose(self._do.compare(ast.LtE(), *given), *given)

@@ -23,9 +23,10 @@ FLOATS, INTEGERS, TRUTHS = (ir.VectorType(kind, VECTOR) for kind in (FLOAT, INTE
 _ARITHMETIC = {
     ast.Add: ("fadd", "add"), ast.Sub: ("fsub", "sub"), ast.Mult: ("fmul", "mul"), ast.Div: ("fdiv", ""),
     ast.FloorDiv: ("", "sdiv"), ast.BitAnd: ("", "and_"), ast.BitOr: ("", "or_"), ast.LShift: ("", "shl"),
+    ast.RShift: ("", "ashr"),
 }  # fmt: skip
 #: Functions of the mathematical library of C that printed text may call.
-LIBRARY = ("tan", "acos", "atan2", "sinh", "cosh", "asinh", "acosh", "atanh", "log", "pow")
+LIBRARY = ("tan", "acos", "atan2", "sinh", "cosh", "asinh", "acosh", "atanh")
 #: Name of the table of their addresses, and of the function that says where it is.
 _LIBRARY_TABLE, LIBRARY_PLACE = "library.table", "library.place"
 _ADDRESS = ir.IntType(8).as_pointer()
@@ -105,6 +106,10 @@ class Instructions:
     def bits_as_float(self, value: Any) -> Any:
         """The float that has the bits of an integer."""
         return self.builder.bitcast(value, FLOATS if is_packed(value) else FLOAT)
+
+    def bits_as_integer(self, value: Any) -> Any:
+        """The integer that has the bits of a float."""
+        return self.builder.bitcast(value, INTEGERS if is_packed(value) else INTEGER)
 
     def intrinsic(self, name: str, value: Any) -> Any:
         """A function of one number that LLVM has itself."""

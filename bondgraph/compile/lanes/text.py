@@ -27,7 +27,7 @@ LANES = 16
 
 #: Functions that have a form without branches.
 _LANE_FUNCTIONS = {"tanh": "_lane_tanh", "exp": "_lane_exp", "sin": "_lane_sin", "cos": "_lane_cos",
-                   "arcsin": "_lane_arcsin", "arctan": "_lane_arctan",
+                   "arcsin": "_lane_arcsin", "arctan": "_lane_arctan", "log": "_lane_log", "pow": "_lane_pow",
                    "sqrt": "math.sqrt", "abs": "abs", "floor": "np.floor"}  # fmt: skip
 _INFIX = {"add": "+", "sub": "-", "mul": "*", "div": "/", "lt": "<", "le": "<=", "gt": ">", "ge": ">=", "eq": "==",
           "ne": "!=", "and": "&", "or": "|"}  # fmt: skip
@@ -228,7 +228,7 @@ class _Printer:
         if kind == "not":
             return [], f"not {a[0]}"
         if kind in _LANE_FUNCTIONS:
-            return [], f"{_LANE_FUNCTIONS[kind]}({_bare(a[0])})"
+            return [], f"{_LANE_FUNCTIONS[kind]}({', '.join(map(_bare, a))})"
         if kind == "where":
             return [], f"{a[1]} if {a[0]} else {a[2]}"
         if kind in ("minimum", "maximum"):  # a where it is the chosen one or nan, as numpy does
@@ -252,8 +252,7 @@ class _Printer:
         arguments = [self._read(a, phase) for a in operation.arguments]
         if operation.kind == "solve":
             return self._solve(node, operation, arguments)
-        function = "math.pow" if operation.kind == "pow" else f"np.{operation.kind}"
-        return _loop([f"{element(self._row(node))} = {function}({', '.join(arguments)})"])
+        return _loop([f"{element(self._row(node))} = np.{operation.kind}({', '.join(arguments)})"])
 
     def _solve(self, node: int, operation: Operation, arguments: Sequence[str]) -> list[str]:
         """Newton's method for all lanes together, until the last has settled."""
