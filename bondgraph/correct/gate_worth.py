@@ -23,8 +23,8 @@ from bondgraph.correct.evidence.transfer import transfer
 from bondgraph.correct.evidence.trials import Trial
 from bondgraph.correct.models.candidates import candidates
 from bondgraph.correct.models.failures import attempted
-from bondgraph.correct.places.probes import Signal, hats, knots, probes, shaped, signals
-from bondgraph.correct.places.regimes import everywhere, level_name, regime_of
+from bondgraph.correct.places.probes import FUNCTION_KNOTS, hats, is_switch, knots, probes, shaped, signals
+from bondgraph.correct.places.regimes import everywhere, level_names, regime_of
 from bondgraph.correct.scores.score import best_step
 from bondgraph.correct.scores.scoring import Linearisation, linearisation
 from bondgraph.correct.search.refit import refit_from
@@ -32,9 +32,6 @@ from bondgraph.correct.search.regimes import without_effect
 from bondgraph.correct.search.widths import with_free_widths
 from bondgraph.correct.shapes.offered import Residual, best_term
 from bondgraph.declare.effect import Place
-
-#: Knots of a free function that a gated law has to be worth more than, as of those that stay unexplained.
-_FUNCTION_KNOTS = 8
 
 
 def earned(trial: Trial, trials: Sequence[Trial], where: Sequence[Place], context: Context) -> Trial:
@@ -66,7 +63,7 @@ def in_its_signal(trial: Trial, where: Sequence[Place], context: Context) -> Tri
     linear = linearisation(context.base, context.train)
     known = signals(context.built, linear, where)
     signal = next((one for one in known if regime is not None and one.name == regime.signal), None)
-    if signal is None or _is_switch(signal):
+    if signal is None or is_switch(signal):
         return None
     left = Residual(context.built, linear, probes(context.built, linear, [place]), known, ())
     return best_term(place, signal, left, context)
@@ -75,7 +72,10 @@ def in_its_signal(trial: Trial, where: Sequence[Place], context: Context) -> Tri
 def _against(trial: Trial, where: Sequence[Place], context: Context) -> str:
     """Objection to a gate, whatever it gains; empty if there is none."""
     assert trial.fit is not None and trial.built is not None  # it was refitted
-    if trial.fit.held[trial.fit.problem.names.index(level_name(trial.candidate.effect))]:
+    regime = regime_of(trial.candidate.function)
+    assert regime is not None  # it has a gate
+    levels = [trial.fit.problem.names.index(name) for name in level_names(trial.candidate.effect, regime)]
+    if trial.fit.held[levels].any():
         return "its level rests on an end of what the logs cover"
     linear = linearisation(trial.fit, trial.fit.problem.logs)
     if _function_is_better(trial, linear, where, context):
@@ -99,7 +99,7 @@ def _sum_is_better(trial: Trial, where: Sequence[Place], context: Context) -> st
     probed, known = probes(plain.built, linear, [place]), signals(plain.built, linear, where)
     left = Residual(plain.built, linear, probed, known, ())
     signal = next((one for one in known if one.name == regime.signal), None)
-    if signal is None or _is_switch(signal):
+    if signal is None or is_switch(signal):
         return ""
     term = best_term(place, signal, left, again)
     if term is None or term.evidence is None:
@@ -118,9 +118,9 @@ def _function_is_better(trial: Trial, linear: Linearisation, where: Sequence[Pla
     regime, effect = regime_of(trial.candidate.function), trial.candidate.effect
     assert regime is not None and trial.built is not None  # it has one, and was refitted
     signal = next((one for one in signals(trial.built, linear, where) if one.name == regime.signal), None)
-    if signal is None or _is_switch(signal):
+    if signal is None or is_switch(signal):
         return False
-    at = knots(signal, _FUNCTION_KNOTS, beyond=0.0)
+    at = knots(signal, FUNCTION_KNOTS, beyond=0.0)
     without, gain = without_effect(linear, context.base.point.size, len(effect.coefficients))
     half = 0.5 * math.log(max(sum(int(np.isfinite(log.y).sum()) for log in context.train), 2))
     for probe in probes(trial.built, linear, [trial.candidate.place]):
@@ -130,8 +130,3 @@ def _function_is_better(trial: Trial, linear: Linearisation, where: Sequence[Pla
         if free - half * at.size > gain - half * len(effect.parameters):
             return True
     return False
-
-
-def _is_switch(signal: Signal) -> bool:
-    """True for a signal of few values, which has no functions but steps."""
-    return knots(signal, _FUNCTION_KNOTS, beyond=0.0).size < 3

@@ -16,7 +16,7 @@ from bondgraph.correct.fits.assess import Assessment, ChannelError
 from bondgraph.correct.fits.compared import Compared
 from bondgraph.correct.loop import ClosedLoop
 from bondgraph.correct.places.probes import Signal
-from bondgraph.correct.places.regimes import level_name, regime_of
+from bondgraph.correct.places.regimes import level_names, regime_of
 from bondgraph.correct.shapes.forms import curve, departure, only_signal, whole_text
 from bondgraph.correct.shapes.formula import formula_of
 from bondgraph.correct.shapes.words import other_words
@@ -313,12 +313,13 @@ def graph_values(closed: ClosedLoop) -> dict[str, float]:
 
 
 def _regime(added: Added) -> dict[str, Any]:
-    """Where a law acts that acts in part of the operating space; ``level`` is the name of its coefficient."""
+    """Where a law acts that acts in part of the operating space; ``level`` and ``upper`` are names of coefficients."""
     regime = regime_of(added.trial.candidate.function)
     if regime is None:
         return {}
     told = {"signal": regime.signal, "quantity": regime.quantity, "is": regime.side}
-    return {"regime": {**told, "level": level_name(added.trial.candidate.effect)}}
+    levels = level_names(added.trial.candidate.effect, regime)
+    return {"regime": {**told, **dict(zip(("level", "upper"), levels, strict=False))}}
 
 
 def _event(added: Added, fitted: Fit) -> dict[str, Any]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from bondgraph.correct.evidence.trials import Added
 from bondgraph.correct.loop import ClosedLoop
-from bondgraph.correct.places.regimes import Regime, level_name, regime_of, width_name
+from bondgraph.correct.places.regimes import Regime, level_names, regime_of, width_name
 from bondgraph.correct.result import intervals
 from bondgraph.declare.effect import Effect
 from bondgraph.estimate.fitted import Fit
@@ -16,8 +16,8 @@ def named(added: Added, fitted: Fit) -> str:
     candidate, regime = added.trial.candidate, regime_of(added.trial.candidate.function)
     if regime is None:
         return candidate.label
-    value = fitted.values[level_name(candidate.effect)]
-    return f"{candidate.effect.name} at {candidate.place.label} where {_where(regime, value)}"
+    levels = [_valued(regime, fitted.values[name]) for name in level_names(candidate.effect, regime)]
+    return f"{candidate.effect.name} at {candidate.place.label} where {regime.told(*levels)}"
 
 
 def regime_sentences(closed: ClosedLoop) -> list[str]:
@@ -29,10 +29,10 @@ def _sentence(added: Added, fitted: Fit) -> str:
     effect, regime = added.trial.candidate.effect, regime_of(added.trial.candidate.function)
     if regime is None:
         return ""
-    name = level_name(effect)
-    level = with_ends(fitted.values[name], intervals(fitted)[name], regime.unit)
-    within = f"{regime.quantity} is {regime.side} {level}"
-    about = f"it comes and goes within {_valued(regime, _width(effect, fitted))} on both sides of that"
+    names = level_names(effect, regime)
+    within = regime.told(*(with_ends(fitted.values[name], intervals(fitted)[name], regime.unit) for name in names))
+    each = "that" if len(names) == 1 else "each"
+    about = f"it comes and goes within {_valued(regime, _width(effect, fitted))} on both sides of {each}"
     ends = f"the logs cover {shown(regime.span[0])} to {shown(regime.span[1])}"
     return f"Regime: {effect.name} at {added.trial.candidate.place.label} acts where {within}; {about}; {ends}."
 
@@ -40,10 +40,6 @@ def _sentence(added: Added, fitted: Fit) -> str:
 def _width(effect: Effect, fitted: Fit) -> float:
     model = fitted.problem.filter_model.model
     return float(fitted.theta[model.index("parameter", width_name(effect))])
-
-
-def _where(regime: Regime, level: float) -> str:
-    return f"{regime.quantity} is {regime.side} {_valued(regime, level)}"
 
 
 def _valued(regime: Regime, value: float) -> str:

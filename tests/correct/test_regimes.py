@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pytest
 
@@ -13,7 +15,7 @@ from bondgraph.correct.evidence.trials import Trial
 from bondgraph.correct.gate_worth import earned, in_its_signal
 from bondgraph.correct.loop import ClosedLoop, close_loop
 from bondgraph.correct.models.candidates import candidates, places
-from bondgraph.correct.places.regimes import Regime, in_regime
+from bondgraph.correct.places.regimes import Regime, Side, in_regime
 from bondgraph.correct.result import result_json
 from bondgraph.correct.scores.scoring import linearisation, score_candidates
 from bondgraph.correct.search import regimes
@@ -118,6 +120,32 @@ def test_a_gate_closes_a_law_on_one_side_of_its_level() -> None:
     assert run.x[0, -1] > FAST.level
 
 
+def test_a_gate_between_two_levels_and_one_outside_of_them_add_up() -> None:
+    """A law between two levels and the same outside of them are the law everywhere, at any width."""
+    graph, place = copy(partly.drive()), Scale(2.0, 20.0)
+    names = []
+    sides: tuple[tuple[Side, EffectFunction], ...] = (
+        ("between", effects.viscous_loss), ("outside", effects.quadratic_loss),
+    )  # fmt: skip
+    for side, law in sides:
+        regime = Regime("clutch", "1", side, 0.3, (0.0, 1.0), 0.05, 0.7)
+        effect = in_regime(law, regime)(graph, Place(handle(graph, "shaft"), place))
+        assert effect is not None and effect.regime == f"clutch is {side} two levels"
+        names += [effect.coefficients[0], *effect.shapes]
+    assert [name.partition("_")[0] for name in names] == ["c", "level", "upper", "c", "level", "upper"]
+    model, plain, speed = build(graph).model, build(partly.drive()).model, 2.0
+    theta = model.theta(c_viscous_loss_shaft=0.03, c_quadratic_loss_shaft=0.03 / speed)
+    for clutch in (0.1, 0.29, 0.5, 0.68, 0.9):
+        slowed = model.rhs(0.0, np.array([speed]), np.array([0.0, clutch]), theta)
+        everywhere = plain.rhs(0.0, np.array([speed]), np.array([0.0, clutch]), plain.theta(d=0.13))
+        assert slowed == pytest.approx(everywhere, rel=1e-6)  # speed*abs(speed) has a width of its own
+    only = model.theta(c_viscous_loss_shaft=0.03)
+    for clutch, inside in ((0.1, 0.0), (0.5, 1.0), (0.9, 0.0)):
+        slowed = model.rhs(0.0, np.array([speed]), np.array([0.0, clutch]), only)
+        sole = plain.rhs(0.0, np.array([speed]), np.array([0.0, clutch]), plain.theta(d=0.1 + 0.03 * inside))
+        assert slowed == pytest.approx(sole, rel=1e-3)  # the step has a width
+
+
 @pytest.mark.parametrize(
     "function", [effects.added_inertia, effects.stribeck_loss, effects.warm_up_loss, effects.hysteresis_loss]
 )
@@ -156,6 +184,33 @@ def test_a_leak_above_a_level_of_a_tank_is_found() -> None:
     assert label == "leakage at level where pressure of level is above a level"
     assert intervals["level"][0] < partly.LEVEL < intervals["level"][1]
     assert values["c"] == pytest.approx(partly.VALVE, rel=0.01)
+
+
+@pytest.mark.slow
+def test_friction_of_a_worn_place_is_found_between_two_levels() -> None:
+    """A bump of dry friction on the way: it was named by two half lines that overlapped there, and a disturbance."""
+    closed = _loop(partly.slide(), [partly.slid(seed) for seed in (1, 2)], partly.slid(9))
+    label, values, _ = _only(closed)
+    assert label == "coulomb_loss at slide where displacement of spring is between two levels"
+    assert 0.5 * (values["level"] + values["upper"]) == pytest.approx(partly.WORN, abs=0.005)
+    half = math.sqrt(math.log(2.0)) * partly.REACH  # to where half of the friction is left
+    assert values["upper"] - values["level"] == pytest.approx(2.0 * half, rel=0.15)
+    (said,) = regime_sentences(closed)
+    assert said.startswith("Regime: coulomb_loss at slide acts where displacement of spring is between 0.0")
+    assert " m on both sides of each; the logs cover " in said
+    (told,) = result_json(closed)["effects"]
+    assert (told["regime"]["is"], told["regime"]["upper"]) == ("between", "upper_c_coulomb_loss_slide")
+
+
+@pytest.mark.slow
+def test_a_fan_that_comes_gradually_is_found_with_its_width() -> None:
+    """A gate that opens over a third of the range lost against ramps while it was tried with a sharp edge only."""
+    logs = [partly.driven(seed, 0.0, fan=partly.FAN, soft=0.08) for seed in (1, 2, 9)]
+    label, values, intervals = _only(_loop(partly.drive(), logs[:2], logs[2]))
+    assert label == "quadratic_loss at shaft where clutch is above a level"
+    assert values["level"] == pytest.approx(0.6, abs=0.02)
+    assert values["c"] == pytest.approx(partly.FAN, rel=0.05)
+    assert intervals["width"][0] < 0.16 < intervals["width"][1]  # a logistic curve is a hyperbolic tangent of half
 
 
 @pytest.mark.slow
@@ -205,7 +260,7 @@ def test_a_law_is_gated_in_the_place_of_itself(monkeypatch: pytest.MonkeyPatch) 
     found, _ = candidates(own, [effects.quadratic_loss], [one for one in where if one.label == "shaft"])
     context = Context(own, base, (log,), 10, LEVEL, 5.0, Journal())
     leader = refit_from(Trial(found[0], 1.0), [1e-3], context)
-    monkeypatch.setattr(regimes, "_options", lambda linear, laws, seen: [regimes.Option(laws[0], FAST, 1e9)])
+    monkeypatch.setattr(regimes, "_options", lambda linear, laws, *rest: [regimes.Option(laws[0], FAST, 1e9)])
     (gated,) = regimes.gated_in_place(leader, score_candidates(linear, found), where, context)
     assert gated.trial.candidate.label == "quadratic_loss at shaft where speed of shaft is above a level"
     assert np.isfinite(gated.prediction.gain) and gated.prediction.starts

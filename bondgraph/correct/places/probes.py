@@ -33,6 +33,8 @@ Variable = Literal["effort", "flow", "sensor"]
 
 #: A probe is applied at this share of the size of the variable it changes.
 _SHARE = 1e-3
+#: Knots of a free function that a gated law has to be worth more than, as of those that stay unexplained.
+FUNCTION_KNOTS = 8
 
 
 @dataclass(frozen=True)
@@ -225,6 +227,17 @@ def knots(signal: Signal, count: int, beyond: float = 0.5) -> FloatArray:
         if value - kept[-1] > 0.2 * spread / count:
             kept.append(value)
     return np.array(kept)
+
+
+def is_switch(signal: Signal) -> bool:
+    """True for a signal of few values, which has no functions but steps.
+
+    Examples
+    --------
+    >>> is_switch(Signal("clutch", "1", (np.array([0.0, 1.0, 1.0, 0.0]),)))
+    True
+    """
+    return knots(signal, FUNCTION_KNOTS, beyond=0.0).size < 3
 
 
 def hats(values: FloatArray, at: FloatArray) -> FloatArray:

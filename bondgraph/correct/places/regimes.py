@@ -1,9 +1,10 @@
-"""Regimes: a law that acts in part of the operating space only, where a signal of the graph is above or below a level.
+"""Regimes: a law that acts in part of the operating space only, as the value of a signal of the graph says.
 
-The coefficients of the law are multiplied by a smooth step in the signal, so that the law with its regime is a law of
-the graph like any other. The level is a shape of the law, estimated with it between the ends of what the signal covers
-in the logs. The width of the step is held: over it a gate is neither open nor shut, and no finer than a share of the
-range of the signal can a filter see where that is. Time is no signal: what happens at a time is an event.
+It acts above or below a level, or between or outside of two. The coefficients of the law are multiplied by a smooth
+step in the signal, or by two, so that the law with its regime is a law of the graph like any other. A level is a shape
+of the law, estimated with it between the ends of what the signal covers in the logs. The width of the step is held at
+first: over it a gate is neither open nor shut, and no finer than a share of the range of the signal can a filter see
+where that is. Time is no signal: what happens at a time is an event.
 
 Reference: Teräsvirta (1994), J. American Statistical Association 89(425), for smooth transitions between regimes;
 Hansen (2000), Econometrica 68(3), for the estimate of a threshold.
@@ -11,6 +12,7 @@ Hansen (2000), Econometrica 68(3), for the estimate of a threshold.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -27,7 +29,7 @@ from bondgraph.declare.graph import BondGraph
 from bondgraph.declare.quantities import symbol
 from bondgraph.declare.revision import replace_symbols
 
-Side = Literal["above", "below"]
+Side = Literal["above", "below", "between", "outside"]
 
 #: Levels of a signal that are tried: between so many knots, between which it is found about equally often.
 _KNOTS = 41
@@ -43,10 +45,10 @@ _WORDS = {
 
 @dataclass(frozen=True)
 class Regime:
-    """Where a law acts: where a signal is above (below) a level.
+    """Where a law acts: where a signal is above (below) a level, or between (outside) that and an upper one.
 
-    ``level`` is where its search begins, ``span`` the range of the signal in the logs; ``width`` the distance from the
-    level at which the step has made 88 % of its way.
+    ``level`` and ``upper`` are where their search begins, ``span`` the range of the signal in the logs; ``width`` the
+    distance from a level at which its step has made 88 % of its way.
     """
 
     signal: str
@@ -55,17 +57,20 @@ class Regime:
     level: float
     span: tuple[float, float]
     width: float
+    upper: float | None = None
 
     @property
     def words(self) -> str:
-        """The regime as a person reads it, without its level.
+        """The regime as a person reads it, without its levels.
 
         Examples
         --------
         >>> Regime("flow of shaft", "rad/s", "above", 12.0, (0.0, 20.0), 0.4).words
         'speed of shaft is above a level'
+        >>> Regime("flow of shaft", "rad/s", "outside", 5.0, (0.0, 20.0), 0.4, 12.0).words
+        'speed of shaft is outside two levels'
         """
-        return f"{self.quantity} is {self.side} a level"
+        return self.told("a level" if self.upper is None else "two levels")
 
     @property
     def quantity(self) -> str:
@@ -73,10 +78,26 @@ class Regime:
         variable, separator, node = self.signal.partition(" of ")
         return f"{_WORDS.get((variable, self.unit), variable)} of {node}" if separator else self.signal
 
-    def step(self, level: Expr, width: Expr) -> Expr:
-        """The smooth step as an expression of the graph."""
-        past = argument(self.signal) - level
-        return switch(past if self.side == "above" else -past, width)
+    def told(self, *levels: str) -> str:
+        """The regime as a person reads it, with the texts of its levels.
+
+        Examples
+        --------
+        >>> Regime("flow of shaft", "rad/s", "between", 5.0, (0.0, 20.0), 0.4, 12.0).told("5", "12 rad/s")
+        'speed of shaft is between 5 and 12 rad/s'
+        """
+        return f"{self.quantity} is {self.side} {' and '.join(levels)}"
+
+    def gate(self, levels: Sequence[Expr], width: Expr) -> Expr:
+        """The smooth step, or what two of them leave open, as an expression of the graph."""
+        value = argument(self.signal)
+        if self.side == "below":
+            return switch(levels[0] - value, width)
+        past = switch(value - levels[0], width)
+        if self.side == "above":
+            return past
+        between = past * switch(levels[1] - value, width)
+        return between if self.side == "between" else 1 - between
 
 
 def regime_of(function: EffectFunction) -> Regime | None:
@@ -119,16 +140,20 @@ def in_regime(function: EffectFunction, regime: Regime) -> EffectFunction:
         effect = function(g, at)
         if effect is None or not _can_be_gated(g, effect, declared):
             return None
-        name, about = level_name(effect), width_name(effect)
-        meaning = f"{regime.quantity} {regime.side} which {effect.element} acts"
-        level = g.parameter(name, regime.level, regime.unit, meaning, regime.span)
+        names, about = level_names(effect, regime), width_name(effect)
+        starts = (regime.level,) if regime.upper is None else (regime.level, regime.upper)
+        meaning = f"{regime.told('a level')}: there {effect.element} acts"
+        levels = [
+            g.parameter(name, start, regime.unit, meaning, regime.span)
+            for name, start in zip(names, starts, strict=True)
+        ]
         width = g.parameter(about, regime.width, regime.unit, "distance within which it comes and goes")
-        on = regime.step(level, width)
+        on = regime.gate(levels, width)
         replace_symbols(g, {one: symbol(one) * on for one in effect.coefficients})
         return replace(
-            effect, law=f"{effect.law}, where {regime.quantity} is {regime.side} {name}", regime=regime.words,
-            shapes=(*effect.shapes, name), grids=(*effect.grids, (name, (regime.level,))),
-            widths=(*effect.widths, about),
+            effect, law=f"{effect.law}, where {regime.told(*names)}", regime=regime.words,
+            shapes=(*effect.shapes, *names), widths=(*effect.widths, about),
+            grids=(*effect.grids, *((name, (start,)) for name, start in zip(names, starts, strict=True))),
         )  # fmt: skip
 
     extended.__name__ = function.__name__
@@ -137,9 +162,10 @@ def in_regime(function: EffectFunction, regime: Regime) -> EffectFunction:
     return extended
 
 
-def level_name(effect: Effect) -> str:
-    """The parameter that holds the level of a gated law."""
-    return f"level_{effect.coefficients[0]}"
+def level_names(effect: Effect, regime: Regime) -> tuple[str, ...]:
+    """The parameters that hold the level of a gated law, or its two."""
+    own = effect.coefficients[0]
+    return (f"level_{own}",) if regime.upper is None else (f"level_{own}", f"upper_{own}")
 
 
 def width_name(effect: Effect) -> str:

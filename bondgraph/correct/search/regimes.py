@@ -1,10 +1,10 @@
-"""Regimes of laws: which law acts where a signal is above or below a level.
+"""Regimes of laws: which law acts where a signal is above or below a level, or between or outside of two.
 
 A law that acts in a part of the operating space leaves a residual that is uneven over a signal. The scores of a law by
-sample are at hand: summed where the signal is above a level they are, to the memory of the filter, the score of the law
-with that gate. So all levels of all signals cost sums, and only what stands out is made a candidate of its own, scored
-and refitted like any other. Two places give rise to regimes: the scores of the declared model, at the places that lead,
-and each fit that leads the search, for the laws at its place.
+sample are at hand: weighed by how far a gate is open they are, to the memory of the filter, the score of the law with
+that gate. So all gates in all signals cost sums, and only what stands out is made a candidate of its own, scored and
+refitted like any other. Two places give rise to regimes: the scores of the declared model, also of laws that a free
+parameter hides where they act everywhere, and each fit that leads the search, for the laws at its place.
 """
 
 from __future__ import annotations
@@ -14,12 +14,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from bondgraph.correct.constants import FREE_TAKE, INDIFFERENT, OPTIMISM
 from bondgraph.correct.evidence.context import Context
 from bondgraph.correct.evidence.trials import Trial
 from bondgraph.correct.models.candidates import Candidate, Variant, candidates
-from bondgraph.correct.places.probes import Signal, signals
+from bondgraph.correct.places.probes import Signal, is_switch, signals
 from bondgraph.correct.places.regimes import Regime, Side, in_regime, tried
 from bondgraph.correct.places.unexplained import distinct
 from bondgraph.correct.scores.score import best_step, solve
@@ -30,11 +31,15 @@ from bondgraph.data.log import FloatArray
 from bondgraph.declare.effect import Place
 from bondgraph.estimate.objective import Expansion
 
-#: Places whose laws get regimes at the scores of the declared model, and gated laws that are made at a time.
-_PLACES, _MOST = 2, 3
+#: Gated laws that are made at a time.
+_MOST = 3
 #: A gate has at least this share of what the logs tell of its law on either side: as for a change in time, Andrews
 #: (1993), Econometrica 61(4), who recommends 15 % of the samples; of the information a law has less on its quiet side.
 _TRIM = 0.05
+#: Widths of gates that are tried, as multiples of the finest; the one that is taken may be freed later.
+_WIDTHS = (1.0, 3.0, 9.0)
+#: Kinds of gates in one signal: above, below, between and outside, with each width.
+_SIDES = 4 * len(_WIDTHS)
 #: Gated laws that promise this share of the best one's gain are made too.
 _NEAR = 0.8
 
@@ -50,7 +55,7 @@ class Gateable:
 
 @dataclass(frozen=True)
 class Option:
-    """A law with a regime, and the gain in nats that sums of its scores promise."""
+    """A law with a regime, and the gain in nats that sums of its scores promise, less what a second level costs."""
 
     law: Gateable
     regime: Regime
@@ -74,17 +79,17 @@ def gated_by_scores(linear: Linearisation, known: Scored, where: Sequence[Place]
     laws = [
         Gateable(candidate, variant, column[:, 0])
         for candidate, variant, column in zip(known.candidates, known.variants, known.columns, strict=True)
-        if candidate.place.label in _leading(known) and _may_be_gated(candidate)
+        if _may_be_gated(candidate)
     ]
     seen = distinct([one for one in signals(context.built, linear, where) if one.name != "time"])
-    options = _options(linear, laws, seen)
+    options = _options(linear, laws, seen, context)
     made = _made(options, max(best, context.required) + _margin(laws, seen, context), context)
     if not made:
         return []
     scored = score_candidates(linear, made)
     predictions = predicted_by_scores(context.base, linear, scored, context)
     steps = [tuple(map(float, one)) for one in scored.scores.steps[: len(made)]]
-    return _gated(made, predictions, steps, 2 * len(laws) * len(seen))
+    return _gated(made, predictions, steps, _SIDES * len(laws) * len(seen))
 
 
 def gated_in_place(best: Trial, known: Scored, where: Sequence[Place], context: Context) -> list[Gated]:
@@ -106,12 +111,12 @@ def gated_in_place(best: Trial, known: Scored, where: Sequence[Place], context: 
     seen = distinct([one for one in signals(best.built, linear, where) if one.name != "time"])
     without, beaten = without_effect(linear, shared, len(own.effect.coefficients))
     margin = INDIFFERENT if own.effect.regime else _margin(laws, seen, context)
-    made = _made(_options(without, laws, seen), beaten + margin, context)
+    made = _made(_options(without, laws, seen, context), beaten + margin, context)
     if not made:
         return []
     # a gated law has one variant, that of its level
     predictions = predicted_by_swap(best, made, [one.variants[0] for one in made], context)
-    return _gated(made, predictions, [()] * len(made), 2 * len(laws) * len(seen))
+    return _gated(made, predictions, [()] * len(made), _SIDES * len(laws) * len(seen))
 
 
 def _gated(
@@ -133,19 +138,15 @@ def _may_be_gated(candidate: Candidate) -> bool:
     return effect.dissipative and place.bond is None and len(effect.parameters) == 1 and not effect.amplitudes
 
 
-def _leading(known: Scored) -> list[str]:
-    """Places at which a law promises most."""
-    best: dict[str, float] = {}
-    for one, gain in zip(known.candidates, known.scores.gain, strict=True):
-        if not one.effect.channel:
-            best[one.place.label] = max(best.get(one.place.label, 0.0), float(gain))
-    return sorted(best, key=lambda label: -best[label])[:_PLACES]
-
-
 def _margin(laws: Sequence[Gateable], seen: Sequence[Signal], context: Context) -> float:
     """Nats beyond a law without a gate: the penalty for the level, and for how many gates were tried."""
+    return _level_price(context) + math.log(max(_SIDES * len(laws) * len(seen), 1))
+
+
+def _level_price(context: Context) -> float:
+    """Nats that a level of a gate must be worth."""
     measured = sum(int(np.isfinite(log.y).sum()) for log in context.train)
-    return INDIFFERENT + 0.5 * math.log(max(measured, 2)) + math.log(max(2 * len(laws) * len(seen), 1))
+    return INDIFFERENT + 0.5 * math.log(max(measured, 2))
 
 
 def without_effect(linear: Linearisation, shared: int, coefficients: int) -> tuple[Linearisation, float]:
@@ -162,29 +163,64 @@ def without_effect(linear: Linearisation, shared: int, coefficients: int) -> tup
     return without, gain
 
 
-def _options(linear: Linearisation, laws: Sequence[Gateable], seen: Sequence[Signal]) -> list[Option]:
-    """The best level of every law in every signal on either side, the most promising first."""
-    bare = linear.expansion(np.zeros((linear.free.shape[0], 0)))
+def _options(linear: Linearisation, laws: Sequence[Gateable], seen: Sequence[Signal], context: Context) -> list[Option]:
+    """The best levels of every law in every signal on every side, the most promising first."""
+    bare, price = linear.expansion(np.zeros((linear.free.shape[0], 0))), _level_price(context)
     spread = linear.free[:, 1:] + linear.free[:, :1] * linear.scales[:, 1:]
     timed = linear.times.sample >= 0
     gates = []
     for signal in seen:
         regime, levels = tried(signal)
-        samples = np.searchsorted(levels, np.concatenate(signal.values))
-        gates.append((regime, levels, samples[linear.times.sample[timed]]))
+        values = np.concatenate(signal.values)
+        cells = np.searchsorted(levels, values)
+        widths = regime.width * np.array(_WIDTHS[:1] if is_switch(signal) else _WIDTHS)
+        gates.append((regime, _gates(widths, levels, values, cells), cells[linear.times.sample[timed]]))
     found = []
     for law in laws:
         response = law.response[:, np.newaxis]
         pieces = np.concatenate([response * linear.free[:, :1], response**2, response * spread], axis=1)[timed]
-        for regime, levels, cells in gates:
-            sums = np.array([np.bincount(cells, weights=one, minlength=levels.size + 1) for one in pieces.T])
-            below, whole = np.cumsum(sums, axis=1)[:, :-1], sums.sum(axis=1, keepdims=True)
-            sides: tuple[tuple[Side, FloatArray], ...] = (("below", below), ("above", whole - below))
-            for side, inside in sides:
-                gain = _gains(bare, inside, float(whole[1, 0]), bool(law.candidate.lower[0] >= 0.0))
+        one_sided = bool(law.candidate.lower[0] >= 0.0)
+        for regime, sides, cells in gates:
+            sums = np.array([np.bincount(cells, weights=one, minlength=sides[0].opened.shape[1]) for one in pieces.T])
+            for one in sides:
+                inside = sums @ one.opened.T
+                inside[1] = sums[1] @ (one.opened**2).T
+                gain = _gains(bare, inside, float(sums[1].sum()), one_sided)
                 k = int(np.argmax(gain))
-                found.append(Option(law, replace(regime, side=side, level=float(levels[k])), float(gain[k])))
+                found.append(Option(law, one.regime(regime, k), float(gain[k]) - (price if one.upper.size else 0.0)))
     return sorted(found, key=lambda one: -one.gain)
+
+
+@dataclass(frozen=True)
+class _Gates:
+    """Gates on one side: what they leave open (gates, n + 1) between levels, these (gates,), and their widths."""
+
+    side: Side
+    opened: FloatArray
+    level: FloatArray
+    upper: FloatArray
+    width: FloatArray
+
+    def regime(self, like: Regime, k: int) -> Regime:
+        upper = float(self.upper[k]) if self.upper.size else None
+        return replace(like, side=self.side, level=float(self.level[k]), width=float(self.width[k]), upper=upper)
+
+
+def _gates(kinds: FloatArray, levels: FloatArray, values: FloatArray, cells: NDArray[np.int_]) -> list[_Gates]:
+    """All gates in a signal of these values, which lie in cells between levels (n,); each with every width."""
+    count = np.bincount(cells, minlength=levels.size + 1)
+    centres = np.bincount(cells, weights=values, minlength=levels.size + 1) / np.maximum(count, 1)
+    widths, level = np.repeat(kinds, levels.size), np.tile(levels, kinds.size)
+    past = 0.5 * (1.0 + np.tanh((centres - level[:, np.newaxis]) / widths[:, np.newaxis]))
+    none = np.zeros(0)
+    found = [_Gates("below", 1.0 - past, level, none, widths), _Gates("above", past, level, none, widths)]
+    low, high = np.triu_indices(levels.size, 1)
+    if low.size:
+        shift = levels.size * np.arange(kinds.size)[:, np.newaxis]
+        low, high = (low + shift).ravel(), (high + shift).ravel()
+        between, ends = past[low] * (1.0 - past[high]), (level[low], level[high], widths[low])
+        found += [_Gates("between", between, *ends), _Gates("outside", 1.0 - between, *ends)]
+    return found
 
 
 def _gains(bare: Expansion, inside: FloatArray, whole: float, one_sided: bool) -> FloatArray:
