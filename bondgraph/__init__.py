@@ -13,6 +13,7 @@ from bondgraph.lazy import exported
 from bondgraph.version import __version__ as __version__
 
 if TYPE_CHECKING:
+    from bondgraph.asking import design as design
     from bondgraph.asking import sensitivity as sensitivity
     from bondgraph.build import BuiltModel as BuiltModel
     from bondgraph.build import build as build
@@ -58,7 +59,7 @@ else:
     __getattr__, __dir__, __all__ = exported(
         __name__,
         {
-            "asking": "sensitivity",
+            "asking": "design sensitivity",
             "build": "BuiltModel build",
             "correct.loop": "LoopSettings",
             "data.log": "Log LogChannel MatchedLog",

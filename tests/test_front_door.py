@@ -90,6 +90,7 @@ WRONG = {
     "predict": (lambda a: predict(a.model), "predict: BuiltModel was given where"),
     "posterior": (lambda a: sample_posterior(a.model), "posterior: BuiltModel was given where"),
     "sensitivity": (lambda a: bg.sensitivity(a.graph), "where a model is expected - bg.build"),
+    "design": (lambda a: bg.design(a.graph), "design: BondGraph was given where a model is expected - bg.build"),
     "read a log": (lambda a: bg.read_log(a.log()), "read_log: Log was given where a file is expected"),
     "write a graph": (lambda a: bg.write_log("x.csv", a.graph), "write_log: BondGraph was given where a log"),
     "write to a log": (lambda a: bg.write_log(a.log(), "x.csv"), "write_log: Log was given where a file is expected"),
@@ -157,7 +158,7 @@ def test_what_a_package_exports_is_what_type_checkers_see(path: Path) -> None:
 
 def test_the_front_door_is_small_and_says_what_it_does() -> None:
     assert {*VERBS, "BondGraph", "FilterModel", "Log", "Model", "ROTATION", "Settings", "smooth"} <= set(dir(bg))
-    assert len(bg.__all__) <= 41
+    assert len(bg.__all__) <= 42
     for name in bg.__all__:
         value = getattr(bg, name)
         if inspect.isfunction(value):
@@ -230,7 +231,7 @@ def test_a_model_runs_without_what_design_needs(tmp_path: Path) -> None:
 _POSED = """
 import sys
 import bondgraph as bg
-assert bg.estimate and bg.pose and bg.filter_log and bg.sensitivity
+assert bg.estimate and bg.pose and bg.filter_log and bg.sensitivity and bg.design
 import bondgraph.report.filtering, bondgraph.report.comparison
 print([name for name in ("scipy.stats", "scipy.integrate", "numba") if name in sys.modules])
 """

@@ -10,8 +10,6 @@ from concurrent.futures import Executor
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
-
 from bondgraph.build import BuiltModel, build
 from bondgraph.cli.between import inputs_between
 from bondgraph.cli.given_logs import read_given
@@ -34,18 +32,15 @@ from bondgraph.estimate.analysis.screening import (
     problem_bounds,
 )
 from bondgraph.estimate.declared import declared_problem
-from bondgraph.estimate.derivatives.exact import derivatives
+from bondgraph.estimate.design.answer import Design, standing
 from bondgraph.estimate.design.discrimination import DiscriminationTable, Rival, discriminate
 from bondgraph.estimate.design.information import rank_manoeuvres
-from bondgraph.estimate.design.manoeuvres import Manoeuvre, step_manoeuvres
-from bondgraph.estimate.estimation import Settings
-from bondgraph.estimate.estimation import estimate as run_estimate
-from bondgraph.estimate.objective import FloatArray, fitted_expansion
+from bondgraph.estimate.design.manoeuvres import Manoeuvre, blank_log, step_manoeuvres
 from bondgraph.estimate.problem import EstimationProblem, pose
 from bondgraph.execute.executors import open_executor
 from bondgraph.files import finite, output_folder
 from bondgraph.filter.filter_model import FilterModel
-from bondgraph.report.design import DesignAnswer, write_design
+from bondgraph.report.design import write_design
 from bondgraph.report.scenarios import declared_noise, declared_scenario
 from bondgraph.report.sensitivity import SensitivityAnswer, write_sensitivity
 from bondgraph.simulate.model import Model
@@ -127,13 +122,13 @@ def design(options: argparse.Namespace) -> int:
     folder = output_folder(Path(options.out))
     first = machines[0]
     manoeuvres = _manoeuvres(options, first)
-    answer = DesignAnswer(
+    answer = Design(
         first.problem.filter_model.model.name,
         rank_manoeuvres(first.problem, manoeuvres, first.point, first.known),
         _told_apart(options, machines, manoeuvres),
     )
     write_design(answer, folder, provenance(options, math.nan))
-    print(json.dumps(finite(answer.to_dict()), indent=1) if options.json else answer.text())
+    print(json.dumps(finite(answer.to_dict()), indent=1) if options.json else answer.summary())
     if not options.json:
         print(f"report: {folder / 'report.html'}")
     return 0
@@ -156,10 +151,10 @@ def _machine(options: argparse.Namespace, reference: str, workers: Executor | No
     wanted = [name for name in names(options.free) if name in built.model.names("parameter") or "(" in name]
     if not logs:
         model = built.model
-        blank = _blank(model, options.rate)
+        blank = blank_log(model, 1.0 / options.rate)
         chosen = wanted or [info.name for info in model.parameters if info.lower is not None]
         problem = pose(_planned_filter(options, reference, model), blank, chosen, "model")
-        return Rival(reference, problem, problem.start)
+        return standing(reference, problem)
     return _fitted(options, reference, built, logs, wanted, workers)
 
 
@@ -177,10 +172,7 @@ def _fitted(
         problem = pose(_planned_filter(options, reference, built.model), logs, chosen, options.start)
     else:
         problem = declared_problem(built.model, built.driven, logs, wanted, "none", options.start)
-    point: FloatArray = problem.start
-    if options.rival:
-        point = run_estimate(problem, Settings(method="gradient", certify="none"), executor=workers).point
-    return Rival(reference, problem, point, fitted_expansion(problem, point, derivatives).information)
+    return standing(reference, problem, fitted=bool(options.rival), executor=workers)
 
 
 def _planned_filter(options: argparse.Namespace, reference: str, model: Model) -> FilterModel:
@@ -213,12 +205,6 @@ def _planned_filter(options: argparse.Namespace, reference: str, model: Model) -
         return FilterModel(model, {}, sensors, {}, method="auto")
     declared = noise.filter_model(model)
     return replace(declared, measurement_noise={**declared.measurement_noise, **sensors})
-
-
-def _blank(model: Model, rate: float) -> MatchedLog:
-    """A log without any measurement, for a problem that has none yet."""
-    u = np.repeat(model.u0()[:, np.newaxis], 2, axis=1)
-    return MatchedLog("planned", np.array([0.0, 1.0 / rate]), u, np.full((len(model.outputs), 2), np.nan))
 
 
 def _manoeuvres(options: argparse.Namespace, first: Rival) -> list[Manoeuvre]:

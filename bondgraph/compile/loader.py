@@ -111,7 +111,7 @@ def _import_numeric(name: str, *_: object) -> ModuleType:
 
 def require_function(namespace: Mapping[str, Any], name: str, source: str) -> Callable[..., Any]:
     """The function ``name`` of a module, checked to take ``(t, x, u, theta)``."""
-    function = namespace[name]
+    function: Any = namespace.get(name)
     code = getattr(function, "__code__", None)
     arguments = () if code is None else code.co_varnames[: code.co_argcount]
     if arguments != ("t", "x", "u", "theta"):

@@ -7,9 +7,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, TypeGuard, Union
 
 from bondgraph.data.log import Log, MatchedLog
-from bondgraph.data.matching import match
+from bondgraph.data.matching import match, match_inputs, match_outputs, renamed
 from bondgraph.data.read import read_log
 from bondgraph.data.signals import Signals
+from bondgraph.errors import require_kind
 
 if TYPE_CHECKING:
     import pandas
@@ -48,11 +49,26 @@ def matched(
     """
     if isinstance(log, MatchedLog) or _is_matched(log):
         return log
-    if isinstance(log, str | Path):
-        log = read_log(log)
-    elif _is_table(log):
-        log = Log.from_dataframe(log, name)
-    return match(log, model, columns, constants)
+    return match(_as_read(log, name), model, columns, constants)
+
+
+def inputs_matched(
+    log: GivenLog,
+    model: Signals,
+    columns: Mapping[str, str] | None = None,
+    constants: Mapping[str, float | str] | None = None,
+    name: str = "log",
+) -> MatchedLog:
+    """A log of which the times and inputs matter; arguments and errors as for :func:`matched`.
+
+    It may measure nothing at all, and whatever else it holds is left alone.
+    """
+    if isinstance(log, MatchedLog) or _is_matched(log):
+        return log
+    read = _as_read(log, name)
+    require_kind("design", read, Log, "log")
+    known = renamed(read, model, columns or {})
+    return MatchedLog(known.name, known.time, match_inputs(known, model, constants), match_outputs(known, model))
 
 
 def all_matched(
@@ -68,6 +84,13 @@ def all_matched(
     """
     listed = logs if isinstance(logs, Iterable) and not isinstance(logs, str) and not _is_table(logs) else [logs]
     return [matched(log, model, columns, constants, f"{name}{k}") for k, log in enumerate(listed, start=1)]
+
+
+def _as_read(log: GivenLog, name: str) -> Log:
+    """The log of a file or a data frame."""
+    if isinstance(log, str | Path):
+        return read_log(log)
+    return Log.from_dataframe(log, name) if _is_table(log) else log  # type: ignore[return-value]
 
 
 def _is_matched(log: object) -> TypeGuard[MatchedLog]:

@@ -13,8 +13,8 @@ from bondgraph.declare.elements import Bond, Node
 from bondgraph.declare.expressions import is_local, normalise, signal, signal_name, symbols_in
 from bondgraph.declare.functions import TableFunction, table_function
 from bondgraph.declare.handles import SubGraph
-from bondgraph.declare.quantities import Integral, NamedSignal, Output, Requirement, Start, symbol
-from bondgraph.declare.starts import Initial, renamed_start, starts_of
+from bondgraph.declare.quantities import Integral, NamedSignal, Output, ParameterStart, Requirement, Start, symbol
+from bondgraph.declare.starts import Initial, renamed_start, restarted, starts_of
 from bondgraph.declare.store import GraphStore
 from bondgraph.errors import DeclarationError
 
@@ -61,6 +61,7 @@ def flatten(graph: _Graph) -> _Graph:
     flat._requirements += [requirement for requirement in own if requirement not in flat._requirements]
     for output in graph.outputs:
         flat._outputs[output.name] = dataclasses.replace(output, expression=outer.expression(output.expression))
+    restarted(flat)
     return flat
 
 
@@ -171,8 +172,8 @@ class _Renaming:
         values = tuple(one.value for one in begun)
         return dataclasses.replace(node, name=name, laws=laws, initial=values, starts=starts_of(begun))
 
-    def _begun(self, name: str, value: float, start: Start | None) -> Initial:
-        return renamed_start(Initial(value, start), self.quantity_name, self.bound, name)
+    def _begun(self, name: str, value: float, start: Start | ParameterStart | None) -> Initial:
+        return renamed_start(Initial(value, start), self.quantity_name, self.bound, self.expression, name)
 
     def quantity(self, quantity: Any) -> Any:
         name = self.quantity_name(quantity.name)

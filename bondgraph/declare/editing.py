@@ -15,6 +15,7 @@ from bondgraph.declare.graph import BondGraph, Handle
 from bondgraph.declare.quantities import Input, Interpolation, Parameter
 from bondgraph.declare.quantity_checks import check_quantity
 from bondgraph.declare.requirements import check_requirements
+from bondgraph.declare.starts import restarted
 from bondgraph.declare.validation import node_domains
 from bondgraph.errors import DeclarationError, suggest
 from bondgraph.text import few
@@ -155,6 +156,7 @@ def with_values(graph: BondGraph, values: Mapping[str, Any]) -> BondGraph:
     for part, own in inner.items():
         subgraph = twin._subgraphs[part]
         twin._subgraphs[part] = dataclasses.replace(subgraph, graph=with_values(subgraph.graph, own))
+    restarted(twin)
     flat = twin.flatten()
     check_requirements(flat.requirements, flat.parameters, graph.name)
     return twin

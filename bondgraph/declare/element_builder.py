@@ -84,7 +84,8 @@ class ElementBuilder(GraphStore):
 
         ``displacement`` as a function of the effort lets a nonlinear compliance be a dependent storage in closed form;
         it may also be given alone, or both may be bound by ``residual(effort, displacement)``. That of a linear one is
-        its capacity, ``displacement=C``. ``initial`` may be a signal of a log, see :mod:`bondgraph.declare.starts`.
+        its capacity, ``displacement=C``. ``initial`` may be an expression of parameters, ``C * T0``, or a signal of a
+        log, see :mod:`bondgraph.declare.starts`.
         """
         return self._storage("C", name, effort, displacement, residual, at, initial, state)
 
@@ -104,7 +105,8 @@ class ElementBuilder(GraphStore):
 
         ``momentum`` as a function of the flow may be given beside it or alone, or both may be bound by
         ``residual(flow, momentum)``. The state of a linear one is its flow, of any other its momentum. ``initial`` is
-        that of the state, and may be a signal of a log: ``initial=omega_input``, ``initial="omega"``.
+        that of the state, and may be an expression of parameters, or a signal of a log: ``initial=omega_input``,
+        ``initial="omega"``.
         """
         law = flow if flow is not None else inertia
         if law is not None and not callable_law(law) and flow is None:

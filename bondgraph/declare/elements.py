@@ -15,7 +15,7 @@ from sympy import Expr, Symbol
 
 from bondgraph.declare.domains import Domain
 from bondgraph.declare.modal_laws import MODAL_LAWS, check_modal
-from bondgraph.declare.quantities import Start
+from bondgraph.declare.quantities import ParameterStart, Start
 from bondgraph.errors import DeclarationError, suggest
 
 JUNCTIONS = ("0", "1")
@@ -63,7 +63,8 @@ class Node:
     field, ``energy`` of a storage, ``1.effort1``, ``1.flow2`` .. of the first form of a user-defined element.
     ``initial`` holds one start value per state (for a residual, where the search for its root starts); ``state`` is the
     state's own name where the user gave one; of a multiport it is the stem of numbered names, or one name per port with
-    spaces between. ``starts``, empty or one per state, are signals of a log that come before ``initial``.
+    spaces between. ``starts``, empty or one per state, are signals of a log that come before ``initial``, or
+    expressions of parameters of which ``initial`` is the value at the declared ones.
     ``initial_units``, empty or one per state, are those in which start values were given, empty for numbers in SI.
     """
 
@@ -75,15 +76,15 @@ class Node:
     initial: tuple[float, ...] = ()
     state: str = ""
     doc: str = field(default="")
-    starts: tuple[Start | None, ...] = ()
+    starts: tuple[Start | ParameterStart | None, ...] = ()
     initial_units: tuple[str, ...] = field(default=(), compare=False)
 
     def law(self, given: str) -> Expr | None:
         """The law that gives ``given``, or None."""
         return dict(self.laws).get(given)
 
-    def start(self, port: int = 1) -> Start | None:
-        """The signal of a log at which the state of a port starts, None where it starts at its number."""
+    def start(self, port: int = 1) -> Start | ParameterStart | None:
+        """The signal of a log, or the expression, at which the state of a port starts; None: at its number."""
         return self.starts[port - 1] if len(self.starts) >= port else None
 
     def state_name(self, port: int = 1) -> str:

@@ -14,7 +14,7 @@ from bondgraph.declare.elements import Node
 from bondgraph.declare.expressions import signal_name, to_text
 from bondgraph.declare.graph import BondGraph
 from bondgraph.declare.json_reader import FORMAT
-from bondgraph.declare.quantities import Input, NamedSignal, Output, Parameter, Start, Table
+from bondgraph.declare.quantities import Input, NamedSignal, Output, Parameter, ParameterStart, Start, Table
 
 
 def to_networkx(graph: BondGraph) -> nx.MultiDiGraph[str]:
@@ -142,10 +142,12 @@ def _node_record(node: Node) -> dict[str, Any]:
     return record | _without_empty({"state": node.state, "doc": node.doc})
 
 
-def _initial_record(values: Sequence[float], starts: Sequence[Start | None], many: bool) -> dict[str, Any]:
-    """Start values, each the name of a signal where it has one, with the number beside it unless that is zero."""
+def _initial_record(
+    values: Sequence[float], starts: Sequence[Start | ParameterStart | None], many: bool
+) -> dict[str, Any]:
+    """Start values: a number, an expression of parameters, or a signal with its number unless that is zero."""
     texts = [
-        value if start is None else [str(start), value] if value else str(start)
+        value if start is None else [str(start), value] if value and isinstance(start, Start) else str(start)
         for value, start in zip(values, starts, strict=True)
     ]
     return {"initial": texts if many else texts[0]} if any(texts) else {}

@@ -12,6 +12,7 @@ from typing import Literal
 from sympy import Expr, Symbol
 
 from bondgraph.coherent import Displayed
+from bondgraph.declare.expression_text import to_text
 
 Interpolation = Literal["linear", "hold", "band limited"]
 
@@ -146,10 +147,27 @@ class Start:
 
 
 @dataclass(frozen=True)
+class ParameterStart:
+    """Where a state starts that follows parameters: at an ``expression`` of them, in coherent SI.
+
+    Examples
+    --------
+    >>> str(ParameterStart(symbol("C") * symbol("T0")))
+    'C*T0'
+    """
+
+    expression: Expr
+
+    def __str__(self) -> str:
+        return to_text(self.expression)
+
+
+@dataclass(frozen=True)
 class Integral(Displayed):
     """An extra state whose rate is an expression: the angle of a shaft, a distance travelled.
 
-    It starts at ``initial``, or in a log at ``start``.
+    It starts at ``initial``, or in a log at ``start``; of a start that follows parameters ``initial`` is the value at
+    the declared ones.
     """
 
     name: str
@@ -158,7 +176,7 @@ class Integral(Displayed):
     meaning: str = ""
     initial: float = 0.0
     shown_unit: str = ""
-    start: Start | None = None
+    start: Start | ParameterStart | None = None
 
 
 @dataclass(frozen=True)

@@ -128,8 +128,8 @@ class QuantityBuilder(GraphStore):
         """Declare an extra state whose rate is ``of``: the angle of a shaft, a distance, a controller's memory.
 
         A rate that depends on the state itself is given as a function of it. The rate is in coherent SI, as all laws
-        are; ``unit`` is that of ``initial`` and of what is shown. ``initial`` may be a signal of a log, see
-        :mod:`bondgraph.declare.starts`.
+        are; ``unit`` is that of ``initial`` and of what is shown. ``initial`` may be an expression of
+        parameters, in coherent SI, or a signal of a log, see :mod:`bondgraph.declare.starts`.
 
         Examples
         --------

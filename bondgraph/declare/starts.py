@@ -1,8 +1,9 @@
-"""Starts from a log: a state whose first value is that of an input or of a measured output.
+"""Starts of states beside numbers: the first value of a signal in a log, an expression of parameters.
 
 ``initial=omega`` names the symbol of a declared input, ``initial="speed"`` an input or an output by its name, and
 ``initial=0.25 * omega`` or ``"0.25*speed"`` a share of either. A pair ``(omega, 12.0)`` gives the number, too, at which
-the state starts without a log; alone, a signal leaves that to the input's default, or zero.
+the state starts without a log; alone, a signal leaves that to the input's default, or zero. ``initial=C*T0``, or the
+same as text, moves with the parameters C and T0 that were declared before.
 """
 
 from __future__ import annotations
@@ -17,8 +18,9 @@ from typing import TYPE_CHECKING, Any
 from sympy import Expr
 
 from bondgraph.coherent import is_quantity
+from bondgraph.declare.expressions import parse
 from bondgraph.declare.laws import as_expression
-from bondgraph.declare.quantities import Input, Parameter, Start
+from bondgraph.declare.quantities import Input, Parameter, ParameterStart, Start
 from bondgraph.errors import DeclarationError, suggest
 from bondgraph.units import dimension, unit_text
 
@@ -26,18 +28,22 @@ if TYPE_CHECKING:
     from bondgraph.declare.store import GraphStore
 
 _TEXT = re.compile(r"(?:(?P<factor>[^*]+)\*)?\s*(?P<name>[A-Za-z_][A-Za-z0-9_.]*)\s*\Z")
-_HOW = "give a number, the symbol of an input, the name of an input or output, or a multiple such as '0.25*speed'"
+_HOW = (
+    "give a number, an expression of declared parameters, the symbol of an input, the name of an input or output, or a "
+    "multiple such as '0.25*speed'"
+)
 
 
 @dataclass(frozen=True)
 class Initial:
     """The start of one state: a number in coherent SI, and the signal that comes before it where a log has it.
 
-    ``unit`` is that of a pint quantity; empty for a number.
+    Of a start that follows parameters the number is its value at the declared ones. ``unit`` is that of a pint
+    quantity; empty for a number.
     """
 
     value: float
-    start: Start | None = None
+    start: Start | ParameterStart | None = None
     unit: str = field(default="", repr=False)
 
 
@@ -49,7 +55,7 @@ def initial_of(
     Parameters
     ----------
     value
-        A number or pint quantity, a signal, or a pair of both.
+        A number or pint quantity, an expression of parameters, a signal, or a pair of a signal and a number.
     where
         The place of the declaration, ``graph: name``.
     number
@@ -76,6 +82,11 @@ def initial_of(
         if rest is not None:
             raise _unreadable(value, where)
         return Initial(number(value), unit=_unit(value))
+    followed = _of_parameters(signal, where, inputs)
+    if followed is not None:
+        if rest is not None:
+            raise _unreadable(value, where)
+        return Initial(value_of(followed, inputs, where), followed)
     start = _named(signal, where) if isinstance(signal, str) else _of_symbol(signal, where, inputs)
     declared = inputs.get(start.signal)
     if declared is None and not isinstance(signal, str) and "." not in start.signal:
@@ -119,8 +130,8 @@ def check_initial_unit(given: str, variable: str, unit: str, where: str) -> None
         )
 
 
-def starts_of(initials: Sequence[Initial]) -> tuple[Start | None, ...]:
-    """The signals of several starts, nothing where all are numbers."""
+def starts_of(initials: Sequence[Initial]) -> tuple[Start | ParameterStart | None, ...]:
+    """The signals and expressions of several starts, nothing where all are numbers."""
     found = tuple(one.start for one in initials)
     return found if any(found) else ()
 
@@ -144,13 +155,16 @@ def check_start(start: Start, signal: Any, where: str, units: Collection[str]) -
 
 
 def check_starts(graph: GraphStore) -> None:
-    """Raise DeclarationError where a state of a (flat) graph starts at a signal that it does not have."""
+    """Raise DeclarationError where a state of a (flat) graph starts at a signal or parameter that it does not have."""
     signals = signals_of(graph)
     listed = [(node.name, start) for node in graph.nodes.values() for start in node.starts]
     for name, start in [*listed, *((one.name, one.start) for one in graph.integrals)]:
         if start is None:
             continue
         where = f"{graph.name}: {name}"
+        if isinstance(start, ParameterStart):
+            value_of(start, graph.quantities, where)
+            continue
         if start.signal not in signals:
             raise DeclarationError(
                 f"{where}: initial {start}: no input or output {start.signal!r}{suggest(start.signal, signals)} - it "
@@ -166,11 +180,60 @@ def signals_of(graph: GraphStore) -> dict[str, Any]:
     return {one.name: one for one in found}
 
 
-def renamed_start(initial: Initial, rename: Callable[[str], str], bound: Mapping[str, Expr], where: str) -> Initial:
-    """The start of a part's state in the names of the graph around it, which may bind the input it starts at."""
+def value_of(start: ParameterStart, declared: Mapping[str, Any], where: str) -> float:
+    """The value of a start that follows parameters, at the declared ones.
+
+    Raises
+    ------
+    DeclarationError
+        If it is no number there, or uses something else than parameters.
+    """
+    names = sorted(used.name for used in start.expression.free_symbols)
+    values = {name: one.value for name in names if isinstance(one := declared.get(name), Parameter)}
+    if len(values) < len(names):
+        raise _unreadable(start, where)
+    value = start.expression.subs({used: values[used.name] for used in start.expression.free_symbols})
+    if not (value.is_number and value.is_real and math.isfinite(float(value))):
+        raise DeclarationError(
+            f"{where}: initial {start} has no value at the declared parameters ({value}) - correct it or their values",
+            where=(where.rpartition(": ")[2], *names),
+        )
+    return float(value)
+
+
+def restarted(graph: GraphStore) -> None:
+    """Bring the numbers of starts that follow parameters to the values that these have now."""
+    for name, node in graph._nodes.items():
+        if any(isinstance(one, ParameterStart) for one in node.starts):
+            pairs = zip(node.initial, node.starts, strict=True)
+            values = tuple(_restarted(graph, name, value, start) for value, start in pairs)
+            graph._nodes[name] = dataclasses.replace(node, initial=values)
+    for one in graph.integrals:
+        if isinstance(one.start, ParameterStart):
+            value = _restarted(graph, one.name, one.initial, one.start)
+            graph._quantities[one.name] = dataclasses.replace(one, initial=value)
+
+
+def _restarted(graph: GraphStore, name: str, value: float, start: Start | ParameterStart | None) -> float:
+    if not isinstance(start, ParameterStart):
+        return value
+    return value_of(start, graph.quantities, f"{graph.name}: {name}")
+
+
+def renamed_start(
+    initial: Initial,
+    rename: Callable[[str], str],
+    bound: Mapping[str, Expr],
+    outside: Callable[[Expr], Expr],
+    where: str,
+) -> Initial:
+    """The start of a part's state in the names of the graph around it, which may bind what it starts at."""
     start = initial.start
     if start is None:
         return initial
+    if isinstance(start, ParameterStart):
+        told = outside(start.expression)
+        return Initial(initial.value, ParameterStart(told)) if told.free_symbols else Initial(float(told))
     if start.signal not in bound:
         return Initial(initial.value, dataclasses.replace(start, signal=rename(start.signal)))
     expression = bound[start.signal] * start.factor
@@ -192,9 +255,6 @@ def _named(text: str, where: str) -> Start:
 
 def _of_symbol(signal: Expr, where: str, inputs: Mapping[str, Any]) -> Start:
     factor, symbol = as_expression(signal, where).as_coeff_Mul()
-    known = {one: inputs[one.name] for one in signal.free_symbols if one.name in inputs}
-    if len(known) == len(signal.free_symbols) and all(isinstance(one, Parameter) for one in known.values()):
-        raise _of_parameters(signal, where, {one: parameter.value for one, parameter in known.items()})
     if not symbol.is_Symbol:
         raise _unreadable(signal, where)
     if symbol.name in inputs and not isinstance(inputs[symbol.name], Input):
@@ -202,22 +262,24 @@ def _of_symbol(signal: Expr, where: str, inputs: Mapping[str, Any]) -> Start:
     return _start(symbol.name, float(factor), signal, where)
 
 
+def _of_parameters(given: Any, where: str, declared: Mapping[str, Any]) -> ParameterStart | None:
+    """The start that an expression of declared parameters, or its text, is; None where it is something else."""
+    known = {name: one.symbol for name, one in declared.items() if isinstance(one, Parameter)}
+    if isinstance(given, str):
+        try:
+            found = parse(given, known, where)
+        except DeclarationError:
+            return None
+    else:
+        found = as_expression(given, where)
+    names = {used.name for used in found.free_symbols}
+    return ParameterStart(found) if names and names <= set(known) else None
+
+
 def _start(signal: str, factor: float, given: Any, where: str) -> Start:
     if not math.isfinite(factor) or factor == 0.0:
         raise _unreadable(given, where)
     return Start(signal, factor)
-
-
-def _of_parameters(given: Expr, where: str, values: Mapping[Any, float]) -> DeclarationError:
-    """The error of a start that would follow parameters: its value at the declared ones is what can be given."""
-    value = given.subs(values)
-    number = f", {float(value):.10g} in coherent SI" if value.is_number and value.is_finite else ""
-    return DeclarationError(
-        f"{where}: initial {given} is no start of a state: no start follows parameters - give its value at the "
-        f"declared ones{number}; a log that measures the element begins at what its sensor shows, whatever parameters "
-        f"are tried, and for one that nothing measures an estimate takes the tie x0(STATE)={given}",
-        where=(where.rpartition(": ")[2], *sorted(map(str, given.free_symbols))),
-    )
 
 
 def _unreadable(given: Any, where: str) -> DeclarationError:

@@ -127,8 +127,8 @@ class GraphStore:
             raise DeclarationError(f"{self.name}: {node.name}: initial {node.initial} must be finite", (node.name,))
         if any(node.starts) and node.kind not in STORAGES:
             raise DeclarationError(
-                f"{self.name}: {node.name}: initial {node.starts[0]}: only a storage starts at a signal - give a "
-                "number",
+                f"{self.name}: {node.name}: initial {node.starts[0]}: only a storage starts at a signal or at "
+                "parameters - give a number",
                 where=(node.name,),
             )
         for given, law in node.laws:

@@ -6,11 +6,11 @@ dimension of its expression is taken.
 
 from __future__ import annotations
 
-from sympy import Expr, Symbol
+from sympy import Expr, Symbol, preorder_traversal
 
 from bondgraph.declare.dimensions import SECOND, DimensionReader, Known, MismatchError, of_unit, subtract
 from bondgraph.declare.expressions import to_text
-from bondgraph.declare.quantities import Input, Parameter
+from bondgraph.declare.quantities import Input, Parameter, ParameterStart
 from bondgraph.derive.equations import Assignment, ImplicitLoop, StateEquations
 from bondgraph.errors import DimensionError
 from bondgraph.units import dimension_text
@@ -59,6 +59,9 @@ class _Checker:
             self.reader = DimensionReader(self.known, self.reader.declared, self.reader.tables)
         for output in self.equations.outputs:
             self._require(output.symbol.name, of_unit(output.unit), output.expression)
+        for state in self.equations.states:
+            if isinstance(state.start, ParameterStart) and not _has_bare_number(state.start.expression):
+                self._require(f"initial of {state.symbol.name}", self.known[state.symbol], state.start.expression)
 
     def _pass(self) -> bool:
         """Check assignments and rates; whether a state's dimension was found that was not known."""
@@ -102,3 +105,16 @@ class _Checker:
                 where=(name,),
             )
         return found if found is not None else needed
+
+
+def _has_bare_number(expression: Expr) -> bool:
+    """True where a number is added or is a factor: 293.15*C is a heat, with kelvins that nobody wrote.
+
+    Examples
+    --------
+    >>> C, T0 = Symbol("C"), Symbol("T0")
+    >>> _has_bare_number(293.15 * C), _has_bare_number(-C * T0**2)
+    (True, False)
+    """
+    sums = [part for part in preorder_traversal(expression) if part.is_Add or part.is_Mul]
+    return any(one.is_Number and abs(one) != 1 for part in sums for one in part.args)

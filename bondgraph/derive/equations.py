@@ -12,7 +12,7 @@ from typing import Literal
 from sympy import Expr, Symbol
 
 from bondgraph.coherent import Displayed
-from bondgraph.declare.quantities import Input, Parameter, Start, Table
+from bondgraph.declare.quantities import Input, Parameter, ParameterStart, Start, Table
 from bondgraph.shown import Typeset
 from bondgraph.text import count
 
@@ -51,7 +51,7 @@ class ImplicitLoop:
 class State(Displayed):
     """One state: the symbol it has in the equations, its unit, start value and the storage it belongs to.
 
-    ``start`` is the signal of a log at which it starts, if it has one.
+    ``start`` is the signal of a log at which it starts, or the expression of parameters, if it has one.
     """
 
     symbol: Symbol
@@ -61,7 +61,7 @@ class State(Displayed):
     element: str
     variable: StateVariable
     shown_unit: str = ""
-    start: Start | None = None
+    start: Start | ParameterStart | None = None
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ from bondgraph.declare.domains import UNDECLARED_PREFIXES, Domain
 from bondgraph.declare.elements import MULTIPORTS, SOURCES, STORAGES, Node
 from bondgraph.declare.expressions import signal_name, symbols_in
 from bondgraph.declare.functions import smooth_step, switch
-from bondgraph.declare.quantities import Input, Integral, NamedSignal, Start, symbol
+from bondgraph.declare.quantities import Input, Integral, NamedSignal, ParameterStart, Start, symbol
 from bondgraph.declare.starts import check_initial_unit, check_start, signals_of
 from bondgraph.declare.validation import node_domains
 from bondgraph.derive.causality import CausalGraph
@@ -237,9 +237,9 @@ class BondVariables:
             start=begun,
         )  # fmt: skip
 
-    def _check_start(self, start: Start | None, name: str, unit: str) -> None:
+    def _check_start(self, start: Start | ParameterStart | None, name: str, unit: str) -> None:
         """A state starts at a signal of its own unit, which only its causality and law decide."""
-        if start is not None:
+        if isinstance(start, Start):
             check_start(start, signals_of(self.graph)[start.signal], f"{self.graph.name}: {name}", (unit,))
 
     def constant_inertia(self, node: Node) -> Expr | None:

@@ -6,8 +6,8 @@ none. A motor is one too, whose constant falls as its current or its stroke grow
 
 References: Guzzella, Onder (2010), Introduction to Modeling and Control of Internal Combustion Engine Systems, chapter
 2, for the lag of an engine's torque; Tao, Kokotovic (1996), Adaptive Control of Systems with Actuator and Sensor
-Nonlinearities, chapter 2, for dead zones; Hippe (2006), Windup in Control, chapter 1, for ceilings; Krause, Wasynczuk,
-Sudhoff (2013), Analysis of Electric Machinery and Drive Systems, for motors.
+Nonlinearities, for dead zones; Hippe (2006), Windup in Control, for ceilings; Krause, Wasynczuk, Sudhoff, Pekarek
+(2013), Analysis of Electric Machinery and Drive Systems, for motors.
 """
 
 from __future__ import annotations
@@ -44,12 +44,14 @@ from bondgraph.effects.places import (
 )
 from bondgraph.effects.storages import spring_at
 
-_ENGINE = "Guzzella, Onder (2010), Modeling and Control of Internal Combustion Engine Systems, chapter 2"
-_CEILING = "Hippe (2006), Windup in Control, chapter 1"
-_DEAD_ZONE = "Tao, Kokotovic (1996), Adaptive Control of Systems with Actuator and Sensor Nonlinearities, chapter 2"
+_ENGINE = (
+    "Guzzella, Onder (2010), Introduction to Modeling and Control of Internal Combustion Engine Systems, chapter 2"
+)
+_CEILING = "Hippe (2006), Windup in Control"
+_DEAD_ZONE = "Tao, Kokotovic (1996), Adaptive Control of Systems with Actuator and Sensor Nonlinearities"
 _DEAD_TIME = "Normey-Rico, Camacho (2007), Control of Dead-time Processes"
-_MACHINERY = "Krause, Wasynczuk, Sudhoff (2013), Analysis of Electric Machinery and Drive Systems"
-_CURVES = "Lyons (1982), Lyons' Valve Designer's Handbook, chapter 10, for inherent characteristics of valves"
+_MACHINERY = "Krause, Wasynczuk, Sudhoff, Pekarek (2013), Analysis of Electric Machinery and Drive Systems"
+_CURVES = "Lyons (1982), Lyons' Valve Designer's Handbook, for inherent characteristics of valves"
 _GAP = "Woodson, Melcher (1968), Electromechanical Dynamics, chapter 3"
 #: Exponents beyond one of a bent map that are tried, from a root of the third degree to a fourth power.
 _BENT = (-0.67, 3.0)

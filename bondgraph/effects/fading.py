@@ -1,7 +1,7 @@
 """What changes as a machine runs: copper that warms, oil that thins, a hot brake, a battery that is drawn from.
 
-Reference: Linden, Reddy (2011), Handbook of Batteries, chapter 3, for cells; Incropera, DeWitt, Bergman, Lavine (2007),
-Fundamentals of Heat and Mass Transfer, appendix A, for metals and oils.
+Reference: Reddy, Linden (2011), Linden's Handbook of Batteries, chapter 3, for cells; Incropera, DeWitt, Bergman,
+Lavine (2007), Fundamentals of Heat and Mass Transfer, appendix A, for metals and oils.
 """
 
 from __future__ import annotations
@@ -83,7 +83,7 @@ def _arrhenius(g: BondGraph, at: Place, which: int) -> Effect | None:
     revise_laws(g, node.name, lambda laws: multiplied(laws, exp(b * (1 / body.effort - 1 / reference))))
     return Effect(
         effect, node.name, "effort = declared*exp(b*(1/T - 1/T0))", (b.name,),
-        reference="Atkins, de Paula (2010), Physical Chemistry, section 22.5, for the law of Arrhenius",
+        reference="Atkins, de Paula (2010), Physical Chemistry, for the law of Arrhenius",
         manoeuvre="the same run cold and warm",
     )  # fmt: skip
 
@@ -153,7 +153,7 @@ def charge_fading(g: BondGraph, at: Place) -> Effect | None:
     revise_laws(g, sources[0].name, lambda laws: {"effort": laws["effort"] - c * drawn})
     return Effect(
         "charge_fading", sources[0].name, "effort = declared - c*charge drawn", (c.name,),
-        reference="Linden, Reddy (2011), Handbook of Batteries, chapter 3",
+        reference="Reddy, Linden (2011), Linden's Handbook of Batteries, chapter 3",
         manoeuvre="a long discharge, and rest before and after",
     )  # fmt: skip
 

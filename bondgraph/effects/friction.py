@@ -40,7 +40,7 @@ _ORIFICE = "Merritt (1967), Hydraulic Control Systems, chapter 3"
 _EMPS = "Janot, Gautier, Brunot (2019), Data Set and Reference Models of EMPS"
 _EYRING = "Eyring (1936), J. Chem. Phys. 4, 283"
 _BUTLER = "Bard, Faulkner (2001), Electrochemical Methods, chapter 3"
-_PIPES = "White (2011), Fluid Mechanics, sections 6.6 and 6.7"
+_PIPES = "White (2011), Fluid Mechanics, chapter 6"
 _EDDY = "Wouterse (1991), IEE Proceedings B 138(4)"
 #: Powers of the flow in turbulent pipes: 7/4 by Blasius, 1.852 by Hazen and Williams, a square where walls are rough.
 _TURBULENT = (1.75, 1.95)

@@ -2,7 +2,7 @@
 
 A capacitor has leads and an electrolyte, an accumulator a neck, a body an inside that heat has to reach; the iron of a
 coil carries eddy currents beside its flux. Reference: Karnopp, Margolis, Rosenberg (2012), System Dynamics, chapter 4;
-Krause, Wasynczuk, Sudhoff (2013), Analysis of Electric Machinery and Drive Systems, for losses in iron.
+Krause, Wasynczuk, Sudhoff, Pekarek (2013), Analysis of Electric Machinery and Drive Systems, for losses in iron.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from bondgraph.effects.places import (
 )
 
 _STORAGES = "Karnopp, Margolis, Rosenberg (2012), System Dynamics, chapter 4"
-_MACHINERY = "Krause, Wasynczuk, Sudhoff (2013), Analysis of Electric Machinery and Drive Systems"
+_MACHINERY = "Krause, Wasynczuk, Sudhoff, Pekarek (2013), Analysis of Electric Machinery and Drive Systems"
 #: Names of the resistance on the way into a storage.
 _WAY_IN = Words("spring_damping", "equivalent_series_resistance", "neck_resistance", "inner_resistance")
 

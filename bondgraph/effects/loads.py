@@ -1,7 +1,7 @@
 """Loads from outside: constant, drifting, wind, by position, with every turn.
 
-References: Hucho (1998), Aerodynamics of Road Vehicles, chapter 4, for wind; Hanselman (2003), Brushless
-Permanent-Magnet Motor Design, chapter 7, for cogging.
+References: Hucho (1998), Aerodynamics of Road Vehicles, for wind; Hanselman (2003), Brushless Permanent-Magnet Motor
+Design, for cogging.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from bondgraph.effects.places import (
 )
 
 _BOND_GRAPHS = "Karnopp, Margolis, Rosenberg (2012), System Dynamics, chapter 3"
-_COGGING = "Hanselman (2003), Brushless Permanent-Magnet Motor Design, chapter 7"
+_COGGING = "Hanselman (2003), Brushless Permanent-Magnet Motor Design"
 #: Names of laws in each domain.
 _CONSTANT = Words("constant_effort", "offset_voltage", "static_pressure")
 _CONSTANT_FLOW = Words("", "offset_current", "constant_inflow", "constant_heat", "constant_supply")
@@ -79,7 +79,7 @@ def headwind(g: BondGraph, at: Place) -> Effect | None:
     revise_law(g, drags[0].name, "effort", lambda old: old.xreplace({own: own + wind}))
     return Effect(
         "headwind", drags[0].name, "drag at flow + w", (wind.name,),
-        reference="Hucho (1998), Aerodynamics of Road Vehicles, chapter 4",
+        reference="Hucho (1998), Aerodynamics of Road Vehicles",
         manoeuvre="fast runs in both directions",
     )  # fmt: skip
 

@@ -1,8 +1,8 @@
 """Losses of power that is passed on, and of flow at a 0-junction: by load, direction, slip, leaks, thresholds.
 
-References: Niemann, Winter (2003), Maschinenelemente II, chapter 21, for gear mesh; Gerbert (1999), Traction Belt
-Mechanics, for creep, slip and centrifugal tension; Pacejka (2012), Tire and Vehicle Dynamics, chapter 7, for relaxation
-lengths; White (2011), Fluid Mechanics, section 10.7, for weirs.
+References: Niemann, Winter (2003), Maschinenelemente II, for gear mesh; Gerbert (1999), Traction Belt Mechanics, for
+creep, slip and centrifugal tension; Pacejka (2012), Tire and Vehicle Dynamics, chapter 7, for relaxation lengths;
+White (2011), Fluid Mechanics, section 10.7, for weirs.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from bondgraph.effects.places import (
     transmitted,
 )
 
-_MESH = "Niemann, Winter (2003), Maschinenelemente II, chapter 21"
+_MESH = "Niemann, Winter (2003), Maschinenelemente II"
 _BELT = "Gerbert (1999), Traction Belt Mechanics"
 _ORIFICE = "Merritt (1967), Hydraulic Control Systems, chapters 3 and 5"
 _WEIR = "White (2011), Fluid Mechanics, section 10.7"

@@ -6,8 +6,8 @@ time between samples and the length of the logs, outside of which the part is a 
 a spring has a frequency instead.
 
 References: Plett (2015), Battery Management Systems, volume 1, section 2.4, for a cell's polarisation; Ferry (1980),
-Viscoelastic Properties of Polymers, chapter 1, for Maxwell's element; Madsen, Holst (1995), Energy and Buildings 22(1),
-for walls with a temperature of their own; Pourmovahed, Otis (1990), ASME J. Dyn. Syst. Meas. Control 112(1), for gas
+Viscoelastic Properties of Polymers, for Maxwell's element; Madsen, Holst (1995), Energy and Buildings 22(1), for walls
+with a temperature of their own; Pourmovahed, Otis (1990), ASME J. Dyn. Syst. Meas. Control 112(1), for gas
 that gives the heat of compression to its walls; Den Hartog (1956), Mechanical Vibrations, chapter 3, for masses on
 springs.
 """
@@ -62,7 +62,7 @@ def viscoelastic_drag(g: BondGraph, at: Place) -> Effect | None:
     if not (is_motion(at) and elements_at(g, at, "R")):
         return None
     return _relaxing(
-        g, at, "viscoelastic_drag", "Ferry (1980), Viscoelastic Properties of Polymers, chapter 1",
+        g, at, "viscoelastic_drag", "Ferry (1980), Viscoelastic Properties of Polymers",
         "quick motions and slow ones",
     )  # fmt: skip
 

@@ -2,8 +2,8 @@
 
 Those of ``SENSOR_FAULTS`` are candidates beside missing physics, tried on every measured output; the others are tried
 where they are asked for. A fault is told from missing physics only as far as other sensors contradict it. Reference:
-Isermann (2006), Fault-Diagnosis Systems, chapter 3; Blanke, Kinnaert, Lunze, Staroswiecki (2016), Diagnosis and
-Fault-Tolerant Control, chapter 5.
+Isermann (2006), Fault-Diagnosis Systems; Blanke, Kinnaert, Lunze, Staroswiecki (2016), Diagnosis and Fault-Tolerant
+Control.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ _INSTRUMENT = "Doebelin (2003), Measurement Systems, chapter 3, instruments of f
 _ENCODER = "de Silva (2007), Sensors and Actuators: Control System Instrumentation, errors of optical encoders"
 #: Angles over which an eccentric disc shows, and its largest error [rad]: what is more would not be mounted.
 _HALF_TURN, _LARGEST_ERROR = math.pi, 0.3
-_REFERENCE = "Isermann (2006), Fault-Diagnosis Systems, chapter 3"
+_REFERENCE = "Isermann (2006), Fault-Diagnosis Systems"
 
 
 @sensor_fault

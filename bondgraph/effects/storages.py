@@ -39,7 +39,7 @@ from bondgraph.effects.places import (
 _STORAGES = "Karnopp, Margolis, Rosenberg (2012), System Dynamics, chapter 4"
 _DUFFING = "Duffing (1918), Erzwungene Schwingungen bei veränderlicher Eigenfrequenz"
 _SOFTENING = "Nayfeh, Mook (1979), Nonlinear Oscillations, chapter 4"
-_STOP = "Karnopp, Margolis, Rosenberg (2012), System Dynamics, chapter 8"
+_STOP = "Karnopp, Margolis, Rosenberg (2012), System Dynamics"
 _GAS_LAW = "Pourmovahed, Otis (1990), ASME J. Dyn. Syst. Meas. Control 112(1)"
 #: Names of laws in each domain.
 _INERTIA = Words("added_inertia", "added_inductance", "fluid_inertia")

@@ -148,7 +148,7 @@ def latent_heat(g: BondGraph, at: Place) -> Effect | None:
     g.compliance(name, displacement=lambda e: c * (1 + tanh((e - melts) / width)) / 2, at=at.junction)
     return Effect(
         "latent_heat", name, "heat = declared + c*(1 + tanh((effort - T)/w))/2", (c.name,), shapes=(melts.name,),
-        widths=(width.name,), grids=((melts.name, at_values),), reference=f"{_HEAT}, section 5.8 for changes of phase",
+        widths=(width.name,), grids=((melts.name, at_values),), reference=_HEAT,
         manoeuvre="slow warming and cooling through the change of phase",
     )  # fmt: skip
 

@@ -95,7 +95,10 @@ def simulation_problem(
     states = problem.filter_model.model.names("state")
     there = reduced(problem, moves, logs=own)
     if starts is None:
-        starts = [dict(zip(states, map(float, x0), strict=True)) for x0 in there.initial_states]
+        begun = zip(there.initial_states, there.beginnings.logs, strict=True)
+        starts = [
+            {name: float(x0[k]) for k, name in enumerate(states) if k not in log.at_parameters} for x0, log in begun
+        ]
     silent = tuple(replace(log, y=np.zeros_like(log.y)) for log in own)
     plain = tuple(replace(one, prior_mean=None, prior_std=None) for one in there.free)
     filter_model = noise_free(problem.filter_model)

@@ -101,15 +101,13 @@ def initial_states(
             raise EstimationError(
                 f"initial states: given for {len(rule)} logs of {len(logs)} - give one mapping per log"
             )
-        return [_with_given(model, log, given) for log, given in zip(logs, rule, strict=True)]
+        return [_with_given(model, log, theta, given) for log, given in zip(logs, rule, strict=True)]
     own = start_rule(rule)
     if not own.measured:
-        return [starts_in(model, log.time, inputs_of(model, log), log.y)[0] for log in logs]
+        return [_with_given(model, log, theta, {}) for log in logs]
     starts = []
     for log, led in zip(logs, follows or [{}] * len(logs), strict=True):
-        known = theta.copy()
-        for name, value in log.theta_overrides.items():
-            known[model.index("parameter", name)] = value
+        known = _known(model, log, theta)
         x0, held = _from_measurements(model, log, known, led)
         u = first_inputs(model, log)
         x0 = with_followers(model, x0, u, led)
@@ -117,8 +115,34 @@ def initial_states(
     return starts
 
 
-def _with_given(model: Model, log: MatchedLog, given: Mapping[str, float]) -> FloatArray:
-    x0 = starts_in(model, log.time, inputs_of(model, log), log.y)[0]
+def at_parameters(
+    model: Model, log: MatchedLog, theta: FloatArray, rule: Initial | Mapping[str, float], follows: Mapping[str, Follow]
+) -> tuple[int, ...]:
+    """The states of a log that start where parameters say: those that no measurement, rest or given value begins.
+
+    ``rule`` holds the given states of this log where they are given; ``follows`` are states that others lead.
+    """
+    rows = [model.index("state", name) for name in model.parameter_starts]
+    if not rows or rule == "settled":
+        return ()
+    elsewhere = {model.index("state", name) for name in (*follows, *(() if isinstance(rule, str) else rule))}
+    if rule == "measured":
+        held = _from_measurements(model, log, _known(model, log, theta), follows)[1]
+        elsewhere |= set(map(int, np.flatnonzero(held)))
+    return tuple(row for row in rows if row not in elsewhere)
+
+
+def _known(model: Model, log: MatchedLog, theta: FloatArray) -> FloatArray:
+    """Parameters (n_theta,), those that a log knows in their place."""
+    known = theta.copy()
+    for name, value in log.theta_overrides.items():
+        known[model.index("parameter", name)] = value
+    return known
+
+
+def _with_given(model: Model, log: MatchedLog, theta: FloatArray, given: Mapping[str, float]) -> FloatArray:
+    begun = model.x0(_known(model, log, theta))
+    x0 = starts_in(model, log.time, inputs_of(model, log), log.y, begun)[0]
     rows = [model.index("state", name) for name in given]
     x0[rows] = list(given.values())
     return x0
@@ -128,7 +152,7 @@ def _from_measurements(
     model: Model, log: MatchedLog, theta: FloatArray, follows: Mapping[str, Follow]
 ) -> tuple[FloatArray, BoolArray]:
     """Initial state (n_x,), and which of its parts were measured; a start that is declared comes before others."""
-    x0 = model.x0()
+    x0 = model.x0(theta)
     held = np.zeros(x0.size, dtype=np.bool_)
     while True:  # what one output shows may tell a state that another shows beside it
         found = directly_measured(model, first_inputs(model, log), theta, follows, (x0, held))

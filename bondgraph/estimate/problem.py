@@ -141,12 +141,11 @@ class EstimationProblem(AbstractProblem):
     def beginnings(self) -> Beginnings:
         """How logs begin where free parameters say what an output shows of a state."""
         own, moved = self.filter_model, [target for target, _ in self.numbers(self.start)]
-        begin = start_rule(self.initial).measured
-        moving = [one.name for one in moved if begin and one.kind == "parameter"]
         kept = (own.model.index("state", one.name) for one in moved if one.kind == "x0_std")
+        rules = [self.initial] * len(self.logs) if isinstance(self.initial, str) else self.initial
         found = (
-            shown_starts(own.model, log, moving, moved, follows)
-            for log, follows in zip(self.logs, self._follows, strict=True)
+            shown_starts(own.model, log, self._start_theta, moved, follows, rule)
+            for log, follows, rule in zip(self.logs, self._follows, rules, strict=True)
         )
         return Beginnings(tuple(found), tuple(kept))
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from bondgraph.data.log import MatchedLog
 from bondgraph.estimate.free import Target
-from bondgraph.estimate.initial import directly_measured, first_measured
+from bondgraph.estimate.initial import InitialRule, at_parameters, directly_measured, first_measured
 from bondgraph.estimate.likelihoods import Batch
 from bondgraph.estimate.objective import FloatArray
 from bondgraph.filter.follows import Follow
@@ -44,20 +44,31 @@ class ShownStarts:
     """How the states of a log begin that an output shows by a law with free parameters in it.
 
     ``model`` and ``log`` are what begins; ``shown`` the states; ``follows`` the other states that begin on a line in
-    them, with their positions.
+    them, with their positions; ``at_parameters`` those that are declared to begin at an expression of parameters.
     """
 
     model: Model
     log: MatchedLog
     shown: tuple[ShownStart, ...]
     follows: tuple[tuple[int, Follow], ...] = ()
+    at_parameters: tuple[int, ...] = ()
+
+    @property
+    def move(self) -> bool:
+        """True where any of them depends on a parameter."""
+        return bool(self.shown or self.at_parameters)
 
     def begun(self, theta: FloatArray, x0: FloatArray) -> FloatArray:
         """Initial states (n_x, members) at parameters (n_theta, members), others as in ``x0`` (n_x, members)."""
-        if not self.shown:
+        if not self.move:
             return x0
+        rows = list(self.at_parameters)
         moved = np.zeros_like(x0)
         with np.errstate(all="ignore"):
+            if rows:
+                moved[rows] = self.model.x0(self._at(theta, x0)[3])[rows] - x0[rows]
+            if not self.shown:
+                return x0 + self._followed(moved)
             shows = self.model.output(*self._at(theta, x0))
             slopes = self._by_states(theta, x0)
             for one in self.shown:
@@ -85,6 +96,9 @@ class ShownStarts:
         moved, wider = np.zeros((2, x0.shape[0], turned.shape[1]))
         turned = turned.copy()
         turned[[self.model.index("parameter", name) for name in self.log.theta_overrides]] = 0.0
+        if self.at_parameters:
+            rows = list(self.at_parameters)
+            moved[rows] = self.model.jacobian_theta(*self._at(theta, x0), "start")[rows, :, 0] @ turned
         for one in self.shown:
             away = np.zeros_like(x0)
             away[one.state] = 1.0
@@ -135,16 +149,19 @@ class Beginnings:
     @property
     def move(self) -> bool:
         """True where any of them depends on a parameter."""
-        return any(one.shown for one in self.logs)
+        return any(one.move for one in self.logs)
 
     def of(self, members: Batch) -> Batch:
         """The members, each with its own beginnings."""
         if not self.move:
             return members
         pairs = list(zip(self.logs, members.x0, strict=True))
-        own, x0 = next(pair for pair in pairs if pair[0].shown)
         begun = tuple(one.begun(members.theta, start) for one, start in pairs)
-        return replace(members, x0=begun, initial_std=self._wider(members.initial_std, own.widths(members.theta, x0)))
+        for own, x0 in pairs:
+            if own.shown:
+                wider = self._wider(members.initial_std, own.widths(members.theta, x0))
+                return replace(members, x0=begun, initial_std=wider)
+        return replace(members, x0=begun)
 
     def slopes(self, here: Batch, said: FloatArray, turned: Batch) -> Batch:
         """Derivatives of :meth:`of` at one member; ``said`` (n_s, 1) is the uncertainty, ``turned`` all else's."""
@@ -152,7 +169,7 @@ class Beginnings:
             return turned
         pairs = list(zip(self.logs, here.x0, strict=True))
         own = [one.slopes(here.theta, start, turned.theta) for one, start in pairs]
-        wider = next(slopes[1] for slopes, (one, _) in zip(own, pairs, strict=True) if one.shown)
+        wider = next((slopes[1] for slopes, (one, _) in zip(own, pairs, strict=True) if one.shown), own[0][1])
         widths = turned.initial_std.copy()
         for row in np.flatnonzero(wider.any(axis=1)):
             if row not in self.kept:
@@ -191,38 +208,54 @@ def _is_of_hidden(follow: Follow, states: Sequence[str], shown: Collection[str])
 def shown_starts(
     model: Model,
     log: MatchedLog,
-    moving: Collection[str],
-    free: Collection[Target],
+    theta: FloatArray,
+    moved: Collection[Target],
     follows: Mapping[str, Follow],
+    rule: InitialRule | Mapping[str, float] = "measured",
 ) -> ShownStarts:
-    """The states of a log that begin at a measurement which parameters translate.
+    """The states of a log that begin where parameters say: at a measurement that these translate, or at an expression.
 
     Parameters
     ----------
     model, log
         What begins.
-    moving
-        Names of the parameters that may move.
-    free
-        What is free; an initial state that is does not begin at a measurement.
+    theta
+        Parameters (n_theta,) where searches start.
+    moved
+        What may move; an initial state that does begins neither at a measurement nor at an expression.
     follows
         States that begin where others lead them, see :func:`led`.
+    rule
+        Where initial states of the log come from.
     """
-    own, said = {model.index("parameter", name) for name in moving}, model.theta()
-    jacobian = model.program.jacobian("output", "theta") if own else None
-    if jacobian is None or not own.intersection(map(int, jacobian.columns)):
-        return ShownStarts(model, log, ())
-    translated = {int(row) for row, column in zip(jacobian.rows, jacobian.columns, strict=True) if int(column) in own}
-    # a dead zone is not straight there
-    away = directly_measured(model, first_inputs(model, log), _moved(model, own), follows)
-    found = [
-        one
-        for one in _begun_at_outputs(model, log, said, free, follows)
-        if one.output in translated and away.get(one.output, (None,))[0] == one.state
-    ]
-    begun = _free_starts(log, free)
-    rows = tuple((model.index("state", name), one) for name, one in follows.items() if name not in begun)
-    return ShownStarts(model, log, tuple(found), rows if found else ())
+    own, said = {model.index("parameter", one.name) for one in moved if one.kind == "parameter"}, model.theta()
+    begun = _free_starts(log, moved)
+    lines = tuple((model.index("state", name), one) for name, one in follows.items() if name not in begun)
+    declared = [k for k in at_parameters(model, log, theta, rule, follows) if model.states[k].name not in begun]
+    moving = _moving(model, own, declared)
+    found: list[ShownStart] = []
+    jacobian = model.program.jacobian("output", "theta") if own and rule in ("measured", "settled") else None
+    if jacobian is not None and own.intersection(map(int, jacobian.columns)):
+        pairs = zip(jacobian.rows, jacobian.columns, strict=True)
+        translated = {int(row) for row, column in pairs if int(column) in own}
+        # a dead zone is not straight there
+        away = directly_measured(model, first_inputs(model, log), _moved(model, own), follows)
+        found = [
+            one
+            for one in _begun_at_outputs(model, log, said, moved, follows)
+            if one.output in translated and away.get(one.output, (None,))[0] == one.state
+        ]
+    return ShownStarts(model, log, tuple(found), lines if found or moving else (), moving)
+
+
+def _moving(model: Model, own: Collection[int], rows: Sequence[int]) -> tuple[int, ...]:
+    """The states of some rows whose start depends on any of some parameters."""
+    if not rows or not own:
+        return ()
+    jacobian = model.program.jacobian("start", "theta")
+    pairs = zip(map(int, jacobian.rows), map(int, jacobian.columns), strict=True)
+    told = {row for row, column in pairs if column in own}
+    return tuple(row for row in rows if row in told)
 
 
 def start_shifts(

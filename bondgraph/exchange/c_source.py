@@ -47,7 +47,8 @@ def c_source(model: Model) -> str:
 
     ``void model_rhs(double t, const double *x, const double *u, const double *theta, double *dx)`` writes dx/dt,
     ``model_output`` in the same way y, in the order and units of the model, which a comment at the top lists with the
-    declared values.
+    declared values. Where states start at an expression of parameters ``model_start`` writes the initial states into
+    its last argument, the others as they are in ``x``.
 
     Parameters
     ----------
@@ -89,7 +90,8 @@ def c_source(model: Model) -> str:
         for key, values in arrays.items()
     ]
     functions = [_solver(name, loop, _arguments(program, name)) for name, loop in solvers.items()]
-    for (name, part), result in zip(parts.items(), ("dx", "y"), strict=True):
+    for name, part in parts.items():
+        result = {"rhs": "dx", "output": "y", "start": "x0"}[name]
         lines = _computed(part, [f"{result}[{k}]" for k in range(len(part.results))])
         functions.append(
             f"void model_{name}(double t, const double *x, const double *u, const double *theta, double *{result}) {{\n"

@@ -56,7 +56,7 @@ def to_casadi(model: Model) -> tuple[Any, Any]:
     leaves = {**vectors, "t": t}
     arguments = [t, *vectors.values()]
     made = []
-    for (name, rows), result in zip(program.rows.items(), ("dx", "y"), strict=True):
+    for name, rows, result in (("rhs", program.rows["rhs"], "dx"), ("output", program.rows["output"], "y")):
         values = _values(casadi, program.tape.program(rows), leaves)
         made.append(casadi.Function(name, arguments, [casadi.vertcat(*values)], ["t", *vectors], [result]))
     return made[0], made[1]

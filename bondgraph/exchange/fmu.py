@@ -41,7 +41,8 @@ def export_fmu(model: Model, path: Path | str, version: Version = "2.0", kind: K
     Parameters
     ----------
     model
-        The model, without modes; values are in its units, parameters may be changed between steps.
+        The model, without modes; values are in its units, parameters may be changed between steps. States that start at
+        an expression of parameters are computed from those that are set before the initialisation ends.
     path
         ``NAME.fmu``.
     version
@@ -94,6 +95,7 @@ def _sources(model: Model, version: Version) -> dict[str, bytes]:
     starts = ", ".join("0.0" if one.start is None else repr(one.start) for one in variables(model))
     sizes = {"N_X": model.states, "N_U": model.inputs, "N_P": model.parameters, "N_Y": model.outputs}
     text = c_source(model) + "".join(f"#define {name} {len(infos)}\n" for name, infos in sizes.items())
+    text += "#define STARTS\n" if model.parameter_starts else ""
     text += f'#define TOKEN "{token(model, version)}"\nstatic const double START[] = {{{starts or "0.0"}}};\n'
     files = {f"sources/{template}": wrapper, "sources/model.c": text.encode()}
     if version == "3.0":

@@ -16,7 +16,10 @@ _TOOL = "bondgraph"
 
 @dataclass(frozen=True)
 class Variable:
-    """A variable of an FMU; ``start`` is None where it is computed, ``derivative_of`` the position of a state."""
+    """A variable of an FMU; ``start`` is None where it is computed, ``derivative_of`` the position of a state.
+
+    A state that starts where parameters say is computed until the initialisation ends.
+    """
 
     name: str
     causality: str
@@ -44,8 +47,9 @@ def variables(model: Model) -> list[Variable]:
     ['angle', 'rate', 'der(angle)', 'der(rate)', 'drive', 'length', 'damping', 'gravity', 'deflection']
     """
     x0, u0, theta = model.x0(), model.u0(), model.theta()
+    computed = model.parameter_starts
     found = [
-        Variable(one.name, "local", "continuous", one.unit, one.meaning, float(value))
+        Variable(one.name, "local", "continuous", one.unit, one.meaning, None if one.name in computed else float(value))
         for one, value in zip(model.states, x0, strict=True)
     ]
     found += [
@@ -98,7 +102,7 @@ def _root(model: Model, version: str) -> ET.Element:
 def _common(one: Variable, reference: int) -> dict[str, str]:
     given = {"name": one.name, "valueReference": str(reference), "causality": one.causality}
     given |= {"variability": one.variability, "description": one.meaning}
-    if one.causality != "input" and (one.start is not None or one.causality != "local"):
+    if one.causality != "input" and one.derivative_of is None:
         given["initial"] = "calculated" if one.start is None else "exact"
     return {key: value for key, value in given.items() if value}
 
@@ -131,9 +135,15 @@ def _unknowns(listed: Sequence[Variable]) -> tuple[list[int], list[int]]:
     return outputs, [k for k, one in enumerate(listed) if one.derivative_of is not None]
 
 
+def _computed_states(listed: Sequence[Variable]) -> list[int]:
+    local = [(k, one) for k, one in enumerate(listed) if one.causality == "local" and one.derivative_of is None]
+    return [k for k, one in local if one.start is None]
+
+
 def _structure2(structure: ET.Element, listed: Sequence[Variable]) -> None:
     outputs, derivatives = _unknowns(listed)
-    for name, found in (("Outputs", outputs), ("Derivatives", derivatives), ("InitialUnknowns", outputs + derivatives)):
+    unknown = [*_computed_states(listed), *outputs, *derivatives]
+    for name, found in (("Outputs", outputs), ("Derivatives", derivatives), ("InitialUnknowns", unknown)):
         if found:
             group = ET.SubElement(structure, name)
             for k in sorted(found):
@@ -143,7 +153,9 @@ def _structure2(structure: ET.Element, listed: Sequence[Variable]) -> None:
 def _structure3(structure: ET.Element, listed: Sequence[Variable]) -> None:
     outputs, derivatives = _unknowns(listed)
     for name, found in (
-        ("Output", outputs), ("ContinuousStateDerivative", derivatives), ("InitialUnknown", derivatives + outputs),
+        ("Output", outputs),
+        ("ContinuousStateDerivative", derivatives),
+        ("InitialUnknown", [*_computed_states(listed), *derivatives, *outputs]),
     ):  # fmt: skip
         for k in found:
             ET.SubElement(structure, name, valueReference=str(k))

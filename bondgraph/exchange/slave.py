@@ -36,7 +36,7 @@ class {name}({base}):
         self.theta = np.array({theta!r})
 {registrations}
 
-    def {step}(self, current_time, step_size):
+{start}    def {step}(self, current_time, step_size):
         slope = lambda t, x: equations.rhs(t, x, self.u, self.theta)
         span = (current_time, current_time + step_size)
         found = solve_ivp(slope, span, self.x, method="LSODA", rtol={rtol}, atol={atol})
@@ -48,6 +48,14 @@ class {name}({base}):
         return float(equations.output(getattr(self, "now", 0.0), self.x, self.u, self.theta)[k])
 
 '''
+
+
+#: What a slave does last before the first step where states start at expressions of parameters.
+_START = """\
+    def exit_initialization_mode(self):
+        self.x = equations.start(0.0, self.x, self.u, self.theta)
+
+"""
 
 
 def build_slave(model: Model, path: Path, version: str) -> None:
@@ -149,5 +157,6 @@ def _script(model: Model, module: str, version: str) -> str:
         imported=", ".join((kind, causality, f"{causality[:4]}Initial", variability, *bases)),
         base=bases[0], registrations="\n".join(rows),
         x0=model.x0().tolist(), u0=model.u0().tolist(), theta=model.theta().tolist(),
+        start=_START if model.parameter_starts else "",
         step="do_step", rtol=_TOLERANCE, atol=_TOLERANCE, done="True" if two else "Fmi3StepResult(True, False)",
     )  # fmt: skip

@@ -104,7 +104,7 @@ def conditioning(
     listed = logs if isinstance(logs, Sequence) else (logs,)
     model = filter_model.model
     rng = np.random.default_rng(0)
-    x0 = [model.x0() if one is None else one for one in per_log("x0", values.get("x0"), len(listed))]
+    x0 = [model.x0(theta) if one is None else one for one in per_log("x0", values.get("x0"), len(listed))]
     moved: MemberValues = {**values, "x0": [_twins(np.asarray(one, dtype=np.float64), rng) for one in x0]}
     parameters = _twins(model.theta() if theta is None else np.asarray(theta, dtype=np.float64), rng)
     used, samples, batches = prepared(filter_model, listed, parameters, moved, compiled)

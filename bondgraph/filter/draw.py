@@ -78,7 +78,7 @@ def draw_logs(
     rng = np.random.default_rng(seed)
     model = filter_model.model
     known = model.theta(**dict(pattern.theta_overrides)) if theta is None else np.asarray(theta, dtype=np.float64)
-    start = filter_model.start_mean(known, model.x0() if x0 is None else np.asarray(x0, dtype=np.float64))
+    start = filter_model.start_mean(known, model.x0(known) if x0 is None else np.asarray(x0, dtype=np.float64))
     steps = substeps or 4 * filter_model.substeps
     size, samples, n_x = start.size, len(pattern), len(model.states)
     states = np.empty((size, samples, count))

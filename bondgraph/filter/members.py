@@ -14,6 +14,7 @@ from bondgraph.errors import FilterError
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.filter.samples import Samples
 from bondgraph.filter.ukf import Member
+from bondgraph.simulate.model import Model
 from bondgraph.simulate.starts import starts_in
 
 
@@ -94,7 +95,7 @@ def member_batches(
     model = filter_model.model
 
     def columns(name: str, given: npt.ArrayLike | None, declared: FloatArray) -> FloatArray:
-        return member_columns(name, declared if given is None else given, declared.size, members)
+        return member_columns(name, declared if given is None else given, declared.shape[0], members)
 
     parameters = columns("theta", theta, model.theta())
     noise = columns("noise_std", noise_std, filter_model.noise_std)
@@ -122,7 +123,7 @@ def member_batches(
     return tuple(
         MemberBatch(
             samples.theta(filter_model, parameters),
-            columns("x0", x0[i], starts_in(model, samples.time, samples.u, samples.y)[0]),
+            columns("x0", x0[i], _begun(model, samples, samples.theta(filter_model, parameters))),
             columns("initial_std", initial_std[i], filter_model.start_std),
             process,
             noise,
@@ -130,6 +131,11 @@ def member_batches(
         )
         for i, samples in enumerate(logs)
     )
+
+
+def _begun(model: Model, samples: Samples, theta: FloatArray) -> FloatArray:
+    """Where a log begins that nobody gave an initial state, (n_x,) or (n_x, members), at theta (n_theta, members)."""
+    return starts_in(model, samples.time, samples.u, samples.y, model.x0(theta))[0]
 
 
 def _check_independent(filter_model: FilterModel, correlation: FloatArray) -> None:

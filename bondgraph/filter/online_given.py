@@ -71,7 +71,8 @@ def given_member(filter_model: FilterModel, theta: Vector, x0: Vector) -> Member
     """
     model = filter_model.model
     parameters = model.theta(**theta) if isinstance(theta, Mapping) else theta
-    start = model.x0(**x0) if isinstance(x0, Mapping) else x0
+    known = model.theta() if parameters is None else _vector(parameters)
+    start = model.x0(known, **x0) if isinstance(x0, Mapping) else x0
     member = Member.of(filter_model, *(None if one is None else _vector(one) for one in (parameters, start)))
     _sized(member.theta, len(model.parameters), f"{model.name}: theta")
     _sized(member.x0, len(model.states), f"{model.name}: x0")

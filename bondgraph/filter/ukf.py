@@ -52,8 +52,9 @@ class Member:
         [[0.0, 0.0], [0.0, 0.010000000000000002]]
         """
         model = filter_model.model
+        known = model.theta() if theta is None else theta
         return cls(
-            model.theta() if theta is None else theta, model.x0() if x0 is None else x0,
+            known, model.x0(known) if x0 is None else x0,
             filter_model.start_std, filter_model.process_std, filter_model.noise_std,
             filter_model.start_correlations, filter_model.process_correlations, filter_model.noise_correlations,
         )  # fmt: skip

@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import sympy
 from sympy import Expr
 
+from bondgraph.declare.quantities import ParameterStart
 from bondgraph.derive.equations import Assignment, ImplicitLoop, Mode, StateEquations
 from bondgraph.errors import GenerationError
 from bondgraph.generate.expressions import ExpressionPrinter, derivative_ending
@@ -82,6 +83,7 @@ def _body(equations: StateEquations) -> str:
             "output", "y, shape (n_y, *batch).", equations, assignments, _output_lines(equations, printer), printer
         ),
     ]
+    functions += _start_function(equations, printer)
     functions += _mode_functions(equations, assignments, printer, solvers)
     called = {name: solver for name, solver in solvers.items() if _calls(name, functions)}
     sizes = sorted({solver.unknowns for solver in called.values() if solver.unknowns > 1})
@@ -181,6 +183,24 @@ def _output_lines(equations: StateEquations, printer: ExpressionPrinter) -> list
         _line("", f"y{i}", output.expression, _comment("", f"{output.symbol.name} [{output.unit or '?'}]"), printer)
         for i, output in enumerate(equations.outputs)
     ]
+
+
+def _start_function(equations: StateEquations, printer: ExpressionPrinter) -> list[str]:
+    """The initial states where some follow parameters, the others as they are given; nothing where none does."""
+    if not any(isinstance(state.start, ParameterStart) for state in equations.states):
+        return []
+    rows = [
+        _line(
+            "",
+            f"_x{i}",
+            state.start.expression if isinstance(state.start, ParameterStart) else state.symbol,
+            _comment(state.unit, state.symbol.name),
+            printer,
+        )
+        for i, state in enumerate(equations.states)
+    ]
+    purpose = "Initial x, shape (n_x, *batch): states that follow parameters, the others as they are in x."
+    return [_function("start", purpose, equations, [], rows, printer)]
 
 
 def _mode_functions(

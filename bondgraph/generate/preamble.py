@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 
-from bondgraph.declare.quantities import Input
+from bondgraph.declare.quantities import Input, ParameterStart, Start
 from bondgraph.derive.equations import StateEquations
 from bondgraph.generate.literals import number, one_line, string
 
@@ -31,6 +31,7 @@ def preamble(equations: StateEquations) -> str:
             "# name, unit, meaning",
             _table("OUTPUTS", _output_rows(equations)),
             *_starts(equations),
+            *_parameter_starts(equations),
             *_shown_units(equations),
         ]
     )
@@ -38,10 +39,17 @@ def preamble(equations: StateEquations) -> str:
 
 def _starts(equations: StateEquations) -> list[str]:
     """The states that start at a signal of a log; nothing where none does."""
-    begun = [(state.symbol.name, state.start) for state in equations.states if state.start is not None]
+    begun = [(state.symbol.name, state.start) for state in equations.states if isinstance(state.start, Start)]
     rows = [(string(name), string(one.signal), number(one.factor, f"start of {name}")) for name, one in begun]
     comment = "# state, input or output at whose first value in a log it starts, factor"
     return [comment, _table("STARTS", rows)] if rows else []
+
+
+def _parameter_starts(equations: StateEquations) -> list[str]:
+    """The states that start where parameters say; nothing where none does."""
+    names = [string(one.symbol.name) for one in equations.states if isinstance(one.start, ParameterStart)]
+    comment = "# states that start where parameters say, see start; above is where that is at the declared values"
+    return [comment, f"PARAMETER_STARTS = ({', '.join(names)}{',' * (len(names) == 1)})"] if names else []
 
 
 def _shown_units(equations: StateEquations) -> list[str]:

@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
-from bondgraph.estimate.design.discrimination import DiscriminationTable
-from bondgraph.estimate.design.information import DesignTable
+from bondgraph.estimate.design.answer import Design
 from bondgraph.files import write_json
 from bondgraph.report.figures import save_figure
 from bondgraph.report.html import Provenance
@@ -24,33 +21,7 @@ _RIVALS = (
 )
 
 
-@dataclass(frozen=True)
-class DesignAnswer:
-    """What manoeuvres tell of the parameters of a model, and of rivals if there are any."""
-
-    model: str
-    information: DesignTable
-    discrimination: DiscriminationTable | None = None
-
-    @property
-    def advice(self) -> tuple[str, ...]:
-        """What to drive, in sentences."""
-        rivals = (self.discrimination.advice,) if self.discrimination else ()
-        return (*rivals, *self.information.advice())
-
-    def text(self) -> str:
-        """All tables as a terminal shows them."""
-        parts = [self.information.summary()]
-        parts += [self.discrimination.summary()] if self.discrimination else []
-        return "\n\n".join(parts)
-
-    def to_dict(self) -> dict[str, Any]:
-        """All numbers as JSON holds them."""
-        found: dict[str, Any] = {"information": self.information.to_dict()}
-        return found | ({"discrimination": self.discrimination.to_dict()} if self.discrimination else {})
-
-
-def write_design(answer: DesignAnswer, folder: Path, made: Provenance) -> None:
+def write_design(answer: Design, folder: Path, made: Provenance) -> None:
     """Write ``result.json``, pictures and ``report.html`` into a folder, made where it is missing."""
     folder.mkdir(parents=True, exist_ok=True)
     write_json(folder / "result.json", answer.to_dict())

@@ -137,6 +137,10 @@ class ReportData:
         return f"<ReportData {self.title}: {self.verdict}>"
 
 
+#: Parts of a sentence that are read as one: an option of a command, a number with its deviation.
+_UNBROKEN = re.compile(r"(--[a-z][a-z-]*|\S+ ± \S*[^\s,;:.()])")
+
+
 def report_html(data: ReportData) -> str:
     """The report as the text of one HTML page.
 
@@ -158,6 +162,7 @@ def report_html(data: ReportData) -> str:
         "p_value": _p_value,
         "percent": _percent,
         "whole": breakable,
+        "sentence": unbroken,
         "law_title": law_title,
     }
     environment.globals |= {
@@ -295,6 +300,19 @@ def breakable(name: str) -> Markup:
     Markup('c_<wbr>loss_<wbr>&lt;1&gt;')
     """
     return Markup("_<wbr>").join(name.split("_"))
+
+
+def unbroken(sentence: str) -> Markup:
+    """A sentence whose options and numbers with a deviation stay in one line.
+
+    Examples
+    --------
+    >>> unbroken("grant more with --refits 24: <1 ± 0.5 K")
+    Markup('grant more with <span class="whole">--refits</span> 24: <span class="whole">&lt;1 ± 0.5</span> K')
+    """
+    parts = _UNBROKEN.split(sentence)  # every second one is what stays whole
+    whole = Markup('<span class="whole">{}</span>')
+    return Markup("").join(whole.format(part) if k % 2 else part for k, part in enumerate(parts))
 
 
 def _better(before: float, after: float) -> str:

@@ -32,6 +32,11 @@ from bondgraph.simulate.trajectory import Trajectory
 
 #: Letters in a line of a legend that fit into 7 inches and into a phone, and the height of such a line in inches.
 _LETTERS, _LETTERS_NARROW, _LINE_HEIGHT = 84, 42, 0.16
+#: Share of samples whose band a panel shows whole: before its first measurements a filter knows little, and a band of
+#: then would press all that follows into a line. A convention.
+_SETTLED = 0.95
+#: Room above and below what a panel shows, as matplotlib leaves it.
+_MARGIN = 0.05
 #: Size of a measurement in points: wider than a line, which may run through it.
 _DOT = 4.0
 
@@ -128,6 +133,14 @@ def _band(axes: Axes, band: StateBand, colour: str) -> None:
     for edge in (low, high):
         axes.plot(*thinned(band.time, edge), color=colour, linewidth=0.6, alpha=0.6)
     axes.fill_between(band.time[::step], low[::step], high[::step], color=colour, alpha=0.22, linewidth=0)
+    known = np.isfinite(band.std) & np.isfinite(band.mean)
+    if known.any():
+        settled = known & (band.std <= np.quantile(band.std[known], _SETTLED))
+        told = np.concatenate([low[settled], high[settled], band.mean, band.measured])
+        lowest, highest = float(np.nanmin(told)), float(np.nanmax(told))
+        room = _MARGIN * (highest - lowest)
+        if room > 0.0:
+            axes.set_ylim(lowest - room, highest + room)
 
 
 def _note(axes: Axes, text: str) -> None:

@@ -19,7 +19,7 @@ from bondgraph.declare.editing import copy
 from bondgraph.declare.files import load_graph
 from bondgraph.declare.graph import BondGraph
 from bondgraph.declare.loading import is_file_reference, split_reference
-from bondgraph.declare.quantities import Integral, NamedSignal, Parameter
+from bondgraph.declare.quantities import Integral, NamedSignal, Parameter, ParameterStart
 from bondgraph.errors import BondGraphError
 from bondgraph.files import write_text
 from bondgraph.report.python_expressions import UnwritableError, Writer
@@ -141,6 +141,8 @@ def _write_defined(writer: Writer, quantity: Integral | NamedSignal, method: str
 
 def _begun(one: Integral) -> str:
     """Where an integral begins, as the argument that says so."""
+    if isinstance(one.start, ParameterStart):
+        return f", initial={str(one.start)!r}"
     if one.start is not None:
         return f", initial=({str(one.start)!r}, {one.initial!r})"
     return f", initial={one.initial!r}" if one.initial else ""

@@ -14,6 +14,7 @@ from bondgraph.declare.domains import DOMAINS, Domain
 from bondgraph.declare.elements import Bond, Node
 from bondgraph.declare.expressions import signal
 from bondgraph.declare.graph import BondGraph
+from bondgraph.declare.quantities import ParameterStart
 from bondgraph.report.python_expressions import UnwritableError, Writer
 
 #: Own variables of laws by what they give.
@@ -168,7 +169,9 @@ def _laws(writer: Writer, node: Node) -> str:
             raise UnwritableError(f"the law of {node.name}")
         text = f"lambda {own[given]}: {writer.expression(law, {own[given]})}"
         texts.append(text if given == _FIRST.get(node.kind) else f"{given}={text}")
-    if any(node.initial):
+    if isinstance(node.start(), ParameterStart):
+        texts.append(f"initial={str(node.start())!r}")
+    elif any(node.initial):
         texts.append(f"{'guess' if node.kind == 'R' else 'initial'}={node.initial[0]!r}")
     if node.state:
         texts.append(f"state={node.state!r}")

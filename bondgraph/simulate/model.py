@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import functools
 import hashlib
-import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -19,8 +18,8 @@ import numpy.typing as npt
 
 from bondgraph.arrays import FloatArray
 from bondgraph.compile.loader import parse_module, require_function, run_module
-from bondgraph.data.band_limited import BAND_LIMITED
 from bondgraph.errors import ModelError, require_kind, suggest
+from bondgraph.simulate.model_checks import check_rows, check_shapes
 from bondgraph.simulate.quantities import InputInfo, OutputInfo, ParameterInfo, StartInfo, StateInfo
 from bondgraph.simulate.rows import EventInfo, ModeInfo, events_of, input_rows, rows, shown_rows
 from bondgraph.text import count
@@ -64,6 +63,8 @@ class Model:
     _events: Callable[..., Any] | None = field(default=None, compare=False, repr=False)
     _resets: Mapping[str, Callable[..., Any]] = field(default_factory=dict, compare=False, repr=False)
     starts: tuple[StartInfo, ...] = field(default=(), compare=False, repr=False)
+    parameter_starts: tuple[str, ...] = field(default=(), compare=False, repr=False)
+    _start: Callable[..., Any] | None = field(default=None, compare=False, repr=False)
 
     @classmethod
     def from_text(cls, text: str, source: str = "generated module", *, own: bool = False) -> Model:
@@ -86,10 +87,12 @@ class Model:
             _rhs=require_function(names, "rhs", source),
             _output=require_function(names, "output", source),
             starts=rows(names, "STARTS", StartInfo, source) if "STARTS" in names else (),
+            parameter_starts=names.get("PARAMETER_STARTS", ()),
+            _start=require_function(names, "start", source) if "PARAMETER_STARTS" in names else None,
             **events_of(names, source),
         )
-        _check_rows(model, source)
-        _check_shapes(model, source)
+        check_rows(model, source)
+        check_shapes(model, source)
         return model
 
     @classmethod
@@ -260,9 +263,22 @@ class Model:
         """Parameter vector (n_theta,): declared values, with those given by name in their place."""
         return self._vector("parameter", [info.value for info in self.parameters], overrides)
 
-    def x0(self, **overrides: float) -> FloatArray:
-        """Initial state (n_x,): declared values, with those given by name in their place."""
-        return self._vector("state", [info.initial for info in self.states], overrides)
+    def x0(self, theta: npt.ArrayLike | None = None, /, **overrides: float) -> FloatArray:
+        """Initial state (n_x,): declared values, with those given by name in their place.
+
+        Where states start at an expression of parameters it is that at ``theta`` (n_theta,), or of shape (n_x, members)
+        at (n_theta, members); None: at the declared parameters.
+        """
+        declared = self._vector("state", [info.initial for info in self.states], overrides)
+        if theta is None or self._start is None:
+            return declared
+        values = np.asarray(theta, dtype=np.float64)
+        batch = (1,) * (values.ndim - 1)
+        x = np.broadcast_to(declared.reshape(-1, *batch), (declared.size, *values.shape[1:]))
+        found: FloatArray = self._start(0.0, x, self.u0(), values)
+        for name, value in overrides.items():
+            found[self.index("state", name)] = value
+        return found
 
     def u0(self, **overrides: float | str) -> FloatArray:
         """Input vector (n_u,): defaults, with those given by name in their place; codes may be given as letters."""
@@ -329,71 +345,3 @@ def load(path: str | Path) -> Model:
     """
     require_kind("load", path, (str, Path), "file")
     return Model.from_file(path)
-
-
-def _check_rows(model: Model, source: str) -> None:
-    """Names are used once, numbers finite, bounds and interpolation meaningful."""
-
-    def require(condition: bool, name: str, problem: str) -> None:
-        if not condition:
-            raise ModelError(f"{source}: {name!r}: {problem} - regenerate the module", where=(source, name))
-
-    for kind in get_args(Kind):
-        names = model.names(kind)
-        for name in names:
-            require(isinstance(name, str) and bool(name.strip()), str(name), f"cannot be the name of the {kind}")
-            require(names.count(name) == 1, name, f"names two {kind}s")
-    for state in model.states:
-        require(_is_finite(state.initial), state.name, f"initial value {state.initial!r} is not a finite number")
-    for start in model.starts:
-        coded = [one.name for one in model.inputs if one.letters]
-        signals = {*model.names("input"), *model.names("output")}.difference(coded)
-        require(start.state in model.names("state"), start.state, "is said to start at a signal but is no state")
-        require(start.signal in signals, start.signal, f"is where {start.state} starts but no numeric input or output")
-        require(_is_finite(start.factor), start.state, f"starts at {start.factor!r} times {start.signal}")
-    for held in (*(mode.input for mode in model.modes), *(row.mode for row in model.event_rows)):
-        require(held in model.names("input"), held, "is said to hold a mode but is no input")
-    for place, signal in enumerate(model.inputs):
-        require(_is_finite(signal.default), signal.name, f"default {signal.default!r} is not a finite number")
-        between = (
-            f"interpolation {signal.interpolation!r} is neither 'linear' nor 'hold' nor 'band limited', nor the rate "
-            "of an earlier input"
-        )
-        ways = ("linear", "hold", BAND_LIMITED)
-        known = signal.rate_of in model.names("input")[:place] or signal.interpolation in ways
-        require(known, signal.name, between)
-    for parameter in model.parameters:
-        require(_is_finite(parameter.value), parameter.name, f"value {parameter.value!r} is not a finite number")
-        bounds = (parameter.lower, parameter.upper)
-        both = bounds == (None, None) or (_is_finite(bounds[0]) and _is_finite(bounds[1]))
-        require(both, parameter.name, f"bounds {bounds} must be two numbers or both None")
-        if parameter.lower is not None and parameter.upper is not None:
-            require(parameter.lower < parameter.upper, parameter.name, f"bounds {bounds} are not in order")
-
-
-def _is_finite(value: object) -> bool:
-    return isinstance(value, int | float) and math.isfinite(value)
-
-
-def _check_shapes(model: Model, source: str) -> None:
-    """The functions run and give one row per state and per output, for one state and for a batch."""
-    x, u, theta = model.x0(), model.u0(), model.theta()
-    functions = [("rhs", model.rhs, len(model.states)), ("output", model.output, len(model.outputs))]
-    functions += [("events", model.events, len(model.event_rows))] if model.modes else []
-    for name, function, expected_rows in functions:
-        for state in (x, np.repeat(x[:, np.newaxis], 2, axis=1)):
-            expected = (expected_rows, *state.shape[1:])
-            try:
-                shape = np.shape(function(0.0, state, u, theta))
-            except Exception as error:  # any failure of the text's own functions is reported as the module's
-                raise ModelError(
-                    f"{source}: {name} fails at the declared values: {type(error).__name__}: {error}"
-                    " - regenerate the module",
-                    where=(source, name),
-                ) from error
-            if shape != expected:
-                raise ModelError(
-                    f"{source}: {name} gives shape {shape} for a state of shape {state.shape}, not {expected}"
-                    " - regenerate the module",
-                    where=(source, name),
-                )

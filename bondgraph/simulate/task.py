@@ -63,7 +63,10 @@ class Task:
         if times.ndim != 1 or times.size == 0 or not np.isfinite(times).all() or np.any(np.diff(times) <= 0):
             raise ModelError(f"{model.name}: times must be a vector of finite, increasing numbers", where=(model.name,))
         signal = as_signal(model, times, inputs)
-        return cls(model, times, signal, as_vector(model, "parameter", theta), as_vector(model, "state", x0))
+        parameters = as_vector(model, "parameter", theta)
+        if x0 is None or isinstance(x0, Mapping):
+            return cls(model, times, signal, parameters, model.x0(parameters, **(x0 or {})))
+        return cls(model, times, signal, parameters, as_vector(model, "state", x0))
 
 
 def _recorded(model: Model, log: Log | MatchedLog) -> tuple[InputSignal, Mapping[str, float]]:

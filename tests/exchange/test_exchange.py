@@ -280,3 +280,51 @@ def test_export_writes_files(
     assert read_graphml(tmp_path / "driveline.graphml").name == "driveline"
     assert main(["export", "vehicle_graphs.driveline:driveline", "--to", "fmu", "--out", "a.zip"]) == 2
     assert "an FMU is called NAME.fmu" in capsys.readouterr().err
+
+
+def _warm() -> Model:
+    """A body whose heat starts at capacity times temperature."""
+    g = bg.BondGraph("warm")
+    C, T0, R = g.parameter("C", 500.0, "J/K"), g.parameter("T0", 290.0, "K"), g.parameter("R", 2.0, "K/W")
+    body = g.zero_junction("body", bg.THERMAL)
+    g.flow_source("heater", g.input("heat", "W", default=20.0), at=body)
+    g.resistance("wall", flow=lambda T: (T - 280.0) / R, at=body)
+    g.compliance("load", 1 / C, at=body, initial=C * T0, state="q")
+    g.measure_effort("deflection", body)
+    return bg.build(g)
+
+
+@needs_compiler
+@pytest.mark.parametrize("version", ["2.0", "3.0"])
+def test_an_fmu_starts_where_its_parameters_say(version: Any, tmp_path: Path) -> None:
+    model = _warm()
+    path = export_fmu(model, tmp_path / "warm.fmu", version)
+    how: dict[str, Any] = {"solver": "CVode", "relative_tolerance": 1e-10}
+    for given in ({}, {"C": 700.0, "T0": 310.0}):
+        found = _simulated(path, model, "ModelExchange", start_values=given, **how)
+        own = bg.simulate(model, found["time"], theta=given, rtol=1e-11)
+        np.testing.assert_allclose(found["q"], own.x[0], rtol=1e-8)
+        np.testing.assert_allclose(found["deflection"], own.y[0], rtol=1e-8)
+
+
+@pytest.mark.parametrize("version", ["2.0", "3.0"])
+def test_a_co_simulation_starts_where_its_parameters_say(version: Any, tmp_path: Path) -> None:
+    pytest.importorskip("pythonfmu" if version == "2.0" else "pythonfmu3")
+    model = _warm()
+    path = export_fmu(model, tmp_path / "warm.fmu", version, "co-simulation")
+    found = _simulated(path, model, "CoSimulation", start_values={"C": 700.0, "T0": 310.0})
+    own = bg.simulate(model, found["time"], theta={"C": 700.0, "T0": 310.0}, rtol=1e-12)
+    np.testing.assert_allclose(found["q"], own.x[0], rtol=1e-8)
+
+
+@needs_compiler
+def test_c_starts_where_parameters_say(tmp_path: Path) -> None:
+    model = _warm()
+    source, library = tmp_path / "warm.c", tmp_path / "warm.so"
+    source.write_text(c_source(model))
+    subprocess.run(["cc", "-shared", "-fPIC", "-o", str(library), str(source), "-lm"], check=True)
+    x, u, theta, found = model.x0(), model.u0(), model.theta(C=700.0), np.empty(1)
+    pointers = [one.ctypes.data_as(ctypes.POINTER(ctypes.c_double)) for one in (x, u, theta, found)]
+    ctypes.CDLL(str(library)).model_start(ctypes.c_double(0.0), *pointers)
+    assert found.tolist() == model.x0(theta).tolist() == [203000.0]
+    assert "model_start" not in c_source(pendulum())

@@ -187,6 +187,16 @@ def test_a_column_without_numbers_is_left_out_and_a_long_table_of_sizes_folded()
     assert "11 more in the report" in text_of(power_table([*hidden, *power]))
 
 
+def test_options_and_deviations_are_not_broken_between_lines() -> None:
+    """On a phone a line ended with "--" and the next began with "refits"."""
+    notes = ("grant more with --refits 24, or leave <others> out with --without: 47.1 ± 6.33 nats.",)
+    page = report_html(replace(coast_down_report(), notes=notes))
+    (note,) = re.findall(r'<p class="small">(grant.*)</p>', page)
+    assert re.findall(r'<span class="whole">(.*?)</span>', note) == ["--refits", "--without", "47.1 ± 6.33"]
+    assert re.sub(r"</?span[^>]*>", "", note) == notes[0].replace("<others>", "&lt;others&gt;")
+    assert ".whole { white-space: nowrap; }" in page and '<tr class="groups"><th></th>' in page
+
+
 def test_a_long_log_is_cut_into_stretches_that_show_every_sample() -> None:
     time = np.arange(2400.0)
     one = ChannelSeries("run", "v", "m/s", time, np.sin(time), Prediction(simulated=np.cos(time)))

@@ -198,6 +198,20 @@ def test_innovations_are_dots_in_their_band_and_counted() -> None:
     np.testing.assert_allclose(edges, [np.full(40, -1.96), np.full(40, 1.96)])
 
 
+def test_a_filter_that_knows_little_at_first_does_not_press_the_rest_into_a_line() -> None:
+    """One sample with a band of 15 in 400 with a band of 0.2: the innovations were one line."""
+    time = np.arange(400.0)
+    std = np.where(time == 1.0, 7.5, 0.1)
+    measured = np.where(time == 300.0, 1.0, -0.1)
+    (axes,) = innovation_figure([StateBand("T", "K", time, np.zeros(400), std, measured)]).axes
+    low, high = axes.get_ylim()
+    assert -0.4 < low < -0.196 and 1.0 < high < 1.2, "all innovations, and the band where it has settled"
+    edges = [line for line in lines(axes, MEASURED) if len(line) == 400]
+    assert max(map(np.max, edges)) == pytest.approx(1.96 * 7.5), "the band itself is what it was"
+    (axes,) = state_figure([StateBand("T", "K", time, 300.0 + 0.01 * time, 10.0 * std, np.full(400, np.nan))]).axes
+    assert 297.0 < axes.get_ylim()[0] < 298.1 and 305.9 < axes.get_ylim()[1] < 307.0
+
+
 def test_long_names_beside_rows_are_broken_on_a_phone(monkeypatch: pytest.MonkeyPatch) -> None:
     """The names of planned steps ran out of the picture, and matplotlib warned that it had no axes left."""
     name = "steps of force every 12 s, the other inputs at rest: 1.71 nats"

@@ -17,7 +17,7 @@ from bondgraph.compile.ir.tape import Program, Tape
 from bondgraph.compile.loader import parse_module, run_module
 from bondgraph.compile.passes.tangent import tangents
 
-Equations = Literal["rhs", "output"]
+Equations = Literal["rhs", "output", "start"]
 Variables = Literal["x", "u", "theta"]
 
 
@@ -72,10 +72,12 @@ class ModelProgram:
         self.tree = tree
         self.tape = Tape()
         self.reader = Reader(tree, namespace, self.tape)
-        self.rows: Mapping[Equations, tuple[int, ...]] = {
+        self.rows: dict[Equations, tuple[int, ...]] = {
             "rhs": self.reader.equations("rhs"),
             "output": self.reader.equations("output"),
         }
+        if self.reader.has("start"):  # of states that start where parameters say
+            self.rows |= {"start": self.reader.equations("start")}
         self.solvers: Mapping[str, Callable[..., Any]] = {name: namespace[name] for name in self.reader.solvers}
         self.sizes = sizes
         self._growing = threading.Lock()  # one tape, of which several threads may ask
@@ -104,7 +106,7 @@ class ModelProgram:
         return dict(sorted(entries.items()))
 
     def jacobian(self, equations: Equations, by: Variables) -> SparseJacobian:
-        """Derivatives of ``rhs`` or ``output`` with respect to the states, inputs or parameters."""
+        """Derivatives of ``rhs``, ``output`` or ``start`` with respect to the states, inputs or parameters."""
         key = (equations, by)
         with self._growing:
             if key not in self._jacobians:

@@ -62,8 +62,12 @@ class Reader:
             if _has_loop(function) and name != "_stack"
         }
 
+    def has(self, name: str) -> bool:
+        """True for a function that the module has."""
+        return name in self._functions
+
     def equations(self, name: str) -> tuple[int, ...]:
-        """Nodes of the rows that ``rhs`` or ``output`` returns.
+        """Nodes of the rows that ``rhs``, ``output`` or ``start`` returns.
 
         Raises
         ------

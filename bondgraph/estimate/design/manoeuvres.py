@@ -73,6 +73,19 @@ class Manoeuvre:
         return cls(log.name, log.time, log.u, dict(initial or {}), measured)
 
 
+def blank_log(model: Model, step: float = 0.025) -> MatchedLog:
+    """A log of two samples, ``step`` s apart, without a measurement: for a problem that has no log yet.
+
+    Examples
+    --------
+    >>> from bondgraph.simulate.example import pendulum
+    >>> blank_log(pendulum()).y
+    array([[nan, nan]])
+    """
+    u = np.repeat(model.u0()[:, np.newaxis], 2, axis=1)
+    return MatchedLog("planned", np.array([0.0, step]), u, np.full((len(model.outputs), 2), np.nan))
+
+
 def planned_problem(problem: EstimationProblem, manoeuvre: Manoeuvre, point: FloatArray) -> EstimationProblem:
     """The problem of a manoeuvre: what its sensors would show without noise at a point (n,), as a log.
 

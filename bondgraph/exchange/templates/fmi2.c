@@ -25,14 +25,31 @@ typedef struct {
 } EventInfo;
 typedef struct {
   double t, v[N_V + 1];
+  char begun, given[N_X + 1];
 } Model;
 
 static void begin(Model *m) {
   m->t = 0.0;
   memcpy(m->v, START, sizeof START);
+  m->begun = 0;
+  memset(m->given, 0, sizeof m->given);
+}
+
+/* until the initialisation ends states that start where parameters say move with them, unless they are given */
+static void restart(Model *m) {
+#ifdef STARTS
+  double x[N_X + 1];
+  if (m->begun) return;
+  model_start(m->t, m->v, m->v + AT_U, m->v + AT_P, x);
+  for (size_t k = 0; k < N_X; k++)
+    if (!m->given[k]) m->v[k] = x[k];
+#else
+  (void)m;
+#endif
 }
 
 static void update(Model *m) {
+  restart(m);
   model_rhs(m->t, m->v, m->v + AT_U, m->v + AT_P, m->v + N_X);
   model_output(m->t, m->v, m->v + AT_U, m->v + AT_P, m->v + AT_Y);
 }
@@ -54,7 +71,12 @@ API Status fmi2SetupExperiment(Instance m, int has_tol, double tol, double start
   return 0;
 }
 API Status fmi2EnterInitializationMode(Instance m) { (void)m; return 0; }
-API Status fmi2ExitInitializationMode(Instance m) { (void)m; return 0; }
+API Status fmi2ExitInitializationMode(Instance i) {
+  Model *m = i;
+  restart(m);
+  m->begun = 1;
+  return 0;
+}
 API Status fmi2Terminate(Instance m) { (void)m; return 0; }
 API Status fmi2Reset(Instance m) { begin(m); return 0; }
 API Status fmi2GetReal(Instance i, const Reference *vr, size_t n, double *values) {
@@ -71,6 +93,7 @@ API Status fmi2SetReal(Instance i, const Reference *vr, size_t n, const double *
   for (size_t k = 0; k < n; k++) {
     if (vr[k] >= AT_Y || (vr[k] >= N_X && vr[k] < AT_U)) return 3;
     m->v[vr[k]] = values[k];
+    if (vr[k] < N_X) m->given[vr[k]] = 1;
   }
   return 0;
 }
@@ -87,6 +110,7 @@ API Status fmi2CompletedIntegratorStep(Instance m, int keep, int *event, int *en
 API Status fmi2SetTime(Instance m, double t) { ((Model *)m)->t = t; return 0; }
 API Status fmi2SetContinuousStates(Instance m, const double *x, size_t n) {
   if (n != N_X) return 3;
+  ((Model *)m)->begun = 1;
   memcpy(((Model *)m)->v, x, n * sizeof *x);
   return 0;
 }
@@ -99,6 +123,7 @@ API Status fmi2GetDerivatives(Instance i, double *dx, size_t n) {
 API Status fmi2GetEventIndicators(Instance m, double *z, size_t n) { (void)m, (void)z; return n ? 3 : 0; }
 API Status fmi2GetContinuousStates(Instance m, double *x, size_t n) {
   if (n != N_X) return 3;
+  restart(m);
   memcpy(x, ((Model *)m)->v, n * sizeof *x);
   return 0;
 }

@@ -22,14 +22,31 @@ typedef int Status; /* 0: OK, 3: error */
 typedef const char *Text;
 typedef struct {
   double t, v[N_V + 1];
+  char begun, given[N_X + 1];
 } Model;
 
 static void begin(Model *m) {
   m->t = 0.0;
   memcpy(m->v, START, sizeof START);
+  m->begun = 0;
+  memset(m->given, 0, sizeof m->given);
+}
+
+/* until the initialisation ends states that start where parameters say move with them, unless they are given */
+static void restart(Model *m) {
+#ifdef STARTS
+  double x[N_X + 1];
+  if (m->begun) return;
+  model_start(m->t, m->v, m->v + AT_U, m->v + AT_P, x);
+  for (size_t k = 0; k < N_X; k++)
+    if (!m->given[k]) m->v[k] = x[k];
+#else
+  (void)m;
+#endif
 }
 
 static void update(Model *m) {
+  restart(m);
   model_rhs(m->t, m->v, m->v + AT_U, m->v + AT_P, m->v + N_X);
   model_output(m->t, m->v, m->v + AT_U, m->v + AT_P, m->v + AT_Y);
 }
@@ -49,7 +66,12 @@ API Status fmi3EnterInitializationMode(Instance m, bool has_tol, double tol, dou
   ((Model *)m)->t = start;
   return 0;
 }
-API Status fmi3ExitInitializationMode(Instance m) { (void)m; return 0; }
+API Status fmi3ExitInitializationMode(Instance i) {
+  Model *m = i;
+  restart(m);
+  m->begun = 1;
+  return 0;
+}
 API Status fmi3EnterEventMode(Instance m) { (void)m; return 0; }
 API Status fmi3Terminate(Instance m) { (void)m; return 0; }
 API Status fmi3Reset(Instance m) { begin(m); return 0; }
@@ -69,6 +91,7 @@ API Status fmi3SetFloat64(Instance i, const Reference *vr, size_t n, const doubl
   for (size_t k = 0; k < n; k++) {
     if (vr[k] >= AT_Y || (vr[k] >= N_X && vr[k] < AT_U)) return 3;
     m->v[vr[k]] = values[k];
+    if (vr[k] < N_X) m->given[vr[k]] = 1;
   }
   return 0;
 }
@@ -83,6 +106,7 @@ API Status fmi3CompletedIntegratorStep(Instance m, bool keep, bool *event, bool 
 API Status fmi3SetTime(Instance m, double t) { ((Model *)m)->t = t; return 0; }
 API Status fmi3SetContinuousStates(Instance m, const double *x, size_t n) {
   if (n != N_X) return 3;
+  ((Model *)m)->begun = 1;
   memcpy(((Model *)m)->v, x, n * sizeof *x);
   return 0;
 }
@@ -95,6 +119,7 @@ API Status fmi3GetContinuousStateDerivatives(Instance i, double *dx, size_t n) {
 API Status fmi3GetEventIndicators(Instance m, double *z, size_t n) { (void)m, (void)z; return n ? 3 : 0; }
 API Status fmi3GetContinuousStates(Instance m, double *x, size_t n) {
   if (n != N_X) return 3;
+  restart(m);
   memcpy(x, ((Model *)m)->v, n * sizeof *x);
   return 0;
 }

@@ -348,7 +348,7 @@ def own_states(path: Path, changed: Model, theta: FloatArray) -> FloatArray:
     found = np.empty((others.size, path.time.size))
     if not others.size:
         return found
-    start = changed.x0()[others]
+    start = changed.x0(theta)[others]
 
     def rates(t: FloatArray, x: FloatArray, u: FloatArray, own: FloatArray) -> FloatArray:
         extra = np.repeat(own[:, np.newaxis], x.shape[1], axis=1)
