@@ -2,6 +2,7 @@
 
 A gated law must
 
+- be off somewhere in the logs: one that only grows with a signal is a product, and acts everywhere;
 - be worth more than an unknown function of the signal of its gate: what comes on gradually is no law with a gate;
 - be worth more than the law that acts everywhere together with one term of the library in that signal, which has as
   many parameters. Of a drive that loses more one way than the other dry friction that ended just below its top speed
@@ -24,7 +25,7 @@ from bondgraph.correct.evidence.trials import Trial
 from bondgraph.correct.models.candidates import candidates
 from bondgraph.correct.models.failures import attempted
 from bondgraph.correct.places.probes import FUNCTION_KNOTS, hats, is_switch, knots, probes, shaped, signals
-from bondgraph.correct.places.regimes import everywhere, level_names, regime_of
+from bondgraph.correct.places.regimes import everywhere, level_names, regime_of, width_of
 from bondgraph.correct.scores.score import best_step
 from bondgraph.correct.scores.scoring import Linearisation, linearisation
 from bondgraph.correct.search.refit import refit_from
@@ -74,9 +75,11 @@ def _against(trial: Trial, where: Sequence[Place], context: Context) -> str:
     assert trial.fit is not None and trial.built is not None  # it was refitted
     regime = regime_of(trial.candidate.function)
     assert regime is not None  # it has a gate
-    levels = [trial.fit.problem.names.index(name) for name in level_names(trial.candidate.effect, regime)]
-    if trial.fit.held[levels].any():
+    names = level_names(trial.candidate.effect, regime)
+    if trial.fit.held[[trial.fit.problem.names.index(name) for name in names]].any():
         return "its level rests on an end of what the logs cover"
+    if not regime.shuts([trial.fit.values[name] for name in names], width_of(trial.candidate.effect, trial.fit)):
+        return "it is off nowhere in the logs"
     linear = linearisation(trial.fit, trial.fit.problem.logs)
     if _function_is_better(trial, linear, where, context):
         return "an unknown function of the signal of its gate explains more"

@@ -113,3 +113,4 @@ from bondgraph.effects.fading import temperature_dependence as temperature_depen
 from bondgraph.effects.fading import thermal_activation as thermal_activation
 from bondgraph.effects.fading import clogging as clogging
 from bondgraph.effects.streams import resistance_by_input as resistance_by_input
+from bondgraph.effects.streams import valve_load_flow as valve_load_flow

@@ -277,6 +277,11 @@ def commands(g: BondGraph, node: Node) -> list[Input]:
 
     A lever or a switch has no unit and is held between samples; a held voltage is the command of a controller.
     """
+    return [one for one in followed(g, node) if not (one.is_held and one.unit in ("", "1"))]
+
+
+def followed(g: BondGraph, node: Node) -> list[Input]:
+    """All inputs on which the laws of an element depend, through signals too."""
     flat = g.flatten()
     named = {symbol(one.name): one.expression for one in flat.signals}
     reached: set[Symbol] = set()
@@ -286,7 +291,7 @@ def commands(g: BondGraph, node: Node) -> list[Input]:
         if used not in reached:
             reached.add(used)
             waiting += named[used].free_symbols if used in named else ()
-    return [one for one in flat.inputs if one.symbol in reached and not (one.is_held and one.unit in ("", "1"))]
+    return [one for one in flat.inputs if one.symbol in reached]
 
 
 def commanded(g: BondGraph, at: Place, kinds: Sequence[str], temperatures: bool = False) -> list[tuple[Node, Input]]:

@@ -1,27 +1,34 @@
-"""Losses that follow a stream: what an input of the graph makes of a resistance that was declared as a constant.
+"""Streams: what an input makes of a resistance declared as a constant, and what pressure makes of a valve's flow.
 
 Air that is blown over fins, water that runs through a jacket or a nozzle that opens change a resistance by a power of
 their size. Reference: Incropera, DeWitt, Bergman, Lavine (2007), Fundamentals of Heat and Mass Transfer, chapters 7 and
-8: heat passes into a stream by the power 0.5 of its speed where it is laminar, and up to 0.8 where it is turbulent.
+8: heat passes into a stream by the power 0.5 of its speed where it is laminar, and up to 0.8 where it is turbulent;
+Merritt (1967), Hydraulic Control Systems, for valves.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 
-from sympy import Expr
+from sympy import Expr, sqrt, tanh
 
+from bondgraph.declare.domains import HYDRAULIC
 from bondgraph.declare.effect import SMOOTHING, Effect, EffectFunction, Place, family
 from bondgraph.declare.elements import Node
+from bondgraph.declare.functions import maximum
 from bondgraph.declare.graph import BondGraph
 from bondgraph.declare.quantities import Input
-from bondgraph.declare.revision import revise_laws
+from bondgraph.declare.revision import revise_law, revise_laws
 from bondgraph.effects.fading import multiplied
-from bondgraph.effects.places import commands, elements_at
+from bondgraph.effects.places import commands, effort_unit, elements_at, flow_unit, followed
 
 _STREAMS = "Incropera, DeWitt, Bergman, Lavine (2007), Fundamentals of Heat and Mass Transfer, chapters 7 and 8"
 #: Powers within which one is searched: that of a jet's pressure is two, that of a laminar layer half. A convention.
 _SPAN = (-3.0, 3.0)
+_VALVES = "Merritt (1967), Hydraulic Control Systems"
+#: Share of the supply pressure that the largest pressure of the place may reach, and share of the drop that is left
+#: beyond: a valve gives nothing against its whole supply, where the root has no slope. Conventions.
+_REACHED, _LEFT = 0.95, 0.01
 
 
 def _members(g: BondGraph, typical: Mapping[str, float]) -> list[EffectFunction]:
@@ -68,4 +75,32 @@ def _declared(g: BondGraph, at: Place, node: Node, given: Input, size: float, ef
     return Effect(
         effect, node.name, f"effort = declared*|x/r|^n, x = {given.name}", (n.name,), reference=_STREAMS,
         manoeuvre=f"the same run at several levels of {given.name}",
+    )  # fmt: skip
+
+
+def valve_load_flow(g: BondGraph, at: Place) -> Effect | None:
+    """A valve whose flow falls as the load takes up the pressure of its supply: by the root of what is left.
+
+    A source of flow that follows a command gives it whatever the pressure. At an opening the drop is what the supply
+    has beyond the load; where the flow is turned round, the load helps.
+    """
+    if at.bond is not None or at.domain != HYDRAULIC or at.junction.kind != "0":
+        return None
+    # the stroke of a spool has no unit, and may be held between samples
+    found = [one for one in elements_at(g, at, "Sf") if "." not in one.name and one.law("flow") and followed(g, one)]
+    if not found:
+        return None
+    name, node = f"valve_load_flow_{at.name}", found[0].name
+    c = g.parameter(f"c_{name}", 0.0, "1", "share of the supply that the largest pressure is", (0.0, _REACHED))
+    most = g.parameter(f"r_{name}", at.scale.effort, effort_unit(at), "largest pressure")
+    narrow = g.parameter(f"w_{name}", at.smoothing * at.scale.flow, flow_unit(at), "flow within which it turns round")
+
+    def law(declared: Expr) -> Expr:
+        against = c * (at.junction.effort / most) * tanh(declared / narrow)
+        return declared * sqrt(maximum(1 - against, _LEFT))
+
+    revise_law(g, node, "flow", law)
+    return Effect(
+        "valve_load_flow", node, "flow = declared*sqrt(1 - c*x*sign(declared)), x = effort/r", (c.name,),
+        reference=_VALVES, manoeuvre="the same openings against small and large loads, either way",
     )  # fmt: skip

@@ -2,8 +2,9 @@
 
 Effort is a temperature and flow a heat flow, whose product is no power. Here a loss means that heat flows from hot to
 cold: away from the body while it is warmer than what is around, into it while it is colder. What is around is the
-temperature source next to the body in the graph, or the temperature at which a declared loss of the body vanishes.
-Temperatures may be declared in kelvin, in degrees or as a rise above what is around; their size tells which.
+temperature source next to the body in the graph, or the temperature at which a declared loss of the body vanishes;
+where neither is declared it is zero for temperatures that are a rise, and a room for absolute ones. Temperatures may be
+declared in kelvin, in degrees or as a rise above what is around; their size tells which.
 
 Reference: Incropera, DeWitt, Bergman, Lavine (2007), Fundamentals of Heat and Mass Transfer.
 """
@@ -36,14 +37,29 @@ _POWERS = (1.1, 1.4)
 _MELTING = (-1.0, -0.75, -0.5, -0.25, 0.0, 0.25, 0.5, 0.75, 1.0)
 #: Temperature of a room [K], and of the zero of the Celsius scale.
 ROOM, CELSIUS_ZERO = 293.15, 273.15
+#: Temperatures between which what is around is searched where nothing declares it [K]: those of a day in any climate.
+#: A convention.
+_OUTSIDE = (223.15, 323.15)
 
 
 @dataclass(frozen=True)
 class Around:
-    """What is around a body: its temperature in the graph's own scale, and what that scale's zero is in kelvin."""
+    """What is around a body: its temperature in the graph's own scale, and what that scale's zero is in kelvin.
+
+    ``assumed``: nothing declares it, and it is taken as that of a room.
+    """
 
     temperature: Expr
     zero: float
+    assumed: bool = False
+
+    def declared(self, g: BondGraph, name: str) -> tuple[Expr, tuple[str, ...]]:
+        """The temperature; where it is assumed as a parameter, and the name of that, which the logs may ask for."""
+        if not self.assumed:
+            return self.temperature, ()
+        about = "what is around, a room where nothing says it"
+        around = g.parameter(f"around_{name}", float(self.temperature), "K", about, _OUTSIDE)
+        return around, (around.name,)
 
     def absolute(self, g: BondGraph, name: str) -> tuple[Expr, str]:
         """The zero as an expression, and its parameter; no parameter where temperatures are absolute."""
@@ -59,10 +75,11 @@ def heat_loss(g: BondGraph, at: Place) -> Effect | None:
     if around is None:
         return None
     name, c = conductance(g, at, "heat_loss", "conductance", over(flow_unit(at), effort_unit(at)), 1)
-    g.resistance(name, flow=lambda effort: c * (effort - around.temperature), at=at.junction)
+    outside, asked = around.declared(g, name)
+    g.resistance(name, flow=lambda effort: c * (effort - outside), at=at.junction)
     return Effect(
         "heat_loss", name, "flow = c*(effort - around)", (c.name,), reference=f"{_HEAT}, section 3.1",
-        dissipative=True, manoeuvre="a body that cools with no heat added",
+        dissipative=True, widths=asked, manoeuvre="a body that cools with no heat added",
     )  # fmt: skip
 
 
@@ -80,15 +97,16 @@ def convection(g: BondGraph, at: Place) -> Effect | None:
     reach = g.parameter(f"e_{name}", size, "K", "difference in temperature of that flow")
     n = g.parameter(f"n_{name}", 1.25, "1", "power of the difference in temperature", _POWERS)
     w = at.smoothing
+    outside, asked = around.declared(g, name)
 
     def law(effort: Expr) -> Expr:
-        x = (effort - around.temperature) / reach
+        x = (effort - outside) / reach
         return c * x * (x**2 + w**2) ** ((n - 1) / 2)
 
     g.resistance(name, flow=law, at=at.junction)
     return Effect(
         "convection", name, "flow = c*x*(x^2 + w^2)^((n - 1)/2), x = (effort - around)/e", (c.name,),
-        reference=f"{_HEAT}, sections 9.6 and 9.7", dissipative=True, widths=(n.name,),
+        reference=f"{_HEAT}, sections 9.6 and 9.7", dissipative=True, widths=(n.name, *asked),
         manoeuvre="cooling from the highest temperature to that around",
     )  # fmt: skip
 
@@ -101,10 +119,11 @@ def radiation(g: BondGraph, at: Place) -> Effect | None:
     name = f"radiation_{at.name}"
     c = _radiating(g, at, name, around.zero)
     zero, _ = around.absolute(g, name)
-    g.resistance(name, flow=lambda e: c * ((e + zero) ** 4 - (around.temperature + zero) ** 4), at=at.junction)
+    outside, asked = around.declared(g, name)
+    g.resistance(name, flow=lambda e: c * ((e + zero) ** 4 - (outside + zero) ** 4), at=at.junction)
     return Effect(
         "radiation", name, "flow = c*((effort + z)^4 - (around + z)^4)", (c.name,),
-        reference=f"{_HEAT}, section 13.3; Stefan (1879)", dissipative=True,
+        reference=f"{_HEAT}, section 13.3; Stefan (1879)", dissipative=True, widths=asked,
         manoeuvre="hot and cool runs, each until the temperature settles",
     )  # fmt: skip
 
@@ -187,7 +206,7 @@ def surroundings(g: BondGraph, at: Place) -> Around | None:
         parts = None if law is None else affine_parts(law, symbol("effort"))
         if parts is not None and parts[1] != 0 and "." not in node.name:
             return Around(-parts[1] / parts[0], 0.0 if absolute else CELSIUS_ZERO)
-    return Around(Integer(0), ROOM)
+    return Around(Float(ROOM), 0.0, assumed=True) if absolute else Around(Integer(0), ROOM)
 
 
 def _initial_temperature(g: BondGraph, at: Place) -> float:

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from bondgraph.correct.evidence.trials import Added
 from bondgraph.correct.loop import ClosedLoop
-from bondgraph.correct.places.regimes import Regime, level_names, regime_of, width_name
+from bondgraph.correct.places.regimes import Regime, level_names, regime_of, width_of
 from bondgraph.correct.result import intervals
-from bondgraph.declare.effect import Effect
 from bondgraph.estimate.fitted import Fit
 from bondgraph.report.numbers import shown, with_ends
 
@@ -32,14 +31,9 @@ def _sentence(added: Added, fitted: Fit) -> str:
     names = level_names(effect, regime)
     within = regime.told(*(with_ends(fitted.values[name], intervals(fitted)[name], regime.unit) for name in names))
     each = "that" if len(names) == 1 else "each"
-    about = f"it comes and goes within {_valued(regime, _width(effect, fitted))} on both sides of {each}"
+    about = f"it comes and goes within {_valued(regime, width_of(effect, fitted))} on both sides of {each}"
     ends = f"the logs cover {shown(regime.span[0])} to {shown(regime.span[1])}"
     return f"Regime: {effect.name} at {added.trial.candidate.place.label} acts where {within}; {about}; {ends}."
-
-
-def _width(effect: Effect, fitted: Fit) -> float:
-    model = fitted.problem.filter_model.model
-    return float(fitted.theta[model.index("parameter", width_name(effect))])
 
 
 def _valued(regime: Regime, value: float) -> str:

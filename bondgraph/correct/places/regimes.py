@@ -28,6 +28,7 @@ from bondgraph.declare.functions import switch
 from bondgraph.declare.graph import BondGraph
 from bondgraph.declare.quantities import symbol
 from bondgraph.declare.revision import replace_symbols
+from bondgraph.estimate.fitted import Fit
 
 Side = Literal["above", "below", "between", "outside"]
 
@@ -87,6 +88,21 @@ class Regime:
         'speed of shaft is between 5 and 12 rad/s'
         """
         return f"{self.quantity} is {self.side} {' and '.join(levels)}"
+
+    def shuts(self, levels: Sequence[float], width: float) -> bool:
+        """True where the law is off somewhere in the logs, by 88 % at least; one that never is acts everywhere.
+
+        Examples
+        --------
+        >>> slow = Regime("flow of shaft", "rad/s", "below", 12.0, (0.0, 20.0), 0.4)
+        >>> slow.shuts((12.0,), 3.0), slow.shuts((12.0,), 10.0)
+        (True, False)
+        """
+        low, high = levels[0], levels[-1]
+        ends = low - width > self.span[0], high + width < self.span[1]
+        if self.side == "outside":
+            return low + width < high - width
+        return all(ends) if self.side == "between" else ends[self.side == "below"]
 
     def gate(self, levels: Sequence[Expr], width: Expr) -> Expr:
         """The smooth step, or what two of them leave open, as an expression of the graph."""
@@ -171,6 +187,11 @@ def level_names(effect: Effect, regime: Regime) -> tuple[str, ...]:
 def width_name(effect: Effect) -> str:
     """The parameter that holds the width within which a gated law comes and goes."""
     return f"width_{effect.coefficients[0]}"
+
+
+def width_of(effect: Effect, fitted: Fit) -> float:
+    """The width within which a gated law comes and goes in a fit, free or held."""
+    return float(fitted.theta[fitted.problem.filter_model.model.index("parameter", width_name(effect))])
 
 
 def _can_be_gated(g: BondGraph, effect: Effect, declared: set[str]) -> bool:

@@ -183,11 +183,14 @@ def _options(linear: Linearisation, laws: Sequence[Gateable], seen: Sequence[Sig
         for regime, sides, cells in gates:
             sums = np.array([np.bincount(cells, weights=one, minlength=sides[0].opened.shape[1]) for one in pieces.T])
             for one in sides:
+                if not one.level.size:
+                    continue
                 inside = sums @ one.opened.T
                 inside[1] = sums[1] @ (one.opened**2).T
                 gain = _gains(bare, inside, float(sums[1].sum()), one_sided)
                 k = int(np.argmax(gain))
-                found.append(Option(law, one.regime(regime, k), float(gain[k]) - (price if one.upper.size else 0.0)))
+                two = price if one.upper.size else 0.0
+                found.append(Option(law, one.regime(regime, k), float(gain[k]) - two))
     return sorted(found, key=lambda one: -one.gain)
 
 
@@ -200,6 +203,12 @@ class _Gates:
     level: FloatArray
     upper: FloatArray
     width: FloatArray
+
+    def that_shut(self) -> _Gates:
+        """Those that are shut somewhere, at least as far as a width beyond their level."""
+        shut = self.opened.min(axis=1) <= 0.5 * (1.0 + np.tanh(-1.0))
+        upper = self.upper[shut] if self.upper.size else self.upper
+        return _Gates(self.side, self.opened[shut], self.level[shut], upper, self.width[shut])
 
     def regime(self, like: Regime, k: int) -> Regime:
         upper = float(self.upper[k]) if self.upper.size else None
@@ -220,7 +229,7 @@ def _gates(kinds: FloatArray, levels: FloatArray, values: FloatArray, cells: NDA
         low, high = (low + shift).ravel(), (high + shift).ravel()
         between, ends = past[low] * (1.0 - past[high]), (level[low], level[high], widths[low])
         found += [_Gates("between", between, *ends), _Gates("outside", 1.0 - between, *ends)]
-    return found
+    return [one.that_shut() for one in found]
 
 
 def _gains(bare: Expansion, inside: FloatArray, whole: float, one_sided: bool) -> FloatArray:
