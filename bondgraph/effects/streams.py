@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from sympy import Expr, sqrt, tanh
+from sympy import Expr, sign, sqrt
 
 from bondgraph.declare.domains import HYDRAULIC
 from bondgraph.declare.effect import SMOOTHING, Effect, EffectFunction, Place, family
@@ -20,7 +20,7 @@ from bondgraph.declare.graph import BondGraph
 from bondgraph.declare.quantities import Input
 from bondgraph.declare.revision import revise_law, revise_laws
 from bondgraph.effects.fading import multiplied
-from bondgraph.effects.places import commands, effort_unit, elements_at, flow_unit, followed
+from bondgraph.effects.places import commands, effort_unit, elements_at, followed
 
 _STREAMS = "Incropera, DeWitt, Bergman, Lavine (2007), Fundamentals of Heat and Mass Transfer, chapters 7 and 8"
 #: Powers within which one is searched: that of a jet's pressure is two, that of a laminar layer half. A convention.
@@ -93,10 +93,9 @@ def valve_load_flow(g: BondGraph, at: Place) -> Effect | None:
     name, node = f"valve_load_flow_{at.name}", found[0].name
     c = g.parameter(f"c_{name}", 0.0, "1", "share of the supply that the largest pressure is", (0.0, _REACHED))
     most = g.parameter(f"r_{name}", at.scale.effort, effort_unit(at), "largest pressure")
-    narrow = g.parameter(f"w_{name}", at.smoothing * at.scale.flow, flow_unit(at), "flow within which it turns round")
 
-    def law(declared: Expr) -> Expr:
-        against = c * (at.junction.effort / most) * tanh(declared / narrow)
+    def law(declared: Expr) -> Expr:  # where the sign changes the flow is zero, so that it needs no width
+        against = c * (at.junction.effort / most) * sign(declared)
         return declared * sqrt(maximum(1 - against, _LEFT))
 
     revise_law(g, node, "flow", law)
