@@ -189,6 +189,8 @@ def _why(error: Exception, code: str) -> tuple[str, str]:
         if name in ("max", "min", "maximum", "minimum", "clip", "where", "heaviside"):
             return f"compares symbols by {name}", _import_of(name, _CHOOSE)
         return "asks which of two symbols is larger, which only numbers answer", _CHOOSE
+    if isinstance(error, AttributeError) and re.match(r"module '[\w.]+' has no attribute", text):
+        return f"uses a function that its module lacks ({text})", _import_of(error.name or "", "correct the function")
     return f"fails ({type(error).__name__}: {text})", "correct the function"
 
 

@@ -14,6 +14,7 @@ import sympy
 from hypothesis import given
 from hypothesis import strategies as st
 
+import bondgraph
 from bondgraph.declare.domains import HYDRAULIC, TRANSLATION
 from bondgraph.declare.functions import maximum
 from bondgraph.declare.graph import BondGraph, ElementType, Handle
@@ -185,6 +186,15 @@ def test_every_place_that_takes_a_law_tells_its_element(place: str) -> None:
     with pytest.raises(LawError, match=r"^g: x0?: (the law|what is given)"):
         _declare_everywhere(g, a, b)[place]()
     assert set(g.nodes) == {"a", "b", "x0"} and not g.quantities and not g.outputs
+
+
+def test_a_function_that_a_module_lacks_is_told_with_the_one_that_works() -> None:
+    g = BondGraph("g")
+    a = g.one_junction("a", TRANSLATION)
+    with pytest.raises(LawError, match=r"has no attribute 'tanh'\) - use sympy's tanh \(from sympy import tanh\)"):
+        g.resistance("r", lambda v: bondgraph.tanh(v), at=a)
+    with pytest.raises(LawError, match=r"has no attribute 'nothing'\) - correct the function"):
+        g.resistance("r", lambda v: bondgraph.nothing(v), at=a)
 
 
 def test_the_form_of_an_element_gives_one_value_per_port() -> None:

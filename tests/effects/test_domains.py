@@ -17,7 +17,7 @@ from bondgraph.correct.models.bonds import bond_model
 from bondgraph.correct.models.pairs import neighbours
 from bondgraph.data.log import FloatArray
 from bondgraph.declare.domains import ELECTRICAL, HYDRAULIC, ROTATION, THERMAL, TRANSLATION
-from bondgraph.declare.editing import handle, with_values
+from bondgraph.declare.editing import copy, handle, with_values
 from bondgraph.declare.effect import Effect, EffectFunction, Place, Scale, is_for
 from bondgraph.declare.graph import BondGraph
 from bondgraph.derive.causality import bond_labels
@@ -205,6 +205,23 @@ def test_what_is_around_a_body_is_known_in_kelvin_degrees_or_as_a_rise() -> None
         g.resistance("air", flow=law, at=body)
         known = surroundings(g, Place(body, Scale(60.0, 100.0)))
         assert known is not None and float(known.temperature) == around and known.zero == zero
+
+
+def test_an_absolute_temperature_that_nothing_surrounds_is_in_a_room() -> None:
+    """It gave its heat away to absolute zero, and a loop named a slow heat capacity for a loss of 0.8 W/K."""
+    g = BondGraph("body")
+    body = g.zero_junction("body", THERMAL)
+    g.compliance("heat", 0.01, at=body, state="H", initial=29600.0)
+    place = Place(body, Scale(400.0, 100.0))
+    for function, power, c in ((effects.heat_loss, 1.0, 0.1), (effects.radiation, 4.0, 1e-9)):
+        found = copy(g)
+        effect = function(found, place)
+        assert effect is not None and effect.widths[-1:] == (f"around_{effect.element}",)
+        model = build(with_values(found, {effect.coefficients[0]: c})).model
+        heats = (np.array([100.0 * warm]) for warm in (ROOM, 353.15))
+        rates = [float(model.rhs(0.0, heat, np.array([]), model.theta())[0]) for heat in heats]
+        assert rates[0] == pytest.approx(0.0, abs=1e-9)
+        assert rates[1] == pytest.approx(-c * (353.15**power - ROOM**power), rel=1e-9)
 
 
 def test_laws_are_called_in_the_words_of_the_domain() -> None:

@@ -20,7 +20,7 @@ from bondgraph.correct.models.candidates import placed
 from bondgraph.correct.places.probes import Signal, argument
 from bondgraph.correct.shapes.completions import arguments
 from bondgraph.correct.shapes.formula import formula_of
-from bondgraph.correct.shapes.law_text import LETTERS, Intervals, with_numbers
+from bondgraph.correct.shapes.law_text import Intervals, letters_beside, with_numbers
 from bondgraph.data.log import FloatArray
 from bondgraph.declare.effect import Effect, EffectFunction, Place
 from bondgraph.declare.elements import own_variables
@@ -122,9 +122,10 @@ def whole_text(law: Trial, graph: BondGraph, values: Mapping[str, float], ends: 
     gives, whole = found
     place = law.candidate.place
     names = sorted((one for one in whole.free_symbols if one.name not in values), key=str)
-    if len(names) > len(LETTERS):
+    free = letters_beside(one.name for one in names)
+    if len(names) > len(free):
         return None
-    letters = dict(zip(names, map(Symbol, LETTERS), strict=False))
+    letters = dict(zip(names, free, strict=False))
     words = " and ".join(f"{letter.name} the {_worded(one)}" for one, letter in letters.items())
     units = {} if place.domain is None else {"effort": place.domain.effort_unit, "flow": place.domain.flow_unit}
     text = with_numbers(whole.xreplace(letters), values, ends)

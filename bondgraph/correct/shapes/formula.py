@@ -10,7 +10,7 @@ import numpy as np
 from sympy import Add, Expr, Function, Symbol
 
 from bondgraph.correct.places.probes import Variable, argument
-from bondgraph.correct.shapes.law_text import LETTERS, Intervals, python_text, rounded, with_numbers
+from bondgraph.correct.shapes.law_text import Intervals, letters_beside, python_text, rounded, with_numbers
 from bondgraph.correct.shapes.library import Term, identifier
 from bondgraph.data.log import FloatArray
 from bondgraph.declare.effect import Effect, EffectFunction, Place
@@ -180,7 +180,7 @@ class Formula:
         'effort = 3.8*x^3  [N], x the displacement of spring'
         """
         every = [*self.coefficients(), *self.inner()]
-        letters = dict(zip(map(argument, self.signals), map(Symbol, LETTERS), strict=False))
+        letters = dict(zip(map(argument, self.signals), letters_beside(self.signals), strict=False))
         if values is None:
             short = {one.name: Symbol(one.name.partition("_")[0]) for one in every}
             law = with_numbers(self.law(short, read=True).xreplace(letters), {})
@@ -198,7 +198,7 @@ class Formula:
         With the ``ends`` of their intervals these are rounded to what that supports, without they are exact.
         """
         every = [*self.coefficients(), *self.inner()]
-        letters = dict(zip(map(argument, self.signals), map(Symbol, LETTERS), strict=False))
+        letters = dict(zip(map(argument, self.signals), letters_beside(self.signals), strict=False))
         short = {one.name: Symbol(one.name.partition("_")[0]) for one in every}
         law = self.law(short).xreplace(letters)
         used = {type(one).__name__ for one in law.atoms(Function)}

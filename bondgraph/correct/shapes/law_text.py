@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 import sympy
 from sympy import Expr, Float, Symbol
@@ -17,6 +17,18 @@ Intervals = Mapping[str, tuple[float, float]]
 DIGITS = 3
 #: Letters of the signals of a law, in order.
 LETTERS = ("x", "y", "z", "w")
+
+
+def letters_beside(names: Iterable[str]) -> list[Symbol]:
+    """Letters of the signals of a law, in order, without those that are a signal's own name.
+
+    Examples
+    --------
+    >>> letters_beside(["effort of oil", "y"])
+    [x, z, w]
+    """
+    taken = set(names)
+    return [Symbol(one) for one in LETTERS if one not in taken]
 
 
 def rounded(value: float, ends: tuple[float, float] | None = None, digits: int = DIGITS) -> str:
