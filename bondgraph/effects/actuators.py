@@ -17,7 +17,7 @@ import itertools
 import math
 from collections.abc import Sequence
 
-from sympy import Expr, Rational, tanh
+from sympy import Expr, tanh
 
 from bondgraph.declare.domains import ELECTRICAL
 from bondgraph.declare.effect import SMOOTHING, Effect, Place
@@ -58,6 +58,9 @@ _BENT = (-0.67, 3.0)
 #: Powers of the current with which a motor's constant falls: from its own to that of iron that saturates late. A
 #: convention; the square is the first term of an even curve.
 _FADING = (1.0, 4.0)
+#: Powers of the current with which an armature takes the field: from poles that saturate early to iron that saturates
+#: late. A convention, as wide below one as above.
+_TAKEN = (0.5, 2.0)
 #: Share of a motor's field that its armature may take at the largest current: beyond all of it the torque would
 #: turn round. A convention.
 _WEAKENED = 0.9
@@ -120,18 +123,23 @@ def modulus_fading(g: BondGraph, at: Place) -> Effect | None:
 
 
 def armature_reaction(g: BondGraph, at: Place) -> Effect | None:
-    """Constant of a motor whose armature weakens the field in proportion to its current, either way round."""
+    """Constant of a motor whose armature weakens the field in proportion to its current, either way round.
+
+    Where the poles saturate it takes less of the field the larger the current, and the power falls below one.
+    """
     motor = _motor_at(g, at)
     if motor is None:
         return None
     name = f"armature_reaction_{at.name}"
     limit = _WEAKENED / at.scale.flow
     c = g.parameter(f"c_{name}", 0.0, over("1", flow_unit(at)), "1 over the current without a field", (0.0, limit))
-    w = at.smoothing * at.scale.flow
-    revise_law(g, motor, "modulus", lambda old: old * (1 - c * (at.junction.flow**2 + w**2) ** Rational(1, 2)))
+    most = g.parameter(f"r_{name}", at.scale.flow, flow_unit(at), "largest flow")
+    n = g.parameter(f"n_{name}", 1.0, "1", "power of the flow", _TAKEN)
+    x, w = at.junction.flow / most, at.smoothing
+    revise_law(g, motor, "modulus", lambda old: old * (1 - c * most * (x**2 + w**2) ** (n / 2)))
     return Effect(
-        "armature_reaction", motor, "modulus = declared*(1 - c*|flow|)", (c.name,), reference=_MACHINERY,
-        manoeuvre="small and large currents, at standstill and at speed",
+        "armature_reaction", motor, "modulus = declared*(1 - c*r*|flow/r|^n)", (c.name,), widths=(n.name,),
+        reference=_MACHINERY, manoeuvre="small and large currents, at standstill and at speed",
     )  # fmt: skip
 
 

@@ -155,13 +155,16 @@ def test_torque_and_voltage_of_a_motor_fall_alike(turned: bool, current: float, 
 
 
 @pytest.mark.parametrize("current", [-12.0, 3.0, 25.0])
-def test_an_armature_weakens_the_field_in_proportion_to_its_current(current: float) -> None:
+@pytest.mark.parametrize("power", [1.0, 0.6])
+def test_an_armature_weakens_the_field_by_a_power_of_its_current(current: float, power: float) -> None:
     g = servo()
     effect = armature_reaction(g, Place(handle(g, "loop"), Scale(12.0, 10.0)))
     assert effect is not None
-    model, declared = build(with_values(g, {effect.coefficients[0]: 1.0 / 70.0})).model, build(servo()).model
+    weak = build(with_values(g, {effect.coefficients[0]: 1.0 / 70.0, effect.widths[0]: power}))
+    model, declared = weak.model, build(servo()).model
     x, u = model.x0(i=current, omega=90.0), np.array([5.0, 0.1])
-    fallen = -0.05 * np.hypot(current, 10.0 * Place(handle(g, "loop"), Scale(12.0, 10.0)).smoothing) / 70.0
+    smooth = np.hypot(current / 10.0, Place(handle(g, "loop"), Scale(12.0, 10.0)).smoothing)
+    fallen = -0.05 * 10.0 / 70.0 * smooth**power
     i, omega = model.rhs(0.0, x, u, model.theta()) - declared.rhs(0.0, x, u, declared.theta())
     assert 2e-4 * omega == pytest.approx(fallen * current, rel=1e-9)
     assert 2e-3 * i == pytest.approx(-fallen * 90.0, rel=1e-9)
