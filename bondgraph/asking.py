@@ -36,7 +36,7 @@ from bondgraph.simulate.model import Model
 from bondgraph.simulate.scenario import Scenario
 from bondgraph.verbs import bounded, pose
 
-#: What may be driven: a planned log, a scenario, or a log of which the times and inputs count.
+#: A plan: a planned log, a scenario, or a log of which the times and inputs count.
 Plan: TypeAlias = Manoeuvre | Scenario | GivenLog
 #: A machine of a design: without noises, with them, posed with what is free in it, or estimated.
 Machine: TypeAlias = Model | FilterModel | EstimationProblem | Estimate
@@ -252,7 +252,7 @@ def _several(given: Any) -> list[Any]:
 
 
 def _those_of(model: Model, free: str | Sequence[str | FreeParameter]) -> list[str | FreeParameter]:
-    """What a rival has of the free parameters."""
+    """Free parameters that a rival has."""
     known = model.names("parameter")
     return [one for one in _several(free) if not isinstance(one, str) or one in known or "(" in one]
 

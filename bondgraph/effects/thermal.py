@@ -44,7 +44,7 @@ _OUTSIDE = (223.15, 323.15)
 
 @dataclass(frozen=True)
 class Around:
-    """What is around a body: its temperature in the graph's own scale, and what that scale's zero is in kelvin.
+    """The surroundings of a body: their temperature in the graph's own scale, and what that scale's zero is in kelvin.
 
     ``assumed``: nothing declares it, and it is taken as that of a room.
     """

@@ -50,7 +50,7 @@ class {name}({base}):
 '''
 
 
-#: What a slave does last before the first step where states start at expressions of parameters.
+#: Lines that a slave runs last before the first step, where states start at expressions of parameters.
 _START = """\
     def exit_initialization_mode(self):
         self.x = equations.start(0.0, self.x, self.u, self.theta)

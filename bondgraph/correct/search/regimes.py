@@ -31,12 +31,13 @@ from bondgraph.data.log import FloatArray
 from bondgraph.declare.effect import Place
 from bondgraph.estimate.objective import Expansion
 
-#: Gated laws that are made at a time.
+#: Gated laws that are made at a time. A convention: each costs a score and may cost a refit.
 _MOST = 3
 #: A gate has at least this share of what the logs tell of its law on either side: as for a change in time, Andrews
 #: (1993), Econometrica 61(4), who recommends 15 % of the samples; of the information a law has less on its quiet side.
 _TRIM = 0.05
-#: Widths of gates that are tried, as multiples of the finest; the one that is taken may be freed later.
+#: Widths of gates that are tried, as multiples of the finest: 2, 6 and 18 % of the range of a signal, between which one
+#: that is freed later finds its way. A convention.
 _WIDTHS = (1.0, 3.0, 9.0)
 #: Kinds of gates in one signal: above, below, between and outside, with each width.
 _SIDES = 4 * len(_WIDTHS)
@@ -205,7 +206,7 @@ class _Gates:
     width: FloatArray
 
     def that_shut(self) -> _Gates:
-        """Those that are shut somewhere, at least as far as a width beyond their level."""
+        """The gates that are shut somewhere, at least as far as a width beyond their level."""
         shut = self.opened.min(axis=1) <= 0.5 * (1.0 + np.tanh(-1.0))
         upper = self.upper[shut] if self.upper.size else self.upper
         return _Gates(self.side, self.opened[shut], self.level[shut], upper, self.width[shut])

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, repr=False)
 class Design(Tabulated, Kept):
-    """What planned manoeuvres tell of the parameters of a model, and of its rivals if there are any."""
+    """Information of planned manoeuvres about the parameters of a model, and about its rivals if there are any."""
 
     model: str
     information: DesignTable
@@ -38,7 +38,7 @@ class Design(Tabulated, Kept):
 
     @property
     def advice(self) -> tuple[str, ...]:
-        """What to drive, in sentences."""
+        """Advice on what to drive, in sentences."""
         rivals = (self.discrimination.advice,) if self.discrimination else ()
         return (*rivals, *self.information.advice())
 
