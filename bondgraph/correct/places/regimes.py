@@ -158,10 +158,9 @@ def in_regime(function: EffectFunction, regime: Regime) -> EffectFunction:
             return None
         names, about = level_names(effect, regime), width_name(effect)
         starts = (regime.level,) if regime.upper is None else (regime.level, regime.upper)
-        meaning = f"{regime.told('a level')}: there {effect.element} acts"
         levels = [
-            g.parameter(name, start, regime.unit, meaning, regime.span)
-            for name, start in zip(names, starts, strict=True)
+            g.parameter(name, start, regime.unit, _meaning(regime, which, effect), regime.span)
+            for name, start, which in zip(names, starts, ("lower", "upper"), strict=False)
         ]
         width = g.parameter(about, regime.width, regime.unit, "distance within which it comes and goes")
         on = regime.gate(levels, width)
@@ -182,6 +181,11 @@ def level_names(effect: Effect, regime: Regime) -> tuple[str, ...]:
     """The parameters that hold the level of a gated law, or its two."""
     own = effect.coefficients[0]
     return (f"level_{own}",) if regime.upper is None else (f"level_{own}", f"upper_{own}")
+
+
+def _meaning(regime: Regime, which: str, effect: Effect) -> str:
+    one = regime.quantity if regime.upper is None else f"{which} of two levels of {regime.quantity},"
+    return f"{one} {regime.side} which {effect.element} acts"
 
 
 def width_name(effect: Effect) -> str:
