@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import math
 from typing import Any
 
 from bondgraph.cli.daily_arguments import add_daily_commands
@@ -340,6 +341,10 @@ def _add_loop(command: argparse.ArgumentParser) -> None:
     command.add_argument(
         "--refits", type=count, default=12, metavar="N",
         help="candidates of a round that are refitted at most; the answer says where more were needed (default: 12)",
+    )  # fmt: skip
+    command.add_argument(
+        "--minutes", type=positive, default=math.inf, metavar="N",
+        help="time after which no round goes on; the answer is what was found by then (default: as long as it takes)",
     )  # fmt: skip
     command.add_argument("--level", type=share, default=0.01, help="chance of a false alarm per round (default: 0.01)")
     command.add_argument("--rate", type=positive, metavar="HZ", help="use every k-th sample, down to this rate")

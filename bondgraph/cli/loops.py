@@ -83,6 +83,7 @@ def _closed(options: argparse.Namespace, graph: BondGraph, logs: Splits) -> tupl
     with open_executor(options.executor) as workers, WorkProgress("closing the loop", None) as work:
         settings = LoopSettings(
             level=options.level, max_effects=options.max_effects, refits=options.refits,
+            minutes=options.minutes,
             process_noise=options.process_noise,
             free=tuple(names(options.free)), faults=not options.no_faults, tables=options.tables,
             journal=replace(journal, executor=workers), without=tuple(names(options.without)),

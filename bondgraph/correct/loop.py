@@ -10,6 +10,7 @@ named effect that it makes needless. Held-out logs are assessed before and after
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
@@ -28,13 +29,14 @@ from bondgraph.correct.evidence.certified import doubts
 from bondgraph.correct.evidence.trials import Added, Detectable, Trial
 from bondgraph.correct.fits.assess import Assessment, assess
 from bondgraph.correct.fits.whiteness import Whiteness, whiteness
+from bondgraph.correct.granted import Clock, strictly
 from bondgraph.correct.models.failures import FAILURES, attempted
 from bondgraph.correct.models.failures import reason as reason_of
 from bondgraph.correct.models.resting import without_resting_state
 from bondgraph.correct.models.shaping_filters import DISTURBANCE
 from bondgraph.correct.models.started import start_cautions, with_declared_starts
 from bondgraph.correct.models.typical import typical_inputs
-from bondgraph.correct.places.structure import Structure, structure
+from bondgraph.correct.places.structure import Structure, everywhere, structure
 from bondgraph.correct.places.unexplained import Unexplained
 from bondgraph.correct.progress import Decision, Progress, advance, reduced_to, without_events
 from bondgraph.correct.rest import Rest, at_random, settle
@@ -44,8 +46,8 @@ from bondgraph.correct.together import two_laws
 from bondgraph.correct.verdict import Verdict, unproven, verdict
 from bondgraph.correct.wandering import explained_at_random
 from bondgraph.data.log import MatchedLog
-from bondgraph.declare.editing import handle, with_bounds, with_values, without_input_rates
-from bondgraph.declare.effect import EffectFunction, Place, Scale, members_of
+from bondgraph.declare.editing import with_bounds, with_values, without_input_rates
+from bondgraph.declare.effect import EffectFunction, members_of
 from bondgraph.declare.graph import BondGraph
 from bondgraph.effects.sensors import SENSOR_FAULTS
 from bondgraph.errors import BondGraphError, DataError, EstimationError, OptionError
@@ -66,7 +68,8 @@ class LoopSettings:
     of sensors are candidates too; ``tables``: what stays unexplained is added as a table whose points are parameters;
     ``journal`` keeps finished fits; ``without`` names effects and faults that are not tried; ``inputs_as_declared``:
     inputs run between samples as declared, though a log of constant pieces looks held; ``initial`` is the rule by which
-    states begin, also those of added effects, see :func:`bondgraph.estimate.initial.initial_states`.
+    states begin, also those of added effects, see :func:`bondgraph.estimate.initial.initial_states`; ``minutes`` is the
+    time after which no round goes on.
     """
 
     level: float = LEVEL
@@ -80,6 +83,7 @@ class LoopSettings:
     without: tuple[str, ...] = ()
     inputs_as_declared: bool = False
     initial: InitialRule = "measured"
+    minutes: float = math.inf
 
 
 @dataclass(frozen=True, repr=False)
@@ -179,9 +183,10 @@ def close_loop(
     """
     settings = settings or LoopSettings()
     _check_given(graph, train, functions)
+    report = clock = Clock(report, settings.minutes)
     begun = fit_declared(graph, train, holdout, settings, report)
     found, rounds, result = _closed(begun, functions, settings, report)
-    if found.held is not None:
+    if found.held is not None and not clock.spent:
         report(f"begin anew with {few(found.held.names)} held between samples", 0, 1)
         begun = fit_held(graph, train, holdout, settings, found.held) or replace(begun, straight=())
         found, rounds, result = _closed(begun, functions, settings, report)
@@ -207,7 +212,7 @@ def _closed(
     begun: DeclaredFit, functions: Sequence[EffectFunction], settings: LoopSettings, report: Report
 ) -> tuple[Progress, tuple[Round, ...], Callable[[], ClosedLoop]]:
     """Where the rounds end from a fit of the declared model, the rounds, and what makes the result of that."""
-    told = structure(begun.built, _everywhere(begun.built, begun.train), begun.train, begun.setup.sizes)
+    told = structure(begun.built, everywhere(begun.built), begun.train, begun.setup.sizes)
     offered = (*functions, *(SENSOR_FAULTS if settings.faults else ()))
     wanted = [one for one in offered if one.__name__ not in settings.without]
     typical = typical_inputs(begun.built.model, begun.train)
@@ -245,7 +250,7 @@ def _rounds(
     What fails in the first round is told; later ones have results that are worth keeping. Every round adds an effect or
     takes one out for good, so that they end.
     """
-    rounds = list(earlier)
+    rounds, own = list(earlier), replace(own, report=strictly(own.report))
     while (room := most - state.named) > 0 and len(rounds) - len(earlier) < 2 * most + 1:
         try:
             turn = one_round(state.built, state.fit, state.train, functions, own, state.present, state.added)
@@ -365,16 +370,6 @@ def _doubts(nominal: Fit, corrected: Fit, first: Check, last: Check) -> list[str
         return doubts("declared", first)
     bounds = at_bounds(corrected, "corrected", nominal.problem.names)
     return [*bounds, *doubts("declared", first), *doubts("corrected", last)]
-
-
-def _everywhere(built: BuiltModel, train: Sequence[MatchedLog]) -> list[Place]:
-    """All junctions and sensors, of whatever size: the structure knows no data."""
-    one = Scale(1.0, 1.0)
-    nodes = built.causal.graph.nodes.values()
-    return [
-        *(Place(handle(built.graph, node.name), one) for node in nodes if node.is_junction),
-        *(Place.sensor(name, one) for name in built.model.names("output")),
-    ]
 
 
 def _check_given(graph: BondGraph, train: Sequence[MatchedLog], functions: Sequence[EffectFunction]) -> None:

@@ -20,7 +20,8 @@ from bondgraph.build import BuiltModel
 from bondgraph.correct.places.probes import probed_model
 from bondgraph.correct.places.sums import summed_outputs
 from bondgraph.data.log import FloatArray, MatchedLog
-from bondgraph.declare.effect import Place
+from bondgraph.declare.editing import handle
+from bondgraph.declare.effect import Place, Scale
 from bondgraph.simulate.late import inputs_of
 from bondgraph.simulate.model import Model
 
@@ -85,6 +86,16 @@ def structure(built: BuiltModel, where: Sequence[Place], logs: Sequence[MatchedL
     invisible = tuple(label for k, label in enumerate(labels) if k not in visible)
     classes = tuple(tuple(labels[k] for k in group) for group in groups if len(group) > 1)
     return Structure(classes, invisible, tuple(sensors), summed_outputs(built.graph, sensors))
+
+
+def everywhere(built: BuiltModel) -> list[Place]:
+    """All junctions and sensors, of whatever size: the structure knows no data."""
+    one = Scale(1.0, 1.0)
+    nodes = built.causal.graph.nodes.values()
+    return [
+        *(Place(handle(built.graph, node.name), one) for node in nodes if node.is_junction),
+        *(Place.sensor(name, one) for name in built.model.names("output")),
+    ]
 
 
 def _sizes(built: BuiltModel, model: Model, sizes: FloatArray) -> FloatArray:
