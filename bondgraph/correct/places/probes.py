@@ -234,7 +234,7 @@ def is_switch(signal: Signal) -> bool:
 
     Examples
     --------
-    >>> is_switch(Signal("clutch", "1", (np.array([0.0, 1.0, 1.0, 0.0]),)))
+    >>> is_switch(Signal("clutch", "1", (np.repeat([0.0, 1.0], 50),)))
     True
     """
     return knots(signal, FUNCTION_KNOTS, beyond=0.0).size < 3
