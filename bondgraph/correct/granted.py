@@ -18,10 +18,11 @@ class Clock:
     >>> told = []
     >>> clock = Clock(lambda *stage: told.append(stage), minutes=0.0)
     >>> clock("assess", 0, 1)  # what was begun is finished
-    >>> strictly(clock)("score the candidates", 0, 1)
+    >>> strictly(clock)("score the candidates", 0, 1)  # doctest: +NORMALIZE_WHITESPACE
     Traceback (most recent call last):
         ...
-    bondgraph.errors.EstimationError: the 0 minutes that were granted are spent - grant more, or go on with --resume
+    bondgraph.errors.EstimationError: the 0 minutes that were granted are spent - grant more with --minutes, in Python
+    LoopSettings(minutes)
     """
 
     report: Report
@@ -47,7 +48,8 @@ class Clock:
         """
         if self.spent:
             granted = f"{self.minutes:g} minutes"
-            raise EstimationError(f"the {granted} that were granted are spent - grant more, or go on with --resume")
+            more = "grant more with --minutes, in Python LoopSettings(minutes)"
+            raise EstimationError(f"the {granted} that were granted are spent - {more}")
         self.report(stage, done, total)
 
 

@@ -33,7 +33,8 @@ Variable = Literal["effort", "flow", "sensor"]
 
 #: A probe is applied at this share of the size of the variable it changes.
 _SHARE = 1e-3
-#: Knots of a free function that a gated law has to be worth more than, as of those that stay unexplained.
+#: Knots of a free function that a gated law has to be worth more than, as of those that stay unexplained. A
+#: convention: enough for two bends, and each knot costs power.
 FUNCTION_KNOTS = 8
 
 
