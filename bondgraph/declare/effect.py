@@ -51,6 +51,8 @@ class Place:
     the flow are smoothed over a share ``smoothing`` of its scale, which explicit integration needs. Laws with a time of
     their own look for it within ``times``: that between samples, and the length of the longest log, in s. Of
     ``near`` the first number is a time about which a law has a spacing, the second; zeros: it looks everywhere.
+    ``commands`` names inputs without a unit, held between samples, that take more values than a lever has positions:
+    the travel of a valve, a duty cycle.
     """
 
     junction: Handle
@@ -61,6 +63,7 @@ class Place:
     other: Handle | None = None
     times: tuple[float, float] = TIMES
     near: tuple[float, float] = (0.0, 0.0)
+    commands: frozenset[str] = frozenset()
 
     @classmethod
     def between(cls, first: Handle, second: Handle, scale: Scale, smoothing: float = SMOOTHING) -> Place:

@@ -352,7 +352,7 @@ def _first(g: BondGraph, at: Place, kinds: Sequence[str]) -> tuple[Node, Input] 
     """The first element here that follows a command, where no element before it does: it stands for all of them."""
     nodes = g.flatten().nodes.values()
     for node, command in commanded(g, at, kinds, temperatures=True):
-        followers = (one.name for one in nodes if one.kind in _GIVES and command in commands(g, one))
+        followers = (one.name for one in nodes if one.kind in _GIVES and command in commands(g, at, one))
         if next(followers, "") == node.name:
             return node, command
     return None

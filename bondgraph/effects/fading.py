@@ -21,7 +21,7 @@ from bondgraph.declare.graph import BondGraph, Handle
 from bondgraph.declare.quantities import symbol
 from bondgraph.declare.revision import revise_laws
 from bondgraph.effects.families import each_resistance
-from bondgraph.effects.places import commands, elements_at, has_flow
+from bondgraph.effects.places import elements_at, has_flow
 from bondgraph.effects.thermal import ROOM, Around, surroundings
 
 #: Largest relative change per kelvin that is tried; copper has 0.004, a thermistor 0.05.
@@ -144,7 +144,7 @@ def clogging(g: BondGraph, at: Place) -> Effect | None:
 def charge_fading(g: BondGraph, at: Place) -> Effect | None:
     """A voltage that falls with the charge that was drawn: a battery declared as an ideal source."""
     sources = elements_at(g, at, "Se") if has_flow(at) and at.domain == ELECTRICAL else []
-    if len(sources) != 1 or "." in sources[0].name or commands(g, sources[0]):
+    if len(sources) != 1 or "." in sources[0].name or not _is_constant(g, sources[0]):
         return None
     name = f"charge_fading_{at.name}"
     limit = at.scale.effort / (at.scale.flow * SHORTEST_DISCHARGE)
@@ -156,6 +156,12 @@ def charge_fading(g: BondGraph, at: Place) -> Effect | None:
         reference="Reddy, Linden (2011), Linden's Handbook of Batteries, chapter 3",
         manoeuvre="a long discharge, and rest before and after",
     )  # fmt: skip
+
+
+def _is_constant(g: BondGraph, node: Node) -> bool:
+    """True for an element whose laws are made of parameters: no source that follows an input, or stands for a loss."""
+    known = {one.symbol for one in g.flatten().parameters}
+    return all(law.free_symbols <= known for _, law in node.laws)
 
 
 def _nearest_body(g: BondGraph, at: Place) -> Handle | None:

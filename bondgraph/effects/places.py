@@ -272,12 +272,13 @@ def transmitted(g: BondGraph, at: Place) -> Expr | None:
     return None
 
 
-def commands(g: BondGraph, node: Node) -> list[Input]:
+def commands(g: BondGraph, at: Place, node: Node) -> list[Input]:
     """The inputs, other than levers and switches, on which the laws of an element depend, through signals too.
 
-    A lever or a switch has no unit and is held between samples; a held voltage is the command of a controller.
+    A lever or a switch has no unit, is held between samples, and takes few values: the place names those that do not. A
+    held voltage is the command of a controller.
     """
-    return [one for one in followed(g, node) if not (one.is_held and one.unit in ("", "1"))]
+    return [one for one in followed(g, node) if one.name in at.commands or not (one.is_held and one.unit in ("", "1"))]
 
 
 def followed(g: BondGraph, node: Node) -> list[Input]:
@@ -306,7 +307,7 @@ def commanded(g: BondGraph, at: Place, kinds: Sequence[str], temperatures: bool 
     nodes = [
         node for kind in kinds for node in (driven_from(g, at, kind) if kind in TWO_PORTS else elements_at(g, at, kind))
     ]
-    return [(node, inputs[0]) for node in nodes if (inputs := commands(g, node))]
+    return [(node, inputs[0]) for node in nodes if (inputs := commands(g, at, node))]
 
 
 def driven_from(g: BondGraph, at: Place, kind: str) -> list[Node]:

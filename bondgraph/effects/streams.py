@@ -61,7 +61,7 @@ def _following(given: Input, size: float) -> EffectFunction:
 def _constant_at(g: BondGraph, at: Place) -> Node | None:
     """The only resistance at a place, if no input acts on it yet."""
     found = elements_at(g, at, "R") if at.bond is None and at.junction.kind in ("0", "1") else []
-    return found[0] if len(found) == 1 and "." not in found[0].name and not commands(g, found[0]) else None
+    return found[0] if len(found) == 1 and "." not in found[0].name and not commands(g, at, found[0]) else None
 
 
 def _declared(g: BondGraph, at: Place, node: Node, given: Input, size: float, effect: str) -> Effect:

@@ -7,7 +7,7 @@ import pytest
 
 from bondgraph.build import BuiltModel, build
 from bondgraph.declare.domains import ELECTRICAL, HYDRAULIC, ROTATION, TRANSLATION
-from bondgraph.declare.editing import handle, with_values
+from bondgraph.declare.editing import copy, handle, with_values
 from bondgraph.declare.effect import Effect, EffectFunction, Place, Scale
 from bondgraph.declare.graph import BondGraph
 from bondgraph.effects.between import clutch_slip, fluid_coupling_between
@@ -113,6 +113,17 @@ def test_a_battery_falls_by_an_exponential() -> None:
     time = np.linspace(0.0, 40.0, 41)
     run = simulate(model, time, np.zeros((0, time.size)), rtol=1e-9).raise_if_failed()
     np.testing.assert_allclose(run.x[0][1:], 2.0 * np.exp(-0.02 / 2.0 * time[1:]), rtol=1e-4)
+
+
+def test_a_source_that_stands_for_a_loss_is_no_battery() -> None:
+    """A formula that was found before is a source by the current: it "fell with the charge drawn" as a second law."""
+    g = BondGraph("torch")
+    loop = g.one_junction("loop", ELECTRICAL)
+    g.effort_source("formula", -0.3 * loop.flow, at=loop)
+    g.inertance("wire", g.parameter("L", 1e-4, "H"), at=loop, state="i")
+    before = copy(g)
+    assert charge_fading(g, Place(loop, Scale(4.0, 2.0))) is None
+    assert g == before
 
 
 def shafts(rigid: bool) -> BondGraph:

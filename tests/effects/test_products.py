@@ -129,7 +129,8 @@ def test_powers_fall_only_where_an_input_keeps_away_from_zero() -> None:
     assert ("power_product", ("flow of armature", "duty"), 2.0) in found
     assert ("power_product", ("flow of armature", "duty"), -1.0) not in found
     assert ("power_product", ("flow of armature", "stream"), -1.0) in found
-    assert {one[1][0] for one in found if one[0] == "power_product"} == {current.name}
-    assert not [one for one in found if one[0] == "power_product" and one[1][1] == hot.name]
+    own = {current.name in signals for name, signals, _ in found if name != "product" and hot.name not in signals}
+    assert own == {True}
+    assert {signals[0] for name, signals, _ in found if signals[1] == hot.name} == {current.name, "duty", "stream"}
     clutch = Signal("clutch", "1", (np.where(way > 0.0, 1.0, 0.0),))
     assert products([current, clutch]) == []  # a fan that its clutch engages is no product

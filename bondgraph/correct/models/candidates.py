@@ -14,6 +14,7 @@ from bondgraph.build import BuiltModel, build, model_of
 from bondgraph.correct.models.bonds import bond_model
 from bondgraph.correct.models.failures import attempted, has_rates
 from bondgraph.correct.models.pairs import pairs, sizes
+from bondgraph.correct.models.typical import graded_inputs
 from bondgraph.data.log import FloatArray, MatchedLog
 from bondgraph.declare.editing import copy, handle
 from bondgraph.declare.effect import SMOOTHING, Effect, EffectFunction, Place, Scale, is_for
@@ -214,7 +215,8 @@ def places(built: BuiltModel, logs: Sequence[MatchedLog], runs: Sequence[FilterR
             scale = Scale(effort[index], flow[index])
             found.append(Place(handle(graph, bond.source), scale, bond, smoothing=smoothing))
     every = [*found, *pairs(built.graph, flat, values, smoothing), *_sensors(built.model, logs)]
-    return [replace(place, times=times_of(logs)) for place in every]
+    times, told = times_of(logs), graded_inputs(built.model, logs)
+    return [replace(place, times=times, commands=told) for place in every]
 
 
 def times_of(logs: Sequence[MatchedLog]) -> tuple[float, float]:

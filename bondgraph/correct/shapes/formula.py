@@ -247,7 +247,12 @@ def is_long(function: EffectFunction) -> bool:
 
 def _over(unit: str, term: Term) -> str:
     """Unit of the coefficient of a term."""
-    power, below = term.kind.power, term.argument_unit
+    found = _divided(unit, term.argument_unit, term.kind.power)
+    return _divided(found, term.units[1], term.kind.second_power) if term.kind.has_second else found
+
+
+def _divided(unit: str, below: str, power: int) -> str:
+    """A unit over a power of another one; empty where one is not known."""
     if power == 0 or below == "1" or not unit:
         return unit
     if not below:

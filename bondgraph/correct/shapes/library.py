@@ -65,8 +65,9 @@ class Kind:
 
     ``x`` is the signal, or the product of two; where the laws have a ``y``, that is the second one.
 
-    ``power``: the coefficient has the unit of the missing variable over that of the signal to this power. ``read`` are
-    the laws as a person reads them, where that is shorter. ``alone``: a law of its own, and no part of a sum.
+    ``power``: the coefficient has the unit of the missing variable over that of the signal to this power, and over that
+    of the second one to the ``second_power``. ``read`` are the laws as a person reads them, where that is shorter.
+    ``alone``: a law of its own, and no part of a sum. ``bends``: a product with a form of the second signal.
     """
 
     name: str
@@ -75,6 +76,8 @@ class Kind:
     inner: str = ""
     read: tuple[Expr, ...] = ()
     alone: bool = False
+    second_power: int = 0
+    bends: bool = False
 
     @property
     def has_second(self) -> bool:
@@ -121,6 +124,23 @@ _SCALED = Kind(
 )  # fmt: skip
 
 
+def _by_form(form: Kind) -> Kind:
+    """A product of one signal with a form of another: a resistance that grows as a battery empties."""
+    law = form.laws[0].xreplace({_X: _Y})
+    return Kind(f"{form.name}_product", (_X * law,), 1, form.inner, alone=True, second_power=form.power, bends=True)
+
+
+def _plain(name: str) -> Kind:
+    return next(kind for kind in _PLAIN if kind.name == name)
+
+
+#: Forms by which one signal changes what another one does. What it does above a level alone is told by regimes.
+_SQUARED, _SIGNED = _by_form(_plain("square")), _by_form(_plain("sign"))
+_SIGNED_POWER = replace(_by_form(_POWER), name="signed_power_product", read=(_X * _POWER.read[0].xreplace({_X: _Y}),))
+_PAST_THRESHOLD = tuple(_by_form(kind) for kind in _THRESHOLD if kind.power)
+_WITHIN_REACH = tuple(_by_form(kind) for kind in _REACH)
+
+
 @dataclass(frozen=True)
 class Term:
     """A term of a formula: a kind, the names and units of one or two signals, and the value of its inner parameter.
@@ -138,7 +158,9 @@ class Term:
     @property
     def inner_unit(self) -> str:
         """Unit of the inner parameter; empty where that of a signal is not known."""
-        return "1" if self.kind.inner == "exponent" else self.argument_unit
+        if self.kind.inner == "exponent":
+            return "1"
+        return self.units[1] if self.kind.has_second else self.argument_unit
 
     @property
     def argument_unit(self) -> str:
@@ -216,7 +238,7 @@ def library(known: Sequence[Signal], of: Signal) -> list[Term]:
     both = together.min() < 0.0 < together.max()
     plain = [kind for kind in _PLAIN if both or kind.name not in ("magnitude", "signed_square", "sign")]
     found = [Term(kind, (of.name,), (of.unit,), size) for kind in plain]
-    found += _with_thresholds(of, together, size) + _with_reaches(of, size)
+    found += _at_thresholds(_THRESHOLD, of, together, size) + _at_reaches(_REACH, of, size)
     found += [Term(_POWER, (of.name,), (of.unit,), size, n, _EXPONENT_SPAN) for n in _EXPONENTS]
     if not both and float(np.abs(together).min()) > _AWAY * size:
         found += [Term(_FALLING_POWER, (of.name,), (of.unit,), size, n, _FALLING_SPAN) for n in _FALLING]
@@ -226,17 +248,23 @@ def library(known: Sequence[Signal], of: Signal) -> list[Term]:
 
 
 def products(known: Sequence[Signal], own: str = "") -> list[Term]:
-    """The products of every two signals, and those of one with powers of the inputs: what these make of its loss.
+    """The products of every two signals, and those of one with forms of another: what these make of its loss.
 
-    That one is called ``own``: the flow or effort of the place itself, on which a loss there depends.
+    That one is called ``own``: the flow or effort of the place itself, on which a loss there depends. Forms are tried
+    of either, and of a variable that an input multiplies.
 
     Time is left out, and what has two values alone: where a switch is on a law acts, which is told by regimes.
     """
     timeless = [one for one in known if one.name != "time" and np.unique(np.concatenate(one.values)).size > 2]
     every = [term for one in timeless for term in _products(timeless, one)]
-    inputs = [one for one in timeless if not is_variable(one)]
-    scaled = [term for one in timeless if one.name == own for other in inputs for term in _scaled(one, other)]
-    return [*{one.name: one for one in every}.values(), *scaled]
+    pairs = [(one, other) for one in timeless for other in timeless if one is not other]
+    formed = [
+        term
+        for of, by in pairs
+        if own in (of.name, by.name) or (is_variable(by) and not is_variable(of))
+        for term in _formed(of, by)
+    ]
+    return [*{one.name: one for one in every}.values(), *formed]
 
 
 def is_variable(of: Signal) -> bool:
@@ -245,7 +273,7 @@ def is_variable(of: Signal) -> bool:
 
 
 def _scaled(of: Signal, by: Signal) -> list[Term]:
-    """A signal times powers of the size of an input; negative ones only where that keeps away from zero."""
+    """A signal times powers of the size of another; negative ones only where that keeps away from zero."""
     values = np.abs(np.concatenate(by.values))
     size = float(np.percentile(values, 99.0))
     if not size > 0.0 or not np.abs(np.concatenate(of.values)).max() > 0.0:
@@ -256,15 +284,38 @@ def _scaled(of: Signal, by: Signal) -> list[Term]:
     return [Term(_SCALED, names, units, size, n, span) for n in _SCALES if n > least]
 
 
-def _with_thresholds(of: Signal, together: FloatArray, size: float) -> list[Term]:
+def two_signals(of: Signal, by: Signal) -> list[Term]:
+    """All products of one signal with forms of another one, the plain product among them."""
+    return [*_products([of, by], of), *_formed(of, by)]
+
+
+def _formed(of: Signal, by: Signal) -> list[Term]:
+    """A signal times forms of another one, which may be negative as well."""
+    together = np.concatenate(by.values)
+    size = float(np.percentile(np.abs(together), 99.0))
+    if not size > 0.0 or not np.abs(np.concatenate(of.values)).max() > 0.0:
+        return []
+    terms = [
+        Term(_SQUARED, (by.name,), (by.unit,), size),
+        *_at_thresholds(_PAST_THRESHOLD, by, together, size),
+        *_at_reaches(_WITHIN_REACH, by, size),
+    ]
+    terms += [Term(_SIGNED_POWER, (by.name,), (by.unit,), size, n, _EXPONENT_SPAN) for n in _EXPONENTS]
+    if together.min() < 0.0 < together.max():
+        terms.append(Term(_SIGNED, (by.name,), (by.unit,), size))
+    both = [replace(one, signals=(of.name, by.name), units=(of.unit, by.unit)) for one in terms]
+    return both + _scaled(of, by)
+
+
+def _at_thresholds(kinds: Sequence[Kind], of: Signal, together: FloatArray, size: float) -> list[Term]:
     span = (float(together.min()), float(together.max()))
     at = [float(value) for value in np.percentile(together, _THRESHOLDS)]
-    return [Term(kind, (of.name,), (of.unit,), size, value, span) for kind in _THRESHOLD for value in at]
+    return [Term(kind, (of.name,), (of.unit,), size, value, span) for kind in kinds for value in at]
 
 
-def _with_reaches(of: Signal, size: float) -> list[Term]:
+def _at_reaches(kinds: Sequence[Kind], of: Signal, size: float) -> list[Term]:
     span = (0.03 * size, 10.0 * size)
-    return [Term(kind, (of.name,), (of.unit,), size, share * size, span) for kind in _REACH for share in _REACHES]
+    return [Term(kind, (of.name,), (of.unit,), size, share * size, span) for kind in kinds for share in _REACHES]
 
 
 def _waves(of: Signal, together: FloatArray, size: float) -> list[Term]:

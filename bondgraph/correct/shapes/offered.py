@@ -164,7 +164,8 @@ def _crossed(
 ) -> tuple[list[Option], int]:
     """Products of two signals that promise more than every function of one at their place, and how many were tried.
 
-    A product may be no function of either signal: a speed that couples two windings takes current from both.
+    A product may be no function of either signal: a speed that couples two windings takes current from both. A plain
+    one may promise a little less, since scores are rough; a form of a second signal fits much, and must promise more.
     """
     found: list[Option] = []
     count = 0
@@ -172,9 +173,10 @@ def _crossed(
         terms = scored_products(left.linear, probe, known)
         count += tried(terms, 1)
         most = max([least, *(one.gain for one in functions if one.probe is probe)])
-        best = best_sums(terms, measured, 1, 1)
-        found += [_at_home(terms, one, left) for one in best if one.gain > _NEAR * most and one.worth > 0.0]
-    return sorted(found, key=lambda option: -option.chosen.gain)[:_MOST_PLACES], count
+        ranked = best_sums(terms, measured, 1, len(terms.terms))
+        better = [one for one in ranked if one.gain > most * (1.0 if one.terms[0].kind.bends else _NEAR)]
+        found += [_at_home(terms, one, left) for one in _worthwhile(better) if one.worth > 0.0]
+    return sorted(found, key=lambda option: -option.chosen.gain)[: _ALONE * _MOST_PLACES], count
 
 
 def _sums(terms: Terms, free: Spline, measured: int, most: int) -> list[Sum]:

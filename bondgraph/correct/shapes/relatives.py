@@ -1,4 +1,4 @@
-"""Relatives of a law: those that draw nearly the same curve of the same signal at the same place.
+"""Relatives of a law: those that draw nearly the same curve of the same signals at the same place.
 
 A score is taken where a law has no size yet, at a few values of its shapes. Of a basin that runs over at an edge it
 promised a quarter of what the law explains, and a leak above a level was taken, which is near it. Once one law of a
@@ -9,13 +9,11 @@ says which of them are refitted from there.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 from scipy.optimize import least_squares
-from sympy import Float, Symbol
 
 from bondgraph.correct.constants import INDIFFERENT
 from bondgraph.correct.evidence.context import Context, coefficients
@@ -23,19 +21,15 @@ from bondgraph.correct.evidence.decide import choose
 from bondgraph.correct.evidence.trials import Trial
 from bondgraph.correct.models.candidates import Candidate, Variant, candidates
 from bondgraph.correct.models.failures import attempted
-from bondgraph.correct.places.probes import Signal, argument
 from bondgraph.correct.search.incumbents import Prediction, predicted_by_swap
 from bondgraph.correct.search.refit import refit
 from bondgraph.correct.shapes.completions import arguments
-from bondgraph.correct.shapes.forms import whole_law
+from bondgraph.correct.shapes.curves import Curve, DrawnLaw, curve_of, departure, drawn_law
 from bondgraph.correct.shapes.formula import formula_of
-from bondgraph.correct.shapes.library import library
+from bondgraph.correct.shapes.library import library, two_signals
 from bondgraph.correct.shapes.offered import Residual, formula_at
 from bondgraph.correct.shapes.subsets import Sum
 from bondgraph.data.log import FloatArray
-from bondgraph.declare.functions import numeric
-from bondgraph.declare.graph import BondGraph
-from bondgraph.declare.quantities import symbol
 from bondgraph.errors import DeclarationError
 from bondgraph.estimate.free import FreeParameter
 from bondgraph.estimate.local import Report
@@ -51,44 +45,6 @@ _SAME = 1e-3
 _MOST = 2
 #: Steps of a fit to a curve at most, for three numbers or four.
 _STEPS = 50
-#: Points over which curves are compared, drawn as often as the logs visit them.
-_POINTS = 400
-_X = Symbol("x_of_the_curve", real=True)
-
-
-@dataclass(frozen=True)
-class _Curve:
-    """Curve of a fitted law: what it adds, at values of its signal, both (n,).
-
-    ``is_bent``: what is declared at the place may take a line of it, so that only the rest of it counts.
-    """
-
-    signal: Signal
-    x: FloatArray
-    y: FloatArray
-    is_bent: bool = True
-
-    def rest(self, y: FloatArray) -> FloatArray:
-        """The part of a curve over the same values that counts, all (n,)."""
-        size = float(self.x @ self.x)
-        if not self.is_bent or not size > 0.0:
-            return y
-        left: FloatArray = y - self.x * (float(self.x @ y) / size)
-        return left
-
-
-@dataclass(frozen=True)
-class _Law:
-    """Law as a function of its signal and of its own numbers, by name; ``sizes`` says which of these scale it."""
-
-    added: Callable[..., Any]
-    names: tuple[str, ...]
-    sizes: tuple[bool, ...]
-
-    def drawn(self, x: FloatArray, values: Sequence[float] | FloatArray) -> FloatArray:
-        """The law at values of its signal, both (n,)."""
-        with np.errstate(all="ignore"):
-            return np.broadcast_to(np.asarray(self.added(x, *values), dtype=np.float64), x.shape)
 
 
 @dataclass(frozen=True)
@@ -107,8 +63,9 @@ class _Relative:
 def with_relatives(trials: Sequence[Trial], left: Residual, context: Context, report: Report) -> list[Trial]:
     """The trials, relatives refitted that promise clearly more than the law that leads.
 
-    What leads is what would be chosen, and a law that gains clearly more: it may have been refused for its form alone.
-    None of stiff models, whose refits are costly.
+    What leads is what would be chosen, a law that gains clearly more, which may have been refused for its form alone,
+    and the foremost product: of the forms of its factors few were refitted. None of stiff models, whose refits are
+    costly.
     """
     done = list(trials)
     if context.base.problem.filter_model.is_stiff:
@@ -118,13 +75,16 @@ def with_relatives(trials: Sequence[Trial], left: Residual, context: Context, re
         done = _beside(foremost, done, left, context, report)
     if chosen is not None:
         done = _beside(chosen, done, left, context, report)
+    product = _foremost([one for one in done if _is_product(one)])
+    if product is not None and (chosen is None or product.candidate.label != chosen.candidate.label):
+        done = _beside(product, done, left, context, report)
     return in_plainer_words(done, left, context.level)
 
 
 def _beside(lead: Trial, trials: Sequence[Trial], left: Residual, context: Context, report: Report) -> list[Trial]:
     """The trials, relatives of a law refitted that promise clearly more than it."""
     done = list(trials)
-    curve = attempted(lambda: _curve(lead, left), lambda why: None)
+    curve = attempted(lambda: curve_of(lead, left.signals), lambda why: None)
     near = [] if curve is None else _near(_unfitted(done, lead, curve, left), curve, context)
     told = attempted(lambda: _predicted(lead, near, context), lambda why: [])
     for k, (one, prediction) in enumerate(told):
@@ -157,7 +117,7 @@ def single_laws(
     A straight part of the sum may be a law of its own or lie in what is declared: curves are compared with it and
     without it.
     """
-    curve = attempted(lambda: _curve(whole, left, beside), lambda why: None)
+    curve = attempted(lambda: curve_of(whole, left.signals, beside), lambda why: None)
     if curve is None:
         return []
     known = {one.candidate.label: one for one in trials if _is_plain(one, whole)}
@@ -195,7 +155,7 @@ def _behind_plainer(trial: Trial, trials: Sequence[Trial], left: Residual, level
         if own is None or other.evidence is None or not _is_plainer(other, trial, level):
             continue
         curve = _drawn(other, left)
-        if curve is None or curve.signal.name != own.signal.name or _departure(own, curve) > _SAME:
+        if curve is None or curve.signals != own.signals or departure(own, curve) > _SAME:
             continue
         behind = min(trial.evidence.bic_gain, other.evidence.bic_gain - INDIFFERENT)
         label = other.candidate.label
@@ -203,9 +163,9 @@ def _behind_plainer(trial: Trial, trials: Sequence[Trial], left: Residual, level
     return trial
 
 
-def _drawn(trial: Trial, left: Residual) -> _Curve | None:
+def _drawn(trial: Trial, left: Residual) -> Curve | None:
     """The curve of a trial; None where it was not refitted, or is no function of one signal."""
-    return None if trial.fit is None else attempted(lambda: _curve(trial, left), lambda why: None)
+    return None if trial.fit is None else attempted(lambda: curve_of(trial, left.signals), lambda why: None)
 
 
 def _is_plainer(other: Trial, trial: Trial, level: float) -> bool:
@@ -216,11 +176,9 @@ def _is_plainer(other: Trial, trial: Trial, level: float) -> bool:
     return same and plain and other.evidence is not None and other.evidence.accepted(level)
 
 
-def _departure(one: _Curve, other: _Curve) -> float:
-    """The share of the square of a curve that a multiple of another one leaves, a line aside."""
-    y, by = one.rest(one.y), other.rest(other.y)
-    sizes = float(y @ y) * float(by @ by)
-    return 1.0 - float(y @ by) ** 2 / sizes if sizes > 0.0 else 1.0
+def _is_product(trial: Trial) -> bool:
+    formula = formula_of(trial.candidate.function)
+    return formula is not None and len(formula.signals) == 2 and not trial.forms
 
 
 def _refitted(trial: Trial, prediction: Prediction, context: Context, tried: int) -> Trial:
@@ -232,59 +190,22 @@ def _foremost(trials: Sequence[Trial]) -> Trial | None:
     return max(laws, key=lambda one: one.gain, default=None)
 
 
-def _curve(lead: Trial, left: Residual, beside: Sequence[Trial] = ()) -> _Curve | None:
-    """The curve of a fitted law over what the logs visit, with others; None where it is no function of one signal."""
-    assert lead.fit is not None and lead.built is not None  # it leads
-    graph, values = lead.built.graph, lead.fit.values
-    here = [one for one in beside if one.candidate.place.label == lead.candidate.place.label]
-    read = frozenset[str]().union(*(arguments(one, graph) or () for one in (lead, *here)))
-    signal = next((one for one in left.signals if read == frozenset({one.name})), None)
-    laws = [] if signal is None else [_law(one, graph, signal, values) for one in (lead, *here)]
-    if signal is None or laws[0] is None:
-        return None
-    visited = np.sort(np.concatenate(signal.values))
-    x = visited[np.linspace(0, visited.size - 1, min(visited.size, _POINTS)).round().astype(int)]
-    y = np.sum([law.drawn(x, [values[name] for name in law.names]) for law in laws if law is not None], axis=0)
-    return _Curve(signal, x, y) if np.isfinite(y).all() and y.any() else None
-
-
-def _law(trial: Trial, graph: BondGraph, signal: Signal, known: Mapping[str, float]) -> _Law | None:
-    """The law of a trial in its signal; None where it depends on more than that and its own numbers.
-
-    ``known`` are the values of what is free.
-    """
-    found = whole_law(trial, graph)
-    if found is None:
-        return None
-    effect = trial.candidate.effect
-    fixed = {
-        symbol(one.name): Float(known.get(one.name, one.value))
-        for one in graph.flatten().parameters
-        if one.name not in effect.parameters
-    }
-    whole = found[1].xreplace(fixed).xreplace({argument(signal.name): _X})
-    own = [name for name in effect.parameters if symbol(name) in whole.free_symbols]
-    if not whole.free_symbols <= {_X, *map(symbol, own)}:
-        return None
-    added = whole - whole.xreplace({symbol(one): Float(0.0) for one in effect.coefficients})
-    sizes = tuple(name in effect.coefficients for name in own)
-    return _Law(numeric([_X, *map(symbol, own)], added), tuple(own), sizes) if any(sizes) else None
-
-
-def _terms(lead: Trial, curve: _Curve, left: Residual) -> list[tuple[None, Trial]]:
-    """A trial for each kind of term in the signal of a curve."""
+def _terms(lead: Trial, curve: Curve, left: Residual) -> list[tuple[None, Trial]]:
+    """A trial for each kind of term in the signals of a curve."""
     probe = next(one for one in left.probed if one.place.label == lead.candidate.place.label)
-    kinds = {one.kind.name: one for one in library([curve.signal], curve.signal)}
+    terms = library([curve.signal], curve.signal) if curve.by is None else two_signals(curve.by, curve.signal)
+    known = [curve.signal] if curve.by is None else [curve.signal, curve.by]
+    kinds = {one.kind.name: one for one in terms}
     found: list[tuple[None, Trial]] = []
     for term in kinds.values():
         count = len(term.kind.laws)
-        formula = formula_at(probe, Sum((term,), np.zeros(count), 0.0, 0.0), [curve.signal])
+        formula = formula_at(probe, Sum((term,), np.zeros(count), 0.0, 0.0), known)
         made, _ = candidates(left.built, [formula.effect()], [probe.place])
         found += [(None, Trial(one, 0.0)) for one in made if one.label != lead.candidate.label]
     return found
 
 
-def _near(trials: Sequence[tuple[int | None, Trial]], curve: _Curve, context: Context) -> list[_Relative]:
+def _near(trials: Sequence[tuple[int | None, Trial]], curve: Curve, context: Context) -> list[_Relative]:
     """The laws that come near a curve, with their numbers there."""
     found = []
     for index, trial in trials:
@@ -292,9 +213,9 @@ def _near(trials: Sequence[tuple[int | None, Trial]], curve: _Curve, context: Co
             graph = trial.candidate.apply(context.built.graph)
         except DeclarationError:
             continue
-        if arguments(trial, graph) != frozenset({curve.signal.name}):
+        if arguments(trial, graph) != curve.signals:
             continue
-        law = _law(trial, graph, curve.signal, context.base.values)
+        law = drawn_law(trial, graph, curve.signal, curve.by, context.base.values)
         own = coefficients(trial.candidate, replace(context.base.problem.filter_model, model=trial.candidate.model))
         if law is None or law.names != tuple(one.name for one in own):
             continue
@@ -308,7 +229,7 @@ def _near(trials: Sequence[tuple[int | None, Trial]], curve: _Curve, context: Co
     return found
 
 
-def _unfitted(trials: Sequence[Trial], lead: Trial, curve: _Curve, left: Residual) -> list[tuple[int | None, Trial]]:
+def _unfitted(trials: Sequence[Trial], lead: Trial, curve: Curve, left: Residual) -> list[tuple[int | None, Trial]]:
     """Laws with shapes at the place of another one of which only a score is known, with their numbers, and terms.
 
     No terms where widths of the law that leads are not known yet.
@@ -340,7 +261,9 @@ def _predicted(lead: Trial, near: Sequence[_Relative], context: Context) -> list
     return sorted(better, key=lambda pair: -pair[1].gain)[:_MOST]
 
 
-def _fitted(law: _Law, own: Sequence[FreeParameter], candidate: Candidate, curve: _Curve) -> tuple[float, FloatArray]:
+def _fitted(
+    law: DrawnLaw, own: Sequence[FreeParameter], candidate: Candidate, curve: Curve
+) -> tuple[float, FloatArray]:
     """The share of what counts of a curve's square that a law leaves at best, and its numbers there."""
     sizes = np.array(law.sizes)
     # bounds of coefficients only scale a search; zero is one that is kept

@@ -16,7 +16,8 @@ from bondgraph.correct.evidence.trials import Trial
 from bondgraph.correct.loop import LoopSettings, close_loop
 from bondgraph.correct.models.candidates import Candidate, candidates
 from bondgraph.correct.places.probes import Signal
-from bondgraph.correct.shapes.relatives import _SAME, _Curve, _departure, _fitted, _law
+from bondgraph.correct.shapes.curves import Curve, departure, drawn_law
+from bondgraph.correct.shapes.relatives import _SAME, _fitted
 from bondgraph.data.log import MatchedLog
 from bondgraph.declare.domains import HYDRAULIC
 from bondgraph.declare.editing import handle
@@ -48,11 +49,11 @@ FOUND: dict[str, Candidate] = {
 }  # fmt: skip
 
 
-def drawn(name: str, curve: _Curve) -> tuple[float, dict[str, float]]:
+def drawn(name: str, curve: Curve) -> tuple[float, dict[str, float]]:
     """The share of a curve that a law of the dictionary leaves, and its numbers."""
     candidate = FOUND[name]
     graph = candidate.apply(basin())
-    law = _law(Trial(candidate, 0.0), graph, PRESSURE, {})
+    law = drawn_law(Trial(candidate, 0.0), graph, PRESSURE, None, {})
     assert law is not None
     own = coefficients(candidate, FilterModel(candidate.model, {}, {"pressure": 1.0}, {}))
     share, values = _fitted(law, own, candidate, curve)
@@ -64,7 +65,7 @@ def drawn(name: str, curve: _Curve) -> tuple[float, dict[str, float]]:
 def test_a_law_is_found_again_by_its_curve_whatever_line_is_beside_it(edge: float, size: float, line: float) -> None:
     x = PRESSURE.values[0]
     y = size * (np.maximum(x - edge, 0.0) / 7000.0) ** 1.5 + line * x
-    share, values = drawn("overflow", _Curve(PRESSURE, x, y))
+    share, values = drawn("overflow", Curve(PRESSURE, x, y))
     assert share < 1e-6
     assert values["e_overflow_basin"] == pytest.approx(edge, rel=1e-3)
     assert values["c_overflow_basin"] == pytest.approx(size, rel=1e-2)
@@ -72,26 +73,38 @@ def test_a_law_is_found_again_by_its_curve_whatever_line_is_beside_it(edge: floa
 
 def test_a_law_of_another_form_leaves_more() -> None:
     x = PRESSURE.values[0]
-    curve = _Curve(PRESSURE, x, 0.02 * (np.maximum(x - 4000.0, 0.0) / 7000.0) ** 1.5)
+    curve = Curve(PRESSURE, x, 0.02 * (np.maximum(x - 4000.0, 0.0) / 7000.0) ** 1.5)
     assert drawn("overflow", curve)[0] < 1e-6 < 1e-3 < drawn("relief_valve", curve)[0] < 0.1
 
 
 def test_what_a_line_leaves_has_no_line_in_it() -> None:
     x, y = np.linspace(-1.0, 3.0, 50), np.random.default_rng(2).normal(size=50)
-    curve = _Curve(PRESSURE, x, y)
+    curve = Curve(PRESSURE, x, y)
     left = curve.rest(y)
     assert left @ x == pytest.approx(0.0, abs=1e-12)
     np.testing.assert_allclose(curve.rest(y + 7.0 * x), left, atol=1e-12)
-    np.testing.assert_array_equal(_Curve(PRESSURE, np.zeros(50), y).rest(y), y)
-    np.testing.assert_array_equal(_Curve(PRESSURE, x, y, is_bent=False).rest(y), y)
+    np.testing.assert_array_equal(Curve(PRESSURE, np.zeros(50), y).rest(y), y)
+    np.testing.assert_array_equal(Curve(PRESSURE, x, y, is_bent=False).rest(y), y)
 
 
 @given(power=st.floats(2.9, 3.1), line=st.floats(-5.0, 5.0))
 def test_a_power_near_a_cube_draws_the_curve_of_a_cube(power: float, line: float) -> None:
     x = np.linspace(-2.0, 2.0, 101)
-    cube, other = _Curve(PRESSURE, x, 0.3 * x**3), _Curve(PRESSURE, x, np.sign(x) * np.abs(x) ** power + line * x)
-    assert _departure(cube, other) < _SAME
-    assert _departure(cube, _Curve(PRESSURE, x, np.sign(x) * np.abs(x) ** 2.5 + line * x)) > _SAME
+    cube, other = Curve(PRESSURE, x, 0.3 * x**3), Curve(PRESSURE, x, np.sign(x) * np.abs(x) ** power + line * x)
+    assert departure(cube, other) < _SAME
+    assert departure(cube, Curve(PRESSURE, x, np.sign(x) * np.abs(x) ** 2.5 + line * x)) > _SAME
+
+
+@given(constant=st.floats(-5.0, 5.0))
+def test_a_factor_of_another_signal_is_told_beside_whatever_constant(constant: float) -> None:
+    """Of a resistance that grows as a battery empties what is declared may take a constant, and no line."""
+    x = np.linspace(0.0, 3.0, 101)
+    current = Signal("flow of series", "A", (np.ones(300),))
+    factor = np.exp(-x)
+    own = Curve(PRESSURE, x, factor, by=current)
+    assert own.signals == {PRESSURE.name, current.name}
+    assert departure(own, Curve(PRESSURE, x, constant - 2.0 * factor, by=current)) < 1e-12
+    assert departure(own, Curve(PRESSURE, x, x, by=current)) > _SAME
 
 
 def disc() -> bg.BondGraph:
