@@ -300,9 +300,9 @@ def _formed(of: Signal, by: Signal) -> list[Term]:
         *_at_thresholds(_PAST_THRESHOLD, by, together, size),
         *_at_reaches(_WITHIN_REACH, by, size),
     ]
-    terms += [Term(_SIGNED_POWER, (by.name,), (by.unit,), size, n, _EXPONENT_SPAN) for n in _EXPONENTS]
     if together.min() < 0.0 < together.max():
         terms.append(Term(_SIGNED, (by.name,), (by.unit,), size))
+        terms += [Term(_SIGNED_POWER, (by.name,), (by.unit,), size, n, _EXPONENT_SPAN) for n in _EXPONENTS]
     both = [replace(one, signals=(of.name, by.name), units=(of.unit, by.unit)) for one in terms]
     return both + _scaled(of, by)
 

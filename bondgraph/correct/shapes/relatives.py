@@ -64,8 +64,8 @@ def with_relatives(trials: Sequence[Trial], left: Residual, context: Context, re
     """The trials, relatives refitted that promise clearly more than the law that leads.
 
     What leads is what would be chosen, a law that gains clearly more, which may have been refused for its form alone,
-    and the foremost product: of the forms of its factors few were refitted. None of stiff models, whose refits are
-    costly.
+    and the foremost product: of the forms of its factors few were refitted. Where a relative of that leads now, its own
+    are looked at in turn. None of stiff models, whose refits are costly.
     """
     done = list(trials)
     if context.base.problem.filter_model.is_stiff:
@@ -75,8 +75,9 @@ def with_relatives(trials: Sequence[Trial], left: Residual, context: Context, re
         done = _beside(foremost, done, left, context, report)
     if chosen is not None:
         done = _beside(chosen, done, left, context, report)
-    product = _foremost([one for one in done if _is_product(one)])
-    if product is not None and (chosen is None or product.candidate.label != chosen.candidate.label):
+    seen = set[str]()
+    while (product := _foremost([one for one in done if _is_product(one)])) and product.candidate.label not in seen:
+        seen.add(product.candidate.label)
         done = _beside(product, done, left, context, report)
     return in_plainer_words(done, left, context.level)
 
@@ -239,7 +240,9 @@ def _unfitted(trials: Sequence[Trial], lead: Trial, curve: Curve, left: Residual
         for k, one in enumerate(trials)
         if one.fit is None and one.candidate.effect.shapes and _is_plain(one, lead)
     ]
-    return known if lead.candidate.effect.widths else [*known, *_terms(lead, curve, left)]
+    fitted = {one.candidate.label for one in trials if one.fit is not None}
+    terms = [(k, one) for k, one in _terms(lead, curve, left) if one.candidate.label not in fitted]
+    return known if lead.candidate.effect.widths else [*known, *terms]
 
 
 def _is_plain(trial: Trial, lead: Trial) -> bool:
@@ -251,12 +254,16 @@ def _is_plain(trial: Trial, lead: Trial) -> bool:
 
 
 def _predicted(lead: Trial, near: Sequence[_Relative], context: Context) -> list[tuple[_Relative, Prediction]]:
-    """Relatives that promise clearly more than the law that leads, the best first."""
+    """Relatives that promise clearly more than the law that leads, the best first; of a product the best in any case.
+
+    The forms of a factor lie far apart: what one step from the curve of another promises of them is too little.
+    """
     told = predicted_by_swap(lead, [one.trial.candidate for one in near], [one.variant for one in near], context)
+    least = -np.inf if _is_product(lead) else lead.gain + INDIFFERENT
     better = [
         (one, prediction)
         for one, prediction in zip(near, told, strict=True)
-        if prediction is not None and prediction.gain > lead.gain + INDIFFERENT
+        if prediction is not None and prediction.gain > least
     ]
     return sorted(better, key=lambda pair: -pair[1].gain)[:_MOST]
 
