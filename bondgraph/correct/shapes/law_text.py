@@ -7,6 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 
 import sympy
 from sympy import Expr, Float, Symbol
+from sympy.printing.precedence import PRECEDENCE
 
 from bondgraph.declare.expression_text import TextPrinter
 from bondgraph.declare.read_text import ReadPrinter
@@ -62,6 +63,8 @@ def with_numbers(law: Expr, values: Mapping[str, float], ends: Intervals | None 
     'x'
     >>> with_numbers(sympy.sign(x) * sympy.Abs(x / Float(25.0)) ** 1.5 * c, {"c_law": 2.0}, {"c_law": (1.9, 2.1)})
     '0.016*|x|^1.5*sign(x)'
+    >>> with_numbers(c * (sympy.Abs(x) / Float(31.0)) ** d, {"c_law": 2.0, "d_law": 1.81})
+    '2*(|x|/31)^1.81'
     """
     gone = law.xreplace({one: sympy.Integer(0) for one in law.free_symbols if values.get(one.name) == 0.0})
     law = law if gone.has(sympy.nan, sympy.zoo, sympy.oo) else gone
@@ -128,6 +131,22 @@ class _Numbers(ReadPrinter):
 
     def _print_Float(self, expression: Float) -> str:
         return rounded(float(expression))
+
+    def _print_Function(self, expression: Expr) -> str:
+        return f"{expression.func.__name__}({', '.join(map(self._over_its_size, expression.args))})"
+
+    def _print_Pow(self, expression: Expr, rational: bool = False) -> str:
+        base, exponent = expression.as_base_exp()
+        if exponent.is_number or self._over_its_size(base) == str(self._print(base)):
+            return str(super()._print_Pow(expression, rational))
+        return f"({self._over_its_size(base)})^{self.parenthesize(exponent, PRECEDENCE['Atom'], strict=True)}"
+
+    def _over_its_size(self, argument: Expr) -> str:
+        """What a function is taken of, a signal over its size where a number scales it: x/23.6, not 0.0424*x."""
+        number, rest = argument.as_coeff_Mul()
+        if not (number.is_Float and number > 0.0 and (rest.is_Symbol or rest.is_Add or isinstance(rest, sympy.Abs))):
+            return str(self._print(argument))
+        return f"{self._factor(rest)}/{rounded(1.0 / float(number))}"
 
     def _as_ordered_terms(self, expression: Expr, order: str | None = None) -> list[Expr]:
         """Terms that move before those that do not: x - 6.2."""

@@ -41,7 +41,10 @@ def test_the_text_of_a_law_is_the_law_to_three_digits(c: float, reach: float, x:
 
 def test_constants_of_a_law_are_rounded_too() -> None:
     x = Symbol("x")
-    assert with_numbers(Symbol("c") * tanh(x / Float(18.0 / 1.01)), {"c": -2.0}) == "-2*tanh(0.0561*x)"
+    assert with_numbers(Symbol("c") * tanh(x / Float(18.0 / 1.01)), {"c": -2.0}) == "-2*tanh(x/17.8)"
+    assert with_numbers(tanh((x + Symbol("at")) / Float(4.0)), {"at": 6.23456}) == "tanh((x + 6.23)/4)"
+    wave = sympy.sin(Float(6.2832) * x / Symbol("p"))
+    assert with_numbers(wave, {"p": 2.0}) == "sin(6.28*x/2)"
     assert with_numbers(x - Symbol("at"), {"at": 6.23456}) == "x - 6.23"
     assert with_numbers(sympy.Abs(x) * Symbol("c"), {"c": 0.05555555555555555}) == "0.0556*|x|"
 
