@@ -134,8 +134,9 @@ def one_round(
     search = opened(scoring, context, bool(present), settings.report)
     left = Residual(built, linear, probed, known, located)
     search.entries += [Entry(trial) for trial in own_forms(_laws(added), scored, left, context, settings.report)]
-    trials = with_formulas(_searched(search, scoring, settings), scored, left, search.context, settings.report)
-    trials = with_relatives(trials, left, search.context, settings.report)
+    trials = _searched(search, scoring, settings)
+    trials = with_formulas(trials, scored, left, search.context, settings.report, _laws(added))
+    trials = with_relatives(trials, left, search.context, settings.report, _laws(added))
     trials, chosen = _chosen(trials, search.context, settings.report, where)
     others = alternatives(chosen, trials, scored.scores, settings.level)
     others = _with_advice(built, base, chosen, others, scored)

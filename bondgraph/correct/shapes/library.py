@@ -134,6 +134,8 @@ def _plain(name: str) -> Kind:
     return next(kind for kind in _PLAIN if kind.name == name)
 
 
+#: The same where it is no input that scales the loss of its place.
+_SCALED_BY = replace(_SCALED, bends=True)
 #: Forms by which one signal changes what another one does. What it does above a level alone is told by regimes.
 _SQUARED, _SIGNED = _by_form(_plain("square")), _by_form(_plain("sign"))
 _SIGNED_POWER = replace(_by_form(_POWER), name="signed_power_product", read=(_X * _POWER.read[0].xreplace({_X: _Y}),))
@@ -264,7 +266,8 @@ def products(known: Sequence[Signal], own: str = "") -> list[Term]:
         if own in (of.name, by.name) or (is_variable(by) and not is_variable(of))
         for term in _formed(of, by)
     ]
-    return [*{one.name: one for one in every}.values(), *formed]
+    scaled = [term for of, by in pairs if own == of.name and not is_variable(by) for term in _scaled(of, by)]
+    return [*{one.name: one for one in every}.values(), *scaled, *formed]
 
 
 def is_variable(of: Signal) -> bool:
@@ -286,7 +289,7 @@ def _scaled(of: Signal, by: Signal) -> list[Term]:
 
 def two_signals(of: Signal, by: Signal) -> list[Term]:
     """All products of one signal with forms of another one, the plain product among them."""
-    return [*_products([of, by], of), *_formed(of, by)]
+    return [*_products([of, by], of), *_scaled(of, by), *_formed(of, by)]
 
 
 def _formed(of: Signal, by: Signal) -> list[Term]:
@@ -304,7 +307,7 @@ def _formed(of: Signal, by: Signal) -> list[Term]:
         terms.append(Term(_SIGNED, (by.name,), (by.unit,), size))
         terms += [Term(_SIGNED_POWER, (by.name,), (by.unit,), size, n, _EXPONENT_SPAN) for n in _EXPONENTS]
     both = [replace(one, signals=(of.name, by.name), units=(of.unit, by.unit)) for one in terms]
-    return both + _scaled(of, by)
+    return both + [replace(one, kind=_SCALED_BY) for one in _scaled(of, by) if is_variable(by) or not is_variable(of)]
 
 
 def _at_thresholds(kinds: Sequence[Kind], of: Signal, together: FloatArray, size: float) -> list[Term]:

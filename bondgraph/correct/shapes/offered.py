@@ -55,6 +55,8 @@ _NEAR, _MOST_PLACES = 0.8, 2
 #: Formulas of one term that are refitted at each place, of those that promise about as much as the best, and of each
 #: number of terms beyond.
 _ALONE, _SUMS = 2, 1
+#: The form of a law may leave so large a share of what the law gained: of relatives as much is left. A convention.
+_OF_FORM = 0.1
 #: A law that is smaller than this nearly everywhere has no size: one over it can be told in numbers.
 _SMALLEST = math.sqrt(float(np.finfo(float).tiny))
 
@@ -81,7 +83,12 @@ class Option:
 
 
 def with_formulas(
-    trials: Sequence[Trial], scored: Scored, left: Residual, context: Context, report: Report
+    trials: Sequence[Trial],
+    scored: Scored,
+    left: Residual,
+    context: Context,
+    report: Report,
+    found_before: Sequence[Trial] = (),
 ) -> list[Trial]:
     """The trials, and the formulas that were refitted.
 
@@ -97,6 +104,8 @@ def with_formulas(
         What refits start from.
     report
         Told of each refit.
+    found_before
+        Laws that the model has already.
     """
     law = choose(trials, context.level)
     if law is not None and context.base.problem.filter_model.is_stiff:
@@ -109,6 +118,11 @@ def with_formulas(
     plain = found is not None and found.signal != "time" and found.gain >= least
     options, counts = _options(functions if plain else (), known, left, measured, 1 if law else MOST_TERMS)
     crossed, pairs = _crossed(where, functions, known, left, measured, least)
+    crossed = [
+        one
+        for one in crossed
+        if not (one.chosen.terms[0].kind.bends and is_left_by_form(one.chosen.gain, found_before))
+    ]
     options, counts = sorted([*crossed, *options], key=lambda one: -one.chosen.worth), {**counts, 1: counts[1] + pairs}
     if law is not None and options and _says(law, options[0], scored, left):
         return list(trials)
@@ -177,6 +191,11 @@ def _crossed(
         better = [one for one in ranked if one.gain > most * (1.0 if one.terms[0].kind.bends else _NEAR)]
         found += [_at_home(terms, one, left) for one in _worthwhile(better) if one.worth > 0.0]
     return sorted(found, key=lambda option: -option.chosen.gain)[: _ALONE * _MOST_PLACES], count
+
+
+def is_left_by_form(gain: float, found_before: Sequence[Trial]) -> bool:
+    """True for so small a gain, in nats, that it may be what the form of a law leaves, wherever that shows."""
+    return gain < _OF_FORM * max((one.gain for one in found_before), default=0.0)
 
 
 def _sums(terms: Terms, free: Spline, measured: int, most: int) -> list[Sum]:
