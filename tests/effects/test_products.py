@@ -10,7 +10,7 @@ import bondgraph as bg
 from bondgraph.arrays import FloatArray
 from bondgraph.correct.places.probes import Signal
 from bondgraph.correct.shapes.formula import Formula
-from bondgraph.correct.shapes.library import products
+from bondgraph.correct.shapes.library import products, two_signals
 from bondgraph.declare.effect import Place, Scale
 from bondgraph.declare.graph import Handle
 from tests.effects.machines.machine import steps
@@ -132,6 +132,7 @@ def test_powers_fall_only_where_an_input_keeps_away_from_zero() -> None:
     own = {current.name in signals for name, signals, _ in found if name != "product" and hot.name not in signals}
     assert own == {True}
     assert {signals[0] for name, signals, _ in found if signals[1] == hot.name} == {current.name, "duty", "stream"}
+    assert {one.kind.name for one in two_signals(duty, stream)} == {"product"}  # what two inputs do is no form of one
     clutch = Signal("clutch", "1", (np.where(way > 0.0, 1.0, 0.0),))
     assert products([current, clutch]) == []  # a fan that its clutch engages is no product
 

@@ -288,8 +288,9 @@ def _scaled(of: Signal, by: Signal) -> list[Term]:
 
 
 def two_signals(of: Signal, by: Signal) -> list[Term]:
-    """All products of one signal with forms of another one, the plain product among them."""
-    return [*_products([of, by], of), *_scaled(of, by), *_formed(of, by)]
+    """All products of one signal with forms of another one, the plain product among them; of two inputs that alone."""
+    plain = _products([of, by], of)
+    return [*plain, *_scaled(of, by), *_formed(of, by)] if is_variable(of) or is_variable(by) else plain
 
 
 def _formed(of: Signal, by: Signal) -> list[Term]:
