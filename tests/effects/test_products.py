@@ -133,6 +133,9 @@ def test_powers_fall_only_where_an_input_keeps_away_from_zero() -> None:
     assert own == {True}
     assert {signals[0] for name, signals, _ in found if signals[1] == hot.name} == {current.name, "duty", "stream"}
     assert {one.kind.name for one in two_signals(duty, stream)} == {"product"}  # what two inputs do is no form of one
+    follows = Signal("follows", "A", (way**2,), stored=True)  # a state that an effect brought is no input
+    scaled = [one for one in products([current, follows], current.name) if one.kind.name == "power_product"]
+    assert scaled and all(one.kind.bends for one in scaled)
     clutch = Signal("clutch", "1", (np.where(way > 0.0, 1.0, 0.0),))
     assert products([current, clutch]) == []  # a fan that its clutch engages is no product
 

@@ -49,11 +49,15 @@ class Probe:
 
 @dataclass(frozen=True)
 class Signal:
-    """A quantity along the paths of all logs, each (n,); something missing may depend on it."""
+    """A quantity along the paths of all logs, each (n,); something missing may depend on it.
+
+    ``stored``: it is a state of the machine, which may have a name of its own as an input has.
+    """
 
     name: str
     unit: str
     values: tuple[FloatArray, ...]
+    stored: bool = False
 
 
 def variable_of(place: Place) -> Variable:
@@ -191,7 +195,7 @@ def _stored(built: BuiltModel, linear: Linearisation) -> list[Signal]:
         elif state.variable != "integral" or name in brought:
             continue  # the flow or effort of a junction
         row = linear.model.index("state", state.symbol.name)
-        found.append(Signal(name, state.unit, tuple(log.path.before[row] for log in linear.logs)))
+        found.append(Signal(name, state.unit, tuple(log.path.before[row] for log in linear.logs), stored=True))
     return found
 
 

@@ -272,7 +272,7 @@ def products(known: Sequence[Signal], own: str = "") -> list[Term]:
 
 def is_variable(of: Signal) -> bool:
     """True for a signal that is a variable of the machine, such as an effort of a junction: no input, nor time."""
-    return " of " in of.name
+    return of.stored or " of " in of.name
 
 
 def _scaled(of: Signal, by: Signal) -> list[Term]:

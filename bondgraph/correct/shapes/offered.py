@@ -188,7 +188,8 @@ def _crossed(
         count += tried(terms, 1)
         most = max([least, *(one.gain for one in functions if one.probe is probe)])
         ranked = best_sums(terms, measured, 1, len(terms.terms))
-        better = [one for one in ranked if one.gain > most * (1.0 if one.terms[0].kind.bends else _NEAR)]
+        bent, plain = most + INDIFFERENT, _NEAR * most
+        better = [one for one in ranked if one.gain > (bent if one.terms[0].kind.bends else plain)]
         found += [_at_home(terms, one, left) for one in _worthwhile(better) if one.worth > 0.0]
     return sorted(found, key=lambda option: -option.chosen.gain)[: _ALONE * _MOST_PLACES], count
 
