@@ -132,11 +132,10 @@ def one_round(
     )
     scoring = Scoring(linear, scored, tuple(_trials(scored, tried)), tuple(stateful), tuple(where))
     search = opened(scoring, context, bool(present), settings.report)
-    left = Residual(built, linear, probed, known, located)
-    search.entries += [Entry(trial) for trial in own_forms(_laws(added), scored, left, context, settings.report)]
-    trials = _searched(search, scoring, settings)
-    trials = with_formulas(trials, scored, left, search.context, settings.report, _laws(added))
-    trials = with_relatives(trials, left, search.context, settings.report, _laws(added))
+    left = Residual(built, linear, probed, known, located, _laws(added))
+    search.entries += [Entry(trial) for trial in own_forms(left.laws, scored, left, context, settings.report)]
+    trials = with_formulas(_searched(search, scoring, settings), scored, left, search.context, settings.report)
+    trials = with_relatives(trials, left, search.context, settings.report)
     trials, chosen = _chosen(trials, search.context, settings.report, where)
     others = alternatives(chosen, trials, scored.scores, settings.level)
     others = _with_advice(built, base, chosen, others, scored)

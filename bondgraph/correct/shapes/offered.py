@@ -63,13 +63,18 @@ _SMALLEST = math.sqrt(float(np.finfo(float).tiny))
 
 @dataclass(frozen=True)
 class Residual:
-    """What is left by a fitted model, and where it may come from."""
+    """What is left by a fitted model, and where it may come from; ``laws`` are those that were added to it before."""
 
     built: BuiltModel
     linear: Linearisation
     probed: Sequence[Probe]
     signals: Sequence[Signal]
     located: Sequence[LocatedAt]
+    laws: Sequence[Trial] = ()
+
+    def is_of_a_form(self, gain: float) -> bool:
+        """True for so small a gain, in nats, that it may be what the form of a law leaves, wherever that shows."""
+        return gain < _OF_FORM * max((one.gain for one in self.laws), default=0.0)
 
 
 @dataclass(frozen=True)
@@ -83,12 +88,7 @@ class Option:
 
 
 def with_formulas(
-    trials: Sequence[Trial],
-    scored: Scored,
-    left: Residual,
-    context: Context,
-    report: Report,
-    found_before: Sequence[Trial] = (),
+    trials: Sequence[Trial], scored: Scored, left: Residual, context: Context, report: Report
 ) -> list[Trial]:
     """The trials, and the formulas that were refitted.
 
@@ -104,8 +104,6 @@ def with_formulas(
         What refits start from.
     report
         Told of each refit.
-    found_before
-        Laws that the model has already.
     """
     law = choose(trials, context.level)
     if law is not None and context.base.problem.filter_model.is_stiff:
@@ -118,11 +116,6 @@ def with_formulas(
     plain = found is not None and found.signal != "time" and found.gain >= least
     options, counts = _options(functions if plain else (), known, left, measured, 1 if law else MOST_TERMS)
     crossed, pairs = _crossed(where, functions, known, left, measured, least)
-    crossed = [
-        one
-        for one in crossed
-        if not (one.chosen.terms[0].kind.bends and is_left_by_form(one.chosen.gain, found_before))
-    ]
     options, counts = sorted([*crossed, *options], key=lambda one: -one.chosen.worth), {**counts, 1: counts[1] + pairs}
     if law is not None and options and _says(law, options[0], scored, left):
         return list(trials)
@@ -191,12 +184,8 @@ def _crossed(
         bent, plain = most + INDIFFERENT, _NEAR * most
         better = [one for one in ranked if one.gain > (bent if one.terms[0].kind.bends else plain)]
         found += [_at_home(terms, one, left) for one in _worthwhile(better) if one.worth > 0.0]
-    return sorted(found, key=lambda option: -option.chosen.gain)[: _ALONE * _MOST_PLACES], count
-
-
-def is_left_by_form(gain: float, found_before: Sequence[Trial]) -> bool:
-    """True for so small a gain, in nats, that it may be what the form of a law leaves, wherever that shows."""
-    return gain < _OF_FORM * max((one.gain for one in found_before), default=0.0)
+    kept = [one for one in found if not (one.chosen.terms[0].kind.bends and left.is_of_a_form(one.chosen.gain))]
+    return sorted(kept, key=lambda option: -option.chosen.gain)[: _ALONE * _MOST_PLACES], count
 
 
 def _sums(terms: Terms, free: Spline, measured: int, most: int) -> list[Sum]:

@@ -27,7 +27,7 @@ from bondgraph.correct.shapes.completions import arguments
 from bondgraph.correct.shapes.curves import Curve, DrawnLaw, curve_of, departure, drawn_law
 from bondgraph.correct.shapes.formula import formula_of
 from bondgraph.correct.shapes.library import library, two_signals
-from bondgraph.correct.shapes.offered import Residual, formula_at, is_left_by_form
+from bondgraph.correct.shapes.offered import Residual, formula_at
 from bondgraph.correct.shapes.subsets import Sum
 from bondgraph.data.log import FloatArray
 from bondgraph.errors import DeclarationError
@@ -60,15 +60,13 @@ class _Relative:
     share: float
 
 
-def with_relatives(
-    trials: Sequence[Trial], left: Residual, context: Context, report: Report, found_before: Sequence[Trial] = ()
-) -> list[Trial]:
+def with_relatives(trials: Sequence[Trial], left: Residual, context: Context, report: Report) -> list[Trial]:
     """The trials, relatives refitted that promise clearly more than the law that leads.
 
     What leads is what would be chosen, a law that gains clearly more, which may have been refused for its form alone,
     and the foremost product: of the forms of its factors few were refitted. Where a relative of that leads now, its own
     are looked at in turn. None of stiff models, whose refits are costly, and none of a product that gains as little as
-    what the form of a law leaves; ``found_before`` are the laws that the model has already.
+    what the form of a law leaves.
     """
     done = list(trials)
     if context.base.problem.filter_model.is_stiff:
@@ -79,11 +77,11 @@ def with_relatives(
     else:
         leads = [chosen]
     for lead in leads:
-        if lead is not None and not (_is_product(lead) and is_left_by_form(lead.gain, found_before)):
+        if lead is not None and not (_is_product(lead) and left.is_of_a_form(lead.gain)):
             done = _beside(lead, done, left, context, report)
     seen = set[str]()
     while (product := _foremost([one for one in done if _is_product(one)])) and product.candidate.label not in seen:
-        if is_left_by_form(product.gain, found_before):
+        if left.is_of_a_form(product.gain):
             break
         seen.add(product.candidate.label)
         done = _beside(product, done, left, context, report)
