@@ -142,7 +142,7 @@ class _Numbers(ReadPrinter):
         return f"({self._over_its_size(base)})^{self.parenthesize(exponent, PRECEDENCE['Atom'], strict=True)}"
 
     def _over_its_size(self, argument: Expr) -> str:
-        """What a function is taken of, a signal over its size where a number scales it: x/23.6, not 0.0424*x."""
+        """Argument of a function, a signal over its size where a number scales it: x/23.6, not 0.0424*x."""
         number, rest = argument.as_coeff_Mul()
         if not (number.is_Float and number > 0.0 and (rest.is_Symbol or rest.is_Add or isinstance(rest, sympy.Abs))):
             return str(self._print(argument))

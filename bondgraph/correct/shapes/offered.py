@@ -63,7 +63,7 @@ _SMALLEST = math.sqrt(float(np.finfo(float).tiny))
 
 @dataclass(frozen=True)
 class Residual:
-    """What is left by a fitted model, and where it may come from; ``laws`` are those that were added to it before."""
+    """Rest that a fitted model leaves, and where it may come from; ``laws`` are those that were added to it before."""
 
     built: BuiltModel
     linear: Linearisation
