@@ -22,7 +22,7 @@ from bondgraph.declare.functions import numeric
 from bondgraph.declare.graph import BondGraph
 from bondgraph.declare.quantities import symbol
 
-#: Points over which curves are compared, drawn as often as the logs visit them.
+#: Points over which curves are compared, drawn as often as the logs visit them. A convention.
 _POINTS = 400
 _X = Symbol("x_of_the_curve", real=True)
 

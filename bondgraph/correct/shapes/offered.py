@@ -172,7 +172,8 @@ def _crossed(
     """Products of two signals that promise more than every function of one at their place, and how many were tried.
 
     A product may be no function of either signal: a speed that couples two windings takes current from both. A plain
-    one may promise a little less, since scores are rough; a form of a second signal fits much, and must promise more.
+    one may promise a little less, since scores are rough; a form of a second signal fits much, and must promise
+    clearly more.
     """
     found: list[Option] = []
     count = 0

@@ -149,7 +149,6 @@ def in_plainer_words(trials: Sequence[Trial], left: Residual, level: float) -> l
     """The trials; formulas behind a law that draws the same curve with no more parameters, and passes the tests.
 
     With many samples the exponent of a spring that hardens with the cube is told from 3 by what is left of its sensor.
-    A product is behind a formula of one signal that does as well: a temperature near 300 K scales every law.
     """
     return [_behind_plainer(one, trials, left, level) for one in trials]
 
@@ -163,8 +162,7 @@ def _behind_plainer(trial: Trial, trials: Sequence[Trial], left: Residual, level
         if own is None or other.evidence is None or not _is_plainer(other, trial, level):
             continue
         curve = _drawn(other, left)
-        same = curve is not None and curve.signals == own.signals and departure(own, curve) <= _SAME
-        if not (same or _needs_no_second(trial, other)):
+        if curve is None or curve.signals != own.signals or departure(own, curve) > _SAME:
             continue
         behind = min(trial.evidence.bic_gain, other.evidence.bic_gain - INDIFFERENT)
         label = other.candidate.label
@@ -183,13 +181,6 @@ def _is_plainer(other: Trial, trial: Trial, level: float) -> bool:
     saved = len(trial.candidate.effect.parameters) - len(other.candidate.effect.parameters)
     plain = saved > 0 or (saved == 0 and formula_of(other.candidate.function) is None)
     return same and plain and other.evidence is not None and other.evidence.accepted(level)
-
-
-def _needs_no_second(product: Trial, other: Trial) -> bool:
-    """True where a formula of one signal gains as much as a product."""
-    formula = formula_of(other.candidate.function)
-    single = formula is not None and len(formula.signals) == 1
-    return _is_product(product) and single and other.gain > product.gain - INDIFFERENT
 
 
 def _is_product(trial: Trial) -> bool:
