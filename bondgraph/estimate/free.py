@@ -180,7 +180,11 @@ class FreeParameter:
 
 
 def declared_free(
-    name: str, filter_model: FilterModel, start: float | None = None, logs: Sequence[MatchedLog] = ()
+    name: str,
+    filter_model: FilterModel,
+    start: float | None = None,
+    logs: Sequence[MatchedLog] = (),
+    theta: FloatArray | None = None,
 ) -> FreeParameter:
     """A free parameter with the bounds that the model declares, a noise level with those that logs show.
 
@@ -196,6 +200,9 @@ def declared_free(
     logs
         Matched logs, whose range bounds noise levels, see :mod:`bondgraph.estimate.noise_bounds`; without them a level
         is searched within a factor of 100.
+    theta
+        Parameters, shape (n_theta,), at which the model shows its states; None: the declared ones. The coefficient of
+        an added effect is declared as zero, so that no sensor shows the effect's own state there.
 
     Raises
     ------
@@ -218,18 +225,22 @@ def declared_free(
         return _declared_initial(name, target, filter_model, start)
     if target.other is not None:
         return _declared_correlation(name, target, filter_model, start)
-    return _declared_level(name, target, filter_model, start, logs)
+    shown = _shown_bounds(target, filter_model, logs, filter_model.model.theta() if theta is None else theta)
+    level = _declared_level(name, target, filter_model, start, shown)
+    if target.kind != "std" or not logs:
+        return level
+    rounding = sensor_rounding(logs, filter_model.model.index("output", target.name))
+    return replace(level, lower=max(level.lower, min(level.start, rounding)))
 
 
 def _declared_level(
-    name: str, target: Target, filter_model: FilterModel, start: float | None, logs: Sequence[MatchedLog]
+    name: str, target: Target, filter_model: FilterModel, start: float | None, shown: tuple[float, float] | None
 ) -> FreeParameter:
     groups = {
         "std": filter_model.measurement_noise, "process": {**filter_model.process_noise, **filter_model.appended},
         "x0_std": filter_model.initial_std,
     }  # fmt: skip
     level = groups[target.kind].get(target.name, 0.0) if start is None else start
-    shown = _shown_bounds(target, filter_model, logs)
     if level <= 0.0 and shown is None:
         raise EstimationError(
             f"free parameter {name!r}: the filter model declares no such noise, and no log bounds it"
@@ -240,18 +251,18 @@ def _declared_level(
     if level <= 0.0:
         level = math.sqrt(lower * upper)
     lower = min(lower, level / _NOISE_SPAN)
-    if target.kind == "std" and logs:
-        lower = max(lower, min(level, sensor_rounding(logs, filter_model.model.index("output", target.name))))
     return FreeParameter(name, lower, max(upper, level), level, scale="log")
 
 
-def _shown_bounds(target: Target, filter_model: FilterModel, logs: Sequence[MatchedLog]) -> tuple[float, float] | None:
+def _shown_bounds(
+    target: Target, filter_model: FilterModel, logs: Sequence[MatchedLog], theta: FloatArray
+) -> tuple[float, float] | None:
     model = filter_model.model
     if not logs or target.kind == "x0_std" or target.name in filter_model.appended:
         return None
     if target.kind == "std":
         return sensor_bounds(logs, model.index("output", target.name))
-    return process_bounds(model, logs, model.theta(), model.index("state", target.name))
+    return process_bounds(model, logs, theta, model.index("state", target.name))
 
 
 def _declared_correlation(name: str, target: Target, filter_model: FilterModel, start: float | None) -> FreeParameter:

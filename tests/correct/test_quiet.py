@@ -21,6 +21,7 @@ from bondgraph.correct.scores.quiet import annealed_fit, quiet_fit, quiet_scores
 from bondgraph.correct.scores.scoring import linearisation, score_candidates
 from bondgraph.correct.search.refit import refit_from
 from bondgraph.data.log import MatchedLog
+from bondgraph.declare.editing import handle, with_values
 from bondgraph.estimate.declared import free_parameters
 from bondgraph.estimate.fitted import Fit, at_optimum
 from bondgraph.estimate.local import fit
@@ -151,3 +152,20 @@ def test_a_law_is_not_doubted_for_what_a_position_remembers(monkeypatch: pytest.
     monkeypatch.setattr(confirm, "integrating", lambda fitted: ())
     doubted = confirmed(trial, context)
     assert doubted.evidence is not None and doubted.evidence.p_robust > 0.01
+
+
+def test_a_state_that_only_an_effect_shows_may_walk() -> None:
+    """A way that a second load drags on: at the declared coefficient of zero no sensor shows it, and a fit ended so."""
+    g = sled()
+    runner = handle(g, "runner")
+    coefficient = g.parameter("c_way", 0.0, "N/m", "force per way", (-1.0, 1.0))
+    way = g.integral("way", runner.flow, "m", "way of the sled")
+    g.effort_source("pull_of_the_way", -coefficient * way, at=runner)
+    log = pull(with_values(g, {"c_way": 0.05}), 5)
+    own = build(g)
+    setup = filter_setup(own.model, own.driven, [log])
+    free = (*free_parameters(setup, ("c_way",)), *setup.noise)
+    base = fit(EstimationProblem(setup.filter_model, (log,), tuple(free)), starts=noisy_starts(free))
+    found = quiet_fit(base, [log], walking=("way",))
+    assert found is not None and "process(way)" in found.problem.names
+    assert found.values["c_way"] == pytest.approx(0.05, rel=0.1)

@@ -135,7 +135,7 @@ def _kept(base: Fit, train: Sequence[MatchedLog], walking: Sequence[str]) -> tup
     """The free parameters of a quiet fit, from where it is, and the noise of states that keep some."""
     own, model = [one for one in at_optimum(base) if one.target.kind != "process"], base.problem.filter_model.model
     noise = [
-        declared_free(f"process({name})", base.problem.filter_model, logs=train)
+        declared_free(f"process({name})", base.problem.filter_model, logs=train, theta=base.theta)
         for name in walking
         if process_bounds(model, train, base.theta, model.index("state", name)) is not None
     ]
