@@ -131,6 +131,13 @@ def test_an_inertia_set_free_starts_at_the_speed_it_was_tied_to_and_a_spring_at_
     assert abs(rates["w_motor"]) < 0.02 * torque / J_M and abs(rates["w_fan"]) < 0.02 * RATIO * torque / J_F
 
 
+def test_bonds_without_a_finite_value_tell_nothing_of_a_start() -> None:
+    """A point at which a law overflows, as a gap of a log had one, raised a warning about infinity less infinity."""
+    known = built().model.names("state")
+    far = np.full(len(known), 1e200)  # the air takes the square of that
+    assert isinstance(followers(built(), elastic(), far, np.array([0.3]), {}), dict)
+
+
 def test_a_lag_starts_at_its_command() -> None:
     after = lagging()
     (new,) = (name for name in after.model.names("state") if name not in built().model.names("state"))

@@ -122,15 +122,16 @@ def _start(
 def _moves(x: FloatArray, rows: list[int], u: FloatArray, wanted: FloatArray, shown: _Bonds) -> FloatArray:
     """One step (own,) of Gauss and Newton, each bond over its largest response."""
     level = shown(x, u)
-    columns = []
-    for row in rows:
-        moved = x.copy()
-        moved[row] += _STEP
-        columns.append((shown(moved, u) - level) / _STEP)
-    response = np.array(columns).T
-    largest = np.abs(response).max(axis=0, initial=0.0)
-    size = np.abs(response / np.where(largest > 0.0, largest, 1.0)).max(axis=1, initial=0.0)
-    told = np.isfinite(response).all(axis=1) & np.isfinite(wanted - level) & (size > _TELLING)
+    with np.errstate(all="ignore"):  # a bond may have no value there, or none that is finite
+        columns = []
+        for row in rows:
+            moved = x.copy()
+            moved[row] += _STEP
+            columns.append((shown(moved, u) - level) / _STEP)
+        response = np.array(columns).T
+        largest = np.abs(response).max(axis=0, initial=0.0)
+        size = np.abs(response / np.where(largest > 0.0, largest, 1.0)).max(axis=1, initial=0.0)
+        told = np.isfinite(response).all(axis=1) & np.isfinite(wanted - level) & (size > _TELLING)
     if not told.any():
         return np.zeros(len(rows))
     weight = 1.0 / np.abs(response[told]).max(axis=1)
