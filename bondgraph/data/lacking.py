@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 from bondgraph.coherent import Displayed
 from bondgraph.data.log import Log, LogChannel
@@ -41,14 +41,31 @@ def require_inputs(
     if lacking:
         first = lacking[0]
         named = ", ".join(f"{quantity.name!r} [{_unit(quantity)}]" for quantity in lacking)
+        empty = told_empty([quantity.name for quantity in lacking], channels)
         sets = " ".join(f"--set {quantity.name}=0" for quantity in lacking)
         unused = [name for name in channels if name not in names_of(model)]
         raise DataError(
             f"{log.name}: no values for the {inflected(lacking, 'input', 'inputs')} {named} of {model.name}"
-            f"{suggest(first.name, unused)} - map a column with --map column={first.name}, give a constant with "
-            f"{sets}, or declare the input with a default; the columns are {', '.join(log.channels)}",
+            f"{suggest(first.name, unused)}{empty} - map a column with --map column={first.name}, give a constant "
+            f"with {sets}, or declare the input with a default; the columns are {', '.join(log.channels)}",
             where=(log.name, *(quantity.name for quantity in lacking)),
         )
+
+
+def told_empty(names: Sequence[str], channels: Mapping[str, LogChannel]) -> str:
+    """The words on those of these names whose columns are there, with no value in any row; none where there are none.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> told_empty(["push", "speed"], {"speed": LogChannel("v", "m/s", np.array([np.nan]))})
+    "; column 'v' is there, but empty"
+    """
+    empty = [channels[name].name for name in names if name in channels]
+    if not empty:
+        return ""
+    named = f"{inflected(empty, 'column', 'columns')} {', '.join(map(repr, empty))}"
+    return f"; {named} {inflected(empty, 'is', 'are')} there, but empty"
 
 
 def lacking_input(quantity: InputQuantity, given: float | str | None) -> tuple[float, str]:

@@ -16,7 +16,7 @@ import numpy as np
 from bondgraph.coherent import Displayed
 from bondgraph.data.checks import Finding, check_log
 from bondgraph.data.header import TEXT_UNIT, convert_unit
-from bondgraph.data.lacking import lacking_input, require_inputs
+from bondgraph.data.lacking import lacking_input, require_inputs, told_empty
 from bondgraph.data.log import FloatArray, Log, LogChannel, MatchedLog
 from bondgraph.data.rates import slopes
 from bondgraph.data.signals import InputQuantity, Quantity, Signals, names_of
@@ -240,10 +240,11 @@ def _rename(log: Log, model: Signals, mapping: Mapping[str, str]) -> tuple[dict[
 def _require_outputs(log: Log, model: Signals, channels: Mapping[str, LogChannel]) -> None:
     outputs = [quantity.name for quantity in model.outputs]
     if outputs and not any(name in channels and not channels[name].missing.all() for name in outputs):
-        hint = next((text for name in outputs if (text := suggest(name, channels))), "")
+        other = [name for name in channels if name not in outputs]
+        hint = next((text for name in outputs if (text := suggest(name, other))), "")
         raise DataError(
             f"{log.name}: none of the outputs of {model.name} ({', '.join(outputs)}) is measured{hint}"
-            f" - the columns are {', '.join(channels)}; map them with --map column=name",
+            f"{told_empty(outputs, channels)} - the columns are {', '.join(channels)}; map them with --map column=name",
             where=(log.name, *outputs),
         )
 

@@ -106,6 +106,15 @@ def test_an_input_without_values_is_refused_unless_it_is_given() -> None:
         assert "input 'torque' is not in the log; 40 N m is taken as given" in matched.notes
 
 
+def test_a_column_that_is_there_but_empty_is_told_and_not_suggested_for_itself() -> None:
+    """Before, the user was asked to map a column of the same name, which stood in the list of columns."""
+    nothing = [float("nan")] * 5
+    with pytest.raises(DataError, match=r"of car; column 'torque' is there, but empty - map a column"):
+        match(log_of(speed=("m/s", [1.0] * 5), torque=("N m", nothing)), Car())
+    with pytest.raises(DataError, match=r"is measured; column 'speed' is there, but empty - the columns are"):
+        match(log_of(speed=("m/s", nothing), torque=("N m", [1.0] * 5)), Car())
+
+
 def test_the_column_that_may_hold_a_missing_input_is_suggested() -> None:
     with pytest.raises(DataError, match=r"did you mean 'torqe'\? - map a column with --map column=torque"):
         match(log_of(torqe=("N m", [1.0] * 5), speed=("m/s", [1.0] * 5)), Car())
