@@ -185,12 +185,24 @@ def test_a_broken_file_gets_its_own_message(tmp_path: Path, text: str, message: 
     assert caught.value.message.startswith("run7.csv: ")
 
 
+@pytest.mark.parametrize("encoding", ["cp1252", "utf-16"])
+@pytest.mark.parametrize("ending", [".csv", ".csv.gz"])
+def test_a_file_of_other_letters_than_utf_8_is_read(tmp_path: Path, ending: str, encoding: str) -> None:
+    """Before, a logger's degree sign was refused as no UTF-8."""
+    text = "time [s];T [°C];d [µm]\n0;21,5;3\n1;22,5;4\n".encode(encoding)
+    path = tmp_path / f"run{ending}"
+    path.write_bytes(gzip.compress(text) if ending == ".csv.gz" else text)
+    log = read_log(path)
+    assert [(one.name, one.unit) for one in log.channels.values()] == [("T", "°C"), ("d", "µm")]
+    np.testing.assert_array_equal(log.channel("T").numbers, [21.5, 22.5])
+
+
 def test_files_that_are_no_logs_are_refused(tmp_path: Path) -> None:
     with pytest.raises(DataError, match="no such file"):
         read_log(tmp_path / "absent.csv")
     with pytest.raises(DataError, match=r"this kind of file is not read - give one of \.csv"):
         read_log(tmp_path / "log.docx")
-    (tmp_path / "latin.csv").write_bytes("time [s],v [m/s]\n0,1\n".encode("utf-16"))
+    (tmp_path / "latin.csv").write_bytes(b"time [s],v [m/s]\n0,1\x81\n")  # no letter of Windows-1252 either
     with pytest.raises(DataError, match="not a readable CSV file"):
         read_log(tmp_path / "latin.csv")
     (tmp_path / "a.csv.gz").write_bytes(b"time [s]\n")

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import codecs
 import csv
 import gzip
 import io
@@ -52,7 +53,8 @@ def opened(path: Path) -> IO[bytes]:
 def read_csv_text(path: Path, reading: Reading) -> Table:
     """Columns of a CSV file, gzipped or not: numbers where the unit says so and all cells are, else text.
 
-    Cells are separated by commas, semicolons or tabs; with the latter two decimal marks may be commas.
+    Cells are separated by commas, semicolons or tabs; with the latter two decimal marks may be commas. Text is
+    UTF-8, UTF-16 with its mark, or else Windows-1252, in which loggers of western Europe write degree and micro signs.
 
     Raises
     ------
@@ -60,12 +62,28 @@ def read_csv_text(path: Path, reading: Reading) -> Table:
         If the file is empty, no text, has lines of other lengths than the header, or mixes decimal marks.
     """
     try:
-        with opened(path) as file, io.TextIOWrapper(file, encoding="utf-8-sig", newline="") as text:
-            return _table(path, text, reading)
+        return _decoded(path, reading)
     except (UnicodeDecodeError, gzip.BadGzipFile, zlib.error, EOFError, csv.Error) as error:
         raise DataError(
             f"{path.name}: this is not a readable CSV file ({error}) - save it as UTF-8 text", where=(path.name,)
         ) from None
+
+
+def _decoded(path: Path, reading: Reading) -> Table:
+    with opened(path) as file:
+        marked = file.read(2) in (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
+    try:
+        return _read_as("utf-16" if marked else "utf-8-sig", path, reading)
+    except UnicodeDecodeError as first:
+        try:
+            return _read_as("cp1252", path, reading)
+        except UnicodeDecodeError:
+            raise first from None
+
+
+def _read_as(encoding: str, path: Path, reading: Reading) -> Table:
+    with opened(path) as file, io.TextIOWrapper(file, encoding=encoding, newline="") as text:
+        return _table(path, text, reading)
 
 
 def _table(path: Path, file: io.TextIOWrapper, reading: Reading) -> Table:
