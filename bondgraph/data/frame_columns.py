@@ -52,7 +52,14 @@ def frame_columns(
             f"{', '.join(known)}",
             where=(name, unknown[0]),
         )
-    headers = {position: _header(str(column), units, name) for position, column in enumerate(table.columns)}
+    if not len(table):
+        raise DataError(f"{name}: the log has no samples", where=(name,))
+    headers = {
+        position: (str(column), "s")
+        if str(column) == time and _is_dated(table.iloc[:, position])
+        else _header(str(column), units, name)
+        for position, column in enumerate(table.columns)
+    }
     found = _time_position(table, headers, name, time)
     times = _index_time(table, units, name) if found is None else _time(table.iloc[:, found], headers[found][1], name)
     columns = [
@@ -120,13 +127,19 @@ def _time(values: Any, unit: str, name: str) -> FloatArray:
         start = values[0] if hasattr(values, "total_seconds") or not hasattr(values, "iloc") else values.iloc[0]
         passed: FloatArray = (values - start).to_numpy() / np.timedelta64(1, "s")
         return passed
-    if len(values) and isinstance(first := next(iter(values)), str) and split_date(first):
+    if _is_dated(values):
         return seconds_since_first(parsed_dates(list(map(str, values)), name, first_row=0))[0]
     if values.dtype.kind not in "fiu":
         raise DataError(f"{name}: the time is {values.dtype}, neither numbers nor dates", where=(name, "time"))
     factor, offset = convert_unit("time", unit, "s", name)
     seconds: FloatArray = values.to_numpy(dtype=np.float64, na_value=np.nan) * factor + offset
     return seconds
+
+
+def _is_dated(values: Any) -> bool:
+    """Whether values are dates or durations, or text whose first is a date; they need no unit."""
+    first = next(iter(values))
+    return values.dtype.kind in "mM" or (isinstance(first, str) and bool(split_date(first)))
 
 
 def _values(column: Any, label: str, unit: str, name: str) -> FloatArray | npt.NDArray[np.str_]:

@@ -48,6 +48,8 @@ def test_an_index_is_the_time(index: object, options: dict[str, object]) -> None
         ("time", ["2024-05-01T10:00:00", "2024-05-01T10:00:00.1", "2024-05-01T10:00:00.2"], {}),
         ("clock", [0, 100, 200], {"time": "clock", "units": {"clock": "ms"}}),
         ("t [ms]", [0.0, 100.0, 200.0], {"time": "t"}),
+        ("Zeit", ["2024-05-01T10:00:00", "2024-05-01T10:00:00.1", "2024-05-01T10:00:00.2"], {"time": "Zeit"}),
+        ("Zeit", pandas.date_range("2024-05-01", periods=3, freq="100ms"), {"time": "Zeit"}),
     ],
 )
 def test_a_column_is_the_time(column: str, values: object, options: dict[str, object]) -> None:
@@ -77,6 +79,7 @@ def test_units_may_be_given_beside_the_columns() -> None:
         ({"speed [m/s]": [1.0, 2.0], "speed [km/h]": [1.0, 2.0]}, [0.0, 1.0], {}, "column 'speed' stands twice"),
         ({"speed [m/s]": [1.0, 2.0]}, [1.0, 0.0], {}, "time does not increase in row 3"),
         ({"speed [m/s]": [1.0, 2.0]}, ["a", "b"], {}, "neither numbers nor dates"),
+        ({"speed [m/s]": []}, pandas.DatetimeIndex([]), {}, "the log has no samples"),
     ],
 )
 def test_what_cannot_be_a_log_is_told(
