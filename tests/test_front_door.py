@@ -304,6 +304,15 @@ def _constant(name: str, unit: str, value: float, size: int) -> LogChannel:
     return LogChannel(name, unit, np.full(size, value))
 
 
+def test_a_simulation_takes_a_file_or_a_data_frame(tmp_path: Path) -> None:
+    """Before, only a log as read: a file was told to have no times."""
+    model, log = bg.build(sled()), pushed()
+    bg.write_log(tmp_path / "run1.csv", log)
+    expected = bg.simulate(model, inputs=log).output("speed")
+    for given in (str(tmp_path / "run1.csv"), tmp_path / "run1.csv", log.to_dataframe()):
+        np.testing.assert_allclose(bg.simulate(model, inputs=given).output("speed"), expected, rtol=1e-9)
+
+
 def test_a_log_is_filtered_with_noises_of_its_own_or_given_ones() -> None:
     log, model = pushed(), bg.build(sled())
     found = bg.filter_log(model, log, compiled=False)

@@ -49,7 +49,7 @@ def matched(
     """
     if isinstance(log, MatchedLog) or _is_matched(log):
         return log
-    return match(_as_read(log, name), model, columns, constants)
+    return match(as_read(log, name), model, columns, constants)
 
 
 def inputs_matched(
@@ -65,7 +65,7 @@ def inputs_matched(
     """
     if isinstance(log, MatchedLog) or _is_matched(log):
         return log
-    read = _as_read(log, name)
+    read = as_read(log, name)
     require_kind("design", read, Log, "log")
     known = renamed(read, model, columns or {})
     return MatchedLog(known.name, known.time, match_inputs(known, model, constants), match_outputs(known, model))
@@ -82,15 +82,15 @@ def all_matched(
 
     Data frames are called ``name`` and their place among the logs.
     """
-    listed = logs if isinstance(logs, Iterable) and not isinstance(logs, str) and not _is_table(logs) else [logs]
+    listed = logs if isinstance(logs, Iterable) and not isinstance(logs, str) and not is_table(logs) else [logs]
     return [matched(log, model, columns, constants, f"{name}{k}") for k, log in enumerate(listed, start=1)]
 
 
-def _as_read(log: GivenLog, name: str) -> Log:
+def as_read(log: GivenLog, name: str) -> Log:
     """The log of a file or a data frame."""
     if isinstance(log, str | Path):
         return read_log(log)
-    return Log.from_dataframe(log, name) if _is_table(log) else log  # type: ignore[return-value]
+    return Log.from_dataframe(log, name) if is_table(log) else log  # type: ignore[return-value]
 
 
 def _is_matched(log: object) -> TypeGuard[MatchedLog]:
@@ -98,6 +98,6 @@ def _is_matched(log: object) -> TypeGuard[MatchedLog]:
     return all(hasattr(log, part) for part in ("name", "time", "u", "y", "theta_overrides"))
 
 
-def _is_table(log: object) -> TypeGuard[pandas.DataFrame]:
+def is_table(log: object) -> TypeGuard[pandas.DataFrame]:
     """True for a data frame of pandas, which need not be installed."""
     return type(log).__module__.partition(".")[0] == "pandas" and hasattr(log, "columns")

@@ -52,8 +52,8 @@ def simulate(
     time
         Increasing times (n,), s; the initial state is at the first. None: those of a log.
     inputs
-        A log, an ``InputSignal``, values by input name, or an array (n_u, n) at ``time``; None: defaults. Parameters
-        that a log knows have its values unless ``theta`` gives others.
+        A log as read, matched, a file or a data frame; an ``InputSignal``, values by input name, or an array (n_u, n)
+        at ``time``; None: defaults. Parameters that a log knows have its values unless ``theta`` gives others.
     theta, x0
         Parameters and initial state: by name, or whole vectors; None: declared values.
     method

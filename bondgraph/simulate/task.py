@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Literal
 
 import numpy as np
@@ -11,6 +12,7 @@ import numpy.typing as npt
 
 from bondgraph.arrays import FloatArray
 from bondgraph.data.band_limited import is_even
+from bondgraph.data.given import GivenLog, as_read, is_table
 from bondgraph.data.log import Log, MatchedLog
 from bondgraph.data.matching import match_recorded
 from bondgraph.errors import ModelError, OptionError, require_kind
@@ -22,7 +24,7 @@ from bondgraph.text import inflected
 GivenInputs = InputSignal | Mapping[str, float | str | npt.ArrayLike] | npt.ArrayLike | None
 
 #: The same, or as a log holds them.
-Inputs = Log | MatchedLog | GivenInputs
+Inputs = GivenLog | GivenInputs
 
 #: A vector by name (the rest as declared), as an array, or None for the declared values.
 Vector = Mapping[str, float] | npt.ArrayLike | None
@@ -50,6 +52,8 @@ class Task:
         require_kind("simulate", model, Model, "model")
         if isinstance(time, Log | MatchedLog) and inputs is None:
             raise OptionError("simulate: a log was given as times - give it by name, inputs=log", where=("time",))
+        if isinstance(inputs, str | Path) or is_table(inputs):
+            inputs = as_read(inputs, "inputs")
         if isinstance(inputs, Log | MatchedLog):
             time = inputs.time if time is None else time
             inputs, known = _recorded(model, inputs)
