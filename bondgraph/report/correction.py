@@ -8,15 +8,18 @@ from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, field, fields, replace
 
+import numpy as np
+
 from bondgraph.build import build
 from bondgraph.correct.loop import ClosedLoop, LoopSettings
 from bondgraph.correct.loop import close_loop as close_matched
 from bondgraph.data.given import GivenLog, all_matched
+from bondgraph.data.log import MatchedLog
 from bondgraph.declare.effect import EFFECTS, EffectFunction, effect_functions
 from bondgraph.declare.files import load_graph
 from bondgraph.declare.graph import BondGraph
 from bondgraph.declare.loading import load_module
-from bondgraph.errors import require_kind
+from bondgraph.errors import OptionError, require_kind
 from bondgraph.estimate.local import Report, no_report
 from bondgraph.execute.executors import open_executor
 from bondgraph.report.collect import versions
@@ -92,7 +95,8 @@ def close_loop(
     Raises
     ------
     BondGraphError
-        If the graph is refused, a log does not fit it, or there is too little in the logs to estimate anything.
+        If the graph is refused, a log does not fit it or is both trained on and held out, or there is too little in
+        the logs to estimate anything.
 
     Examples
     --------
@@ -111,6 +115,7 @@ def close_loop(
     model = build(declared).model
     training = all_matched(train, model, columns, constants, "train")
     held_out = all_matched(holdout, model, columns, constants, "holdout")
+    _refuse_both(training, held_out)
     functions = effect_functions(load_module(EFFECTS)) if effects is None else effects
     own = settings or LoopSettings()
     with open_executor(executor) as workers:
@@ -119,3 +124,20 @@ def close_loop(
     names = [tuple(log.name for log in logs) for logs in (training, held_out)]
     made = Provenance("bondgraph.close_loop", None, versions(), names[0], names[1], time.monotonic() - started)
     return Correction(**{one.name: getattr(closed, one.name) for one in fields(ClosedLoop)}, made=made)
+
+
+def _refuse_both(training: Sequence[MatchedLog], held_out: Sequence[MatchedLog]) -> None:
+    for log in held_out:
+        for other in training:
+            if _is_same(log, other):
+                raise OptionError(
+                    f"close_loop: {log.name} is given to train and to holdout - a log that was trained on confirms "
+                    "nothing",
+                    where=("train", "holdout"),
+                )
+
+
+def _is_same(log: MatchedLog, other: MatchedLog) -> bool:
+    """Whether two logs hold the same numbers, whatever they are called."""
+    pairs = ((log.time, other.time), (log.u, other.u), (log.y, other.y))
+    return all(np.array_equal(one, another, equal_nan=True) for one, another in pairs)

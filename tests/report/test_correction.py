@@ -12,6 +12,7 @@ import bondgraph as bg
 from bondgraph import effects
 from bondgraph.build import build
 from bondgraph.data.log import Log, LogChannel
+from bondgraph.errors import OptionError
 from tests.correct.sled import FUNCTIONS, added, pull, sled
 
 
@@ -21,6 +22,13 @@ def as_read(log: bg.MatchedLog) -> Log:
     rows = zip((*model.names("input"), *model.names("output")), (*log.u, *log.y), strict=True)
     channels = {name: LogChannel(name, units[name][0], units[name][1] * row) for name, row in rows}
     return Log(log.name, log.time, channels)
+
+
+def test_a_log_that_is_trained_on_and_held_out_is_refused() -> None:
+    """Before, only the command refused it; from Python the log confirmed what was found in it."""
+    log = as_read(pull(sled(), 1))
+    with pytest.raises(OptionError, match=r"to train and to holdout - a log that was trained on confirms nothing"):
+        bg.close_loop(sled(), log, [log], FUNCTIONS)
 
 
 @pytest.mark.slow
