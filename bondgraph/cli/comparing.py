@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import argparse
 import math
-from pathlib import Path
 
 from bondgraph.cli.fmus import compare_fmu, is_fmu
+from bondgraph.cli.folders import answer_folder
 from bondgraph.cli.printing import say
 from bondgraph.cli.runs import model_and_logs
-from bondgraph.files import output_folder
 from bondgraph.report.comparison import compare_logs, comparison_text, write_comparison
 
 
@@ -18,7 +17,7 @@ def compare(options: argparse.Namespace) -> int:
     if is_fmu(options.model):
         return compare_fmu(options)
     model, driven, logs = model_and_logs(options)
-    folder = output_folder(Path(options.out))
+    folder = answer_folder(options)
     compared = compare_logs(model, logs, driven, options.start)
     write_comparison(compared, folder)
     say(comparison_text(compared))

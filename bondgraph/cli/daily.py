@@ -10,11 +10,12 @@ from pathlib import Path
 import shtab
 
 from bondgraph.cli.arguments import parser
+from bondgraph.cli.folders import answer_folder
 from bondgraph.cli.given_logs import read_given
 from bondgraph.cli.printing import say
 from bondgraph.cli.scaffold import write_scaffold
 from bondgraph.data.log import Log
-from bondgraph.files import finite, output_file, output_folder
+from bondgraph.files import finite, output_file
 from bondgraph.report.figures import save_figure
 from bondgraph.report.inspection import Inspection, inspect_log, inspection_figure, inspection_text
 
@@ -39,7 +40,7 @@ def inspect(options: argparse.Namespace) -> int:
     if options.plot:
         output_file(Path(options.plot))
     log = read_given(options.log, options)
-    folder = output_folder(Path(options.out)) if options.out else None
+    folder = answer_folder(options) if options.out else None
     found = inspect_log(log)
     say(json.dumps(finite(found.to_dict()), indent=1) if options.json else inspection_text(found))
     if options.plot:

@@ -8,10 +8,10 @@ import math
 from collections.abc import Sequence
 from concurrent.futures import Executor
 from dataclasses import replace
-from pathlib import Path
 
 from bondgraph.build import BuiltModel, build
 from bondgraph.cli.between import inputs_between
+from bondgraph.cli.folders import answer_folder
 from bondgraph.cli.given_logs import read_given
 from bondgraph.cli.knowledge import posed
 from bondgraph.cli.runs import model_and_logs, provenance
@@ -38,7 +38,7 @@ from bondgraph.estimate.design.information import rank_manoeuvres
 from bondgraph.estimate.design.manoeuvres import Manoeuvre, blank_log, step_manoeuvres
 from bondgraph.estimate.problem import EstimationProblem, pose
 from bondgraph.execute.executors import open_executor
-from bondgraph.files import finite, output_folder
+from bondgraph.files import finite
 from bondgraph.filter.filter_model import FilterModel
 from bondgraph.report.design import write_design
 from bondgraph.report.scenarios import declared_noise, declared_scenario
@@ -53,7 +53,7 @@ def sensitivity(options: argparse.Namespace) -> int:
     model, driven, logs = model_and_logs(options)
     known = _declared_filter(options.model, model) if options.declared_noise else None
     problem = posed(options, model, driven, logs, known)
-    folder = output_folder(Path(options.out))
+    folder = answer_folder(options)
     with open_executor(options.executor) as workers:
         screened = tuple(_screened(options, problem, workers)) if options.screen else ()
     answer = SensitivityAnswer(
@@ -119,7 +119,7 @@ def design(options: argparse.Namespace) -> int:
         raise OptionError(f"--rate {options.rate:g}: give samples per second above zero", where=("--rate",))
     with open_executor(options.executor) as workers:
         machines = [_machine(options, reference, workers) for reference in (options.model, *options.rival)]
-    folder = output_folder(Path(options.out))
+    folder = answer_folder(options)
     first = machines[0]
     manoeuvres = _manoeuvres(options, first)
     answer = Design(

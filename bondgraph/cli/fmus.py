@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from bondgraph.cli.between import ways_between
+from bondgraph.cli.folders import answer_folder
 from bondgraph.cli.given_logs import read_given, units_by_column
 from bondgraph.cli.printing import say
 from bondgraph.cli.tables import give_table
@@ -19,7 +20,6 @@ from bondgraph.data.matching import match, read_mapping, renamed
 from bondgraph.errors import OptionError
 from bondgraph.exchange.fmu_import import RTOL, FmuRun, run_fmu, with_units
 from bondgraph.exchange.fmu_variables import Fmu, read_fmu
-from bondgraph.files import output_folder
 from bondgraph.report.comparison import Compared, ComparedLog, comparison_text, laid_over, write_comparison
 from bondgraph.report.figures import save_figure
 from bondgraph.report.inspection import inspection_figure
@@ -70,7 +70,7 @@ def simulate_fmu(options: argparse.Namespace) -> int:
 
 def compare_fmu(options: argparse.Namespace) -> int:
     """Lay an FMU over logs."""
-    folder = output_folder(Path(options.out))
+    folder = answer_folder(options)
     runs = [_compared(options, path) for path in options.data]
     compared = Compared(read_fmu(options.model).name, tuple(runs), ())
     write_comparison(compared, folder)

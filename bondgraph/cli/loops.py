@@ -14,6 +14,7 @@ from pathlib import Path
 from bondgraph.build import build
 from bondgraph.cli.between import inputs_between
 from bondgraph.cli.effects import chosen_effects, without_place
+from bondgraph.cli.folders import answer_folder
 from bondgraph.cli.given_logs import read_given
 from bondgraph.cli.printing import say
 from bondgraph.cli.values import names, set_values
@@ -104,7 +105,7 @@ def _closed(options: argparse.Namespace, graph: BondGraph, logs: Splits) -> tupl
 
 def _journal(options: argparse.Namespace) -> Journal:
     """The journal of finished fits in the folder of the answer, begun anew unless it is to be gone on from."""
-    journal = Journal(output_folder(Path(options.out)))
+    journal = Journal(answer_folder(options))
     if options.resume and not journal.exists:  # it was stopped before the first fit was finished
         print(f"no finished fits in {options.out}: starting anew", file=sys.stderr)
     journal.start(options.resume)

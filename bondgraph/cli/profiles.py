@@ -9,6 +9,7 @@ import sys
 from concurrent.futures import Executor
 from pathlib import Path
 
+from bondgraph.cli.folders import answer_folder
 from bondgraph.cli.printing import say
 from bondgraph.cli.runs import model_and_logs, provenance, robust_problem, search_settings
 from bondgraph.cli.values import names
@@ -21,7 +22,6 @@ from bondgraph.estimate.objective import SearchOutcome
 from bondgraph.estimate.problem import EstimationProblem
 from bondgraph.estimate.result import Estimate
 from bondgraph.execute.executors import open_executor
-from bondgraph.files import output_folder
 from bondgraph.report.profiles import ProfileAnswer, write_profile_answer
 from bondgraph.report.progress import WorkProgress
 
@@ -34,7 +34,7 @@ def profile(options: argparse.Namespace) -> int:
     model, driven, logs = model_and_logs(options)
     problem = robust_problem(options, model, driven, logs)
     wanted = _wanted(options, problem)
-    folder = output_folder(Path(options.out))
+    folder = answer_folder(options)
     with open_executor(options.executor) as workers:
         found = _estimated(options, problem, folder, workers)
         if found.outcome is SearchOutcome.INTERRUPTED:

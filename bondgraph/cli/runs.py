@@ -13,6 +13,7 @@ from pathlib import Path
 from bondgraph.build import build
 from bondgraph.cli.between import inputs_between
 from bondgraph.cli.fmus import is_fmu, simulate_fmu
+from bondgraph.cli.folders import answer_folder
 from bondgraph.cli.given_logs import read_given
 from bondgraph.cli.knowledge import posed, with_values
 from bondgraph.cli.printing import say
@@ -30,7 +31,6 @@ from bondgraph.estimate.likelihood_profile import profile_likelihood, profile_ta
 from bondgraph.estimate.problem import EstimationProblem
 from bondgraph.estimate.result import Estimate
 from bondgraph.execute.executors import open_executor
-from bondgraph.files import output_folder
 from bondgraph.filter.robust import parse_robust
 from bondgraph.report.collect import versions
 from bondgraph.report.estimation import limits, rough_note, write_estimate
@@ -104,7 +104,7 @@ def filter(options: argparse.Namespace) -> int:
     table.check()
     model, driven, logs = model_and_logs(options)
     noise = None if is_model_file(options.model) else declared_noise(options.model, model.name)
-    made, folder = provenance(options, math.nan), output_folder(Path(options.out))
+    made, folder = provenance(options, math.nan), answer_folder(options)
     robust = parse_robust(options.robust) if options.robust else None
     found = filter_logs(model, driven, logs, folder, options.smooth, options.start, noise, made, robust, table)
     say(found.text, whole=str(folder / "report.html"))
@@ -116,7 +116,7 @@ def estimate(options: argparse.Namespace) -> int:
     model, driven, logs = model_and_logs(options)
     held_out = _held_out(options, model)
     problem = robust_problem(options, model, driven, logs)
-    folder = output_folder(Path(options.out))
+    folder = answer_folder(options)
     with open_executor(options.executor) as workers:
         return _estimated(options, problem, search_settings(options), held_out, folder, workers)
 

@@ -107,6 +107,24 @@ def test_a_file_in_place_of_the_folder(
     assert taken.read_text(encoding="utf-8") == "mine"
 
 
+def test_the_answer_of_another_command_is_not_overwritten(
+    motor_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Before, a comparison took the place of result.json and report.html of whatever had been found there."""
+    given, out = [str(motor_file), "--data", _log(tmp_path / "run.csv")], tmp_path / "out"
+    assert main(["filter", *given, "--out", str(out)]) == 0
+    kept = {path.name: path.read_bytes() for path in out.iterdir()}
+    for command in ("compare", "estimate", "profile", "sensitivity", "close-loop"):
+        assert main([command, *given, "--out", str(out)]) == 2
+        said = capsys.readouterr().err
+        assert "out: holds the answer of bondgraph filter, which this one would overwrite - name another" in said
+    assert main(["inspect", given[-1], "--out", str(out)]) == 2
+    assert {path.name: path.read_bytes() for path in out.iterdir()} == kept
+    assert main(["filter", *given, "--out", str(out)]) == 0  # its own answer is replaced
+    (out / "report_data.npz").write_bytes(b"damaged")
+    assert main(["compare", *given, "--out", str(out)]) == 0
+
+
 def test_a_folder_that_takes_nothing_is_said_before_the_search(
     motor_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
