@@ -24,7 +24,7 @@ from bondgraph.data.matching import match, read_mapping
 from bondgraph.data.select import decimate
 from bondgraph.declare.files import load_graph
 from bondgraph.declare.loading import is_model_file
-from bondgraph.errors import OptionError
+from bondgraph.errors import OptionError, suggest
 from bondgraph.estimate.estimation import Settings
 from bondgraph.estimate.estimation import estimate as run_estimate
 from bondgraph.estimate.likelihood_profile import profile_likelihood, profile_table
@@ -116,6 +116,7 @@ def estimate(options: argparse.Namespace) -> int:
     model, driven, logs = model_and_logs(options)
     held_out = _held_out(options, model)
     problem = robust_problem(options, model, driven, logs)
+    _require_free(names(options.profile or ()), problem)
     folder = answer_folder(options)
     with open_executor(options.executor) as workers:
         return _estimated(options, problem, search_settings(options), held_out, folder, workers)
@@ -168,6 +169,17 @@ def _estimated(
     if options.profile is not None:
         _profiled(options, found, folder, workers)
     return 1 if not found.outcome.succeeded or (options.strict and found.misfits) else 0
+
+
+def _require_free(profiled: Sequence[str], problem: EstimationProblem) -> None:
+    """Refuse names of ``--profile`` that are not free, before anything is computed."""
+    unknown = next((name for name in profiled if name not in problem.names), None)
+    if unknown is not None:
+        raise OptionError(
+            f"--profile {unknown}: it is not free{suggest(unknown, problem.names)} - free are "
+            f"{', '.join(problem.names)}",
+            where=("--profile", unknown),
+        )
 
 
 def _profiled(options: argparse.Namespace, found: Estimate, folder: Path, workers: Executor | None) -> None:

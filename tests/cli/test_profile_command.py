@@ -182,3 +182,15 @@ def test_an_estimate_without_a_likelihood_has_no_profiles(
     said = capsys.readouterr()
     assert "profiles: none" in said.out or "nothing is profiled" in said.err
     assert not (out / "profile.png").exists()
+
+
+def test_a_name_that_is_not_free_is_told_before_the_search(
+    motor_file: Path, run_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """``estimate --profile`` told a misspelt name when the search was over, with exit status 2 beside an answer."""
+    out = tmp_path / "fit"
+    given = ["estimate", str(motor_file), "--data", str(run_file), "--free", "b", "--out", str(out)]
+    assert main([*given, "--profile", "c"]) == 2
+    said = capsys.readouterr()
+    assert "--profile c: it is not free" in said.err and "free are b" in said.err
+    assert not said.out and not out.exists()
