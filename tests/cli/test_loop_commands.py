@@ -19,7 +19,7 @@ GRAPH = "vehicle_graphs.driveline:driveline"
 def test_a_loop_that_was_stopped_before_its_first_fit_starts_anew(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    journal = _journal(argparse.Namespace(out=str(tmp_path / "none"), resume=True))
+    journal = _journal(argparse.Namespace(command="close-loop", out=str(tmp_path / "none"), resume=True))
     assert "no finished fits in" in capsys.readouterr().err
     assert (tmp_path / "none").is_dir() and journal.find("a fit") is None
 
