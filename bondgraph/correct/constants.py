@@ -13,6 +13,10 @@ LEVEL = 0.01
 #: Nats that do not tell two explanations apart: odds of 20 to 1, from where evidence is called strong. Kass and Raftery
 #: (1995), J. American Statistical Association 90(430).
 INDIFFERENT = 3.0
+#: Parts of a sensor's noise by which a law must move it to be named: alone, and beside a larger law, whose form leaves
+#: something too. A sensor is hardly better than a fifth of its noise over its range, and a third is the smallest error
+#: of a model at which the studies count what is found: conventions.
+FAINT, NOTICED = 0.2, 1.0 / 3.0
 #: Share of what something else explains from which a law counts as an answer to it: most of it, a convention.
 MOSTLY = 0.5
 #: Chance of what is looked at as that of a single test: a score, a gain of folds that were left out.

@@ -42,6 +42,7 @@ from bondgraph.correct.progress import Decision, Progress, advance, reduced_to, 
 from bondgraph.correct.rest import Rest, at_random, settle
 from bondgraph.correct.round import Round, RoundSettings, one_round, round_cautions, unsearched
 from bondgraph.correct.search.disturbances import Disturbance, described
+from bondgraph.correct.small_rests import small_rest
 from bondgraph.correct.together import two_laws
 from bondgraph.correct.verdict import Verdict, unproven, verdict
 from bondgraph.correct.wandering import explained_at_random
@@ -221,7 +222,10 @@ def _closed(
     own = RoundSettings(settings.level, settings.refits, report, settings.journal, substeps)
     start = Progress(begun.graph, begun.built, begun.fit, begun.train, check=begun.check)
     state, rounds, reason = _rounds(start, every, own, settings.max_effects, begun=begun)
-    rest = settle(state, rounds, own, settings.tables) if state.held is None else Rest(state, ())
+    if state.anew:
+        rest = Rest(state, ())
+        return state, tuple(rounds), lambda: _result(begun, start, rest, rounds, told, reason, settings, report)
+    rest = settle(state, rounds, own, settings.tables)
     while _withdrawn(state, rest) and len(state.added) == settings.max_effects and not settings.tables:
         state, rounds, reason = _rounds(rest.state, every, own, settings.max_effects, rounds)
         rest = settle(state, rounds, own, settings.tables)
@@ -262,12 +266,13 @@ def _rounds(
             if turn.chosen is None:
                 further = "further " if state.added else ""
                 passes = f"no {further}candidate passes the tests" if turn.trials else "no effect could be tried"
+                passes = "all else that passes the tests is small" if small_rest(turn.trials) else passes
                 return state, rounds, passes
             disturbed = explained_at_random(state, turn.chosen, own)
             before, state = state, advance(state, turn, own) if disturbed is state else disturbed
             state = state if begun is None or not state.laws else _with_held(begun, before, state, own.journal)
-            if state.held is not None:
-                return state, rounds, "inputs are held between samples after all"
+            if state.anew:
+                return state, rounds, "inputs run otherwise between samples after all"
         except FAILURES as error:
             number = len(rounds) + (not rounds or rounds[-1].base is not state.fit)
             if not rounds:
@@ -280,8 +285,10 @@ def _rounds(
 
 
 def _with_held(begun: DeclaredFit, before: Progress, after: Progress, journal: Journal) -> Progress:
-    """The state after a law was added, with the inputs that it shows to be held."""
-    return replace(after, held=held_after_all(begun, (before.fit, before.built), (after.fit, after.built), journal))
+    """The state after a law was added, with the inputs that it shows to be held, or not to be."""
+    held = held_after_all(begun, (before.fit, before.built), (after.fit, after.built), journal)
+    straight = bool(begun.held) and straight_is_likelier(begun, after.fit, after.built, journal)
+    return replace(after, held=held, straight=straight)
 
 
 def _result(
@@ -312,6 +319,7 @@ def _result(
         *begun.cautions, *cautions_of(nominal, rounds), *_doubts(nominal, current, first, last), *rest.cautions,
         *(round_cautions(rounds[0]) if rounds else ()), *unsearched(rounds, settings.refits),
         *start_cautions(undeclared), *after_delays(state.added, current),
+        *filter(None, [(small_rest(rounds[-1].trials) if rounds else "") or rest.small]),
     )  # fmt: skip
     before = assess(nominal, train), assess(nominal, holdout)
     after = assess(current, state.train), assess(current, holdout)

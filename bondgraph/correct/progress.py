@@ -56,7 +56,8 @@ class Progress:
     ``added`` holds events too, effects that act in part of a log only: as long as the search goes on they are in the
     model, and the logs know their times. ``check`` says what halved steps would change at the fit.
     ``banned`` are effects that were dropped, by function and place: they are not offered again. ``held`` are inputs
-    that what was added shows to be held between samples: all begins anew with these.
+    that what was added shows to be held between samples: all begins anew with these, or with straight lines where it
+    shows ``straight`` ones to be likelier than held inputs.
     """
 
     declared: BondGraph
@@ -68,6 +69,12 @@ class Progress:
     banned: frozenset[tuple[str, str]] = frozenset()
     check: Check | None = None
     held: HeldAfterAll | None = None
+    straight: bool = False
+
+    @property
+    def anew(self) -> bool:
+        """True where all begins anew with inputs that run otherwise between samples."""
+        return self.held is not None or self.straight
 
     @property
     def present(self) -> set[tuple[str, str]]:

@@ -10,8 +10,9 @@ import numpy as np
 
 from bondgraph.correct.evidence.certified import refined
 from bondgraph.correct.evidence.context import Context
+from bondgraph.correct.evidence.moves import smallness
 from bondgraph.correct.evidence.trials import Trial
-from bondgraph.correct.models.candidates import candidates, places
+from bondgraph.correct.models.candidates import Candidate, candidates, places
 from bondgraph.correct.models.failures import FAILURES, attempted, reason
 from bondgraph.correct.models.shaping_filters import DISTURBANCE
 from bondgraph.correct.places.located import locate
@@ -25,13 +26,14 @@ from bondgraph.correct.places.unexplained import (
     table_effect,
     unexplained,
 )
-from bondgraph.correct.progress import Decision, Progress, standing, without
+from bondgraph.correct.progress import Decision, Progress, rounds_done, standing, without
 from bondgraph.correct.round import Round, RoundSettings
 from bondgraph.correct.scores.scoring import Linearisation, linearisation
 from bondgraph.correct.search.refit import refit_from
 from bondgraph.correct.shapes.completions import completions
 from bondgraph.correct.shapes.formula import formula_of, is_long
 from bondgraph.correct.simpler import in_one_law, in_simpler_laws
+from bondgraph.correct.small_rests import least_beside, too_small
 from bondgraph.correct.wandering import with_disturbance
 
 #: Functions without a law are tried at so many places.
@@ -47,7 +49,8 @@ class Rest:
     """Where a loop ends: its state, what stays unexplained, and what of that could not be looked for.
 
     ``completes``: labels of laws that only complete the form of another, with its label. ``explained``: nats that
-    effects explained which what stays unexplained made needless, so that it explains as many at least.
+    effects explained which what stays unexplained made needless, so that it explains as many at least. ``small``: a
+    sentence on a function that is too small to be told, if one is.
     """
 
     state: Progress
@@ -55,6 +58,7 @@ class Rest:
     cautions: tuple[str, ...] = ()
     completes: Mapping[str, str] = field(default_factory=dict)
     explained: float = 0.0
+    small: str = ""
 
 
 def settle(state: Progress, rounds: Sequence[Round], settings: RoundSettings, tables: bool) -> Rest:
@@ -62,21 +66,45 @@ def settle(state: Progress, rounds: Sequence[Round], settings: RoundSettings, ta
 
     Laws that simpler ones replace as well are replaced first.
     """
-    state = in_simpler_laws(state, rounds, settings)
+    state = _still_standing(state, in_simpler_laws(state, rounds, settings), settings)
     settings.report("look for what stays unexplained", 0, 1)
     begun = state.fit.nll
     found, state, cautions, completes = _searched(state, rounds, settings)
-    single = in_one_law(state, rounds, settings, completes)
+    single = _still_standing(state, in_one_law(state, rounds, settings, completes), settings)
     if single is not state:
         found, state, cautions, completes = _searched(single, rounds, settings)
+    small = "" if found is None else _small(state, found, settings)
     settings.report("look for what stays unexplained", 1, 1)
-    if found is None:
-        return Rest(state, (), cautions, completes)
+    if found is None or small:
+        return Rest(state, (), cautions, completes, small=small)
     explained = state.fit.nll - begun
     if tables:
         state, said = _attempted(lambda: _with_table(state, found, len(rounds), settings), state, "add a table of it")
         cautions = (*cautions, *said)
     return Rest(state, (found,), cautions, completes, explained)
+
+
+def _still_standing(before: Progress, after: Progress, settings: RoundSettings) -> Progress:
+    """The state without laws that are in doubt beside others that took the place of one; the same where none did."""
+    if after is before:
+        return after
+    return standing(after, [], "beside what took the place of another law", rounds_done(after), settings)
+
+
+def _small(state: Progress, found: Unexplained, settings: RoundSettings) -> str:
+    """A sentence on a function that moves the sensors too little to be told; empty for one that is not small.
+
+    Of stiff models every function is told: the fit with it is costly.
+    """
+    made, _ = candidates(state.built, [table_effect(found)], [found.place])
+    if not made or state.fit.problem.filter_model.is_stiff:
+        return ""
+    trial = attempted(lambda: _tabulated(made[0], state, found, settings), lambda why: None)
+    if trial is None or trial.fit is None:
+        return ""
+    small = smallness(state.fit, trial.fit, least_beside(state.laws, found.gain))
+    what = f"an unknown {found.variable} at {found.place.label} as a function of {found.signal}"
+    return too_small(f"{what} gains {found.gain:.1f} nats", small) if small else ""
 
 
 def at_random(rest: Rest, settings: RoundSettings) -> Progress:
@@ -179,10 +207,7 @@ def _with_table(state: Progress, found: Unexplained, number: int, settings: Roun
     made, _ = candidates(state.built, [table_effect(found)], [found.place])
     if not made:
         return state
-    context = Context(
-        state.built, state.fit, state.train, 1, settings.level, 0.0, settings.journal
-    )  # fmt: skip
-    trial = refit_from(Trial(made[0], found.gain), [float(value) for value in found.values], context)
+    trial = _tabulated(made[0], state, found, settings)
     if trial.fit is None or trial.built is None:
         return state
     why = f"asked for: {found.variable} as a function of {found.signal}, {found.knots.size} points"
@@ -191,3 +216,11 @@ def _with_table(state: Progress, found: Unexplained, number: int, settings: Roun
         state, built=trial.built, fit=fitted, check=check, added=(*state.added, trial),
         history=(*state.history, Decision(number, "added", trial.candidate.label, why)),
     )  # fmt: skip
+
+
+def _tabulated(made: Candidate, state: Progress, found: Unexplained, settings: RoundSettings) -> Trial:
+    """The refit of a state with a function as a table."""
+    context = Context(
+        state.built, state.fit, state.train, 1, settings.level, 0.0, settings.journal
+    )  # fmt: skip
+    return refit_from(Trial(made, found.gain), [float(value) for value in found.values], context)

@@ -37,6 +37,7 @@ from bondgraph.correct.search.search import Entry, Search, left_out, searched
 from bondgraph.correct.search.widths import at_any_width, is_due
 from bondgraph.correct.shapes.offered import Residual, own_forms, with_formulas
 from bondgraph.correct.shapes.relatives import with_relatives
+from bondgraph.correct.small_rests import weighed
 from bondgraph.data.log import MatchedLog
 from bondgraph.declare.effect import EffectFunction, Place
 from bondgraph.errors import DataError
@@ -136,7 +137,7 @@ def one_round(
     search.entries += [Entry(trial) for trial in own_forms(left.laws, scored, left, context, settings.report)]
     trials = with_formulas(_searched(search, scoring, settings), scored, left, search.context, settings.report)
     trials = with_relatives(trials, left, search.context, settings.report)
-    trials, chosen = _chosen(trials, search.context, settings.report, where)
+    trials, chosen = _chosen(trials, left.laws, search.context, settings.report, where)
     others = alternatives(chosen, trials, scored.scores, settings.level)
     others = _with_advice(built, base, chosen, others, scored)
     seen = detectable(vanishing, scored.scores, need)
@@ -174,18 +175,24 @@ def _searched(search: Search, scoring: Scoring, settings: RoundSettings) -> list
 
 
 def _chosen(
-    trials: Sequence[Trial], context: Context, report: Report, where: Sequence[Place]
+    trials: Sequence[Trial], laws: Sequence[Trial], context: Context, report: Report, where: Sequence[Place]
 ) -> tuple[list[Trial], Trial | None]:
     """The trials, those that would be chosen after a second look at them, and the one that stays the best.
 
+    ``laws`` are those that the model has beside its declaration: what is small beside them is not chosen.
     A second look may find a better fit without any candidate. Then all gains fall by as much, ``lost`` nats in all:
     candidates that are compared must be judged against the same fit.
     """
     done, looked, widened, gated, lost = list(trials), set[int](), set[int](), set[int](), 0.0
+    weighty = set[int]()
     while (best := choose(done, context.level)) is not None:
         index = next(k for k, trial in enumerate(done) if trial is best)
         if index in looked:
             break
+        if index not in weighty:
+            weighty.add(index)
+            done[index] = weighed(best, laws, context.base)
+            continue
         if index not in widened and is_due(best, done, context):
             widened.add(index)
             report(f"free the width of {best.candidate.label}", 0, 1)

@@ -22,6 +22,7 @@ from bondgraph.correct.models.failures import attempted
 from bondgraph.correct.progress import Decision, Progress, advance, reduced_to
 from bondgraph.correct.round import Round, RoundSettings, one_round
 from bondgraph.correct.shapes.formula import formula_of
+from bondgraph.correct.small_rests import weighed
 from bondgraph.declare.effect import EffectFunction
 from bondgraph.estimate.local import fit
 
@@ -34,7 +35,7 @@ def two_laws(
     None where the round chose a law that acts throughout, and of stiff models, whose rounds are costly.
     """
     lead = _on_trial(turn, settings.level)
-    if lead is None or state.fit.problem.filter_model.is_stiff:
+    if lead is None or state.fit.problem.filter_model.is_stiff or weighed(lead, state.laws, state.fit).small:
         return None
     return attempted(lambda: _together(state, turn, lead, functions, settings), lambda why: None)
 
@@ -112,6 +113,9 @@ def _proven(state: Progress, law: Trial, settings: RoundSettings) -> Trial | Non
     bare = fit(reduced.problem, journal=settings.journal)
     evidence = judge(bare, state.fit, law.candidate.effect, law.evidence.tried)
     if not (evidence.accepted(settings.level) and is_clear(state.fit, evidence, law.candidate, settings.level)):
+        return None
+    there = replace(law, evidence=evidence, fit=state.fit, built=state.built)
+    if weighed(there, [one for one in state.laws if one is not law], bare).small:
         return None
     moved = transfer(bare, state.fit, law.candidate.effect)
     return replace(law, evidence=evidence, transfer=moved) if moved.passes else None

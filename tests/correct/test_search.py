@@ -171,7 +171,7 @@ def test_candidates_are_compared_against_the_same_fit_without_them(monkeypatch: 
     monkeypatch.setattr(rounds, "resolved", lambda trial, context: trial)
     monkeypatch.setattr(rounds, "transferred", lambda trial, context: trial)
     monkeypatch.setattr(rounds, "confirmed", better_without)
-    done, best = rounds._chosen([drag, cubic], search.context, no_report, search.where)
+    done, best = rounds._chosen([drag, cubic], [], search.context, no_report, search.where)
     assert best is done[0] and best.candidate is drag.candidate
     assert done[0].gain - done[1].gain == pytest.approx(drag.gain - cubic.gain)
 

@@ -47,12 +47,13 @@ def judge(base: Fit, refit: Fit, effect: Effect, tried: int, gated: bool = False
 
 
 def within_a_sample(fitted: Fit, effect: Effect) -> str:
-    """Objection to a lag or a delay that takes less than half of the usual interval between samples; empty if none.
+    """Objection to a command that is late by less than half of the usual interval between samples; empty if none.
 
     By half an interval an input that is held between samples is later than one that runs straight, and nobody knows
-    which it was: of a cell sampled every 2 s a lag of 0.07 s was found where a polarisation of 45 s was missing.
+    which it was: of a cell sampled every 2 s a lag of 0.07 s was found where a polarisation of 45 s was missing. One
+    sensor may be late beside others by less than a sample, and its filter mostly is.
     """
-    name = effect.coefficients[0] if effect.coefficients and (effect.adds_state or effect.channel) else ""
+    name = effect.coefficients[0] if effect.coefficients and effect.adds_state and not effect.channel else ""
     names = fitted.problem.filter_model.model.names("parameter")
     if name not in names or fitted.problem.filter_model.model.parameters[names.index(name)].unit != "s":
         return ""
@@ -286,7 +287,7 @@ def choose(trials: Sequence[Trial], level: float) -> Trial | None:
 
 def passing(trials: Sequence[Trial], level: float) -> list[Trial]:
     """The refitted candidates that pass all hurdles, and that nothing is known against."""
-    fitted = [trial for trial in trials if trial.fit is not None and trial.transfers]
+    fitted = [trial for trial in trials if trial.fit is not None and trial.transfers and not trial.small]
     return [trial for trial in fitted if trial.evidence is not None and trial.evidence.accepted(level)]
 
 

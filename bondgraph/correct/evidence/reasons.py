@@ -56,6 +56,8 @@ def _settled(trial: Trial) -> tuple[bool, str] | None:
         return False, within
     if trial.candidate.effect.kind == "drift" and trial.fit is not None and has_one_sensor(trial):
         return False, "a drift of the only sensor is not told from what is slow in the machine"
+    if trial.small:
+        return False, f"{_PASSES}{trial.small}: too little for a name"
     if trial.transfer is not None and not trial.transfer.passes:
         return False, f"it does not transfer to data that it was not estimated from: {trial.transfer.why_not}"
     return None
