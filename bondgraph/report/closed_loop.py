@@ -166,7 +166,9 @@ def _explained(closed: ClosedLoop) -> str:
         return f"No law was found: {none}."
     if not tried:
         return "No effect could be tried, but all innovations are white: nothing asks for one."
-    return f"None of the {tried} effects and faults tried passes the tests, and all innovations are white."
+    small = any(one.small for one in closed.rounds[-1].trials)
+    enough = " and moves a sensor enough to be told" if small else ""
+    return f"None of the {tried} effects and faults tried passes the tests{enough}, and all innovations are white."
 
 
 def _or_twins(closed: ClosedLoop, added: Added) -> str:

@@ -200,7 +200,8 @@ def test_false_alarms_are_rare_whatever_the_parameters_and_the_noise(colour: flo
             for run in (0, 1)
         ]
         turn = one_round(built(), fitted(train), train, (*effect_functions(effects), *SENSOR_FAULTS))
-        alarms += turn.chosen is not None
+        # a lag colours noise as a memory of its own does: the loop weighs both, a round does not
+        alarms += turn.chosen is not None and bool(close_loop(sled(), train, [], effect_functions(effects)).added)
     assert alarms <= 1  # at a level of 1 % two or more happen once in 40 times
 
 

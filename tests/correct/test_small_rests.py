@@ -22,6 +22,7 @@ from bondgraph.estimate.free import FreeParameter
 from bondgraph.estimate.local import fit
 from bondgraph.estimate.problem import EstimationProblem
 from bondgraph.filter.filter_model import FilterModel
+from bondgraph.report.closed_loop import explanation
 from bondgraph.simulate.simulation import simulate
 from tests.correct.sled import FUNCTIONS, NOISE, added, built, pull, sled
 
@@ -62,6 +63,7 @@ def closed_on(drag: float) -> ClosedLoop:
 def test_an_effect_of_a_tenth_of_the_noise_is_told_without_a_name() -> None:
     closed = closed_on(FAINT_DRAG)
     assert closed.verdict == "no missing effect" and not closed.added
+    assert "passes the tests and moves a sensor enough to be told" in explanation(closed)
     best = max((one for one in closed.rounds[-1].trials if one.small), key=lambda one: one.gain)
     assert best.candidate.effect.name == "quadratic_loss" and best.evidence is not None
     assert best.evidence.accepted(0.01) and best.gain > 15.0  # every other test passes

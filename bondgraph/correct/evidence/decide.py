@@ -13,7 +13,7 @@ from collections.abc import Sequence
 import numpy as np
 from scipy import stats
 
-from bondgraph.correct.constants import BLOCKS, INDIFFERENT, MOSTLY, POWER
+from bondgraph.correct.constants import BLOCKS, FAINT, INDIFFERENT, MOSTLY, POWER
 from bondgraph.correct.evidence.trials import Detectable, Evidence, Trial
 from bondgraph.correct.fits.times import summed, term_times
 from bondgraph.correct.fits.whiteness import is_white
@@ -228,12 +228,13 @@ def hurdle(logs: Sequence[MatchedLog], tried: int, level: float) -> float:
     return max(ratio, robust, 0.5 * math.log(max(measured, 2)) + math.log(max(tried, 1)))
 
 
-def detectable(vanishing: Sequence[Candidate], found: Scores, need: float) -> tuple[Detectable, ...]:
+def detectable(vanishing: Sequence[Candidate], found: Scores, need: float, measured: int) -> tuple[Detectable, ...]:
     """The size at which each candidate would have been found nine times in ten.
 
     The root of twice the gain is nearly normal around size * sqrt(information) with unit variance; it must pass the
-    root of twice the ``need``. Of an effect with several coefficients the first is meant. Its bounds say how large all
-    else at its place is: one that would have to be larger cannot be detected.
+    root of twice the ``need``, and move what is measured by as much as is told. Of an effect with several coefficients
+    the first is meant. Its bounds say how large all else at its place is: one that would have to be larger cannot be
+    detected.
 
     Parameters
     ----------
@@ -243,8 +244,11 @@ def detectable(vanishing: Sequence[Candidate], found: Scores, need: float) -> tu
         Their scores.
     need
         Gain in nats that passes the tests, see :func:`hurdle`.
+    measured
+        How many values were measured. With d of its noise at each of them an effect gains half of d squared; over a
+        horizon it moves predictions by more than that.
     """
-    reach = math.sqrt(2.0 * need) + float(stats.norm.ppf(POWER))
+    reach = max(math.sqrt(2.0 * need), FAINT * math.sqrt(measured)) + float(stats.norm.ppf(POWER))
     listed = []
     for one, told in zip(vanishing, found.information, strict=True):
         name = one.effect.coefficients[0]
