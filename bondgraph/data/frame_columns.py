@@ -137,7 +137,7 @@ def _time(values: Any, unit: str, name: str) -> FloatArray:
 
 
 def _is_dated(values: Any) -> bool:
-    """Whether values are dates or durations, or text whose first is a date; they need no unit."""
+    """True for values that are dates or durations, or text whose first is a date; they need no unit."""
     first = next(iter(values))
     return values.dtype.kind in "mM" or (isinstance(first, str) and bool(split_date(first)))
 

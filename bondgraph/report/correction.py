@@ -138,6 +138,6 @@ def _refuse_both(training: Sequence[MatchedLog], held_out: Sequence[MatchedLog])
 
 
 def _is_same(log: MatchedLog, other: MatchedLog) -> bool:
-    """Whether two logs hold the same numbers, whatever they are called."""
+    """True for two logs that hold the same numbers, whatever they are called."""
     pairs = ((log.time, other.time), (log.u, other.u), (log.y, other.y))
     return all(np.array_equal(one, another, equal_nan=True) for one, another in pairs)

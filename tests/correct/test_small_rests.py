@@ -1,4 +1,4 @@
-"""What moves no sensor by a fifth of its noise has no name, however long the logs: it may be anything."""
+"""Small rests: no name for what moves no sensor by a fifth of its noise, however long the logs."""
 
 from __future__ import annotations
 
