@@ -140,8 +140,7 @@ def one_round(
     trials, chosen = _chosen(trials, left.laws, search.context, settings.report, where)
     others = alternatives(chosen, trials, scored.scores, settings.level)
     others = _with_advice(built, base, chosen, others, scored)
-    measured = int(sum(np.isfinite(log.y).sum() for log in train))
-    seen = detectable(vanishing, scored.scores, need, measured)
+    seen = detectable(vanishing, scored.scores, need, train)
     return Round(
         base,
         tuple(trials),

@@ -166,8 +166,7 @@ def _explained(closed: ClosedLoop) -> str:
         return f"No law was found: {none}."
     if not tried:
         return "No effect could be tried, but all innovations are white: nothing asks for one."
-    small = any(one.small for one in closed.rounds[-1].trials)
-    enough = " and moves a sensor enough to be told" if small else ""
+    enough = " and moves a sensor enough to be told" if any(one.small for one in closed.rounds[-1].trials) else ""
     return f"None of the {tried} effects and faults tried passes the tests{enough}, and all innovations are white."
 
 

@@ -47,11 +47,11 @@ def test_a_group_is_represented_where_its_law_may_be_as_large_as_its_score_asks(
 def test_a_size_beyond_the_bounds_of_its_law_is_not_called_detectable() -> None:
     """At a place with next to no flow a size of 4e14 was "found nine times in ten"."""
     found, scored = scored_at(drum=13.0, runner=4.0)
-    seen = detectable(found, scored.scores, 10.0, 0)
+    seen = detectable(found, scored.scores, 10.0, [])
     assert all(math.isfinite(one.size) for one in seen)
     faint = dataclasses.replace(scored.scores, information=scored.scores.information * [1.0, 1e-30])
-    assert [math.isfinite(one.size) for one in detectable(found, faint, 10.0, 0)] == [True, False]
-    sizes = [Power(one.effect, one.junction, one.size, one.unit) for one in detectable(found, faint, 10.0, 0)]
+    assert [math.isfinite(one.size) for one in detectable(found, faint, 10.0, [])] == [True, False]
+    sizes = [Power(one.effect, one.junction, one.size, one.unit) for one in detectable(found, faint, 10.0, [])]
     shown = text_of(power_table(sizes))
     assert "not with these logs" in shown and "e+" not in shown
 

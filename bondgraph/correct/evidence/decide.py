@@ -221,14 +221,21 @@ def robust_ratio_p_value(gain: float, fitted: Fit, coefficients: Sequence[str]) 
 
 def hurdle(logs: Sequence[MatchedLog], tried: int, level: float) -> float:
     """The likelihood gain in nats that one coefficient needs to pass all three hurdles."""
-    measured = sum(int(np.isfinite(log.y).sum()) for log in logs)
+    measured = _measured(logs)
     each = level / max(tried, 1)
     ratio = 0.5 * float(stats.chi2.isf(each, 1))
     robust = 0.5 * float(stats.t.isf(0.5 * each, BLOCKS)) ** 2
     return max(ratio, robust, 0.5 * math.log(max(measured, 2)) + math.log(max(tried, 1)))
 
 
-def detectable(vanishing: Sequence[Candidate], found: Scores, need: float, measured: int) -> tuple[Detectable, ...]:
+def _measured(logs: Sequence[MatchedLog]) -> int:
+    """Number of measured values in logs."""
+    return sum(int(np.isfinite(log.y).sum()) for log in logs)
+
+
+def detectable(
+    vanishing: Sequence[Candidate], found: Scores, need: float, logs: Sequence[MatchedLog]
+) -> tuple[Detectable, ...]:
     """The size at which each candidate would have been found nine times in ten.
 
     The root of twice the gain is nearly normal around size * sqrt(information) with unit variance; it must pass the
@@ -244,11 +251,11 @@ def detectable(vanishing: Sequence[Candidate], found: Scores, need: float, measu
         Their scores.
     need
         Gain in nats that passes the tests, see :func:`hurdle`.
-    measured
-        How many values were measured. With d of its noise at each of them an effect gains half of d squared; over a
+    logs
+        The training logs. With d of its noise at each of their measurements an effect gains half of d squared; over a
         horizon it moves predictions by more than that.
     """
-    reach = max(math.sqrt(2.0 * need), FAINT * math.sqrt(measured)) + float(stats.norm.ppf(POWER))
+    reach = max(math.sqrt(2.0 * need), FAINT * math.sqrt(_measured(logs))) + float(stats.norm.ppf(POWER))
     listed = []
     for one, told in zip(vanishing, found.information, strict=True):
         name = one.effect.coefficients[0]
