@@ -26,21 +26,24 @@ def held_out(closed: ClosedLoop, told: Confirmation) -> str:
     }[told.standing]
     if told.standing == "confirmed" and clearly_worse(closed):
         what = f"{what} one step ahead, but not in free simulation"
-    within = f" ± {shown(told.error)}" if math.isfinite(told.error) else ""
-    changed = f"the log-likelihood of the held-out logs changes by {shown(told.gain)}{within} nats"
     how = "noise levels scaled to these logs, standard error by blocks of time"
     noise = f"innovations there are {shown(told.noise)} times as large as the corrected model expects"
     against = [f"{one}; " for one in told.contradictions if "log-likelihood" not in one]
-    said = f"{what}: {''.join(against)}{changed} ({how}); {noise}.{_of_laws(told)} Held-out logs decided nothing."
+    said = f"{what}: {''.join(against)}{_changed(told)} ({how}); {noise}. Held-out logs decided nothing."
     return said if told.contradictions else f"{said}{_wandering(closed) or _far_off(closed, told)}"
 
 
-def _of_laws(told: Confirmation) -> str:
-    """A sentence on what laws gain beside a disturbance; empty where there is none."""
+def _changed(told: Confirmation) -> str:
+    """Words on what the correction gains on held-out logs; beside a disturbance on what its laws alone gain, first."""
+    within = f" ± {shown(told.error)}" if math.isfinite(told.error) else ""
+    whole = f"by {shown(told.gain)}{within} nats"
     if told.laws is None:
-        return ""
-    gain = f"{shown(told.laws.gain)} ± {shown(told.laws.error)} nats"
-    return f" The laws change it by {gain} beside the disturbance, which is in both models then."
+        return f"the log-likelihood of the held-out logs changes {whole}"
+    laws = f"by {shown(told.laws.gain)} ± {shown(told.laws.error)} nats"
+    return (
+        f"the laws change the log-likelihood of the held-out logs {laws} beside the disturbance, which is in both "
+        f"models then; together with it they change it {whole}"
+    )
 
 
 def worse_simulated(closed: ClosedLoop) -> list[str]:
@@ -70,9 +73,11 @@ def _far_off(closed: ClosedLoop, told: Confirmation) -> str:
     """A sentence on free simulation that stays far above the noise of sensors where a correction is confirmed."""
     if told.standing != "confirmed" or not (closed.added or closed.disturbances):
         return ""
+    channels = closed.corrected_holdout.channels
+    noise = {name: _noise(closed, name, one.noise_std) for name, one in channels.items()}
     far = {
-        name: one.simulation_rmse / one.noise_std for name, one in closed.corrected_holdout.channels.items()
-        if one.noise_std > 0.0 and _FAR * one.noise_std < one.simulation_rmse < math.inf
+        name: one.simulation_rmse / noise[name] for name, one in channels.items()
+        if noise[name] > 0.0 and _FAR * noise[name] < one.simulation_rmse < math.inf
     }  # fmt: skip
     if not far:
         return ""
@@ -82,6 +87,16 @@ def _far_off(closed: ClosedLoop, told: Confirmation) -> str:
         )
     said = few([f"{name} ({shown(times)} times)" for name, times in far.items()])
     return f" Free simulation stays above the noise of {said} there: not everything is explained."
+
+
+def _noise(closed: ClosedLoop, channel: str, white: float) -> float:
+    """Standard deviation of all noise of a sensor, in its coherent unit: the white part, and what has a memory."""
+    own = [one.size for one in closed.disturbances if one.trial.candidate.effect.channel == channel]
+    if not own:
+        return white
+    model = closed.corrected.problem.filter_model.model
+    info = model.outputs[model.index("output", channel)]
+    return math.hypot(white, *(size / (info.shown(1.0) - info.shown(0.0)) for size in own))
 
 
 def _wandering(closed: ClosedLoop) -> str:
