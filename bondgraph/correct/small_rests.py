@@ -2,9 +2,9 @@
 
 With long logs every test passes for what moves a sensor by a tenth of its noise. That much is also what a given
 constant leaves that is two percent off, the filter of an amplifier, the last digit of a converter or the form of a law
-that was found before: all of them colour the errors, and some law of the dictionary follows that colour. On eight
-simulated rigs with sensors, inputs and constants as good as real ones, laws that were right moved predictions by 1.5 to
-12 times the noise, false ones by less than a third of it, though they gained up to 46 nats.
+that was found before: all of them colour the errors, and some law of the dictionary follows that colour. On simulated
+rigs and their clean twins, most with sensors, inputs and constants as good as real ones, right laws moved predictions
+by 1.5 to 12 times the noise. Of thirteen false ones that were looked at ten moved them by less than a third of it.
 """
 
 from __future__ import annotations

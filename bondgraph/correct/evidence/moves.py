@@ -9,6 +9,7 @@ import numpy as np
 
 from bondgraph.correct.constants import INDIFFERENT
 from bondgraph.correct.fits.horizon import horizon, predicted, windows
+from bondgraph.data.log import FloatArray
 from bondgraph.estimate.fitted import Fit
 from bondgraph.text import number
 
@@ -36,15 +37,16 @@ def moves(without: Fit, fitted: Fit, seconds: float) -> Mapping[str, float]:
     """
     names, logs = fitted.problem.filter_model.model.names("output"), fitted.problem.logs
     noise = fitted.problem.batch(fitted.point[:, np.newaxis]).noise_std[:, 0]
-    apart: dict[str, list[float]] = {name: [] for name in names}
+    apart: dict[str, list[FloatArray]] = {name: [] for name in names}
     for log, *runs in zip(logs, without.runs(logs), fitted.own_runs, strict=True):
         parts = windows(log, seconds)
         first, second = (predicted(one, log, run, parts) for one, run in zip((without, fitted), runs, strict=True))
         for row, name in enumerate(names):
             seen = np.isfinite(log.y[row]) & np.isfinite(first[row]) & np.isfinite(second[row])
-            apart[name] += list((second[row] - first[row])[seen])
+            apart[name].append((second[row] - first[row])[seen])
+    found = {name: np.concatenate(parts) for name, parts in apart.items()}
     return {
-        name: float(np.sqrt(np.mean(np.square(apart[name]))) / noise[row])
+        name: float(np.sqrt(np.mean(found[name] ** 2)) / noise[row])
         for row, name in enumerate(names)
-        if apart[name] and noise[row] > 0.0
+        if found[name].size and noise[row] > 0.0
     }
