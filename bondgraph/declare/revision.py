@@ -13,12 +13,12 @@ from collections.abc import Callable, Mapping
 from sympy import Expr, Symbol
 
 from bondgraph.declare.editing import copy
-from bondgraph.declare.elements import own_variables
+from bondgraph.declare.elements import STORAGES, own_variables
 from bondgraph.declare.expressions import is_local, signal_name
 from bondgraph.declare.graph import BondGraph
 from bondgraph.declare.handles import SubGraph
 from bondgraph.declare.laws import apply_law
-from bondgraph.declare.quantities import Integral, NamedSignal, symbol
+from bondgraph.declare.quantities import Integral, NamedSignal, Start, symbol
 from bondgraph.errors import DeclarationError, suggest
 
 
@@ -253,6 +253,52 @@ def revise_integral(graph: BondGraph, name: str, of: object) -> None:
         raise DeclarationError(f"{graph.name}: no integral {name!r}{suggest(name, known)}", where=(name,))
     rate = apply_law(of, old.of, where=f"{graph.name}: {name}")
     graph._quantities[name] = dataclasses.replace(old, of=graph._checked(rate, (), name))
+
+
+def revise_start(graph: BondGraph, name: str, signal: str, factor: float = 1.0) -> None:
+    """Let a storage with one state, or an integral, start in a log at a multiple of a signal's first value.
+
+    Parameters
+    ----------
+    graph
+        The graph that declares it; where it starts without a log stays.
+    name
+        The storage, or the integral.
+    signal, factor
+        An input or output, and the multiple of it; in the coherent units of both.
+
+    Raises
+    ------
+    DeclarationError
+        If the graph itself declares no such storage or integral, or no such signal.
+
+    Examples
+    --------
+    >>> g = BondGraph("sled")
+    >>> body = g.one_junction("body")
+    >>> mass = g.inertance("mass", 4.0, at=body, state="v")
+    >>> g.measure_flow("speed", body, "")
+    >>> revise_start(g, "mass", "speed")
+    >>> str(g.nodes["mass"].starts[0])
+    'speed'
+    """
+    known = (*graph._outputs, *(one.name for one in graph.inputs))
+    if signal not in known:
+        raise DeclarationError(f"{graph.name}: no input or output {signal!r}{suggest(signal, known)}", where=(signal,))
+    quantity, node, start = graph._quantities.get(name), graph._nodes.get(name), Start(signal, factor)
+    if isinstance(quantity, Integral):
+        graph._quantities[name] = dataclasses.replace(quantity, start=start)
+    elif node is not None and node.kind in STORAGES and not node.is_field:
+        graph._nodes[name] = dataclasses.replace(node, starts=(start,))
+    else:
+        states = [
+            one.name
+            for one in (*graph.nodes.values(), *graph.integrals)
+            if isinstance(one, Integral) or one.kind in STORAGES
+        ]
+        raise DeclarationError(
+            f"{graph.name}: {name!r} is no storage with one state and no integral{suggest(name, states)}", where=(name,)
+        )
 
 
 def replace_symbols(graph: BondGraph, values: Mapping[str, Expr]) -> None:

@@ -19,7 +19,7 @@ from bondgraph.declare.editing import copy
 from bondgraph.declare.files import load_graph
 from bondgraph.declare.graph import BondGraph
 from bondgraph.declare.loading import is_file_reference, split_reference
-from bondgraph.declare.quantities import Integral, NamedSignal, Parameter, ParameterStart
+from bondgraph.declare.quantities import Integral, NamedSignal, Parameter, ParameterStart, Start
 from bondgraph.errors import BondGraphError
 from bondgraph.files import write_text
 from bondgraph.report.python_expressions import UnwritableError, Writer
@@ -61,6 +61,7 @@ def _tried(before: BondGraph, after: BondGraph) -> tuple[str, str]:
     try:
         _write_quantities(writer, before, after)
         write_nodes(writer, before, after)
+        _write_starts(writer, before, after)
         _write_ways(writer, before, after)
         _write_values(writer, before, after)
     except UnwritableError as error:
@@ -146,6 +147,20 @@ def _begun(one: Integral) -> str:
     if one.start is not None:
         return f", initial=({str(one.start)!r}, {one.initial!r})"
     return f", initial={one.initial!r}" if one.initial else ""
+
+
+def _write_starts(writer: Writer, before: BondGraph, after: BondGraph) -> None:
+    """Starts of declared storages and integrals at signals of a log: that of a mass whose sensor is late."""
+    known = {one.name: one.start for one in before.integrals} | {
+        name: node.starts[0] if node.starts else None for name, node in before.nodes.items() if not node.is_field
+    }
+    begun = [(one.name, one.start) for one in after.integrals]
+    begun += [(name, node.starts[0]) for name, node in after.nodes.items() if node.starts and not node.is_field]
+    for name, start in begun:
+        if name in known and isinstance(start, Start) and start != known[name]:
+            revise = writer.use("bondgraph.declare.revision", "revise_start")
+            more = "" if start.factor == 1.0 else f", {start.factor!r}"
+            writer.lines.append(f"{revise}(g, {name!r}, {start.signal!r}{more})")
 
 
 def _write_ways(writer: Writer, before: BondGraph, after: BondGraph) -> None:
@@ -277,7 +292,7 @@ def _only(text: str) -> str:
     own = [line for line in text.splitlines() if line and not line.startswith("from ")]
     told = {
         "g = with_inputs_between(": "how inputs run between samples", "g = with_bounds(": "bounds",
-        "g = with_values(": "estimated values",
+        "g = with_values(": "estimated values", "revise_start(": "where states start",
     }  # fmt: skip
     known = [next((words for start, words in told.items() if line.startswith(start)), "") for line in own]
     return f"they set {' and '.join(dict.fromkeys(known))}, no law" if known and all(known) else ""

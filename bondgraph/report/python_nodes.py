@@ -44,7 +44,7 @@ def write_nodes(writer: Writer, before: BondGraph, after: BondGraph) -> None:
             continue
         if name not in before.nodes:
             change.add(node)
-        elif node != before.nodes[name]:
+        elif node.laws != before.nodes[name].laws:
             _revise(writer, before.nodes[name], node)
     change.add_bonds(len(after.bonds))
     if left := change.removed:
@@ -52,10 +52,10 @@ def write_nodes(writer: Writer, before: BondGraph, after: BondGraph) -> None:
 
 
 def _revise(writer: Writer, old: Node, node: Node) -> None:
-    """Lines for an element whose laws were changed, or are others than it had."""
+    """Lines for the laws of an element that were changed, or for all where it has others than it had."""
     if [given for given, _ in old.laws] == [given for given, _ in node.laws]:
         revise = writer.use(_REVISION, "revise_law")
-        for given, law in node.laws:
+        for given, law in [one for one in node.laws if one not in old.laws]:
             text = writer.expression(law)
             writer.lines.append(f"{revise}(g, {node.name!r}, {given!r}, {text})")
         return

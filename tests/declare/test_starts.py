@@ -15,6 +15,7 @@ from bondgraph.declare.graph import BondGraph
 from bondgraph.declare.json_reader import graph_from_json
 from bondgraph.declare.json_writer import graph_to_json
 from bondgraph.declare.quantities import Start
+from bondgraph.declare.revision import revise_start
 from bondgraph.errors import DeclarationError, ModelError
 from bondgraph.generate.module import render
 from bondgraph.simulate.model import Model
@@ -193,3 +194,19 @@ def test_render_is_the_same_for_a_flattened_graph(tmp_path: Path):
     outer.include("front", rotor("0.25*fast"), {"hub": "shaft"})
     assert render(build(outer).equations) == render(build(outer.flatten()).equations)
     assert np.isfinite(build(outer).model.x0()).all()
+
+
+def test_a_start_is_revised_where_there_is_one():
+    g = BondGraph("car")
+    body = g.one_junction("body", TRANSLATION)
+    g.inertance("mass", 2.0, at=body, state="v")
+    way = g.integral("way", body.flow, "m")
+    g.measure_flow("speed", body, "")
+    g.measure("travel", way, "m")
+    revise_start(g, "mass", "speed")
+    revise_start(g, "way", "travel", 0.5)
+    assert g.nodes["mass"].starts == (Start("speed"),) and g.integrals[0].start == Start("travel", 0.5)
+    with pytest.raises(DeclarationError, match="no input or output 'sped'; did you mean"):
+        revise_start(g, "mass", "sped")
+    with pytest.raises(DeclarationError, match="'masses' is no storage with one state and no integral; did you mean"):
+        revise_start(g, "masses", "speed")

@@ -272,6 +272,18 @@ def test_an_integral_begins_where_the_corrected_one_does() -> None:
     assert "initial" not in correction_lines(body(None), body(0.0)) != ""
 
 
+def test_a_storage_starts_at_a_signal_after_the_lines(file: Path, tmp_path: Path) -> None:
+    """Beside a sensor that is late the mass starts at its signal: no lines could say so."""
+    declared = bg.build(str(file)).graph
+    begun = copy(declared)
+    name, node = next((name, node) for name, node in begun.nodes.items() if node.kind == "I")
+    begun._nodes[name] = replace(node, starts=(Start("speed", 2.0),))
+    text = correction_lines(declared, begun)
+    assert f"revise_start(g, '{name}', 'speed', 2.0)" in text and _made(declared, begun) == text
+    (lines, patch) = write_python(tmp_path, declared, begun, str(file))
+    assert "(they set where states start, no law): " in lines and patch.startswith("as a patch")
+
+
 def test_a_correction_without_lines_says_so(tmp_path: Path) -> None:
     declared, corrected = bg.BondGraph("one"), bg.BondGraph("other")
     (said,) = write_python(tmp_path, declared, corrected)
@@ -288,7 +300,7 @@ def test_lines_that_add_no_law_say_so_and_what_cannot_be_written_is_named(file: 
         assert "(they set estimated values, no law): " in line
     begun = copy(declared)
     name, node = next((name, node) for name, node in begun.nodes.items() if node.kind == "I")
-    begun._nodes[name] = replace(node, starts=(Start("speed", 2.0),))
+    begun._nodes[name] = replace(node, initial=(3.0,))
     (said,) = write_python(tmp_path, declared, begun)
     assert f"(it cannot be written where {name} starts)" in said
     begun.add_node(Node("second", "TF", laws=(("modulus", symbol("mass")),)))

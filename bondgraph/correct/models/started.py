@@ -7,7 +7,6 @@ signals, and stays at its declared value.
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -16,10 +15,11 @@ from bondgraph.build import BuiltModel, build
 from bondgraph.coherent import Displayed
 from bondgraph.data.log import FloatArray, MatchedLog
 from bondgraph.declare.editing import copy
-from bondgraph.declare.elements import STORAGES
 from bondgraph.declare.graph import BondGraph
 from bondgraph.declare.quantities import Integral, Start
+from bondgraph.declare.revision import revise_start
 from bondgraph.derive.equations import State
+from bondgraph.errors import DeclarationError
 from bondgraph.estimate.initial import directly_measured
 from bondgraph.filter.follows import Follow
 from bondgraph.simulate.late import first_inputs, inputs_of
@@ -137,12 +137,9 @@ def _rounded(factor: float) -> float:
 
 def _declared(graph: BondGraph, state: State, start: Start) -> bool:
     """Declare the start of a state in the graph itself; False where it belongs to a part or a field."""
-    quantity = graph._quantities.get(state.symbol.name)
-    if isinstance(quantity, Integral):
-        graph._quantities[quantity.name] = dataclasses.replace(quantity, start=start)
-        return True
-    node = graph._nodes.get(state.element)
-    if node is None or node.kind not in STORAGES or node.is_field:
+    is_integral = isinstance(graph._quantities.get(state.symbol.name), Integral)
+    try:
+        revise_start(graph, state.symbol.name if is_integral else state.element, start.signal, start.factor)
+    except DeclarationError:
         return False
-    graph._nodes[node.name] = dataclasses.replace(node, starts=(start,))
     return True
