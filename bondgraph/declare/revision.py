@@ -291,11 +291,8 @@ def revise_start(graph: BondGraph, name: str, signal: str, factor: float = 1.0) 
     elif node is not None and node.kind in STORAGES and not node.is_field:
         graph._nodes[name] = dataclasses.replace(node, starts=(start,))
     else:
-        states = [
-            one.name
-            for one in (*graph.nodes.values(), *graph.integrals)
-            if isinstance(one, Integral) or one.kind in STORAGES
-        ]
+        states = [one.name for one in graph.nodes.values() if one.kind in STORAGES]
+        states += [one.name for one in graph.integrals]
         raise DeclarationError(
             f"{graph.name}: {name!r} is no storage with one state and no integral{suggest(name, states)}", where=(name,)
         )
